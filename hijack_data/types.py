@@ -182,7 +182,10 @@ class Step:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """A recorded episode. `source` names the format it was read from, `steps` may be lazy."""
+    """A recorded episode. `source` names the format it was read from, `steps` may be lazy.
+
+    `sample` is the key of the random draws, where that is not the `id`: recordings of one task share their plans.
+    """
 
     id: str
     source: str
@@ -190,6 +193,7 @@ class Trajectory:
     steps: Sequence[Step]
     domain: str = ""
     apps: tuple[str, ...] = ()
+    sample: str | None = None
 
     def __iter__(self) -> Iterator[Step]:
         return iter(self.steps)
