@@ -30,6 +30,7 @@ from torchvision.transforms import v2
 
 import hijack_data as hj
 import hijack_data.transforms as tr
+from hijack_data.jax_plans import Packer, apply_arrays
 from hijack_data.kernels import jax as jax_kernels
 from hijack_data.safety import judge
 
@@ -206,6 +207,49 @@ def jax_rows(image: np.ndarray) -> list[list[str]]:
     return rows
 
 
+def jit_rows(image: np.ndarray) -> list[list[str]]:
+    """A batch inside a jitted program, the plans as arguments, against a copy."""
+    batch, rows = jnp.stack([jnp.asarray(image)] * BATCH), []
+    copy = jax.jit(jnp.copy)
+    for mix, options in {
+        "pop_ups, marks, subtitle": OVERLAYS,
+        "the same and resolution": [*OVERLAYS, hj.Resolution(restore=True)],
+    }.items():
+        aug, packer = hj.OneOf(options), Packer(SCENE.size)
+        program = jax.jit(lambda plans, images: apply_arrays(plans, images))
+        for n in range(8):  # so that the buckets are as large as they get
+            packer.pack([aug.plan(SCENE, seed=1, sample=f"{n}-{i}") for i in range(BATCH)])
+        packed = [packer.pack([aug.plan(SCENE, seed=1, sample=f"{n}-{i}") for i in range(BATCH)]) for n in range(8)]
+        turn = itertools.cycle(packed)
+        works = {
+            "copy": lambda: copy(batch).block_until_ready(),
+            "jit": lambda p=program, t=turn: p(next(t), batch).block_until_ready(),
+        }
+        found = interleaved(works, 9)
+        rows.append([mix, cell(found["jit"]), cell(found["copy"]), ratio(found["jit"], found["copy"])])
+    return rows
+
+
+def compile_counts() -> tuple[int, int]:
+    """Programs compiled for 100 and for 1000 random batches of small pictures."""
+    size, counts = (216, 384), []
+    words = {"window_string": "go", "prefix_string": "", "suffix_string": ""}
+    options = [
+        hj.PopUps(width=200, height=120, size="uniform", **words),
+        *(hj.Marks(number=n, mark_size=5) for n in (5, 20)),
+        hj.Resolution(restore=True),
+    ]
+    aug, packer, images = hj.OneOf(options, p_clean=0.1), Packer(size), jnp.zeros((4, *size, 3), jnp.uint8)
+    program = jax.jit(lambda plans, images: apply_arrays(plans, images))
+    for n in range(1000):
+        text = hj.Subtitle(subtitle_text=f"sample {n * 7919}", font_size=8 + n % 9, fit="shrink")
+        plans = [(text if (n + i) % 5 == 0 else aug).plan(hj.Scene(size), seed=1, sample=f"{n}-{i}") for i in range(4)]
+        program(packer.pack(plans), images)
+        if n in (99, 999):
+            counts.append(program._cache_size())
+    return counts[0], counts[1]
+
+
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -224,8 +268,12 @@ def main() -> None:
     print(table(head, batch_rows(image)))
     print("\nDataLoader over recorded PNG screens, milliseconds a sample.\n")
     print(table(["workers", "what", "a sample", "against decode only"], loader_rows()))
-    print("\nJAX on the CPU, against a copy on the device; compilations after 60 plans.\n")
+    print("\nJAX on the CPU, `hj.apply`, against a jitted copy; compilations after 60 plans.\n")
     print(table(["corruption", "apply", "copy", "ratio", "new compilations"], jax_rows(image)))
+    print(f"\nJAX on the CPU, a batch of {BATCH} inside a jitted program, plans as arguments (packing apart).\n")
+    print(table(["mix", "program", "copy", "ratio"], jit_rows(image)))
+    early, late = compile_counts()
+    print(f"\nPrograms compiled after 100 random batches: {early}; after 1000: {late}.")
 
 
 if __name__ == "__main__":

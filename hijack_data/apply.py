@@ -7,7 +7,7 @@ from typing import Any, cast, overload
 import numpy as np
 from PIL import Image
 
-from .backends import NUMPY, Backend, backend_of
+from .backends import JAX, NUMPY, Backend, backend_of
 from .corruption import size_text
 from .errors import ImageError, ImageTypeError, ParameterError, PlanError
 from .kernels import lower
@@ -54,6 +54,10 @@ def apply(plan: Plan | Sequence[Plan], image: Any, *, inplace: bool = False) -> 
     _check_count(each, count)
     for i, p in enumerate(each):
         _check_size(p, backend.size(image), f" (plan {i})" if count > 1 else "")
+    if backend is JAX and (host := backend.kernels.on_host(image)) is not None:
+        result: Any = apply(each if lead else each[0], host)
+        take = backend.kernels.from_host
+        return [take(one) for one in cast("list[Any]", result)] if isinstance(result, list) else take(result)
     if not lead:
         return _apply_one(backend, each[0], image, inplace)
     return _apply_batch(backend, each, image, lead, inplace)

@@ -195,6 +195,8 @@ def _outputs(plan: Plan, image: UInt8Array) -> Iterator[tuple[str, UInt8Array]]:
     yield "numpy, strided", apply(plan, np.repeat(image, 2, axis=1)[:, ::2])
     if importlib.util.find_spec("torch") is not None:
         yield "torch operations", _torch_operations(plan, image)
+    if importlib.util.find_spec("jax") is not None:
+        yield "jax operations", to_numpy(jax_operations(plan, convert(image, "jax")))
 
 
 def _torch_operations(plan: Plan, image: UInt8Array) -> UInt8Array:
@@ -207,6 +209,17 @@ def _torch_operations(plan: Plan, image: UInt8Array) -> UInt8Array:
         size: Size = (int(out.shape[1]), int(out.shape[2]))
         out = kernels.paste_ops(out, lower(op, size)) if isinstance(op, Paste) else kernels.resample_ops(out, op.size)
     return to_numpy(out)
+
+
+def jax_operations(plan: Plan, image: Any) -> Any:
+    """Run the code that other devices run on a JAX array `[H, W, 3]`, wherever it is."""
+    from .kernels import jax as kernels
+    from .kernels import lower
+
+    for op in plan.ops:
+        size: Size = (int(image.shape[0]), int(image.shape[1]))
+        image = kernels.paste(image, lower(op, size)) if isinstance(op, Paste) else kernels.resample(image, op.size)
+    return image
 
 
 def check_batches(cls: type[Corruption]) -> None:

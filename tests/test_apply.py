@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 import hijack_data as hj
-from hijack_data.conformance import picture, reference
+from hijack_data.conformance import jax_operations, picture, reference
 from hijack_data.errors import ImageError, ImageTypeError, ParameterError
 from hijack_data.plan import Paste, Plan, Resample
 from hijack_data.raster import png_recipe
@@ -160,16 +160,17 @@ def test_jax_resampling_gives_pillows_bytes(h, w, oh, ow):
     plan = Plan("test-v1", (h, w), ops=(Resample((oh, ow)),))
     expected = np.asarray(Image.fromarray(image).resize((ow, oh), Image.Resampling.BICUBIC))
     assert np.array_equal(np.asarray(hj.apply(plan, jnp.asarray(image))), expected)
+    assert np.array_equal(np.asarray(jax_operations(plan, jnp.asarray(image))), expected)
 
 
 def test_jax_does_not_compile_for_each_new_text():
     from hijack_data.kernels import jax as kernels
 
     image = jnp.asarray(picture(SIZE))
-    hj.apply(plans()[1], image)
+    jax_operations(plans()[1], image)
     before = kernels._paste_pixels._cache_size()
     for i in range(5):
-        hj.apply(hj.Subtitle(subtitle_text=f"text number {i}", font_size=14).plan(SCREEN, seed=1), image)
+        jax_operations(hj.Subtitle(subtitle_text=f"text number {i}", font_size=14).plan(SCREEN, seed=1), image)
     assert kernels._paste_pixels._cache_size() <= before + 1
 
 

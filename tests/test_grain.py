@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 import hijack_data as hj
-from hijack_data.conformance import picture, reference
+from hijack_data.conformance import jax_operations, picture, reference
 from hijack_data.errors import ImageError, ImageTypeError, ParameterError, ParameterTypeError
 
 grain = pytest.importorskip("grain.python")
@@ -113,7 +113,7 @@ def test_the_number_of_compilations_does_not_grow():
         for i in range(first, last):
             text = hj.Subtitle(subtitle_text=f"sample {i * 7919}", font_size=8 + i % 9, fit="shrink")
             planner = text if i % 5 == 0 else aug
-            hj.apply(planner.plan(screen, seed=1, sample=i), image)
+            jax_operations(planner.plan(screen, seed=1, sample=i), image)
         return kernels.compilations()
 
     start = kernels.compilations()
@@ -128,6 +128,6 @@ def test_donation_leaves_the_callers_picture_alone():
     plan = hj.Sequence(
         [hj.Subtitle(font_size=8), hj.Marks(number=5, mark_size=5), hj.PopUps(width=90, height=60)]
     ).plan(hj.Scene(size=SIZE), seed=1)
-    out = hj.apply(plan, image)
-    assert np.array_equal(np.asarray(out), reference(plan, picture(SIZE)))
+    for run in (hj.apply, jax_operations):
+        assert np.array_equal(np.asarray(run(plan, image)), reference(plan, picture(SIZE)))
     assert np.array_equal(np.asarray(image), picture(SIZE))

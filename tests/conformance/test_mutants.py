@@ -32,7 +32,7 @@ def shifted(stamps):
     [
         (numpy_kernels, "paste", "numpy"),
         (torch_kernels, "paste_ops", "torch operations"),
-        (jax_kernels, "paste", "jax"),
+        (jax_kernels, "paste", "jax operations"),
     ],
 )
 def test_a_paste_one_pixel_off_is_caught(monkeypatch, cls, module, name, label):
@@ -74,10 +74,10 @@ def test_a_wrong_rounding_in_jax_is_caught(monkeypatch):
         return index, np.maximum(keep, 1) - 1, paint
 
     monkeypatch.setattr(jax_kernels, "_padded_pixels", mutant)
-    assert caught(Subtitle).startswith("jax")
+    assert caught(Subtitle).startswith("jax operations")
 
 
-@pytest.mark.parametrize("target", ["torch operations", "jax"])
+@pytest.mark.parametrize("target", ["torch operations", "jax operations"])
 def test_a_weight_off_by_a_millionth_is_caught(monkeypatch, target):
     right = weights_module.weights
 

@@ -1,0 +1,282 @@
+"""Plans as JAX pytrees: packed on the host, applied inside your own `jax.jit`.
+
+    packer = Packer((1080, 1920))
+
+    @partial(jax.jit, donate_argnums=1)
+    def train_step(state, images, plans):  # uint8 [B, H, W, 3]
+        images = apply_arrays(plans, images)
+        ...
+
+    state = train_step(state, images, packer.pack([aug.plan(scene, seed=1, sample=key) for key in keys]))
+
+A new text, size or number of marks must not mean a new program, so every array has a static bucket as its shape. The
+buckets of a packer only grow, to powers of two: after a few batches nothing is compiled any more. The bytes are those
+of `hijack_data.apply`. An array that is not traced needs none of this: `hijack_data.apply` takes it as it is.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, cast
+
+import jax
+import numpy as np
+import numpy.typing as npt
+
+from . import resample
+from .corruption import size_text
+from .errors import ParameterError, PlanError
+from .kernels import lower
+from .kernels.jax import (
+    BLOCK,
+    PIXELS,
+    blend_block,
+    blend_pixels,
+    padded_block,
+    power_of_two,
+    resize_pass,
+    stamped_pixels,
+)
+from .plan import Paste, Plan
+from .resample import weights
+from .types import Size, as_size
+
+_jax, jnp = cast(Any, jax), cast(Any, jax.numpy)  # JAX leaves many types open
+Array = npt.NDArray[Any]
+Pixels = tuple[Array, Array, Array]  # flat positions [n], keep [n], paint [n, 3]
+
+
+@_jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Pastes:
+    """What is painted between two resizes, for a batch of `B`: blocks first, then layers of single pixels.
+
+    `top`, `left` int32 `[B, N]`, `colors` uint8 `[B, N, h, w, 3]`, `mask` bool `[B, N, h, w, 1]`; `index` int32
+    `[B, L, P]` into the canvas (its size means none), `keep` uint8 `[B, L, P, 1]`, `paint` uint16 `[B, L, P, 3]`.
+    """
+
+    top: Any
+    left: Any
+    colors: Any
+    mask: Any
+    index: Any
+    keep: Any
+    paint: Any
+
+
+@_jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Resizes:
+    """One resize of each picture of a batch: `kind` int32 `[B]` is 0 none, 1 rows first, 2 columns first.
+
+    The tables of the axis `a` are int32 `[B, side, K]`: positions in the canvas and weights, 0 beyond the result.
+    """
+
+    kind: Any
+    index_y: Any
+    taps_y: Any
+    index_x: Any
+    taps_x: Any
+
+
+@_jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class PlanArrays:
+    """Plans of a batch as a pytree; `pastes` has one entry more than `resizes`. `canvas` is (height, width), static."""
+
+    pastes: tuple[Pastes, ...]
+    resizes: tuple[Resizes, ...]
+    canvas: Size = field(metadata={"static": True})
+
+
+@dataclass
+class _Stage:
+    """What one plan paints between two resizes."""
+
+    blocks: list[tuple[Any, int, int]] = field(default_factory=list[Any])  # sprite, y, x
+    layers: list[list[Pixels]] = field(default_factory=list["list[Pixels]"])
+
+
+@dataclass
+class Packer:
+    """Packs plans for pictures of one size, `(height, width)`, into arrays whose shapes grow only.
+
+    Every plan must leave the size as it is (`Resolution(restore=True)`): a batch has one shape.
+    """
+
+    size: Size
+    _marks: dict[str, int] = field(default_factory=dict[str, int], init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self.size = as_size(self.size)
+
+    def pack(self, plans: Sequence[Plan]) -> PlanArrays:
+        """Return the plans of a batch, NumPy arrays inside: they travel to the device with the call of your program.
+
+        Raises `ParameterError` for a plan of another size, or one that changes it, and `PlanError` for one that draws
+        differently here than where it was made.
+        """
+        for i, plan in enumerate(plans):
+            self._check(plan, i)
+        canvas = self._canvas(plans)
+        made = [_stages(plan, canvas[1]) for plan in plans]
+        count = self._mark("resizes", max((len(sizes) for _, sizes in made), default=0), exact=True)
+        pastes = tuple(
+            self._pastes([stages[i] if i < len(stages) else _Stage() for stages, _ in made], i, canvas)
+            for i in range(count + 1)
+        )
+        resizes = tuple(
+            self._resizes([sizes[i] if i < len(sizes) else None for _, sizes in made], i, canvas) for i in range(count)
+        )
+        return PlanArrays(pastes, resizes, canvas)
+
+    def _check(self, plan: Plan, i: int) -> None:
+        if plan.size != self.size:
+            raise ParameterError(f"plan {i} was made for {size_text(plan.size)}, not for {size_text(self.size)}")
+        if plan.out_size != plan.size:
+            raise ParameterError(
+                f"plan {i} ({plan.corruption}) gives {size_text(plan.out_size)}, but a batch has one shape; use "
+                "Resolution(restore=True)"
+            )
+
+    def _mark(self, name: str, needed: int, least: int = 0, exact: bool = False) -> int:
+        """The bucket `name`: what was needed most so far, rounded up to a power of two."""
+        bucket = needed if exact or needed == 0 else max(least, power_of_two(needed))
+        self._marks[name] = max(self._marks.get(name, 0), bucket)
+        return self._marks[name]
+
+    def _canvas(self, plans: Sequence[Plan]) -> Size:
+        """The screen, or more where a plan enlarges it on the way."""
+        sizes = [op.size for plan in plans for op in plan.ops if not isinstance(op, Paste)]
+        height, width = (
+            side if (most := max((s[axis] for s in sizes), default=0)) <= side else power_of_two(most)
+            for axis, side in enumerate(self.size)
+        )
+        return self._mark("height", height, exact=True), self._mark("width", width, exact=True)
+
+    def _pastes(self, stages: list[_Stage], number: int, canvas: Size) -> Pastes:
+        name, count = f"stage {number}: ", len(stages)
+        sizes = [sprite.size for stage in stages for sprite, _, _ in stage.blocks]
+        blocks = self._mark(f"{name}blocks", max(len(stage.blocks) for stage in stages))
+        shape = [
+            min(side, self._mark(f"{name}side {axis}", max((s[axis] for s in sizes), default=0), BLOCK))
+            for axis, side in enumerate(canvas)
+        ]
+        top, left = np.zeros((count, blocks), np.int32), np.zeros((count, blocks), np.int32)
+        colors, mask = np.zeros((count, blocks, *shape, 3), np.uint8), np.zeros((count, blocks, *shape, 1), bool)
+        for b, stage in enumerate(stages):
+            for n, (sprite, y, x) in enumerate(stage.blocks):
+                block = padded_block(sprite, y, x, canvas, (shape[0], shape[1]))
+                top[b, n], left[b, n], colors[b, n], mask[b, n] = block
+        return Pastes(top, left, colors, mask, *self._layers(stages, name, canvas))
+
+    def _layers(self, stages: list[_Stage], name: str, canvas: Size) -> Pixels:
+        layers = self._mark(f"{name}layers", max(len(stage.layers) for stage in stages))
+        longest = max((sum(len(at) for at, _, _ in layer) for stage in stages for layer in stage.layers), default=0)
+        shape = len(stages), layers, self._mark(f"{name}pixels", longest, PIXELS)
+        index = np.full(shape, canvas[0] * canvas[1], np.int32)
+        keep, paint = np.zeros((*shape, 1), np.uint8), np.zeros((*shape, 3), np.uint16)
+        for b, stage in enumerate(stages):
+            for n, layer in enumerate(stage.layers):
+                at, kept, painted = (np.concatenate(parts) for parts in zip(*layer, strict=True))
+                index[b, n, : len(at)], keep[b, n, : len(at), 0], paint[b, n, : len(at)] = at, kept, painted
+        return index, keep, paint
+
+    def _resizes(self, sizes: list[tuple[Size, Size] | None], number: int, canvas: Size) -> Resizes:
+        kind = np.array([0 if pair is None else 1 + resample.columns_first(*pair) for pair in sizes], np.int32)
+        tables: list[Array] = []
+        for axis, side in enumerate(canvas):
+            found = [None if pair is None else weights(pair[0][axis], pair[1][axis]) for pair in sizes]
+            most = max((table.taps.shape[1] for table in found if table is not None), default=0)
+            width = self._mark(f"resize {number}: {axis}", most)
+            index, taps = np.zeros((len(sizes), side, width), np.int32), np.zeros((len(sizes), side, width), np.int32)
+            for b, table in enumerate(found):
+                if table is not None:
+                    rows, n = table.taps.shape
+                    index[b, :rows, :n], taps[b, :rows, :n] = table.index, table.taps
+            tables += [index, taps]
+        return Resizes(kind, *tables)
+
+
+def _stages(plan: Plan, width: int) -> tuple[list[_Stage], list[tuple[Size, Size]]]:
+    """Split a plan at its resizes: what is painted before, between and after, and from what to what it is resized."""
+    stages, sizes, size = [_Stage()], list[tuple[Size, Size]](), plan.size
+    for number, op in enumerate(plan.ops):
+        if not isinstance(op, Paste):
+            sizes.append((size, op.size))
+            stages.append(_Stage())
+            size = op.size
+            continue
+        for stamp in lower(op, size):
+            if not op.draws_as_planned(stamp.sprite):
+                raise PlanError(
+                    f"plan: ops[{number}] of {plan.corruption} draws differently here than where it was made"
+                )
+            if stamp.sprite.opaque:
+                for y, x in zip(stamp.ys.tolist(), stamp.xs.tolist(), strict=True):
+                    _cover(stages[-1], stamp.sprite, y, x, width)
+            else:
+                step = max(1, len(stamp.ys)) if stamp.sprite.uniform else 1
+                for i in range(0, len(stamp.ys), step):
+                    part = stamped_pixels(stamp.sprite, stamp.ys[i : i + step], stamp.xs[i : i + step], width)
+                    _add(stages[-1].layers, part)
+    return stages, sizes
+
+
+def _cover(stage: _Stage, sprite: Any, y: int, x: int, width: int) -> None:
+    """Put an opaque block over all that is there: pixels below it go, so that blocks can be painted first."""
+    (h, w) = sprite.size
+    stage.blocks.append((sprite, y, x))
+    for layer in stage.layers:
+        for i, (at, keep, paint) in enumerate(layer):
+            rows, columns = at // width, at % width
+            free = (rows < y) | (rows >= y + h) | (columns < x) | (columns >= x + w)
+            layer[i] = at[free], keep[free], paint[free]
+
+
+def _add(layers: list[list[Pixels]], part: Pixels) -> None:
+    """Put pixels on top: into the last layer, where they meet none of its own, else into a new one."""
+    if layers and not any(np.isin(part[0], at).any() for at, _, _ in layers[-1]):
+        layers[-1].append(part)
+    else:
+        layers.append([part])
+
+
+def apply_arrays(plans: PlanArrays, images: Any) -> Any:
+    """Apply packed plans to uint8 `[B, H, W, 3]`, one each; pure, to be called inside `jax.jit`.
+
+    Picture after picture (`jax.lax.map`), so that only those which are resized pay for it. Donate `images` to your
+    program where you don't need them any more.
+    """
+
+    def one(arrays: tuple[Any, Any, Any]) -> Any:
+        pastes, resizes, image = arrays
+        return _apply_one(pastes, resizes, image, plans.canvas)
+
+    return _jax.lax.map(one, (plans.pastes, plans.resizes, images))
+
+
+def _apply_one(pastes: tuple[Pastes, ...], resizes: tuple[Resizes, ...], image: Any, canvas: Size) -> Any:
+    height, width = image.shape[:2]
+    if canvas != (height, width):
+        image = jnp.pad(image, ((0, canvas[0] - height), (0, canvas[1] - width), (0, 0)))
+    for number, stage in enumerate(pastes):
+        if number:
+            image = _resize(resizes[number - 1], image)
+        for n in range(stage.top.shape[0]):
+            image = blend_block(image, stage.top[n], stage.left[n], stage.colors[n], stage.mask[n])
+        for n in range(stage.index.shape[0]):
+            image = blend_pixels(image, stage.index[n], stage.keep[n], stage.paint[n])
+    return image[:height, :width]
+
+
+def _resize(table: Resizes, image: Any) -> Any:
+    def as_it_is(image: Any) -> Any:
+        return image
+
+    def rows_first(image: Any) -> Any:
+        return resize_pass(resize_pass(image, table.index_x, table.taps_x, 1), table.index_y, table.taps_y, 0)
+
+    def columns_first(image: Any) -> Any:
+        return resize_pass(resize_pass(image, table.index_y, table.taps_y, 0), table.index_x, table.taps_x, 1)
+
+    return _jax.lax.switch(table.kind, [as_it_is, rows_first, columns_first], image)
