@@ -1,12 +1,16 @@
 """The embedded desktop in figures: start, reset, memory, pictures, input, tree; run it as root.
 
-`--cycles N` adds N rounds of up, reset, down and says what they left behind; `--parallel N` drives N desktops at once.
+`--cycles N` adds N rounds of up, reset, down and says what they left behind; `--parallel N` drives N desktops at once;
+`--guest URL` measures an OSWorld guest beside it, such as a virtual machine. `--only sizes,install` runs parts alone.
 """
 
 import argparse
 import json
+import os
+import shutil
 import statistics
 import subprocess
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -15,8 +19,9 @@ from pathlib import Path
 import httpx
 from common import machine, table
 
-from online_env.desktops.embedded import network, registry
+from online_env.desktops.embedded import network, packages, registry
 from online_env.desktops.embedded.desktop import EmbeddedDesktop
+from online_env.desktops.http import HttpDesktop
 
 APPS = ("browser", "editor", "files", "terminal")
 UNICODE = "Grüße, naïve café, Ω≈ç√∫, 数学と日本語, Привет мир, <tags> & 'quotes' \"double\" \\ ~"
@@ -141,6 +146,63 @@ def parallel(count: int, seconds: float = 20) -> list[list[str]]:
     ]
 
 
+def fetched(names: Sequence[str], folder: Path) -> dict[str, int]:
+    """Sizes in bytes of the archives that apt would fetch for `names` on a machine with nothing on it.
+
+    `folder` is an empty folder.
+    """
+    (folder / "partial").mkdir(exist_ok=True)
+    (folder / "status").touch()
+    command = ["apt-get", "-o", f"Dir::State::status={folder / 'status'}", "-o", f"Dir::Cache::archives={folder}"]
+    command += ["--print-uris", "-qq", "-y", "--no-install-recommends", "install", *names]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    words = [line.split() for line in done.stdout.splitlines() if line.startswith("'")]
+    return {file.partition("_")[0]: int(size) for _, file, size, *_ in words}
+
+
+def on_disk(names: Sequence[str]) -> int:
+    """Bytes that packages take when they are installed, as they say themselves."""
+    command = ["apt-cache", "show", "--no-all-versions", *names]
+    shown = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
+    return 1024 * sum(int(line.split()[1]) for line in shown if line.startswith("Installed-Size:"))
+
+
+def installs() -> list[list[str]]:
+    """What each profile adds to a bare Debian (its required packages, as in a container); nothing is installed."""
+    command = ["dpkg-query", "-W", "-f=${Package} ${Priority}\n"]
+    listed = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
+    base = ["apt", *(line.split()[0] for line in listed if line.endswith(" required"))]
+    rows: list[list[str]] = []
+    with tempfile.TemporaryDirectory() as empty:
+        known = set(fetched(base, Path(empty)))
+        for name in ("core", "web", "office", "media", packages.ALL):
+            profiles = [name] if name in ("core", packages.ALL) else ["core", name]
+            wanted = fetched([*base, *packages.packages(profiles)], Path(empty))
+            new = sorted(set(wanted) - known)
+            size = f"{sum(wanted[one] for one in new) / 1e6:.0f} MB to fetch, {on_disk(new) / 1e6:.0f} MB on disk"
+            rows.append([f"profile {' + '.join(profiles)}: {len(new)} packages", size, "1", ""])
+    return rows
+
+
+def virtual_machine(url: str | None, runs: int) -> list[list[str]]:
+    """The same actions on an OSWorld guest at `url`; without one, why there is none here."""
+    if url is None:
+        reasons = {
+            "this machine has no /dev/kvm": not os.access("/dev/kvm", os.R_OK | os.W_OK),
+            "qemu-system-x86_64 is not installed": shutil.which("qemu-system-x86_64") is None,
+            "no guest was named (--guest http://ADDRESS:5000)": True,
+        }
+        return [["QEMU/KVM guest", "not measured: " + next(r for r, holds in reasons.items() if holds), "0", ""]]
+    with HttpDesktop(url) as guest:
+        works: list[tuple[str, Callable[[], object]]] = [
+            ("screenshot", guest.screenshot),
+            ("accessibility tree", guest.accessibility),
+            ("command (`true`)", lambda: guest.execute(["true"])),
+            ("pyautogui code", lambda: guest.run("pyautogui.moveTo(100, 200)")),
+        ]
+        return [row(f"guest at {url}: {name}", [timed(work) for _ in range(runs)]) for name, work in works]
+
+
 def traces(name: str) -> list[str]:
     """What is left of desktops whose name starts with `name`."""
     paths = [
@@ -175,15 +237,21 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=7)
     parser.add_argument("--cycles", type=int, default=0)
     parser.add_argument("--parallel", type=int, default=0)
-    parser.add_argument("--only", choices=("starts", "resets", "sizes", "actions", "none"))
+    parser.add_argument("--only", default="starts,resets,sizes,actions,install,vm", help="parts, with commas between")
+    parser.add_argument("--guest", help="address of an OSWorld guest to measure beside it")
     options = parser.parse_args()
     parts: dict[str, Callable[[], list[list[str]]]] = {
         "starts": lambda: starts(options.runs),
         "resets": lambda: resets(options.runs),
         "sizes": sizes,
         "actions": lambda: actions(options.runs * 3 + 2),
+        "install": installs,
+        "vm": lambda: virtual_machine(options.guest, options.runs),
     }
-    rows = [line for name, part in parts.items() if options.only in (None, name) for line in part()]
+    chosen = options.only.split(",")
+    if unknown := set(chosen) - set(parts) - {"none"}:
+        parser.error(f"--only: {', '.join(sorted(unknown))} is none of {', '.join(parts)}")
+    rows = [line for name in chosen if name in parts for line in parts[name]()]
     rows += parallel(options.parallel) if options.parallel else []
     rows += cycles(options.cycles) if options.cycles else []
     print(machine(), end="\n\n")

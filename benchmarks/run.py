@@ -15,6 +15,7 @@ SCRIPTS = {
     "levels": "Severity levels, measured",
     "online": "The embedded desktop",
     "effects": "Effects on a live desktop",
+    "live_steps": "Corruptions on a live desktop, step by step",
 }
 HEAD = """# Results
 

@@ -1,4 +1,4 @@
-"""The main job from nothing: corrupt real screens, make a gallery, build a dataset and read it back.
+"""The main job from nothing: corrupt screens, build a dataset and read it back, corrupt a live desktop in nine ways.
 
 python examples/demo.py --out demo
 """
@@ -6,7 +6,6 @@ python examples/demo.py --out demo
 import argparse
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import hijack_data as hj
@@ -47,29 +46,36 @@ def main() -> None:
     hijack("build", RECORDINGS, "--out", out / "dataset", "--seed", 7, "--resume")
     hijack("verify", out / "dataset")
     read_back(out / "dataset")
-    live(out / "live.png")
+    failed = nine(out / "nine.png")
     print(
         f"\nLook at {out}/before_after.png, open {out}/gallery.html, or load {out}/dataset with datasets.load_dataset."
     )
+    sys.exit(1 if failed else 0)
 
 
-def live(picture: Path) -> None:
-    """Start a real desktop with a browser, read its elements, and corrupt what it shows; where there is one."""
+def nine(picture: Path) -> bool:
+    """Corrupt a real desktop in all nine ways, show each before and after, and say what was found on the machine.
+
+    Returns whether a probe was false; on a machine that cannot have a desktop it says so.
+    """
     from online_env.desktops.embedded.desktop import EmbeddedDesktop
     from online_env.errors import DesktopError
+    from online_env.showcase import sheet, show_nine
 
     try:
-        with EmbeddedDesktop.up(apps=("browser",)) as desktop:
-            desktop.execute("chromium http://shop.test/ >/dev/null 2>&1 &")
-            time.sleep(4)  # the page paints
-            screen = desktop.screenshot()
-            scene = hj.scene_from(screen, tree=desktop.accessibility())
+        desktop = EmbeddedDesktop.up()
     except DesktopError as error:
         print(f"live desktop: not here ({error}); as root, `hijack desktop install` adds it")
-        return
-    plan = hj.Sequence([hj.PopUps(small_factor=2), hj.Subtitle()]).plan(scene, seed=3, sample="live")
-    write_atomic(picture, encode_png(hj.apply(plan, screen)))
-    print(f"{picture}: a live desktop, {len(scene.boxes)} elements, with {plan.corruption}")
+        return False
+    shown = []
+    print("\nOn a live desktop, what the probe of each corruption sees:", flush=True)
+    with desktop:
+        for one in show_nine(desktop):
+            print(f"  {one.name:17} {'' if one.ok else 'PROBE FALSE: '}{one.saw}", flush=True)
+            shown.append(one)
+    write_atomic(picture, encode_png(sheet(shown)))
+    print(f"{picture}: all nine, before and after")
+    return not all(one.ok for one in shown)
 
 
 def read_back(folder: Path) -> None:

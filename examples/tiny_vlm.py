@@ -24,7 +24,13 @@ def samples(folder: Path = RECORDINGS) -> list[dict[str, Any]]:
     """Return the recorded steps that click on something, as samples without their pictures."""
     rows = [json.loads(line) for line in (folder / "trajectories.jsonl").read_text().splitlines()]
     return [
-        {"id": row["id"], "path": str(folder / row["image"]), "target": row["target_box"], "elements": row["elements"]}
+        {
+            "id": row["id"],
+            "path": str(folder / row["image"]),
+            "instruction": row["instruction"],
+            "target": row["target_box"],
+            "elements": row["elements"],
+        }
         for row in rows
         if "target_box" in row
     ]
@@ -55,7 +61,7 @@ class Processor:
         """Return `[n, 1176]` float32 patches and the centres `[n, 2]` (x, y) of them in 0..1, for `[H, W, 3]` uint8."""
         height, width = self.coords(image.shape[:2]).observation
         if self.theirs is not None:
-            out = self.theirs(images=[image], return_tensors="np", input_data_format="channels_last")
+            out = self.theirs(images=[np.array(image)], return_tensors="np", input_data_format="channels_last")
             patches = np.asarray(out["pixel_values"], np.float32)
             assert tuple(out["image_grid_thw"][0][1:]) == (height // PATCH, width // PATCH)
         else:

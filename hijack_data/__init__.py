@@ -8,29 +8,35 @@
 (1080, 1920, 3)
 """
 
-from .apply import apply
-from .compose import Augmentation, Corrupted, OneOf, Schedule, Sequence
-from .coords import CoordMap
-from .corruption import Corruption, Draft, from_plan, get, names, register
-from .corruptions import (
-    AccidentalTouch,
-    AppMinimization,
-    Marks,
-    MultiApps,
-    NetworkError,
-    PopUps,
-    Resolution,
-    Subtitle,
-    Verification,
-)
-from .elements import Elements, scene_from
-from .errors import HijackError
-from .params import Every, param
-from .plan import Effect, Paste, Plan, Resample
-from .raster import png_recipe
-from .rng import Stream
-from .safety import Safety, judge, plan_avoiding
-from .types import Action, Scene, Step, Trajectory
+import importlib
+import sys
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .apply import apply
+    from .compose import Augmentation, Corrupted, OneOf, Schedule, Sequence
+    from .coords import CoordMap
+    from .corruption import Corruption, Draft, from_plan, get, names, register
+    from .corruptions import (
+        AccidentalTouch,
+        AppMinimization,
+        Marks,
+        MultiApps,
+        NetworkError,
+        PopUps,
+        Resolution,
+        Subtitle,
+        Verification,
+    )
+    from .elements import Elements, scene_from
+    from .errors import HijackError
+    from .params import Every, param
+    from .plan import Effect, Paste, Plan, Resample
+    from .raster import png_recipe
+    from .rng import Stream
+    from .safety import Safety, judge, plan_avoiding
+    from .types import Action, Scene, Step, Trajectory
 
 __version__ = "0.1.0"
 
@@ -76,3 +82,50 @@ __all__ = [
     "register",
     "scene_from",
 ]
+
+# Where each name is defined. They are imported when they are first asked for (PEP 562): whoever needs `errors` or
+# `types` alone, such as the processes of a desktop, does not wait for all of it.
+_HOMES = {
+    "apply": "apply",
+    "compose": "Augmentation Corrupted OneOf Schedule Sequence",
+    "coords": "CoordMap",
+    "corruption": "Corruption Draft from_plan get names register",
+    "corruptions": "AccidentalTouch AppMinimization Marks MultiApps NetworkError PopUps Resolution Subtitle "
+    "Verification",
+    "elements": "Elements scene_from",
+    "errors": "HijackError",
+    "params": "Every param",
+    "plan": "Effect Paste Plan Resample",
+    "raster": "png_recipe",
+    "rng": "Stream",
+    "safety": "Safety judge plan_avoiding",
+    "types": "Action Scene Step Trajectory",
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOME_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(f".{_HOME_OF[name]}", __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+class _Package(ModuleType):
+    """Keeps `hijack_data.apply` the function: importing the file of that name would put the file in its place."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        same = isinstance(value, ModuleType) and _HOME_OF.get(name) == name
+        super().__setattr__(name, getattr(value, name) if same else value)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Sent to other processes by name, as cloudpickle (Ray) does with modules of the usual class alone."""
+        return importlib.import_module, (self.__name__,)
+
+
+sys.modules[__name__].__class__ = _Package

@@ -5,6 +5,7 @@ registered is enough: configuration, command line, documentation, gallery and th
 """
 
 import dataclasses
+import importlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, TypeAlias, TypeVar, cast
@@ -140,6 +141,11 @@ C = TypeVar("C", bound=Corruption)
 _registry: dict[str, type[Corruption]] = {}
 
 
+def _load_ours() -> None:
+    """The paper's nine are always known, and come first."""
+    importlib.import_module(".corruptions", __package__)
+
+
 def register(cls: type[C]) -> type[C]:
     """Class decorator: make a corruption known under its name and under `name-vN`.
 
@@ -156,6 +162,7 @@ def register(cls: type[C]) -> type[C]:
         problems.append(f"severities must hold 5 entries, not {len(cls.severities)}")
     if problems:
         raise ParameterError(f"cannot register {cls.__qualname__}: {'; '.join(problems)}")
+    _load_ours()
     other = _registry.get(cls.name)
     if other is not None and (other.__module__, other.__qualname__) != (cls.__module__, cls.__qualname__):
         raise ParameterError(f"cannot register {cls.__qualname__}: {cls.name!r} is taken by {other.__module__}")
@@ -165,6 +172,7 @@ def register(cls: type[C]) -> type[C]:
 
 def names() -> list[str]:
     """Names of all registered corruptions: the paper's nine in its order, then plug-ins by name."""
+    _load_ours()
     load_plugins(PLUGIN_GROUP)
     return list(_registry)
 
@@ -173,6 +181,7 @@ def find(name: str) -> type[Corruption]:
     """Return the class registered as `name` or `name-vN`. Raises `UnknownNameError`."""
     if not isinstance(cast(object, name), str):
         raise ParameterTypeError(f"the name of a corruption must be a string, got {name!r}")
+    _load_ours()
     if name not in _registry:
         load_plugins(PLUGIN_GROUP)
     base, _, version = name.rpartition("-v")

@@ -47,6 +47,10 @@ class ElementsError(HijackError, ValueError):
     """An accessibility tree or label file that is malformed or unsafe."""
 
 
+class AssetError(HijackError, ValueError):
+    """A pack of recorded pictures that is missing or damaged, or that lacks a picture."""
+
+
 class FontError(HijackError, ValueError):
     """A font that cannot be loaded or lacks a glyph."""
 

@@ -9,7 +9,8 @@ Recipes, by their `draw` key:
 * `mark`:   `shape` star | circle | rectangle, `size` half side in px, `color`
 * `text`:   `lines`, `font`, `size` px, `color`, `edge_color`, `edge` px, centred lines
 * `window`: `size` [w, h], `edge` px, `panels` [{`box`, `fill`, `lines`, `font_size`}], `font`, `color`, `edge_color`
-* `png`:    `data`, a base64 PNG with transparency, for plug-ins and composites
+* `png`:    `data`, a base64 PNG with transparency, for plug-ins
+* `asset`:  `id`, `sha256` (16 digits) of a picture of the asset pack, see `pack`; `crop` [x1, y1, x2, y2], if any
 """
 
 import base64
@@ -18,8 +19,8 @@ import hashlib
 import io
 import json
 import math
+import operator
 import os
-from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
@@ -30,7 +31,9 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw
 
+from .cache import Cache as _Cache
 from .errors import PlanError, suggest
+from .pack import find_asset
 from .params import rgb
 from .text import line_height, line_width, load_font
 from .types import Box, Point, UInt8Array
@@ -122,29 +125,6 @@ class Sprite:
         rgb = None if self.rgb is None else self.rgb[part]
         mixed = None if self.mixed is None else self.mixed[part]
         return Sprite(self.alpha[part], rgb, mixed, self.whole or self)
-
-
-class _Cache:
-    """Sprites or masks by key, least recently used first out, bounded in bytes; loaders may share it among threads."""
-
-    def __init__(self, limit: int) -> None:
-        self.limit, self.used = limit, 0
-        self.items: OrderedDict[Any, tuple[Any, int]] = OrderedDict()
-        self.lock = Lock()
-
-    def get(self, key: Any) -> Any:
-        with self.lock:
-            if key not in self.items:
-                return None
-            self.items.move_to_end(key)
-            return self.items[key][0]
-
-    def put(self, key: Any, value: Any, nbytes: int) -> None:
-        with self.lock:
-            self.used += nbytes - self.items.pop(key, (None, 0))[1]
-            self.items[key] = value, nbytes
-            while self.used > self.limit and len(self.items) > 1:
-                self.used -= self.items.popitem(last=False)[1][1]
 
 
 _cache = _Cache(CACHE_BYTES)
@@ -369,6 +349,20 @@ def _png(recipe: Mapping[str, Any]) -> Sprite:
         pixels = np.array(image.convert("RGBA"))
     except (OSError, binascii.Error) as error:
         raise PlanError(f"plan: the 'png' sprite does not hold a readable base64 PNG: {error}") from error
+    return _rgba(pixels)
+
+
+def _asset(recipe: Mapping[str, Any]) -> Sprite:
+    pixels = find_asset(recipe["id"], recipe["sha256"]).pixels()
+    if recipe.get("crop") is not None:
+        x1, y1, x2, y2 = (operator.index(v) for v in recipe["crop"])
+        if not (0 <= x1 < x2 <= pixels.shape[1] and 0 <= y1 < y2 <= pixels.shape[0]):
+            raise PlanError(f"plan: crop {recipe['crop']} leaves {recipe['id']}, {pixels.shape[1]}x{pixels.shape[0]}")
+        pixels = pixels[y1:y2, x1:x2]
+    return _opaque(np.ascontiguousarray(pixels)) if pixels.shape[2] == 3 else _rgba(pixels)
+
+
+def _rgba(pixels: UInt8Array) -> Sprite:
     alpha = pixels[..., 3].copy()
     return _blended(alpha, pixels[..., :3].astype(np.uint16) * alpha[..., None].astype(np.uint16))
 
@@ -385,4 +379,5 @@ _DRAW: dict[str, Callable[[Mapping[str, Any]], Sprite]] = {
     "text": _text,
     "window": _window,
     "png": _png,
+    "asset": _asset,
 }

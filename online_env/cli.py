@@ -14,6 +14,7 @@ import click
 
 from hijack_data.errors import ParameterError
 
+from .corrupting import corrupt
 from .errors import DesktopError, RootRequiredError, UnknownDesktopError
 
 SIZE_HELP = "Screen as WIDTHxHEIGHT in pixels."
@@ -22,6 +23,9 @@ SIZE_HELP = "Screen as WIDTHxHEIGHT in pixels."
 @click.group()
 def desktop() -> None:
     """Real Linux desktops on this machine, without a virtual machine."""
+
+
+desktop.add_command(corrupt)
 
 
 @desktop.command()
@@ -92,7 +96,7 @@ def shot(name: str | None, output: Path) -> None:
     """Save a screenshot of desktop NAME (the only one, if not given)."""
     from PIL import Image
 
-    with _attach(name) as present:
+    with attach(name) as present:
         picture = Image.fromarray(present.screenshot())
     picture.save(output, "PNG")
     click.echo(f"{output} {picture.width}x{picture.height}")
@@ -104,7 +108,7 @@ def shot(name: str | None, output: Path) -> None:
 @click.option("--shell", is_flag=True, help="CODE is a shell command, not pyautogui code.")
 def run(code: str, name: str | None, shell: bool) -> None:
     """Run pyautogui CODE on a desktop, such as 'pyautogui.click(100, 200)'."""
-    with _attach(name) as present:
+    with attach(name) as present:
         result = present.execute(code) if shell else present.run(code)
     click.echo(result.output, nl=False)
     click.echo(result.error, nl=False, err=True)
@@ -158,16 +162,24 @@ def down(name: str | None, everything: bool, orphans: bool) -> None:
 
 @desktop.command()
 @click.argument("name", required=False)
-@click.option("-o", "--output", type=click.Path(dir_okay=False, writable=True, path_type=Path), default="desktop.mp4",
-              show_default=True, help="Where the video goes.")  # fmt: skip
-@click.option("--seconds", type=click.FloatRange(0.1, 86400), help="How long; until Ctrl-C, if not given.")
-def record(name: str | None, output: Path, seconds: float | None) -> None:
-    """Record desktop NAME to a video."""
-    from .desktops.embedded.recording import record as make
+@click.option("-o", "--output", type=click.Path(path_type=Path),
+              help="Where the video (desktop.mp4, if not given) or the folder of trajectories goes.")  # fmt: skip
+@click.option("--seconds", type=click.FloatRange(0.1, 86400), help="Length of the video; until Ctrl-C, if not given.")
+@click.option("--assets", type=click.Path(file_okay=False, path_type=Path), help="Record the asset pack into it.")
+@click.option("--only", help="Only these kinds of pictures of the pack, with commas between; the others stay.")
+@click.option("--sizes", help="Only screens of these sizes for the pack, such as 1920x1080,1280x720.")
+@click.option("--task", help="Record a trajectory of this small task, done by its oracle, into the folder -o.")
+@click.option("--seed", type=click.IntRange(0, 2**64 - 1), default=0, show_default=True, help="Variant of the task.")
+@click.option("--person", is_flag=True, help="A person does it, on a page as that of `view`; ends with Ctrl-C.")
+@click.option("--instruction", help="What the person is to do, where that is no --task.")
+@click.option("--size", default="1920x1080", show_default=True, help="Screen for a --task without NAME.")
+@click.option("--port", default=0, help="Port of the page for --person; any free one if 0.")
+def record(name: str | None, **options: Any) -> None:
+    """Record desktop NAME to a video, or record a trajectory, or the asset pack."""
+    from .recording.command import run as make
 
-    with _attach(name) as present:
-        output.write_bytes(make(present.record, seconds))
-    click.echo(f"{output} {output.stat().st_size} bytes")
+    sizes = [_size(text.strip()) for text in (options.pop("sizes") or "").split(",") if text.strip()]
+    sys.exit(make(name, **{**options, "size": _size(options["size"]), "sizes": sizes}))
 
 
 @desktop.command()
@@ -177,7 +189,7 @@ def view(name: str | None, port: int) -> None:
     """Show desktop NAME live in a browser, with mouse and keyboard; ends with Ctrl-C."""
     from .desktops.embedded.view import serve
 
-    with _attach(name) as present:
+    with attach(name) as present:
         serve(present.record, port, click.echo)
 
 
@@ -200,7 +212,7 @@ def _need_root() -> None:
         raise RootRequiredError("the desktops of this machine belong to root; run the same command with sudo")
 
 
-def _attach(name: str | None) -> Any:
+def attach(name: str | None) -> Any:
     from .desktops.embedded.desktop import EmbeddedDesktop
 
     return EmbeddedDesktop.attach(_choose(name)["id"])

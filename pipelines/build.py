@@ -3,6 +3,7 @@
 import json
 import os
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -14,7 +15,7 @@ from hijack_data.types import Trajectory
 
 from .card import CARD, CONFIG, make_card
 from .columns import pyarrow
-from .engines.local import run
+from .engines import Engine, get_engine
 from .errors import BuildError, SourceError
 from .folder import OutFolder
 from .manifest import MANIFEST, make_manifest, total_counts
@@ -41,9 +42,12 @@ def build(
     clean: bool | None = None,
     label_policy: str | None = None,
     output: str | None = None,
+    assets: PathLike | None = None,
     strict: bool = False,
     rows_per_shard: int = ROWS_PER_SHARD,
     workers: int = 1,
+    engine: str = "local",
+    ray_address: str | None = None,
     resume: bool = False,
     progress: Progress | None = None,
 ) -> BuildReport:
@@ -55,32 +59,39 @@ def build(
     Args:
         source: a file or folder of recordings.
         out: the folder to make; it must be empty or not there, and outside the source.
-        corruptions: planners by label, names separated by commas, or `"all-visual"` (`"all"` is the same in this
-            version), the default.
+        corruptions: planners by label, names separated by commas, `"all"`, or `"all-visual"`, the default: those that
+            act on the picture alone.
         seed: 0 to 2**64 - 1; 0 by default.
         format: name of the reader; found from the source by default.
         config: a configuration with `corruptions`, `seed`, `clean`, `label_policy` and `output`; arguments win over it.
         clean: whether to write the uncorrupted rows too; true by default.
-        label_policy: what becomes of a sample whose target is hidden: `keep` (the default) | `avoid` | `drop`.
+        label_policy: what becomes of a sample whose target is hidden: `keep` (the default) | `avoid` | `drop` |
+            `recover`.
         output: `materialised` (the default) stores every picture; `lazy` stores the screenshot of a step once and
             draws the corrupted ones on access.
+        assets: folder of recorded pictures for what acts on the machine; by default that of `AGENTHIJACK_ASSETS`, else
+            the one that ships with the package.
         strict: stop with `SourceError` at the first input that cannot be read.
         rows_per_shard: a file holds at most as many rows, or one trajectory; at least 1.
         workers: processes, at least 1. With more, call from under `if __name__ == "__main__":`.
+        engine: `local` (this process, or `workers` of this machine) or `ray`: `workers` CPUs of a Ray cluster.
+        ray_address: the cluster, `"auto"` for that of this machine; by default `RAY_ADDRESS`, else one is started here.
         resume: go on with a build that was stopped, or repair a dataset whose files were damaged.
         progress: called with rows done, rows in all, and a text.
 
     Raises:
         SourceError: nothing there, nothing in it, or not a known format.
+        AssetError: no recorded pictures where they are needed.
         BuildError: `out` or an option is in the way.
         ConfigError, ParameterError, UnknownNameError: a mistake in the configuration, the seed, a name.
-        MissingDependencyError: pyarrow or isal is not installed.
+        MissingDependencyError: pyarrow, isal or Ray is not installed.
     """
     pyarrow()
-    path = existing(source)
+    path = existing(os.path.abspath(existing(source)))
+    run = get_engine(engine, ray_address)
     reader = get_reader(format or detect_format(path))
     given = {"corruptions": corruptions, "seed": seed, "clean": clean, "label_policy": label_policy, "output": output}
-    settings, notes = choose_settings(given, config)
+    settings, notes = choose_settings(given, config, assets)
     for name, value in (("rows_per_shard", rows_per_shard), ("workers", workers)):
         if isinstance(cast(object, value), bool) or not isinstance(cast(object, value), int) or value < 1:
             raise BuildError(f"{name} must be an integer of at least 1, got {value!r}")
@@ -92,7 +103,7 @@ def build(
         job = _Job(folder, settings, Quarantine(folder.state, strict), _Meter(progress, total))
         tasks = shard_tasks(items, root_of(path), rows_per_shard, settings.variants, job.quarantine.reject)
         try:
-            job.run(tasks, workers)
+            job.run(tasks, workers, run)
             return job.finish(parameters, os.fspath(source), notes)
         finally:
             job.quarantine.close()
@@ -125,11 +136,13 @@ class _Job:
         self.shards: dict[int, ShardRecord] = {}
         self.kept = 0
 
-    def run(self, tasks: Iterator[ShardTask], workers: int) -> None:
+    def run(self, tasks: Iterator[ShardTask], workers: int, engine: Engine) -> None:
         """Make the shards that are not there yet."""
-        for record in run(self._missing(tasks), self.settings, self.folder.path, workers, self.meter):
-            self._take(record)
-            self.folder.save(record)
+        records = engine(self._missing(tasks), self.settings, self.folder.path, workers, self.meter)
+        with closing(records):  # workers end now, not when the last trace of an error is gone
+            for record in records:
+                self._take(record)
+                self.folder.save(record)
 
     def finish(self, parameters: Mapping[str, Any], source: str, notes: tuple[str, ...]) -> BuildReport:
         """Write what goes beside the shards, the manifest last."""

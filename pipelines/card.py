@@ -16,12 +16,21 @@ _POLICIES = {
     "keep": "Rows whose target is hidden are kept; `target_visible` says how much of it shows.",
     "avoid": "A corruption is placed again until the whole target shows; where that fails there is no row.",
     "drop": f"Rows of which less than {VISIBLE:g} of the target shows are dropped.",
+    "recover": "What can be undone comes with the step that undoes it. What lies over the screen and has nothing to "
+    "close it is placed again until the whole target shows; where that fails there is no row.",
+}
+_FIDELITY = {
+    "exact": "a live desktop under the same plan shows the same pixels.",
+    "composited": "recorded pixels of a real desktop, put together on the screenshot, cut or scaled down; such a "
+    "screen was never shown as a whole.",
+    "recorded": "the whole screen was really shown by a desktop of the asset pack, not by that of the recording.",
 }
 
 
 def make_card(manifest: Mapping[str, Any], out: str) -> str:
     """Return the card of a dataset from its manifest; `out` is the folder that the build was told."""
     parameters = manifest["parameters"]
+    assets = parameters.get("assets")
     return "\n".join(
         [
             *_front_matter(),
@@ -40,6 +49,7 @@ def make_card(manifest: Mapping[str, Any], out: str) -> str:
             "",
             "The screenshots and instructions come from the source recordings and stay under their licence and terms; "
             "check those before you share this dataset.",
+            *([] if assets is None else [f"Pictures of events come from an asset pack: {assets['licence']}"]),
             "",
         ]
     )
@@ -98,7 +108,7 @@ def _how(manifest: Mapping[str, Any], out: str) -> list[str]:
         "the screenshot as it was recorded. Plans depend on seed, corruption, trajectory and step alone. "
         f"Boxes of interactive elements are {boxes}. {_POLICIES[parameters['label_policy']]}",
         "",
-        "`fidelity` is `exact`: a live desktop under the same plan shows the same pixels.",
+        *_fidelity(parameters.get("assets")),
         "",
     ]
     if manifest["config"] is None:
@@ -122,6 +132,19 @@ def _how(manifest: Mapping[str, Any], out: str) -> list[str]:
         "",
         f"Libraries: {json.dumps(parameters['libraries'])}. `hijack verify {shlex.quote(out)}` checks every row.",
         "",
+    ]
+
+
+def _fidelity(assets: Mapping[str, str] | None) -> list[str]:
+    if assets is None:
+        return [f"`fidelity` is `exact`: {_FIDELITY['exact']}"]
+    return [
+        "`fidelity` says how true a row is:",
+        "",
+        *(f"* `{name}`: {text}" for name, text in _FIDELITY.items()),
+        "",
+        "`event` says what happened to the machine, `reminder` what an onlooker should say, `inserted` that the event "
+        f"added the step. The pictures of events are those of asset pack `{assets['sha256'][:16]}`.",
     ]
 
 

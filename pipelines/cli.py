@@ -11,11 +11,13 @@ from hijack_data.cli import console
 from hijack_data.files import write_atomic
 
 from .build import build as build_dataset
-from .exports import FORMATS
+from .engines import ENGINES
+from .exports import FORMATS, ONLOOKER
 from .exports import export as export_dataset
 from .exports.dialects import DIALECTS
 from .manifest import OUTPUTS
 from .readers import names as reader_names
+from .rebuild import is_run, rebuild
 from .rows import LABEL_POLICIES
 from .verify import verify as verify_dataset
 
@@ -69,12 +71,16 @@ class Meter:
 )
 @click.option("--clean/--no-clean", default=None, help="Whether to write the uncorrupted rows too.  [default: clean]")
 @click.option("--lazy/--materialised", default=None, help="Store plans, or pixels.  [default: materialised]")
+@click.option("--assets", metavar="DIR", help="Recorded pictures for what acts on the machine.  [default: shipped]")
 @click.option("--workers", type=int, default=1, show_default=True, help="Processes.")
-@click.option("--engine", type=click.Choice(["local"]), default="local", show_default=True)
+@click.option(
+    "--engine", type=click.Choice(ENGINES), default=ENGINES[0], show_default=True, help="This machine, or a cluster."
+)
+@click.option("--ray-address", metavar="ADDRESS", help="A running Ray cluster, `auto` for the one of this machine.")
 @click.option("--strict", is_flag=True, help="Stop at the first input that cannot be read.")
 @click.option("--resume", is_flag=True, help="Go on with a build that was stopped.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def build(source: str, as_json: bool, format_: str | None, engine: str, lazy: bool | None, **options: Any) -> None:
+def build(source: str, as_json: bool, format_: str | None, lazy: bool | None, **options: Any) -> None:
     """Build a Hugging Face dataset from recorded trajectories."""
     meter = Meter(as_json)
     options["output"] = None if lazy is None else OUTPUTS[lazy]
@@ -98,8 +104,8 @@ def _end(result: Any, code: int) -> None:
 @click.argument("folder", metavar="DIR")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def verify(folder: str, as_json: bool) -> None:
-    """Check a dataset: every byte, every picture and every plan."""
-    report = verify_dataset(folder)
+    """Check a dataset: every byte, every picture and every plan; or a run: every picture that the agent saw."""
+    report = rebuild(folder) if is_run(folder) else verify_dataset(folder)
     _end({"ok": report.ok, **dataclasses.asdict(report)} if as_json else report.lines(), report.exit_code)
 
 
@@ -123,15 +129,18 @@ def stats(folder: str, as_json: bool, out: str | None) -> None:
 
 @click.command()
 @click.argument("folder", metavar="DIR")
-@click.option("--to", required=True, type=click.Choice(list(FORMATS)), help="The format.")
+@click.option("--to", required=True, type=click.Choice([*FORMATS, ONLOOKER]), help="The format.")
 @click.option("--out", required=True, metavar="DIR2", help="The folder to make.")
 @click.option(
     "--dialect", type=click.Choice(DIALECTS), default=DIALECTS[0], show_default=True, help="How actions are written."
 )
 @click.option("--keep-hidden", is_flag=True, help="Export steps whose target is hidden, too.")
+@click.option(
+    "--balance", type=float, metavar="N", help="onlooker: frames without a reminder for each with one.  [default: 1]"
+)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def export(folder: str, as_json: bool, **options: Any) -> None:
-    """Export a dataset as chat rows, verl Parquet or WebDataset tar files."""
+    """Export a dataset as chat rows, verl Parquet, WebDataset tar files or an onlooker's training data."""
     meter = Meter(as_json)
     try:
         report = export_dataset(folder, options.pop("out"), progress=meter, **options)

@@ -41,7 +41,11 @@ class OutFolder:
         lock = self._lock()
         try:
             self._begin(json.loads(json.dumps(parameters)), resume)
-            yield
+            try:
+                yield
+            finally:
+                with suppress(OSError):
+                    self._sweep()
         except OSError as error:
             raise BuildError(f"{self.path}: cannot be written to ({error.strerror or error})") from None
         finally:
@@ -134,6 +138,7 @@ class OutFolder:
             )
 
     def _sweep(self) -> None:
+        """Remove the temporary files of workers that were killed."""
         for folder in (self.path, self.path / DATA, self.state):
             for file in folder.glob(".*.tmp"):
                 with suppress(FileNotFoundError):

@@ -1,7 +1,8 @@
 """Lazy rows: the picture before the corruption and how to plan it; what the row shows is drawn on access.
 
 The column `plan` of such a row holds a recipe, 50 bytes of JSON that every row of the corruption shares, where the plan
-follows from what the row holds anyway (parameters, seed, trajectory, step, size); else the plan itself. The column
+follows from what the row holds anyway (parameters, seed, trajectory, step, size); else the plan itself. Where draws are
+keyed by something else than the trajectory, the recipe names it. The column
 `plan_digest` names the plan either way, so one that would come out differently, with another version of the library,
 is an error and never another picture.
 """
@@ -29,9 +30,12 @@ VERSION = 1
 Row: TypeAlias = dict[str, Any]
 
 
-def stored_plan(plan: Plan, row: Mapping[str, Any]) -> str:
-    """Return what the column `plan` of a lazy row holds; `row` has its `params`, `seed`, `trajectory_id` and `step`."""
-    recipe = _recipe(plan.corruption)
+def stored_plan(plan: Plan, row: Mapping[str, Any], sample: str | None = None) -> str:
+    """Return what the column `plan` of a lazy row holds; `row` has its `params`, `seed`, `trajectory_id` and `step`.
+
+    `sample` is what the draws of the plan are keyed by, if that is not the trajectory.
+    """
+    recipe = _recipe(plan.corruption, None if sample == row["trajectory_id"] else sample)
     try:
         found = _derived(recipe, row, plan.size)
     except HijackError:  # several joined, or not one of ours: nothing that a recipe can say
@@ -126,8 +130,10 @@ def _rendered(row: Mapping[str, Any]) -> Row:
     return finished(row, Image.fromarray(picture), plan)
 
 
-def _recipe(corruption: str) -> str:
-    return json.dumps({"corruption": corruption, "format": FORMAT, "version": VERSION}, separators=(",", ":"))
+def _recipe(corruption: str, sample: str | None = None) -> str:
+    key = {} if sample is None else {"sample": sample}
+    data = {"corruption": corruption, **key, "format": FORMAT, "version": VERSION}
+    return json.dumps(data, separators=(",", ":"))
 
 
 def _is_recipe(text: str) -> bool:
@@ -135,19 +141,21 @@ def _is_recipe(text: str) -> bool:
 
 
 def _derived(recipe: str, row: Mapping[str, Any], size: Size) -> Plan:
-    corruption = _corruption(recipe)
+    corruption, sample = _read(recipe)
     if corruption == CLEAN:
         return Plan.clean(size)
     spec = _spec(corruption, cast("str", row["params"]))
-    return spec.plan(Scene(size), seed=int(row["seed"]), sample=row["trajectory_id"], step=int(row["step"]))
+    key = row["trajectory_id"] if sample is None else sample
+    return spec.plan(Scene(size), seed=int(row["seed"]), sample=key, step=int(row["step"]))
 
 
 @lru_cache(maxsize=256)
-def _corruption(recipe: str) -> str:
+def _read(recipe: str) -> tuple[str, str | None]:
+    """Return the corruption and the key of the draws, if the recipe names one."""
     data = json.loads(recipe)
     if data["version"] != VERSION:
         raise DatasetError(f"recipe of version {data['version']!r}; this library reads {VERSION}: upgrade agenthijack")
-    return str(data["corruption"])
+    return str(data["corruption"]), data.get("sample")
 
 
 @lru_cache(maxsize=256)

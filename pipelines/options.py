@@ -4,9 +4,9 @@ import os
 from collections.abc import Iterator, Mapping
 from typing import Any, TypeAlias, cast
 
-from hijack_data import names
 from hijack_data.config import load_config
 from hijack_data.errors import suggest
+from hijack_data.pack import VARIABLE
 from hijack_data.rng import Stream
 
 from .errors import BuildError
@@ -19,8 +19,13 @@ DEFAULT = "all-visual"
 ROWS_PER_SHARD = 500
 
 
-def choose_settings(given: dict[str, Any], config: ConfigLike | None) -> tuple[Settings, tuple[str, ...]]:
-    """Return the settings: arguments that are given, else the configuration's, else the defaults."""
+def choose_settings(
+    given: dict[str, Any], config: ConfigLike | None, assets: str | os.PathLike[str] | None = None
+) -> tuple[Settings, tuple[str, ...]]:
+    """Return the settings: arguments that are given, else the configuration's, else the defaults.
+
+    `assets` is the folder of the asset pack; it is looked at only where a corruption acts on the machine.
+    """
     loaded = None if config is None else load_config(cast("Any", config))
     options = dict(loaded.options) if loaded else {}
     if set(options.get("splits", ("train",))) != {"train"}:
@@ -49,23 +54,22 @@ def choose_settings(given: dict[str, Any], config: ConfigLike | None) -> tuple[S
         chosen["label_policy"],
         detect,
         chosen["output"] == LAZY,
+        _folder(assets or os.environ.get(VARIABLE)),  # workers on other machines don't have our environment
     )
-    return settings, tuple(_notes(chosen["corruptions"] == "all", wanted and not detect))
+    _ = settings.pack  # a pack that is missing is an error before anything is written
+    return settings, tuple(_notes(wanted and not detect))
 
 
-def _notes(asked_for_all: bool, lacks_detector: bool) -> Iterator[str]:
-    if asked_for_all:
-        left = [name for name in names() if name not in select("all")]
-        yield f"all: left out {', '.join(left)}, which change more than the picture and come with trajectory edits"
+def _folder(assets: str | os.PathLike[str] | None) -> str | None:
+    return os.path.abspath(assets) if assets else None
+
+
+def _notes(lacks_detector: bool) -> Iterator[str]:
     if lacks_detector:
         yield "elements are those of the recording only: opencv is not installed (pip install 'agenthijack[vision]')"
 
 
 def _check_policy(policy: object) -> None:
-    if policy == "recover":
-        raise BuildError(
-            "label_policy 'recover' inserts steps; it comes with trajectory edits, which are not in this version"
-        )
     if policy not in LABEL_POLICIES:
         raise BuildError(f"label_policy {policy!r} is not known{suggest(policy, LABEL_POLICIES)}")
 
@@ -91,7 +95,14 @@ def parameters_of(settings: Settings, reader: str, rows_per_shard: int) -> dict[
         "elements": "picture" if settings.detect else "recorded",
         "rows_per_shard": rows_per_shard,
         "libraries": libraries(settings.detect),
+        "assets": assets_of(settings),
     }
+
+
+def assets_of(settings: Settings) -> dict[str, str] | None:
+    """Return what names the asset pack of a build, and its licence, or `None` where nothing comes from one."""
+    pack = settings.pack
+    return None if pack is None else {"sha256": pack.digest, "licence": pack.licence}
 
 
 def config_of(settings: Settings) -> str | None:

@@ -5,34 +5,39 @@ import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any
 
-from hijack_data import apply, plan_avoiding, scene_from
+from hijack_data import apply, scene_from
 from hijack_data.errors import ActionError, HijackError, ImageError
+from hijack_data.pack import AssetPack
 from hijack_data.plan import CLEAN, Plan
 from hijack_data.safety import Planner, changed_pixels, target_visible
 from hijack_data.types import Action, Box, Scene, Step, Trajectory, UInt8Array, as_boxes, as_target
 
 from .columns import ACTION, BASE
+from .edits.base import EditedStep
+from .edits.variants import Chooser, Variant, acts, due, ever_due, step_numbers
 from .errors import BuildError
 from .images import Base, decode, encode, sha256_of, touched
 from .lazy import stored_plan
 from .readers import Rejected
 from .readers.dialects import observed_code
 from .readers.pictures import read_picture
-from .selection import severity_of
+from .sample import Sample, position_of
+from .selection import needs_boxes, severity_of
 
-LABEL_POLICIES = ("keep", "avoid", "drop")
+LABEL_POLICIES = ("keep", "avoid", "drop", "recover")
 # With policy "drop", a target of which less than this shows is no label.
 VISIBLE = 0.5
+NEVER = "the recording ends before the step at which it acts"
 
 
 @dataclass(frozen=True)
 class Settings:
     """All that decides what a row holds, besides the recording.
 
-    `detect`: look for elements where none are recorded. `lazy`: store plans instead of corrupted pictures.
+    `detect`: look for elements where none are recorded. `lazy`: store plans instead of corrupted pictures. `assets`:
+    the folder of the asset pack, if not the default one.
     """
 
     planners: tuple[tuple[str, Planner], ...]
@@ -41,11 +46,17 @@ class Settings:
     label_policy: str = "keep"
     detect: bool = False
     lazy: bool = False
+    assets: str | None = None
 
     @property
     def variants(self) -> int:
-        """Rows that a step can have."""
+        """Rows that a step can have, but for those that an edit adds."""
         return len(self.planners) + self.clean
+
+    @property
+    def pack(self) -> AssetPack | None:
+        """The recorded pictures that edits take, or `None` where nothing acts on the machine. Raises `AssetError`."""
+        return AssetPack.load(self.assets) if any(acts(planner) for _, planner in self.planners) else None
 
 
 @dataclass
@@ -62,21 +73,6 @@ class Tally:
         self.not_applicable.setdefault(label, Counter())[re.sub(r"\d+", "N", reason)] += 1
 
 
-@dataclass(frozen=True)
-class Sample:
-    """One decoded step."""
-
-    trajectory: Trajectory
-    step: Step
-    base: Base
-    scene: Scene
-
-    @property
-    def image(self) -> UInt8Array:
-        """The screenshot as it was recorded."""
-        return self.base.image
-
-
 def rows_of(
     trajectory: Trajectory, step: Step, data: bytes, where: str, settings: Settings, tally: Tally
 ) -> Iterator[Any]:
@@ -84,78 +80,97 @@ def rows_of(
     place = f"{trajectory.id}, step {step.index}"
     try:
         image = decode(data, where)
-        sample = Sample(trajectory, step, Base(image), _scene(trajectory, step, image, settings.detect))
+        sample = Sample(trajectory, step, Base(image), _scene(trajectory, step, image, settings))
     except ImageError as error:
         tally.rejected.append(Rejected(where, place, "image", str(error)))
         return
-    choices = [(CLEAN, None)] if settings.clean else []
-    for label, planner in (*choices, *settings.planners):
-        plan = Plan.clean(sample.scene.size) if planner is None else _plan(sample, label, planner, settings, tally)
-        try:
-            row = None if plan is None else _row(sample, label, plan, settings, tally)
-        except ActionError as error:
-            tally.rejected.append(Rejected(where, f"{place}, {label}", "action_code", str(error)))
-            continue
-        if row is not None:
-            tally.rows[label] += 1
-            yield row
+    if settings.clean:
+        plan = Plan.clean(sample.scene.size)
+        yield from _counted(sample, CLEAN, iter([Variant(sample, plan, plan)]), settings, tally, where)
+    chooser = Chooser(settings.seed, settings.label_policy, settings.pack)
+    for label, planner in settings.planners:
+        if sample.position == 0 and not ever_due(trajectory, planner):
+            tally.skip(label, NEVER)
+        yield from _counted(sample, label, chooser.variants(sample, planner), settings, tally, where)
 
 
-def _scene(trajectory: Trajectory, step: Step, image: UInt8Array, detect: bool) -> Scene:
+def _counted(
+    sample: Sample, label: str, variants: Iterator[Variant | None], settings: Settings, tally: Tally, where: str
+) -> Iterator[Any]:
+    """Yield the rows of one label, and count them, what was dropped, what could not be placed and what is broken."""
+    try:
+        for variant in variants:
+            if variant is None:
+                tally.dropped[label] += 1
+                continue
+            row = _checked(variant, label, settings, tally)
+            if row is not None:
+                tally.rows[label] += 1
+                yield row
+    except ActionError as error:
+        place = f"{sample.trajectory.id}, step {sample.step.index}, {label}"
+        tally.rejected.append(Rejected(where, place, "action_code", str(error)))
+    except BuildError as error:
+        raise BuildError(f"corruptions: {label}: {error}") from None
+    except HijackError as error:
+        tally.skip(label, str(error))
+
+
+def _scene(trajectory: Trajectory, step: Step, image: UInt8Array, settings: Settings) -> Scene:
     target = as_target(step.target_box or step.action.point)
-    if step.elements or not detect:
+    if step.elements or not (settings.detect and _looked_at(trajectory, step, settings)):
         return Scene(image.shape[:2], as_boxes(step.elements), trajectory.apps, target)
     return scene_from(image, apps=trajectory.apps, target=target)
 
 
-def _plan(sample: Sample, label: str, planner: Planner, settings: Settings, tally: Tally) -> Plan | None:
-    """Return the plan of a corrupted row, or count why there is none."""
-    make = partial(plan_avoiding, planner) if settings.label_policy == "avoid" else planner.plan
-    try:
-        plan = make(sample.scene, seed=settings.seed, sample=sample.trajectory.id, step=sample.step.index)
-    except HijackError as error:
-        tally.skip(label, str(error))
-        return None
-    if plan is None:
-        tally.dropped[label] += 1
-    elif plan.effects:
-        raise BuildError(
-            f"corruptions: {label} gave a plan with effects ({plan.corruption}), which need a live desktop"
-        )
-    elif not plan.ops:
+def _looked_at(trajectory: Trajectory, step: Step, settings: Settings) -> bool:
+    """Return whether any planner that acts at this step asks where the elements are."""
+    position = position_of(trajectory, step)
+    asking = (planner for _, planner in settings.planners if needs_boxes(planner))
+    return any(due(planner, step_numbers(trajectory, position, planner)) for planner in asking)
+
+
+def _checked(variant: Variant, label: str, settings: Settings, tally: Tally) -> dict[str, Any] | None:
+    """Return the row of a variant, or count why there is none."""
+    plan, image = variant.plan, variant.sample.image
+    if label != CLEAN and not plan.ops:
         tally.skip(label, "; ".join(plan.notes) or "the plan leaves the picture as it is")
         return None
-    return plan
-
-
-def _row(sample: Sample, label: str, plan: Plan, settings: Settings, tally: Tally) -> dict[str, Any] | None:
-    """Apply a plan and return the row, or count why there is none."""
-    picture: UInt8Array = apply(plan, sample.image) if plan.ops else sample.image
-    seen = target_visible(plan, sample.scene.target)
-    changed = changed_pixels(sample.image, picture, plan) if plan.ops else 0
+    picture: UInt8Array = apply(plan, image) if plan.ops else image
+    changed = changed_pixels(image, picture, plan) if plan.ops else 0
     if plan.ops and not changed:
         tally.skip(label, "no pixel differs from the clean picture")
         return None
+    seen = target_visible(variant.over, variant.sample.scene.target)
     if plan.ops and settings.label_policy == "drop" and seen is not None and seen < VISIBLE:
         tally.dropped[label] += 1
         return None
+    return _row(variant, label, picture, settings, {"target_visible": seen, "changed_pixels": changed})
+
+
+def _row(
+    variant: Variant, label: str, picture: UInt8Array, settings: Settings, measured: dict[str, Any]
+) -> dict[str, Any]:
+    sample, plan = variant.sample, variant.plan
     row = {
-        **_about(sample, label),
+        **_about(variant, label),
         **_picture(sample.base, picture, plan, settings),
         "action": _action(plan.coords.action_to_observation(sample.step.action)),
         "action_code": observed_code(plan.coords, sample.step),
         "target_box": _box(plan, sample.step.target_box),
         **_made(plan, settings.seed),
-        "target_visible": seen,
-        "changed_pixels": changed,
+        **_happened(variant.edit),
+        **measured,
     }
-    return {**row, "plan": stored_plan(plan, row)} if settings.lazy else row
+    return {**row, "plan": stored_plan(plan, row, sample.key)} if settings.lazy else row
 
 
-def _about(sample: Sample, label: str) -> dict[str, Any]:
-    trajectory, step = sample.trajectory, sample.step
+def _about(variant: Variant, label: str) -> dict[str, Any]:
+    trajectory, step = variant.sample.trajectory, variant.sample.step
+    # An inserted step stands beside the recorded one of the same label and number: its event tells them apart.
+    event = f"+{variant.plan.effects[0].kind}" if variant.edit is not None and variant.edit.inserted else ""
     return {
-        "id": f"{trajectory.id}/{step.index:04d}/{label}",
+        "id": f"{trajectory.id}/{step.index:04d}/{label}{event}",
         "trajectory_id": trajectory.id,
         "step": step.index,
         "source": trajectory.source,
@@ -183,8 +198,13 @@ def _made(plan: Plan, seed: int) -> dict[str, Any]:
         "params": params_json(plan),
         "plan": plan.to_json(),
         "plan_digest": plan.digest(),
-        "fidelity": "exact",
     }
+
+
+def _happened(edit: EditedStep | None) -> dict[str, Any]:
+    if edit is None:
+        return {"fidelity": "exact", "event": None, "reminder": None, "inserted": False}
+    return {"fidelity": edit.fidelity, "event": edit.event, "reminder": edit.reminder, "inserted": edit.inserted}
 
 
 def params_json(plan: Plan) -> str:

@@ -12,16 +12,18 @@ from hijack_data.errors import HijackError, ParameterTypeError
 from hijack_data.plan import CLEAN, Plan
 from hijack_data.safety import Planner
 
+from .edits import EDITS
+from .edits.variants import effects_of, needs_elements
 from .errors import BuildError
 
-ALL = ("all", "all-visual")
+ALL, VISUAL = "all", "all-visual"
 SCOPE = "observation"
 
 
 def select(corruptions: Mapping[str, Planner] | str) -> dict[str, Planner]:
     """Return planners by label.
 
-    `corruptions` is a mapping, names separated by commas, or one of `ALL`: every registered corruption of the picture.
+    `corruptions` is a mapping, names separated by commas, `ALL` registered ones, or the `VISUAL` ones of the picture.
     Raises `BuildError` for what cannot be built and `UnknownNameError` for a name that does not exist.
     """
     if not isinstance(corruptions, str | Mapping):
@@ -33,17 +35,19 @@ def select(corruptions: Mapping[str, Planner] | str) -> dict[str, Planner]:
 
 
 def leaves(planner: object) -> Iterator[hj.Corruption]:
-    """Yield the corruptions that a planner is made of; those of a `Schedule` are not known before they are used."""
+    """Yield the corruptions that a planner is made of, those of a `Schedule` at epoch 0, which is what is built."""
     if isinstance(planner, hj.Corruption):
         yield planner
+    if isinstance(planner, hj.Schedule):
+        yield from leaves(planner.at(0))
     for value in vars(planner).values() if isinstance(planner, hj.Augmentation) else ():
         for part in cast("tuple[object, ...]", value) if isinstance(value, tuple) else (value,):
             yield from leaves(part)
 
 
 def needs_boxes(planner: object) -> bool:
-    """Return whether plans depend on the boxes of elements; a schedule may hold anything."""
-    return isinstance(planner, hj.Schedule) or any(getattr(leaf, "avoid_elements", False) for leaf in leaves(planner))
+    """Return whether plans depend on the boxes of elements."""
+    return any(needs_elements(leaf) for leaf in leaves(planner))
 
 
 def config_text(planners: Mapping[str, Planner], options: Mapping[str, Any]) -> str | None:
@@ -70,8 +74,8 @@ def _severity(corruption: str, params: str) -> int | None:
 
 
 def _named(text: str) -> dict[str, Planner]:
-    if text.strip() in ALL:
-        return {name: hj.get(name) for name in hj.names() if find(name).scope == SCOPE}
+    if text.strip() in (ALL, VISUAL):
+        return {name: hj.get(name) for name in hj.names() if text.strip() == ALL or find(name).scope == SCOPE}
     labels = [part.strip() for part in text.split(",") if part.strip()]
     twice = next((label for label in labels if labels.count(label) > 1), None)
     if twice is not None:
@@ -85,9 +89,10 @@ def _check(label: str, planner: Planner) -> None:
     if isinstance(planner, type) or not hasattr(planner, "plan"):
         raise BuildError(f"corruptions: {label!r} must be a corruption such as Marks(), got {planner!r:.80}")
     for leaf in leaves(planner):
-        if leaf.scope != SCOPE:
-            possible = [name for name in hj.names() if find(name).scope == SCOPE]
+        unknown = sorted(effects_of(leaf) - EDITS.keys())
+        if unknown:
+            possible = [name for name in hj.names() if not effects_of(hj.get(name)) - EDITS.keys()]
             raise BuildError(
-                f"corruptions: {leaf.name} acts on the {leaf.scope}, not on the picture; building it comes with "
-                f"trajectory edits, which this version does not have. It builds: {', '.join(possible)}"
+                f"corruptions: {leaf.name} does {', '.join(unknown)} to the machine, and what that looks like in a "
+                f"recording is not known; leave it out: {','.join(possible)}"
             )

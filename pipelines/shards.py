@@ -140,12 +140,17 @@ def _rows(
 
 
 def _task(index: int, trajectories: list[Trajectory], root: Path) -> ShardTask:
+    return ShardTask(index, tuple(trajectories), os.fspath(root), records_hash(trajectories, root))
+
+
+def records_hash(trajectories: Iterable[Trajectory], root: Path) -> str:
+    """Return the hash of all that trajectories say, and of the sizes of their pictures."""
     digest = hashlib.sha256()
     for trajectory in trajectories:
         steps = [asdict(replace(step, image=_image_name(step, root))) for step in trajectory]
         data = {**asdict(replace(trajectory, steps=())), "steps": steps}
         digest.update(json.dumps(data, sort_keys=True, allow_nan=False).encode())
-    return ShardTask(index, tuple(trajectories), os.fspath(root), digest.hexdigest())
+    return digest.hexdigest()
 
 
 def _image_name(step: Step, root: Path) -> str:

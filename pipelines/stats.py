@@ -17,7 +17,10 @@ from .manifest import is_lazy, read_manifest
 # Shares of the target that show; the first bin is "hidden", the last "all of it".
 EDGES = (0.0, 0.25, 0.5, 0.75, 1.0)
 BINS = ("none", "under 25 %", "25 to 50 %", "50 to 75 %", "75 to 100 %", "all of it")
-READ = ("corruption", "source", "fidelity", "severity", "target_visible", "changed_pixels", "width", "height")
+READ = (
+    "corruption", "source", "fidelity", "severity", "event", "reminder", "inserted", "target_visible", "changed_pixels",
+    "width", "height",
+)  # fmt: skip
 BATCH = 4096
 
 
@@ -28,6 +31,8 @@ class LabelStats:
     Args:
         rows: how many there are.
         fidelity, severity, source: rows by value; severity `None` is one of no level.
+        event: rows by what happened, of those where something did.
+        reminders, inserted: rows with something to say for an onlooker, and rows that an event added.
         visible: rows by how much of the target shows, in the order of `BINS`; rows without a target are in none.
         changed: share of the pixels that changed, 0..1, of each row.
     """
@@ -36,6 +41,9 @@ class LabelStats:
     fidelity: Counter[str] = field(default_factory=Counter[str])
     severity: Counter[int | None] = field(default_factory=Counter["int | None"])
     source: Counter[str] = field(default_factory=Counter[str])
+    event: Counter[str] = field(default_factory=Counter[str])
+    reminders: int = 0
+    inserted: int = 0
     visible: list[int] = field(default_factory=lambda: [0] * len(BINS))
     changed: "array[float]" = field(default_factory=lambda: array("f"))
 
@@ -45,9 +53,19 @@ class LabelStats:
         self.fidelity[row["fidelity"]] += 1
         self.severity[row["severity"]] += 1
         self.source[row["source"]] += 1
+        self.event.update([row["event"]] if row["event"] else [])
+        self.reminders += row["reminder"] is not None
+        self.inserted += row["inserted"]
         self.changed.append(row["changed_pixels"] / max(1, row["width"] * row["height"]))
         if row["target_visible"] is not None:
             self.visible[_bin(row["target_visible"])] += 1
+
+    @property
+    def about(self) -> str:
+        """What kind of rows an event has, in a few words."""
+        parts = [f"{self.inserted} inserted"] if self.inserted else []
+        parts += [f"{self.reminders} with a reminder"] if self.reminders else []
+        return f" ({', '.join(parts)})" if parts else ""
 
     def to_data(self) -> dict[str, Any]:
         """JSON data."""
@@ -57,6 +75,9 @@ class LabelStats:
             "fidelity": dict(sorted(self.fidelity.items())),
             "severity": {str(key): self.severity[key] for key in sorted(self.severity, key=str)},
             "source": dict(sorted(self.source.items())),
+            "event": dict(sorted(self.event.items())),
+            "reminders": self.reminders,
+            "inserted": self.inserted,
             "target_visible": dict(zip(BINS, self.visible, strict=True)),
             "without_target": self.rows - sum(self.visible),
             "changed": {"min": low, "median": middle, "max": high},
@@ -97,6 +118,8 @@ class Stats:
             f"{self.folder}: {self.rows} rows ({self.output}) from {self.steps} steps of {self.trajectories} "
             f"trajectories, {self.bytes / 1e6:.1f} MB in {self.shards} file(s)"
         ]
+        for label, found in self.labels.items():
+            text += [f"{label}: {count} row(s){found.about}: {event}" for event, count in sorted(found.event.items())]
         text += [
             f"{label}: {count} dropped, their target does not show" for label, count in self.counts["dropped"].items()
         ]

@@ -107,6 +107,8 @@ def _pair(rows: Dataset, place: Place) -> Html:
     seen = row["target_visible"]
     facts = "" if seen is None else f", {100 * seen:.0f} % of the target shows"
     notes = "".join(f"; {note}" for note in Plan.from_json(row["plan"]).notes)
+    if row["event"]:
+        notes = f"; {row['fidelity']}: {row['event']} Action: {row['action_code'] or row['action']['type']}{notes}"
     figures = [] if before is None else [_figure(before, scale, "before")]
     figures.append(_figure(after, scale, f"{row['id']}: {row['changed_pixels']} pixels changed{facts}{notes}"))
     return Html(f'<div class="pair">{join(figures)}</div>')

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data import apply
-from hijack_data.errors import HijackError
+from hijack_data.errors import AssetError, HijackError
 from hijack_data.files import decode_image
+from hijack_data.pack import VARIABLE, AssetPack
 from hijack_data.plan import CLEAN, Plan
 from hijack_data.types import UInt8Array
 
@@ -34,6 +35,7 @@ class VerifyReport:
         rows: rows that were read.
         regenerated: corrupted rows whose picture was made again from the clean one and agreed.
         shards: files that were checked.
+        notes: what is no problem by itself, such as an asset pack that was recorded anew.
     """
 
     folder: str
@@ -41,6 +43,7 @@ class VerifyReport:
     rows: int = 0
     regenerated: int = 0
     shards: int = 0
+    notes: list[str] = field(default_factory=list[str])
 
     @property
     def ok(self) -> bool:
@@ -57,7 +60,8 @@ class VerifyReport:
         state = "all is well" if self.ok else f"{len(self.problems)} problem(s)"
         head = f"{self.folder}: {self.rows} rows in {self.shards} file(s), {self.regenerated} made again: {state}"
         more = len(self.problems) - SHOWN
-        return [head, *(f"  {p}" for p in self.problems[:SHOWN]), *([f"  and {more} more"] if more > 0 else [])]
+        shown = [f"  {p}" for p in self.problems[:SHOWN]] + ([f"  and {more} more"] if more > 0 else [])
+        return [head, *shown, *(f"  note: {note}" for note in self.notes)]
 
 
 def verify(folder: str | os.PathLike[str]) -> VerifyReport:
@@ -65,13 +69,15 @@ def verify(folder: str | os.PathLike[str]) -> VerifyReport:
 
     Each file must be there with the hash and the rows of the manifest, and no other; each picture must decode to
     `image_sha256`; each plan must match its digest, its column of parameters and, where the clean picture of the step
-    is there too (always in a lazy dataset), the picture that it makes of it.
+    is there too (always in a lazy dataset), the picture that it makes of it. An asset pack that is not the one of the
+    build is noted; rows whose recorded pictures it lacks, or holds otherwise, are problems.
 
     Raises `DatasetError` when the folder is no finished dataset.
     """
     path = Path(folder)
     manifest = read_manifest(path)
     report = VerifyReport(os.fspath(folder))
+    report.notes += _pack_notes(manifest["parameters"].get("assets"))
     known = {shard["file"] for shard in manifest["shards"]}
     for file in sorted((path / DATA).glob("*")):
         if f"{DATA}/{file.name}" not in known:
@@ -81,6 +87,20 @@ def verify(folder: str | os.PathLike[str]) -> VerifyReport:
     if not report.problems and report.rows != manifest["rows"]:
         report.problems.append(f"manifest.json: says {manifest['rows']} rows, the files hold {report.rows}")
     return report
+
+
+def _pack_notes(built_with: dict[str, str] | None) -> list[str]:
+    """Say whether the asset pack of this machine is the one that a dataset was built with."""
+    if built_with is None:
+        return []
+    try:
+        here = AssetPack.load().digest
+    except AssetError as error:
+        return [f"recorded pictures cannot be looked at: {error}"]
+    if here == built_with["sha256"]:
+        return []
+    return [f"the asset pack here ({here[:12]}) is not the one of the build ({built_with['sha256'][:12]}); "
+            f"set {VARIABLE} to that one where rows cannot be made again"]  # fmt: skip
 
 
 def _check_shard(file: Path, shard: dict[str, Any], report: VerifyReport) -> None:
@@ -161,5 +181,7 @@ def _check_plan(row: dict[str, Any], picture: UInt8Array, plan: Plan) -> None:
         raise DatasetError("plan does not match plan_digest")
     if params_json(plan) != row["params"]:
         raise DatasetError("params are not those of the plan")
+    if (row["inserted"] and not row["event"]) or (row["event"] is None) != (row["fidelity"] == "exact"):
+        raise DatasetError("event, inserted and fidelity contradict each other")
     if plan.out_size != picture.shape[:2]:
         raise DatasetError("plan gives a picture of another size")

@@ -47,6 +47,33 @@ def test_importing_loads_nothing_heavy():
     assert found.strip() == "[]"
 
 
+def python(code):
+    """What `code` prints in a fresh interpreter."""
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
+
+
+def test_what_needs_only_errors_does_not_wait_for_numpy():
+    assert python("import sys, hijack_data.errors; print('numpy' in sys.modules)") == "False"
+    assert python("import sys, hijack_data; hijack_data.Marks; print('numpy' in sys.modules)") == "True"
+
+
+@pytest.mark.parametrize("first", ["import hijack_data.apply", "from hijack_data.apply import apply", "pass"])
+def test_apply_is_the_function_whatever_was_imported_before(first):
+    code = f"{first}\nimport hijack_data as hj\nprint(hj.apply.__module__, callable(hj.apply), 'Marks' in dir(hj))"
+    assert python(code) == "hijack_data.apply True True"
+
+
+@pytest.mark.parametrize("first", ["hijack_data.corruption", "hijack_data.corruptions.verification"])
+def test_the_nine_are_known_whatever_is_imported_first(first):
+    code = f"import {first}\nfrom hijack_data.corruption import get, names\nget('marks-v1')\nprint(*names()[:2])"
+    assert python(code) == "pop_ups resolution"
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="no attribute 'Nonsense'"):
+        hj.Nonsense  # noqa: B018
+
+
 def test_errors_descend_from_the_builtin_they_refine():
     from hijack_data import errors
 

@@ -103,6 +103,13 @@ def test_visual_is_the_four_disruptors_of_the_picture():
     assert config.options == {"clean": True}
 
 
+def test_all_nine_is_all_nine():
+    config = load_config("all_nine")
+    assert list(config.corruptions) == hj.names()
+    assert config.corruptions == load_config("paper").corruptions
+    assert config.options == {"clean": True, "label_policy": "recover"}
+
+
 # The paper's names and keys
 
 

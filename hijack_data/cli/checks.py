@@ -6,6 +6,7 @@ import importlib.util
 import platform
 import sys
 from pathlib import Path
+from typing import Any
 
 import click
 from rich.table import Table
@@ -26,8 +27,8 @@ EXTRAS = {
 }
 
 
-def load_plugin(path: Path) -> list[type[registry.Corruption]]:
-    """Import a Python file and return the corruptions that it registers."""
+def load_plugin(path: Path) -> tuple[list[type[registry.Corruption]], list[str]]:
+    """Import a Python file and return the corruptions that it registers, and the kinds of its live effects."""
     spec = importlib.util.spec_from_file_location(f"hijack_check_{path.stem}", path)
     if not path.is_file() or spec is None or spec.loader is None:
         raise HijackError(f"{path}: not a Python file")
@@ -39,26 +40,50 @@ def load_plugin(path: Path) -> list[type[registry.Corruption]]:
     except Exception as error:
         raise HijackError(f"{path}: cannot be imported: {type(error).__name__}: {error}") from error
     found = [registry.find(name) for name in registry.names() if name not in before]
-    if not found:
-        raise HijackError(f"{path}: registers no corruption; decorate a class with @hijack_data.register")
-    return found
+    # Effects belong to online_env; a file that registers one has imported it.
+    kinds: list[str] = _effects().kinds_of(spec.name) if "online_env.effects" in sys.modules else []
+    if not found and not kinds:
+        raise HijackError(
+            f"{path}: registers no corruption and no effect; decorate a class with @hijack_data.register "
+            "or @online_env.effects.register"
+        )
+    return found, kinds
+
+
+def _effects() -> Any:
+    return importlib.import_module("online_env.effects.checking")
 
 
 @click.command()
 @click.argument("file", metavar="FILE.py", type=click.Path(path_type=Path))
-def check(file: Path) -> None:
-    """Run the conformance suite on the corruptions that a file registers."""
+@click.option("--desktop/--no-desktop", default=True, help="Whether to try effects on real desktops (needs root).")
+def check(file: Path, desktop: bool) -> None:
+    """Run the conformance suite on the corruptions and live effects that a file registers."""
     out, failed = console(), 0
-    for cls in load_plugin(file):
+    corruptions, kinds = load_plugin(file)
+    for cls in corruptions:
         out.print(f"[bold]{cls().id}[/] {cls.summary()}")
-        for result in conformance.run(cls):
-            failed += not result.ok
-            out.print(f"  {'[green]ok  [/]' if result.ok else '[red]FAIL[/]'} {result.check}: {result.about}")
-            if not result.ok:
-                out.print(f"       {result.problem}", markup=False)
+        failed += sum(not _show(out, result) for result in conformance.run(cls))
+    for kind in kinds:
+        effects = _effects()
+        out.print(f"[bold]effect {kind}[/] {effects.summary(kind)}")
+        found = effects.check(kind, effects.params_for(kind, corruptions), desktop)
+        failed += sum(not _show(out, result) for result in found)
     if failed:
         out.print(f"{failed} checks failed")
         raise SystemExit(1)
+
+
+def _show(out: Any, result: Any) -> bool:
+    """Print the outcome of a check, or a text on what was not checked; returns whether nothing is wrong."""
+    if isinstance(result, str):
+        out.print("  [yellow]--  [/] not checked: ", end="")
+        out.print(result, markup=False)
+        return True
+    out.print(f"  {'[green]ok  [/]' if result.ok else '[red]FAIL[/]'} {result.check}: {result.about}")
+    if not result.ok:
+        out.print(f"       {result.problem}", markup=False)
+    return bool(result.ok)
 
 
 @click.command()

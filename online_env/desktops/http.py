@@ -16,16 +16,11 @@ from hijack_data.types import Size, UInt8Array
 from ..errors import GuestError, MissingCapabilityError
 from .line import Line, Reply
 from .protocol import Capability, RunResult, Task
+from .survey import survey
 
 PREFIX = "import pyautogui; import time; pyautogui.FAILSAFE = False; "  # what OSWorld puts before an agent's code
 SLACK = 10.0  # s that a command's answer may take over its own time-out
 MAX_PIXELS = 2**26
-LOCKERS = ("mate-screensaver-command", "gnome-screensaver-command", "xflock4")
-FIREWALLS = ("nft", "iptables")
-_PROBE = (
-    "for p in wmctrl {}; do command -v $p >/dev/null 2>&1 && echo $p; done; "
-    '[ "$(id -u)" = 0 ] && echo root; sudo -n true 2>/dev/null && echo root; true'
-).format(" ".join((*LOCKERS, *FIREWALLS)))
 _WMCTRL = re.compile(r"(0x[0-9a-f]+)\s+-?\d+\s+(\d+)\s+(-?\d+)\s+(-?\d+)\s+(\d+)\s+(\d+)\s+(\S+)\s+\S+ ?(.*)")
 
 
@@ -37,8 +32,12 @@ class HttpDesktop:
         token: what our own server asks for; a plain OSWorld guest needs none.
         timeout: seconds that an answer may take.
         resetter: what brings the machine back to its pristine state (reverts a snapshot ...) and does what the task's
-            `config` asks; without it `reset` raises `MissingCapabilityError`.
+            `config` asks; it returns the guest's address where that is another one now. Without it `reset` raises
+            `MissingCapabilityError`.
         size: `(height, width)` of the screen where it is known and does not change; else the guest is asked each time.
+        password: of the guest's user, for sudo; `None` where only a sudo that does not ask is to be tried.
+        source: address of this machine that requests must leave from. Where the way to the guest has gone (its cable
+            was removed), they are then refused here instead of leaving by the default route, token and all.
 
     All methods raise `GuestError` where the guest refuses or does not answer.
     """
@@ -48,10 +47,14 @@ class HttpDesktop:
         url: str,
         token: str | None = None,
         timeout: float = 30.0,
-        resetter: Callable[[Task | None], None] | None = None,
+        resetter: Callable[[Task | None], str | None] | None = None,
         size: Size | None = None,
+        password: str | None = "password",
+        source: str | None = None,
     ) -> None:
-        self._line = Line(url, token, timeout)
+        self._line = Line(url, token, timeout, source)
+        self._settings = (token, timeout, source)
+        self._password = password
         self._size = size
         self._token = token
         self._resetter = resetter
@@ -87,18 +90,12 @@ class HttpDesktop:
 
     @property
     def capabilities(self) -> frozenset[Capability]:
-        """What the guest can do, asked once: `lock` and `firewall` need a program, the latter also root's rights."""
+        """What the guest can do, asked once; `firewall` needs sudo, with the password that was given."""
         if self._capabilities is None:
-            found = set(self.execute(_PROBE, 15).output.split())
-            known: dict[Capability, bool] = {
-                "files": True,
-                "apps": True,
-                "accessibility": True,
-                "windows": self.is_ours or "wmctrl" in found,
-                "lock": not found.isdisjoint(LOCKERS),
-                "firewall": "root" in found and not found.isdisjoint(FIREWALLS),
-            }
-            self._capabilities = frozenset(name for name, there in known.items() if there)
+            known: set[Capability] = {"files", "apps", "accessibility"}
+            if self.is_ours:
+                known.add("windows")
+            self._capabilities = survey(self.execute, self._password) | known
         return self._capabilities
 
     @property
@@ -198,8 +195,11 @@ class HttpDesktop:
             raise MissingCapabilityError(
                 f"{self.url} can't be reset over HTTP: give HttpDesktop a resetter that reverts its snapshot"
             )
-        self._resetter(task)
+        url = self._resetter(task)
         self.close()
+        if url is not None:
+            self._line = Line(url, *self._settings)
+            self._ours = self._capabilities = None
 
     def close(self) -> None:
         """Close the connection; the desktop itself goes on."""

@@ -43,15 +43,19 @@ class Reply:
 
 
 class Line:
-    """One kept-open HTTP connection to a guest; its users wait for one another."""
+    """One kept-open HTTP connection to a guest; its users wait for one another.
 
-    def __init__(self, url: str, token: str | None, timeout: float) -> None:
+    `source` is the address of this machine that it must leave from: where that is gone, so is the way to the guest.
+    """
+
+    def __init__(self, url: str, token: str | None, timeout: float, source: str | None = None) -> None:
         parts = urlsplit(url if "//" in url else f"http://{url}")
         if parts.scheme not in ("http", "https") or not parts.hostname:
             raise GuestError(f"{url!r} is not the address of a guest; it must be like http://10.0.0.2:5000")
         self.url = f"{parts.scheme}://{parts.netloc}"
         kind = http.client.HTTPSConnection if parts.scheme == "https" else http.client.HTTPConnection
-        self._connection = kind(parts.hostname, parts.port or 5000, timeout=timeout)
+        leave = (source, 0) if source else None
+        self._connection = kind(parts.hostname, parts.port or 5000, timeout=timeout, source_address=leave)
         self._headers = {"Authorization": f"Bearer {token}"} if token else {}
         self._timeout = timeout
         self._lock = threading.Lock()

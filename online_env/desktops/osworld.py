@@ -3,7 +3,6 @@
 import base64
 import io
 import json
-import shlex
 from collections.abc import Sequence
 from typing import Any, Protocol, cast
 
@@ -12,21 +11,32 @@ from PIL import Image, UnidentifiedImageError
 
 from hijack_data.types import Size, UInt8Array
 
-from ..errors import DesktopError, DesktopTimeoutError, GuestError, MissingCapabilityError
+from ..errors import DesktopError, GuestError, MissingCapabilityError
 from .protocol import Capability, RunResult, Task
+from .survey import survey
 
 # One argument of a command is at most 128 KiB on Linux; base64 makes three bytes four.
 CHUNK = 64 * 1024
+OUTPUT_CAP = 2 * 2**20
+CAP_NOTE = "\n[output cut: more than 2 MiB]"
 _MARK = "agenthijack-result:"
+# Output goes to files, not to pipes: what the command leaves in the background must hold nobody up.
 _RUN = """
-import json, subprocess, sys
-try:
-    r = subprocess.run({command!r}, shell={shell!r}, capture_output=True, timeout={timeout!r}, stdin=subprocess.DEVNULL)
-    a = [r.returncode, r.stdout.decode("utf-8", "replace"), r.stderr.decode("utf-8", "replace")]
-except subprocess.TimeoutExpired:
-    a = [None, "", "timeout"]
-except OSError as e:
-    a = [127, "", str(e)]
+import json, os, signal, subprocess, tempfile
+def read(f):
+    f.seek(0)
+    b = f.read({cap!r} + 1)
+    return (b[:{cap!r}] + ({note!r}.encode() if len(b) > {cap!r} else b"")).decode("utf-8", "replace")
+with tempfile.TemporaryFile() as o, tempfile.TemporaryFile() as e:
+    try:
+        kept = dict(stdin=subprocess.DEVNULL, stdout=o, stderr=e, start_new_session=True)
+        p = subprocess.Popen({command!r}, shell={shell!r}, **kept)
+        a = [p.wait({timeout!r}), read(o), read(e)]
+    except subprocess.TimeoutExpired:
+        os.killpg(p.pid, signal.SIGKILL)
+        a = [None, "", "Command timed out after {timeout:g} seconds"]
+    except OSError as x:
+        a = [None, "", str(x)]
 print({mark!r} + json.dumps(a))
 """
 _WRITE = "import base64; open({path!r}, {mode!r}).write(base64.b64decode({data!r}))"
@@ -57,8 +67,8 @@ class OsworldDesktop:
 
     Args:
         env: the environment, such as `desktop_env.DesktopEnv` or `online_env.osworld.env.OsworldEnv`.
-        password: sudo password of the guest's user; with one, `firewall` is among the capabilities.
-        capabilities: what else the guest can do (`lock`, `windows`), which an environment does not tell.
+        password: of the guest's user, for sudo; `None` where only a sudo that does not ask is to be tried.
+        capabilities: what the guest can do besides what is found by asking it.
 
     Raises `MissingCapabilityError` where `env` lacks a method that is needed.
     """
@@ -73,18 +83,18 @@ class OsworldDesktop:
             raise MissingCapabilityError(f"{type(env).__name__} is not shaped like OSWorld's environment: no {names}")
         self.env = env
         self.password = password
-        found: set[Capability] = {"apps", "files", *capabilities}
+        self._told: set[Capability] = {"apps", "files", *capabilities}
         if callable(getattr(controller, "get_accessibility_tree", None)):
-            found.add("accessibility")
-        if password is not None:
-            found.add("firewall")
-        self._capabilities = frozenset(found)
+            self._told.add("accessibility")
+        self._found: frozenset[Capability] | None = None
         self._size: Size | None = None
 
     @property
     def capabilities(self) -> frozenset[Capability]:
-        """What may be asked of this desktop."""
-        return self._capabilities
+        """What may be asked of this desktop; the guest is asked once."""
+        if self._found is None:
+            self._found = survey(self.execute, self.password)
+        return self._found | self._told
 
     @property
     def size(self) -> Size:
@@ -112,7 +122,7 @@ class OsworldDesktop:
 
     def accessibility(self) -> str:
         """The accessibility tree in OSWorld's dialect. Raises `MissingCapabilityError` where there is none."""
-        if "accessibility" not in self._capabilities:
+        if "accessibility" not in self._told:
             raise MissingCapabilityError(f"{type(self.env).__name__}.controller has no get_accessibility_tree")
         tree: object = self.env.controller.get_accessibility_tree()
         if not isinstance(tree, str):
@@ -131,15 +141,15 @@ class OsworldDesktop:
         )  # fmt: skip
 
     def execute(self, argv: Sequence[str] | str, timeout: float = 60) -> RunResult:
-        """Run a command; a string goes to the shell. OSWorld's client itself waits at most 90 s."""
+        """Run a command; a string goes to the shell. OSWorld's client itself waits at most 90 s.
+
+        Of its output the first 2 MiB arrive: OSWorld's server and client hold all of it several times over.
+        """
         shell = isinstance(argv, str)
         command = argv if shell else [str(part) for part in argv]
-        row = self._answer(_RUN.format(command=command, shell=shell, timeout=timeout, mark=_MARK))
-        code, output, error = json.loads(row)
-        if code is None:
-            name = argv if shell else shlex.join(argv)
-            raise DesktopTimeoutError(f"{name!r} took over {timeout:g} s in the guest")
-        return RunResult("success", output, error, code)
+        asked = _RUN.format(command=command, shell=shell, timeout=timeout, mark=_MARK, cap=OUTPUT_CAP, note=CAP_NOTE)
+        code, output, error = json.loads(self._answer(asked))
+        return RunResult("success" if code is not None else "error", output, error, code)
 
     def read_file(self, path: str) -> bytes:
         """The content of a file. Raises `GuestError` where it can't be read."""

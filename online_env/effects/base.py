@@ -58,6 +58,7 @@ class LiveEffect(ABC):
 
     kind: ClassVar[str]
     needs: ClassVar[frozenset[Capability]] = frozenset()
+    lasting: ClassVar[bool] = True  # False for an event, such as a click: it cannot be taken back
 
     @abstractmethod
     def apply(self, guest: Guest, params: Mapping[str, Any]) -> Record:

@@ -39,6 +39,7 @@ class Touch(LiveEffect):
 
     kind: ClassVar[str] = "touch"
     needs: ClassVar[frozenset[Capability]] = frozenset({"accessibility", "windows"})
+    lasting: ClassVar[bool] = False
 
     def apply(self, guest: Guest, params: Mapping[str, Any]) -> Record:
         """Draw an element, go there, see whether it is still there, click; draw again if nothing changes."""
@@ -82,8 +83,11 @@ def _look(guest: Guest, without_app: bool) -> _View:
 
 
 def _in_sight(element: Element, state: Mapping[str, Any]) -> bool:
-    """False where only the desktop or a panel lies at an application's element: guests list minimised windows, too."""
+    """False where only the desktop or a panel lies at an application's element, since guests list minimised windows,
+    too; and behind a modal dialog, where no click does anything."""
     window = window_at(element.centre, state)
+    if window is not None and any(window["id"] == w["for"] and "modal" in w["states"] for w in state["windows"]):
+        return False
     return window is None or window["type"] not in FIXED or element.app.lower() in LAUNCHERS
 
 

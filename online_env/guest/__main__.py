@@ -18,6 +18,7 @@ from . import preload
 from .commands import TOOLS
 from .machine import Machine
 from .server import make_app
+from .still import Still
 
 BACKLOG = 128
 REFUSED = 2
@@ -38,12 +39,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.user:
             become(options.user)
         sockets = [_listen(host, options.port) for host in options.host.split(",")]
+        door = None if options.still is None else socket.socket(fileno=options.still)
     except (OSError, KeyError, UnicodeDecodeError) as error:
         return _refuse(f"{error}")
     os.chdir(os.environ.get("HOME", "/"))
     os.umask(0o022)
+    machine = Machine(options.bin)
+    if door is not None:
+        Still(door, machine.name, machine.screen).start()
     config = uvicorn.Config(
-        make_app(Machine(options.bin), token, options.osworld), log_level="warning", access_log=False, lifespan="off",
+        make_app(machine, token, options.osworld), log_level="warning", access_log=False, lifespan="off",
         ws="none", http="h11", loop="asyncio", timeout_keep_alive=75,
     )  # fmt: skip
     asyncio.run(uvicorn.Server(config).serve(sockets=sockets))
@@ -69,6 +74,9 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--token-file", type=Path, help="a file that holds the token; read before rights are given up")
     parser.add_argument("--osworld", action="store_true", help="serve OSWorld's routes without a token")
     parser.add_argument("--user", help="the account to run as; needed as root")
+    parser.add_argument(
+        "--still", type=int, help="descriptor of a listening socket: hold the screen still for its callers"
+    )
     parser.add_argument("--bin", default=TOOLS, help="the folder of our wrappers (python, google-chrome)")
     return parser.parse_args(arguments)
 

@@ -3,6 +3,7 @@
 import shutil
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -118,23 +119,22 @@ class Run:
 
     async def activate_window(self, request: Request) -> Response:
         """Bring a window to the front."""
-        window = await self._wanted(request)
-        await run_in_threadpool(self._machine.windows.activate, window.id)
-        return PlainTextResponse("Window activated successfully")
+        return await self._act(request, self._machine.windows.activate, "Window activated successfully")
 
     async def close_window(self, request: Request) -> Response:
         """Ask a window to close."""
-        window = await self._wanted(request)
-        await run_in_threadpool(self._machine.windows.close, window.id)
-        return PlainTextResponse("Window closed successfully.")
+        return await self._act(request, self._machine.windows.close, "Window closed successfully.")
 
-    async def _wanted(self, request: Request) -> Window:
+    async def _act(self, request: Request, act: Callable[[int], None], done: str) -> Response:
         body = await body_of(request)
         name, strict, by_class = text(body, "window_name"), flag(body, "strict"), flag(body, "by_class")
         window = await self._find(name, strict, by_class)
         if window is None:
-            raise GuestError(f"there is no window whose {'class' if by_class else 'title'} fits {name!r:.200}", 404)
-        return window
+            # No error: OSWorld's server calls wmctrl and does not look at what it says, and tasks rely on that.
+            kind = "class" if by_class else "title"
+            return PlainTextResponse(f"There is no window whose {kind} fits {name!r:.200}; nothing was done")
+        await run_in_threadpool(act, window.id)
+        return PlainTextResponse(done)
 
     async def _find(self, name: str, strict: bool, by_class: bool) -> Window | None:
         return await run_in_threadpool(self._machine.windows.find, name, strict=strict, by_class=by_class)

@@ -13,6 +13,8 @@ from hijack_data.types import UInt8Array
 
 from ..errors import DesktopError
 from .display import Shared
+from .picture import Pointer, to_rgb
+from .shim.ah_input import Connection
 
 
 class Screen:
@@ -32,10 +34,16 @@ class Screen:
     def capture(self) -> tuple[UInt8Array, int]:
         """Return the screen, uint8 RGB `[H, W, 3]`, and the frame's number, counted from 1."""
         with self._lock:
-            image = _to_rgb(self._grab())
-            _draw_pointer(image, self._display)
-            self.frame_id = next(self._numbers)
-            return image, self.frame_id
+            image = to_rgb(self._grab())
+            with self._display.use() as connection:
+                pointer = pointer_of(connection)
+            pointer.draw(image)
+            return image, self.count()
+
+    def count(self) -> int:
+        """The number of a new frame."""
+        self.frame_id = number = next(self._numbers)
+        return number
 
     def _grab(self) -> UInt8Array:
         try:
@@ -59,28 +67,9 @@ class Screen:
                 return
 
 
-def _to_rgb(bgrx: UInt8Array) -> UInt8Array:
-    image = np.empty((*bgrx.shape[:2], 3), np.uint8)
-    for channel in range(3):  # three strided copies are four times as fast as one with swapped channels
-        image[..., channel] = bgrx[..., 2 - channel]
-    return image
-
-
-def _draw_pointer(image: UInt8Array, display: Shared) -> None:
-    """Blend the pointer's picture in; XFixes gives it with alpha already multiplied in."""
+def pointer_of(connection: Connection) -> Pointer:
+    """The pointer as it is now; raises what `Shared.use` handles."""
     try:
-        with display.use() as connection:
-            cursor = connection.display.xfixes_get_cursor_image(connection.root)
+        return Pointer.of(connection.display.xfixes_get_cursor_image(connection.root))
     except error.BadAccess:
-        return  # X refuses the picture of a pointer whose application has just ended
-    height, width = image.shape[:2]
-    left, top = cursor.x - cursor.xhot, cursor.y - cursor.yhot
-    x1, y1 = max(left, 0), max(top, 0)
-    x2, y2 = min(left + cursor.width, width), min(top + cursor.height, height)
-    if x2 <= x1 or y2 <= y1:
-        return
-    argb = np.array(cursor.cursor_image, np.uint32).reshape(cursor.height, cursor.width)
-    argb = argb[y1 - top : y2 - top, x1 - left : x2 - left, None]
-    colour, alpha = argb >> np.array([16, 8, 0], np.uint32) & 255, argb >> 24
-    under = image[y1:y2, x1:x2].astype(np.uint32)
-    image[y1:y2, x1:x2] = np.minimum(colour + (under * (255 - alpha) + 127) // 255, 255).astype(np.uint8)
+        return Pointer.none()  # X refuses the picture of a pointer whose application has just ended

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from ..desktops.embedded import handle
+from ..desktops.embedded import handle, network
 from ..desktops.embedded.pool import Supply
 from . import history, venv
 from .env import Address, OsworldEnv, Settings
@@ -20,11 +20,29 @@ def address_of(record: Mapping[str, Any]) -> Address:
     return Address(record["address"], token=Path(record["token_file"]).read_text(encoding="ascii").strip())
 
 
+class EmbeddedEnv(OsworldEnv):
+    """OSWorld's environment on an embedded desktop of this machine."""
+
+    def __init__(self, python: Path, supply: Supply, settings: Settings, log: Path) -> None:
+        self._record: Mapping[str, Any] = {}
+        self._supply = supply
+        super().__init__(python, self._next, settings, log)
+
+    @property
+    def namespace(self) -> Path:
+        """The network namespace of the present desktop, for a firewall rule from outside."""
+        return network.NETNS / self._record["netns"]
+
+    def _next(self) -> Address:
+        self._record = self._supply.next()
+        return address_of(self._record)
+
+
 @contextlib.contextmanager
 def embedded_env(
     folder: Path = venv.DEFAULT, cache: Path = Path("cache"), *, size: tuple[int, int] = (1080, 1920),
     tree: bool = False, standby: bool = True,
-) -> Iterator[OsworldEnv]:  # fmt: skip
+) -> Iterator[EmbeddedEnv]:  # fmt: skip
     """OSWorld's `DesktopEnv` on an embedded desktop, which every reset replaces by a pristine one.
 
     Args:
@@ -42,7 +60,7 @@ def embedded_env(
     height, width = size
     try:
         settings = Settings(cache, (width, height), tree)
-        with contextlib.closing(OsworldEnv(python, lambda: address_of(supply.next()), settings, cache / LOG)) as env:
+        with contextlib.closing(EmbeddedEnv(python, supply, settings, cache / LOG)) as env:
             yield env
     finally:
         supply.close()

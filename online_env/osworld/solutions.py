@@ -127,7 +127,7 @@ _AUTO_SAVE_LINES = "".join(
     f"s|</oor:items>|{_AUTO_SAVE.format(name, value)}</oor:items>|;"
     for name, value in (("AutoSave", "true"), ("AutoSaveTimeIntervall", "3"))
 )
-_VIDEO = "mp4 mpeg x-matroska webm quicktime x-msvideo ogg 3gpp x-flv mp2t x-ms-wmv"
+_VIDEO = "$(grep -o '^video/[^=]*' ~/.config/mimeapps.list)"  # the browser opens them all at first
 
 SOLUTIONS: dict[str, Solution] = {
     "030eeff7-b492-4218-b312-701ec99ee0cc": Solution("windows", do_not_track),
@@ -147,7 +147,7 @@ SOLUTIONS: dict[str, Solution] = {
     ),
     "ef9d12bd-bcee-4ba0-a40e-918400f43ddf": Solution("windows", slide_panel),
     "937087b6-f668-4ba6-9110-60682ee33441": _shell(
-        f"for kind in {_VIDEO}; do xdg-mime default vlc.desktop video/$kind; done"
+        f"for kind in {_VIDEO}; do xdg-mime default vlc.desktop $kind; done"
     ),
     "13584542-872b-42d8-b299-866967b5c3ef": _shell(
         "sed -i '/^MiscDefaultGeometry=/d' ~/.config/xfce4/terminal/terminalrc",

@@ -6,7 +6,7 @@ import os
 import pickle
 import signal
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
@@ -24,7 +24,7 @@ QUEUED = 2
 
 def run(
     tasks: Iterable[ShardTask], settings: Settings, out: Path, workers: int, tick: Callable[[int], None]
-) -> Iterator[ShardRecord]:
+) -> Generator[ShardRecord]:
     """Yield the record of each task, in any order; `tick` is told how many rows were looked at.
 
     Raises `BuildError` when the corruptions cannot be sent to a worker or a worker dies.

@@ -6,6 +6,8 @@ from typing import Any, TypeAlias
 
 from hijack_data.errors import ActionError
 
+from ..rows import VISIBLE
+
 Row: TypeAlias = dict[str, Any]
 
 # What trainers put pictures, videos and sounds in the place of; in an instruction it would ask for one too many.
@@ -46,6 +48,11 @@ ABOUT = (
     "id", "trajectory_id", "step", "source", "domain", "corruption", "severity", "fidelity", "width", "height",
     "target_box", "target_visible", "plan_digest", "image_sha256",
 )  # fmt: skip
+
+
+def is_hidden(row: Row) -> bool:
+    """Return whether too little of the row's target shows for its action to be a label."""
+    return row["target_visible"] is not None and row["target_visible"] < VISIBLE
 
 
 def plain(text: str) -> str:

@@ -294,3 +294,22 @@ def test_misplaced_allows_for_what_cannot_be_smaller():
     assert _misplaced(wide, asked)
     assert not _misplaced({**wide, "least": [1138, 0]}, asked)
     assert _misplaced(None, asked) == ["the window beside it is gone"]
+
+
+def test_a_window_behind_its_modal_dialog_is_not_touched():
+    from online_env.effects.elements import Element
+    from online_env.effects.touch import _in_sight
+
+    def window(number, frame, **more):
+        return {"id": number, "mapped": True, "frame": frame, "type": "normal", "for": 0, "states": [], **more}
+
+    main, beside = window(1, [0, 0, 100, 100]), window(2, [200, 0, 300, 100])
+    dialog = window(3, [40, 40, 60, 60], type="dialog", **{"for": 1}, states=["modal"])
+    places = {"main": (10, 10, 20, 20), "dialog": (45, 45, 55, 55), "beside": (210, 10, 220, 20)}
+
+    def seen(*windows):
+        state = {"windows": list(windows)}
+        return {name for name, box in places.items() if _in_sight(Element("app", "push-button", name, box), state)}
+
+    assert seen(main, beside, dialog) == {"dialog", "beside"}
+    assert seen(main, beside, {**dialog, "states": []}) == {"main", "dialog", "beside"}

@@ -14,7 +14,7 @@ import httpx
 import pytest
 from PIL import Image
 
-PAGE = Path(__file__).resolve().parents[2] / "docs/embedded_desktop.md"
+DOCS = Path(__file__).resolve().parents[2] / "docs"
 
 
 def hijack(*arguments, code=0):
@@ -55,9 +55,9 @@ def test_unknown_desktop_is_told(embedded_machine):
     assert "WIDTHxHEIGHT" in hijack("up", "--size", "big", code=2)
 
 
-def blocks(fence):
-    """The blocks of docs/embedded_desktop.md in one language."""
-    return re.findall(rf"```{fence}\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+def blocks(fence, page="embedded_desktop.md"):
+    """The blocks of a page of documentation in one language."""
+    return re.findall(rf"```{fence}\n(.*?)```", (DOCS / page).read_text(encoding="utf-8"), re.DOTALL)
 
 
 def test_documented_commands_work(embedded_machine, tmp_path, monkeypatch):
@@ -69,12 +69,16 @@ def test_documented_commands_work(embedded_machine, tmp_path, monkeypatch):
     assert (tmp_path / "hello.png").stat().st_size > 10_000
 
 
-def test_documented_python_works(embedded_machine):
-    done = subprocess.run(
-        [sys.executable, "-c", blocks("py")[0]], capture_output=True, text=True, timeout=90, check=False
-    )
+@pytest.mark.parametrize(
+    ("page", "printed"),
+    [("embedded_desktop.md", "Desktop"), ("bring_your_own_vm.md", "(720, 1280) ['accessibility'")],
+)
+def test_documented_python_works(embedded_machine, page, printed):
+    command = [sys.executable, "-c", blocks("py", page)[0]]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=90, check=False)
     assert done.returncode == 0, done.stderr
-    assert "Desktop" in done.stdout
+    assert printed in done.stdout
+    assert "False" not in done.stdout
 
 
 @pytest.fixture

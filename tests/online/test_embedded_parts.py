@@ -170,11 +170,11 @@ def test_size_is_width_first():
 
 
 def test_session_programs_have_no_secret_in_their_arguments():
-    argv = session.guest_server("/python", ("/x",), "10.199.0.2", osworld=False)
+    argv = session.guest_server("/python", ("/x",), "10.199.0.2", 7, osworld=False)
     assert "--osworld" not in argv
     assert "127.0.0.1,10.199.0.2" in argv
     assert argv[argv.index("--token-file") + 1] == session.TOKEN_FILE
-    assert "--osworld" in session.guest_server("/python", (), "10.199.0.2", osworld=True)
+    assert "--osworld" in session.guest_server("/python", (), "10.199.0.2", 7, osworld=True)
 
 
 def test_without_root_the_commands_say_so(monkeypatch):

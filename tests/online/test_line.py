@@ -5,7 +5,9 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 
+from online_env.desktops.http import HttpDesktop
 from online_env.desktops.line import Line
+from online_env.errors import GuestError
 
 
 class Handler(BaseHTTPRequestHandler):
@@ -42,3 +44,20 @@ def test_an_empty_answer_does_not_block_the_next_request(url):
         b"",
     ]
     line.close()
+
+
+def test_a_request_that_may_leave_from_one_address_only_never_leaves_from_another(url):
+    line = Line(url, "secret", 5, source="127.0.0.9")
+    assert line.ask("GET", "/full").body == b"full"
+    line.close()
+    gone = Line(url, "secret", 5, source="10.199.63.253")  # no cable of ours is that old
+    with pytest.raises(GuestError, match="failed"):
+        gone.ask("GET", "/full")
+    gone.close()
+
+
+def test_the_address_of_a_guest_may_change_with_a_reset(url):
+    with HttpDesktop("http://127.0.0.1:9", resetter=lambda task: url, timeout=5) as desktop:
+        desktop.reset()
+        assert desktop.url == url
+        assert desktop._line.ask("GET", "/full").body == b"full"

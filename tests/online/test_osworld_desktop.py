@@ -12,9 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hijack_data.files import encode_png
-from online_env.desktops.osworld import CHUNK, OsworldDesktop
-from online_env.desktops.protocol import Desktop
-from online_env.errors import DesktopTimeoutError, GuestError, MissingCapabilityError
+from online_env.desktops.osworld import CAP_NOTE, CHUNK, OUTPUT_CAP, OsworldDesktop
+from online_env.desktops.protocol import Desktop, RunResult
+from online_env.desktops.survey import survey
+from online_env.errors import GuestError, MissingCapabilityError
 
 
 class Controller:
@@ -93,9 +94,12 @@ def test_commands(desktop: OsworldDesktop) -> None:
     assert desktop.execute(["printf", "%s", odd]).output == odd
     shell = desktop.execute("echo out; echo err >&2; exit 3")
     assert (shell.output, shell.error, shell.returncode, shell.ok) == ("out\n", "err\n", 3, False)
-    assert desktop.execute(["no-such-program"]).returncode == 127
-    with pytest.raises(DesktopTimeoutError, match=r"sleep 5.*0\.2 s"):
-        desktop.execute(["sleep", "5"], timeout=0.2)
+    absent = desktop.execute(["no-such-program"])
+    assert (absent.status, absent.returncode) == ("error", None)
+    late = desktop.execute(["sleep", "5"], timeout=0.2)
+    assert (late.status, late.returncode, late.error) == ("error", None, "Command timed out after 0.2 seconds")
+    long = desktop.execute(["head", "-c", str(OUTPUT_CAP + 1), "/dev/zero"]).output
+    assert (len(long), long.endswith(CAP_NOTE)) == (OUTPUT_CAP + len(CAP_NOTE), True)
 
 
 @settings(max_examples=8, deadline=None)
@@ -135,17 +139,50 @@ def test_a_guest_that_does_not_answer_is_an_error(env: Env) -> None:
         OsworldDesktop(env).run("1")
 
 
-def test_capabilities_come_from_what_is_there(env: Env) -> None:
-    assert OsworldDesktop(env).capabilities == {"apps", "files"}
+def test_capabilities_come_from_what_is_there(env: Env, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Any] = []
+
+    def execute(self: OsworldDesktop, argv: list[str], timeout: float) -> RunResult:
+        asked.append(argv)
+        return RunResult("success", "lock\nnonsense\nfirewall\n", "", 0)
+
+    monkeypatch.setattr(OsworldDesktop, "execute", execute)
+    desktop = OsworldDesktop(env, password="it's a secret")
+    assert desktop.capabilities == desktop.capabilities == {"apps", "files", "lock", "firewall"}
+    assert [argv[-1] for argv in asked] == ["it's a secret"], "the guest is asked once"
     with pytest.raises(MissingCapabilityError, match="get_accessibility_tree"):
-        OsworldDesktop(env).accessibility()
+        desktop.accessibility()
     env.controller.get_accessibility_tree = lambda: "<desktop-frame/>"  # type: ignore[attr-defined]
-    full = OsworldDesktop(env, password="password", capabilities=("lock",))
-    assert full.capabilities == {"apps", "files", "accessibility", "firewall", "lock"}
+    full = OsworldDesktop(env, capabilities=("windows",))
+    assert full.capabilities == {"apps", "files", "accessibility", "firewall", "lock", "windows"}
     assert full.accessibility() == "<desktop-frame/>"
     env.controller.get_accessibility_tree = lambda: None  # type: ignore[attr-defined]
     with pytest.raises(GuestError, match="NoneType"):
         full.accessibility()
+
+
+SUDO = """#!/bin/sh
+case "$1" in
+  -n) exit 1;;
+  -S) read -r given; [ "$given" = "pa'ss \\$word" ] || exit 1;;
+esac
+echo as root: "$@" >> "$0.log"
+"""
+
+
+@pytest.mark.parametrize(("password", "allowed"), [("pa'ss $word", True), ("wrong", False), (None, False)])
+def test_the_firewall_is_ours_only_with_the_password(tmp_path: Path, password: str | None, allowed: bool) -> None:
+    """A guest whose user is nobody in particular and whose sudo asks."""
+    for name, text in (("sudo", SUDO), ("id", "#!/bin/sh\necho 1000\n")):
+        (tmp_path / name).write_text(text)
+        (tmp_path / name).chmod(0o755)
+
+    def execute(argv: Any, timeout: float) -> RunResult:
+        place = {"PATH": f"{tmp_path}:/usr/bin:/bin"}
+        done = subprocess.run(argv, capture_output=True, text=True, check=False, env=place)
+        return RunResult("success", done.stdout, done.stderr, done.returncode)
+
+    assert ("firewall" in survey(execute, password)) is allowed
 
 
 def test_what_is_not_shaped_like_osworld_is_refused() -> None:

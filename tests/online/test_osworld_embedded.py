@@ -1,4 +1,4 @@
-"""OSWorld's own evaluators on a real embedded desktop: tasks of its own, the self-test, and the Desktop protocol."""
+"""OSWorld's own evaluators on a real embedded desktop: tasks of its own, and the self-test."""
 
 import contextlib
 import os
@@ -8,11 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
-from online_env.desktops.osworld import OsworldDesktop
-from online_env.desktops.protocol import Desktop
 from online_env.osworld import history, venv
 from online_env.osworld.env import OsworldEnv
 from online_env.osworld.run import embedded_env
@@ -94,24 +91,6 @@ def test_every_reset_is_pristine(env: OsworldEnv) -> None:
     assert env.evaluate() == 0
     env.reset(marked.config)
     assert env.evaluate() == 1
-
-
-def test_it_is_a_desktop(env: OsworldEnv) -> None:
-    desktop = OsworldDesktop(env, password="password")
-    assert isinstance(desktop, Desktop)
-    desktop.reset(task("true").config)
-    assert desktop.size == (800, 1280)
-    assert desktop.execute("id -un; echo $HOME").output == "user\n/home/user\n"
-    assert "File Manager" in desktop.accessibility()
-    data = bytes(range(256)) * 500
-    desktop.write_file("/home/user/a file", data)
-    assert desktop.read_file("/home/user/a file") == data
-    before = desktop.screenshot()
-    assert desktop.run("pyautogui.moveTo(300, 200); print(tuple(pyautogui.position()))").output == "(300, 200)\n"
-    changed = (before != desktop.screenshot()).any(axis=2)
-    assert changed[195:230, 295:320].any(), "the pointer is not where it was sent"
-    assert before.dtype == np.uint8
-    assert desktop.action_history == []
 
 
 def test_groups_and_beginnings_choose(shared_data: Path) -> None:

@@ -11,6 +11,8 @@ from PIL import Image
 
 import hijack_data as hj
 
+from support.assets import make_pack
+
 WIDTH, HEIGHT = 320, 200
 Recording = Callable[..., Path]
 
@@ -69,6 +71,12 @@ def add_line() -> Callable[[Path, Any], None]:
 def good_line() -> Callable[..., dict[str, Any]]:
     """Make one line; see `line`."""
     return line
+
+
+@pytest.fixture(scope="session")
+def assets(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a tiny asset pack."""
+    return make_pack(tmp_path_factory.mktemp("assets") / "pack")
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from pipelines.rows import Settings
 
 NAMES = """
 id trajectory_id step source domain instruction screenshot width height action action_code target_box corruption
-severity seed params plan plan_digest fidelity target_visible changed_pixels image_sha256
+severity seed params plan plan_digest fidelity event reminder inserted target_visible changed_pixels image_sha256
 """.split()  # noqa: SIM905
 
 
@@ -182,12 +182,12 @@ def test_workers_change_nothing(recording: Any, small: Any, add_line: Any, tmp_p
 
 
 def test_planners_that_cannot_be_sent_to_workers(recording: Any, tmp_path: Path) -> None:
-    planners = {"later": hj.Schedule(lambda epoch: hj.Marks(number=3, mark_size=5))}
+    planners = {"later": hj.Schedule(lambda epoch: hj.Marks(number=3, mark_size=5, avoid_elements=epoch == 0))}
     with pytest.raises(BuildError, match="workers=1"):
         build(recording(), tmp_path / "out", corruptions=planners, workers=2)
     build(recording("again"), tmp_path / "out2", corruptions=planners)
     manifest = json.loads((tmp_path / "out2" / "manifest.json").read_text())
-    assert manifest["parameters"]["elements"] == "picture"  # what a schedule gives may need them
+    assert manifest["parameters"]["elements"] == "picture"  # what the schedule gives for epoch 0 needs them
     assert not (tmp_path / "out2" / "config.yaml").exists()
 
 

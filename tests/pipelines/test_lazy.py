@@ -55,7 +55,7 @@ def assert_same_rows(one: Any, other: Any) -> int:
     return count
 
 
-@pytest.mark.parametrize("label_policy", ["keep", "avoid", "drop"])
+@pytest.mark.parametrize("label_policy", ["keep", "avoid", "drop", "recover"])
 @pytest.mark.parametrize("clean", [True, False])
 def test_both_kinds_are_equal_row_by_row(label_policy: str, clean: bool, recording: Any, tmp_path: Path) -> None:
     whole, lazy = pair(recording(steps=4), tmp_path, label_policy=label_policy, clean=clean)

@@ -2,10 +2,13 @@
 
 import json
 import os
+import random
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +17,8 @@ import pytest
 import hijack_data as hj
 from pipelines import build, open_dataset, verify
 from pipelines.errors import BuildError, DatasetError
+
+from support.killing import Killer, killer
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = """
@@ -107,6 +112,93 @@ def test_workers_end_with_a_build_that_is_killed(recording: Any, planners: Any, 
     build(source, tmp_path / "whole", corruptions=planners, rows_per_shard=9)
     assert report.kept >= 1
     assert contents(out) == contents(tmp_path / "whole")
+
+
+@dataclass
+class Case:
+    """A source, the options of a build, and the files of an undisturbed one."""
+
+    source: Path
+    options: dict[str, Any]
+    whole: dict[str, bytes]
+    kill: Killer
+
+    def build(self, out: Path, **more: Any) -> None:
+        planners = {label: hj.get(name, **given) for label, (name, given) in self.options["corruptions"].items()}
+        build(self.source, out, **{**self.options, "corruptions": planners, **more})
+
+
+@pytest.fixture(scope="module")
+def killing() -> Iterator[Killer]:
+    with killer() as found:
+        yield found
+
+
+@pytest.fixture
+def six(recording: Any, add_line: Any, tmp_path: Path, killing: Killer) -> Case:
+    """Six shards, and inputs that are rejected."""
+    source = recording(trajectories=6, steps=2)
+    image = source / "images" / "t2-1.png"
+    image.write_bytes(image.read_bytes()[:-1000])
+    add_line(source, b"rubbish")
+    corruptions = {"few": ["marks", {"number": 4, "mark_size": 8}], "half": ["resolution", {}]}
+    case = Case(source, {"corruptions": corruptions, "rows_per_shard": 6}, {}, killing)
+    case.build(tmp_path / "whole")
+    case.whole = contents(tmp_path / "whole")
+    assert len([name for name in case.whole if name.startswith("data/train-")]) == 6
+    assert case.whole["quarantine.jsonl"].count(b"\n") == 2
+    return case
+
+
+def test_killed_before_and_after_every_file_is_put_in_place(six: Case, tmp_path: Path) -> None:
+    """Every shard, every note that a shard is done, and what comes at the end; the resumed build is killed, too."""
+    resumed = {**six.options, "resume": True}
+    names = six.kill.renames(six.source, tmp_path / "counted", six.options)
+    shards = [name for name in names if name.startswith("train-")]
+    assert (len(shards), names[-1]) == (6, "manifest.json")
+    draw = random.Random(1)
+    for number, name in enumerate(names):
+        for before in (True, False):
+            out = tmp_path / f"{number}-{before}"
+            case = f"killed {'before' if before else 'after'} {name}"
+            assert six.kill.at_rename(six.source, out, six.options, number, before), case
+            done = list((out / "data").glob("train-*.parquet"))
+            assert len(done) == len([n for n in names[: number + (not before)] if n in shards]), case
+            assert (out / "manifest.json").exists() == (name == "manifest.json" and not before), case
+            again = draw.randrange(len(names))
+            six.kill.at_rename(six.source, out, resumed, again, bool(draw.randrange(2)))
+            six.build(out, resume=True, workers=2 if before and name in shards[::2] else 1)
+            assert contents(out) == six.whole, f"{case}, and again at {again}"
+
+
+def test_killed_after_every_shard_of_two_workers(six: Case, tmp_path: Path) -> None:
+    for number in range(1, 7):  # the first file is that of the parameters; workers put shards in place themselves
+        out = tmp_path / str(number)
+        assert six.kill.at_rename(six.source, out, {**six.options, "workers": 2}, number, number % 2 == 0)
+        six.build(out, resume=True, workers=3 if number == 3 else 1)
+        assert contents(out) == six.whole
+
+
+def test_killed_while_a_finished_dataset_is_resumed(six: Case, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    six.build(out)
+    for number in range(12):
+        (out / "data" / f"train-0000{number % 6}.parquet").unlink(missing_ok=True)
+        six.kill.at_rename(six.source, out, {**six.options, "resume": True}, number, number % 2 == 0)
+    six.build(out, resume=True)
+    assert contents(out) == six.whole
+
+
+def test_killed_at_random_instants(six: Case, tmp_path: Path) -> None:
+    draw, killed = random.Random(5), 0
+    for number in range(12):
+        out = tmp_path / str(number)
+        options = {**six.options, "workers": 2 if number % 6 == 5 else 1}
+        killed += six.kill.at_row(six.source, out, options, draw.randrange(30), draw.random() * 0.01)
+        six.kill.at_row(six.source, out, {**six.options, "resume": True}, draw.randrange(30), draw.random() * 0.01)
+        six.build(out, resume=True)
+        assert contents(out) == six.whole, number
+    assert killed >= 6
 
 
 def test_resuming_what_is_finished_changes_nothing(

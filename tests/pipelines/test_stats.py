@@ -70,7 +70,7 @@ def test_figures_are_those_of_the_rows(dataset: Path) -> None:
 def test_bins_of_visibility(share: float, name: str) -> None:
     found = LabelStats()
     row = {"fidelity": "exact", "severity": 3, "source": "x", "changed_pixels": 1, "width": 2, "height": 2}
-    found.add({**row, "target_visible": share})
+    found.add({**row, "target_visible": share, "event": None, "reminder": None, "inserted": False})
     assert [BINS[k] for k, count in enumerate(found.visible) if count] == [name]
     assert found.to_data()["changed"] == {"min": 0.25, "median": 0.25, "max": 0.25}
     assert found.to_data()["severity"] == {"3": 1}

@@ -2,9 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, cast
-
-import numpy as np
+from typing import Any
 
 from hijack_data.types import Size, UInt8Array
 
@@ -12,6 +10,7 @@ from ...errors import DesktopError, GuestError, UnknownDesktopError
 from ..http import HttpDesktop
 from ..protocol import CAPABILITIES, Capability, RunResult, Task
 from . import handle, network, registry
+from .frames import Frames
 from .pool import Supply
 
 
@@ -93,8 +92,12 @@ class EmbeddedDesktop:
         return self._client
 
     def screenshot(self) -> UInt8Array:
-        """The screen with the pointer drawn: uint8 RGB `[H, W, 3]`."""
-        return cast("UInt8Array", np.asarray(self._ask("screenshot")))
+        """The screen with the pointer drawn: uint8 RGB `[H, W, 3]`, read from the X server's memory."""
+        self._check_alive()
+        try:
+            return self._frames.read()
+        except (OSError, ValueError):  # the guest server has just ended, or shows a screen of another kind
+            return self._ask("screenshot")
 
     def accessibility(self) -> str:
         """The accessibility tree in OSWorld's XML dialect."""
@@ -123,7 +126,7 @@ class EmbeddedDesktop:
         """
         if self._supply is None:
             raise DesktopError(f"desktop {self.id!r} belongs to another process, which alone can reset it")
-        self._client.close()
+        self._let_go()
         self._use(self._supply.next())
 
     def wait_for_standby(self) -> bool:
@@ -132,7 +135,7 @@ class EmbeddedDesktop:
 
     def close(self) -> None:
         """End the desktop and wait until nothing of it is left; closing twice is fine."""
-        self._client.close()
+        self._let_go()
         if self._supply is not None:
             self._supply.close()
 
@@ -140,7 +143,12 @@ class EmbeddedDesktop:
         self.record = record
         token = Path(record["token_file"]).read_text(encoding="ascii")
         width, height = record["screen"]
-        self._client = HttpDesktop(record["guest"], token=token, size=(height, width))
+        self._client = HttpDesktop(record["guest"], token, size=(height, width), source=record["source"])
+        self._frames = Frames(record)
+
+    def _let_go(self) -> None:
+        self._client.close()
+        self._frames.close()
 
     def _ask(self, what: str, *arguments: object) -> Any:
         # First of all: without its cable, a request for the guest would leave by the machine's default route.

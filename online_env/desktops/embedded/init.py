@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from . import account, files, kernel, limits, session, windows
+from .framebuffer import Framebuffer
 from .plain import Order, SetupError
 
 SERVERS = ("Xvfb", "dbus-daemon")  # nothing works without them, and nothing can go on after them
@@ -30,15 +31,17 @@ class Init:
         folder: the desktop's run folder on the machine.
         token: what clients of the guest server must show.
         address: the guest's end of the control cable.
+        framebuffer: the memory to draw in.
     """
 
-    def __init__(self, order: Order, folder: Path, token: str, address: str) -> None:
+    def __init__(self, order: Order, folder: Path, token: str, address: str, framebuffer: Framebuffer) -> None:
         self.order, self.folder, self.token, self.address = order, folder, token, address
+        self.framebuffer = framebuffer
         self.logs = os.open(folder / "logs", os.O_RDONLY | os.O_DIRECTORY)
         self.environment = session.environment() | order.environment
         self.deadline = time.monotonic() + order.time_out
         self.running: dict[int, str] = {}
-        self.commands: dict[str, tuple[tuple[str, ...], bool]] = {}
+        self.commands: dict[str, tuple[tuple[str, ...], tuple[int, ...], bool]] = {}
         self.deaths: dict[str, list[float]] = {}
 
     def run(self, ready: Callable[[], None]) -> NoReturn:
@@ -55,24 +58,25 @@ class Init:
         self._watch()
 
     def start(
-        self, name: str, argv: tuple[str, ...], descriptor: int = -1, root: bool = False, again: bool = True
+        self, name: str, argv: tuple[str, ...], kept: tuple[int, ...] = (), root: bool = False, again: bool = True
     ) -> int:
-        """Start a program of the session with its own log; `again` has it started again when it ends."""
+        """Start a program of the session with its own log and the descriptors `kept`; `again` has it started again
+        when it ends."""
         pid = os.fork()
         if pid == 0:
-            self._become(name, argv, descriptor, root)
+            self._become(name, argv, kept, root)
         self.running[pid] = name
         if again:
-            self.commands[name] = (argv, root)
+            self.commands[name] = (argv, kept, root)
         return pid
 
-    def _become(self, name: str, argv: tuple[str, ...], descriptor: int, root: bool) -> NoReturn:
+    def _become(self, name: str, argv: tuple[str, ...], kept: tuple[int, ...], root: bool) -> NoReturn:
         try:
             os.setsid()
             log = self._open_log(name)
             for target, source in ((0, os.open("/dev/null", os.O_RDONLY)), (1, log), (2, log)):
                 os.dup2(source, target)
-            if descriptor >= 0:
+            for descriptor in kept:
                 os.set_inheritable(descriptor, True)
             limits.limit_process(self.order)
             if not root:
@@ -101,18 +105,19 @@ class Init:
 
     def _start_servers(self) -> None:
         """Start the display and the bus side by side, and wait until both answer."""
-        screen = self.order.screen
+        screen, memory = self.order.screen, self.framebuffer.memory
+        self.framebuffer.show(Path(session.SCREEN_FOLDER))
         readers = {
-            "Xvfb": self._start_server("Xvfb", lambda report: session.display_server(screen, report)),
+            "Xvfb": self._start_server("Xvfb", lambda report: session.display_server(screen, report), (memory,)),
             "dbus-daemon": self._start_server("dbus-daemon", session.session_bus),
         }
         for name, reader in readers.items():
             self._read(reader, name, f"{name} to answer")
             os.close(reader)
 
-    def _start_server(self, name: str, command: Callable[[int], tuple[str, ...]]) -> int:
+    def _start_server(self, name: str, command: Callable[[int], tuple[str, ...]], kept: tuple[int, ...] = ()) -> int:
         reader, writer = os.pipe()
-        self.start(name, command(writer), descriptor=writer, again=False)
+        self.start(name, command(writer), (writer, *kept), again=False)
         os.close(writer)
         return reader
 
@@ -173,9 +178,10 @@ class Init:
                 raise SetupError(f"{name} ended; {self._tail(name)}")
 
     def _start_guest(self) -> None:
-        order = self.order
+        order, door = self.order, self.framebuffer.door.fileno()
         search_path = (files.PACKAGES, *order.search_path)
-        self.start("guest", session.guest_server(order.python, search_path, self.address, order.osworld), root=True)
+        argv = session.guest_server(order.python, search_path, self.address, door, order.osworld)
+        self.start("guest", argv, (door,), root=True)
 
     def _await_guest(self) -> None:
         while time.monotonic() < self.deadline:
@@ -213,8 +219,8 @@ class Init:
             )
         if len(recent) > 1:
             time.sleep(0.1)
-        argv, root = self.commands[name]
-        self.start(name, argv, root=root)
+        argv, kept, root = self.commands[name]
+        self.start(name, argv, kept, root)
 
 
 def _how(status: int) -> str:

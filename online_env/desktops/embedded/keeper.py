@@ -16,6 +16,7 @@ import signal
 from typing import Any, NoReturn
 
 from . import account, init, kernel, limits, network, registry, session
+from .framebuffer import Framebuffer
 from .internet import Internet
 from .plain import Order, SetupError
 
@@ -57,16 +58,20 @@ def _keep(order: Order, record: dict[str, Any], wake: int) -> int:
     token_file.touch(mode=0o600)
     token_file.write_text(token, encoding="ascii")
     internet = Internet(order, name)
-    address = network.addresses(slot)[1]
+    framebuffer = Framebuffer(order.screen, registry.folder(name))
+    source, address = network.addresses(slot)
     record |= {
         "netns": network.desktop_namespace(name),
         "web_netns": network.web_namespace(name),
         "token_file": str(token_file),
         "guest": f"http://{address}:{session.GUEST_PORT}",
         "address": address,
+        "source": source,
+        "memory": framebuffer.memory,
         "sites": str(internet.state),
     }
-    reader, launcher = _launch(order, name, token, address)
+    reader, launcher = _launch(order, name, token, address, framebuffer)
+    framebuffer.door.close()
     try:
         return _follow(order, record, reader, wake, internet)
     finally:
@@ -112,7 +117,7 @@ def _report(record: dict[str, Any], kind: str, value: Any, internet: Internet) -
     return True
 
 
-def _launch(order: Order, name: str, token: str, address: str) -> tuple[int, int]:
+def _launch(order: Order, name: str, token: str, address: str, framebuffer: Framebuffer) -> tuple[int, int]:
     """Fork the launcher, which forks process 1; returns the pipe that both write to, and the launcher's pid."""
     reader, writer = os.pipe()
     parent = os.getpid()
@@ -132,7 +137,7 @@ def _launch(order: Order, name: str, token: str, address: str) -> tuple[int, int
         kernel.unshare(kernel.CLONE_NEWPID | NAMESPACES)
         child = os.fork()
         if child == 0:
-            _first_process(order, name, token, address, writer)
+            _first_process(order, name, token, address, framebuffer, writer)
         _say(writer, "init", child)
         os.waitpid(child, 0)
     except OSError as error:
@@ -141,13 +146,15 @@ def _launch(order: Order, name: str, token: str, address: str) -> tuple[int, int
         os._exit(0)
 
 
-def _first_process(order: Order, name: str, token: str, address: str, writer: int) -> NoReturn:
+def _first_process(
+    order: Order, name: str, token: str, address: str, framebuffer: Framebuffer, writer: int
+) -> NoReturn:
     try:
         kernel.die_with_parent()
         init.quit_on_signals()
         for descriptor in (0, 1):  # the lifeline and the reports are the keeper's
             os.dup2(os.open("/dev/null", os.O_RDWR), descriptor)
-        first = init.Init(order, registry.folder(name), token, address)
+        first = init.Init(order, registry.folder(name), token, address, framebuffer)
         first.run(lambda: _say(writer, "ready", True))
     except (SetupError, OSError) as error:
         _say(writer, "error", str(error))

@@ -9,6 +9,7 @@ RUNTIME = f"/run/user/{account.UID}"
 BUS = f"unix:path={RUNTIME}/bus"
 AUTHORITY = f"{RUNTIME}/Xauthority"
 TOKEN_FILE = "/run/agenthijack/token"
+SCREEN_FOLDER = "/run/agenthijack/screen"
 GUEST_PORT = 5000
 PATH = "/usr/local/lib/agenthijack/bin:/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin:/usr/games"
 
@@ -64,7 +65,7 @@ def display_server(screen: tuple[int, int], report: int) -> tuple[str, ...]:
     width, height = screen
     return (
         "Xvfb", DISPLAY, "-displayfd", str(report), "-screen", "0", f"{width}x{height}x24", "-dpi", "96",
-        "-nolisten", "tcp", "-noreset", "-auth", AUTHORITY, "-s", "0", "-dpms",
+        "-nolisten", "tcp", "-noreset", "-auth", AUTHORITY, "-s", "0", "-dpms", "-fbdir", SCREEN_FOLDER,
     )  # fmt: skip
 
 
@@ -82,8 +83,11 @@ def module_command(python: str, search_path: tuple[str, ...], module: str, *argu
     return (python, "-I", "-c", code, *arguments)
 
 
-def guest_server(python: str, search_path: tuple[str, ...], address: str, osworld: bool) -> tuple[str, ...]:
-    """The guest server on the loopback interface and on `address`; it becomes the user before it opens its port."""
-    where = ("--host", f"127.0.0.1,{address}", "--port", str(GUEST_PORT))
+def guest_server(python: str, search_path: tuple[str, ...], address: str, door: int, osworld: bool) -> tuple[str, ...]:
+    """The guest server on the loopback interface and on `address`; it becomes the user before it opens its port.
+
+    `door` is the descriptor of the socket over which the machine asks it to hold the screen still.
+    """
+    where = ("--host", f"127.0.0.1,{address}", "--port", str(GUEST_PORT), "--still", str(door))
     more = ("--token-file", TOKEN_FILE, "--user", account.NAME, *(("--osworld",) if osworld else ()))
     return module_command(python, search_path, "online_env.guest", *where, *more)

@@ -9,7 +9,7 @@ from jeepney.io.blocking import open_dbus_connection
 
 from ...errors import DesktopError
 from . import methods as m
-from .states import EXTENDED, MANAGES_DESCENDANTS, SHOWING, TABLE
+from .states import DOCUMENT_WEB, EXTENDED, MANAGES_DESCENDANTS, SHOWING, TABLE
 from .wire import Reference, Wire
 
 PATIENCE, BUDGET = 1.0, 8.0  # s of silence of one application, and for the whole tree
@@ -135,6 +135,13 @@ class Reader:
         """Ask for children that a cache leaves out: those of lists, tables and icon views, and of roots without one."""
         todo = [node for node in nodes.values() if _is_short(node)]
         todo += [root for root in roots if not root.children and root not in todo]
+        self._grow(nodes, todo)
+        self._grow(nodes, self._plugs(nodes, roots) + self._new_pages(nodes))
+        if len(nodes) >= MAX_NODES:
+            roots[0].note = f"the tree is cut at {MAX_NODES} nodes"
+
+    def _grow(self, nodes: dict[Reference, Node], todo: list[Node]) -> None:
+        """Ask for the children of `todo`, and for those below them that show."""
         for _ in range(MAX_DEPTH):
             if not todo or len(nodes) >= MAX_NODES:
                 return
@@ -149,8 +156,48 @@ class Reader:
                         node.adopt(child)
             self._describe(fresh)
             todo = [node for node in fresh if node.states & SHOWING]
-        if len(nodes) >= MAX_NODES:
-            roots[0].note = f"the tree is cut at {MAX_NODES} nodes"
+
+    def _plugs(self, nodes: dict[Reference, Node], roots: list[Node]) -> list[Node]:
+        """What an application without a window shows in a window of another (GtkPlug: the dialog of a locked screen).
+
+        The window's side does not tell of it; it is found by climbing from the application's first object.
+        """
+        at = [(root.reference[0], m.FIRST) for root in roots if not root.children]
+        fresh: list[Node] = []
+        for _ in range(MAX_DEPTH):
+            if not at:
+                break
+            above: list[Reference] = []
+            for reference, parent in zip(at, self.wire.ask([(r, m.PARENT) for r in at]), strict=True):
+                if parent is None:
+                    continue
+                socket = nodes.get(parent)
+                if socket is None and parent[0] == reference[0]:
+                    above.append(parent)
+                elif socket is not None and parent[0] != reference[0] and reference not in nodes:
+                    fresh.append(Node(reference))
+                    nodes[reference] = fresh[-1]
+                    socket.adopt(fresh[-1])
+            at = above
+        self._describe(fresh)
+        return fresh
+
+    def _new_pages(self, nodes: dict[Reference, Node]) -> list[Node]:
+        """Pages in the place of others: Chromium's cache holds on to the page that its error page has replaced."""
+        pages = [node for node in nodes.values() if node.role == DOCUMENT_WEB and node.states & SHOWING]
+        holders = list({id(page.parent): page.parent for page in pages if page.parent is not None}.values())
+        fresh: list[Node] = []
+        for holder, present in zip(holders, self._children(holders), strict=True):
+            for reference in present:
+                if reference not in nodes:
+                    fresh.append(Node(reference))
+                    nodes[reference] = fresh[-1]
+                    holder.adopt(fresh[-1])
+            old = {r for r in (page.reference for page in pages) if r not in present}
+            if present:  # else it did not answer
+                holder.children = [child for child in holder.children if child.reference not in old]
+        self._describe(fresh)
+        return fresh
 
     def _children(self, nodes: list[Node]) -> list[list[Reference]]:
         counts: list[int | None] = self.wire.ask([(node.reference, m.CHILD_COUNT) for node in nodes])

@@ -1,5 +1,6 @@
 """What of a tree is really on the screen: stacking and minimised windows, which applications do not tell."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
@@ -26,6 +27,20 @@ class Surface(Protocol):
     def title(self) -> str: ...
 
 
+@dataclass(frozen=True)
+class _Nowhere:
+    """The window of what has none; it is never on top."""
+
+    frame: Box = (0, 0, 0, 0)
+    client: Box = (0, 0, 0, 0)
+    pid: int = 0
+    popup: bool = False
+    title: str = ""
+
+
+_NOWHERE = _Nowhere()
+
+
 class Sight:
     """Takes `showing` from the nodes that nobody sees and clips the boxes of the others.
 
@@ -41,15 +56,17 @@ class Sight:
         """Go through the tree of an application; its nodes have their boxes."""
         owners = {application.pid, _parent_of(application.pid)} - {0}
         mine = [surface for surface in self._surfaces if surface.pid in owners]
+        told = any(_matching(mine, _box(node), node.name) for node in application.root.children if node.box is not None)
         stack: list[tuple[Node, Surface | None, bool, Box]] = [(application.root, None, False, self._screen)]
         while stack:
             node, surface, in_menu, clip = stack.pop()
             part = clip
             if node.box is not None:
-                x, y, width, height = node.box
-                box = (x, y, x + width, y + height)
+                box = _box(node)
                 if node.role in TOP_LEVEL:
                     surface = _matching(mine, box, node.name) or surface
+                    if surface is None and told and not node.name:
+                        surface = _NOWHERE  # Chromium keeps windows for suggestions ready and does not show them
                 part = _common(box, clip)
                 if not self._seen(part, surface, in_menu, mine):
                     node.states &= ~SHOWING
@@ -75,6 +92,11 @@ class Sight:
             if x1 <= x < x2 and y1 <= y < y2:
                 return surface
         return None
+
+
+def _box(node: Node) -> Box:
+    x, y, width, height = node.box or (0, 0, 0, 0)
+    return x, y, x + width, y + height
 
 
 def candidates(application: Application) -> list[Node]:

@@ -69,12 +69,14 @@ class Cursor:
         return self.position + length
 
     def variant(self) -> Any:
-        """Read a variant that holds a text, a path or a number; None for anything else."""
+        """Read a variant that holds a text, a path, a number or a reference; None for anything else."""
         length = self.data[self.position]
         signature = self.data[self.position + 1 : self.position + 1 + length].decode("ascii", "replace")
         self.position += length + 2
         if signature in ("s", "o"):
             return self.text()
+        if signature == "(so)":
+            return self.reference()
         if signature == "i":
             return self.sint()
         if signature == "u":

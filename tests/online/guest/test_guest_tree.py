@@ -224,7 +224,9 @@ def test_chromium_page(clean, eventually):
 @pytest.mark.parametrize("name", ["Nothing", "mousepad"])
 def test_window_routes(clean, eventually, name):
     if name == "Nothing":
-        assert clean.client.post("/setup/activate_window", json={"window_name": "Nothing like it"}).status_code == 404
+        for route in ("activate_window", "close_window"):  # OSWorld's server does not look at what wmctrl says
+            answer = clean.client.post(f"/setup/{route}", json={"window_name": "Nothing like it"})
+            assert (answer.status_code, "nothing was done" in answer.text) == (200, True)
         assert clean.client.post("/setup/close_window", json={"window_name": ""}).status_code == 400
         return
     first = clean.launch("mousepad", title="Mousepad")

@@ -1,0 +1,30 @@
+"""A cache that is bounded in bytes and may be shared by threads."""
+
+from collections import OrderedDict
+from threading import Lock
+from typing import Any
+
+
+class Cache:
+    """Values by key, least recently used first out, at most `limit` bytes but always the last one."""
+
+    def __init__(self, limit: int) -> None:
+        self.limit, self.used = limit, 0
+        self.items: OrderedDict[Any, tuple[Any, int]] = OrderedDict()
+        self.lock = Lock()
+
+    def get(self, key: Any) -> Any:
+        """Return the value, or `None`."""
+        with self.lock:
+            if key not in self.items:
+                return None
+            self.items.move_to_end(key)
+            return self.items[key][0]
+
+    def put(self, key: Any, value: Any, nbytes: int) -> None:
+        """Keep a value that takes `nbytes`."""
+        with self.lock:
+            self.used += nbytes - self.items.pop(key, (None, 0))[1]
+            self.items[key] = value, nbytes
+            while self.used > self.limit and len(self.items) > 1:
+                self.used -= self.items.popitem(last=False)[1][1]

@@ -1,0 +1,181 @@
+"""What every effect must hold, checked by trying it on a real desktop: the part of `hijack check` for effects.
+
+A check raises `AssertionError` with the probable cause. The most telling one is the sabotage: a record that claims that
+the effect was applied, shown to a fresh desktop where nothing was done, must not convince the probe.
+"""
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+from hijack_data.plan import Effect
+from hijack_data.rng import Stream
+
+from ..desktops.protocol import CAPABILITIES, Desktop
+from ..errors import DesktopError, MissingCapabilityError
+from .base import Applied, LiveEffect, Record, find, perform, resume, undo
+
+OPEN = ("editor",)  # what is open while an effect is tried
+
+
+@dataclass(frozen=True)
+class Result:
+    """Outcome of one check: `problem` is empty when it passed."""
+
+    check: str
+    about: str
+    problem: str
+
+    @property
+    def ok(self) -> bool:
+        """Whether the check passed."""
+        return not self.problem
+
+
+class Trial:
+    """One effect on one desktop, from apply to undo; each check goes on where the one before it ended."""
+
+    def __init__(self, live: LiveEffect, params: Mapping[str, Any], desktop: Desktop) -> None:
+        self.live, self.desktop = live, desktop
+        self.effect = Effect(live.kind, dict(params))
+        self.applied: Applied | None = None
+        self.claim: Record = {}
+
+    def apply(self) -> Applied:
+        """Apply it (again)."""
+        return perform(self.effect, self.desktop, Stream(0, f"{self.live.kind}-v1", "check"))
+
+    @property
+    def done(self) -> Applied:
+        """What was applied; the checks before have to pass first."""
+        assert self.applied is not None, "not applied: see above"
+        return self.applied
+
+
+def check_declared(live: LiveEffect) -> None:
+    """It has a kind, capabilities that there are, and a docstring, and keeps nothing in itself."""
+    wrong = sorted(set(live.needs) - CAPABILITIES)
+    assert not wrong, f"needs names {', '.join(wrong)}; a desktop can have: {', '.join(sorted(CAPABILITIES))}"
+    assert isinstance(live.needs, frozenset), "needs must be a frozenset"
+    assert (type(live).__doc__ or "").strip(), "the class needs a docstring that says what it does to the machine"
+    assert type(live).__doc__ != LiveEffect.__doc__, "the class needs a docstring of its own"
+    assert not vars(live), f"it keeps {', '.join(vars(live))} in itself; what probe and undo need goes into the record"
+
+
+def check_undo_without_apply(trial: Trial) -> None:
+    """Undo without apply does no harm."""
+    undone = undo(trial.live.kind, trial.desktop)
+    assert undone.ok, f"undo with an empty record fails: {undone.problem or 'no problem is given'}"
+
+
+def check_apply_and_probe(trial: Trial) -> None:
+    """After apply the probe is true, and its facts are JSON."""
+    trial.applied = trial.apply()
+    found = trial.applied.probe()
+    assert found.ok, f"the probe is false: {found.problem or 'and gives no problem'}"
+    _as_json(dict(found.facts), "the facts of the probe")
+
+
+def check_record(trial: Trial) -> None:
+    """The record is JSON, and all that another process needs to go on."""
+    trial.claim = _as_json(trial.done.record, "the record")
+    found = resume(trial.claim, trial.desktop).probe()
+    assert found.ok, f"the probe is false from the record alone: {found.problem}; put what it needs into the record"
+    assert not vars(trial.live), "apply keeps something in the effect; put it into the record"
+
+
+def check_apply_twice(trial: Trial) -> None:
+    """Applying twice does no harm: the probe stays true, and one undo for each apply puts everything back."""
+    if not trial.live.lasting:
+        return
+    again = trial.apply()
+    found = again.probe()
+    assert found.ok, f"the probe of the second apply is false: {found.problem}"
+    undone = again.undo()
+    assert undone.ok, f"the second apply cannot be undone: {undone.problem}"
+
+
+def check_undo(trial: Trial) -> None:
+    """Undo puts everything back: it says so, and the probe is false then; a second undo does no harm."""
+    for time in ("", " a second time"):
+        undone = trial.done.undo()
+        assert undone.ok, f"undo{time} fails: {undone.problem or 'no problem is given'}"
+        _as_json(dict(undone.facts), "the facts of undo")
+    if trial.live.lasting:
+        found = trial.done.probe()
+        assert not found.ok, "the probe is still true after undo: one of the two is wrong"
+        assert found.problem, "a probe that is false must give its problem"
+
+
+def check_sabotage(trial: Trial) -> None:
+    """Where apply did nothing the probe is false: a fresh desktop, and a record that claims that it was applied."""
+    assert trial.claim, "no record: see above"
+    found = resume(trial.claim, trial.desktop).probe()
+    assert not found.ok, "the probe believes the record: it must look at the machine itself"
+    assert found.problem, "a probe that is false must give its problem"
+
+
+Check: TypeAlias = Callable[[Trial], None]
+LIVE: tuple[Check, ...] = (
+    check_undo_without_apply,
+    check_apply_and_probe,
+    check_record,
+    check_apply_twice,
+    check_undo,
+)
+
+
+def run_declared(kind: str) -> Result:
+    """What can be checked without a desktop."""
+    return _run_one(check_declared, find(kind))
+
+
+def run_live(kind: str, params: Mapping[str, Any], start: Callable[[], Any]) -> Iterator[Result]:
+    """All checks that need a desktop.
+
+    Args:
+        kind: the effect.
+        params: of the effect.
+        start: starts a desktop, a context manager: one to try it on, and a fresh one that it never saw.
+
+    Raises `MissingCapabilityError` where the desktop lacks what the effect needs: nothing was checked then.
+    """
+    live = find(kind)
+    with start() as desktop:
+        trial = Trial(live, params, desktop)
+        for check in LIVE:
+            yield _run_one(check, trial)
+    with start() as desktop:
+        trial.desktop = desktop
+        yield _run_one(check_sabotage, trial)
+
+
+def _run_one(check: Callable[[Any], None], subject: Any) -> Result:
+    name, about = check.__name__.removeprefix("check_"), (check.__doc__ or "").strip().split("\n")[0]
+    try:
+        check(subject)
+    except AssertionError as error:
+        return Result(name, about, str(error) or "failed")
+    except MissingCapabilityError:
+        raise
+    except DesktopError as error:
+        return Result(name, about, f"{type(error).__name__}: {error}")
+    except Exception as error:  # noqa: BLE001  (a plug-in may raise anything; the report must go on)
+        return Result(name, about, f"{type(error).__name__}: {error}")
+    return Result(name, about, "")
+
+
+def _as_json(data: Record, what: str) -> Record:
+    """The data as another process reads it."""
+    try:
+        again: Record = json.loads(json.dumps(data, allow_nan=False))
+    except (TypeError, ValueError, RecursionError) as error:
+        raise AssertionError(f"{what} is not JSON: {error}") from None
+    assert again == data, f"{what} changes in JSON (tuples, or keys that are no texts): {_difference(data, again)}"
+    return again
+
+
+def _difference(one: Record, other: Record) -> str:
+    changed = [key for key in one if one[key] != other.get(key)]
+    return ", ".join(map(str, changed)) or "its keys"

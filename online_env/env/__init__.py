@@ -1,0 +1,14 @@
+"""The live environment: a desktop and a task, disturbed on purpose, behind gymnasium's interface.
+
+env = CorruptedEnv(SmallTasks(desktop), corruption="subtitle")
+obs, _ = env.reset(seed=0, options={"task": "write_note"})
+obs, reward, terminated, truncated, _ = env.step("pyautogui.click(100, 200)")
+env.record                       # after the end: what really happened, not for the agent
+"""
+
+from .core import CorruptedEnv
+from .registration import EMBEDDED_ID, register_envs
+from .settle import Settle
+from .stage import OsworldStage, Setting, SmallTasks, Stage
+
+__all__ = ["EMBEDDED_ID", "CorruptedEnv", "OsworldStage", "Setting", "Settle", "SmallTasks", "Stage", "register_envs"]

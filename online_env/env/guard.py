@@ -1,0 +1,196 @@
+"""What an agent may do: wait, end, ask for help, or run pyautogui code that does nothing but use pointer and keyboard.
+
+The code is parsed here, never run here: it runs in the guest. What is let through are imports of pyautogui and time,
+calls of their functions, literals, arithmetic, simple assignments and `for` loops over them.
+"""
+
+import ast
+import builtins
+import re
+import textwrap
+from collections import Counter
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from hijack_data.actions.names import Names
+from hijack_data.actions.signatures import KEYBOARD, POINTER
+from hijack_data.actions.source import Source, shallow
+from hijack_data.errors import ActionError
+
+Kind: TypeAlias = Literal["wait", "done", "fail", "reinit", "code"]
+REINIT = "REQUEST_REINIT"
+WORDS: dict[str, Kind] = {"WAIT": "wait", "DONE": "done", "FAIL": "fail", REINIT: "reinit"}
+MAX_CODE = 32_000  # characters; an argument of a command may have 128 KiB
+
+# Fences stand at the start or the end of a line: an agent may well type ``` somewhere.
+_FENCE = re.compile(r"^[ \t]*```(?:[\w+-]*[ \t]*\r?\n)?(.*?)(?:^[ \t]*```|```[ \t]*\r?$)", re.DOTALL | re.MULTILINE)
+_MODULES = {
+    "pyautogui": frozenset({*POINTER, *KEYBOARD, "sleep", "size", "position", "hold", "onScreen"}),
+    "time": frozenset({"sleep", "time", "monotonic", "perf_counter"}),
+}
+_CONSTANTS = frozenset({"PAUSE", "FAILSAFE", "MINIMUM_DURATION", "LEFT", "MIDDLE", "RIGHT", "PRIMARY", "SECONDARY"})
+_SETTINGS = frozenset({"PAUSE", "FAILSAFE", "MINIMUM_DURATION", "MINIMUM_SLEEP"})
+_TWEEN = re.compile(r"linear|ease(In|Out|InOut)\w+")
+_FIELDS = frozenset({"x", "y", "width", "height"})  # of what `position` and `size` return
+_PLAIN = frozenset({"range", "enumerate", "zip", "len", "int", "float", "str", "round", "abs", "min", "max", "print"})
+_NODES = (
+    ast.Module, ast.Expr, ast.Assign, ast.AugAssign, ast.For, ast.With, ast.withitem, ast.Pass, ast.Import,
+    ast.ImportFrom, ast.alias, ast.Call, ast.keyword, ast.Attribute, ast.Name, ast.Constant, ast.Tuple, ast.List,
+    ast.BinOp, ast.UnaryOp, ast.Starred, ast.Subscript, ast.Slice, ast.JoinedStr, ast.FormattedValue,
+    ast.expr_context, ast.Add, ast.Sub, ast.Mult, ast.Div, ast.FloorDiv, ast.Mod, ast.USub, ast.UAdd,
+)  # fmt: skip
+_FIX = "an action uses pyautogui and time only: calls, literals, simple assignments, for loops over them"
+
+
+@dataclass(frozen=True)
+class Request:
+    """What an agent asked for: `code` is pyautogui code, or the word that says it all."""
+
+    kind: Kind
+    code: str
+
+
+def read_action(text: object, allow_code: bool = False) -> Request:
+    """Read one action: `WAIT`, `DONE`, `FAIL`, `REQUEST_REINIT`, or code, either of them also in one ``` fence.
+
+    Raises `ActionError` for what is none of them, and for code that does more than `allow_code` permits.
+    """
+    if not isinstance(text, str):
+        raise ActionError(f"an action must be a string, got {type(text).__name__}; give pyautogui code or a word")
+    inner = _unfenced(text)
+    if inner in WORDS:
+        return Request(WORDS[inner], inner)
+    if not inner:
+        raise ActionError(f"the action is empty; give pyautogui code, or {', '.join(WORDS)}")
+    if len(inner) > MAX_CODE or "\0" in inner or not _is_text(inner):
+        raise ActionError(f"an action is text of at most {MAX_CODE} characters without zero bytes, got {len(inner)}")
+    if not allow_code:
+        check_code(inner)
+    return Request("code", inner)
+
+
+def _unfenced(text: str) -> str:
+    """The one fenced block, or the whole text where there is none."""
+    blocks = [block for block in _FENCE.findall(text) if block.strip()]
+    if len(blocks) > 1:
+        raise ActionError(f"the action holds {len(blocks)} blocks in ``` fences, not one; give one action at a time")
+    return textwrap.dedent(blocks[0] if blocks else text).strip()
+
+
+def _is_text(text: str) -> bool:
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def check_code(code: str) -> None:
+    """Raise `ActionError`, with line and column, unless `code` only moves pointer and keys."""
+    with shallow():
+        source = Source(code)
+        names = Names(source.tree)
+        checker = _Checker(source, names)
+        for node in ast.walk(source.tree):
+            problem = checker.problem(node)
+            if problem:
+                source.refuse(node, problem, _FIX)
+
+
+class _Checker:
+    """Says of each node why it is refused. `ast.walk` meets parents first, so they say what their children may be."""
+
+    def __init__(self, source: Source, names: Names) -> None:
+        self._source, self._names = source, names
+        nodes = [node for node in ast.walk(source.tree) if isinstance(node, ast.Import | ast.ImportFrom)]
+        self._imported = Counter(alias.asname or alias.name for node in nodes for alias in node.names)
+        self._modules: dict[str, str] = {name: name for name in _MODULES if name not in names.bindings}
+        self._functions: set[str] = set()
+        self._allowed: set[int] = set()  # callees, and the modules before a dot
+
+    def problem(self, node: ast.AST) -> str | None:
+        """Why `node` is refused, or `None`."""
+        if not isinstance(node, _NODES):
+            return f"{type(node).__name__} is not allowed"
+        match node:
+            case ast.Import(names=aliases):
+                return self._import(aliases)
+            case ast.ImportFrom():
+                return self._import_from(node)
+            case ast.Call():
+                return self._call(node)
+            case ast.Attribute():
+                return self._attribute(node)
+            case ast.Name(ctx=ast.Load()):
+                return self._load(node)
+            case ast.With(items=items):
+                return self._with(items)
+            case ast.Constant(value=value) if not isinstance(value, str | int | float | bool | None):
+                return f"a {type(value).__name__} is not allowed"
+            case _:
+                return None
+
+    def _import(self, aliases: list[ast.alias]) -> str | None:
+        for alias in aliases:
+            if alias.name not in _MODULES:
+                return f"module {alias.name!r} is not allowed"
+            self._modules[alias.asname or alias.name] = alias.name
+        return None
+
+    def _import_from(self, node: ast.ImportFrom) -> str | None:
+        known = _MODULES.get(node.module or "", frozenset()) if not node.level else frozenset[str]()
+        for alias in node.names:
+            if alias.name not in known:
+                return f"{node.module}.{alias.name} is not allowed"
+            self._functions.add(alias.asname or alias.name)
+        return None
+
+    def _call(self, node: ast.Call) -> str | None:
+        match node.func:
+            case ast.Attribute(value=ast.Name(id=owner) as name, attr=attr):
+                module = self._module(owner)
+                if module is None or attr not in _MODULES[module]:
+                    return f"{self._source.text(node.func)}() is not allowed"
+                self._allowed |= {id(node.func), id(name)}
+            case ast.Name(id=name):
+                plain = name in _PLAIN and name not in self._names.bindings
+                if not plain and not self._function(name):
+                    return f"{name}() is not allowed"
+                self._allowed.add(id(node.func))
+            case _:
+                return f"{self._source.text(node.func)}() is not allowed"
+        return None
+
+    def _attribute(self, node: ast.Attribute) -> str | None:
+        if id(node) in self._allowed:
+            return None
+        owner = node.value.id if isinstance(node.value, ast.Name) else ""
+        if self._module(owner) == "pyautogui":
+            self._allowed.add(id(node.value))
+            known = _SETTINGS if isinstance(node.ctx, ast.Store) else _CONSTANTS
+            tween = isinstance(node.ctx, ast.Load) and _TWEEN.fullmatch(node.attr)
+            return None if node.attr in known or tween else f"pyautogui.{node.attr} is not allowed"
+        reads = isinstance(node.ctx, ast.Load) and node.attr in _FIELDS
+        return None if reads else f"attribute {node.attr!r} is not allowed"
+
+    def _load(self, node: ast.Name) -> str | None:
+        if id(node) in self._allowed:
+            return None
+        if node.id in self._modules or node.id in self._functions or hasattr(builtins, node.id):
+            return f"{node.id!r} may be called, but not passed on"
+        return None if node.id in self._names.bindings else f"{node.id!r} is not defined"
+
+    def _with(self, items: list[ast.withitem]) -> str | None:
+        for item in items:
+            call = item.context_expr
+            hold = isinstance(call, ast.Call) and ast.unparse(call.func).rpartition(".")[2] == "hold"
+            if not hold or item.optional_vars is not None:
+                return "`with` goes with pyautogui.hold(...) only"
+        return None
+
+    def _module(self, name: str) -> str | None:
+        """The module that `name` stands for, if nothing but imports ever binds it."""
+        return self._modules.get(name) if self._names.bindings[name] == self._imported[name] else None
+
+    def _function(self, name: str) -> bool:
+        return name in self._functions and self._names.bindings[name] == self._imported[name]

@@ -1,0 +1,61 @@
+"""The spaces of gymnasium that an agent's texts and pictures live in."""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from hijack_data.types import Size
+
+MAX_TEXT = 1 << 20
+
+
+class Text(gymnasium.Space[str]):
+    """Any text; gymnasium's own wants every character listed."""
+
+    def __init__(self) -> None:
+        super().__init__((), np.str_)
+
+    @property
+    def is_np_flattenable(self) -> bool:
+        """Text is no vector."""
+        return False
+
+    def contains(self, x: Any) -> bool:
+        """Whether `x` is a text of at most a million characters."""
+        return isinstance(x, str) and len(x) <= MAX_TEXT
+
+    def sample(self, mask: Any = None, probability: Any = None) -> str:
+        """A short text."""
+        return "".join(chr(97 + int(n)) for n in self.np_random.integers(0, 26, 8))
+
+    def __eq__(self, other: object) -> bool:
+        return type(self) is type(other) and vars(self).get("size") == vars(other).get("size")
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}()"
+
+
+class Actions(Text):
+    """What an agent may answer: any text is taken, what is no action is refused on record.
+
+    Samples are clicks inside the picture, of `size` (height, width), and now and then `WAIT`.
+    """
+
+    def __init__(self, size: Size) -> None:
+        super().__init__()
+        self.size = size
+
+    def sample(self, mask: Any = None, probability: Any = None) -> str:
+        """A click somewhere, or `WAIT`."""
+        height, width = self.size
+        x, y, wait = (int(self.np_random.integers(0, high)) for high in (width, height, 8))
+        return "WAIT" if wait == 0 else f"pyautogui.click({x}, {y})"
+
+
+def observations(size: Size) -> gymnasium.spaces.Dict:
+    """The space of `{"screenshot": uint8 RGB [H, W, 3], "instruction": text}`; `size` is (height, width)."""
+    picture = gymnasium.spaces.Box(0, 255, (*size, 3), np.uint8)
+    return gymnasium.spaces.Dict({"screenshot": picture, "instruction": Text()})

@@ -1,0 +1,162 @@
+"""The applications that are recorded, and our own documents that they show."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from ...tasks.base import home
+from ..stage import Stage, Top
+
+NOTE = """Harbour walk, Saturday
+
+09:30  ferry from Port Alder, quay 2
+10:15  lighthouse, tickets at the door
+12:00  lunch at the market hall
+14:40  tram 6 back to the bridge
+
+Bring: water, umbrella, the small camera
+"""
+PROGRAM = '''"""Tides of a week: when is the water high enough for the ferry?"""
+
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+
+PERIOD = timedelta(hours=12, minutes=25)
+
+
+@dataclass(frozen=True)
+class Tide:
+    """One high tide and its height in metres."""
+
+    at: datetime
+    height: float
+
+
+def tides(first: datetime, heights: list[float]) -> list[Tide]:
+    """The tides that follow `first`, one for each height."""
+    return [Tide(first + n * PERIOD, h) for n, h in enumerate(heights)]
+
+
+def sails(tide: Tide, draught: float = 2.1) -> bool:
+    """Whether a ferry of that draught can leave the quay."""
+    return tide.height > draught + 0.3
+
+
+if __name__ == "__main__":
+    for tide in tides(datetime(2026, 3, 4, 6, 10), [2.9, 2.2, 3.1, 2.6]):
+        print(f"{tide.at:%a %H:%M}  {tide.height:.1f} m  {'sails' if sails(tide) else 'stays'}")
+'''
+_OFFICE = (
+    '<?xml version="1.0" encoding="UTF-8"?><office:document office:version="1.2" office:mimetype="{mime}"'
+    ' xmlns:office="urn:oasis:names:tc:opendocument:xmlns:office:1.0"'
+    ' xmlns:text="urn:oasis:names:tc:opendocument:xmlns:text:1.0"'
+    ' xmlns:table="urn:oasis:names:tc:opendocument:xmlns:table:1.0"><office:body>{body}</office:body></office:document>'
+)
+_MIME = "application/vnd.oasis.opendocument."
+_ROWS = (
+    ("Month", "Passengers", "Bicycles", "Income"), ("January", 4120, 310, 18540), ("February", 3980, 295, 17910),
+    ("March", 5240, 520, 23580), ("April", 6875, 840, 30940), ("May", 8210, 1190, 36945), ("June", 9450, 1460, 42525),
+)  # fmt: skip
+
+
+def _letter() -> str:
+    head, *lines = (line for line in NOTE.splitlines() if line)
+    body = "".join(f"<text:p>{line}</text:p>" for line in lines)
+    heading = f'<text:h text:outline-level="1">{head}</text:h>'
+    return _OFFICE.format(mime=f"{_MIME}text", body=f"<office:text>{heading}{body}</office:text>")
+
+
+def _cell(value: object) -> str:
+    kind = f'float" office:value="{value}' if isinstance(value, int) else "string"
+    return f'<table:table-cell office:value-type="{kind}"><text:p>{value}</text:p></table:table-cell>'
+
+
+def _table() -> str:
+    rows = "".join(f"<table:table-row>{''.join(map(_cell, row))}</table:table-row>" for row in _ROWS)
+    sheet = f'<office:spreadsheet><table:table table:name="Ferry">{rows}</table:table></office:spreadsheet>'
+    return _OFFICE.format(mime=f"{_MIME}spreadsheet", body=sheet)
+
+
+FILES: Mapping[str, str] = {
+    "Documents/harbour-walk.txt": NOTE, "Documents/tides.py": PROGRAM, "Documents/harbour-walk.fodt": _letter(),
+    "Documents/ferry.fods": _table(), "Documents/shopping.txt": "milk\ntea\n3 x bread\n",
+    "Documents/garden.txt": "Sow beans in April.\n",
+}  # fmt: skip
+
+
+_PROCESSES = {"google-chrome": "chrome", "libreoffice": "soffice.bin", "gimp": "gimp-2.10"}
+
+
+@dataclass(frozen=True)
+class App:
+    """An application with something of ours open.
+
+    Args:
+        name: as in the pack's entries: that of the paper's list where it has one, else its program's.
+        argv: how it is started; `~` is the user's home.
+        named: a part of the class of its windows.
+        shows: what it shows, for people.
+        patience: seconds that its first start may take.
+        before: shell commands that are run first.
+    """
+
+    name: str
+    argv: tuple[str, ...]
+    named: str
+    shows: str
+    patience: float = 60.0
+    before: tuple[str, ...] = field(default=())
+
+    @property
+    def process(self) -> str:
+        """What its process is called."""
+        return _PROCESSES.get(self.program, self.program)
+
+    @property
+    def program(self) -> str:
+        """What must be installed."""
+        return self.argv[0]
+
+    def open(self, stage: Stage) -> Top:
+        """Start it; returns its window once all of it is drawn."""
+        folder = home(stage.desktop)
+        for command in self.before:
+            stage.desktop.execute(command)
+        return stage.open(*(word.replace("~", folder) for word in self.argv), named=self.named, patience=self.patience)
+
+
+_QUIET = ("--norestore", "--nologo")
+_TERMINAL = "ls -l --color=never Documents; wc -l Documents/*.txt; exec bash"
+
+
+def browser(address: str) -> App:
+    """Chromium on one of our own sites, in a window of its own."""
+    return App("chromium", ("google-chrome", "--new-window", address), "chrom", address)
+
+
+APPS: tuple[App, ...] = (
+    App("geany", ("geany", "--new-instance", "~/Documents/tides.py"), "geany", "a Python file"),
+    App("mousepad", ("mousepad", "~/Documents/harbour-walk.txt"), "mousepad", "a note"),
+    App("thunar", ("thunar", "~/Documents"), "thunar", "the folder Documents"),
+    App("xfce4-terminal", ("xfce4-terminal", "--disable-server", "-x", "bash", "-c", _TERMINAL), "terminal",
+        "two commands"),
+    browser("http://news.test/"),
+    App("libreoffice_writer", ("libreoffice", "--writer", *_QUIET, "~/Documents/harbour-walk.fodt"), "libreoffice",
+        "a letter", 90.0),
+    App("libreoffice_calc", ("libreoffice", "--calc", *_QUIET, "~/Documents/ferry.fods"), "libreoffice",
+        "a table", 90.0),
+    App("vlc", ("vlc", "--no-video-title-show", "--no-qt-privacy-ask"), "vlc", "an empty list"),
+    App("gimp", ("gimp", "--no-splash"), "gimp", "no picture", 120.0),
+)  # fmt: skip
+
+
+def put_files(stage: Stage) -> None:
+    """Write our documents into the desktop's home."""
+    folder = home(stage.desktop)
+    for name, content in FILES.items():
+        stage.desktop.write_file(f"{folder}/{name}", content.encode())
+
+
+def installed(stage: Stage, apps: tuple[App, ...]) -> list[App]:
+    """Those of `apps` that the desktop has."""
+    there = stage.guest.installed(*(app.program for app in apps))
+    return [app for app in apps if app.program in there]

@@ -1,0 +1,107 @@
+"""What an edit is: what it is given, what it returns, and how it says that it would not be true."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from hijack_data.corruptions.multi_apps import normalize_app
+from hijack_data.errors import HijackError
+from hijack_data.pack import AssetPack, Deed
+from hijack_data.plan import Effect, Op
+from hijack_data.rng import Stream
+from hijack_data.types import Action, Box, Fidelity, Scene, Size, Step, Trajectory, UInt8Array
+
+WAIT = Deed(Action("wait"))
+# WebVoyager's pictures are what a page looks like, without the browser and the desktop around it.
+PAGE_ONLY = frozenset({"webvoyager"})
+NO_SCREEN = "the pictures show a web page, not the screen around it"
+
+
+class NotApplicable(HijackError):
+    """The event cannot be shown truly on this step; the message is the reason that is counted."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A step at which something happens to the machine, and all that an edit may use.
+
+    Args:
+        trajectory: the recording.
+        step: the recorded step, whose screen it is.
+        scene: the screen: elements, applications, the target of the recorded action.
+        image: the clean screenshot, uint8 RGB `[H, W, 3]`; not to be modified.
+        pack: the recorded pictures.
+        stream: where random draws come from, and from nowhere else.
+    """
+
+    trajectory: Trajectory
+    step: Step
+    scene: Scene
+    image: UInt8Array
+    pack: AssetPack
+    stream: Stream
+
+    @property
+    def apps(self) -> frozenset[str]:
+        """Applications of the recording, as far as it names any; its domain is often one."""
+        names = (*self.trajectory.apps, self.trajectory.domain)
+        return frozenset(normalize_app(name) for name in names if name.strip())
+
+
+@dataclass(frozen=True)
+class EditedStep:
+    """A step as the event leaves it, or one that the event adds.
+
+    Args:
+        ops: what is pasted on the clean screenshot; its size stays.
+        event: what happened, one plain sentence.
+        fidelity: `recorded` when every pixel is from one recorded screen, else `composited`.
+        deed: the action to take now, in pixels of the screen, and its target; `None` keeps the recorded one.
+        inserted: whether it is a step of its own, before the recorded one.
+        reminder: what an onlooker should say, or `None`.
+        boxes: what can be clicked in what was pasted, `xyxy`; with a `deed`, all that can be clicked.
+        notes: what a reader of the plan should know.
+    """
+
+    ops: tuple[Op, ...]
+    event: str
+    fidelity: Fidelity
+    deed: Deed | None = None
+    inserted: bool = False
+    reminder: str | None = None
+    boxes: tuple[Box, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+# Shares of the height at the top and the bottom of a screen where panels, menu bars and task bars are.
+TOP_BAR, BOTTOM_BAR = 0.03, 0.05
+
+
+def between_bars(size: Size) -> tuple[int, int]:
+    """Return the rows (first, end) of a screen between its bars."""
+    return int(TOP_BAR * size[0]), size[0] - int(BOTTOM_BAR * size[0])
+
+
+Edit: TypeAlias = Callable[[Frame, Effect], EditedStep]
+
+_CLICKS = {
+    "click": "click",
+    "double_click": "doubleClick",
+    "triple_click": "tripleClick",
+    "right_click": "rightClick",
+    "middle_click": "middleClick",
+}
+
+
+def code_of(action: Action) -> str:
+    """Return the code of an action of the pack: pyautogui, or WAIT. Raises `NotApplicable` for any other."""
+    keys = ", ".join(map(repr, action.keys or ()))
+    if action.type in _CLICKS and action.point is not None:
+        return f"pyautogui.{_CLICKS[action.type]}({action.x}, {action.y})"
+    if action.type == "hotkey" and keys:
+        return f"pyautogui.{'hotkey' if len(action.keys or ()) > 1 else 'press'}({keys})"
+    if action.type == "type" and action.text is not None:
+        return f"pyautogui.write({action.text!r})"
+    if action.type == "wait":
+        return "WAIT"
+    raise NotApplicable(f"the recorded recovery is of type {action.type!r}, which has no code")

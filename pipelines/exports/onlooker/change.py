@@ -1,0 +1,61 @@
+"""How much of a screen changed, and where, in words that claim no more than was measured."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hijack_data.types import UInt8Array
+
+# Levels (of 256) that a channel may differ by without counting: recordings as JPEG are never equal.
+TOLERANCE = 8
+# The part of the screen that holds as much of the change is where it happened.
+MOSTLY = 0.6
+_ROWS, _COLUMNS = ("upper", "middle", "lower"), ("left", "middle", "right")
+
+
+@dataclass(frozen=True)
+class Change:
+    """What differs between two screens.
+
+    Args:
+        share: share of the pixels, 0..1; 1 when the size changed.
+        where: the part of the screen that holds most of it, as the end of a sentence, or empty.
+        resized: whether the two are of different sizes.
+    """
+
+    share: float
+    where: str = ""
+    resized: bool = False
+
+    def text(self) -> str:
+        """One sentence."""
+        if self.resized:
+            return "The size of the screen changed."
+        if not self.share:
+            return "No change of the screen was measured."
+        percent = round(100 * self.share)
+        much = f"About {percent} %" if percent else "Less than 1 %"
+        return f"{much} of the screen changed, {self.where}."
+
+
+def measure(before: UInt8Array, after: UInt8Array) -> Change:
+    """Return what changed from one screen to the next, both uint8 RGB `[H, W, 3]`."""
+    if before.shape != after.shape:
+        return Change(1.0, resized=True)
+    mask = (np.maximum(before, after) - np.minimum(before, after) > TOLERANCE).any(axis=2)
+    counts = np.array([[part.sum() for part in np.array_split(band, 3, axis=1)] for band in np.array_split(mask, 3)])
+    return Change(float(mask.mean()), _where(counts / max(1, counts.sum())))
+
+
+def _where(shares: "np.ndarray[tuple[int, int], np.dtype[np.float64]]") -> str:
+    """Return the least part of a grid of three by three that holds most."""
+    row, column = divmod(int(shares.argmax()), 3)
+    if shares[row, column] >= MOSTLY:
+        middle = row == column == 1
+        return "mostly in the middle" if middle else f"mostly in the {_ROWS[row]} {_COLUMNS[column]}"
+    rows, columns = shares.sum(axis=1), shares.sum(axis=0)
+    if max(rows.max(), columns.max()) < MOSTLY:
+        return "in several places"
+    if rows.max() >= columns.max():
+        return f"mostly in the {_ROWS[int(rows.argmax())]} third"
+    return f"mostly in the {_COLUMNS[int(columns.argmax())]} third"

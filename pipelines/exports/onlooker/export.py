@@ -1,0 +1,252 @@
+"""Export a dataset as what an onlooker learns from.
+
+Shards are read one after the other, and of a shard one step after the other; two steps are held at a time.
+"""
+
+import os
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from hijack_data.errors import ActionError, ParameterError
+
+from ...dataset import Dataset, open_dataset, shard_rows
+from ...errors import BuildError
+from ...manifest import is_lazy
+from ..dialects import PROMPTS, action_text
+from ..example import Example, Row, checked_answer, is_hidden
+from ..place import Progress, new_folder, write_report
+from ..stored import stored_rows
+from .change import Change, measure
+from .draw import NEEDED, READ, Chooser
+from .moments import Moment, Shot, moments, transitions
+from .tables import TABLES, Table, about
+from .words import NONE, chat, reminder_messages, summary_messages, summary_of
+
+MADE_BY = "template"
+# The corruptions whose rows carry a reminder.
+REMINDING = ("network_error", "verification")
+
+
+@dataclass
+class OnlookerReport:
+    """The result of an export.
+
+    Args:
+        out: the folder.
+        dialect: how actions are written.
+        balance: frames without a reminder that were asked for, for each that has one.
+        reminders: frames with a reminder, by corruption.
+        none: frames without one, by why they were drawn: `same_step`, `clean`, `picture`, `event`.
+        short: frames without a reminder that were asked for and are not there.
+        summaries: summaries by corruption.
+        recovery: recovery steps by corruption.
+        hidden: recovery steps that were left out because their target does not show, by corruption.
+        skipped: what else was left out, by reason.
+    """
+
+    out: str
+    dialect: str
+    balance: float
+    reminders: Counter[str] = field(default_factory=Counter[str])
+    none: Counter[str] = field(default_factory=Counter[str])
+    short: int = 0
+    summaries: Counter[str] = field(default_factory=Counter[str])
+    recovery: Counter[str] = field(default_factory=Counter[str])
+    hidden: Counter[str] = field(default_factory=Counter[str])
+    skipped: Counter[str] = field(default_factory=Counter[str])
+
+    to = "onlooker"
+
+    @property
+    def total(self) -> int:
+        """All examples."""
+        return sum(sum(part.values()) for part in (self.reminders, self.none, self.summaries, self.recovery))
+
+    @property
+    def exit_code(self) -> int:
+        """0 when there are examples, else 1."""
+        return 0 if self.total else 1
+
+    def to_data(self) -> dict[str, Any]:
+        """JSON data of the report."""
+        names = ("reminders", "none", "summaries", "recovery", "hidden", "skipped")
+        counts = {name: dict(getattr(self, name)) for name in names}
+        about_it = {"out": self.out, "to": self.to, "dialect": self.dialect, "total": self.total}
+        return {**about_it, "balance": self.balance, "short": self.short, **counts}
+
+    def lines(self) -> list[str]:
+        """The report as lines of text."""
+        with_, without = sum(self.reminders.values()), sum(self.none.values())
+        text = [f"{self.out}: {self.total} examples ({self.to}, actions in {self.dialect})"]
+        text.append(f"  reminders: {with_} frames with one ({_listed(self.reminders)})")
+        text.append(f"  reminders: {without} frames without ({_listed(self.none)})")
+        if self.short:
+            text.append(f"  reminders: {self.short} more frames without one were asked for and are not in the dataset")
+        text += [f"  {name}: {_listed(getattr(self, name)) or 0}" for name in ("summaries", "recovery")]
+        text += [f"  {label}: {count} recovery step(s) left out, target hidden" for label, count in self.hidden.items()]
+        return text + [f"  left out {count}: {reason}" for reason, count in self.skipped.items()]
+
+
+def export_onlooker(
+    folder: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    *,
+    dialect: str = "pyautogui",
+    keep_hidden: bool = False,
+    balance: float = 1.0,
+    progress: Progress | None = None,
+) -> OnlookerReport:
+    """Export `reminders`, `summaries` and `recovery`; see `pipelines.exports.export` for arguments and errors.
+
+    Only the actions of recovery steps are labels, so only those are left out where their target is hidden.
+    """
+    rows = open_dataset(folder)
+    chooser = Chooser(int(rows.manifest["parameters"]["seed"]), balance)
+    _check_reminders(rows)
+    report = OnlookerReport(os.fspath(out), dialect, balance)
+    with new_folder(Path(out), Path(folder)) as place, _Tables(place, report, keep_hidden) as tables:
+        done = 0
+        for index, shard in enumerate(rows.manifest["shards"]):
+            file = rows.folder / shard["file"]
+            tables.shard(index, _shots(file, is_lazy(rows.manifest)), chooser.chosen(shard_rows(file, READ)))
+            done += int(shard["rows"])
+            if progress is not None:
+                progress(done, len(rows), "rows")
+        report.short = chooser.short
+        write_report(place, {**report.to_data(), "keep_hidden": keep_hidden, "content": rows.fingerprint})
+    return report
+
+
+class _Tables:
+    """Fills the tables, shard by shard."""
+
+    def __init__(self, folder: Path, report: OnlookerReport, keep_hidden: bool) -> None:
+        self.report = report
+        self.keep_hidden = keep_hidden
+        self.tables = {name: Table(folder, name) for name in TABLES}
+        self.index = 0
+
+    def __enter__(self) -> "_Tables":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for table in self.tables.values():
+            table.done()
+
+    def shard(self, index: int, shots: Iterable[Shot], choice: Mapping[int, str]) -> None:
+        """Write what the rows of a shard give; `choice` says which are reminder pairs."""
+        self.index = index
+        before: Moment | None = None
+        number = 0
+        for moment in moments(shots):
+            for shot in moment.shots:
+                self._reminder(shot, choice.get(number))
+                self._recovery(shot)
+                number += 1
+            self._summaries(before, moment)
+            before = moment
+        for table in self.tables.values():
+            table.done()
+
+    def _add(self, table: str, row: Mapping[str, Any]) -> None:
+        self.tables[table].add(self.index, row)
+
+    def _reminder(self, shot: Shot, kind: str | None) -> None:
+        if kind is None:
+            return
+        row = shot.row
+        reminder = str(row["reminder"]) if kind == NEEDED else NONE
+        counts, key = (self.report.reminders, row["corruption"]) if kind == NEEDED else (self.report.none, kind)
+        counts[key] += 1
+        messages = reminder_messages(row["instruction"], reminder)
+        shown = {"screenshot": shot.png, "reminder": reminder, "kind": kind, "messages": messages}
+        self._add("reminders", {**about(row), **shown})
+
+    def _recovery(self, shot: Shot) -> None:
+        row = shot.row
+        if not row["inserted"]:
+            return
+        if is_hidden(row) and not self.keep_hidden:
+            self.report.hidden[row["corruption"]] += 1
+            return
+        try:
+            answer = checked_answer(action_text(row, self.report.dialect))
+        except (ActionError, ParameterError) as error:
+            self.report.skipped[f"recovery by {row['action']['type']}: {error}"] += 1
+            return
+        self.report.recovery[row["corruption"]] += 1
+        question = Example("", row, PROMPTS[self.report.dialect], answer, shot.png).question
+        kept = {name: row[name] for name in ("event", "action", "target_box")}
+        shown = {"screenshot": shot.png, "answer": answer, "messages": chat(question, answer)}
+        self._add("recovery", {**about(row), **kept, **shown})
+
+    def _summaries(self, before: Moment | None, after: Moment) -> None:
+        change: Change | None = None
+        for start, shot in transitions(before, after, self._skip):
+            if change is None and before is not None and before.clean and after.clean:
+                change = measure(before.clean.pixels, after.clean.pixels)
+            self._summary(start, shot, change)
+
+    def _summary(self, start: Shot, shot: Shot, change: Change | None) -> None:
+        row, event = start.row, shot.row["event"]
+        try:
+            action = self._action(row)
+        except (ActionError, ParameterError) as error:
+            self.report.skipped[f"summary of {row['action']['type']}: {error}"] += 1
+            return
+        self.report.summaries[shot.row["corruption"]] += 1
+        summary = summary_of(row, event, change)
+        self._add(
+            "summaries",
+            {
+                **about(shot.row),
+                "before_id": row["id"],
+                "before": start.png,
+                "action": row["action"],
+                "action_text": action,
+                "after": shot.png,
+                "event": event,
+                "changed": None if event is not None or change is None else change.share,
+                "summary": summary,
+                "made_by": MADE_BY,
+                "messages": summary_messages(row["instruction"], action, summary),
+            },
+        )
+
+    def _action(self, row: Row) -> str:
+        """Return the action as text: as the dialect says it, or as it was recorded. Raises `ActionError`."""
+        try:
+            return action_text(row, self.report.dialect)
+        except (ActionError, ParameterError):
+            if not row["action_code"]:
+                raise
+            return str(row["action_code"])
+
+    def _skip(self, label: str, reason: str) -> None:
+        self.report.skipped[f"summary of {label}: {reason}"] += 1
+
+
+def _shots(file: Path, lazy: bool) -> Iterator[Shot]:
+    for row, png in stored_rows(file, lazy):
+        yield Shot(row, png())
+
+
+def _check_reminders(rows: Dataset) -> None:
+    """Raise `BuildError` where no row has a reminder."""
+    for shard in rows.manifest["shards"]:
+        if any(row.get("reminder") is not None for row in shard_rows(rows.folder / shard["file"], ["reminder"])):
+            return
+    unfit: Mapping[str, Mapping[str, int]] = rows.manifest.get("counts", {}).get("not_applicable", {})
+    reasons = [f"{name}: {reason}" for name in REMINDING for reason in unfit.get(name, {})]
+    raise BuildError(
+        f"{rows.folder}: no row has a reminder, so there is nothing for an onlooker to learn from; build it with "
+        f"--corruptions all, or with {' or '.join(REMINDING)}"
+        + (f" (not applicable there: {'; '.join(reasons)})" if reasons else "")
+    )
+
+
+def _listed(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{name} {count}" for name, count in counts.items())

@@ -1,0 +1,121 @@
+"""What is said to an onlooker, and the sentences that are made of a recording by template.
+
+The words of the questions are our own. What models were trained on is kept: `Reminder:` and `None`.
+"""
+
+import json
+from collections.abc import Callable, Mapping
+from typing import Any, TypeAlias
+
+from ..example import IMAGE, plain
+from .change import Change
+
+Fields: TypeAlias = Mapping[str, Any]
+Messages: TypeAlias = list[dict[str, str]]
+
+NONE = "None"
+REMIND = (
+    "You watch the machine while an agent works on the task. Is something wrong with the machine that no further step "
+    "of the agent can put right, such as a locked session or a network that is down? "
+    f"Answer `Reminder:` with what the agent should be told, or `Reminder: {NONE}`."
+)
+SUMMARISE = (
+    "The first picture is the screen before the action, the second the screen after it. Say briefly what the agent "
+    "did, what changed, and whether something happened that the agent did not do."
+)
+NOT_THE_AGENT = "Not the agent's doing:"
+# Of a text that was typed, or of code that was run, at most as many characters are quoted.
+QUOTED = 200
+
+
+def reminder_messages(instruction: str, reminder: str) -> Messages:
+    """Return the chat of one frame."""
+    return chat(f"{IMAGE}\nTask: {plain(instruction)}\n{REMIND}", f"Reminder: {plain(reminder)}")
+
+
+def summary_messages(instruction: str, action: str, summary: str) -> Messages:
+    """Return the chat of two frames and the action between them."""
+    question = f"{IMAGE}\n{IMAGE}\nTask: {plain(instruction)}\nAction: {plain(action)}\n{SUMMARISE}"
+    return chat(question, plain(summary))
+
+
+def summary_of(row: Fields, event: str | None, change: Change | None) -> str:
+    """Return what happened between two screens.
+
+    Args:
+        row: the row before, with the agent's action, its `action_code` and what is known of both.
+        event: what happened besides, from the row after it, or `None`.
+        change: how the screen changed, or `None` where that is not known.
+
+    Where there was an event, what changed is not told apart from what the agent did, so only the event is named.
+    """
+    parts = [f"The agent {did(row['action'], row['action_code'])}."]
+    if event is not None:
+        parts.append(f"{NOT_THE_AGENT} {event}")
+    elif change is not None:
+        parts.append(change.text())
+    return " ".join(parts)
+
+
+def did(action: Fields, code: str) -> str:
+    """Return an action as the end of a sentence that begins with "The agent"."""
+    kind = str(action["type"])
+    held = "" if kind in _KEYS or not action["keys"] else f" while holding {'+'.join(action['keys'])}"
+    if kind in _POINTER:
+        return _POINTER[kind] + _at(action) + held
+    if kind in _OTHER:
+        return _OTHER[kind](action) + held
+    return f"did what was recorded as {_quoted(code)}" if code else "did something that was not recorded"
+
+
+def _at(action: Fields, end: str = "", word: str = "at") -> str:
+    x, y = action[f"x{end}"], action[f"y{end}"]
+    return "" if x is None or y is None else f" {word} ({x}, {y})"
+
+
+def _scrolled(action: Fields) -> str:
+    amount = action["amount"] or 0
+    way = " up" if amount > 0 else " down" if amount < 0 else ""
+    return f"scrolled{way}{_at(action)}"
+
+
+def _typed(action: Fields) -> str:
+    return "typed" if action["text"] is None else f"typed {_quoted(action['text'])}"
+
+
+def _keyed(verb: str) -> Callable[[Fields], str]:
+    return lambda action: f"{verb} {'+'.join(action['keys'] or ()) or 'a key'}"
+
+
+def _quoted(text: str) -> str:
+    short = text if len(text) <= QUOTED else f"{text[:QUOTED]}..."
+    return json.dumps(short, ensure_ascii=False)
+
+
+_POINTER: Mapping[str, str] = {
+    "click": "clicked",
+    "double_click": "double-clicked",
+    "triple_click": "triple-clicked",
+    "right_click": "right-clicked",
+    "middle_click": "middle-clicked",
+    "mouse_down": "pressed the mouse button",
+    "mouse_up": "let go of the mouse button",
+}
+_KEYS = ("hotkey", "key_down", "key_up")
+_OTHER: Mapping[str, Callable[[Fields], str]] = {
+    "move": lambda action: f"moved the pointer{_at(action, word='to')}",
+    "drag": lambda action: f"dragged{_at(action, word='from')}{_at(action, '2', 'to')}",
+    "scroll": _scrolled,
+    "type": _typed,
+    "hotkey": _keyed("pressed"),
+    "key_down": _keyed("held down"),
+    "key_up": _keyed("let go of"),
+    "wait": lambda _: "waited",
+    "done": lambda _: "said that the task is done",
+    "fail": lambda _: "said that the task cannot be done",
+}
+
+
+def chat(question: str, answer: str) -> Messages:
+    """Return a question and its answer."""
+    return [{"role": "user", "content": question}, {"role": "assistant", "content": answer}]

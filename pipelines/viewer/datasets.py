@@ -1,0 +1,189 @@
+"""A dataset for the page: filters from a few light columns, each row and its pictures read when they are asked for."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from hijack_data.errors import HijackError
+from hijack_data.plan import CLEAN
+from hijack_data.types import UInt8Array
+
+from ..columns import BASE, pyarrow
+from ..dataset import Dataset, opened
+from ..errors import DatasetError
+from ..lazy import decoded, plan_of
+from ..manifest import is_lazy, read_manifest
+from ..readers.fields import FieldError
+from ..readers.files import inside
+from .index import Index
+from .source import INSERTED, Detail, Fields, action_text, points_of, text_of, tidy
+
+# Columns of the index, by the column of the dataset; those with a title are filters.
+COLUMNS = {
+    "corruption": "corruption",
+    "fidelity": "fidelity",
+    "trajectory_id": "trajectory",
+    "inserted": "inserted",
+    "instruction": "instruction",
+}
+LABELS = {
+    "corruption": "Corruption",
+    "fidelity": "Fidelity",
+    "trajectory": "Trajectory",
+    "inserted": "Inserted",
+}
+NEEDED = ("id", "trajectory_id", "step", "corruption")
+JSON = ("params", "plan")
+
+
+class DatasetSource:
+    """A dataset that `build` made, materialised or lazy. Raises `DatasetError` when the folder is none."""
+
+    def __init__(self, folder: Path) -> None:
+        self.title = folder.resolve().name
+        self.problems: list[str] = []
+        self.index = Index(["trajectory", "fidelity", "inserted"])
+        manifest = read_manifest(folder)
+        try:
+            self.data = Dataset(folder, manifest)
+            shards = [(str(shard["file"]), int(shard["rows"])) for shard in manifest["shards"]]
+        except (KeyError, TypeError, ValueError) as error:
+            raise DatasetError(f"{folder}/manifest.json: damaged: a shard without a file or rows ({error})") from None
+        first = 0
+        for file, rows in shards:
+            self._read(folder, file, range(first, first + rows))
+            first += rows
+        self.index.finish()
+        kind = "lazy" if is_lazy(manifest) else "materialised"
+        self.facts = f"{kind} dataset, {len(shards)} file{'s' if len(shards) != 1 else ''}"
+        self.labels = {name: title for name, title in LABELS.items() if any(self.index.columns[name].values)}
+        self.chips = tuple(name for name in ("corruption", "fidelity", "inserted") if name in self.labels)
+
+    def _read(self, folder: Path, file: str, numbers: range) -> None:
+        """Put the rows of one file into the index, or say why they are not there."""
+        try:
+            columns = light_columns(inside(folder, file, "file"))
+        except (FieldError, DatasetError) as error:
+            self.problems.append(f"{file}: its {len(numbers)} rows are left out: {error}")
+            return
+        rows = len(columns["id"])
+        if rows != len(numbers):
+            self.problems.append(
+                f"{file}: holds {rows} rows, the manifest says {len(numbers)}; hijack verify says more"
+            )
+        kept = slice(min(rows, len(numbers)))
+        named = {ours: columns[theirs][kept] for theirs, ours in COLUMNS.items() if theirs in columns}
+        self.index.extend(
+            numbers[kept], columns["id"][kept], columns["step"][kept], {**named, "group": named["trajectory"]}
+        )
+
+    def detail(self, row: int) -> Detail:
+        """Return all columns of a row but its pictures. Raises `DatasetError`."""
+        with _whole(row):
+            return self._detail(row, self.data.reader[row])
+
+    def _detail(self, row: int, stored: Mapping[str, Any]) -> Detail:
+        plan, problem = _plan(stored)
+        shown: Fields = [(name, _shown(name, value)) for name, value in stored.items() if name != "plan"]
+        action = stored["action"] or {}
+        box = stored["target_box"]
+        return Detail(
+            (int(stored["width"]), int(stored["height"])),
+            {"Columns": shown},
+            _notes(stored),
+            action_text(action),
+            stored["action_code"] or "",
+            points_of(action),
+            tuple(box) if box and len(box) == 4 else None,
+            plan,
+            self._no_before(row, stored),
+            problem,
+        )
+
+    def picture(self, row: int, before: bool) -> UInt8Array:
+        """Return the picture of a row, or that of the same step before the corruption. Raises `DatasetError`."""
+        with _whole(row):
+            stored = self.data.reader[row]
+            if not before:
+                return opened(stored)[1]
+            if BASE in stored:
+                return decoded(stored, BASE)
+            clean = self._clean_row(row)
+            if clean is None:
+                raise DatasetError(f"row {stored['id']}: {self._no_before(row, stored)}")
+            return self.data.pixels(clean)[1]
+
+    def _clean_row(self, row: int) -> int | None:
+        place = self.index.at(row)
+        same = [] if place is None else self.index.same_step(place).tolist()
+        return next((int(self.index.rows[p]) for p in same if self.index.value("corruption", p) == CLEAN), None)
+
+    def _no_before(self, row: int, stored: Mapping[str, Any]) -> str:
+        if stored["corruption"] == CLEAN:
+            return "this is the clean picture"
+        if BASE in stored or self._clean_row(row) is not None:
+            return ""
+        return "the dataset holds no clean row of this step (built with --no-clean, or its file is damaged)"
+
+
+@contextmanager
+def _whole(row: int) -> Iterator[None]:
+    """Turn what a file of other columns, or of nulls where none may be, leads to into a `DatasetError`."""
+    try:
+        yield
+    except HijackError:
+        raise
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise DatasetError(f"row {row}: a column is missing or holds another kind of value ({error!r})") from None
+
+
+def light_columns(file: Path) -> dict[str, Sequence[Any]]:
+    """Return the light columns of one file, those that it has: text, but for `step`. Raises `DatasetError`."""
+    pa = pyarrow()
+    try:
+        with pa.parquet.ParquetFile(file) as parquet:
+            have = parquet.schema_arrow.names
+            missing = [name for name in NEEDED if name not in have]
+            if missing:
+                raise DatasetError(f"has no column {', '.join(missing)}")
+            table = parquet.read([name for name in ("id", "step", *COLUMNS) if name in have], use_threads=False)
+        columns = table.to_pydict()
+        steps = [int(step) for step in columns["step"]]
+    except (pa.ArrowException, OSError, TypeError, ValueError) as error:
+        reason = str(error).partition("\n")[0]
+        raise DatasetError(f"cannot be read ({reason})") from None
+    text = {name: [_word(value) for value in values] for name, values in columns.items() if name != "step"}
+    return {**text, "step": steps}
+
+
+def _word(value: object) -> str:
+    return "" if value is None else (INSERTED if value else "no") if isinstance(value, bool) else str(value)
+
+
+def _plan(stored: Mapping[str, Any]) -> tuple[str, str]:
+    """Return the plan of a row as text, and what is wrong with it."""
+    text = str(stored["plan"])
+    if BASE not in stored:
+        return tidy(text), ""
+    try:
+        return tidy(plan_of(stored, decoded(stored, BASE).shape[:2]).to_json()), ""
+    except HijackError as error:
+        return tidy(text), str(error)
+
+
+def _shown(name: str, value: object) -> str:
+    if isinstance(value, dict) and "bytes" in value:
+        data: Any = value["bytes"]
+        return f"{len(data or b''):,} bytes"
+    return tidy(value) if name in JSON and isinstance(value, str) else text_of(value)
+
+
+def _notes(stored: Mapping[str, Any]) -> Fields:
+    notes = [(title, str(stored[name])) for name, title in (("event", "Event"), ("reminder", "Reminder"))
+             if stored.get(name)]  # fmt: skip
+    if stored.get("inserted"):
+        notes.append(("Inserted", "this step is not in the recording"))
+    if stored["target_visible"] is not None and stored["corruption"] != CLEAN:
+        notes.append(("Target", f"{100 * stored['target_visible']:.0f} % of it shows"))
+    return notes

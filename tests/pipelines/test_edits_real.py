@@ -1,0 +1,129 @@
+"""All nine on real recordings, with the pack that ships."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import hijack_data as hj
+from hijack_data.pack import AssetPack
+from pipelines import build, open_dataset, verify
+
+RECORDINGS = Path(__file__).resolve().parents[2] / "examples" / "recordings"
+FIVE = "multi_apps,accidental_touch,app_minimization,network_error,verification"
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Our own recordings under the five, both kinds."""
+    folder = tmp_path_factory.mktemp("real")
+    for output in ("lazy", "materialised"):
+        report = build(RECORDINGS, folder / output, corruptions=FIVE, seed=2, output=output)
+    assert dict(report.rows) == {
+        "clean": 23, "multi_apps": 3, "accidental_touch": 3, "app_minimization": 3, "network_error": 0,
+        "verification": 3,
+    }  # fmt: skip
+    return folder
+
+
+def test_our_recordings(built: Path) -> None:
+    pictures = 0
+    for left, right in zip(open_dataset(built / "materialised"), open_dataset(built / "lazy"), strict=True):
+        if left["corruption"] != "clean":
+            assert np.array_equal(np.asarray(left["screenshot"]), np.asarray(right["screenshot"]))
+            pictures += 1
+        del left["screenshot"], right["screenshot"]
+        assert left == right
+    assert pictures == 12
+    for output in ("materialised", "lazy"):
+        report = verify(built / output)
+        assert (report.problems, report.notes, report.regenerated) == ([], [], 12)
+
+
+def test_what_is_recorded_is_a_picture_of_the_pack(built: Path) -> None:
+    known = {asset.id: asset for asset in AssetPack.load().assets}
+    rows = [row for row in open_dataset(built / "materialised") if row["fidelity"] == "recorded"]
+    assert {row["corruption"] for row in rows} == {"app_minimization", "verification"}
+    for row in rows:
+        (op,) = json.loads(row["plan"])["ops"]
+        asset = known[op["sprite"]["id"]]
+        assert np.array_equal(np.asarray(row["screenshot"]), asset.pixels())
+        if row["inserted"]:
+            assert asset.recover is not None
+            assert (row["action"]["x"], row["action"]["y"]) == asset.recover.action.point
+            assert tuple(row["target_box"]) == asset.recover.target_box
+
+
+def test_targets_show_and_windows_keep_clear_of_them(built: Path) -> None:
+    for row in open_dataset(built / "materialised"):
+        if row["event"]:
+            assert row["target_visible"] in (None, 1.0)
+        if row["corruption"] == "multi_apps":
+            (op,) = hj.Plan.from_json(row["plan"]).ops
+            asset = AssetPack.load().get(op.sprite["id"])  # type: ignore[union-attr]
+            (x, y), (h, w) = op.at[0], asset.size  # type: ignore[union-attr]
+            assert 0 <= x <= 1920 - w
+            assert 32 <= y <= 1026 - h
+            assert asset.app not in row["domain"]
+
+
+@pytest.mark.parametrize(
+    ("source", "rows", "reasons"),
+    [
+        (
+            "webvoyager",
+            {"network_error": 2},
+            {"multi_apps": "a web page, not the screen", "verification": "a web page"},
+        ),
+        (
+            "agentnet_raw",
+            {"multi_apps": 1, "accidental_touch": 1, "app_minimization": 1, "verification": 1},
+            {"network_error": "names no browser"},
+        ),
+        ("agentnetbench", {"accidental_touch": 3}, {"network_error": "names no browser"}),
+        ("screenagent", {"accidental_touch": 15}, {"network_error": "names no browser", "multi_apps": "no place"}),
+    ],
+)
+def test_real_recordings(
+    source: str, rows: dict[str, int], reasons: dict[str, str], shared_data: Path, tmp_path: Path
+) -> None:
+    """What each kind of recording gives, and why it does not give the rest."""
+    pytest.importorskip("cv2")
+    report = build(
+        shared_data / "trajectories" / source, tmp_path / "out", corruptions=FIVE, clean=False, output="lazy"
+    )
+    assert report.rejected == 0
+    for label, count in rows.items():
+        assert report.rows[label] == count, label
+    for label, reason in reasons.items():
+        assert reason in "; ".join(report.not_applicable[label]), label
+    found = list(open_dataset(tmp_path / "out"))
+    assert len(found) == report.total
+    assert all(row["target_visible"] in (None, 1.0) for row in found)
+    assert verify(tmp_path / "out").regenerated == len(found)
+
+
+def test_osworld_in_a_browser(tmp_path: Path) -> None:
+    """A result folder whose task is Chrome's, with one of our own screens: the first of them has no page any more."""
+    from support.formats import osworld, write_json
+
+    folder = osworld(tmp_path / "results")
+    screen = next((RECORDINGS / "images").glob("*.png")).read_bytes()
+    for picture in folder.rglob("*.png"):
+        picture.write_bytes(screen)
+    about: dict[str, Any] = {"id": "x", "instruction": "find it", "related_apps": ["chrome"]}
+    (task,) = (folder / "examples" / "gimp").iterdir()
+    write_json(task, about)
+    report = build(folder, tmp_path / "out", corruptions="network_error", clean=False)
+    assert dict(report.rows) == {"network_error": 1}
+    (row,) = open_dataset(tmp_path / "out")
+    assert (row["fidelity"], row["action_code"], row["step"]) == ("composited", "WAIT", 1)
+    top, below = [op["sprite"]["id"] for op in json.loads(row["plan"])["ops"]][::-1]
+    pack = AssetPack.load()
+    window = pack.get(top)
+    x1, y1, x2, y2 = window.box
+    picture = np.asarray(row["screenshot"])
+    assert np.array_equal(picture[y1:y2, x1:x2], window.pixels()[..., :3])
+    assert np.array_equal(picture[y2:], pack.get(below).pixels()[y2:])

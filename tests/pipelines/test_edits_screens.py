@@ -1,0 +1,163 @@
+"""Edits that fill the whole screen: lock screens, bare desktops, error pages."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import hijack_data as hj
+from hijack_data.pack import AssetPack
+from hijack_data.plan import Effect
+from hijack_data.types import Action
+from pipelines.edits import EDITS, NotApplicable
+
+from support.assets import BACKGROUND, PackMaker, page, pixels
+from support.frames import drawn, frame_of
+
+SPARE = {"lock": "lock_screen", "minimise": "desktop", "firewall": "error_page"}
+
+
+def edit(kind: str, pack: Path, **frame: Any) -> Any:
+    made = frame_of(pack, **frame)
+    found = EDITS[kind](made, Effect(kind))
+    return found, drawn(made, found)
+
+
+def test_a_lock_screen_of_the_same_size_is_as_it_was_recorded(assets: Path) -> None:
+    found, picture = edit("lock", assets)
+    assert np.array_equal(picture, pixels(1, 320, 200))
+    assert (found.fidelity, found.inserted, found.notes) == ("recorded", False, ())
+    assert (found.deed.action, found.deed.target_box) == (Action("wait"), None)
+    assert "locked" in found.event
+    assert "wait" in found.reminder
+
+
+@pytest.mark.parametrize("size", [(399, 639), (396, 638), (202, 322)])
+def test_a_screen_of_nearly_the_same_shape_is_scaled_down(size: tuple[int, int], assets: Path) -> None:
+    found, picture = edit("lock", assets, size=size)
+    scaled = hj.Plan("x-v1", (400, 640), ops=(hj.Resample(size),))
+    assert np.array_equal(picture, hj.apply(scaled, pixels(2, 640, 400)))
+    assert found.fidelity == "composited"
+    assert found.notes == (f"lock-large was scaled from 640x400 to {size[1]}x{size[0]}",)
+
+
+@pytest.mark.parametrize("size", [(401, 640), (400, 641), (190, 320), (200, 260), (1080, 1920)])
+@pytest.mark.parametrize("kind", list(SPARE))
+def test_nothing_is_scaled_up_or_out_of_shape(size: tuple[int, int], kind: str, assets: Path) -> None:
+    with pytest.raises(NotApplicable, match="was recorded on a screen of this size"):
+        edit(kind, assets, size=size, apps=("chrome",))
+
+
+def test_the_bare_desktop_is_left_by_a_click_on_the_panel(assets: Path) -> None:
+    found, picture = edit("minimise", assets)
+    assert np.array_equal(picture, pixels(4, 320, 200))
+    assert (found.fidelity, found.inserted, found.reminder) == ("recorded", True, None)
+    assert (found.deed.action, found.deed.target_box) == (Action("click", 50, 190), (20, 180, 80, 200))
+    assert found.boxes == ((20, 180, 80, 200),)
+
+
+def test_what_is_clicked_is_scaled_with_the_screen(assets: Path) -> None:
+    found, _ = edit("minimise", assets, size=(100, 160))
+    assert found.fidelity == "composited"
+    assert (found.deed.action, found.deed.target_box) == (Action("click", 25, 95), (10, 90, 40, 100))
+    assert found.boxes == ((10, 90, 40, 100),)
+
+
+@pytest.fixture
+def several(tmp_path: Path) -> Path:
+    """A pack with desktops of two applications, and an error page that leaves a panel free."""
+    made = PackMaker(tmp_path / "several")
+    for number, app in enumerate(("thunar", "gimp", "chromium")):
+        made.add(f"desktop-{app}", "desktop", pixels(30 + number, 320, 200), app=app,
+                 recover={"type": "click", "x": number, "y": 190})  # fmt: skip
+    made.add("window", "error_page", pixels(40, 320, 180), app="chromium", screen=[320, 200], box=[0, 0, 320, 180],
+             targets=[{"name": "Reload", "role": "button", "box": [10, 20, 30, 40]}])  # fmt: skip
+    made.add("half", "error_page", pixels(41, 160, 180), app="chromium", screen=[320, 200], box=[160, 0, 320, 180])
+    return made.write()
+
+
+@pytest.mark.parametrize(("apps", "domain"), [(("GIMP", "vlc"), ""), ((), "gimp")])
+def test_a_desktop_with_the_windows_of_the_recording_is_preferred(
+    apps: tuple[str, ...], domain: str, several: Path
+) -> None:
+    chosen = {edit("minimise", several, apps=apps, domain=domain, seed=k)[0].deed.action.x for k in range(8)}
+    assert chosen == {1}
+    assert {edit("minimise", several, seed=k)[0].deed.action.x for k in range(30)} == {0, 1, 2}
+
+
+def test_a_desktop_that_nothing_undoes_is_no_step(tmp_path: Path) -> None:
+    made = PackMaker(tmp_path / "pack")
+    made.add("bare", "desktop", pixels(1, 320, 200))
+    with pytest.raises(NotApplicable, match="nothing was recorded that undoes bare"):
+        edit("minimise", made.write())
+
+
+def test_an_error_page_stands_on_the_desktop_that_showed_it(several: Path) -> None:
+    found, picture = edit("firewall", several, apps=("chrome",))
+    assert np.array_equal(picture[:180], pixels(40, 320, 180))
+    assert np.array_equal(picture[180:], pixels(32, 320, 200)[180:])
+    assert (found.fidelity, found.notes) == ("composited", ("window stands on desktop-chromium",))
+    assert found.deed.action == Action("wait")
+    assert "network" in found.reminder
+
+
+def test_an_error_page_needs_a_browser(assets: Path) -> None:
+    for about in ({"apps": ("Google Chrome",)}, {"domain": "chrome"}, {"apps": ("vlc", "firefox")}, {"domain": "web"}):
+        found, picture = edit("firewall", assets, **about)  # type: ignore[arg-type]
+        assert np.array_equal(picture, pixels(3, 320, 200))
+        assert (found.fidelity, found.boxes) == ("recorded", ((200, 100, 240, 120),))
+    for about in ({}, {"apps": ("gimp",)}, {"domain": "Daily"}, {"apps": ("chrome_remote",)}):
+        with pytest.raises(NotApplicable, match="names no browser"):
+            edit("firewall", assets, **about)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("kind", ["lock", "minimise", "touch", "launch_app"])
+def test_pictures_of_a_page_show_nothing_of_the_screen(kind: str, assets: Path) -> None:
+    frame = frame_of(assets, source="webvoyager", boxes=[(10, 10, 20, 20)])
+    with pytest.raises(NotApplicable, match="a web page, not the screen"):
+        EDITS[kind](frame, Effect(kind, {"boxes": [[10, 10, 20, 20]], "app": "gimp"}))
+
+
+@pytest.mark.parametrize("size", [(260, 400), (200, 320), (260, 70), (60, 400), (330, 400), (400, 520), (300, 320)])
+def test_a_page_is_cut_or_continued_by_its_own_background(size: tuple[int, int], assets: Path) -> None:
+    """A page of that size with the same content in its middle is what comes out, pixel by pixel."""
+    found, picture = edit("firewall", assets, size=size, source="webvoyager")
+    assert np.array_equal(picture, page(size[1], size[0]))
+    assert (found.fidelity, found.deed.action) == ("composited", Action("wait"))
+
+
+@pytest.mark.parametrize("size", [(40, 400), (260, 58)])
+def test_content_is_never_cut_off(size: tuple[int, int], assets: Path) -> None:
+    with pytest.raises(NotApplicable, match="no error page was recorded that a page of this size can show"):
+        edit("firewall", assets, size=size, source="webvoyager")
+
+
+@pytest.mark.parametrize("spot", [(130, 0), (5, 0), (40, 99)])
+def test_a_page_whose_edge_is_not_plain_is_not_continued(spot: tuple[int, int], tmp_path: Path) -> None:
+    made = PackMaker(tmp_path / "pack")
+    picture = page(100, 140)
+    picture[spot] = 200
+    made.add("view", "error_view", picture)
+    with pytest.raises(NotApplicable):
+        edit("firewall", made.write(), size=(140, 120), source="webvoyager")
+    assert tuple(picture[-1, 0]) == BACKGROUND
+
+
+def test_the_page_of_the_nearest_width_is_taken(tmp_path: Path) -> None:
+    made = PackMaker(tmp_path / "pack")
+    for width in (200, 300, 400):
+        made.add(f"view-{width}", "error_view", page(width, 150, (60, 20 + width // 10)))
+    found, picture = edit("firewall", made.write(), size=(150, 290), source="webvoyager")
+    assert np.array_equal(picture, page(290, 150, (60, 50)))
+    assert found.notes == ("view-300 was cut or continued to the size of the page",)
+
+
+@pytest.mark.parametrize(("kind", "spare"), SPARE.items())
+def test_a_pack_without_such_pictures(kind: str, spare: str, tmp_path: Path) -> None:
+    made = PackMaker(tmp_path / "pack")
+    made.add("x", "window", pixels(1, 20, 20))
+    folder = made.write()
+    assert not AssetPack.load(folder).pictures(spare)
+    with pytest.raises(NotApplicable):
+        edit(kind, folder, apps=("chrome",))

@@ -1,0 +1,396 @@
+"""Builds on Ray: two nodes, each with processes of its own, on this machine."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import hijack_data as hj
+from hijack_data.errors import MissingDependencyError, UnknownNameError
+from pipelines import build, verify
+from pipelines.build import get_reader
+from pipelines.engines import ray as engine
+from pipelines.engines import remote
+from pipelines.errors import BuildError, SourceError
+from pipelines.manifest import libraries
+from pipelines.rows import Settings
+from pipelines.shards import ShardTask, build_shard, shard_tasks
+
+ray = pytest.importorskip("ray", reason="Ray is not installed: pip install 'agenthijack[ray]'")
+cluster_utils = pytest.importorskip("ray.cluster_utils")
+ray.cloudpickle.register_pickle_by_value(sys.modules[__name__])
+
+ROOT = Path(__file__).resolve().parents[2]
+COMMAND = [sys.executable, "-m", "hijack_data.cli", "build"]
+CONFIG = "corruptions:\n  - marks: {number: 4, mark_size: 8}\n"
+STORE = 80 * 2**20
+SOON = {
+    "health_check_initial_delay_ms": 0,
+    "health_check_period_ms": 500,
+    "health_check_timeout_ms": 2000,
+    "health_check_failure_threshold": 4,
+}
+
+
+class Marks(hj.Augmentation):
+    """Marks, whose planning calls `deed` first."""
+
+    needs_elements = False
+
+    def __init__(self, deed: Any = None) -> None:
+        self.deed = deed
+
+    def plan(self, scene: hj.Scene, **key: Any) -> hj.Plan:
+        if self.deed is not None:
+            self.deed(**key)
+        return hj.Marks(number=4, mark_size=8).plan(scene, **key)
+
+
+def contents(out: Path) -> dict[str, bytes]:
+    """All files of a dataset but the card, which names its own folder."""
+    files = sorted(p for p in out.rglob("*") if p.is_file() and p.name != "README.md")
+    return {str(p.relative_to(out)): p.read_bytes() for p in files}
+
+
+def once(flag: Path) -> bool:
+    """Whether this is the first call with this path, in any process."""
+    try:
+        os.close(os.open(flag, os.O_CREAT | os.O_EXCL))
+    except FileExistsError:
+        return False
+    return True
+
+
+def kill_self(flag: Path, sample: str, **_: Any) -> None:
+    if sample == "t3" and once(flag):
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+def kill_self_always(**_: Any) -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def kill_node(flag: Path, raylet: int, **_: Any) -> None:
+    if os.getppid() == raylet and once(flag):
+        os.kill(raylet, signal.SIGKILL)
+        os.kill(os.getpid(), signal.SIGKILL)
+    time.sleep(0.1)  # the other node leaves shards for this one
+
+
+def stumble(**_: Any) -> None:
+    raise ZeroDivisionError("a mistake in a planner")
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """Two nodes of one CPU each, whose processes work in another folder than the tests do."""
+    before = Path.cwd()
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
+    os.chdir(tmp_path_factory.mktemp("elsewhere"))
+    options = {"num_cpus": 1, "object_store_memory": STORE, "include_dashboard": False}
+    nodes = cluster_utils.Cluster(initialize_head=True, head_node_args={**options, "_system_config": SOON})
+    try:
+        nodes.add_node(num_cpus=1, object_store_memory=STORE)
+        os.chdir(before)
+        ray.init(address=nodes.address, log_to_driver=False, logging_level="CRITICAL")
+        yield nodes
+    finally:
+        os.chdir(before)
+        ray.shutdown()
+        nodes.shutdown()
+
+
+def raylet(node: Any) -> int:
+    return node.all_processes["raylet"][0].process.pid
+
+
+def on_ray(source: Path, out: Path, deed: Any = None, **options: Any) -> Any:
+    """Build one shard a trajectory with two workers of the cluster."""
+    planners = {"marks": Marks(deed)}
+    return build(source, out, corruptions=planners, rows_per_shard=1, engine="ray", workers=2, **options)
+
+
+def locally(source: Path, out: Path) -> dict[str, bytes]:
+    """What an undisturbed build in this process makes."""
+    build(source, out, corruptions={"marks": Marks()}, rows_per_shard=1)
+    return contents(out)
+
+
+@pytest.mark.parametrize("output", ["materialised", "lazy"])
+def test_the_same_bytes_as_a_local_build(
+    output: str, recording: Any, cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Any
+) -> None:
+    source = recording(trajectories=12 if output == "lazy" else 3, steps=2)  # twelve are more than the first wave
+    picture = source / "images" / "t1-1.png"
+    picture.write_bytes(picture.read_bytes()[:-1000])
+    planners = {"marks": hj.Marks(number=4, mark_size=8), "half": hj.Resolution()}
+    options: dict[str, Any] = {"corruptions": planners, "rows_per_shard": 1, "output": output}
+    monkeypatch.chdir(tmp_path)  # the nodes work in another folder: relative paths must not be theirs
+    here = build("source", "here", **options)
+    calls: list[tuple[int, int]] = []
+    there = build("source", "there", **options, engine="ray", workers=2, progress=lambda d, n, _: calls.append((d, n)))
+    assert contents(Path("here")) == contents(Path("there"))
+    assert (there.rows, there.rejected, there.shards) == (here.rows, 1, here.shards)
+    total = here.shards * 6
+    assert sorted(calls) == calls == [(done, total) for done in range(6, total + 1, 6)]
+    assert verify("there").ok
+    assert capfd.readouterr().out == ""
+
+
+def test_a_worker_that_is_killed_in_the_middle_of_a_shard(recording: Any, cluster: Any, tmp_path: Path) -> None:
+    source = recording(trajectories=6, steps=2)
+    report = on_ray(source, tmp_path / "out", partial(kill_self, tmp_path / "flag"))
+    assert (tmp_path / "flag").exists()
+    assert (report.shards, report.rejected) == (6, 0)
+    assert contents(tmp_path / "out") == locally(source, tmp_path / "whole")  # and no temporary file
+
+
+def test_a_shard_that_kills_every_worker_is_given_up(
+    recording: Any, cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(engine, "RETRIES", 1)
+    source, out = recording(trajectories=2, steps=1), tmp_path / "out"
+    with pytest.raises(BuildError, match=r"given up after 2 workers.*WorkerCrashedError.*resume=True"):
+        on_ray(source, out, kill_self_always)
+    assert not list(out.rglob("*.tmp"))
+    assert on_ray(source, out, resume=True).shards == 2
+    assert contents(out) == locally(source, tmp_path / "whole")
+
+
+def test_a_node_that_dies(recording: Any, cluster: Any, tmp_path: Path) -> None:
+    source, out = recording(trajectories=8, steps=1), tmp_path / "out"
+    node = cluster.add_node(num_cpus=1, object_store_memory=STORE)
+    try:
+        deed = partial(kill_node, tmp_path / "flag", raylet(node))
+        report = build(source, out, corruptions={"marks": Marks(deed)}, rows_per_shard=1, engine="ray", workers=3)
+    finally:
+        cluster.remove_node(node, allow_graceful=False)
+    assert (tmp_path / "flag").exists(), "the third node had no shard"
+    assert report.shards == 8
+    assert contents(out) == locally(source, tmp_path / "whole")
+
+
+@pytest.mark.parametrize(
+    ("deed", "reason"), [(stumble, r"ZeroDivisionError.*a mistake in a planner.*resume=True"), (None, "effects")]
+)
+def test_mistakes_reach_the_caller(deed: Any, reason: str, recording: Any, cluster: Any, tmp_path: Path) -> None:
+    class Live(hj.Augmentation):
+        def plan(self, scene: hj.Scene, **key: Any) -> hj.Plan:
+            return hj.NetworkError().plan(scene, **{**key, "step": -1})
+
+    planners = {"x": Marks(deed) if deed else Live()}
+    with pytest.raises(BuildError, match=reason):
+        build(recording(steps=1), tmp_path / "out", corruptions=planners, engine="ray")
+
+
+def test_strict_stops_at_the_first_bad_input(recording: Any, cluster: Any, tmp_path: Path) -> None:
+    source = recording(trajectories=2, steps=1)
+    picture = source / "images" / "t0-0.png"
+    picture.write_bytes(picture.read_bytes()[:-1000])
+    with pytest.raises(SourceError, match=r"images/t0-0.png.*strict"):
+        on_ray(source, tmp_path / "out", strict=True)
+    assert not (tmp_path / "out" / "manifest.json").exists()
+
+
+def tasks_of(source: Path) -> list[ShardTask]:
+    return list(shard_tasks(get_reader("jsonl").read(source), source, 1, 2, print))
+
+
+def test_the_source_is_read_as_shards_are_done(
+    recording: Any, cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(engine, "FIRST", 1)
+    monkeypatch.setattr(engine, "MOST", 2)
+    tasks, taken = tasks_of(recording(trajectories=9, steps=1)), []
+
+    def source() -> Iterator[ShardTask]:
+        for task in tasks:
+            taken.append(task.index)
+            yield task
+
+    (tmp_path / "out" / "data").mkdir(parents=True)
+    (tmp_path / "out" / ".build").mkdir()
+    settings, ahead, done = Settings((("marks", Marks()),)), [], []
+    for record in engine.run(source(), settings, tmp_path / "out", 1, lambda _: None):
+        ahead.append(len(taken) - len(done))
+        done.append(record.index)
+    assert sorted(done) == list(range(9))
+    assert ahead[0] == 1  # the first shard is done before the third is read
+    assert max(ahead) <= 4  # at most a wave in the making and one that waits
+
+
+@pytest.fixture
+def errand(tmp_path: Path) -> remote.Errand:
+    out = tmp_path / "shared"
+    (out / ".build").mkdir(parents=True)
+    (out / "data").mkdir()
+    (out / ".build" / "token").write_text("abc")
+    return remote.Errand(Settings((("marks", Marks()),)), out, "abc", libraries(False), None, {})
+
+
+def test_a_node_that_sees_other_files_or_has_other_libraries(
+    errand: remote.Errand, recording: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(remote, "PATIENCE", 0)
+    (task,) = tasks_of(recording(trajectories=1, steps=2))
+    record = remote.make({"task": task}, errand)["made"]
+    assert record == build_shard(task, errand.settings, errand.out)
+    (errand.out / "data" / record.file).unlink(missing_ok=True)
+
+    def refused(task: ShardTask, **changes: Any) -> str:
+        error = remote.make({"task": task}, replace(errand, **changes))["made"]
+        assert isinstance(error, BuildError)
+        return str(error)
+
+    assert str(errand.out) in refused(task, token="abd")
+    assert "all nodes share" in refused(task, out=errand.out / "elsewhere")
+    assert "pillow" in refused(task, libraries={**errand.libraries, "pillow": "1.0"})
+    assert "recorded pictures" in refused(task, assets={"sha256": "0"})
+    picture = Path(task.trajectories[0].steps[1].image)
+    picture.write_bytes(picture.read_bytes() + b"more")
+    assert str(task.root) in refused(task)
+    shutil.rmtree(task.root)
+    assert "does not see the pictures" in refused(task)
+    assert not list(errand.out.rglob("*.parquet.*"))
+
+
+def test_a_shard_that_was_written_elsewhere(errand: remote.Errand, recording: Any, monkeypatch: Any) -> None:
+    monkeypatch.setattr(remote, "PATIENCE", 0)
+    (task,) = tasks_of(recording(trajectories=1, steps=1))
+    record = build_shard(task, errand.settings, errand.out)
+    assert engine._record(record, "n1", errand.out) is record
+    for other in (errand.out / "local", errand.out):
+        with pytest.raises(BuildError, match=rf"{other}/data/train-00000.parquet: the node n1 wrote.*all nodes share"):
+            engine._record(replace(record, bytes=record.bytes + 1), "n1", other)
+
+
+NAMESPACE = """
+mount -t tmpfs tmpfs "$1" && exec {python} -m ray.scripts.scripts start --address={address} --num-cpus=1 \\
+  --object-store-memory={store} --disable-usage-stats --block
+"""
+
+
+@pytest.mark.skipif(os.geteuid() != 0 or not shutil.which("unshare"), reason="only root can hide a folder from a node")
+def test_a_node_that_does_not_share_the_output(recording: Any, cluster: Any, tmp_path: Path) -> None:
+    """A real third node, in a mount namespace where the output folder is another one."""
+    source, out = recording(trajectories=6, steps=1), tmp_path / "out"
+    out.mkdir()
+    if subprocess.run(["unshare", "-m", "true"], capture_output=True, check=False).returncode:
+        pytest.skip("mount namespaces are not allowed here")
+    script = NAMESPACE.format(python=sys.executable, address=cluster.address, store=STORE)
+    command = ["unshare", "-m", "sh", "-c", script, "sh", str(out)]
+    known = len(ray.nodes())
+    node = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.STDOUT, start_new_session=True)
+    try:
+        deadline = time.monotonic() + 60
+        while sum(n["Alive"] for n in ray.nodes()) < 3 and time.monotonic() < deadline:
+            assert node.poll() is None, "the node did not start"
+            time.sleep(0.1)
+        assert len(ray.nodes()) == known + 1
+        with pytest.raises(BuildError, match=rf"{out}: the node .* does not see this folder.*all nodes share"):
+            build(source, out, corruptions={"marks": Marks()}, rows_per_shard=1, engine="ray", workers=3)
+    finally:
+        node.send_signal(signal.SIGTERM)
+        node.wait(timeout=30)
+    assert on_ray(source, out, resume=True).shards == 6
+    assert contents(out) == locally(source, tmp_path / "whole")
+
+
+def test_a_cluster_that_runs_already(recording: Any, cluster: Any, tmp_path: Path) -> None:
+    source, out = recording(trajectories=2, steps=1), tmp_path / "out"
+    (tmp_path / "config.yaml").write_text(CONFIG)
+    options = ["--config", str(tmp_path / "config.yaml"), "--engine", "ray", "--json"]
+    command = [*COMMAND, str(source), "--out", str(out), *options]
+    environment = {**os.environ, "RAY_ADDRESS": cluster.address}
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["rows"] == 4
+    build(source, tmp_path / "whole", config=tmp_path / "config.yaml")
+    assert contents(out) == contents(tmp_path / "whole")
+    assert len([node for node in ray.nodes() if node["Alive"]]) == 2  # it goes on
+
+
+SLOWLY = """
+import sys, time
+import hijack_data as hj
+from pipelines import cli, shards
+from pipelines.engines import ray_session
+
+build = cli.build_dataset
+
+def slowly(source, out, **options):
+    return build(source, out, **{**options, "rows_per_shard": 1})
+
+if __name__ == "__main__":
+    cli.build_dataset = slowly
+    cli.build(sys.argv[1:])
+"""
+
+
+def test_ctrl_c_ends_the_cluster_that_was_started(recording: Any, tmp_path: Path) -> None:
+    source, out = recording(trajectories=60, steps=2), tmp_path / "out"
+    (tmp_path / "config.yaml").write_text(CONFIG)
+    (tmp_path / "run.py").write_text(SLOWLY)
+    options = ["--config", str(tmp_path / "config.yaml"), "--engine", "ray", "--workers", "2"]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONWARNINGS": "error"}
+    environment.pop("RAY_ADDRESS", None)
+    process = subprocess.Popen(
+        [sys.executable, str(tmp_path / "run.py"), str(source), "--out", str(out), *options],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    deadline = time.monotonic() + 90
+    while process.poll() is None and not list(out.glob(".build/[0-9]*.json")) and time.monotonic() < deadline:
+        time.sleep(0.002)
+    os.killpg(process.pid, signal.SIGINT)  # a terminal tells all processes
+    output, errors = process.communicate(timeout=60)
+    assert process.returncode == 130, errors
+    assert output == ""
+    assert errors.splitlines()[-1] == "hijack: stopped; the same command with --resume goes on"
+    assert "Traceback" not in errors
+    assert not list(out.rglob("*.tmp"))
+    assert 1 <= len(list((out / "data").iterdir())) < 60
+    assert not processes_of(process.pid)
+    report = build(source, out, config=tmp_path / "config.yaml", rows_per_shard=1, resume=True)
+    assert report.kept >= 1
+    build(source, tmp_path / "whole", config=tmp_path / "config.yaml", rows_per_shard=1)
+    assert contents(out) == contents(tmp_path / "whole")
+
+
+def processes_of(session: int) -> list[str]:
+    """The processes of a session that still run, after some patience."""
+    deadline = time.monotonic() + 20
+    while True:
+        found = subprocess.run(
+            ["ps", "-o", "stat=,args=", "-s", str(session)], capture_output=True, text=True, check=False
+        )
+        alive = [line for line in found.stdout.splitlines() if not line.startswith("Z")]
+        if not alive or time.monotonic() > deadline:
+            return alive
+        time.sleep(0.1)
+
+
+def test_without_ray(recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(MissingDependencyError, match=r"pip install 'agenthijack\[ray\]'"):
+        build(recording(), tmp_path / "out", corruptions={"marks": Marks()}, engine="ray")
+
+
+def test_engines_that_are_not_there(recording: Any, tmp_path: Path) -> None:
+    with pytest.raises(UnknownNameError, match=r"engine 'rey'.*did you mean 'ray'"):
+        build(recording(), tmp_path / "out", engine="rey")
+    assert not (tmp_path / "out").exists()

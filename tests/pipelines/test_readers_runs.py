@@ -1,0 +1,138 @@
+"""Reading runs of the live benchmark: clean screens, the agent's actions on them, and what is left out."""
+
+import json
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("gymnasium", reason="needs the extra [online]")
+pytest.importorskip("pyarrow", reason="needs the extra [hf]")
+
+import hijack_data as hj
+from hijack_data.types import Action
+from online_env.env import CorruptedEnv
+from pipelines import build, open_dataset, verify
+from pipelines.readers import Rejected, detect_format, get_reader
+
+from support.live import AT_ONCE, SIZE, FakeDesktop, FakeStage, Marking
+
+VISUAL = {
+    "pop_ups": hj.PopUps(width=420, height=260),
+    "resolution": hj.Resolution(scale=0.5),
+    "marks": hj.Marks(number=3, mark_size=8),
+    "subtitle": hj.Subtitle(subtitle_text="hello", font_size=12),
+}
+SCREEN = (720, 1280)
+
+
+@pytest.fixture(autouse=True)
+def no_waiting(monkeypatch):
+    monkeypatch.setattr("online_env.env.episode.WAIT", 0.0)
+
+
+def played(folder: Path, corruption=None, actions=("pyautogui.click(10, 20)", "WAIT", "DONE"), size=SIZE, **options):
+    """One episode under `folder`; returns its record."""
+    env = CorruptedEnv(FakeStage(FakeDesktop(size)), corruption=corruption, settle=AT_ONCE, log=folder, max_steps=6)
+    env.reset(seed=3, options=options)
+    for action in actions:
+        env.step(action)
+    env.abandon("the test is over")
+    return env.record
+
+
+def read(folder: Path):
+    found = list(get_reader("runs").read(folder))
+    rejected = [item for item in found if isinstance(item, Rejected)]
+    return [item for item in found if not isinstance(item, Rejected)], [str(item) for item in rejected]
+
+
+def test_steps_are_clean_screens_with_the_actions_on_the_screen(tmp_path):
+    actions = ("pyautogui.click(10, 20)", "```\npyautogui.write('a')\n```", "REQUEST_REINIT", "DONE")
+    record = played(tmp_path, VISUAL["resolution"], actions)
+    assert detect_format(tmp_path) == "runs"
+    (found,), rejected = read(tmp_path)
+    assert rejected == []
+    assert (found.id, found.sample, found.instruction) == (record["id"], "do-3", "Open the file")
+    assert (found.apps, found.source) == (("files",), "runs")
+    assert [step.index for step in found] == [0, 1, 2, 3]
+    assert [step.action for step in found] == [
+        Action("click", 20, 40), Action("type", text="a"), Action("other"), Action("done"),
+    ]  # fmt: skip
+    assert [step.action_code for step in found] == [
+        "pyautogui.click(20, 40)", "pyautogui.write('a')", "REQUEST_REINIT", "DONE",
+    ]  # fmt: skip
+    assert [Path(step.image).name for step in found] == [f"{k:04d}.png" for k in range(4)]
+
+
+def test_elements_are_those_that_the_plan_was_given(tmp_path):
+    played(tmp_path, VISUAL["pop_ups"], size=SCREEN)
+    (found,), _ = read(tmp_path)
+    assert {step.elements for step in found} == {((10, 20, 110, 50), (300, 200, 380, 240))}
+
+
+@pytest.mark.parametrize("where", ["", "episodes", "episodes/{id}", "episodes/{id}/steps.jsonl"])
+def test_a_run_an_episode_and_its_file_can_be_read(tmp_path, where):
+    record = played(tmp_path)
+    (found,), _ = read(tmp_path / where.format(**record))
+    assert len(tuple(found)) == 3
+    if where != "episodes":
+        assert detect_format(tmp_path / where.format(**record)) == "runs"
+
+
+def test_what_is_no_sample_is_left_out_with_the_reason(tmp_path):
+    played(tmp_path, "subtitle", ("nonsense", "DONE"), size=SCREEN)
+    played(tmp_path, Marking(0, sabotaged=True))
+    played(tmp_path, None, ("WAIT",))
+    broken = tmp_path / "episodes" / "broken"
+    broken.mkdir()
+    (broken / "steps.jsonl").write_text("{}\n")
+    found, rejected = read(tmp_path)
+    assert [trajectory.id for trajectory in found] == ["do-3__subtitle__s3__agent"]
+    text = "\n".join(rejected)
+    for words in ("the action was refused", "the episode is invalid", "nothing is marked",
+                  "the episode is error: the test is over", "the episode was broken off"):  # fmt: skip
+        assert words in text
+    assert len(rejected) == 4
+
+
+def test_screens_after_an_effect_are_not_clean(tmp_path):
+    played(tmp_path, Marking(1), ("WAIT", "WAIT", "DONE"))
+    (found,), (reason,) = read(tmp_path)
+    assert [step.index for step in found] == [0]
+    assert "after test_mark show what it did" in reason
+    played(tmp_path / "other", Marking(-1), ("WAIT", "DONE"))
+    assert read(tmp_path / "other")[0] == []
+
+
+def test_a_damaged_log_is_reported_with_line_and_field(tmp_path):
+    record = played(tmp_path)
+    path = tmp_path / "episodes" / record["id"] / "steps.jsonl"
+    rows = [json.loads(line) for line in path.read_text().splitlines()]
+    rows[0]["image"] = "../../secret.png"
+    rows[1]["code"] = "pyautogui.click(9999, 20)"
+    path.write_text("".join(json.dumps(row) + "\n" for row in rows) + "not json\n")
+    (found,), rejected = read(tmp_path)
+    assert [step.index for step in found] == [2]
+    assert ["line 1" in r or "line 2" in r or "line 5" in r for r in rejected] == [True] * 3
+    assert "leaves the source folder" in rejected[0]
+    assert "outside" in rejected[1]
+
+
+def test_a_dataset_of_a_run_is_what_the_agents_saw(tmp_path):
+    """Offline = live: the same seed gives the same plans and the same bytes."""
+    for label, corruption in VISUAL.items():
+        played(tmp_path / "run", corruption, size=SCREEN, label=label)
+    live = {}
+    for path in (tmp_path / "run").glob("episodes/*/steps.jsonl"):
+        for line in map(json.loads, path.read_text().splitlines()):
+            live[path.parent.name, line["step"]] = line["plan_digest"], line["seen_sha256"]
+    report = build(tmp_path / "run", tmp_path / "data", corruptions=VISUAL, seed=3)
+    assert report.exit_code == 0
+    seen = Counter()
+    for row in open_dataset(tmp_path / "data"):
+        if f"__{row['corruption']}__" in row["trajectory_id"]:
+            assert (row["plan_digest"], row["image_sha256"]) == live[row["trajectory_id"], row["step"]]
+            seen[row["corruption"]] += 1
+    assert seen == dict.fromkeys(VISUAL, 3)
+    assert verify(tmp_path / "data").ok

@@ -1,0 +1,309 @@
+"""The page of `hijack view` in a real browser, driven by real mouse and key events."""
+
+import json
+import shutil
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from test_gallery_browser import Browser, browser  # noqa: F401
+
+import hijack_data as hj
+from pipelines import build, open_dataset
+from pipelines.viewer import ViewServer, open_source
+
+from support.runlog import make_run
+
+ROOT = Path(__file__).resolve().parents[2]
+ERRORS = ("Log.entryAdded", "Runtime.exceptionThrown", "Runtime.consoleAPICalled")
+PICTURES = "[...document.images].filter(i => i.offsetParent && i.getAttribute('src'))"
+STANDS = "!document.getElementById('grid').hidden || !document.getElementById('trouble').hidden"
+SHOWN = "!document.getElementById('detail').hidden && !document.querySelector('.frame.loading')"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One trajectory of the recorded examples, 8 steps: 32 lazy rows."""
+    home = tmp_path_factory.mktemp("view")
+    source = home / "source"
+    shutil.copytree(ROOT / "examples" / "recordings", source)
+    lines = (source / "trajectories.jsonl").read_text().splitlines(keepends=True)
+    (source / "trajectories.jsonl").write_text("".join(x for x in lines if json.loads(x)["trajectory_id"] == "notes"))
+    planners = {"marks": hj.Marks(), "subtitle": hj.Subtitle(), "resolution": hj.Resolution()}
+    build(source, home / "rows", corruptions=planners, seed=7, output="lazy")
+    return home / "rows"
+
+
+@pytest.fixture(scope="module")
+def url(folder: Path) -> Iterator[str]:
+    yield from serve(folder)
+
+
+def serve(folder: Path) -> Iterator[str]:
+    with ViewServer(open_source(folder)) as server:
+        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
+        thread.start()
+        yield server.url
+        server.shutdown()
+        thread.join(30)
+
+
+def visit(browser: Browser, url: str, width: int = 1280, height: int = 900, scheme: str = "light") -> None:  # noqa: F811
+    """Open an address in a fresh page."""
+    browser.events = []
+    browser.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+    browser.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+    for address in ("about:blank", url):
+        browser.call("Page.navigate", url=address)
+    until(browser, f"document.readyState === 'complete' && ({STANDS} || {SHOWN})")
+    until(browser, f"{PICTURES}.filter(i => i.getBoundingClientRect().top < innerHeight).every(i => i.complete)")
+
+
+def until(browser: Browser, expression: str, wanted: Any = True) -> None:  # noqa: F811
+    """Wait until an expression has a value."""
+    end = time.monotonic() + 30
+    while (found := browser.js(expression)) != wanted:
+        assert time.monotonic() < end, f"{expression} is {found!r}, not {wanted!r}"
+        time.sleep(0.02)
+
+
+def text(browser: Browser, selector: str) -> str:  # noqa: F811
+    return browser.js(f"document.querySelector({selector!r}).textContent")
+
+
+def box(browser: Browser, selector: str) -> dict[str, float]:  # noqa: F811
+    return browser.js(f"document.querySelector({selector!r}).getBoundingClientRect().toJSON()")
+
+
+def press(browser: Browser, name: str, code: int, shift: bool = False) -> None:  # noqa: F811
+    for kind in ("rawKeyDown", "keyUp"):
+        held = {"modifiers": 8 if shift else 0, "windowsVirtualKeyCode": code}
+        browser.call("Input.dispatchKeyEvent", type=kind, key=name, code=name, **held)
+
+
+def choose(browser: Browser, name: str, value: str) -> None:  # noqa: F811
+    field = f"document.querySelector('[name={name}]')"
+    browser.js(f"{field}.value = {value!r}; {field}.dispatchEvent(new Event('input', {{bubbles: true}}))")
+
+
+def test_the_page_loads_without_errors_or_outside_requests(browser: Browser, url: str) -> None:  # noqa: F811
+    visit(browser, url)
+    assert browser.js("document.querySelectorAll('.tile').length") == 32
+    assert browser.js(f"{PICTURES}.slice(0, 8).every(i => i.naturalWidth === 480)")
+    assert text(browser, "#count") == "32 of 32 rows"
+    assert text(browser, "#facts") == "32 rows, lazy dataset, 1 file"
+    assert browser.of(*ERRORS) == []
+    addresses = {request["request"]["url"] for request in browser.of("Network.requestWillBeSent")}
+    assert all(address.startswith((url, "data:", "about:")) for address in addresses)
+    fields = "[...document.querySelectorAll('input, select, button, a')].filter(e => e.offsetParent)"
+    unnamed = f"{fields}.filter(e => !(e.labels?.length || e.textContent.trim() || e.ariaLabel)).length"
+    assert browser.js(unnamed) == 0
+
+
+def test_filters_and_search_change_the_count_and_the_address(browser: Browser, url: str) -> None:  # noqa: F811
+    visit(browser, url)
+    assert browser.js("[...document.querySelector('[name=corruption]').options].map(o => o.textContent)") == [
+        "all", "clean (8)", "marks (8)", "subtitle (8)", "resolution (8)",
+    ]  # fmt: skip
+    choose(browser, "corruption", "marks")
+    until(browser, "document.getElementById('count').textContent", "8 of 32 rows")
+    assert browser.js("location.hash") == "#corruption=marks"
+    assert browser.js("[...document.querySelectorAll('.chip.first')].every(c => c.textContent === 'marks')")
+    choose(browser, "q", "0003")
+    until(browser, "document.getElementById('count').textContent", "1 of 32 rows")
+    assert text(browser, ".tile .title") == "notes · step 3"
+    choose(browser, "q", "no such+text")
+    until(browser, "document.getElementById('count').textContent", "No row matches")
+    assert browser.js("location.hash") == "#corruption=marks&q=no%20such%2Btext"
+    browser.js("document.getElementById('clear').click()")
+    until(browser, "document.getElementById('count').textContent", "32 of 32 rows")
+    assert browser.js("document.querySelector('[name=corruption]').value") == ""
+    browser.js("history.back()")
+    until(browser, "document.getElementById('count').textContent", "No row matches")
+    visit(browser, f"{url}#q=packing list&corruption=subtitle")
+    assert (text(browser, "#count"), browser.js("document.querySelector('[name=q]').value")) == (
+        "8 of 32 rows",
+        "packing list",
+    )
+    visit(browser, f"{url}#q=a+b")
+    assert browser.js("document.querySelector('[name=q]').value") == "a+b"
+    assert browser.of(*ERRORS) == []
+
+
+def test_the_divider_moves_between_before_and_after(browser: Browser, url: str) -> None:  # noqa: F811
+    visit(browser, f"{url}#row=notes%2F0001%2Fmarks")
+    until(browser, "document.getElementById('before').complete")
+    frame = box(browser, "#frame")
+    y = frame["y"] + frame["height"] / 2
+
+    def drag(start: float, end: float) -> None:
+        browser.mouse("mousePressed", frame["x"] + start * frame["width"], y)
+        browser.mouse("mouseMoved", frame["x"] + end * frame["width"], y)
+        browser.mouse("mouseReleased", frame["x"] + end * frame["width"], y)
+
+    drag(0.5, 0.25)
+    value = "document.querySelector('#frame input').value"
+    assert browser.js(value) == "25"
+    assert browser.js("getComputedStyle(document.getElementById('after')).clipPath") == "inset(0px 0px 0px 25%)"
+    press(browser, "ArrowRight", 39)
+    assert browser.js(value) == "26"
+    assert text(browser, "#name") == "notes · step 1 · marks"  # the key was the divider's, not the rows'
+    drag(0.26, 1.0)
+    assert red(browser, frame) == 0
+    drag(0.99, 0.0)
+    assert red(browser, frame) > 500
+
+
+def red(browser: Browser, frame: dict[str, float]) -> int:  # noqa: F811
+    x, y, w, h = (round(frame[key]) for key in ("x", "y", "width", "height"))
+    part = browser.pixels()[y : y + h, x : x + w]
+    return int(((part[..., 0] > 220) & (part[..., 1] < 40) & (part[..., 2] < 40)).sum())
+
+
+@pytest.mark.parametrize("row", ["notes/0000/marks", "notes/0000/resolution"])
+@pytest.mark.parametrize("width", [1280, 600])
+def test_the_overlay_lies_on_the_target(browser: Browser, url: str, folder: Path, row: str, width: int) -> None:  # noqa: F811
+    stored = next(found for found in open_dataset(folder) if found["id"] == row)
+    visit(browser, f"{url}#row={row}", width=width)
+    frame, drawn, point = (box(browser, selector) for selector in ("#frame", "rect.target", "circle.action"))
+    scale = frame["width"] / stored["width"]
+    x1, y1, x2, y2 = stored["target_box"]
+    wanted = np.array([x1 * scale, y1 * scale, (x2 - x1) * scale, (y2 - y1) * scale])
+    found = np.array([drawn["x"] - frame["x"], drawn["y"] - frame["y"], drawn["width"], drawn["height"]])
+    assert np.abs(found - wanted).max() < 1.5
+    middle = point["x"] + point["width"] / 2 - frame["x"], point["y"] + point["height"] / 2 - frame["y"]
+    assert np.abs(np.array(middle) - [stored["action"]["x"] * scale, stored["action"]["y"] * scale]).max() < 1.5
+    visible = "[...document.querySelectorAll('#over > *')].filter(e => getComputedStyle(e).display !== 'none').length"
+    both = browser.js(visible)
+    browser.js("document.querySelector('[data-layer=target]').click()")
+    assert browser.js(visible) == both - 2
+    browser.js("document.querySelector('[data-layer=action]').click()")
+    assert browser.js(visible) == 0
+
+
+def test_keys_go_through_rows_and_steps(browser: Browser, url: str) -> None:  # noqa: F811
+    visit(browser, f"{url}#corruption=marks")
+    browser.js("document.querySelectorAll('.tile a')[2].click()")
+    name = "document.getElementById('name').textContent"
+    until(browser, name, "notes · step 2 · marks")
+    until(browser, "document.activeElement.id", "name")
+    assert text(browser, "#position") == "3 of 8"
+    press(browser, "ArrowRight", 39)
+    until(browser, name, "notes · step 3 · marks")
+    press(browser, "ArrowLeft", 37)
+    until(browser, name, "notes · step 2 · marks")
+    browser.js("[...document.querySelectorAll('#same a')].find(a => a.textContent === 'subtitle').click()")
+    until(browser, name, "notes · step 2 · subtitle")
+    assert text(browser, "#position") == "not in the filter"
+    press(browser, "ArrowRight", 39, shift=True)
+    until(browser, name, "notes · step 3 · subtitle")
+    press(browser, "ArrowLeft", 37, shift=True)
+    until(browser, name, "notes · step 2 · subtitle")
+    press(browser, "Escape", 27)
+    until(browser, "document.getElementById('grid').hidden", False)
+    assert browser.js("location.hash") == "#corruption=marks"
+    assert browser.of(*ERRORS) == []
+
+
+def test_a_clean_row_says_why_there_is_nothing_before(browser: Browser, url: str) -> None:  # noqa: F811
+    visit(browser, f"{url}#row=0")
+    assert text(browser, "#size") == "1920×1080  No picture before: this is the clean picture."
+    assert browser.js("document.querySelector('#frame input').offsetParent") is None
+    assert browser.js("getComputedStyle(document.getElementById('after')).clipPath") == "none"
+    assert browser.of(*ERRORS) == []
+
+
+def test_all_columns_and_the_plan_are_there(browser: Browser, url: str, folder: Path) -> None:  # noqa: F811
+    visit(browser, f"{url}#row=1")
+    row = open_dataset(folder)[1]
+    cells = "[...document.querySelectorAll('#fields div')].map(d => [...d.children].map(e => e.textContent))"
+    shown = dict(browser.js(cells))
+    assert set(row) - set(shown) == {"plan", "screenshot"}
+    assert (shown["id"], shown["image_sha256"]) == (row["id"], row["image_sha256"])
+    plan = text(browser, "#plan code")
+    assert "\n" in plan
+    assert json.loads(plan) == json.loads(row["plan"])
+
+
+def test_what_is_broken_shows_its_message(browser: Browser, folder: Path, tmp_path: Path) -> None:  # noqa: F811
+    shutil.copytree(folder, tmp_path / "rows")
+    file = next((tmp_path / "rows" / "data").iterdir())
+    table = pq.read_table(file)
+    digests = table.column("plan_digest").to_pylist()
+    texts = ["<img src=x onerror=alert(1)>", *table.column("instruction").to_pylist()[1:]]
+    for name, values in (("plan_digest", [digests[0], "0" * 64, *digests[2:]]), ("instruction", texts)):
+        table = table.set_column(table.schema.get_field_index(name), name, pa.array(values))
+    pq.write_table(table, file)
+    manifest = json.loads((tmp_path / "rows" / "manifest.json").read_text())
+    manifest["shards"].append({**manifest["shards"][0], "file": "data/<b>gone</b>.parquet"})
+    (tmp_path / "rows" / "manifest.json").write_text(json.dumps(manifest))
+    for url in serve(tmp_path / "rows"):
+        visit(browser, url)
+        until(browser, "document.querySelectorAll('.tile')[1].textContent.includes('gives another plan here')")
+        assert browser.js(f"{PICTURES}.slice(0, 6).every(i => i.naturalWidth)")
+        assert text(browser, "#problems li").startswith("data/<b>gone</b>.parquet: its 32 rows are left out")
+        visit(browser, f"{url}#row=0")
+        assert text(browser, "#instruction") == "<img src=x onerror=alert(1)>"
+        browser.js("document.getElementById('next').click()")
+        until(browser, "document.getElementById('frame').hidden")
+        until(browser, "document.getElementById('problem').textContent.includes('gives another plan here')")
+        assert text(browser, "#instruction").startswith("Write a short packing list")
+        press(browser, "ArrowRight", 39)
+        until(browser, f"!document.getElementById('frame').hidden && {SHOWN}")
+        assert browser.js("document.getElementById('problem').hidden")
+        visit(browser, f"{url}#row=77")
+        assert text(browser, "#trouble").startswith("there is no row '77' here")
+        assert browser.of("Page.javascriptDialogOpening", "Runtime.exceptionThrown") == []
+
+
+def test_a_server_that_has_ended_is_said(browser: Browser, url: str) -> None:  # noqa: F811
+    visit(browser, url)
+    network = {"latency": 0, "downloadThroughput": -1, "uploadThroughput": -1}
+    browser.call("Network.emulateNetworkConditions", offline=True, **network)
+    try:
+        choose(browser, "corruption", "marks")
+        until(browser, "document.getElementById('trouble').textContent.startsWith('No answer')")
+    finally:
+        browser.call("Network.emulateNetworkConditions", offline=False, **network)
+    choose(browser, "corruption", "subtitle")
+    until(browser, "document.getElementById('count').textContent", "8 of 32 rows")
+    assert browser.js("document.getElementById('trouble').hidden")
+
+
+def test_a_run_is_stepped_through(browser: Browser, tmp_path: Path) -> None:  # noqa: F811
+    for url in serve(make_run(tmp_path / "run")):
+        visit(browser, url)
+        choose(browser, "score", "0")
+        until(browser, "document.getElementById('count').textContent", "3 of 6 rows")
+        browser.js("document.querySelector('.tile a').click()")
+        until(browser, SHOWN)
+        assert "the agent saw the clean picture" in text(browser, "#size")
+        press(browser, "ArrowRight", 39, shift=True)
+        until(browser, "document.getElementById('name').textContent.includes('step 1')")
+        until(browser, SHOWN)
+        assert text(browser, "#action") == "click at (101, 50)"
+        assert "minimise" in text(browser, "#notes")
+        assert "score 0: there is no note" in text(browser, "#notes")
+        assert browser.of(*ERRORS) == []
+
+
+@pytest.mark.parametrize("width", [360, 600, 1280, 2400])
+def test_the_page_fits_every_width(browser: Browser, url: str, width: int) -> None:  # noqa: F811
+    for place in ("", "#row=1"):
+        visit(browser, url + place, width=width)
+        browser.js("for (const d of document.querySelectorAll('details')) d.open = true")
+        assert browser.js("document.documentElement.scrollWidth") <= width
+        assert browser.js("window.scrollY") == 0
+
+
+def test_dark_and_light(browser: Browser, url: str) -> None:  # noqa: F811
+    visit(browser, url, scheme="light")
+    assert browser.pixels()[3, 3].min() > 230
+    visit(browser, url, scheme="dark")
+    assert browser.pixels()[3, 3].max() < 30
