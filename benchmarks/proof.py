@@ -8,6 +8,7 @@ docs/proof.md.
 """
 
 import argparse
+import os
 import statistics
 from pathlib import Path
 from typing import Any
@@ -17,8 +18,8 @@ from grounding import data, pages, train
 from grounding.runs import CONDITIONS, Run, all_runs, counts, perform
 from grounding.score import accuracy
 
-PAGES = Path(__file__).parent / ".pages"
-SEEDED = (400, 120)  # seeded pages to train on and to evaluate on
+PAGES = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "agenthijack" / "grounding"
+SEEDED = (800, 100)  # seeded pages to train on and to evaluate on
 SPLITS = {"new": "new pages", "site": "sites never seen"}
 
 

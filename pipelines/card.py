@@ -38,8 +38,8 @@ def make_card(manifest: Mapping[str, Any], out: str) -> str:
             "",
             f"{manifest['rows']} rows from {manifest['source']['steps']} steps of {manifest['source']['trajectories']} "
             f"recorded trajectories (format `{parameters['reader']}`), made by AgentHijack "
-            f"{parameters['libraries']['agenthijack']}. Each row is one step: a screenshot and the action that was "
-            "recorded for it, in pixels of that screenshot.",
+            f"{parameters['libraries']['agenthijack']}. Each row is one step: a screenshot and the action to take "
+            "on it, in pixels of that screenshot.",
             "",
             *_counts(manifest),
             *_reading(is_lazy(manifest)),

@@ -60,13 +60,6 @@ class LabelStats:
         if row["target_visible"] is not None:
             self.visible[_bin(row["target_visible"])] += 1
 
-    @property
-    def about(self) -> str:
-        """What kind of rows an event has, in a few words."""
-        parts = [f"{self.inserted} inserted"] if self.inserted else []
-        parts += [f"{self.reminders} with a reminder"] if self.reminders else []
-        return f" ({', '.join(parts)})" if parts else ""
-
     def to_data(self) -> dict[str, Any]:
         """JSON data."""
         low, middle, high = (float(v) for v in np.quantile(self.changed, (0, 0.5, 1))) if self.changed else (0, 0, 0)
@@ -119,7 +112,9 @@ class Stats:
             f"trajectories, {self.bytes / 1e6:.1f} MB in {self.shards} file(s)"
         ]
         for label, found in self.labels.items():
-            text += [f"{label}: {count} row(s){found.about}: {event}" for event, count in sorted(found.event.items())]
+            text += [f"{label}: {count} row(s): {event}" for event, count in sorted(found.event.items())]
+            text += [f"{label}: {found.inserted} step(s) inserted"] if found.inserted else []
+            text += [f"{label}: {found.reminders} row(s) with a reminder"] if found.reminders else []
         text += [
             f"{label}: {count} dropped, their target does not show" for label, count in self.counts["dropped"].items()
         ]

@@ -339,6 +339,8 @@ def test_samples_are_actions():
         ({"corruption": 5}, ParameterTypeError, "got 5"),
         ({"corrupton": "subtitle"}, UnknownNameError, "did you mean 'corruption'"),
         ({"corruption": hj.Subtitle(font_size=400)}, ParameterError, "does not fit"),
+        ({"label": ""}, ParameterTypeError, "label must be a text"),
+        ({"attempt": -1}, ParameterTypeError, "attempt must be an integer"),
     ],
 )
 def test_mistakes_are_refused_with_the_fix(options, error, words):
@@ -346,6 +348,14 @@ def test_mistakes_are_refused_with_the_fix(options, error, words):
     with pytest.raises(error, match=words):
         env.reset(seed=0, options=options)
     assert stage.desktop.ran == []
+
+
+@pytest.mark.parametrize("seed", [-1, 2**64, 1.5, True, "x"])
+def test_wrong_seeds_are_refused(seed):
+    env, stage = make()
+    with pytest.raises(HijackError, match="seed must be"):
+        env.reset(seed=seed)
+    assert stage.resets == []
 
 
 def test_wrong_settings_are_refused():
@@ -405,6 +415,9 @@ def test_a_seed_is_drawn_where_none_is_given():
     env.reset()
     env.reset(seed=4)
     env.reset()
+    env.reset(seed=np.int64(4))
+    env.abandon("enough")
+    assert env.record["seed"] == 4
     seeds = [seed for _, seed in stage.resets]
     assert seeds[0] == seeds[3] == 4
     assert seeds[1] == seeds[4] != seeds[2]

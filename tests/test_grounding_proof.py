@@ -32,6 +32,15 @@ def grounding():
         sys.path.remove(str(BENCHMARKS))
 
 
+@pytest.fixture(autouse=True)
+def one_thread():
+    """Threads that wait for each other make small networks slow on a busy machine."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
 @pytest.fixture
 def toys(grounding):
     """Pages of four coloured fields on grey, each named after its colour; the places differ from page to page."""
@@ -57,11 +66,11 @@ def toys(grounding):
 def test_a_seed_is_a_page(grounding):
     pages = [grounding.markup.write(seed) for seed in range(30)]
     assert pages == [grounding.markup.write(seed) for seed in range(30)]
-    assert len({html for html, _ in pages}) == 30
+    assert len(set(pages)) == 30
     names = {*grounding.markup.ACTIONS, *grounding.markup.PLACES, *grounding.markup.FIELDS}
     assert len(names) == sum(map(len, (grounding.markup.ACTIONS, grounding.markup.PLACES, grounding.markup.FIELDS)))
     seen = set()
-    for html, _ in pages:
+    for html in pages:
         labels = re.findall(r"<(?:button|a)[^>]*>([^<]+)</|<span>([^<]+)</span>", html)
         labels = [one or other for one, other in labels]
         assert len(labels) == len(set(labels)), "a label may be asked for only where it is the only one"
@@ -127,10 +136,10 @@ def test_rendering_is_done_once(grounding, chromium, tmp_path):
     read = grounding.pages.load(folder)
     assert [page.split for page in read] == ["train", "train", "new"]
     for page in read:
-        assert page.image.shape == (800, 1280, 3)
+        assert page.image.shape == (600, 960, 3)
         assert len(page.asked) >= 3
         assert (page.boxes[:, :2] >= 0).all()
-        assert (page.boxes[:, 2:] <= (1280, 800)).all()
+        assert (page.boxes[:, 2:] <= (960, 600)).all()
         for x1, y1, x2, y2 in page.boxes[list(page.asked)]:
             assert len(np.unique(page.image[y1:y2, x1:x2].reshape(-1, 3), axis=0)) > 1, "something is drawn there"
     grounding.pages.render(folder, 1, 1, sites=False)
@@ -193,8 +202,9 @@ def test_what_is_hidden_is_not_asked_for(grounding):
 
 
 def test_the_corruptions_are_the_librarys_defaults(grounding):
+    shape = {"resolution": {"restore": True}, "subtitle": {"fit": "shrink"}}
     for name, spec in grounding.data.CORRUPTIONS.items():
-        assert spec == (hj.get(name, restore=True) if name == "resolution" else hj.get(name))
+        assert spec == hj.get(name, **shape.get(name, {}))
     assert grounding.runs.Run("marks", 0).names == ("pop_ups", "subtitle", "resolution")
     assert grounding.runs.Run(None, 0).names == ()
     runs = grounding.runs.all_runs(["subtitle", "marks"], 2)
@@ -277,7 +287,7 @@ class Oracle(torch.nn.Module):
 
 
 def test_evaluation_counts_hits(grounding, toys):
-    for shift, hits in ((0, 4), (8, 4), (16, 0), (-16, 0)):
+    for shift, hits in ((0, 4), (-8, 4), (8, 0), (16, 0)):
         oracle = Oracle(toys[0], shift)
         assert grounding.train.evaluate(oracle, [toys[0]], None).tolist() == [[4, hits]], shift
 
@@ -316,7 +326,7 @@ def test_pages_that_hang_together_widen_the_interval(grounding):
 def test_runs_are_kept_and_told_apart(grounding, toys, tmp_path, monkeypatch, capfd):
     """Two seeds without and with augmentation, end to end on toys; a second call computes nothing."""
     (tmp_path / "pages.json").write_text(json.dumps({"made_by": "toys"}))
-    big = [dataclasses.replace(p, image=np.tile(p.image, (4, 4, 1))[:800, :1280]) for p in toys[:3]]
+    big = [dataclasses.replace(p, image=np.tile(p.image, (3, 3, 1))[:600, :960]) for p in toys[:3]]
     some = [dataclasses.replace(p, split=split) for p, split in zip(big, ("train", "new", "site"), strict=True)]
     monkeypatch.setattr(grounding.pages, "load", lambda folder: some)
     settings = grounding.train.Settings(steps=2, batch=1)
@@ -335,4 +345,4 @@ def test_runs_are_kept_and_told_apart(grounding, toys, tmp_path, monkeypatch, ca
     assert grounding.runs.fingerprint(tmp_path, other) != grounding.runs.fingerprint(tmp_path, settings)
     report = importlib.import_module("proof").report(results, ["subtitle"], settings, some)
     assert "**subtitle is never trained with**" in report[2]
-    assert report[2].count("\n| ") == 1 + 10, "five conditions on two kinds of pages"
+    assert report[2].count("\n| ") == 2 + 10, "five conditions on two kinds of pages, below a heading"

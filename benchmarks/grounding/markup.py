@@ -26,8 +26,7 @@ PROSE = (
     "repairs while the old tram waits by the square for those who would rather ride than walk up the hill to see what "
     "the town has kept of its walls towers and gardens"
 )
-FONTS = ("Noto Sans", "DejaVu Sans", "Liberation Sans", "Noto Serif", "Liberation Serif", "DejaVu Serif")
-DENSITIES = (1.6, 2.0)
+FONTS = ("Noto Sans", "DejaVu Sans", "Liberation Sans")
 
 
 @dataclass
@@ -111,7 +110,7 @@ def style(rng: random.Random) -> str:
     paper, ink = (f"hsl({hue} 15% 14%)", "#eee") if dark else (f"hsl({hue} 40% {rng.randint(95, 100)}%)", "#1c2026")
     box = f"hsl({hue} 15% 20%)" if dark else "#fff"
     accent = f"hsl({rng.randrange(360)} {rng.randint(45, 85)}% {rng.randint(28, 42)}%)"
-    size, pad, radius = rng.randint(14, 17), rng.randint(4, 9), rng.choice((0, 3, 6, 14))
+    size, pad, radius = rng.randint(15, 17), rng.randint(4, 9), rng.choice((0, 3, 6, 14))
     weight, border = rng.choice((400, 400, 600, 700)), rng.choice(("#8886", "#8883", accent))
     label, end, filled = rng.choice(("column", "column", "row")), rng.choice(("start", "end")), rng.random() < 0.6
     bar, bar_ink = (accent, "#fff") if filled else (box, ink)
@@ -137,8 +136,8 @@ table {{ width: 100%; border-collapse: collapse; }} td {{ padding: 3px 6px; bord
 aside {{ display: flex; flex-direction: column; gap: {pad}px; min-width: 110px; order: {rng.choice((0, 0, 2))}; }}"""
 
 
-def write(seed: int) -> tuple[str, float]:
-    """Return the page of a seed as HTML, and how many pixels a CSS pixel of it has."""
+def write(seed: int) -> str:
+    """Return the page of a seed as HTML."""
     rng = random.Random(f"page-{seed}")
     page = Page(rng, *(rng.sample(names, len(names)) for names in (ACTIONS, PLACES, FIELDS)))
     look = style(rng)
@@ -147,4 +146,4 @@ def write(seed: int) -> tuple[str, float]:
     parts = rng.sample((form, listing, cards, article, tools), 2)
     body = "".join(part(page) for part in parts)
     text = f"<!doctype html><html lang=en><meta charset=utf-8><style>{look}</style>{head}"
-    return f"{text}<div class=split>{side}<main>{body}</main></div></html>", rng.choice(DENSITIES)
+    return f"{text}<div class=split>{side}<main>{body}</main></div></html>"

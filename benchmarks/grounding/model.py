@@ -70,9 +70,10 @@ class Grounder(nn.Module):
         runs = torch.tensor([run for bag in bags for run in bag], dtype=torch.int64)
         query = self.query(self.label(runs, starts))
         light = (pictures.float().contiguous(memory_format=torch.channels_last) - 128) / 64
-        seen = self.picture(light)
-        each = [torch.tensordot(query[of == n], seen[n], 1) for n in range(len(pictures))]
-        return torch.cat(each).float()
+        seen = self.picture(light).float()
+        with torch.autocast("cpu", enabled=False):
+            each = [torch.tensordot(query[of == n].float(), seen[n], 1) for n in range(len(pictures))]
+        return torch.cat(each)
 
 
 def inside(boxes: torch.Tensor, size: tuple[int, int]) -> torch.Tensor:

@@ -18,10 +18,10 @@ from PIL import Image
 from . import browser, markup
 from .browser import Browser
 
-SIZE = (800, 1280)  # height and width of the pictures
+SIZE, DENSITY = (600, 960), 1.5  # height and width of the pictures; pixels a CSS pixel
 HOSTS = {"docs.test": "train", "mail.test": "train", "search.test": "train", "wiki.test": "train", "news.test": "train",
          "shop.test": "site", "forms.test": "site"}  # fmt: skip
-SITE_DENSITY, MOST = 1.6, 16  # pixels a CSS pixel on the local sites; pages of one of them
+MOST = 16  # pages of one of the local sites
 # Visible controls that lie wholly in the window, answer at their middle and have a name that no other control has.
 CONTROLS = """(density => {
   const clean = text => (text || '').replace(/\\s+/g, ' ').trim();
@@ -83,27 +83,19 @@ def render(folder: Path, train: int, new: int, sites: bool = True) -> None:
     rows: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as scratch, _sites(Path(scratch) / "state") as port:
         rules = f"MAP *.test 127.0.0.1:{port}"
-        with Browser(Path(scratch) / "profile", SIZE, rules=rules) as chromium:
+        window = (round(SIZE[0] / DENSITY), round(SIZE[1] / DENSITY))
+        with Browser(Path(scratch) / "profile", window, DENSITY, rules) as chromium:
             for seed in range(train + new):
-                html, density = markup.write(seed)
-                _window(chromium, density)
-                chromium.show(html)
-                rows += _keep(chromium, folder, f"seed-{seed:04d}", "train" if seed < train else "new", density)
+                chromium.show(markup.write(seed))
+                rows += _keep(chromium, folder, f"seed-{seed:04d}", "train" if seed < train else "new")
             for host, split in HOSTS.items() if sites else ():
                 rows += _site(chromium, folder, host, split)
     index.write_text(json.dumps({"made_by": made_by, "pages": rows}, indent=1))
 
 
-def _window(chromium: Browser, density: float) -> None:
-    height, width = (round(side / density) for side in SIZE)
-    chromium.call(
-        "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=density, mobile=False
-    )
-
-
-def _keep(chromium: Browser, folder: Path, name: str, split: str, density: float) -> list[dict[str, Any]]:
+def _keep(chromium: Browser, folder: Path, name: str, split: str) -> list[dict[str, Any]]:
     """Store what the window shows; nothing where there is nothing to ask for."""
-    controls = chromium.value(f"{CONTROLS}({density})")
+    controls = chromium.value(f"{CONTROLS}({DENSITY})")
     if not any(c["unique"] for c in controls):
         return []
     picture = chromium.picture()
@@ -115,14 +107,13 @@ def _keep(chromium: Browser, folder: Path, name: str, split: str, density: float
 
 def _site(chromium: Browser, folder: Path, host: str, split: str) -> list[dict[str, Any]]:
     """Follow a site's links from its front page and store the upper screen of its first pages."""
-    _window(chromium, SITE_DENSITY)
     waiting, seen, rows = [f"http://{host}/"], set[str](), []
     while waiting and len(rows) < MOST:
         if (url := waiting.pop(0)) not in seen:
             seen.add(url)
             chromium.open(url)
             waiting += chromium.value(LINKS)
-            rows += _keep(chromium, folder, f"{host}-{len(rows):02d}", split, SITE_DENSITY)
+            rows += _keep(chromium, folder, f"{host}-{len(rows):02d}", split)
     return rows
 
 

@@ -8,7 +8,7 @@ from .config import Bench
 # Measured with the oracle on two cores (docs/benchmark.md): to begin and to judge an episode, and a step of it.
 EPISODE_SECONDS, STEP_SECONDS = 5.0, 0.8
 # Full-HD PNGs of real applications; a step keeps one, and another where the agent saw something else.
-STEP_BYTES = 350_000
+STEP_BYTES = 430_000
 
 
 @dataclass(frozen=True)

@@ -1,14 +1,15 @@
 """`CorruptedEnv`: what an agent, and whoever runs it, hold in their hands. See docs/live_evaluation.md."""
 
 import copy
+import operator
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 from weakref import WeakKeyDictionary
 
 import gymnasium
 from gymnasium.envs.registration import EnvSpec
 
-from hijack_data.errors import HijackError, ParameterError, UnknownNameError, suggest
+from hijack_data.errors import HijackError, ParameterError, ParameterTypeError, UnknownNameError, suggest
 from hijack_data.safety import Planner
 from hijack_data.types import Size, UInt8Array
 
@@ -106,11 +107,8 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
         Raises `UnknownNameError`, `ParameterError` for what cannot be; `MissingCapabilityError` for what the desktop
         lacks; `DesktopError` where it fails (then `record` says `error`).
         """
+        given, seed = _checked(options or {}), None if seed is None else _seed(seed)
         super().reset(seed=seed)
-        given = options or {}
-        unknown = next((key for key in given if key not in OPTIONS), None)
-        if unknown is not None:
-            raise UnknownNameError(f"reset has no option {unknown!r}{suggest(unknown, OPTIONS)}")
         secret = _secret_of(self)
         if secret.closed:
             raise HijackError("the environment is closed; make another one")
@@ -190,3 +188,24 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
 
 def _secret_of(env: CorruptedEnv) -> _Secret:
     return _secrets[env]
+
+
+def _checked(options: dict[str, Any]) -> dict[str, Any]:
+    unknown = next((key for key in options if key not in OPTIONS), None)
+    if unknown is not None:
+        raise UnknownNameError(f"reset has no option {unknown!r}{suggest(unknown, OPTIONS)}")
+    label, attempt = options.get("label"), options.get("attempt")
+    if label is not None and not (isinstance(label, str) and label):
+        raise ParameterTypeError(f"label must be a text that is not empty, got {label!r:.80}")
+    if attempt is not None and (isinstance(attempt, bool) or not isinstance(attempt, int) or attempt < 0):
+        raise ParameterTypeError(f"attempt must be an integer of at least 0, got {attempt!r:.80}")
+    return options
+
+
+def _seed(value: object) -> int:
+    if isinstance(value, bool) or not hasattr(value, "__index__"):
+        raise ParameterTypeError(f"seed must be an integer, got {value!r:.80}")
+    number = operator.index(cast(Any, value))
+    if not 0 <= number < 2**64:
+        raise ParameterError(f"seed must be in [0, 2**64 - 1], got {number}")
+    return number

@@ -392,8 +392,9 @@ def test_what_people_are_told(browsing: Path, nine: Any, assets: Path, tmp_path:
     assert sum(data["accidental_touch"]["event"].values()) == 2
     assert data["marks"]["event"] == {}
     lines = "\n".join(found.lines())
-    assert "verification: 2 row(s) (2 with a reminder): The session was locked" in lines
-    assert "app_minimization: 2 row(s) (2 inserted): All windows were minimised" in lines
+    assert "verification: 2 row(s): The session was locked" in lines
+    assert "verification: 2 row(s) with a reminder" in lines
+    assert "app_minimization: 2 step(s) inserted" in lines
     text = page(tmp_path / "out", found)
     assert "recorded: The session was locked; the screen asks for the password. Action: WAIT" in text
 

@@ -78,13 +78,13 @@ def _serve() -> None:
 
 
 def _warm_up(folder: Path) -> None:
-    """Build something, so that all is loaded."""
+    """Build something of the size of the tests' pictures, so that all is loaded, compiled kernels too."""
     import numpy as np
     from PIL import Image
 
     (folder / "source").mkdir()
-    Image.fromarray(np.zeros((40, 40, 3), np.uint8)).save(folder / "source" / "0.png")
-    line = {"trajectory_id": "t", "step": 0, "instruction": "", "image": "0.png", "action": {"type": "wait"}}
+    Image.fromarray(np.zeros((200, 320, 3), np.uint8)).save(folder / "source" / "0.png")
+    line = {"trajectory_id": "t", "step": 0, "instruction": "x", "image": "0.png", "action": {"type": "wait"}}
     (folder / "source" / "trajectories.jsonl").write_text(json.dumps(line))
     corruptions = {"marks": ["marks", {"number": 1, "mark_size": 8}], "half": ["resolution", {}]}
     _build(str(folder / "source"), str(folder / "out"), {"corruptions": corruptions}, {}, mmap.mmap(-1, 1 << 16))
@@ -123,7 +123,7 @@ def _build(source: str, out: str, options: dict[str, Any], how: dict[str, Any], 
 
     planners = {label: hj.get(name, **parameters) for label, (name, parameters) in options.pop("corruptions").items()}
     with patch.object(Path, "replace", counted):
-        build(source, out, corruptions=planners, **options, progress=progress)
+        assert build(source, out, corruptions=planners, **options, progress=progress).total
 
 
 if __name__ == "__main__":
