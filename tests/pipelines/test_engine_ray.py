@@ -321,29 +321,24 @@ def test_a_cluster_that_runs_already(recording: Any, cluster: Any, tmp_path: Pat
     assert len([node for node in ray.nodes() if node["Alive"]]) == 2  # it goes on
 
 
-SLOWLY = """
-import sys, time
-import hijack_data as hj
-from pipelines import cli, shards
-from pipelines.engines import ray_session
-
-build = cli.build_dataset
-
-def slowly(source, out, **options):
-    return build(source, out, **{**options, "rows_per_shard": 1})
+MARK = "AGENTHIJACK_TEST_RAY"
+SHORT = """
+import sys
+from pipelines import cli
 
 if __name__ == "__main__":
-    cli.build_dataset = slowly
+    cli.build_dataset.__kwdefaults__["rows_per_shard"] = 1
     cli.build(sys.argv[1:])
 """
 
 
-def test_ctrl_c_ends_the_cluster_that_was_started(recording: Any, tmp_path: Path) -> None:
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
+def test_ctrl_c_and_kill_end_the_cluster_that_was_started(how: signal.Signals, recording: Any, tmp_path: Path) -> None:
     source, out = recording(trajectories=60, steps=2), tmp_path / "out"
     (tmp_path / "config.yaml").write_text(CONFIG)
-    (tmp_path / "run.py").write_text(SLOWLY)
+    (tmp_path / "run.py").write_text(SHORT)
     options = ["--config", str(tmp_path / "config.yaml"), "--engine", "ray", "--workers", "2"]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONWARNINGS": "error"}
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONWARNINGS": "error", MARK: str(tmp_path)}
     environment.pop("RAY_ADDRESS", None)
     process = subprocess.Popen(
         [sys.executable, str(tmp_path / "run.py"), str(source), "--out", str(out), *options],
@@ -356,32 +351,39 @@ def test_ctrl_c_ends_the_cluster_that_was_started(recording: Any, tmp_path: Path
     deadline = time.monotonic() + 90
     while process.poll() is None and not list(out.glob(".build/[0-9]*.json")) and time.monotonic() < deadline:
         time.sleep(0.002)
-    os.killpg(process.pid, signal.SIGINT)  # a terminal tells all processes
+    assert len(marked(tmp_path)) > 4  # Ray's own processes, and the workers
+    if how == signal.SIGINT:
+        os.killpg(process.pid, how)  # a terminal tells all processes
+    else:
+        process.kill()
     output, errors = process.communicate(timeout=60)
-    assert process.returncode == 130, errors
     assert output == ""
-    assert errors.splitlines()[-1] == "hijack: stopped; the same command with --resume goes on"
     assert "Traceback" not in errors
-    assert not list(out.rglob("*.tmp"))
-    assert 1 <= len(list((out / "data").iterdir())) < 60
-    assert not processes_of(process.pid)
+    if how == signal.SIGINT:
+        assert process.returncode == 130, errors
+        assert errors.splitlines()[-1] == "hijack: stopped; the same command with --resume goes on"
+        assert not list(out.rglob("*.tmp"))
+    deadline = time.monotonic() + 30
+    while marked(tmp_path) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert marked(tmp_path) == []
+    assert 1 <= len(list((out / "data").glob("train-*.parquet"))) < 60
     report = build(source, out, config=tmp_path / "config.yaml", rows_per_shard=1, resume=True)
     assert report.kept >= 1
     build(source, tmp_path / "whole", config=tmp_path / "config.yaml", rows_per_shard=1)
     assert contents(out) == contents(tmp_path / "whole")
 
 
-def processes_of(session: int) -> list[str]:
-    """The processes of a session that still run, after some patience."""
-    deadline = time.monotonic() + 20
-    while True:
-        found = subprocess.run(
-            ["ps", "-o", "stat=,args=", "-s", str(session)], capture_output=True, text=True, check=False
-        )
-        alive = [line for line in found.stdout.splitlines() if not line.startswith("Z")]
-        if not alive or time.monotonic() > deadline:
-            return alive
-        time.sleep(0.1)
+def marked(value: Path) -> list[str]:
+    """The processes that run with the mark in their environment."""
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            if f"{MARK}={value}".encode() in (process / "environ").read_bytes().split(b"\0"):
+                found.append((process / "cmdline").read_bytes().replace(b"\0", b" ").decode()[:100])
+        except OSError:
+            continue
+    return found
 
 
 def test_without_ray(recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

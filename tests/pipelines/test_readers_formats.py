@@ -50,14 +50,15 @@ def test_only_its_own_reader_detects_a_format(name: str, source: Path) -> None:
 def test_a_recording_is_told_by_its_file_alone(name: str, source: Path) -> None:
     FORMATS[name](source)
     files = [file for file in source.rglob("*") if file.suffix in (".json", ".jsonl", ".parquet")]
-    found = {name for file in files if "examples" not in file.parts for name in [detect_format(file)]}
+    beside = ("episode.json",)  # says what an episode came to, not what was done
+    found = {detect_format(file) for file in files if "examples" not in file.parts and file.name not in beside}
     assert found == {name}
 
 
 @pytest.mark.parametrize(("one", "other"), list(combinations(sorted(FORMATS), 2)))
 def test_two_formats_in_one_folder_are_never_guessed(one: str, other: str, source: Path) -> None:
     for name in (one, other):
-        place = source if name in ("agentnet", "jsonl") else source / name  # these two look at the top folder only
+        place = source if name in ("agentnet", "jsonl", "runs") else source / name  # these look at the top folder only
         place.mkdir(exist_ok=True)
         FORMATS[name](place)
     with pytest.raises(SourceError, match="could be of format") as caught:
@@ -94,6 +95,7 @@ CODES = {
     ),
     "osworld": ("pyautogui.click(100, 50)", "pyautogui.click(50, 25)"),
     "parquet": ("pyautogui.click(100, 50)", "pyautogui.click(50, 25)"),
+    "runs": ("pyautogui.click(100, 50)", "pyautogui.click(50, 25)"),
     "screenagent": tuple(
         '[{"action_type": "MouseAction", "mouse_action_type": "click", "mouse_button": "left", '
         f'"mouse_position": {{"width": {x}, "height": {y}}}}}]'
@@ -148,14 +150,15 @@ def test_what_is_dangerous_is_refused_and_counted(name: str, source: Path) -> No
 def test_a_broken_file_is_counted_and_the_rest_is_read(name: str, content: bytes, source: Path) -> None:
     FORMATS[name](source)
     records = next(f for f in sorted(source.rglob("*")) if f.suffix in (".json", ".jsonl", ".parquet")
-                   and "examples" not in f.parts)  # fmt: skip
-    broken = source / "zz" / ("broken" + records.suffix if name not in ("osworld", "webvoyager") else records.name)
+                   and "examples" not in f.parts and f.name != "episode.json")  # fmt: skip
+    named = name in ("osworld", "webvoyager", "runs")
+    broken = source / "zz" / (records.name if named else "broken" + records.suffix)
     broken.parent.mkdir()
     broken.write_bytes(content)
     trajectories, rejected = read(name, source)
     assert len(trajectories) == 1
     assert rejected
-    assert {r.file for r in rejected} == {f"zz/{broken.name}"}
+    assert {r.file for r in rejected} == {"zz/episode.json" if name == "runs" else f"zz/{broken.name}"}
     assert all(json.dumps(r.to_data()) for r in rejected)
 
 

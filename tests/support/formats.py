@@ -199,6 +199,21 @@ def parquet(folder: Path) -> Path:
     return folder
 
 
+def runs(folder: Path) -> Path:
+    """A run of the live benchmark with one episode."""
+    home = folder / "episodes" / "find_it-0__clean__s0__me"
+    record = {"id": home.name, "instruction": "do it", "apps": ["chrome"], "sample": "find_it-0", "status": "ok"}
+    codes = ["pyautogui.click(100, 50)", "DONE", None]
+    steps = [
+        {"step": k, "image": f"frames/000{k}.png", "raw": code, "code": code, "boxes": [], "events": []}
+        for k, code in enumerate(codes)
+    ]
+    _pictures(home / "frames", [f"000{k}.png" for k in range(3)], folder)
+    write_json(home / "episode.json", record)
+    write_lines(home / "steps.jsonl", steps)
+    return folder
+
+
 def write_table(file: Path, rows: list[dict[str, Any]], group: int = 2) -> None:
     """Write a Parquet file with row groups of `group` rows."""
     import pyarrow as pa
@@ -222,6 +237,7 @@ FORMATS: dict[str, Callable[[Path], Path]] = {
     "openai": openai,
     "osworld": osworld,
     "parquet": parquet,
+    "runs": runs,
     "screenagent": screenagent,
     "ui_tars": ui_tars,
     "ui_tars_1.5": ui_tars_15,
