@@ -35,6 +35,10 @@ class Env(Protocol):
         """Act."""
         ...
 
+    def abandon(self, why: str) -> None:
+        """End the episode with the status `error`."""
+        ...
+
 
 class LiveEpisodes:
     """Runs jobs on one embedded desktop.
@@ -103,7 +107,8 @@ def play(
         try:
             said, actions = agent.predict(obs["instruction"], {"screenshot": obs["screenshot"]})
         except Exception as error:  # noqa: BLE001  (an agent may raise anything; the run must go on)
-            return _error(job, attempt, f"the agent raised {type(error).__name__}: {error}", start)
+            env.abandon(f"the agent raised {type(error).__name__}: {error}"[:KEPT])
+            continue
         obs = _take(env, actions, obs)
     return {**record, "said": said[:KEPT]}
 
@@ -134,7 +139,7 @@ def _identity(job: Job, attempt: int) -> Record:
 
 
 def _error(job: Job, attempt: int, problem: str, start: float) -> Record:
-    """The record of an episode that the environment itself could not close."""
+    """The record of an episode that the environment could not begin."""
     return {
         **_identity(job, attempt),
         "infeasible": False,

@@ -1,21 +1,28 @@
 """What a guest can do, found by asking it: for desktops that do not know it by themselves."""
 
+import shlex
 from collections.abc import Callable, Sequence
 
+from ..effects.lockers import LOCKERS
 from .protocol import Capability, RunResult
 
-LOCKERS = ("mate-screensaver-command", "gnome-screensaver-command", "xflock4")
-TIMEOUT = 15.0
+TIMEOUT = 20.0
 # Root's rights are not enough: what root may do inside a container or an embedded desktop does not hold the firewall.
-_SCRIPT = """
-for p in {lockers}; do command -v $p >/dev/null 2>&1 && echo lock; done
-command -v wmctrl >/dev/null 2>&1 && python3 -c 'import Xlib' 2>/dev/null && echo windows
+_FIREWALL = """
 try='PATH=$PATH:/usr/sbin:/sbin; nft list tables || iptables -w -S'
 if [ "$(id -u)" = 0 ]; then sh -c "$try"
 elif [ -n "$1" ]; then printf '%s\\n' "$1" | sudo -S -k -p '' sh -c "$try"
 else sudo -n sh -c "$try"; fi >/dev/null 2>&1 && echo firewall
-true
-""".format(lockers=" ".join(LOCKERS))
+"""
+_WINDOWS = "command -v wmctrl >/dev/null 2>&1 && python3 -c 'import Xlib' 2>/dev/null && echo windows\n"
+# A locker that is installed and does not run says neither; one of a session that has just begun says it soon.
+_LOCK = "\n".join(
+    f"command -v {one.name} >/dev/null 2>&1 && for i in {'1 2 3 4 5 6' if one.window else '1'}; do "
+    f"case $(timeout 3 {one.query} 2>/dev/null) in "
+    f"*{shlex.quote(one.on)}*|*{shlex.quote(one.off)}*) echo lock; break;; esac; sleep 0.3; done"
+    for one in LOCKERS
+)
+_SCRIPT = f"export LC_ALL=C\n{_LOCK}\n{_WINDOWS}{_FIREWALL}true\n"
 
 
 def survey(execute: Callable[[Sequence[str] | str, float], RunResult], password: str | None) -> frozenset[Capability]:

@@ -36,6 +36,11 @@ class Top:
     box: Box
     free: bool
 
+    @property
+    def key(self) -> int:
+        """Its lasting number: a window manager may give an old window another frame."""
+        return self.client or self.id
+
 
 class Stage:
     """A desktop on which pictures are made. All methods raise `DesktopError` where it does not do what it should."""
@@ -64,7 +69,7 @@ class Stage:
 
     def open(self, *argv: str, named: str, patience: float = 60.0) -> Top:
         """Start an application and wait for its window, whose class has `named` in it; settled."""
-        before = {top.id for top in self.tops()}
+        before = {top.key for top in self.tops()}
         launch(self.desktop, *argv)
         what = f"window of {argv[0]}"
         return self.new(before, lambda top: named in top.name.lower() and not top.free, what, patience)
@@ -73,9 +78,9 @@ class Stage:
         """Wait for a window that was not there before, and until the screen is still; the largest one that fits."""
         end = time.monotonic() + patience
         while True:
-            if any(top.id not in before and fits(top) for top in self.tops()):
+            if any(top.key not in before and fits(top) for top in self.tops()):
                 self.still()
-                fresh = [top for top in self.tops() if top.id not in before and fits(top)]
+                fresh = [top for top in self.tops() if top.key not in before and fits(top)]
                 if fresh:
                     return max(fresh, key=lambda top: _area(top.box))
             if time.monotonic() > end:
@@ -93,13 +98,13 @@ class Stage:
         """Give a window its place; returns it as it is then, at the place that it really took."""
         self.guest.x("place", frames={str(top.client): list(box)})
         self.still()
-        return self.top(top.client or top.id)
+        return self.top(top.key)
 
     def maximise(self, top: Top) -> Top:
         """Maximise a window."""
         self.guest.x("maximise", number=top.client)
         self.still()
-        return self.top(top.client or top.id)
+        return self.top(top.key)
 
     def area(self) -> Box:
         """The work area: the screen without its panels."""

@@ -60,12 +60,12 @@ def test_a_way_out_that_does_not_work_is_not_recorded(stage, monkeypatch):
     assert "does not unlock" in found.why
     monkeypatch.setattr(strays, "LEAVE", ())
     monkeypatch.setattr(strays, "ESCAPE", {"type": "hotkey", "keys": ["shift"]})
-    before = {top.id for top in stage.tops()}
+    before = {top.key for top in stage.tops()}
     (found,) = strays._each(stage, "desktop", None, [(strays.Click("Applications"),)])
     assert "neither its button nor Escape" in found.why
     stage.run("pyautogui.press('esc')")
     stage.still()
-    assert {top.id for top in stage.tops()} == before
+    assert {top.key for top in stage.tops()} == before
 
 
 def test_a_menu_is_cut_to_its_window_and_escape_closes_it(stage):

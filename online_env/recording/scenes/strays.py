@@ -1,11 +1,13 @@
 """Menus and dialogs that a stray click opens, and the key or click that closes them again, which is tried."""
 
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 from hijack_data.types import Box
 
+from ...effects.elements import LAUNCHERS
 from ...errors import DesktopError
 from ...tasks.base import end
 from ...tasks.hand import Hand
@@ -17,6 +19,7 @@ from .apps import APPS, App, browser, installed
 
 PLACE = (160, 60, 1460, 900)  # of the window in which the click lands
 LEAST = (60, 44)  # width and height; whatever is smaller is a tooltip
+TOLD = 8.0  # s for the tree to tell what a click has opened
 ITEMS = ("menu-item", "check-menu-item", "radio-menu-item", "menu")
 LEAVE = ("Cancel", "Close", "_Cancel", "_Close", "Done", "Got it")
 BUTTONS = ("push-button", "button")
@@ -42,7 +45,7 @@ def _right(x: float, y: float) -> tuple[Click, ...]:
 
 
 def _item(menu: str, item: str) -> tuple[Click, ...]:
-    return Click(menu, "menu"), Click(item, "menu-item")
+    return Click(menu, "menu"), Click(item)
 
 
 def _press(name: str) -> tuple[Click, ...]:
@@ -94,7 +97,7 @@ def _in_app(stage: Stage, app: App, strays: Sequence[Sequence[Click]]) -> "Itera
 
 def _each(stage: Stage, app: str, top: Top | None, strays: Sequence[Sequence[Click]]) -> Iterator[Picture | Refused]:
     for clicks in strays:
-        before = {other.id for other in stage.tops()}
+        before = {other.key for other in stage.tops()}
         yield from Refused.instead(_words(app, clicks), _picture(stage, app, top, clicks))
         _clear(stage, before)
     if top is None:
@@ -109,15 +112,16 @@ def _picture(stage: Stage, app: str, top: Top | None, clicks: Sequence[Click]) -
     action: dict[str, Any] = {}
     opened: Top | None = None
     for number, wanted in enumerate(clicks):
-        before = {other.id for other in stage.tops()}
-        surface = opened.box if opened else top.box if top else stage.screen
-        action = _aim(stage, wanted, top, surface)
+        before = {other.key for other in stage.tops()}
+        action = _aim(stage, wanted, opened or top)
         stage.run(code_of(action))
         what = f"window after the click on {wanted.name or wanted.at}"
         opened = stage.new(before, _large, what, 12.0 if number else 5.0)
         stage.park()
     assert opened is not None
-    picture = stage.cut("menu", app, stage.top(opened.id), f"{_words(app, clicks)}")
+    if top is not None and opened.name.partition(".")[0] in LAUNCHERS:
+        raise DesktopError(f"the click went past the window and opened one of {opened.name}")
+    picture = stage.cut("menu", app, stage.top(opened.key), f"{_words(app, clicks)}")
     roles = {target.role for target in picture.targets}
     kind = "menu" if opened.free and (roles & set(ITEMS) or not roles & set(BUTTONS)) else "dialog"
     number = opened.id
@@ -131,7 +135,7 @@ def _bubble(stage: Stage, app: str, top: Top, wanted: Click) -> Iterator[Picture
     stage.park()
     stage.still()
     before = {node.box for node in nodes(stage.desktop.accessibility())}
-    action = _aim(stage, wanted, top, top.box)
+    action = _aim(stage, wanted, top)
     stage.run(code_of(action))
     stage.park()
 
@@ -139,7 +143,7 @@ def _bubble(stage: Stage, app: str, top: Top, wanted: Click) -> Iterator[Picture
         return node.role in BUBBLE_ROLES and node.box is not None and node.box not in before
 
     box = Hand(stage.desktop, 8.0).wait(f"bubble after the click on {wanted.name}", opened).box
-    whole = stage.cut("dialog", app, stage.top(top.client), _words(app, [wanted]))
+    whole = stage.cut("dialog", app, stage.top(top.key), _words(app, [wanted]))
     assert box is not None
     picture = whole.part("dialog", box, recover=None, opened_by=action)
     yield replace(picture, recover=_leave(stage, lambda: _no_bubble(stage, box), picture.targets))
@@ -150,14 +154,19 @@ def _no_bubble(stage: Stage, box: Box) -> bool:
     return all(node.box != box or node.role not in BUBBLE_ROLES for node in nodes(stage.desktop.accessibility()))
 
 
-def _aim(stage: Stage, wanted: Click, top: Top | None, surface: Box) -> dict[str, Any]:
-    """The click as an action, on what can be seen now."""
+def _aim(stage: Stage, wanted: Click, on: Top | None) -> dict[str, Any]:
+    """The click as an action, on what can be seen now of a window, or of the desktop and its panel."""
+    surface = on.box if on else stage.screen
     if wanted.at is not None:
         x1, y1, x2, y2 = surface
         x, y = round(x1 + wanted.at[0] * (x2 - x1)), round(y1 + wanted.at[1] * (y2 - y1))
         return {"type": wanted.kind, "x": x, "y": y}
-    found = stage.targets(surface, lambda other: True)
-    fits = [t for t in found if t.name == wanted.name and wanted.role in ("", t.role)]
+    end = time.monotonic() + TOLD
+    while True:
+        found = stage.targets(surface, lambda other: on is None or (other is not None and other.key == on.key))
+        fits = [t for t in found if t.name == wanted.name and wanted.role in ("", t.role)]
+        if fits or time.monotonic() > end:
+            break
     if not fits:
         seen = ", ".join(sorted({f"{t.role} {t.name!r}" for t in found if t.name}))
         raise DesktopError(f"there is no {wanted.role or 'element'} {wanted.name!r}; there are: {seen:.900}")
@@ -177,7 +186,7 @@ def _leave(stage: Stage, gone: Callable[[], bool], targets: Sequence[Target]) ->
 def _clear(stage: Stage, before: set[int]) -> None:
     """Close whatever is left, so that the next click finds the application as it was."""
     for _ in range(3):
-        left = [top for top in stage.tops() if top.id not in before and _large(top)]
+        left = [top for top in stage.tops() if top.key not in before and _large(top)]
         if not left:
             return
         stage.run(code_of(ESCAPE))
