@@ -11,6 +11,7 @@ SCRIPTS = {
     "resample": "Resizing, against torch and Pillow",
     "geometry": "Largest free rectangle",
     "dataset_builds": "Building and reading datasets",
+    "ray_builds": "Building datasets on Ray",
     "augment": "Training-time augmentation, against other libraries",
     "levels": "Severity levels, measured",
     "online": "The embedded desktop",

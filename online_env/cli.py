@@ -15,7 +15,7 @@ import click
 from hijack_data.errors import ParameterError
 
 from .corrupting import corrupt
-from .errors import DesktopError, RootRequiredError, UnknownDesktopError
+from .errors import DesktopError, UnknownDesktopError
 
 SIZE_HELP = "Screen as WIDTHxHEIGHT in pixels."
 
@@ -74,6 +74,7 @@ def doctor(profiles: tuple[str, ...], as_json: bool) -> None:
 def up(size: str, name: str | None, apps: tuple[str, ...], osworld: bool, as_json: bool) -> None:
     """Start a desktop; it runs until `hijack desktop down`."""
     from .desktops.embedded.handle import Handle, make_order
+    from .desktops.embedded.rootless import LACKING
 
     start = time.monotonic()
     handle = Handle(make_order(_size(size), name, apps, osworld=osworld, lifeline=False))
@@ -86,6 +87,8 @@ def up(size: str, name: str | None, apps: tuple[str, ...], osworld: bool, as_jso
     click.echo(f"  guest server  {record['guest']} (token: {record['token_file']})")
     click.echo(f"  watch it      hijack desktop view {record['id']}")
     click.echo(f"  end it        hijack desktop down {record['id']}")
+    if record["rootless"]:
+        click.echo(f"  not as root:  {LACKING}")
 
 
 @desktop.command()
@@ -121,7 +124,6 @@ def list_command(as_json: bool) -> None:
     """List the desktops of this machine, orphans included."""
     from .desktops.embedded import registry
 
-    _need_root()
     found = [{**record, "state": registry.state(record)} for record in registry.records()]
     listed = {record["id"] for record in found}
     found += [{**record, "state": "orphan"} for record in registry.orphans() if record["id"] not in listed]
@@ -133,7 +135,8 @@ def list_command(as_json: bool) -> None:
         width, height = record.get("screen", (0, 0))
         click.echo(f"{record['id']:12} {record['state']:9} {width}x{height}  up {age}  {record.get('guest', '')}")
     if not found:
-        click.echo("no desktops; start one with: hijack desktop up")
+        others = "" if os.geteuid() == 0 else " (those of root: sudo hijack desktop list)"
+        click.echo(f"no desktops{others}; start one with: hijack desktop up")
 
 
 @desktop.command()
@@ -145,7 +148,6 @@ def down(name: str | None, everything: bool, orphans: bool) -> None:
     from .desktops.embedded import registry
     from .desktops.embedded.plain import SetupError
 
-    _need_root()
     if orphans:
         chosen = registry.orphans()
     elif everything:
@@ -197,19 +199,14 @@ def _choose(name: str | None) -> dict[str, Any]:
     """The record of `name`, or of the only desktop there is."""
     from .desktops.embedded import registry
 
-    _need_root()
     records = {record["id"]: record for record in registry.records()}
     if name is None and len(records) == 1:
         return next(iter(records.values()))
     if name not in records:
         known = ", ".join(records) or "none"
-        raise UnknownDesktopError(f"say which desktop: {name!r} is not one of them; there are: {known}")
+        others = "" if os.geteuid() == 0 else "; those of root: sudo hijack desktop list"
+        raise UnknownDesktopError(f"say which desktop: {name!r} is not one of them; there are: {known}{others}")
     return records[name]
-
-
-def _need_root() -> None:
-    if os.geteuid() != 0:
-        raise RootRequiredError("the desktops of this machine belong to root; run the same command with sudo")
 
 
 def attach(name: str | None) -> Any:

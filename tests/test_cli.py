@@ -226,7 +226,7 @@ def test_build_and_verify(tmp_path):
     assert run("verify", tmp_path / "d").returncode == 0
     refused(run("build", source, "--out", tmp_path / "d"), "resume")
     refused(run("build", tmp_path / "nothing", "--out", tmp_path / "e"), "nothing")
-    refused(run("build", source, "--out", tmp_path / "f", "--corruptions", "verificaton"), "did you mean 'verification'")
+    refused(run("build", source, "--out", tmp_path / "f", "--corruptions", "verificaton"), "mean 'verification'")
     refused(run("build", source, "--out", tmp_path / "f", "--format", "agentnett"), "did you mean 'agentnet'")
     shard = next((tmp_path / "d" / "data").glob("*.parquet"))
     data = bytearray(shard.read_bytes())

@@ -2,39 +2,17 @@
 
 import re
 import shlex
-import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parent.parent
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-
-
-def blocks(language):
-    for page in PAGES:
-        for i, match in enumerate(re.finditer(rf"```{language}\n(.*?)```", page.read_text(), re.S)):
-            yield pytest.param(match[1], id=f"{page.name}-{i}")
+from support.docs import PAGES, ROOT, blocks, prepared, run_python
 
 
 @pytest.mark.parametrize("code", list(blocks("python")))
-def test_python_blocks_run(code, tmp_path, monkeypatch):
-    folder = prepared(tmp_path)
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code], cwd=folder, capture_output=True, text=True, timeout=300
-    )
-    assert done.returncode == 0, done.stderr
-
-
-def prepared(folder: Path) -> Path:
-    """A folder with what the documentation's commands mention."""
-    shots = sorted((ROOT / "examples" / "recordings" / "images").glob("*.png"))
-    shutil.copy(shots[0], folder / "screen.png")
-    shutil.copytree(ROOT / "examples" / "recordings", folder / "recordings")
-    shutil.copy(ROOT / "tests" / "ext_package" / "dead_pixels.py", folder / "my_corruption.py")
-    return folder
+def test_python_blocks_run(code, tmp_path):
+    run_python(code, tmp_path)
 
 
 @pytest.mark.parametrize("text", list(blocks("console")))

@@ -39,6 +39,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.user:
             become(options.user)
         sockets = [_listen(host, options.port) for host in options.host.split(",")]
+        if options.listen is not None:
+            sockets.append(socket.socket(fileno=options.listen))
         door = None if options.still is None else socket.socket(fileno=options.still)
     except (OSError, KeyError, UnicodeDecodeError) as error:
         return _refuse(f"{error}")
@@ -74,9 +76,8 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--token-file", type=Path, help="a file that holds the token; read before rights are given up")
     parser.add_argument("--osworld", action="store_true", help="serve OSWorld's routes without a token")
     parser.add_argument("--user", help="the account to run as; needed as root")
-    parser.add_argument(
-        "--still", type=int, help="descriptor of a listening socket: hold the screen still for its callers"
-    )
+    parser.add_argument("--listen", type=int, help="descriptor of one more listening socket")
+    parser.add_argument("--still", type=int, help="descriptor of a socket whose callers may hold the screen still")
     parser.add_argument("--bin", default=TOOLS, help="the folder of our wrappers (python, google-chrome)")
     return parser.parse_args(arguments)
 

@@ -7,6 +7,7 @@ from typing import TypeAlias
 
 from hijack_data.errors import UnknownNameError, suggest
 
+from ..errors import BuildError
 from ..rows import Settings
 from ..shards import ShardRecord, ShardTask
 
@@ -19,7 +20,8 @@ def get_engine(name: str, ray_address: str | None = None) -> Engine:
     """Return the engine of a name: a function of tasks, settings, output folder, workers and `tick` that yields the
     record of each task, in any order.
 
-    `ray_address` names a running Ray cluster; see `pipelines.engines.ray`. Raises `UnknownNameError`.
+    `ray_address` names a running Ray cluster; see `pipelines.engines.ray`. Raises `UnknownNameError`, and `BuildError`
+    for an address without Ray.
     """
     if name == "ray":
         from . import ray
@@ -27,6 +29,8 @@ def get_engine(name: str, ray_address: str | None = None) -> Engine:
         return partial(ray.run, address=ray_address)
     if name != "local":
         raise UnknownNameError(f"engine {name!r} is not known{suggest(name, ENGINES)}")
+    if ray_address is not None:
+        raise BuildError(f"ray_address {ray_address!r} is for engine='ray' (--engine ray), not for 'local'")
     from . import local
 
     return local.run

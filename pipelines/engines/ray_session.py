@@ -2,6 +2,8 @@
 
 import logging
 import os
+import shutil
+import socket
 import sys
 import threading
 import warnings
@@ -14,6 +16,9 @@ from hijack_data.errors import MissingDependencyError
 from ..errors import BuildError
 
 T = TypeVar("T")
+LOCAL = "local"
+# Seconds for the first answer of a cluster.
+TIMEOUT = 10.0
 # Tasks and records are small, and Ray writes to disk what does not fit.
 STORE_BYTES = 200 * 2**20
 ENVIRONMENT = {
@@ -32,11 +37,14 @@ def session(workers: int, address: str | None = None) -> Iterator[Any]:
         if ray.is_initialized():
             yield ray
             return
+        address = address or os.environ.get("RAY_ADDRESS") or LOCAL
+        logs = _init(ray, workers, address)
         try:
-            _init(ray, workers, address or os.environ.get("RAY_ADDRESS"))
             yield ray
         finally:
             ray.shutdown()
+        if address == LOCAL:
+            shutil.rmtree(logs, ignore_errors=True)  # they stay where something went wrong
 
 
 @contextmanager
@@ -82,21 +90,26 @@ def _ray() -> Any:
     return ray
 
 
-def _init(ray: Any, workers: int, address: str | None) -> None:
+def _init(ray: Any, workers: int, address: str) -> str:
+    """Connect to a cluster, or start one, and return its folder of logs."""
     options: dict[str, Any] = {"log_to_driver": False, "logging_level": logging.CRITICAL}
-    if address and address.startswith("ray://"):
-        raise BuildError(
-            f"Ray address {address!r}: Ray clients are not served; build on a machine of the cluster with 'auto', or "
-            "with HOST:6379"
-        )
-    if address in (None, "", "local"):
-        local = {"num_cpus": workers, "include_dashboard": False, "object_store_memory": STORE_BYTES}
-        address, options = "local", {**options, **local}
+    if address == LOCAL:
+        options |= {"num_cpus": workers, "include_dashboard": False, "object_store_memory": STORE_BYTES}
     try:
-        ray.init(address=address, **options)
+        _check_address(address)
+        return ray.init(address=address, **options).address_info["session_dir"]
     except (ConnectionError, RuntimeError, ValueError, OSError, ray.exceptions.RayError) as error:
         reason = next(iter(str(error).splitlines()), type(error).__name__)
         raise BuildError(f"Ray at {address!r} cannot be used: {reason}") from None
+
+
+def _check_address(address: str) -> None:
+    """Raise `ValueError` or `OSError` where Ray itself would try for minutes."""
+    if address.startswith("ray://"):
+        raise ValueError("Ray clients are not served; build on a machine of the cluster, with 'auto' or HOST:PORT")
+    host, _, port = address.rpartition(":")
+    if host and port.isdecimal():
+        socket.create_connection((host, int(port)), TIMEOUT).close()
 
 
 @contextmanager

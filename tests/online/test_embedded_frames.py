@@ -51,7 +51,7 @@ def same(desktop, attempts=10):
     pytest.fail("memory and screenshot differ")
 
 
-@pytest.mark.parametrize("place", [(400, 300), (0, 0), (802, 600), (10, 600)])
+@pytest.mark.parametrize("place", [(400, 300), (0, 0), (802, 300), (10, 600)])
 def test_it_is_the_guests_own_picture_with_one_pointer(desktop, place):
     desktop.client.input([{"type": "move", "x": place[0], "y": place[1]}])
     picture = same(desktop)
@@ -59,7 +59,9 @@ def test_it_is_the_guests_own_picture_with_one_pointer(desktop, place):
     assert picture.flags.c_contiguous
     assert picture.flags.writeable
     desktop.client.input([{"type": "move", "x": 200, "y": 450}])
-    changed = np.argwhere((picture != same(desktop)).any(axis=2))
+    different = (picture != same(desktop)).any(axis=2)
+    different[560:, 600:] = False  # the clock
+    changed = np.argwhere(different)
     near = [(abs(changed - point) < 40).all(axis=1) for point in (place[::-1], (450, 200))]
     assert near[0].any()
     assert near[1].any()

@@ -392,7 +392,16 @@ def test_without_ray(recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyP
         build(recording(), tmp_path / "out", corruptions={"marks": Marks()}, engine="ray")
 
 
-def test_engines_that_are_not_there(recording: Any, tmp_path: Path) -> None:
+def test_engines_and_clusters_that_are_not_there(
+    recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source, out = recording(), tmp_path / "out"
     with pytest.raises(UnknownNameError, match=r"engine 'rey'.*did you mean 'ray'"):
-        build(recording(), tmp_path / "out", engine="rey")
-    assert not (tmp_path / "out").exists()
+        build(source, out, engine="rey")
+    with pytest.raises(BuildError, match=r"ray_address 'auto' is for engine='ray'"):
+        build(source, out, ray_address="auto")
+    assert not out.exists()
+    monkeypatch.setattr(ray, "is_initialized", lambda: False)
+    for address, reason in (("127.0.0.1:1", "refused"), ("ray://127.0.0.1:10001", "not served"), ("x", "Invalid")):
+        with pytest.raises(BuildError, match=f"Ray at '{address}' cannot be used.*{reason}"):
+            build(source, tmp_path / address.replace("/", "-"), engine="ray", ray_address=address)

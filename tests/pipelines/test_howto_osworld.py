@@ -77,14 +77,19 @@ def run(language: str, code: str, folder: Path) -> str:
 
 def look(words: list[str], folder: Path) -> str:
     """Serve a page, open it, then press Ctrl-C."""
-    command = [sys.executable, "-u", "-m", "hijack_data.cli", *words]
+    command = [sys.executable, "-m", "hijack_data.cli", *words]
     with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        told = process.stdout.readline()
-        with urllib.request.urlopen(told.split()[-1], timeout=60) as page:
-            assert page.status == 200
-        process.send_signal(signal.SIGINT)
-        assert process.wait(60) == 0
+        try:
+            assert process.stdout is not None
+            told = process.stdout.readline()
+            found = re.search(r"http://127\.0\.0\.1:\d+/", told)
+            assert found is not None
+            with urllib.request.urlopen(found[0], timeout=60) as page:
+                assert page.status == 200
+            process.send_signal(signal.SIGINT)
+            assert process.wait(60) == 0
+        finally:
+            process.kill()
     return told
 
 

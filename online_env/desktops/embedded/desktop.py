@@ -6,12 +6,13 @@ from typing import Any
 
 from hijack_data.types import Size, UInt8Array
 
-from ...errors import DesktopError, GuestError, UnknownDesktopError
+from ...errors import DesktopError, GuestError, MissingCapabilityError, UnknownDesktopError
 from ..http import HttpDesktop
 from ..protocol import CAPABILITIES, Capability, RunResult, Task
 from . import handle, network, registry
 from .frames import Frames
 from .pool import Supply
+from .rootless import LACKING
 
 
 class EmbeddedDesktop:
@@ -78,12 +79,17 @@ class EmbeddedDesktop:
 
     @property
     def capabilities(self) -> frozenset[Capability]:
-        """All of them."""
-        return CAPABILITIES
+        """All of them; without root neither `lock` nor `firewall`."""
+        return CAPABILITIES - {"lock", "firewall"} if self.record["rootless"] else CAPABILITIES
 
     @property
     def namespace(self) -> Path:
-        """The network namespace, for `nsenter --net=...` or a firewall rule from outside."""
+        """The network namespace, for `nsenter --net=...` or a firewall rule from outside.
+
+        Raises `MissingCapabilityError` for a desktop without root, whose namespaces have no names outside.
+        """
+        if self.record["rootless"]:
+            raise MissingCapabilityError(f"desktop {self.id!r} was started without root: {LACKING}")
         return network.NETNS / self.record["netns"]
 
     @property

@@ -6,11 +6,13 @@ import platform
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
 from ...errors import MissingPackageError
-from . import home, limits, packages, registry
+from . import home, limits, packages, registry, rootless
 from .handle import PACKAGES
 
 MODULES = ("starlette", "uvicorn", "multipart", "httpx", "Xlib", "mss", "jeepney", "lxml")
@@ -26,6 +28,20 @@ k.mount("tmpfs", place, "tmpfs", 0, "size=1m")
 for name in ("up", "work", "root"):
     os.mkdir(f"{place}/{name}")
 k.mount("overlay", f"{place}/root", "overlay", 0, f"lowerdir=/,upperdir={place}/up,workdir={place}/work")
+"""
+# The same without root.
+_ROOTLESS_PROBE = """
+import sys, os
+sys.path.insert(0, sys.argv[1])
+from online_env.desktops.embedded import kernel as k, rootless
+rootless.enter()
+k.unshare(k.CLONE_NEWUTS | k.CLONE_NEWIPC | k.CLONE_NEWPID)
+place = sys.argv[2]
+k.mount("tmpfs", place, "tmpfs", 0, "size=1m")
+for name in ("up", "work", "usr"):
+    os.mkdir(f"{place}/{name}")
+k.mount("overlay", f"{place}/usr", "overlay", 0, f"lowerdir=/usr,upperdir={place}/up,workdir={place}/work,userxattr")
+rootless.user_namespace()
 """
 
 
@@ -56,10 +72,9 @@ def _system() -> Check:
 
 
 def _root() -> Check:
-    detail = (
-        "you are root" if os.geteuid() == 0 else "namespaces, mounts and the firewall need root; nothing runs without"
-    )
-    return Check("root", os.geteuid() == 0, detail, "sudo hijack desktop ...")
+    if os.geteuid() == 0:
+        return Check("root", True, "you are root")
+    return Check("root", False, rootless.LACKING, "sudo hijack desktop ...", required=False)
 
 
 def _packages(profile: str, required: bool) -> Check:
@@ -81,13 +96,10 @@ def _modules() -> Check:
 
 
 def _kernel() -> Check:
-    if os.geteuid() != 0:
-        return Check("namespaces", False, "can only be tried as root", "sudo hijack desktop doctor")
-    registry.RUN.mkdir(parents=True, exist_ok=True)
-    place = registry.RUN / f".probe-{os.getpid()}"
-    place.mkdir()
+    place = Path(tempfile.mkdtemp(prefix="agenthijack-probe-"))
     try:
-        command = [sys.executable, "-I", "-S", "-c", _PROBE, str(PACKAGES), str(place)]
+        probe = _PROBE if os.geteuid() == 0 else _ROOTLESS_PROBE
+        command = [sys.executable, "-I", "-S", "-c", probe, str(PACKAGES), str(place)]
         done = subprocess.run(command, capture_output=True, text=True, timeout=20, check=False)
     except subprocess.TimeoutExpired:
         return Check("namespaces", False, "the probe did not end within 20 s")
@@ -95,7 +107,10 @@ def _kernel() -> Check:
         place.rmdir()
     if done.returncode == 0:
         return Check("namespaces", True, "namespaces and overlay mounts work")
+    switch = rootless.switched_off()
     fix = "in a container, start it with: docker run --privileged ..."
+    if os.geteuid() != 0:
+        fix = f"sudo {switch}" if switch else "sudo hijack desktop ..."
     return Check("namespaces", False, done.stderr.strip().splitlines()[-1], fix)
 
 

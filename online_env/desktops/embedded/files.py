@@ -26,6 +26,11 @@ CHROMIUM = Path("usr/lib/chromium")
 LOCAL_BIN = Path("usr/local/lib/agenthijack")
 GUEST_FILES = Path(__file__).resolve().parents[2] / "guest"
 PACKAGES = "/run/agenthijack/packages"
+# What is written below where there are folders of the system's.
+CHANGED_FOLDERS = (LOCAL_BIN, Path("etc/sudoers.d"))
+CHANGED_FILES = tuple(
+    Path("etc", name) for name in ("passwd", "group", "shadow", "hostname", "hosts", "resolv.conf", "machine-id")
+)
 MACHINE_ID = "6a7d1e0c5b8f4c2e9d3a0f1b2c4d5e6f"
 QUIET = kernel.MS_NOSUID | kernel.MS_NODEV
 
@@ -34,7 +39,6 @@ def enter_root(order: Order, folder: Path) -> None:
     """Build the desktop's file system on `folder` and make it the root; needs a mount namespace of its own."""
     kernel.mount("none", "/", flags=kernel.MS_REC | kernel.MS_PRIVATE)
     root = _overlays(order, folder)
-    _hide(root)
     _system_mounts(root, order)
     _show(root, order)
     _settings(root, order)
@@ -48,24 +52,66 @@ def _overlays(order: Order, folder: Path) -> Path:
     kernel.mount("tmpfs", str(folder), "tmpfs", kernel.MS_NODEV, options)
     root = folder / "root"
     root.mkdir()
-    separate = [f"/{name}" for name in sorted(SYSTEM_FOLDERS) if os.path.ismount(f"/{name}")]
-    for lower in ("/", *separate):
-        _overlay(root / lower.lstrip("/"), lower, folder / f"system{lower.replace('/', '-')}")
-    # Copied, not laid over: overlayfs refuses a lower layer inside another, and it is small.
-    shutil.copytree(f"{order.layer}/system", root, dirs_exist_ok=True)
+    if order.rootless:
+        _system_folders(root, order, folder)
+    else:
+        _whole_system(root, order, folder)
     home = root / account.HOME.lstrip("/")
     kernel.mount("tmpfs", str(_folder(root / "home")), "tmpfs", QUIET, "size=4k,mode=755")
     home.mkdir()
-    _overlay(home, f"{order.layer}/home", folder / "home", account.UID)
+    upper = _folder(folder / "home.up")
+    _give(upper, order)
+    _overlay(home, f"{order.layer}/home", folder / "home", order)
     return root
 
 
-def _overlay(target: Path, lower: str, place: Path, owner: int = 0) -> None:
+def _whole_system(root: Path, order: Order, folder: Path) -> None:
+    separate = [f"/{name}" for name in sorted(SYSTEM_FOLDERS) if os.path.ismount(f"/{name}")]
+    for lower in ("/", *separate):
+        _overlay(root / lower.lstrip("/"), lower, folder / f"system{lower.replace('/', '-')}", order)
+    # Copied, not laid over: overlayfs refuses a lower layer inside another, and it is small.
+    shutil.copytree(f"{order.layer}/system", root, dirs_exist_ok=True)
+    _hide(root)
+
+
+def _system_folders(root: Path, order: Order, folder: Path) -> None:
+    """Without root, `/` itself cannot be laid over, nor can a folder of root's be changed: so what will be written
+    there is made in the upper folders, before they are laid over the system's."""
+    kernel.bind(str(root), str(root))  # a mount of its own, to become the root
+    for path in (Path("/", name) for name in sorted(SYSTEM_FOLDERS)):
+        target = root / path.name
+        if path.is_symlink():
+            target.symlink_to(path.readlink())
+        elif path.is_dir():
+            target.mkdir()
+            upper = _folder(folder / f"system-{path.name}.up")
+            if (given := Path(order.layer, "system", path.name)).is_dir():
+                shutil.copytree(given, upper, dirs_exist_ok=True)
+            for name in (name for name in (*CHANGED_FOLDERS, *CHANGED_FILES) if name.parts[0] == path.name):
+                _copy(name, upper.joinpath(*name.parts[1:]))
+            _overlay(target, str(path), folder / f"system-{path.name}", order)
+
+
+def _copy(name: Path, target: Path) -> None:
+    source = Path("/") / name
+    _folder(target.parent)
+    if name in CHANGED_FOLDERS:
+        _folder(target)
+    else:
+        target.write_bytes(source.read_bytes() if os.access(source, os.R_OK) else b"")
+
+
+def _give(path: Path, order: Order) -> None:
+    """Make the desktop's user the owner; without root it is."""
+    if not order.rootless:
+        os.chown(path, account.UID, account.UID)
+
+
+def _overlay(target: Path, lower: str, place: Path, order: Order) -> None:
     upper, work = place.with_name(f"{place.name}.up"), place.with_name(f"{place.name}.work")
-    upper.mkdir()
+    upper.mkdir(exist_ok=True)
     work.mkdir()
-    os.chown(upper, owner, owner)
-    options = f"lowerdir={lower},upperdir={upper},workdir={work}"
+    options = f"lowerdir={lower},upperdir={upper},workdir={work}" + (",userxattr" if order.rootless else "")
     try:
         kernel.mount("overlay", str(target), "overlay", kernel.MS_NODEV, options)
     except OSError as error:
@@ -99,13 +145,17 @@ def _system_mounts(root: Path, order: Order) -> None:
         if (root / "proc" / name).exists():
             kernel.bind(str(root / "proc" / name), str(root / "proc" / name), read_only=True)
     kernel.mount("sysfs", str(_folder(root / "sys")), "sysfs", none | kernel.MS_RDONLY)
-    _devices(root / "dev", none)
+    _devices(root / "dev", none, order)
 
 
-def _devices(dev: Path, none: int) -> None:
+def _devices(dev: Path, none: int, order: Order) -> None:
     for name in DEVICES:
-        os.mknod(dev / name, stat.S_IFCHR | 0o666, os.stat(f"/dev/{name}").st_rdev)
-        (dev / name).chmod(0o666)
+        if order.rootless:
+            (dev / name).touch()
+            kernel.bind(f"/dev/{name}", str(dev / name))
+        else:
+            os.mknod(dev / name, stat.S_IFCHR | 0o666, os.stat(f"/dev/{name}").st_rdev)
+            (dev / name).chmod(0o666)
     for name, target in (
         ("fd", "/proc/self/fd"),
         ("stdin", "fd/0"),
@@ -116,8 +166,9 @@ def _devices(dev: Path, none: int) -> None:
         (dev / name).symlink_to(target)
     for name in ("pts", "shm"):
         (dev / name).mkdir()
+    group = "" if order.rootless else ",gid=5"
     kernel.mount("devpts", str(dev / "pts"), "devpts", kernel.MS_NOSUID | kernel.MS_NOEXEC,
-                 "newinstance,ptmxmode=0666,mode=0620,gid=5")  # fmt: skip
+                 f"newinstance,ptmxmode=0666,mode=0620{group}")  # fmt: skip
     kernel.mount("shm", str(dev / "shm"), "tmpfs", none, "size=512m,mode=1777")
 
 
@@ -154,7 +205,7 @@ def _settings(root: Path, order: Order) -> None:
     runtime = root / f"run/user/{account.UID}"
     runtime.mkdir(parents=True)
     runtime.chmod(0o700)
-    os.chown(runtime, account.UID, account.UID)
+    _give(runtime, order)
 
 
 def _install_guest_files(root: Path) -> None:

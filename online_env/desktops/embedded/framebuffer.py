@@ -8,6 +8,7 @@ Light on purpose: the keeper and the first process of a desktop import it.
 import fcntl
 import os
 import socket
+from dataclasses import dataclass
 from pathlib import Path
 
 from . import account
@@ -20,12 +21,13 @@ _ROOM = 1 << 16
 class Framebuffer:
     """Made by the keeper for a screen of `(width, height)` pixels; `folder` is the desktop's run folder."""
 
-    def __init__(self, screen: tuple[int, int], folder: Path) -> None:
+    def __init__(self, screen: tuple[int, int], folder: Path, rootless: bool) -> None:
         width, height = screen
         self.memory = os.memfd_create("screen", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
         os.ftruncate(self.memory, width * height * 4 + _ROOM)
         fcntl.fcntl(self.memory, fcntl.F_ADD_SEALS, fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL)
-        os.fchown(self.memory, account.UID, account.UID)
+        if not rootless:
+            os.fchown(self.memory, account.UID, account.UID)
         self.door = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self.door.bind(str(folder / DOOR))
         self.door.listen(8)
@@ -34,3 +36,17 @@ class Framebuffer:
         """Let an X server that inherits the memory find it in `folder`, where it looks for a file of that name."""
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "Xvfb_screen0").symlink_to(f"/proc/self/fd/{self.memory}")
+
+
+@dataclass(frozen=True)
+class Doors:
+    """What the keeper made for the desktop to keep open: the memory, and where there is one, the guest's socket."""
+
+    framebuffer: Framebuffer
+    guest: socket.socket | None
+
+    def close(self) -> None:
+        """Close the keeper's ends of the sockets."""
+        self.framebuffer.door.close()
+        if self.guest is not None:
+            self.guest.close()

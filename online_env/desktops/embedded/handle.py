@@ -40,7 +40,7 @@ def make_order(
         lifeline: whether the desktop ends with this process.
         time_out: seconds until it counts as failed.
 
-    Raises `ParameterError` for a value out of range, `RootRequiredError` without root.
+    Raises `ParameterError` for a value out of range, `RootRequiredError` for what needs root.
     """
     height, width = as_size(size)
     if not (SMALLEST <= height <= LARGEST and SMALLEST <= width <= LARGEST):
@@ -48,8 +48,11 @@ def make_order(
     for app in apps:
         if app not in session.APPS:
             raise ParameterError(f"no application {app!r} to open{suggest(app, session.APPS)}")
-    if os.geteuid() != 0:
-        raise RootRequiredError("the embedded desktop needs root for its namespaces; run the same command with sudo")
+    if osworld and os.geteuid() != 0:
+        raise RootRequiredError(
+            "OSWorld's mode needs root: its tasks call sudo, and without root its routes, which ask for no token, "
+            "would be open to every user of this machine; run the same command with sudo"
+        )
     me = os.getpid()
     return Order(
         name=name,
@@ -61,6 +64,7 @@ def make_order(
         packages=_package_paths(),
         apps=tuple(apps),
         osworld=osworld,
+        rootless=os.geteuid() != 0,
         lifeline=lifeline,
         controller=(me, registry.process_start(me)) if lifeline else None,
         time_out=time_out,
@@ -163,7 +167,8 @@ def _search_path() -> tuple[str, ...]:
 
 
 def _python_paths() -> tuple[str, ...]:
-    return tuple(dict.fromkeys(str(Path(path).absolute()) for path in (sys.prefix, sys.base_prefix)))
+    more = [path for path in sys.path if Path(path).name in ("site-packages", "dist-packages") and Path(path).is_dir()]
+    return tuple(dict.fromkeys(str(Path(path).absolute()) for path in (sys.prefix, sys.base_prefix, *more)))
 
 
 def _package_paths() -> tuple[str, ...]:

@@ -15,7 +15,8 @@ from pathlib import Path
 from . import pictures
 from .account import UID
 
-PARENT = Path("/var/lib/agenthijack")
+_DATA = Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local/share")
+PARENT = Path("/var/lib") / "agenthijack" if os.geteuid() == 0 else _DATA / "agenthijack"
 SOURCES = Path(__file__).resolve().parent
 FOLDERS = ("Desktop", "Documents", "Downloads", "Music", "Pictures", "Public", "Templates", "Videos")
 BACKGROUNDS = Path("usr/share/backgrounds/agenthijack")
@@ -86,7 +87,7 @@ def _set_owners(layer: Path, home: Path) -> None:
     # A clone made under a strict umask must not give a desktop whose files its user cannot read.
     for path in layer.rglob("*"):
         path.chmod(0o755 if path.is_dir() else 0o644)
-    for path in (home, *home.rglob("*")):
+    for path in (home, *home.rglob("*")) if os.geteuid() == 0 else ():  # else the caller is the desktop's user
         os.chown(path, UID, UID)
 
 

@@ -14,8 +14,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NoReturn
 
-from . import account, files, kernel, limits, session, windows
-from .framebuffer import Framebuffer
+from . import account, files, kernel, limits, rootless, session, windows
+from .framebuffer import Doors
 from .plain import Order, SetupError
 
 SERVERS = ("Xvfb", "dbus-daemon")  # nothing works without them, and nothing can go on after them
@@ -31,12 +31,13 @@ class Init:
         folder: the desktop's run folder on the machine.
         token: what clients of the guest server must show.
         address: the guest's end of the control cable.
-        framebuffer: the memory to draw in.
+        doors: the memory to draw in, and sockets to serve.
     """
 
-    def __init__(self, order: Order, folder: Path, token: str, address: str, framebuffer: Framebuffer) -> None:
+    def __init__(self, order: Order, folder: Path, token: str, address: str, doors: Doors) -> None:
         self.order, self.folder, self.token, self.address = order, folder, token, address
-        self.framebuffer = framebuffer
+        self.doors = doors
+        self.user_namespace = -1
         self.logs = os.open(folder / "logs", os.O_RDONLY | os.O_DIRECTORY)
         self.environment = session.environment() | order.environment
         self.deadline = time.monotonic() + order.time_out
@@ -48,12 +49,14 @@ class Init:
         """Build, start, call `ready`, then watch for ever; raises `SetupError` where something does not come up."""
         files.enter_root(self.order, self.folder)
         kernel.set_host_name(account.HOST_NAME)
+        if self.order.rootless:
+            self.user_namespace = rootless.user_namespace()
         kernel.drop_capabilities()
         self._write_secrets()
         self._start_servers()
         self._start_session()
         ready()
-        for name, program in session.LATE.items():
+        for name, program in session.LATE.items() if not self.order.rootless else ():
             self.start(name, program.argv)
         self._watch()
 
@@ -79,7 +82,9 @@ class Init:
             for descriptor in kept:
                 os.set_inheritable(descriptor, True)
             limits.limit_process(self.order)
-            if not root:
+            if self.order.rootless:
+                rootless.become_user(self.user_namespace)
+            elif not root:
                 os.setgroups([])
                 os.setresgid(account.UID, account.UID, account.UID)
                 os.setresuid(account.UID, account.UID, account.UID)
@@ -100,13 +105,14 @@ class Init:
         os.close(secret)
         authority = os.open(session.AUTHORITY, os.O_WRONLY | os.O_CREAT, 0o600)
         os.write(authority, _authority_entries())
-        os.fchown(authority, account.UID, account.UID)
+        if not self.order.rootless:
+            os.fchown(authority, account.UID, account.UID)
         os.close(authority)
 
     def _start_servers(self) -> None:
         """Start the display and the bus side by side, and wait until both answer."""
-        screen, memory = self.order.screen, self.framebuffer.memory
-        self.framebuffer.show(Path(session.SCREEN_FOLDER))
+        screen, memory = self.order.screen, self.doors.framebuffer.memory
+        self.doors.framebuffer.show(Path(session.SCREEN_FOLDER))
         readers = {
             "Xvfb": self._start_server("Xvfb", lambda report: session.display_server(screen, report), (memory,)),
             "dbus-daemon": self._start_server("dbus-daemon", session.session_bus),
@@ -178,10 +184,11 @@ class Init:
                 raise SetupError(f"{name} ended; {self._tail(name)}")
 
     def _start_guest(self) -> None:
-        order, door = self.order, self.framebuffer.door.fileno()
+        order, still = self.order, self.doors.framebuffer.door.fileno()
         search_path = (files.PACKAGES, *order.search_path)
-        argv = session.guest_server(order.python, search_path, self.address, door, order.osworld)
-        self.start("guest", argv, (door,), root=True)
+        kept = (still,) if self.doors.guest is None else (still, self.doors.guest.fileno())
+        argv = session.guest_server(order.python, search_path, self.address, kept, order.osworld)
+        self.start("guest", argv, kept, root=True)
 
     def _await_guest(self) -> None:
         while time.monotonic() < self.deadline:

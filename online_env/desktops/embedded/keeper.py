@@ -13,10 +13,11 @@ import os
 import secrets
 import select
 import signal
+import socket
 from typing import Any, NoReturn
 
-from . import account, init, kernel, limits, network, registry, session
-from .framebuffer import Framebuffer
+from . import account, init, kernel, limits, network, registry, rootless, session
+from .framebuffer import Doors, Framebuffer
 from .internet import Internet
 from .plain import Order, SetupError
 
@@ -30,15 +31,17 @@ def main(text: str) -> int:
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, lambda *_: os.write(woken, b"x"))
     os.umask(0o022)
+    door = None
     me = (os.getpid(), registry.process_start(os.getpid()))
     try:
+        door = rootless.enter() if order.rootless else None
         record = registry.claim(order.name, me, order.controller, _facts(order))
     except (SetupError, OSError) as error:
         return _tell("error", str(error)) or 1
     log = os.open(registry.folder(record["id"]) / "logs/keeper.log", os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
     os.dup2(log, 2)  # until here what goes wrong is the controller's to see; and it must not wait for our end of it
     try:
-        return _keep(order, record, wake)
+        return _keep(order, record, wake, door)
     except (SetupError, OSError) as error:
         return _tell("error", str(error)) or 1
     finally:
@@ -47,10 +50,10 @@ def main(text: str) -> int:
 
 def _facts(order: Order) -> dict[str, Any]:
     return {"screen": list(order.screen), "display": session.DISPLAY, "user": account.NAME, "apps": list(order.apps),
-            "osworld": order.osworld}  # fmt: skip
+            "osworld": order.osworld, "rootless": order.rootless}  # fmt: skip
 
 
-def _keep(order: Order, record: dict[str, Any], wake: int) -> int:
+def _keep(order: Order, record: dict[str, Any], wake: int, door: socket.socket | None) -> int:
     name, slot = record["id"], record["slot"]
     network.create(name, slot)
     token = secrets.token_urlsafe(24)
@@ -58,20 +61,22 @@ def _keep(order: Order, record: dict[str, Any], wake: int) -> int:
     token_file.touch(mode=0o600)
     token_file.write_text(token, encoding="ascii")
     internet = Internet(order, name)
-    framebuffer = Framebuffer(order.screen, registry.folder(name))
+    framebuffer = Framebuffer(order.screen, registry.folder(name), order.rootless)
     source, address = network.addresses(slot)
     record |= {
+        "address": address,
+        "source": source,
         "netns": network.desktop_namespace(name),
         "web_netns": network.web_namespace(name),
         "token_file": str(token_file),
         "guest": f"http://{address}:{session.GUEST_PORT}",
-        "address": address,
-        "source": source,
+        **_reached_by(door),
         "memory": framebuffer.memory,
         "sites": str(internet.state),
     }
-    reader, launcher = _launch(order, name, token, address, framebuffer)
-    framebuffer.door.close()
+    doors = Doors(framebuffer, door)
+    reader, launcher = _launch(order, name, token, address, doors)
+    doors.close()
     try:
         return _follow(order, record, reader, wake, internet)
     finally:
@@ -79,6 +84,14 @@ def _keep(order: Order, record: dict[str, Any], wake: int) -> int:
         # The launcher waits for process 1, whose end is complete only when all inside have ended.
         os.kill(record["init"][0] if "init" in record else launcher, signal.SIGKILL)
         os.waitpid(launcher, 0)
+
+
+def _reached_by(door: socket.socket | None) -> dict[str, Any]:
+    """Where the guest server is, if the machine reaches it by a socket of ours instead of over the cable."""
+    if door is None:
+        return {}
+    host, port = door.getsockname()
+    return {"guest": f"http://{host}:{port}", "address": host, "source": host}
 
 
 def _follow(order: Order, record: dict[str, Any], reader: int, wake: int, internet: Internet) -> int:
@@ -117,7 +130,7 @@ def _report(record: dict[str, Any], kind: str, value: Any, internet: Internet) -
     return True
 
 
-def _launch(order: Order, name: str, token: str, address: str, framebuffer: Framebuffer) -> tuple[int, int]:
+def _launch(order: Order, name: str, token: str, address: str, doors: Doors) -> tuple[int, int]:
     """Fork the launcher, which forks process 1; returns the pipe that both write to, and the launcher's pid."""
     reader, writer = os.pipe()
     parent = os.getpid()
@@ -137,7 +150,7 @@ def _launch(order: Order, name: str, token: str, address: str, framebuffer: Fram
         kernel.unshare(kernel.CLONE_NEWPID | NAMESPACES)
         child = os.fork()
         if child == 0:
-            _first_process(order, name, token, address, framebuffer, writer)
+            _first_process(order, name, token, address, doors, writer)
         _say(writer, "init", child)
         os.waitpid(child, 0)
     except OSError as error:
@@ -146,15 +159,13 @@ def _launch(order: Order, name: str, token: str, address: str, framebuffer: Fram
         os._exit(0)
 
 
-def _first_process(
-    order: Order, name: str, token: str, address: str, framebuffer: Framebuffer, writer: int
-) -> NoReturn:
+def _first_process(order: Order, name: str, token: str, address: str, doors: Doors, writer: int) -> NoReturn:
     try:
         kernel.die_with_parent()
         init.quit_on_signals()
         for descriptor in (0, 1):  # the lifeline and the reports are the keeper's
             os.dup2(os.open("/dev/null", os.O_RDWR), descriptor)
-        first = init.Init(order, registry.folder(name), token, address, framebuffer)
+        first = init.Init(order, registry.folder(name), token, address, doors)
         first.run(lambda: _say(writer, "ready", True))
     except (SetupError, OSError) as error:
         _say(writer, "error", str(error))

@@ -7,12 +7,14 @@ import ctypes
 import os
 import signal
 
-CLONE_NEWNS, CLONE_NEWUTS, CLONE_NEWIPC, CLONE_NEWPID, CLONE_NEWNET = (
-    0x00020000, 0x04000000, 0x08000000, 0x20000000, 0x40000000,
+CLONE_NEWNS, CLONE_NEWUTS, CLONE_NEWIPC, CLONE_NEWUSER, CLONE_NEWPID, CLONE_NEWNET = (
+    0x00020000, 0x04000000, 0x08000000, 0x10000000, 0x20000000, 0x40000000,
 )  # fmt: skip
 MS_RDONLY, MS_NOSUID, MS_NODEV, MS_NOEXEC, MS_REMOUNT = 1, 2, 4, 8, 32
 MS_BIND, MS_REC, MS_PRIVATE = 4096, 16384, 1 << 18
 MNT_DETACH = 2
+# statvfs(3) has other numbers than mount(2) for: nosuid, nodev, noexec, noatime, nodiratime, relatime.
+_KEPT_FLAGS = {2: 2, 4: 4, 8: 8, 1024: 1024, 2048: 2048, 4096: 1 << 21}
 _PR_SET_PDEATHSIG, _PR_CAPBSET_DROP = 1, 24
 # What root inside a desktop keeps, about what container engines leave: enough for sudo, chown and apt, not enough for
 # mounts, devices, the firewall, kernel modules or the clock.
@@ -37,9 +39,14 @@ def join_namespace(path: str, kind: int) -> None:
     """Enter the namespace at `path`, such as `/run/netns/x`; `kind` is its CLONE_NEW flag."""
     descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:
-        _check(_libc.setns(descriptor, kind), f"setns({path})")
+        join(descriptor, kind)
     finally:
         os.close(descriptor)
+
+
+def join(descriptor: int, kind: int) -> None:
+    """Enter the namespace behind an open file."""
+    _check(_libc.setns(descriptor, kind), f"setns({kind:#x})")
 
 
 def mount(source: str, target: str, kind: str | None = None, flags: int = 0, options: str | None = None) -> None:
@@ -53,7 +60,9 @@ def bind(source: str, target: str, read_only: bool = False) -> None:
     """Show `source` at `target`, too."""
     mount(source, target, flags=MS_BIND)
     if read_only:
-        mount("none", target, flags=MS_BIND | MS_REMOUNT | MS_RDONLY)
+        # What the mount below forbids must stay forbidden: in a user namespace, the kernel insists.
+        kept = sum(to for of, to in _KEPT_FLAGS.items() if os.statvfs(target).f_flag & of)
+        mount("none", target, flags=MS_BIND | MS_REMOUNT | MS_RDONLY | kept)
 
 
 def unmount(target: str) -> None:

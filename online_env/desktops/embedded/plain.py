@@ -18,7 +18,8 @@ class Order:
     `screen` is (width, height); `apps` are started before the desktop counts as ready; `search_path` is the
     controller's `sys.path`; `keep` are the folders of Python, `packages` ours; `layer` the golden layer; `lifeline`
     says that the desktop ends with its controller; `osworld` opens OSWorld's routes without a token and lets sudo work
-    without a password; `storage` (files) and `memory` (one process) are in bytes, `time_out` in seconds.
+    without a password; `rootless` that the controller is not root; `storage` (files) and `memory` (one process) are in
+    bytes, `time_out` in seconds.
     """
 
     name: str | None
@@ -30,6 +31,7 @@ class Order:
     packages: tuple[str, ...]
     apps: tuple[str, ...] = ()
     osworld: bool = False
+    rootless: bool = False
     lifeline: bool = True
     controller: tuple[int, int] | None = None
     time_out: float = 30.0

@@ -18,7 +18,8 @@ from typing import Any
 from . import limits, network
 from .plain import SetupError
 
-RUN = Path("/run/agenthijack")
+# One folder for root's desktops, and one for those of each other user.
+RUN = Path("/run/agenthijack") if os.geteuid() == 0 else Path(f"/tmp/agenthijack-{os.geteuid()}")
 RECORD = "desktop.json"
 SLOTS = 4096
 _NAME = re.compile(r"[a-z0-9](?:[a-z0-9-]{0,18}[a-z0-9])?")
@@ -49,7 +50,9 @@ def folder(name: str) -> Path:
 @contextlib.contextmanager
 def locked() -> Iterator[None]:
     """Hold the registry: one controller at a time makes or removes desktops."""
-    RUN.mkdir(mode=0o755, parents=True, exist_ok=True)
+    RUN.mkdir(mode=0o755 if os.geteuid() == 0 else 0o700, parents=True, exist_ok=True)
+    if RUN.is_symlink() or RUN.stat().st_uid != os.geteuid():
+        raise SetupError(f"{RUN} belongs to somebody else; remove it as root")
     with open(RUN / ".lock", "w", encoding="ascii") as handle:
         fcntl.flock(handle, fcntl.LOCK_EX)
         yield
@@ -123,7 +126,7 @@ def state(record: Record) -> str:
 def orphans() -> list[Record]:
     """What nobody looks after any more, namespaces without a folder included."""
     listed = records()
-    bare = network.leftovers({record["id"] for record in listed})
+    bare = network.leftovers({record["id"] for record in listed}) if os.geteuid() == 0 else []
     return [record for record in listed if state(record) == "orphan"] + [
         {"id": name, "slot": -1, "state": "broken", "created": 0.0} for name in bare
     ]

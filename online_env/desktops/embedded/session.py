@@ -83,11 +83,15 @@ def module_command(python: str, search_path: tuple[str, ...], module: str, *argu
     return (python, "-I", "-c", code, *arguments)
 
 
-def guest_server(python: str, search_path: tuple[str, ...], address: str, door: int, osworld: bool) -> tuple[str, ...]:
+def guest_server(
+    python: str, search_path: tuple[str, ...], address: str, kept: tuple[int, ...], osworld: bool
+) -> tuple[str, ...]:
     """The guest server on the loopback interface and on `address`; it becomes the user before it opens its port.
 
-    `door` is the descriptor of the socket over which the machine asks it to hold the screen still.
+    `kept` are descriptors of sockets: over the first the machine asks it to hold the screen still, over the second,
+    where there is one, come requests, too.
     """
-    where = ("--host", f"127.0.0.1,{address}", "--port", str(GUEST_PORT), "--still", str(door))
+    where = ("--host", f"127.0.0.1,{address}", "--port", str(GUEST_PORT), "--still", str(kept[0]))
+    where += ("--listen", str(kept[1])) if kept[1:] else ()
     more = ("--token-file", TOKEN_FILE, "--user", account.NAME, *(("--osworld",) if osworld else ()))
     return module_command(python, search_path, "online_env.guest", *where, *more)

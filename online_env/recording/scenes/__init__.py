@@ -15,7 +15,7 @@ class Refused:
     why: str
 
     @classmethod
-    def instead(cls, what: str, pictures: Iterable[Picture]) -> "Iterator[Picture | Refused]":
+    def instead(cls, what: str, pictures: "Iterable[Picture | Refused]") -> "Iterator[Picture | Refused]":
         """The pictures; where the desktop does not play along, what is lost by it, and the rest goes on."""
         try:
             yield from pictures

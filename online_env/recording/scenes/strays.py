@@ -86,7 +86,7 @@ def record(stage: Stage) -> Iterator[Picture | Refused]:
             yield from _each(stage, "desktop", None, strays)
 
 
-def _in_app(stage: Stage, app: App, strays: Sequence[Sequence[Click]]) -> "Iterator[Any]":
+def _in_app(stage: Stage, app: App, strays: Sequence[Sequence[Click]]) -> Iterator[Picture | Refused]:
     top = stage.place(app.open(stage), PLACE)
     try:
         yield from _each(stage, app.name, top, strays)
