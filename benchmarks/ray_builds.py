@@ -44,8 +44,8 @@ def main(trajectories: int = 20) -> None:
     print(f"{rows} rows of 1920x1080 PNG screenshots, {trajectories} shards.\n\n{machine()}, ray {ray.__version__}\n")
     print(_speeds(spent, rows))
     print(
-        f"\nRay itself: started in {started:.1f} s, first small build of two shards done after {first:.1f} s (local, two "
-        f"spawned processes: {start_local:.1f} s). Memory of its two workers after all builds: {used}."
+        f"\nRay itself: started in {started:.1f} s, first small build of two shards done after {first:.1f} s (local, "
+        f"two spawned processes: {start_local:.1f} s). Memory of its two workers after all builds: {used}."
     )
 
 

@@ -7,7 +7,7 @@ saw, byte for byte.
 
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,12 +24,11 @@ from .readers import fields
 from .readers.fields import FieldError
 from .readers.files import inside, lines, parse_file
 from .readers.runs import EPISODE, EPISODES, STEPS
-
-SHOWN = 20
+from .report import Findings
 
 
 @dataclass
-class RebuildReport:
+class RebuildReport(Findings):
     """The result of `rebuild`.
 
     Args:
@@ -41,22 +40,10 @@ class RebuildReport:
         unfinished: episodes that were broken off, and were not looked at.
     """
 
-    folder: str
-    problems: list[str] = field(default_factory=list[str])
     episodes: int = 0
     steps: int = 0
     disturbed: int = 0
     unfinished: int = 0
-
-    @property
-    def ok(self) -> bool:
-        """Whether nothing differs."""
-        return not self.problems
-
-    @property
-    def exit_code(self) -> int:
-        """0 when nothing differs, else 1."""
-        return 0 if self.ok else 1
 
     def lines(self) -> list[str]:
         """The report as lines of text."""
@@ -64,8 +51,7 @@ class RebuildReport:
         left = f", {self.unfinished} unfinished" if self.unfinished else ""
         seen = f"{self.steps} observations, {self.disturbed} of them disturbed"
         head = f"{self.folder}: {self.episodes} episodes{left}, {seen}, made again: {state}"
-        more = len(self.problems) - SHOWN
-        return [head, *(f"  {p}" for p in self.problems[:SHOWN]), *([f"  and {more} more"] if more > 0 else [])]
+        return [head, *self.listed()]
 
 
 def is_run(folder: str | os.PathLike[str]) -> bool:

@@ -1,10 +1,34 @@
 """What a build did, for people and for exit codes."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
-SHOWN = 5
+SHOWN, SHOWN_PROBLEMS = 5, 20
+
+
+@dataclass
+class Findings:
+    """What a check found: `problems` is empty when all is well. `folder` is what was looked at."""
+
+    folder: str
+    problems: list[str] = field(default_factory=list[str])
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing is wrong."""
+        return not self.problems
+
+    @property
+    def exit_code(self) -> int:
+        """0 when nothing is wrong, else 1."""
+        return 0 if self.ok else 1
+
+    def listed(self) -> list[str]:
+        """The first problems as lines of text, and how many there are more."""
+        more = len(self.problems) - SHOWN_PROBLEMS
+        rest = [f"  and {more} more"] if more > 0 else []
+        return [f"  {problem}" for problem in self.problems[:SHOWN_PROBLEMS]] + rest
 
 
 @dataclass(frozen=True)

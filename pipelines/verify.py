@@ -19,14 +19,13 @@ from .errors import DatasetError
 from .images import sha256_of
 from .lazy import picture_bytes, plan_of
 from .manifest import read_manifest
+from .report import Findings
 from .rows import params_json
 from .shards import DATA, file_sha256
 
-SHOWN = 20
-
 
 @dataclass
-class VerifyReport:
+class VerifyReport(Findings):
     """The result of `verify`.
 
     Args:
@@ -38,30 +37,16 @@ class VerifyReport:
         notes: what is no problem by itself, such as an asset pack that was recorded anew.
     """
 
-    folder: str
-    problems: list[str] = field(default_factory=list[str])
     rows: int = 0
     regenerated: int = 0
     shards: int = 0
     notes: list[str] = field(default_factory=list[str])
 
-    @property
-    def ok(self) -> bool:
-        """Whether nothing is wrong."""
-        return not self.problems
-
-    @property
-    def exit_code(self) -> int:
-        """0 when all is well, else 1."""
-        return 0 if self.ok else 1
-
     def lines(self) -> list[str]:
         """The report as lines of text."""
         state = "all is well" if self.ok else f"{len(self.problems)} problem(s)"
         head = f"{self.folder}: {self.rows} rows in {self.shards} file(s), {self.regenerated} made again: {state}"
-        more = len(self.problems) - SHOWN
-        shown = [f"  {p}" for p in self.problems[:SHOWN]] + ([f"  and {more} more"] if more > 0 else [])
-        return [head, *shown, *(f"  note: {note}" for note in self.notes)]
+        return [head, *self.listed(), *(f"  note: {note}" for note in self.notes)]
 
 
 def verify(folder: str | os.PathLike[str]) -> VerifyReport:

@@ -48,9 +48,9 @@ def toys(grounding):
     made = []
     for n in range(24):
         rng = np.random.default_rng(n)
-        image = np.full((256, 384, 3), rng.integers(90, 200), np.uint8)
+        image = np.full((128, 192, 3), rng.integers(90, 200), np.uint8)
         spots = rng.permutation(24)[:4]
-        boxes = [(x * 64 + 8, y * 64 + 8, x * 64 + 56, y * 64 + 56) for x, y in zip(spots % 6, spots // 6, strict=True)]
+        boxes = [(x * 32 + 4, y * 32 + 4, x * 32 + 28, y * 32 + 28) for x, y in zip(spots % 6, spots // 6, strict=True)]
         for (x1, y1, x2, y2), colour in zip(boxes, colours.values(), strict=True):
             image[y1:y2, x1:x2] = colour
         page = grounding.pages.Page(
@@ -258,7 +258,7 @@ def test_scores_belong_to_their_label_and_picture(grounding):
 
 
 def test_it_learns(grounding, toys):
-    settings = grounding.train.Settings(steps=90, batch=4)
+    settings = grounding.train.Settings(steps=80, batch=4)
     train = [page for page in toys if page.split == "train"]
     new = [page for page in toys if page.split == "new"]
     net, losses = grounding.train.train(train, [], 0, settings)
@@ -326,7 +326,7 @@ def test_pages_that_hang_together_widen_the_interval(grounding):
 def test_runs_are_kept_and_told_apart(grounding, toys, tmp_path, monkeypatch, capfd):
     """Two seeds without and with augmentation, end to end on toys; a second call computes nothing."""
     (tmp_path / "pages.json").write_text(json.dumps({"made_by": "toys"}))
-    big = [dataclasses.replace(p, image=np.tile(p.image, (3, 3, 1))[:600, :960]) for p in toys[:3]]
+    big = [dataclasses.replace(p, image=np.tile(p.image, (5, 5, 1))[:600, :960]) for p in toys[:3]]
     some = [dataclasses.replace(p, split=split) for p, split in zip(big, ("train", "new", "site"), strict=True)]
     monkeypatch.setattr(grounding.pages, "load", lambda folder: some)
     settings = grounding.train.Settings(steps=2, batch=1)

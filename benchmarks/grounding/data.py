@@ -12,8 +12,8 @@ import hijack_data as hj
 from .pages import Page
 
 SHRINK = 2  # the network sees half the height and width of the screen
-# All at the library's defaults (the paper's), but that restore=True keeps one shape, and that a subtitle of 48 pixels is
-# one pixel too large for the pages.
+# All at the library's defaults (the paper's), but for restore=True, which keeps one shape, and fit="shrink": a subtitle
+# of 48 pixels is one pixel too large for the pages.
 CORRUPTIONS: Mapping[str, hj.Corruption] = {
     "pop_ups": hj.PopUps(),
     "marks": hj.Marks(),

@@ -6,9 +6,9 @@ the effect was applied, shown to a fresh desktop where nothing was done, must no
 
 import json
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any, TypeAlias
 
+from hijack_data.conformance import Result
 from hijack_data.plan import Effect
 from hijack_data.rng import Stream
 
@@ -17,20 +17,6 @@ from ..errors import DesktopError, MissingCapabilityError
 from .base import Applied, LiveEffect, Record, find, perform, resume, undo
 
 OPEN = ("editor",)  # what is open while an effect is tried
-
-
-@dataclass(frozen=True)
-class Result:
-    """Outcome of one check: `problem` is empty when it passed."""
-
-    check: str
-    about: str
-    problem: str
-
-    @property
-    def ok(self) -> bool:
-        """Whether the check passed."""
-        return not self.problem
 
 
 class Trial:

@@ -7,9 +7,9 @@ happened, and the action to take; or it raises `NotApplicable` where that would 
 from collections.abc import Mapping
 
 from . import accidental_touch, app_minimization, multi_apps, network_error, verification
-from .base import Edit, EditedStep, Frame, NotApplicable, code_of
+from .base import Edit, EditedStep, Frame, NotApplicable
 
-__all__ = ["EDITS", "USES_ELEMENTS", "Edit", "EditedStep", "Frame", "NotApplicable", "code_of"]
+__all__ = ["EDITS", "USES_ELEMENTS", "Edit", "EditedStep", "Frame", "NotApplicable"]
 
 # By the kind of effect that a plan names.
 EDITS: Mapping[str, Edit] = {

@@ -83,25 +83,3 @@ def between_bars(size: Size) -> tuple[int, int]:
 
 
 Edit: TypeAlias = Callable[[Frame, Effect], EditedStep]
-
-_CLICKS = {
-    "click": "click",
-    "double_click": "doubleClick",
-    "triple_click": "tripleClick",
-    "right_click": "rightClick",
-    "middle_click": "middleClick",
-}
-
-
-def code_of(action: Action) -> str:
-    """Return the code of an action of the pack: pyautogui, or WAIT. Raises `NotApplicable` for any other."""
-    keys = ", ".join(map(repr, action.keys or ()))
-    if action.type in _CLICKS and action.point is not None:
-        return f"pyautogui.{_CLICKS[action.type]}({action.x}, {action.y})"
-    if action.type == "hotkey" and keys:
-        return f"pyautogui.{'hotkey' if len(action.keys or ()) > 1 else 'press'}({keys})"
-    if action.type == "type" and action.text is not None:
-        return f"pyautogui.write({action.text!r})"
-    if action.type == "wait":
-        return "WAIT"
-    raise NotApplicable(f"the recorded recovery is of type {action.type!r}, which has no code")

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 
 import hijack_data as hj
+from hijack_data.actions.pyautogui_write import write_pyautogui
 from hijack_data.errors import HijackError
 from hijack_data.pack import AssetPack
 from hijack_data.plan import Effect, Plan
@@ -20,7 +21,7 @@ from ..errors import BuildError
 from ..readers.dialects import RecordedStep
 from ..sample import Sample
 from . import EDITS, USES_ELEMENTS
-from .base import EditedStep, Frame, NotApplicable, code_of
+from .base import EditedStep, Frame, NotApplicable
 
 BEFORE = -1
 _PROBE = Scene((1080, 1920))
@@ -142,7 +143,7 @@ def _after(sample: Sample, edit: EditedStep) -> Sample:
         return replace(sample, scene=replace(scene, boxes=as_boxes(boxes)))
     action, box = edit.deed.action, edit.deed.target_box
     scene = replace(scene, boxes=as_boxes(edit.boxes), target=as_target(box or action.point))
-    changed = RecordedStep(step.index, step.image, action, code_of(action), box, edit.boxes, step.id)
+    changed = RecordedStep(step.index, step.image, action, write_pyautogui(action), box, edit.boxes, step.id)
     return replace(sample, step=changed, scene=scene)
 
 

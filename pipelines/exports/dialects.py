@@ -11,26 +11,15 @@ What `hijack_data.actions.parse_actions` reads of the text is the action again, 
 
 import ast
 from collections.abc import Callable, Mapping
-from typing import Any, TypeAlias
+from typing import Any
 
+from hijack_data.actions.pyautogui_write import cannot_say, write_pyautogui
 from hijack_data.actions.source import Source
 from hijack_data.coords import CoordMap, smart_resize
 from hijack_data.errors import ActionError, UnknownNameError, suggest
-from hijack_data.types import Size
+from hijack_data.types import Action, Size
 
-Fields: TypeAlias = Mapping[str, Any]
-
-_CLICKS = {
-    "click": "click",
-    "double_click": "doubleClick",
-    "triple_click": "tripleClick",
-    "right_click": "rightClick",
-    "middle_click": "middleClick",
-    "move": "moveTo",
-    "mouse_down": "mouseDown",
-    "mouse_up": "mouseUp",
-}
-_WORDS = {"wait": "WAIT", "done": "DONE", "fail": "FAIL"}
+_WORDS = ("WAIT", "DONE", "FAIL")
 _UI_TARS_CLICKS = {"click": "click", "double_click": "left_double", "right_click": "right_single"}
 _UI_TARS_WORDS = {"wait": "wait()", "fail": "call_user()"}
 THOUSAND = (1000, 1000)
@@ -58,7 +47,7 @@ def check_dialect(dialect: str) -> None:
 
 def is_pyautogui(code: str) -> bool:
     """Return whether recorded code calls pyautogui, or is WAIT, FAIL or DONE; rows keep code in its own dialect."""
-    if code.strip() in _WORDS.values():
+    if code.strip() in _WORDS:
         return True
     try:
         tree = Source(code).tree
@@ -70,82 +59,31 @@ def is_pyautogui(code: str) -> bool:
 def _pyautogui(row: Mapping[str, Any]) -> str:
     if is_pyautogui(row["action_code"]):
         return row["action_code"]
-    action: Fields = row["action"]
-    kind = action["type"]
-    if kind in _WORDS:
-        return _WORDS[kind]
-    if kind in _CODE:
-        return _CODE[kind](action)
-    if kind not in _POINTER:
-        raise _cannot(action, "pyautogui")
-    held = action["keys"] or ()
-    down = [f"pyautogui.keyDown({key!r})" for key in held]
-    up = [f"pyautogui.keyUp({key!r})" for key in reversed(held)]
-    return "\n".join([*down, _POINTER[kind](action), *up])
-
-
-def _drag(action: Fields) -> str:
-    start, end = _xy(action), _xy(action, "2")
-    if not end:
-        raise _cannot(action, "pyautogui")
-    return (f"pyautogui.moveTo({start})\n" if start else "") + f"pyautogui.dragTo({end}, button='left')"
-
-
-def _scroll(action: Fields) -> str:
-    place = _xy(action)
-    if action["amount"] is None:
-        raise _cannot(action, "pyautogui")
-    return f"pyautogui.scroll({action['amount']:g}{', ' + place if place else ''})"
-
-
-def _hotkey(action: Fields) -> str:
-    keys = _keys(action, "pyautogui")
-    name = "press" if len(keys) == 1 else "hotkey"
-    return f"pyautogui.{name}({', '.join(map(repr, keys))})"
-
-
-def _held(name: str) -> Callable[[Fields], str]:
-    return lambda action: "\n".join(f"pyautogui.{name}({key!r})" for key in _keys(action, "pyautogui"))
-
-
-def _call(name: str) -> Callable[[Fields], str]:
-    return lambda action: f"pyautogui.{name}({_xy(action)})"
-
-
-_POINTER: Mapping[str, Callable[[Fields], str]] = {
-    **{kind: _call(name) for kind, name in _CLICKS.items()},
-    "drag": _drag,
-    "scroll": _scroll,
-}
-_CODE: Mapping[str, Callable[[Fields], str]] = {
-    "type": lambda action: f"pyautogui.write({_text(action, 'pyautogui')!r})",
-    "hotkey": _hotkey,
-    "key_down": _held("keyDown"),
-    "key_up": _held("keyUp"),
-}
+    return write_pyautogui(_action(row))
 
 
 def _ui_tars(row: Mapping[str, Any], size: Callable[[Size], Size], dialect: str) -> str:
-    action: Fields = row["action"]
-    kind, screen = action["type"], (int(row["height"]), int(row["width"]))
+    action = _action(row)
+    kind, screen = action.type, (int(row["height"]), int(row["width"]))
     if kind in _UI_TARS_WORDS:
         return _UI_TARS_WORDS[kind]
     if kind == "done":
-        return f"finished(content={_quoted(action['text'])})" if action["text"] else "finished()"
+        return f"finished(content={_quoted(action.text)})" if action.text else "finished()"
     if kind == "type":
         return f"type(content={_quoted(_text(action, dialect))})"
     if kind == "hotkey":
-        return f"hotkey(key='{' '.join(_keys(action, dialect, plain=True))}')"
-    if action["keys"]:
-        raise _cannot(action, dialect)
-    boxes = [_box(action, end, CoordMap(size(screen), screen)) for end in ("", "2")]
+        return f"hotkey(key='{' '.join(_keys(action, dialect))}')"
+    if action.keys:
+        raise cannot_say(action, dialect)
+    coords = CoordMap(size(screen), screen)
+    boxes = [_box(x, y, coords) for x, y in ((action.x, action.y), (action.x2, action.y2))]
     if kind in _UI_TARS_CLICKS and boxes[0]:
         return f"{_UI_TARS_CLICKS[kind]}(start_box='{boxes[0]}')"
     if kind == "drag" and all(boxes):
         return f"drag(start_box='{boxes[0]}', end_box='{boxes[1]}')"
-    if kind == "scroll" and boxes[0] and action["amount"]:
-        return f"scroll(start_box='{boxes[0]}', direction='{'up' if action['amount'] > 0 else 'down'}')"
-    raise _cannot(action, dialect)
+    if kind == "scroll" and boxes[0] and action.amount:
+        return f"scroll(start_box='{boxes[0]}', direction='{'up' if action.amount > 0 else 'down'}')"
+    raise cannot_say(action, dialect)
 
 
 _RENDER: Mapping[str, Callable[[Mapping[str, Any]], str]] = {
@@ -156,37 +94,31 @@ _RENDER: Mapping[str, Callable[[Mapping[str, Any]], str]] = {
 DIALECTS = tuple(_RENDER)
 
 
-def _xy(action: Fields, end: str = "") -> str:
-    x, y = action[f"x{end}"], action[f"y{end}"]
-    return "" if x is None or y is None else f"{x}, {y}"
+def _action(row: Mapping[str, Any]) -> Action:
+    values = dict(row["action"])
+    return Action(**{**values, "keys": None if values["keys"] is None else tuple(values["keys"])})
 
 
-def _box(action: Fields, end: str, coords: CoordMap) -> str:
-    x, y = action[f"x{end}"], action[f"y{end}"]
+def _box(x: int | None, y: int | None, coords: CoordMap) -> str:
     if x is None or y is None:
         return ""
     px, py = coords.to_observation((x, y))
     return f"({px},{py})"
 
 
-def _text(action: Fields, dialect: str) -> str:
-    if action["text"] is None:
-        raise _cannot(action, dialect)
-    return action["text"]
+def _text(action: Action, dialect: str) -> str:
+    if action.text is None:
+        raise cannot_say(action, dialect)
+    return action.text
 
 
-def _keys(action: Fields, dialect: str, *, plain: bool = False) -> list[str]:
-    keys: list[str] = list(action["keys"] or [])
-    if not keys or (plain and any(not key or set(key) & set(" +'\"\\\n") for key in keys)):
-        raise _cannot(action, dialect)
+def _keys(action: Action, dialect: str) -> tuple[str, ...]:
+    keys = action.keys or ()
+    if not keys or any(not key or set(key) & set(" +'\"\\\n") for key in keys):
+        raise cannot_say(action, dialect)
     return keys
 
 
 def _quoted(text: str) -> str:
     escaped = text.replace("\\", "\\\\").replace("'", "\\'").replace("\n", "\\n").replace("\t", "\\t")
     return f"'{escaped}'".replace("\r", "\\r")
-
-
-def _cannot(action: Fields, dialect: str) -> ActionError:
-    given = ", ".join(name for name, value in action.items() if value is not None and name != "type")
-    return ActionError(f"{dialect} cannot say {action['type']!r} with {given or 'nothing else'}")

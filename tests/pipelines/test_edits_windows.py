@@ -12,7 +12,7 @@ import hijack_data as hj
 from hijack_data.pack import AssetPack
 from hijack_data.plan import Effect
 from hijack_data.types import Action
-from pipelines.edits import EDITS, NotApplicable, code_of
+from pipelines.edits import EDITS, NotApplicable
 
 from support.assets import PackMaker, pixels
 from support.frames import drawn, frame_of
@@ -221,28 +221,3 @@ def test_menus_of_the_recordings_own_application_come_first(assets: Path, tmp_pa
     assert names == {"chromium"}
     assert len({touch(folder, ELEMENTS, seed=k)[0].ops[0].sprite["id"] for k in range(20)}) == 3
     assert len(AssetPack.load(assets).pictures("menu")) == 1
-
-
-@pytest.mark.parametrize(
-    ("action", "code"),
-    [
-        (Action("click", 3, 4), "pyautogui.click(3, 4)"),
-        (Action("double_click", 3, 4), "pyautogui.doubleClick(3, 4)"),
-        (Action("hotkey", keys=("esc",)), "pyautogui.press('esc')"),
-        (Action("hotkey", keys=("alt", "f4")), "pyautogui.hotkey('alt', 'f4')"),
-        (Action("type", text="it's\n"), 'pyautogui.write("it\'s\\n")'),
-        (Action("wait"), "WAIT"),
-    ],
-)
-def test_code_of_what_is_done(action: Action, code: str) -> None:
-    from hijack_data.actions import parse_pyautogui
-
-    assert code_of(action) == code
-    again = parse_pyautogui(code, None)
-    assert (again.type, again.point, again.keys, again.text) == (action.type, action.point, action.keys, action.text)
-
-
-@pytest.mark.parametrize("action", [Action("click"), Action("hotkey"), Action("drag", 1, 2, 3, 4)])
-def test_actions_without_code(action: Action) -> None:
-    with pytest.raises(NotApplicable, match="has no code"):
-        code_of(action)
