@@ -148,6 +148,20 @@ def test_rendering_is_done_once(grounding, chromium, tmp_path):
     assert not (folder / "seed-0002.png").exists()
 
 
+def test_other_peoples_folders_are_left_alone(grounding, chromium, tmp_path):
+    (tmp_path / "thesis.png").write_text("years of work")
+    with pytest.raises(FileExistsError, match="holds something else than pages; name an empty folder"):
+        grounding.pages.render(tmp_path, 1, 1)
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.png"]
+
+
+def test_a_missing_browser_is_named(grounding, monkeypatch, tmp_path):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(grounding.browser.BrowserError, match="apt-get install chromium"):
+        grounding.pages.render(tmp_path / "pages", 1, 1)
+    assert not (tmp_path / "pages").exists()
+
+
 # Batches
 
 

@@ -22,6 +22,7 @@ SIZE, DENSITY = (600, 960), 1.5  # height and width of the pictures; pixels a CS
 HOSTS = {"docs.test": "train", "mail.test": "train", "search.test": "train", "wiki.test": "train", "news.test": "train",
          "shop.test": "site", "forms.test": "site"}  # fmt: skip
 MOST = 16  # pages of one of the local sites
+SITES = Path(__file__).resolve().parents[2] / "online_env" / "sites"
 # Visible controls that lie wholly in the window, answer at their middle and have a name that no other control has.
 CONTROLS = """(density => {
   const clean = text => (text || '').replace(/\\s+/g, ' ').trim();
@@ -64,22 +65,29 @@ class Page:
     asked: tuple[int, ...]
 
 
-def fingerprint(train: int, new: int) -> str:
+def fingerprint(train: int, new: int, sites: bool = True) -> str:
     """What a folder of pages was made by: another one means rendering anew."""
+    if shutil.which("chromium") is None:
+        raise browser.BrowserError(
+            "there is no chromium on the PATH, which renders the pages: apt-get install chromium"
+        )
     asked = subprocess.run(["chromium", "--version"], capture_output=True, text=True, check=True)
-    version = asked.stdout.split("built")[0]
-    parts = [Path(m.__file__ or "").read_text() for m in (browser, markup, sys.modules[__name__])]
-    return hashlib.sha256("\0".join([version, str(train), str(new), *parts]).encode()).hexdigest()
+    parts = [asked.stdout.split("built")[0].encode(), str((train, new, sites)).encode()]
+    files = [Path(m.__file__ or "") for m in (browser, markup, sys.modules[__name__])]
+    files += sorted(path for path in SITES.rglob("*") if path.is_file() and "__pycache__" not in path.parts)
+    return hashlib.sha256(b"\0".join([*parts, *(path.read_bytes() for path in files)])).hexdigest()
 
 
 def render(folder: Path, train: int, new: int, sites: bool = True) -> None:
-    """Render `train` + `new` seeded pages and the local sites into `folder`, unless it holds just these already."""
-    made_by = fingerprint(train, new)
+    """Render `train` + `new` seeded pages and the local sites into `folder`, unless it holds just these already.
+
+    Raises `FileExistsError` where the folder holds something else.
+    """
+    made_by = fingerprint(train, new, sites)
     index = folder / "pages.json"
     if index.exists() and json.loads(index.read_text())["made_by"] == made_by:
         return
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir(parents=True)
+    _clear(folder, index)
     rows: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as scratch, _sites(Path(scratch) / "state") as port:
         rules = f"MAP *.test 127.0.0.1:{port}"
@@ -91,6 +99,18 @@ def render(folder: Path, train: int, new: int, sites: bool = True) -> None:
             for host, split in HOSTS.items() if sites else ():
                 rows += _site(chromium, folder, host, split)
     index.write_text(json.dumps({"made_by": made_by, "pages": rows}, indent=1))
+
+
+def _clear(folder: Path, index: Path) -> None:
+    """Make the folder, or remove the pages of another time; what is not ours is never touched."""
+    if folder.exists() and any(folder.iterdir()) and not index.exists():
+        raise FileExistsError(
+            f"{folder} holds something else than pages; name an empty folder, or one that is not there"
+        )
+    folder.mkdir(parents=True, exist_ok=True)
+    index.write_text(json.dumps({"made_by": "not finished", "pages": []}))
+    for picture in folder.glob("*.png"):
+        picture.unlink()
 
 
 def _keep(chromium: Browser, folder: Path, name: str, split: str) -> list[dict[str, Any]]:
@@ -122,7 +142,7 @@ def _sites(state: Path) -> Iterator[int]:
     """Serve the local web sites on loopback; gives the port."""
     ports = ("--dns-port", "0", "--http-port", "0", "--state", str(state))
     command = [sys.executable, "-m", "online_env.sites", "--address", "127.0.0.1", *ports]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=SITES.parents[1])
     assert process.stdout is not None
     try:
         line = process.stdout.readline()

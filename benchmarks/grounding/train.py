@@ -21,7 +21,7 @@ class Settings:
         decay: weight decay.
     """
 
-    steps: int = 800
+    steps: int = 1200
     batch: int = 4
     rate: float = 4e-3
     decay: float = 0.02

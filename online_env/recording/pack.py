@@ -64,8 +64,9 @@ class Pack:
         for file, data in self._data.items():
             write_atomic(self.folder / file, data)
         entries = sorted(self.entries, key=lambda e: e["id"])
-        index = {"format": FORMAT, "version": VERSION, "desktop": desktop, "licence": LICENCE, "pictures": entries}
-        write_atomic(self.folder / INDEX, json.dumps(index, indent=1, ensure_ascii=False) + "\n")
+        head = json.dumps({"format": FORMAT, "version": VERSION, "desktop": desktop, "licence": LICENCE})
+        lines = ",\n".join(json.dumps(entry, ensure_ascii=False) for entry in entries)  # one a line, for people
+        write_atomic(self.folder / INDEX, f'{head[:-1]}, "pictures": [\n{lines}\n]}}\n')
         named = {e["file"] for e in entries}
         for path in self.folder.glob("*.webp"):
             if path.name not in named:

@@ -21,7 +21,7 @@ from .picture import Picture, Target
 
 PASSWORD = "password"
 STILL, BLINK = 0.7, 800  # s without change that count as still, and pixels that a text cursor may blink
-PATIENCE = 20.0
+PATIENCE, BACK = 20.0, 3.0
 LOOK = 0.1
 TOOL = Path(__file__).parent / "inside" / "xlook.py"
 
@@ -88,11 +88,15 @@ class Stage:
             time.sleep(LOOK)
 
     def top(self, number: int) -> Top:
-        """The present state of a window."""
-        for top in self.tops():
-            if number in (top.id, top.client):
-                return top
-        raise DesktopError(f"window {number:#x} is not on the screen any more")
+        """The present state of a window; some go away for a moment when they get another size."""
+        end = time.monotonic() + BACK
+        while True:
+            for top in self.tops():
+                if number in (top.id, top.client):
+                    return top
+            if time.monotonic() > end:
+                raise DesktopError(f"window {number:#x} is not on the screen any more")
+            time.sleep(LOOK)
 
     def place(self, top: Top, box: Sequence[int]) -> Top:
         """Give a window its place; returns it as it is then, at the place that it really took."""

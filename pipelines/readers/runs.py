@@ -12,7 +12,7 @@ from . import fields
 from .base import Rejected, files_below, register
 from .dialects import PYAUTOGUI, SIZELESS, RecordedStep, code_of, first_action
 from .fields import FieldError
-from .files import inside, lines, parse_file, relative_name, root_of, size_of
+from .files import first_records, inside, lines, parse_file, relative_name, root_of, size_of
 
 STEPS, EPISODE, EPISODES = "steps.jsonl", "episode.json", "episodes"
 REINIT = "REQUEST_REINIT"  # what an agent says to be helped: no action on the screen
@@ -35,9 +35,11 @@ class Runs:
     name = "runs"
 
     def detect(self, path: Path) -> bool:
-        """A `steps.jsonl`, or a folder with one, or with one in the folders below its `episodes`."""
+        """A `steps.jsonl` of ours, or a folder with one, or with one in the folders below its `episodes`."""
         if path.is_file():
-            return path.name == STEPS
+            return path.name == STEPS and any(
+                {"raw", "code", "image"} <= record.keys() for record in first_records(path)
+            )
         return (path / STEPS).is_file() or any(path.glob(f"{EPISODES}/*/{STEPS}"))
 
     def read(self, path: Path) -> Iterator[Trajectory | Rejected]:

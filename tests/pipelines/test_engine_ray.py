@@ -8,7 +8,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,15 +15,12 @@ from typing import Any
 import pytest
 
 import hijack_data as hj
-from hijack_data.errors import MissingDependencyError, UnknownNameError
 from pipelines import build, verify
 from pipelines.build import get_reader
 from pipelines.engines import ray as engine
-from pipelines.engines import remote
 from pipelines.errors import BuildError, SourceError
-from pipelines.manifest import libraries
 from pipelines.rows import Settings
-from pipelines.shards import ShardTask, build_shard, shard_tasks
+from pipelines.shards import ShardTask, shard_tasks
 
 ray = pytest.importorskip("ray", reason="Ray is not installed: pip install 'agenthijack[ray]'")
 cluster_utils = pytest.importorskip("ray.cluster_utils")
@@ -230,51 +226,6 @@ def test_the_source_is_read_as_shards_are_done(
     assert max(ahead) <= 4  # at most a wave in the making and one that waits
 
 
-@pytest.fixture
-def errand(tmp_path: Path) -> remote.Errand:
-    out = tmp_path / "shared"
-    (out / ".build").mkdir(parents=True)
-    (out / "data").mkdir()
-    (out / ".build" / "token").write_text("abc")
-    return remote.Errand(Settings((("marks", Marks()),)), out, "abc", libraries(False), None, {})
-
-
-def test_a_node_that_sees_other_files_or_has_other_libraries(
-    errand: remote.Errand, recording: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(remote, "PATIENCE", 0)
-    (task,) = tasks_of(recording(trajectories=1, steps=2))
-    record = remote.make({"task": task}, errand)["made"]
-    assert record == build_shard(task, errand.settings, errand.out)
-    (errand.out / "data" / record.file).unlink(missing_ok=True)
-
-    def refused(task: ShardTask, **changes: Any) -> str:
-        error = remote.make({"task": task}, replace(errand, **changes))["made"]
-        assert isinstance(error, BuildError)
-        return str(error)
-
-    assert str(errand.out) in refused(task, token="abd")
-    assert "all nodes share" in refused(task, out=errand.out / "elsewhere")
-    assert "pillow" in refused(task, libraries={**errand.libraries, "pillow": "1.0"})
-    assert "recorded pictures" in refused(task, assets={"sha256": "0"})
-    picture = Path(task.trajectories[0].steps[1].image)
-    picture.write_bytes(picture.read_bytes() + b"more")
-    assert str(task.root) in refused(task)
-    shutil.rmtree(task.root)
-    assert "does not see the pictures" in refused(task)
-    assert not list(errand.out.rglob("*.parquet.*"))
-
-
-def test_a_shard_that_was_written_elsewhere(errand: remote.Errand, recording: Any, monkeypatch: Any) -> None:
-    monkeypatch.setattr(remote, "PATIENCE", 0)
-    (task,) = tasks_of(recording(trajectories=1, steps=1))
-    record = build_shard(task, errand.settings, errand.out)
-    assert engine._record(record, "n1", errand.out) is record
-    for other in (errand.out / "local", errand.out):
-        with pytest.raises(BuildError, match=rf"{other}/data/train-00000.parquet: the node n1 wrote.*all nodes share"):
-            engine._record(replace(record, bytes=record.bytes + 1), "n1", other)
-
-
 NAMESPACE = """
 mount -t tmpfs tmpfs "$1" && exec {python} -m ray.scripts.scripts start --address={address} --num-cpus=1 \\
   --object-store-memory={store} --disable-usage-stats --block
@@ -322,6 +273,8 @@ def test_a_cluster_that_runs_already(recording: Any, cluster: Any, tmp_path: Pat
 
 
 MARK = "AGENTHIJACK_TEST_RAY"
+# They write nothing; after a kill they wait 60 s for a cluster that is gone, as long as Ray's own time-out.
+AGENTS = {"ray::DashboardAgent", "ray::RuntimeEnvAgent"}
 SHORT = """
 import sys
 from pipelines import cli
@@ -363,10 +316,11 @@ def test_ctrl_c_and_kill_end_the_cluster_that_was_started(how: signal.Signals, r
         assert process.returncode == 130, errors
         assert errors.splitlines()[-1] == "hijack: stopped; the same command with --resume goes on"
         assert not list(out.rglob("*.tmp"))
+    idle = AGENTS if how == signal.SIGKILL else set[str]()
     deadline = time.monotonic() + 30
-    while marked(tmp_path) and time.monotonic() < deadline:
+    while set(marked(tmp_path)) - idle and time.monotonic() < deadline:
         time.sleep(0.1)
-    assert marked(tmp_path) == []
+    assert set(marked(tmp_path)) <= idle
     assert 1 <= len(list((out / "data").glob("train-*.parquet"))) < 60
     report = build(source, out, config=tmp_path / "config.yaml", rows_per_shard=1, resume=True)
     assert report.kept >= 1
@@ -380,28 +334,7 @@ def marked(value: Path) -> list[str]:
     for process in Path("/proc").glob("[0-9]*"):
         try:
             if f"{MARK}={value}".encode() in (process / "environ").read_bytes().split(b"\0"):
-                found.append((process / "cmdline").read_bytes().replace(b"\0", b" ").decode()[:100])
+                found.append((process / "cmdline").read_bytes().partition(b"\0")[0].decode().strip())
         except OSError:
             continue
     return found
-
-
-def test_without_ray(recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "ray", None)
-    with pytest.raises(MissingDependencyError, match=r"pip install 'agenthijack\[ray\]'"):
-        build(recording(), tmp_path / "out", corruptions={"marks": Marks()}, engine="ray")
-
-
-def test_engines_and_clusters_that_are_not_there(
-    recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    source, out = recording(), tmp_path / "out"
-    with pytest.raises(UnknownNameError, match=r"engine 'rey'.*did you mean 'ray'"):
-        build(source, out, engine="rey")
-    with pytest.raises(BuildError, match=r"ray_address 'auto' is for engine='ray'"):
-        build(source, out, ray_address="auto")
-    assert not out.exists()
-    monkeypatch.setattr(ray, "is_initialized", lambda: False)
-    for address, reason in (("127.0.0.1:1", "refused"), ("ray://127.0.0.1:10001", "not served"), ("x", "Invalid")):
-        with pytest.raises(BuildError, match=f"Ray at '{address}' cannot be used.*{reason}"):
-            build(source, tmp_path / address.replace("/", "-"), engine="ray", ray_address=address)

@@ -67,7 +67,7 @@ STRAYS: dict[str, tuple[tuple[Click, ...], ...]] = {
     "libreoffice_calc": (_right(0.45, 0.6), *_menus("File", "Sheet", "Data"), _item("Format", "Cells..."),
                          _item("Data", "Sort..."), _item("Insert", "Chart...")),
     # VLC tells nothing about itself, so where its menu bar is must be known.
-    "vlc": ((Click("Media", at=(0.02, 0.045)),), _right(0.5, 0.5)),
+    "vlc": ((Click("Media", at=(0.02, 0.045)),),),
     "": (_press("Applications"), _right(0.5, 0.5), (Click("Web Browser", kind="right_click"),)),
 }  # fmt: skip
 # What these open is drawn inside the application's own window.
@@ -145,8 +145,9 @@ def _bubble(stage: Stage, app: str, top: Top, wanted: Click) -> Iterator[Picture
     box = Hand(stage.desktop, 8.0).wait(f"bubble after the click on {wanted.name}", opened).box
     whole = stage.cut("dialog", app, stage.top(top.key), _words(app, [wanted]))
     assert box is not None
-    picture = whole.part("dialog", box, recover=None, opened_by=action)
-    yield replace(picture, recover=_leave(stage, lambda: _no_bubble(stage, box), picture.targets))
+    picture = whole.part("dialog", box, opened_by=action)
+    own = [target for target in picture.targets if target.box not in before]  # not what lies below
+    yield replace(picture, targets=own, recover=_leave(stage, lambda: _no_bubble(stage, box), own))
 
 
 def _no_bubble(stage: Stage, box: Box) -> bool:

@@ -1,0 +1,111 @@
+"""What the Ray engine checks and refuses; its builds are in `test_engine_ray`."""
+
+import shutil
+import sys
+import threading
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import hijack_data as hj
+from hijack_data.errors import MissingDependencyError, UnknownNameError
+from pipelines import build
+from pipelines.engines import ray as engine
+from pipelines.engines import ray_session, remote
+from pipelines.errors import BuildError
+from pipelines.manifest import libraries
+from pipelines.readers import get_reader
+from pipelines.rows import Settings
+from pipelines.shards import ShardTask, build_shard, shard_tasks
+
+MARKS = hj.Marks(number=4, mark_size=8)
+
+
+def task_of(source: Path) -> ShardTask:
+    (task,) = shard_tasks(get_reader("jsonl").read(source), source, 500, 2, print)
+    return task
+
+
+@pytest.fixture
+def errand(tmp_path: Path) -> remote.Errand:
+    out = tmp_path / "shared"
+    (out / ".build").mkdir(parents=True)
+    (out / "data").mkdir()
+    (out / ".build" / "token").write_text("abc")
+    return remote.Errand(Settings((("marks", MARKS),)), out, "abc", libraries(False), None, {})
+
+
+def test_a_node_that_sees_other_files_or_has_other_libraries(
+    errand: remote.Errand, recording: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(remote, "PATIENCE", 0)
+    task = task_of(recording(trajectories=1, steps=2))
+    record = remote.make({"task": task}, errand)["made"]
+    assert record == build_shard(task, errand.settings, errand.out)
+    (errand.out / "data" / record.file).unlink(missing_ok=True)
+
+    def refused(task: ShardTask, **changes: Any) -> str:
+        error = remote.make({"task": task}, replace(errand, **changes))["made"]
+        assert isinstance(error, BuildError)
+        return str(error)
+
+    assert str(errand.out) in refused(task, token="abd")
+    assert "all nodes share" in refused(task, out=errand.out / "elsewhere")
+    assert "pillow" in refused(task, libraries={**errand.libraries, "pillow": "1.0"})
+    assert "recorded pictures" in refused(task, assets={"sha256": "0"})
+    picture = Path(task.trajectories[0].steps[1].image)
+    picture.write_bytes(picture.read_bytes() + b"more")
+    assert str(task.root) in refused(task)
+    shutil.rmtree(task.root)
+    assert "does not see the pictures" in refused(task)
+    assert not list(errand.out.rglob("*.parquet.*"))
+
+
+def test_a_shard_that_was_written_elsewhere(errand: remote.Errand, recording: Any, monkeypatch: Any) -> None:
+    monkeypatch.setattr(remote, "PATIENCE", 0)
+    task = task_of(recording(trajectories=1, steps=1))
+    record = build_shard(task, errand.settings, errand.out)
+    assert engine._record(record, "n1", errand.out) is record
+    for other in (errand.out / "local", errand.out):
+        with pytest.raises(BuildError, match=rf"{other}/data/train-00000.parquet: the node n1 wrote.*all nodes share"):
+            engine._record(replace(record, bytes=record.bytes + 1), "n1", other)
+
+
+def test_messages_of_ray_do_not_mix_with_the_output(capsys: Any) -> None:
+    def speak() -> None:
+        print("\033[33m(raylet)\033[0m A worker died.\n    [state-dump] 1\n    [state-dump] 2")
+
+    with ray_session._quiet():
+        print("ours")
+        for name in ("ray_listen_error_messages", "another"):
+            thread = threading.Thread(target=speak, name=name)
+            thread.start()
+            thread.join()
+    said = capsys.readouterr()
+    assert said.err == "\033[33m(raylet)\033[0m A worker died.\n"
+    assert said.out.startswith("ours\n\033[33m(raylet)")
+    assert said.out.count("state-dump") == 2
+
+
+def test_without_ray(recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(MissingDependencyError, match=r"pip install 'agenthijack\[ray\]'"):
+        build(recording(), tmp_path / "out", corruptions={"marks": MARKS}, engine="ray")
+
+
+def test_engines_and_clusters_that_are_not_there(
+    recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ray = pytest.importorskip("ray")
+    source, out = recording(), tmp_path / "out"
+    with pytest.raises(UnknownNameError, match=r"engine 'rey'.*did you mean 'ray'"):
+        build(source, out, engine="rey")
+    with pytest.raises(BuildError, match=r"ray_address 'auto' is for engine='ray'"):
+        build(source, out, ray_address="auto")
+    assert not out.exists()
+    monkeypatch.setattr(ray, "is_initialized", lambda: False)
+    for address, reason in (("127.0.0.1:1", "refused"), ("ray://127.0.0.1:10001", "not served"), ("x", "Invalid")):
+        with pytest.raises(BuildError, match=f"Ray at '{address}' cannot be used.*{reason}"):
+            build(source, tmp_path / address.replace("/", "-"), engine="ray", ray_address=address)
