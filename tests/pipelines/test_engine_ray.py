@@ -293,14 +293,10 @@ def test_ctrl_c_and_kill_end_the_cluster_that_was_started(how: signal.Signals, r
     options = ["--config", str(tmp_path / "config.yaml"), "--engine", "ray", "--workers", "2"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONWARNINGS": "error", MARK: str(tmp_path)}
     environment.pop("RAY_ADDRESS", None)
-    process = subprocess.Popen(
-        [sys.executable, str(tmp_path / "run.py"), str(source), "--out", str(out), *options],
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
+    command = [sys.executable, str(tmp_path / "run.py"), str(source), "--out", str(out), *options]
+    said = tmp_path / "stdout", tmp_path / "stderr"  # files: the agents of Ray would keep a pipe open
+    with said[0].open("w") as first, said[1].open("w") as second:
+        process = subprocess.Popen(command, env=environment, stdout=first, stderr=second, start_new_session=True)
     deadline = time.monotonic() + 90
     while process.poll() is None and not list(out.glob(".build/[0-9]*.json")) and time.monotonic() < deadline:
         time.sleep(0.002)
@@ -309,7 +305,8 @@ def test_ctrl_c_and_kill_end_the_cluster_that_was_started(how: signal.Signals, r
         os.killpg(process.pid, how)  # a terminal tells all processes
     else:
         process.kill()
-    output, errors = process.communicate(timeout=60)
+    process.wait(timeout=60)
+    output, errors = (file.read_text() for file in said)
     assert output == ""
     assert "Traceback" not in errors
     if how == signal.SIGINT:
