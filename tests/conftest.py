@@ -1,9 +1,14 @@
 """Shared fixtures: real data (skipped with a reason when absent) and small pictures."""
 
+import signal
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+# A shell that runs the suite in the background makes it ignore Ctrl-C, and so would every process that a test starts.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 ROOT = Path(__file__).resolve().parent.parent
 SHARED_DATA = ROOT.parent / "shared" / "data"
