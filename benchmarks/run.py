@@ -14,6 +14,7 @@ SCRIPTS = {
     "ray_builds": "Building datasets on Ray",
     "augment": "Training-time augmentation, against other libraries",
     "levels": "Severity levels, measured",
+    "proof": "Is the augmentation worth using?",
     "online": "The embedded desktop",
     "effects": "Effects on a live desktop",
     "live_steps": "Corruptions on a live desktop, step by step",
