@@ -21,7 +21,7 @@ demo: env  ## Corrupt real screens, make a gallery and build a Hugging Face data
 	$(BIN)/python examples/demo.py --out demo
 
 test: env lint  ## Lint, check the types and run the whole suite
-	$(BIN)/python -m pytest -q -n auto --ignore tests/online --reruns 1  # see ARCHITECTURE.md, Known
+	$(BIN)/python -m pytest -q -n auto --ignore tests/online
 	$(BIN)/python -m pytest -q tests/online --reruns 2 --reruns-delay 2  # real desktops on a shared machine
 
 lint: env

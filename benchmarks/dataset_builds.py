@@ -22,12 +22,12 @@ from common import SHARED, machine, table
 from PIL import Image, ImageDraw
 
 import hijack_data as hj
-from hijack_data.files import decode_image
+from hijack_data.files import decode_image, sha256_of
 from hijack_data.text import load_font
 from hijack_data.types import Action, Step, Trajectory
 from pipelines import build, open_dataset, render
 from pipelines.columns import BASE
-from pipelines.images import Base, decode, encode, sha256_of, touched
+from pipelines.images import Base, decode, encode, touched
 from pipelines.lazy import draw
 from pipelines.rows import Settings, Tally, rows_of
 from pipelines.writers import write_parquet

@@ -1,5 +1,6 @@
 """Read pictures and write files so that neither a broken input nor a crash leaves half a result."""
 
+import hashlib
 import io
 import os
 import struct
@@ -17,6 +18,11 @@ from .types import UInt8Array
 
 FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "GIF", "TIFF")
 MAX_PIXELS = 2**28
+
+
+def sha256_of(pixels: UInt8Array) -> str:
+    """Return what names a picture: the SHA-256 of its uint8 RGB (or RGBA) bytes, 64 hexadecimal digits."""
+    return hashlib.sha256(np.ascontiguousarray(pixels).data).hexdigest()
 
 
 def load_image(path: str | os.PathLike[str]) -> tuple[UInt8Array, tuple[str, ...]]:

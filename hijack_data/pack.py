@@ -20,6 +20,7 @@ import numpy as np
 from PIL import Image
 
 from .errors import AssetError
+from .files import sha256_of
 from .types import ACTION_TYPES, MAX_SIDE, Action, Box, Size, UInt8Array
 
 FORMAT, VERSION = "agenthijack-assets", 1
@@ -106,7 +107,7 @@ class Asset:
                 pixels = np.array(image.convert("RGBA" if image.mode == "RGBA" else "RGB"))
         except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
             raise AssetError(f"{self.path}: cannot be read ({error}); install the pack again") from None
-        if pixels.shape[:2] != self.size or hashlib.sha256(pixels.tobytes()).hexdigest() != self.sha256:
+        if pixels.shape[:2] != self.size or sha256_of(pixels) != self.sha256:
             raise AssetError(f"{self.path}: is not the picture of {INDEX} (other size or hash); install the pack again")
         return pixels
 

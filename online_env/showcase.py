@@ -11,12 +11,14 @@ from hijack_data.types import UInt8Array
 from .corrupting import corrupt_desktop
 from .desktops.protocol import Desktop
 from .effects import resume
+from .env.settle import Settle, wait_until_settled
 from .errors import DesktopError, DesktopTimeoutError
 from .tasks.base import launch
 
 PAGE, ELSEWHERE = "http://shop.test/", "http://wiki.test/"
 BROWSER = "google-chrome"
-PATIENCE, QUIET, LOOK = 30.0, 0.7, 0.1  # s for a screen to come to rest, s without change that count as rest
+PATIENCE, LOOK = 30.0, 0.1  # s for the first page to come, s between two looks for it
+REST = Settle(quiet=0.7, cap=5.0, look=0.1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,17 +70,12 @@ def _show(desktop: Desktop, name: str, seed: int) -> Shown:
 
 def _visit(desktop: Desktop, address: str) -> None:
     desktop.run(f"pyautogui.hotkey('ctrl', 'l'); time.sleep(0.3); pyautogui.write({address!r} + '\\n')")
-    time.sleep(QUIET)
+    time.sleep(REST.quiet)
 
 
 def rest(desktop: Desktop) -> UInt8Array:
     """The screen once it has stopped changing, or after a while."""
-    frame, since, end = desktop.screenshot(), time.monotonic(), time.monotonic() + PATIENCE / 6
-    while time.monotonic() - since < QUIET and time.monotonic() < end:
-        time.sleep(LOOK)
-        last, frame = frame, desktop.screenshot()
-        since = since if (last == frame).all() else time.monotonic()
-    return frame
+    return wait_until_settled(desktop, REST, with_tree=False).frame
 
 
 def _wait(desktop: Desktop, there: Callable[[], bool]) -> None:

@@ -96,11 +96,6 @@ def encode(image: UInt8Array) -> bytes:
     return Base(image).png
 
 
-def sha256_of(image: UInt8Array) -> str:
-    """Return the SHA-256 of the RGB bytes of a picture, 64 hexadecimal digits."""
-    return hashlib.sha256(np.ascontiguousarray(image).data).hexdigest()
-
-
 def touched(plan: Plan) -> Rows | None:
     """Return the rows (first, end) that a plan can change, or `None` when it changes the size."""
     rows: list[tuple[int, int]] = []

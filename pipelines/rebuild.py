@@ -15,15 +15,16 @@ from hijack_data import apply
 from hijack_data.compose import Sequence
 from hijack_data.corruption import get
 from hijack_data.errors import HijackError
+from hijack_data.files import sha256_of
 from hijack_data.plan import CLEAN, Plan
+from hijack_data.run_log import EPISODE, EPISODES, STEPS
 from hijack_data.types import Scene, UInt8Array, as_boxes
 
 from .errors import SourceError
-from .images import decode, sha256_of
+from .images import decode
 from .readers import fields
 from .readers.fields import FieldError
 from .readers.files import inside, lines, parse_file
-from .readers.runs import EPISODE, EPISODES, STEPS
 from .report import Findings
 
 

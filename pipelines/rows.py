@@ -9,6 +9,7 @@ from typing import Any
 
 from hijack_data import apply, scene_from
 from hijack_data.errors import ActionError, HijackError, ImageError
+from hijack_data.files import sha256_of
 from hijack_data.pack import AssetPack
 from hijack_data.plan import CLEAN, Plan
 from hijack_data.safety import Planner, changed_pixels, target_visible
@@ -18,7 +19,7 @@ from .columns import ACTION, BASE
 from .edits.base import EditedStep
 from .edits.variants import Chooser, Variant, acts, due, ever_due, step_numbers
 from .errors import BuildError
-from .images import Base, decode, encode, sha256_of, touched
+from .images import Base, decode, encode, touched
 from .lazy import stored_plan
 from .readers import Rejected
 from .readers.dialects import observed_code

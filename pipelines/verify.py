@@ -8,7 +8,7 @@ from typing import Any
 
 from hijack_data import apply
 from hijack_data.errors import AssetError, HijackError
-from hijack_data.files import decode_image
+from hijack_data.files import decode_image, sha256_of
 from hijack_data.pack import VARIABLE, AssetPack
 from hijack_data.plan import CLEAN, Plan
 from hijack_data.types import UInt8Array
@@ -16,7 +16,6 @@ from hijack_data.types import UInt8Array
 from .columns import BASE
 from .dataset import shard_rows
 from .errors import DatasetError
-from .images import sha256_of
 from .lazy import picture_bytes, plan_of
 from .manifest import read_manifest
 from .report import Findings

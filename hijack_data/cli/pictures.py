@@ -1,6 +1,5 @@
 """`hijack apply` and `hijack gallery`: corrupt pictures."""
 
-import hashlib
 import importlib.util
 import json
 from pathlib import Path
@@ -16,7 +15,7 @@ from ..config import specs_from
 from ..corruption import Corruption, check_names, find
 from ..elements import scene_from
 from ..errors import HijackError, MissingDependencyError, ParameterError, PlanError
-from ..files import encode_png, load_image, write_atomic
+from ..files import encode_png, load_image, sha256_of, write_atomic
 from ..plan import Plan
 from ..safety import Planner
 from ..types import Scene, UInt8Array
@@ -111,7 +110,7 @@ def apply_command(
 
 
 def _report(plan: Plan, result: UInt8Array, notes: tuple[str, ...], backend: str, out: str, as_json: bool) -> None:
-    sha = hashlib.sha256(result.tobytes()).hexdigest()
+    sha = sha256_of(result)
     height, width = result.shape[:2]
     if as_json:
         row = {"corruption": plan.corruption, "digest": plan.digest(), "sha256": sha, "size": [width, height]}

@@ -17,10 +17,9 @@ from typing import Any, TypeAlias, cast
 
 from hijack_data.errors import HijackError
 from hijack_data.files import write_atomic
+from hijack_data.run_log import FORMAT, RECORDS, RUN, VERSION
 
 Record: TypeAlias = dict[str, Any]
-FORMAT, VERSION = "agenthijack-run", 1
-RUN, RECORDS, EPISODES = "run.json", "records.jsonl", "episodes"
 STATUSES = ("ok", "invalid", "error")
 PACKAGES = ("agenthijack", "numpy", "pillow", "gymnasium")
 MAX_LINE = 8 * 2**20

@@ -16,9 +16,9 @@ from hijack_data.actions.names import Names
 from hijack_data.actions.signatures import KEYBOARD, POINTER
 from hijack_data.actions.source import Source, shallow
 from hijack_data.errors import ActionError
+from hijack_data.run_log import REINIT
 
 Kind: TypeAlias = Literal["wait", "done", "fail", "reinit", "code"]
-REINIT = "REQUEST_REINIT"
 WORDS: dict[str, Kind] = {"WAIT": "wait", "DONE": "done", "FAIL": "fail", REINIT: "reinit"}
 MAX_CODE = 32_000  # characters; an argument of a command may have 128 KiB
 

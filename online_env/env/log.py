@@ -15,15 +15,13 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from hijack_data.errors import HijackError, ParameterError
-from hijack_data.files import write_atomic
+from hijack_data.files import sha256_of, write_atomic
+from hijack_data.run_log import EPISODE, EPISODES, FRAMES, STEPS
 from hijack_data.types import UInt8Array
 
 from ..guest.png import encode
 
-EPISODES, STEPS, EPISODE, FRAMES = "episodes", "steps.jsonl", "episode.json", "frames"
 _LONGEST = 200
 
 
@@ -34,11 +32,6 @@ def slug_of(task: str, label: str, seed: int, agent: str, attempt: int) -> str:
     if len(slug) <= _LONGEST:
         return slug
     return f"{slug[: _LONGEST - 17]}-{hashlib.blake2b(slug.encode(), digest_size=8).hexdigest()}"
-
-
-def sha256_of(image: UInt8Array) -> str:
-    """SHA-256 of the RGB bytes of a picture, 64 hexadecimal digits."""
-    return hashlib.sha256(np.ascontiguousarray(image).data).hexdigest()
 
 
 def dump(data: object) -> bytes:

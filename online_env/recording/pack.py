@@ -1,6 +1,5 @@
 """Writes the asset pack: lossless pictures, and `index.json` last, so that a broken recording never passes for one."""
 
-import hashlib
 import io
 import itertools
 import json
@@ -12,7 +11,7 @@ import numpy as np
 from PIL import Image
 
 from hijack_data.errors import HijackError
-from hijack_data.files import write_atomic
+from hijack_data.files import sha256_of, write_atomic
 from hijack_data.pack import FORMAT, INDEX, VERSION
 from hijack_data.types import Size, UInt8Array
 
@@ -48,7 +47,7 @@ class Pack:
 
     def add(self, picture: Picture, screen: Size) -> dict[str, Any] | None:
         """Take in one picture; returns its entry, or `None` where the pack has these very pixels already."""
-        digest = hashlib.sha256(picture.pixels.tobytes()).hexdigest()
+        digest = sha256_of(picture.pixels)
         if any(e["sha256"] == digest and e["kind"] == picture.kind for e in self.entries):
             return None
         name = self._name(picture)

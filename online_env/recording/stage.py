@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from hijack_data.types import Box, Point, UInt8Array
+from hijack_data.actions.pyautogui_write import write_pyautogui
+from hijack_data.types import Action, Box, Point, UInt8Array
 
 from ..desktops.protocol import Desktop
 from ..effects.elements import live_elements
@@ -187,12 +188,8 @@ def click(kind: str, target: Target) -> dict[str, Any]:
 
 def code_of(action: Mapping[str, Any]) -> str:
     """The pyautogui code of an action of the pack."""
-    kind, calls = action["type"], {"click": "click", "right_click": "rightClick", "double_click": "doubleClick"}
-    if kind in calls:
-        return f"pyautogui.{calls[kind]}({action['x']}, {action['y']})"
-    if kind == "hotkey":
-        return f"pyautogui.hotkey({', '.join(map(repr, action['keys']))})"
-    return f"pyautogui.write({action['text']!r})"
+    keys = tuple(action["keys"]) if action.get("keys") else None
+    return write_pyautogui(Action(action["type"], action.get("x"), action.get("y"), text=action.get("text"), keys=keys))
 
 
 def at_point(tops: Sequence[Top], point: Point) -> Top | None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from hijack_data.run_log import EPISODE, EPISODES, REINIT, STEPS
 from hijack_data.types import Action, Step, Trajectory
 
 from . import fields
@@ -13,9 +14,6 @@ from .base import Rejected, files_below, register
 from .dialects import PYAUTOGUI, SIZELESS, RecordedStep, code_of, first_action
 from .fields import FieldError
 from .files import first_records, inside, lines, parse_file, relative_name, root_of, size_of
-
-STEPS, EPISODE, EPISODES = "steps.jsonl", "episode.json", "episodes"
-REINIT = "REQUEST_REINIT"  # what an agent says to be helped: no action on the screen
 
 
 @register

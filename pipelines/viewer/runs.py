@@ -9,6 +9,7 @@ from typing import Any, cast
 
 from hijack_data.actions import parse_pyautogui
 from hijack_data.errors import HijackError
+from hijack_data.run_log import EPISODE, EPISODES, FORMAT, RUN, STEPS, VERSION
 from hijack_data.types import UInt8Array
 
 from ..errors import DatasetError
@@ -16,11 +17,8 @@ from ..images import decode
 from ..readers.fields import FieldError, mapping
 from ..readers.files import inside, line_at, lines, parse, parse_file, size_of
 from .index import Index
-from .source import EPISODES, RUN, Detail, Fields, action_text, points_of, text_of
+from .source import Detail, Fields, action_text, points_of, text_of
 
-FORMAT = "agenthijack-run"
-VERSION = 1
-EPISODE, STEPS = "episode.json", "steps.jsonl"
 LABELS = {
     "corruption": "Corruption",
     "agent": "Agent",

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from hijack_data.gallery.markup import pretty
+from hijack_data.run_log import EPISODES, RUN
 from hijack_data.types import Box, UInt8Array
 
 from ..errors import DatasetError
 from .index import Index
 
-RUN, EPISODES = "run.json", "episodes"
 Fields = list[tuple[str, str]]
 # What the column `inserted` of an index says of a step that is not in the recording.
 INSERTED = "yes"

@@ -8,8 +8,8 @@ from PIL import Image
 
 import hijack_data as hj
 from hijack_data.errors import ImageTypeError
-from hijack_data.files import decode_image
-from pipelines.images import Base, encode, png_size, sha256_of, touched
+from hijack_data.files import decode_image, sha256_of
+from pipelines.images import Base, encode, png_size, touched
 
 
 @given(st.integers(1, 40), st.integers(1, 40), st.integers(0, 2**32 - 1), st.booleans())
