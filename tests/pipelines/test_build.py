@@ -16,9 +16,6 @@ from pipelines.errors import BuildError
 from pipelines.readers import get_reader
 from pipelines.rows import Settings
 
-# See ARCHITECTURE.md, Known: very rarely, other bytes for the same pixels.
-pytestmark = pytest.mark.flaky(reruns=1)
-
 NAMES = """
 id trajectory_id step source domain instruction screenshot width height action action_code target_box corruption
 severity seed params plan plan_digest fidelity event reminder inserted target_visible changed_pixels image_sha256

@@ -23,9 +23,6 @@ from pipelines.errors import BuildError, SourceError
 from pipelines.rows import Settings
 from pipelines.shards import ShardTask, shard_tasks
 
-# See ARCHITECTURE.md, Known: very rarely, other bytes for the same pixels.
-pytestmark = pytest.mark.flaky(reruns=1)
-
 ray = pytest.importorskip("ray", reason="Ray is not installed: pip install 'agenthijack[ray]'")
 cluster_utils = pytest.importorskip("ray.cluster_utils")
 ray.cloudpickle.register_pickle_by_value(sys.modules[__name__])

@@ -23,9 +23,6 @@ from pipelines.lazy import plan_of, stored_plan
 from pipelines.rows import params_json
 from pipelines.shards import file_sha256
 
-# See ARCHITECTURE.md, Known: very rarely, other bytes for the same pixels.
-pytestmark = pytest.mark.flaky(reruns=1)
-
 PLANNERS: dict[str, Any] = {
     "marks": hj.Marks(number=4, mark_size=8),
     "half": hj.Resolution(),

@@ -20,9 +20,6 @@ from pipelines.errors import BuildError, DatasetError
 
 from support.killing import Killer, killer
 
-# See ARCHITECTURE.md, Known: very rarely, other bytes for the same pixels.
-pytestmark = pytest.mark.flaky(reruns=1)
-
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = """
 import sys, time

@@ -17,9 +17,6 @@ import hijack_data as hj
 import pipelines.rows
 from pipelines import build, verify
 
-# See ARCHITECTURE.md, Known: very rarely, other bytes for the same pixels.
-pytestmark = pytest.mark.flaky(reruns=1)
-
 ROOT = Path(__file__).resolve().parents[2]
 CONFIG = "corruptions:\n  - marks: {number: 4, mark_size: 8}\n  - resolution: {scale: 0.5}\n"
 COMMAND = [sys.executable, "-m", "hijack_data.cli", "build"]
