@@ -22,7 +22,7 @@ demo: env  ## Corrupt real screens, make a gallery and build a Hugging Face data
 
 test: env lint  ## Lint, check the types and run the whole suite
 	$(BIN)/python -m pytest -q -n auto --ignore tests/online
-	$(BIN)/python -m pytest -q tests/online --reruns 2 --reruns-delay 2  # real desktops on a shared machine
+	$(BIN)/python -m pytest -q tests/online -n 2 --dist loadfile --reruns 2 --reruns-delay 2  # real desktops on a shared machine
 
 lint: env
 	$(BIN)/ruff check .

@@ -47,46 +47,46 @@ class Base:
         if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
             raise ImageTypeError(f"a picture must be uint8 [H, W, 3], got {image.dtype} {list(image.shape)}")
         self.image: UInt8Array = np.ascontiguousarray(image)
+        self._count = -(-len(image) // BAND)
+        self._bands: dict[int, _Band] = {}  # what was asked for so far
+        self._states: list[Any] = [hashlib.sha256()]  # the hash before each band, as far as was asked for
 
     @cached_property
     def png(self) -> bytes:
         """The bytes of the picture's PNG file. Raises `MissingDependencyError` without `isal`."""
-        return _file(self.image, self._bands)
+        return _file(self.image, [self._band(k) for k in range(self._count)])
 
     @cached_property
     def sha256(self) -> str:
         """SHA-256 of the RGB bytes, 64 hexadecimal digits."""
-        return self._states[-1].hexdigest()
+        return self._state(self._count).hexdigest()
 
     def png_of(self, picture: UInt8Array, rows: Rows) -> bytes:
         """Return what `encode(picture)` does, where `picture` differs from this one in `rows` (first, end) at most."""
         changed = {k for first, end in rows for k in range(first // BAND, min(end, len(picture) - 1) // BAND + 1)}
-        bands = list(self._bands)
-        for k in changed:
-            bands[k] = _band(picture, k)
-        return _file(picture, bands)
+        return _file(picture, [_band(picture, k) if k in changed else self._band(k) for k in range(self._count)])
 
     def sha256_of(self, picture: UInt8Array, rows: Rows) -> str:
         """Return what `sha256_of(picture)` does; see `png_of`."""
         if not rows:
             return self.sha256
         first = min(first for first, _ in rows) // BAND
-        state = self._states[first].copy()
+        state = self._state(first).copy()
         state.update(np.ascontiguousarray(picture[first * BAND :]).data)
         return state.hexdigest()
 
-    @cached_property
-    def _bands(self) -> list[_Band]:
-        return [_band(self.image, k) for k in range(-(-len(self.image) // BAND))]
+    def _band(self, k: int) -> _Band:
+        if k not in self._bands:
+            self._bands[k] = _band(self.image, k)
+        return self._bands[k]
 
-    @cached_property
-    def _states(self) -> list[Any]:
-        """The hash before each band, and after the last."""
-        states = [hashlib.sha256()]
-        for top in range(0, len(self.image), BAND):
-            states.append(states[-1].copy())
-            states[-1].update(self.image[top : top + BAND].data)
-        return states
+    def _state(self, k: int) -> Any:
+        """The hash of the bands before band `k`."""
+        for top in range((len(self._states) - 1) * BAND, k * BAND, BAND):
+            state = self._states[-1].copy()
+            state.update(self.image[top : top + BAND].data)
+            self._states.append(state)
+        return self._states[k]
 
 
 def encode(image: UInt8Array) -> bytes:

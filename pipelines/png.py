@@ -109,30 +109,43 @@ def _kernel() -> Callable[[UInt8Array, UInt8Array], None] | None:
 def _unfilter(raw: UInt8Array, out: UInt8Array) -> None:
     """Undo the filters (PNG specification, "Filtering") of `raw` `[H, 1 + C W]` into `out` `[H, W, 3]`.
 
-    A filter never mixes channels, so a fourth one is passed over.
+    A filter never mixes channels, so a fourth one is passed over. One loop for each filter, and what is to the left in
+    registers: half of the time of one loop for all.
     """
+
+    def paeth(left: Any, up: Any, corner: Any) -> Any:
+        to_left, to_up = up - corner, left - corner
+        to_left, to_up, to_corner = abs(to_left), abs(to_up), abs(to_left + to_up)
+        other = up if to_up <= to_corner else corner
+        return left if to_left <= to_up and to_left <= to_corner else other
+
     height, width, _ = out.shape
-    channels = (raw.shape[1] - 1) // width
-    above = np.zeros((width, 3), np.uint8)
+    first = np.zeros((width, 3), np.uint8)
     for y in range(height):
-        kind, line, now = raw[y, 0], raw[y, 1:], out[y]
-        for x in range(width):
-            for c in range(3):
-                value = np.int32(line[x * channels + c])
-                left = np.int32(now[x - 1, c]) if x else np.int32(0)
-                up = np.int32(above[x, c])
-                if kind == 1:
-                    value += left
-                elif kind == 2:
-                    value += up
-                elif kind == 3:
-                    value += (left + up) >> 1
-                elif kind == 4:
-                    corner = np.int32(above[x - 1, c]) if x else np.int32(0)
-                    to_left, to_up, to_corner = abs(up - corner), abs(left - corner), abs(left + up - 2 * corner)
-                    if to_left <= to_up and to_left <= to_corner:
-                        value += left
-                    else:
-                        value += up if to_up <= to_corner else corner
-                now[x, c] = value & 255
-        above = now
+        kind, now, up = raw[y, 0], out[y], out[y - 1] if y else first
+        line = raw[y, 1:].reshape(width, (raw.shape[1] - 1) // width)
+        r = g = b = r1 = g1 = b1 = np.int32(0)  # to the left, and above that
+        if kind == 0:
+            for x in range(width):
+                now[x, 0], now[x, 1], now[x, 2] = line[x, 0], line[x, 1], line[x, 2]
+        elif kind == 1:
+            for x in range(width):
+                r, g, b = (r + line[x, 0]) & 255, (g + line[x, 1]) & 255, (b + line[x, 2]) & 255
+                now[x, 0], now[x, 1], now[x, 2] = r, g, b
+        elif kind == 2:
+            for x in range(width):
+                now[x, 0], now[x, 1], now[x, 2] = line[x, 0] + up[x, 0], line[x, 1] + up[x, 1], line[x, 2] + up[x, 2]
+        elif kind == 3:
+            for x in range(width):
+                r = (((r + up[x, 0]) >> 1) + line[x, 0]) & 255
+                g = (((g + up[x, 1]) >> 1) + line[x, 1]) & 255
+                b = (((b + up[x, 2]) >> 1) + line[x, 2]) & 255
+                now[x, 0], now[x, 1], now[x, 2] = r, g, b
+        else:
+            for x in range(width):
+                r2, g2, b2 = np.int32(up[x, 0]), np.int32(up[x, 1]), np.int32(up[x, 2])
+                r = (line[x, 0] + paeth(r, r2, r1)) & np.int32(255)
+                g = (line[x, 1] + paeth(g, g2, g1)) & np.int32(255)
+                b = (line[x, 2] + paeth(b, b2, b1)) & np.int32(255)
+                now[x, 0], now[x, 1], now[x, 2] = r, g, b
+                r1, g1, b1 = r2, g2, b2

@@ -184,7 +184,7 @@ def _about(variant: Variant, label: str) -> dict[str, Any]:
 def _picture(base: Base, picture: UInt8Array, plan: Plan, settings: Settings) -> dict[str, Any]:
     """Return what is stored of a picture; what it shares with others of the step is not compressed and hashed again."""
     size = {"width": picture.shape[1], "height": picture.shape[0]}
-    rows = touched(plan) if settings.variants > 1 else None
+    rows = touched(plan)
     digest = sha256_of(picture) if rows is None else base.sha256_of(picture, rows)
     if settings.lazy:
         return {BASE: {"bytes": base.png, "path": None}, **size, "image_sha256": digest}
