@@ -90,6 +90,9 @@ def _check_inplace(backend: Backend, image: Any, inplace: bool) -> None:
         raise ParameterError("inplace=True: JAX arrays cannot be written into; use the returned array")
     if backend is NUMPY and not image.flags.writeable:
         raise ParameterError("inplace=True: the array is read-only; pass a copy, or inplace=False")
+    strides = image.strides if backend is NUMPY else image.stride()
+    if any(step == 0 and count > 1 for step, count in zip(strides, image.shape, strict=True)):
+        raise ParameterError("inplace=True: its pixels share memory (an expanded tensor); pass a copy")
 
 
 def _apply_pil(plans: list[Plan], image: Image.Image, inplace: bool) -> Image.Image:

@@ -352,3 +352,9 @@ def test_plans_in_a_sample_are_collated():
     batch = default_collate(rows)
     assert batch["image"].shape == (2, 3, *SIZE)
     assert all(isinstance(p, Plan) for p in batch["plan"])
+
+
+def test_apply_refuses_to_write_into_shared_memory():
+    plan, _ = expected(hj.Marks(), tensor(), sample=1)
+    with pytest.raises(ParameterError, match="share memory"):
+        hj.apply(plan, tensor()[:, :1].expand(3, *SIZE), inplace=True)
