@@ -8,6 +8,7 @@ import tempfile
 import warnings
 import zlib
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -90,7 +91,11 @@ def write_atomic(path: str | os.PathLike[str], data: bytes | str) -> None:
 
 
 def replace_atomic(path: str | os.PathLike[str], write: Callable[[Path], object]) -> None:
-    """Call `write` with a temporary path beside `path`, then rename it to `path`; on failure nothing is left."""
+    """Call `write` with a temporary path beside `path`, then rename it to `path`; on failure nothing is left.
+
+    What was written is on the disk before the new name is, and that before this returns: a machine that loses its power
+    finds the old file or the new one, whole.
+    """
     target = Path(path)
     temporary: Path | None = None
     try:
@@ -101,10 +106,21 @@ def replace_atomic(path: str | os.PathLike[str], write: Callable[[Path], object]
         umask = os.umask(0)
         os.umask(umask)
         temporary.chmod(0o666 & ~umask)
+        _to_disk(temporary, os.O_RDWR)
         temporary.replace(target)
         temporary = None
+        with suppress(OSError):  # not every system can do this with a folder
+            _to_disk(target.parent, os.O_RDONLY)
     except OSError as error:
         raise HijackError(f"{path}: cannot be written ({error.strerror or error})") from None
     finally:
         if temporary is not None:
             temporary.unlink(missing_ok=True)
+
+
+def _to_disk(path: Path, flags: int) -> None:
+    handle = os.open(path, flags)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
