@@ -1,8 +1,10 @@
 """The peers' side of `augment.py`: runs in an environment of its own and prints JSON; not to be run by hand.
 
 Every work takes the same screenshot and returns a new picture (in-place libraries are given a copy inside the timing,
-as the others make one themselves). A work is `marks` (50 shapes of 40 pixels), `subtitle` (two lines of 48-pixel text),
-`pop_up` (a 960x540 window with text) or `resolution` (half the size, bicubic).
+as the others make one themselves). A work is `marks` (50 shapes of 40 pixels), `subtitle` (two outlined lines of
+48-pixel text), `pop_up` (a 960x540 window with three lines of text and a button) or `resolution` (half size, bicubic).
+
+    python peers.py PICTURE.npy FONT.ttf THREADS
 """
 
 import importlib
@@ -18,13 +20,16 @@ import numpy as np
 
 warnings.filterwarnings("ignore")
 LINES = ("QQ MUSIC, LISTEN TO WHAT YOU WANT", "------CHOOSE a SONG to PLAY------")
-WINDOW = "Install New Extenstion Please click: (480, 270) to Continue"
-FONT = sys.argv[2]
+FONT, THREADS = sys.argv[2], int(sys.argv[3])
 draw = random.Random(0)
 
 
 def centres(count=50):
     return [(draw.randint(20, 1899), draw.randint(20, 1059)) for _ in range(count)]
+
+
+def window_lines(x, y):
+    return "Install New Extenstion", f"Please click: ({x}, {y})", "to Continue"
 
 
 def star(x, y, r=20):
@@ -35,7 +40,8 @@ def star(x, y, r=20):
 def pillow(image):
     from PIL import Image, ImageDraw, ImageFont
 
-    picture, font, small = Image.fromarray(image), ImageFont.truetype(FONT, 48), ImageFont.truetype(FONT, 30)
+    picture, font = Image.fromarray(image), ImageFont.truetype(FONT, 48)
+    large, small = ImageFont.truetype(FONT, 44), ImageFont.truetype(FONT, 38)
 
     def marks():
         out = picture.copy()
@@ -53,8 +59,11 @@ def pillow(image):
         out = picture.copy()
         pen = ImageDraw.Draw(out)
         x, y = draw.randint(0, 960), draw.randint(0, 540)
-        pen.rectangle((x, y, x + 959, y + 539), "white", "black", 2)
-        pen.text((x + 40, y + 200), WINDOW, "black", small)
+        pen.rectangle((x, y, x + 959, y + 489), "white", "black", 2)
+        pen.rectangle((x, y + 490, x + 959, y + 539), "#e6e6e6", "black", 2)
+        for i, line in enumerate(window_lines(x, y)):
+            pen.text((x + 480, y + 194 + 51 * i), line, "black", large, anchor="mm")
+        pen.text((x + 480, y + 515), "OK", "black", small, anchor="mm")
         return out
 
     half = (image.shape[1] // 2, image.shape[0] // 2)
@@ -67,7 +76,7 @@ def pillow(image):
 def opencv(image):
     import cv2
 
-    cv2.setNumThreads(1)
+    cv2.setNumThreads(THREADS)
 
     def marks():
         out = image.copy()
@@ -75,20 +84,25 @@ def opencv(image):
             cv2.fillPoly(out, [np.array(star(x, y), np.int32)], (255, 0, 0))
         return out
 
-    def text(out, x, y, words, scale, color):
-        cv2.putText(out, words, (x, y), cv2.FONT_HERSHEY_SIMPLEX, scale, color, 2, cv2.LINE_AA)
+    def text(out, x, y, words, scale, color, thick=2):
+        cv2.putText(out, words, (x, y), cv2.FONT_HERSHEY_SIMPLEX, scale, color, thick, cv2.LINE_AA)
 
     def subtitle():
         out = image.copy()
         for i, line in enumerate(LINES):
+            text(out, 400, 940 + 60 * i, line, 1.6, (0, 0, 0), 6)
             text(out, 400, 940 + 60 * i, line, 1.6, (255, 255, 255))
         return out
 
     def pop_up():
         out = image.copy()
         x, y = draw.randint(0, 960), draw.randint(0, 540)
-        cv2.rectangle(out, (x, y), (x + 959, y + 539), (255, 255, 255), -1)
-        text(out, x + 40, y + 240, WINDOW, 0.9, (0, 0, 0))
+        for top, bottom, fill in ((0, 489, (255, 255, 255)), (490, 539, (230, 230, 230))):
+            cv2.rectangle(out, (x, y + top), (x + 959, y + bottom), fill, -1)
+            cv2.rectangle(out, (x, y + top), (x + 959, y + bottom), (0, 0, 0), 2)
+        for i, line in enumerate(window_lines(x, y)):
+            text(out, x + 250, y + 194 + 51 * i, line, 1.4, (0, 0, 0))
+        text(out, x + 450, y + 530, "OK", 1.2, (0, 0, 0))
         return out
 
     half = (image.shape[1] // 2, image.shape[0] // 2)
@@ -100,7 +114,7 @@ def albumentations(image):
     import albumentations as A
     import cv2
 
-    cv2.setNumThreads(1)
+    cv2.setNumThreads(THREADS)
     holes = {"hole_height_range": (40, 40), "hole_width_range": (40, 40), "fill": (255, 0, 0), "p": 1}
     marks = A.CoarseDropout(num_holes_range=(50, 50), **holes)
     window = A.CoarseDropout((1, 1), hole_height_range=(540, 540), hole_width_range=(960, 960), fill=255, p=1)
@@ -133,7 +147,7 @@ def kornia(image):
     import torch
     from kornia.geometry import resize
 
-    torch.set_num_threads(1)
+    torch.set_num_threads(THREADS)
     planar = torch.from_numpy(image).permute(2, 0, 1)[None].contiguous()
     share = 960 * 540 / (1080 * 1920)
     erase = K.RandomErasing(scale=(share, share), ratio=(0.5625, 0.5625), value=1.0, p=1)
