@@ -151,4 +151,6 @@ class PopUps(Corruption):
                 size = largest_fitting(lines, FONT, width, height, LARGEST_FONT, SMALLEST_FONT)
                 if size is not None and (not best[1] or size > best[0]):
                     best = size, lines
+                if best[0] == LARGEST_FONT:
+                    break
         return {"box": box, "fill": fill, "lines": best[1], "font_size": best[0]}
