@@ -26,3 +26,9 @@ def shared_data() -> Path:
 def noise() -> np.ndarray:
     """A 216x384 RGB picture in which no two neighbouring pixels agree."""
     return np.random.default_rng(0).integers(0, 256, (216, 384, 3), dtype=np.uint8)
+
+
+@pytest.fixture
+def no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An agent's WAIT takes no time."""
+    monkeypatch.setattr("online_env.env.episode.WAIT", 0.0)

@@ -1,17 +1,7 @@
-"""The gallery page in a real browser, driven over its debugging pipe by real mouse and key events."""
+"""The gallery page in a real browser, driven by real mouse and key events."""
 
-import base64
-import fcntl
-import io
-import itertools
-import json
-import os
-import select
-import shutil
-import subprocess
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -20,102 +10,18 @@ from PIL import Image
 import hijack_data as hj
 from hijack_data.gallery import gallery
 
+from support.chromium import Browser, chromium
+
 PAINT = ("pop_ups", "resolution", "marks", "subtitle")
 ACT = ("multi_apps", "accidental_touch", "app_minimization", "network_error", "verification")
 OFFLINE, LIVE = len(PAINT), len(ACT)
 HOSTILE = "<img src=x onerror=alert(1)>.png"
 
 
-def high_pipe() -> tuple[int, int]:
-    """A pipe whose descriptors are clear of 3 and 4, which the browser's own ends must have."""
-    ends = os.pipe()
-    read_end, write_end = (fcntl.fcntl(fd, fcntl.F_DUPFD, 20) for fd in ends)
-    for fd in ends:
-        os.close(fd)
-    return read_end, write_end
-
-
-class Browser:
-    """Headless Chromium. `events` holds what it reported since the page was opened."""
-
-    def __init__(self, program: str, home: Path) -> None:
-        ours_in, theirs_out = high_pipe()
-        theirs_in, ours_out = high_pipe()
-        flags = "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking"
-        flags += " --disable-component-update --disable-sync --remote-debugging-pipe"
-        start = f'exec "$0" "$@" 3<&{theirs_in} 4>&{theirs_out}'
-        command = ["bash", "-c", start, program, *flags.split(), f"--user-data-dir={home}", "about:blank"]
-        null = subprocess.DEVNULL
-        self.process = subprocess.Popen(command, pass_fds=(theirs_in, theirs_out), stdout=null, stderr=null, stdin=null)
-        os.close(theirs_in)
-        os.close(theirs_out)
-        self.read_end, self.write_end, self.rest = ours_in, ours_out, b""
-        self.ids, self.events, self.session = itertools.count(1), [], {}
-        target = self.call("Target.createTarget", url="about:blank")["targetId"]
-        self.session = {"sessionId": self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]}
-        for domain in ("Page", "Runtime", "Log", "Network"):
-            self.call(f"{domain}.enable")
-
-    def message(self) -> dict[str, Any]:
-        while b"\0" not in self.rest:
-            assert select.select([self.read_end], [], [], 60)[0], "the browser does not answer"
-            data = os.read(self.read_end, 1 << 20)
-            assert data, "the browser has ended"
-            self.rest += data
-        text, _, self.rest = self.rest.partition(b"\0")
-        return json.loads(text)
-
-    def call(self, method: str, **params: Any) -> dict[str, Any]:
-        number = next(self.ids)
-        request = {"id": number, "method": method, "params": params, **self.session}
-        os.write(self.write_end, json.dumps(request).encode() + b"\0")
-        while (answer := self.message()).get("id") != number:
-            self.events.append(answer)
-        assert "error" not in answer, answer
-        return answer["result"]
-
-    def open(self, path: Path, width: int = 1400, height: int = 1000, scheme: str = "light") -> None:
-        self.events: list[dict[str, Any]] = []
-        self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
-        self.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
-        self.call("Page.navigate", url=path.as_uri())
-        while not self.of("Page.loadEventFired"):
-            self.events.append(self.message())
-
-    def of(self, *methods: str) -> list[dict[str, Any]]:
-        return [event["params"] for event in self.events if event.get("method") in methods]
-
-    def js(self, expression: str) -> Any:
-        result = self.call("Runtime.evaluate", expression=expression, returnByValue=True)
-        assert "exceptionDetails" not in result, result
-        return result["result"].get("value")
-
-    def mouse(self, kind: str, x: float, y: float) -> None:
-        self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=1, clickCount=1)
-
-    def key(self, name: str, code: int) -> None:
-        for kind in ("rawKeyDown", "keyUp"):
-            self.call("Input.dispatchKeyEvent", type=kind, key=name, code=name, windowsVirtualKeyCode=code)
-
-    def pixels(self) -> np.ndarray:
-        data = self.call("Page.captureScreenshot")["data"]
-        return np.array(Image.open(io.BytesIO(base64.b64decode(data))).convert("RGB")).astype(int)
-
-    def close(self) -> None:
-        self.process.kill()
-        self.process.wait()
-        os.close(self.read_end)
-        os.close(self.write_end)
-
-
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    program = next((p for p in ("chromium", "chromium-browser", "google-chrome") if shutil.which(p)), None)
-    if program is None:
-        pytest.skip("no Chromium here: apt-get install chromium")
-    found = Browser(program, tmp_path_factory.mktemp("chromium"))
-    yield found
-    found.close()
+    with chromium(tmp_path_factory.mktemp("chromium")) as found:
+        yield found
 
 
 @pytest.fixture(scope="module")
@@ -136,7 +42,7 @@ def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_page_runs_without_errors_or_requests(browser: Browser, page_file: Path) -> None:
-    browser.open(page_file)
+    browser.open(page_file.as_uri())
     assert browser.js("document.documentElement.className") == "js"
     assert browser.js("document.querySelectorAll('.tile').length") == 2 * OFFLINE + LIVE
     assert browser.js("[...document.images].filter(i => i.complete && i.naturalWidth).length") == 2 * OFFLINE
@@ -153,7 +59,7 @@ def test_nothing_else_on_the_page_can_run(browser: Browser, page_file: Path, tmp
     evil = "<script>document.title = 'owned'</script><img src='data:,' onerror=\"document.title = 'owned'\">"
     path = tmp_path / "evil.html"
     path.write_text(text.replace("<main>", f"<main>{evil}"), encoding="utf-8")
-    browser.open(path)
+    browser.open(path.as_uri())
     assert browser.js("document.title") == "AgentHijack gallery"
     assert browser.of("Log.entryAdded") != []
 
@@ -168,7 +74,7 @@ def place(browser: Browser, index: int) -> dict[str, float]:
 
 
 def test_the_divider_follows_mouse_and_keys(browser: Browser, page_file: Path) -> None:
-    browser.open(page_file)
+    browser.open(page_file.as_uri())
     index = 2  # marks on the first picture
     box = place(browser, index)
     value = f"{FRAME.format(index)}.querySelector('input').value"
@@ -202,7 +108,7 @@ def red(pixels: np.ndarray, box: dict[str, float]) -> int:
 
 
 def test_filters_overlays_and_enlarging(browser: Browser, page_file: Path) -> None:
-    browser.open(page_file)
+    browser.open(page_file.as_uri())
     shown = "[...document.querySelectorAll('.tile')].filter(t => t.offsetParent)"
     visible = f"{shown}.map(t => t.querySelector('h3').textContent)"
     browser.js("document.querySelector('[data-filter=\"2\"]').click()")
@@ -230,7 +136,7 @@ def test_filters_overlays_and_enlarging(browser: Browser, page_file: Path) -> No
 def test_without_scripts_both_pictures_stand_side_by_side(browser: Browser, page_file: Path) -> None:
     browser.call("Emulation.setScriptExecutionDisabled", value=True)
     try:
-        browser.open(page_file)
+        browser.open(page_file.as_uri())
         shown = "[...document.querySelectorAll('.tile:not(.card) {0}')].map(e => e.getBoundingClientRect().toJSON())"
         left, right = (browser.js(shown.format(name)) for name in (".before", ".after"))
         assert len(left) == len(right) == 2 * OFFLINE
@@ -247,7 +153,7 @@ def test_without_scripts_both_pictures_stand_side_by_side(browser: Browser, page
 
 @pytest.mark.parametrize("width", [320, 420, 900, 2400])
 def test_the_page_fits_every_width(browser: Browser, page_file: Path, width: int) -> None:
-    browser.open(page_file, width=width)
+    browser.open(page_file.as_uri(), width=width)
     browser.js("for (const d of document.querySelectorAll('details')) d.open = true")
     assert browser.js("document.documentElement.scrollWidth") <= width
     columns = browser.js("getComputedStyle(document.querySelector('.grid')).gridTemplateColumns.split(' ').length")
@@ -255,9 +161,9 @@ def test_the_page_fits_every_width(browser: Browser, page_file: Path, width: int
 
 
 def test_dark_and_light(browser: Browser, page_file: Path) -> None:
-    browser.open(page_file, scheme="light")
+    browser.open(page_file.as_uri(), scheme="light")
     light = browser.pixels()
-    browser.open(page_file, scheme="dark")
+    browser.open(page_file.as_uri(), scheme="dark")
     dark = browser.pixels()
     assert light[5, 5].min() > 230
     assert dark[5, 5].max() < 30
@@ -272,6 +178,6 @@ def test_three_real_screenshots_make_a_page_that_can_be_mailed(
     assert len(page.html) < 6_000_000
     path = tmp_path / "real.html"
     path.write_text(page.html, encoding="utf-8")
-    browser.open(path)
+    browser.open(path.as_uri())
     assert browser.js("document.querySelectorAll('.frame').length") == 12
     assert browser.of("Log.entryAdded", "Runtime.exceptionThrown") == []

@@ -11,10 +11,15 @@ WRAPPERS = (
     types.GetSetDescriptorType, types.MemberDescriptorType, types.ClassMethodDescriptorType,
 )  # fmt: skip
 LIMIT = 200_000
+# What Python itself names and does not give.
+PYTHONS = {"builtins.type.__annotations__", "types.GenericAlias.__copy__", "types.GenericAlias.__deepcopy__"}
 
 
-def neighbours(thing: Any) -> Iterator[Any]:
-    """What an object leads to without asking the garbage collector or the variables of whole modules."""
+def neighbours(thing: Any, raised: set[str]) -> Iterator[Any]:
+    """What an object leads to without asking the garbage collector or the variables of whole modules.
+
+    What raises instead is noted in `raised`, by module, class and name.
+    """
     yield repr(thing) if not isinstance(thing, str | bytes | int | float) else ""
     if isinstance(thing, dict):
         for key, value in thing.items():
@@ -35,26 +40,30 @@ def neighbours(thing: Any) -> Iterator[Any]:
     elif isinstance(thing, types.ModuleType):
         return
     else:
-        yield from inner(thing)
+        yield from inner(thing, raised)
 
 
-def inner(thing: Any) -> Iterator[Any]:
+def inner(thing: Any, raised: set[str]) -> Iterator[Any]:
     """Attributes, slots, everything that `dir` names, and the class with its bases."""
     for name in dir(thing):
         if name in ("__subclasses__", "__globals__", "__builtins__", "__abstractmethods__"):
             continue
+        yield name
         try:
-            yield from (name, getattr(thing, name))
-        except Exception:  # noqa: BLE001  (a property may raise what it likes)
-            continue
+            value = getattr(thing, name)
+        except Exception as error:  # noqa: BLE001  (a property may raise what it likes)
+            owner = thing if isinstance(thing, type) else type(thing)
+            raised.add(f"{owner.__module__}.{owner.__qualname__}.{name}")
+            value = repr(error)
+        yield value
     if isinstance(thing, type):
         yield from (thing.__mro__, dict(vars(thing)))
     else:
         yield type(thing)
 
 
-def walk(*starts: Any) -> Iterator[str]:
-    """Every text that can be reached."""
+def walk(starts: Iterable[Any], raised: set[str]) -> Iterator[str]:
+    """Every text that can be reached; `raised` gets the names of the attributes that raised instead."""
     seen: set[int] = set()
     kept: list[Any] = []  # so that no id is used twice
     todo = list(starts)
@@ -73,10 +82,17 @@ def walk(*starts: Any) -> Iterator[str]:
         if type(thing).__module__.partition(".")[0] in ("numpy", "logging", "threading"):
             yield repr(thing)
             continue
-        todo.extend(neighbours(thing))
+        todo.extend(neighbours(thing, raised))
 
 
-def found(words: Iterable[str], *starts: Any) -> set[str]:
-    """Which of `words` can be reached, in any case."""
+def found(words: Iterable[str], *starts: Any, raising: Iterable[str] = ()) -> set[str]:
+    """Which of `words` can be reached, in any case.
+
+    An attribute that raises may hide something: it has to be in `raising` (as `module.Class.name`), or Python's own.
+    """
     wanted = [word.lower() for word in words]
-    return {word for text in walk(*starts) for word in wanted if word in text.lower()}
+    raised: set[str] = set()
+    hits = {word for text in walk(starts, raised) for word in wanted if word in text.lower()}
+    unseen = raised - PYTHONS - set(raising)
+    assert not unseen, f"not looked into, as they raise: {sorted(unseen)}"
+    return hits

@@ -2,29 +2,30 @@
 
 import json
 import shutil
-import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
-from test_gallery_browser import Browser, browser  # noqa: F401
 
 import hijack_data as hj
 from pipelines import build, open_dataset
-from pipelines.viewer import ViewServer, open_source
 
+from support.chromium import Browser, chromium
 from support.runlog import make_run
+from support.viewing import edit, served
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 ERRORS = ("Log.entryAdded", "Runtime.exceptionThrown", "Runtime.consoleAPICalled")
 PICTURES = "[...document.images].filter(i => i.offsetParent && i.getAttribute('src'))"
 STANDS = "!document.getElementById('grid').hidden || !document.getElementById('trouble').hidden"
 SHOWN = "!document.getElementById('detail').hidden && !document.querySelector('.frame.loading')"
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    with chromium(tmp_path_factory.mktemp("chromium")) as found:
+        yield found
 
 
 @pytest.fixture(scope="module")
@@ -42,57 +43,31 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def url(folder: Path) -> Iterator[str]:
-    yield from serve(folder)
-
-
-def serve(folder: Path) -> Iterator[str]:
-    with ViewServer(open_source(folder)) as server:
-        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
-        thread.start()
+    with served(folder) as server:
         yield server.url
-        server.shutdown()
-        thread.join(30)
 
 
-def visit(browser: Browser, url: str, width: int = 1280, height: int = 900, scheme: str = "light") -> None:  # noqa: F811
-    """Open an address in a fresh page."""
-    browser.events = []
-    browser.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
-    browser.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
-    for address in ("about:blank", url):
-        browser.call("Page.navigate", url=address)
-    until(browser, f"document.readyState === 'complete' && ({STANDS} || {SHOWN})")
-    until(browser, f"{PICTURES}.filter(i => i.getBoundingClientRect().top < innerHeight).every(i => i.complete)")
+def visit(browser: Browser, url: str, width: int = 1280, height: int = 900, scheme: str = "light") -> None:
+    """Open an address, and wait until what it is about stands there."""
+    browser.open(url, width, height, scheme)
+    browser.until(f"{STANDS} || {SHOWN}")
+    browser.until(f"{PICTURES}.filter(i => i.getBoundingClientRect().top < innerHeight).every(i => i.complete)")
 
 
-def until(browser: Browser, expression: str, wanted: Any = True) -> None:  # noqa: F811
-    """Wait until an expression has a value."""
-    end = time.monotonic() + 30
-    while (found := browser.js(expression)) != wanted:
-        assert time.monotonic() < end, f"{expression} is {found!r}, not {wanted!r}"
-        time.sleep(0.02)
-
-
-def text(browser: Browser, selector: str) -> str:  # noqa: F811
+def text(browser: Browser, selector: str) -> str:
     return browser.js(f"document.querySelector({selector!r}).textContent")
 
 
-def box(browser: Browser, selector: str) -> dict[str, float]:  # noqa: F811
+def box(browser: Browser, selector: str) -> dict[str, float]:
     return browser.js(f"document.querySelector({selector!r}).getBoundingClientRect().toJSON()")
 
 
-def press(browser: Browser, name: str, code: int, shift: bool = False) -> None:  # noqa: F811
-    for kind in ("rawKeyDown", "keyUp"):
-        held = {"modifiers": 8 if shift else 0, "windowsVirtualKeyCode": code}
-        browser.call("Input.dispatchKeyEvent", type=kind, key=name, code=name, **held)
-
-
-def choose(browser: Browser, name: str, value: str) -> None:  # noqa: F811
+def choose(browser: Browser, name: str, value: str) -> None:
     field = f"document.querySelector('[name={name}]')"
     browser.js(f"{field}.value = {value!r}; {field}.dispatchEvent(new Event('input', {{bubbles: true}}))")
 
 
-def test_the_page_loads_without_errors_or_outside_requests(browser: Browser, url: str) -> None:  # noqa: F811
+def test_the_page_loads_without_errors_or_outside_requests(browser: Browser, url: str) -> None:
     visit(browser, url)
     assert browser.js("document.querySelectorAll('.tile').length") == 32
     assert browser.js(f"{PICTURES}.slice(0, 8).every(i => i.naturalWidth === 480)")
@@ -106,26 +81,26 @@ def test_the_page_loads_without_errors_or_outside_requests(browser: Browser, url
     assert browser.js(unnamed) == 0
 
 
-def test_filters_and_search_change_the_count_and_the_address(browser: Browser, url: str) -> None:  # noqa: F811
+def test_filters_and_search_change_the_count_and_the_address(browser: Browser, url: str) -> None:
     visit(browser, url)
     assert browser.js("[...document.querySelector('[name=corruption]').options].map(o => o.textContent)") == [
         "all", "clean (8)", "marks (8)", "subtitle (8)", "resolution (8)",
     ]  # fmt: skip
     choose(browser, "corruption", "marks")
-    until(browser, "document.getElementById('count').textContent", "8 of 32 rows")
+    browser.until("document.getElementById('count').textContent", "8 of 32 rows")
     assert browser.js("location.hash") == "#corruption=marks"
     assert browser.js("[...document.querySelectorAll('.chip.first')].every(c => c.textContent === 'marks')")
     choose(browser, "q", "0003")
-    until(browser, "document.getElementById('count').textContent", "1 of 32 rows")
+    browser.until("document.getElementById('count').textContent", "1 of 32 rows")
     assert text(browser, ".tile .title") == "notes · step 3"
     choose(browser, "q", "no such+text")
-    until(browser, "document.getElementById('count').textContent", "No row matches")
+    browser.until("document.getElementById('count').textContent", "No row matches")
     assert browser.js("location.hash") == "#corruption=marks&q=no%20such%2Btext"
     browser.js("document.getElementById('clear').click()")
-    until(browser, "document.getElementById('count').textContent", "32 of 32 rows")
+    browser.until("document.getElementById('count').textContent", "32 of 32 rows")
     assert browser.js("document.querySelector('[name=corruption]').value") == ""
     browser.js("history.back()")
-    until(browser, "document.getElementById('count').textContent", "No row matches")
+    browser.until("document.getElementById('count').textContent", "No row matches")
     visit(browser, f"{url}#q=packing list&corruption=subtitle")
     assert (text(browser, "#count"), browser.js("document.querySelector('[name=q]').value")) == (
         "8 of 32 rows",
@@ -136,9 +111,9 @@ def test_filters_and_search_change_the_count_and_the_address(browser: Browser, u
     assert browser.of(*ERRORS) == []
 
 
-def test_the_divider_moves_between_before_and_after(browser: Browser, url: str) -> None:  # noqa: F811
+def test_the_divider_moves_between_before_and_after(browser: Browser, url: str) -> None:
     visit(browser, f"{url}#row=notes%2F0001%2Fmarks")
-    until(browser, "document.getElementById('before').complete")
+    browser.until("document.getElementById('before').complete")
     frame = box(browser, "#frame")
     y = frame["y"] + frame["height"] / 2
 
@@ -151,7 +126,7 @@ def test_the_divider_moves_between_before_and_after(browser: Browser, url: str) 
     value = "document.querySelector('#frame input').value"
     assert browser.js(value) == "25"
     assert browser.js("getComputedStyle(document.getElementById('after')).clipPath") == "inset(0px 0px 0px 25%)"
-    press(browser, "ArrowRight", 39)
+    browser.key("ArrowRight", 39)
     assert browser.js(value) == "26"
     assert text(browser, "#name") == "notes · step 1 · marks"  # the key was the divider's, not the rows'
     drag(0.26, 1.0)
@@ -160,7 +135,7 @@ def test_the_divider_moves_between_before_and_after(browser: Browser, url: str) 
     assert red(browser, frame) > 500
 
 
-def red(browser: Browser, frame: dict[str, float]) -> int:  # noqa: F811
+def red(browser: Browser, frame: dict[str, float]) -> int:
     x, y, w, h = (round(frame[key]) for key in ("x", "y", "width", "height"))
     part = browser.pixels()[y : y + h, x : x + w]
     return int(((part[..., 0] > 220) & (part[..., 1] < 40) & (part[..., 2] < 40)).sum())
@@ -168,7 +143,7 @@ def red(browser: Browser, frame: dict[str, float]) -> int:  # noqa: F811
 
 @pytest.mark.parametrize("row", ["notes/0000/marks", "notes/0000/resolution"])
 @pytest.mark.parametrize("width", [1280, 600])
-def test_the_overlay_lies_on_the_target(browser: Browser, url: str, folder: Path, row: str, width: int) -> None:  # noqa: F811
+def test_the_overlay_lies_on_the_target(browser: Browser, url: str, folder: Path, row: str, width: int) -> None:
     stored = next(found for found in open_dataset(folder) if found["id"] == row)
     visit(browser, f"{url}#row={row}", width=width)
     frame, drawn, point = (box(browser, selector) for selector in ("#frame", "rect.target", "circle.action"))
@@ -187,31 +162,31 @@ def test_the_overlay_lies_on_the_target(browser: Browser, url: str, folder: Path
     assert browser.js(visible) == 0
 
 
-def test_keys_go_through_rows_and_steps(browser: Browser, url: str) -> None:  # noqa: F811
+def test_keys_go_through_rows_and_steps(browser: Browser, url: str) -> None:
     visit(browser, f"{url}#corruption=marks")
     browser.js("document.querySelectorAll('.tile a')[2].click()")
     name = "document.getElementById('name').textContent"
-    until(browser, name, "notes · step 2 · marks")
-    until(browser, "document.activeElement.id", "name")
+    browser.until(name, "notes · step 2 · marks")
+    browser.until("document.activeElement.id", "name")
     assert text(browser, "#position") == "3 of 8"
-    press(browser, "ArrowRight", 39)
-    until(browser, name, "notes · step 3 · marks")
-    press(browser, "ArrowLeft", 37)
-    until(browser, name, "notes · step 2 · marks")
+    browser.key("ArrowRight", 39)
+    browser.until(name, "notes · step 3 · marks")
+    browser.key("ArrowLeft", 37)
+    browser.until(name, "notes · step 2 · marks")
     browser.js("[...document.querySelectorAll('#same a')].find(a => a.textContent === 'subtitle').click()")
-    until(browser, name, "notes · step 2 · subtitle")
+    browser.until(name, "notes · step 2 · subtitle")
     assert text(browser, "#position") == "not in the filter"
-    press(browser, "ArrowRight", 39, shift=True)
-    until(browser, name, "notes · step 3 · subtitle")
-    press(browser, "ArrowLeft", 37, shift=True)
-    until(browser, name, "notes · step 2 · subtitle")
-    press(browser, "Escape", 27)
-    until(browser, "document.getElementById('grid').hidden", False)
+    browser.key("ArrowRight", 39, shift=True)
+    browser.until(name, "notes · step 3 · subtitle")
+    browser.key("ArrowLeft", 37, shift=True)
+    browser.until(name, "notes · step 2 · subtitle")
+    browser.key("Escape", 27)
+    browser.until("document.getElementById('grid').hidden", False)
     assert browser.js("location.hash") == "#corruption=marks"
     assert browser.of(*ERRORS) == []
 
 
-def test_a_clean_row_says_why_there_is_nothing_before(browser: Browser, url: str) -> None:  # noqa: F811
+def test_a_clean_row_says_why_there_is_nothing_before(browser: Browser, url: str) -> None:
     visit(browser, f"{url}#row=0")
     assert text(browser, "#size") == "1920×1080  No picture before: this is the clean picture."
     assert browser.js("document.querySelector('#frame input').offsetParent") is None
@@ -219,7 +194,7 @@ def test_a_clean_row_says_why_there_is_nothing_before(browser: Browser, url: str
     assert browser.of(*ERRORS) == []
 
 
-def test_all_columns_and_the_plan_are_there(browser: Browser, url: str, folder: Path) -> None:  # noqa: F811
+def test_all_columns_and_the_plan_are_there(browser: Browser, url: str, folder: Path) -> None:
     visit(browser, f"{url}#row=1")
     row = open_dataset(folder)[1]
     cells = "[...document.querySelectorAll('#fields div')].map(d => [...d.children].map(e => e.textContent))"
@@ -231,62 +206,62 @@ def test_all_columns_and_the_plan_are_there(browser: Browser, url: str, folder: 
     assert json.loads(plan) == json.loads(row["plan"])
 
 
-def test_what_is_broken_shows_its_message(browser: Browser, folder: Path, tmp_path: Path) -> None:  # noqa: F811
+def test_what_is_broken_shows_its_message(browser: Browser, folder: Path, tmp_path: Path) -> None:
     shutil.copytree(folder, tmp_path / "rows")
     file = next((tmp_path / "rows" / "data").iterdir())
-    table = pq.read_table(file)
-    digests = table.column("plan_digest").to_pylist()
-    texts = ["<img src=x onerror=alert(1)>", *table.column("instruction").to_pylist()[1:]]
-    for name, values in (("plan_digest", [digests[0], "0" * 64, *digests[2:]]), ("instruction", texts)):
-        table = table.set_column(table.schema.get_field_index(name), name, pa.array(values))
-    pq.write_table(table, file)
+    edit(
+        file,
+        plan_digest=lambda old: [old[0], "0" * 64, *old[2:]],
+        instruction=lambda old: ["<img src=x onerror=alert(1)>", *old[1:]],
+    )
     manifest = json.loads((tmp_path / "rows" / "manifest.json").read_text())
     manifest["shards"].append({**manifest["shards"][0], "file": "data/<b>gone</b>.parquet"})
     (tmp_path / "rows" / "manifest.json").write_text(json.dumps(manifest))
-    for url in serve(tmp_path / "rows"):
+    with served(tmp_path / "rows") as server:
+        url = server.url
         visit(browser, url)
-        until(browser, "document.querySelectorAll('.tile')[1].textContent.includes('gives another plan here')")
+        browser.until("document.querySelectorAll('.tile')[1].textContent.includes('gives another plan here')")
         assert browser.js(f"{PICTURES}.slice(0, 6).every(i => i.naturalWidth)")
         assert text(browser, "#problems li").startswith("data/<b>gone</b>.parquet: its 32 rows are left out")
         visit(browser, f"{url}#row=0")
         assert text(browser, "#instruction") == "<img src=x onerror=alert(1)>"
         browser.js("document.getElementById('next').click()")
-        until(browser, "document.getElementById('frame').hidden")
-        until(browser, "document.getElementById('problem').textContent.includes('gives another plan here')")
+        browser.until("document.getElementById('frame').hidden")
+        browser.until("document.getElementById('problem').textContent.includes('gives another plan here')")
         assert text(browser, "#instruction").startswith("Write a short packing list")
-        press(browser, "ArrowRight", 39)
-        until(browser, f"!document.getElementById('frame').hidden && {SHOWN}")
+        browser.key("ArrowRight", 39)
+        browser.until(f"!document.getElementById('frame').hidden && {SHOWN}")
         assert browser.js("document.getElementById('problem').hidden")
         visit(browser, f"{url}#row=77")
         assert text(browser, "#trouble").startswith("there is no row '77' here")
         assert browser.of("Page.javascriptDialogOpening", "Runtime.exceptionThrown") == []
 
 
-def test_a_server_that_has_ended_is_said(browser: Browser, url: str) -> None:  # noqa: F811
+def test_a_server_that_has_ended_is_said(browser: Browser, url: str) -> None:
     visit(browser, url)
     network = {"latency": 0, "downloadThroughput": -1, "uploadThroughput": -1}
     browser.call("Network.emulateNetworkConditions", offline=True, **network)
     try:
         choose(browser, "corruption", "marks")
-        until(browser, "document.getElementById('trouble').textContent.startsWith('No answer')")
+        browser.until("document.getElementById('trouble').textContent.startsWith('No answer')")
     finally:
         browser.call("Network.emulateNetworkConditions", offline=False, **network)
     choose(browser, "corruption", "subtitle")
-    until(browser, "document.getElementById('count').textContent", "8 of 32 rows")
+    browser.until("document.getElementById('count').textContent", "8 of 32 rows")
     assert browser.js("document.getElementById('trouble').hidden")
 
 
-def test_a_run_is_stepped_through(browser: Browser, tmp_path: Path) -> None:  # noqa: F811
-    for url in serve(make_run(tmp_path / "run")):
-        visit(browser, url)
+def test_a_run_is_stepped_through(browser: Browser, tmp_path: Path) -> None:
+    with served(make_run(tmp_path / "run")) as server:
+        visit(browser, server.url)
         choose(browser, "score", "0")
-        until(browser, "document.getElementById('count').textContent", "3 of 6 rows")
+        browser.until("document.getElementById('count').textContent", "3 of 6 rows")
         browser.js("document.querySelector('.tile a').click()")
-        until(browser, SHOWN)
+        browser.until(SHOWN)
         assert "the agent saw the clean picture" in text(browser, "#size")
-        press(browser, "ArrowRight", 39, shift=True)
-        until(browser, "document.getElementById('name').textContent.includes('step 1')")
-        until(browser, SHOWN)
+        browser.key("ArrowRight", 39, shift=True)
+        browser.until("document.getElementById('name').textContent.includes('step 1')")
+        browser.until(SHOWN)
         assert text(browser, "#action") == "click at (101, 50)"
         assert "minimise" in text(browser, "#notes")
         assert "score 0: there is no note" in text(browser, "#notes")
@@ -294,7 +269,7 @@ def test_a_run_is_stepped_through(browser: Browser, tmp_path: Path) -> None:  # 
 
 
 @pytest.mark.parametrize("width", [360, 600, 1280, 2400])
-def test_the_page_fits_every_width(browser: Browser, url: str, width: int) -> None:  # noqa: F811
+def test_the_page_fits_every_width(browser: Browser, url: str, width: int) -> None:
     for place in ("", "#row=1"):
         visit(browser, url + place, width=width)
         browser.js("for (const d of document.querySelectorAll('details')) d.open = true")
@@ -302,7 +277,7 @@ def test_the_page_fits_every_width(browser: Browser, url: str, width: int) -> No
         assert browser.js("window.scrollY") == 0
 
 
-def test_dark_and_light(browser: Browser, url: str) -> None:  # noqa: F811
+def test_dark_and_light(browser: Browser, url: str) -> None:
     visit(browser, url, scheme="light")
     assert browser.pixels()[3, 3].min() > 230
     visit(browser, url, scheme="dark")
