@@ -154,10 +154,13 @@ def _shares(plan: Plan, painted: _Painted | None, inside: BoxArray) -> list[floa
     return np.where(shown, 1.0 - np.array(lost, np.int64) / areas, 0.0).tolist()
 
 
-def target_visible(plan: Plan, target: object) -> float | None:
-    """Return the share of the target (a point or a box on the screen) that shows, or `None` without a target."""
-    box = as_target(target)
-    return None if box is None else visible_share(plan, [box])[0]
+def target_visible(plan: Plan, target: object, end: object = None) -> float | None:
+    """Return the share of the target (a point or a box on the screen) that shows, or `None` without a target.
+
+    `end` is where a drag that starts at the target ends: the lesser share counts.
+    """
+    boxes = [box for box in (as_target(target), as_target(end)) if box is not None]
+    return min(visible_share(plan, boxes), default=None)
 
 
 def covered(plan: Plan, boxes: BoxesLike) -> tuple[int, ...]:
@@ -258,17 +261,19 @@ def plan_avoiding(
     step: int | None = None,
     epoch: int = 0,
     at_least: float = 1.0,
+    end: object = None,
 ) -> Plan | None:
     """Plan again, up to `AVOID_TRIES` times, until `at_least` of the target shows; `None` when it never does.
 
-    Each try has a stream of its own, so the result depends on the arguments alone. Try 0 is the ordinary plan.
+    Each try has a stream of its own, so the result depends on the arguments alone. Try 0 is the ordinary plan. `end` is
+    where a drag from the target ends, which then has to show as well.
     """
     if not 0 <= at_least <= 1:
         raise ParameterError(f"at_least must be in 0..1, got {at_least}")
     for attempt in range(AVOID_TRIES):
         key = sample if attempt == 0 else f"{sample}~{attempt}"
         plan = planner.plan(scene, seed=seed, sample=key, step=step, epoch=epoch)
-        seen = target_visible(plan, scene.target)
+        seen = target_visible(plan, scene.target, end)
         if seen is None or seen >= at_least:
             return plan
     return None

@@ -63,7 +63,8 @@ def shard_rows(file: Path, columns: list[str] | None = None) -> Iterator[dict[st
     """Yield the rows of one file as they are stored, pictures as `{"bytes", "path"}`. Raises `DatasetError`."""
     pa = pyarrow()
     try:
-        with pa.parquet.ParquetFile(file) as parquet:
+        # Buffered before, all that was read would stay in memory until the file is closed.
+        with pa.parquet.ParquetFile(file, pre_buffer=False) as parquet:
             for batch in parquet.iter_batches(BATCH if columns is None else 1024, columns=columns):
                 yield from batch.to_pylist()
     except (pa.ArrowException, OSError) as error:

@@ -31,6 +31,12 @@ def test_without_a_target_there_is_no_answer():
     assert target_visible(box_plan(0, 0, 5, 5), None) is None
 
 
+@pytest.mark.parametrize(("target", "end", "share"), [((15, 15), (150, 80), 0.0), ((150, 80), (20, 10, 40, 30), 0.5)])
+def test_the_lesser_share_of_a_drags_ends_counts(target, end, share):
+    plan = box_plan(0, 0, 30, 40)
+    assert target_visible(plan, target, end) == target_visible(plan, end, target) == pytest.approx(share)
+
+
 def test_faint_sprites_hide_nothing():
     assert target_visible(box_plan(0, 0, 50, 50, alpha=100), (10, 10, 20, 20)) == 1.0
     assert target_visible(box_plan(0, 0, 50, 50, alpha=200), (10, 10, 20, 20)) == 0.0

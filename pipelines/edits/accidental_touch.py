@@ -8,7 +8,7 @@ from hijack_data.pack import Asset
 from hijack_data.plan import Effect, Paste
 from hijack_data.types import Box, Point, Size
 
-from .base import NO_SCREEN, PAGE_ONLY, EditedStep, Frame, NotApplicable, between_bars
+from .base import EditedStep, Frame, NotApplicable, between_bars
 
 KINDS = ("menu", "dialog")
 EVENT = "Something was clicked by accident, and a {} opened."
@@ -25,8 +25,7 @@ def edit(frame: Frame, effect: Effect) -> EditedStep:
 
     That this element would open this menu is not known; that a desktop shows it so, and how it is closed, is.
     """
-    if frame.trajectory.source in PAGE_ONLY:
-        raise NotApplicable(NO_SCREEN)
+    frame.check_desktop()
     element = next(_candidates(frame, effect), None)
     if element is None:
         raise NotApplicable("no element but the target is known that could be clicked")

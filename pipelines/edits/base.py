@@ -12,9 +12,11 @@ from hijack_data.rng import Stream
 from hijack_data.types import Action, Box, Fidelity, Scene, Size, Step, Trajectory, UInt8Array
 
 WAIT = Deed(Action("wait"))
-# WebVoyager's pictures are what a page looks like, without the browser and the desktop around it.
-PAGE_ONLY = frozenset({"webvoyager"})
-NO_SCREEN = "the pictures show a web page, not the screen around it"
+PAGE = "the pictures show a web page, not the screen around it"
+PHONE = "the pictures show a phone, not the screen of a desktop"
+# Domains that say so, in the spelling of `normalize_app`.
+PAGES = frozenset({"web_page"})
+PHONES = frozenset({"mobile", "android", "ios"})
 
 
 class NotApplicable(HijackError):
@@ -46,6 +48,18 @@ class Frame:
         """Applications of the recording, as far as it names any; its domain is often one."""
         names = (*self.trajectory.apps, self.trajectory.domain)
         return frozenset(normalize_app(name) for name in names if name.strip())
+
+    @property
+    def is_page(self) -> bool:
+        """Whether the pictures are what a page looks like, without the browser and the desktop around it."""
+        return self.trajectory.source == "webvoyager" or normalize_app(self.trajectory.domain) in PAGES
+
+    def check_desktop(self) -> None:
+        """Raise `NotApplicable` where the pictures are known to show something else than a desktop's screen."""
+        if self.is_page:
+            raise NotApplicable(PAGE)
+        if normalize_app(self.trajectory.domain) in PHONES:
+            raise NotApplicable(PHONE)
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """Multi apps: a real window of another application beside the target (paper, Algorithm "Multi Apps")."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -11,35 +12,47 @@ from hijack_data.pack import Asset
 from hijack_data.plan import Effect, Paste
 from hijack_data.types import Box, BoxArray, Point, Scene, Size, as_boxes, clip_boxes
 
-from .base import NO_SCREEN, PAGE_ONLY, EditedStep, Frame, NotApplicable, between_bars
+from .base import EditedStep, Frame, NotApplicable, between_bars
 
 EVENT = "Another application was opened; its window stands beside what the task needs."
 # Pixels kept free around the target.
 MARGIN = 8
 # Places tried along each side of a space beside the target.
 GRID = 5
-# Actions that a window which comes to the front would take, or whose place is not known.
-BLIND = ("type", "hotkey", "key_down", "key_up", "scroll", "other")
+# Actions that mean the same wherever the window stands; it would take others, or they are done at a place.
+ANYWHERE = ("wait", "done", "fail")
 
 
 def edit(frame: Frame, effect: Effect) -> EditedStep:
     """Paste a recorded window where the target stays visible, and as many other elements as may be."""
-    if frame.trajectory.source in PAGE_ONLY:
-        raise NotApplicable(NO_SCREEN)
-    if frame.scene.target is None and frame.step.action.type in BLIND:
+    frame.check_desktop()
+    scene = _aimed(frame)
+    if scene.target is None and frame.step.action.type not in ANYWHERE:
         raise NotApplicable("the action names no place on the screen that a second window could leave free")
     wanted = [str(effect.params["app"]), *(str(name) for name in effect.params.get("then", ()))]
     known = list(_windows(frame, wanted))
     if not known:
         raise NotApplicable("no window of an application that the recording does not use was recorded")
     for name, windows in known:
-        places = sorted(_places(windows, frame.scene), key=lambda place: place[0])
+        places = sorted(_places(windows, scene), key=lambda place: place[0])
         if places:
             best = [place for place in places if place[0] == places[0][0]]
             _, asset, corner = frame.stream.choice(best)
             note = () if name == wanted[0] else (f"a window of {name} was recorded, and none of {wanted[0]} that fits",)
             return _edited(asset, corner, note)
     raise NotApplicable("no room beside the target")
+
+
+def _aimed(frame: Frame) -> Scene:
+    """Return the scene with all that the action passes as its target: a drag shows from its start to its end."""
+    action, target = frame.step.action, frame.scene.target
+    ends = ((action.x, action.y), (action.x2, action.y2))
+    boxes = [(x, y, x + 1, y + 1) for x, y in ends if x is not None and y is not None]
+    boxes += [target] if target else []
+    if not boxes:
+        return frame.scene
+    left, top, right, bottom = zip(*boxes, strict=True)
+    return replace(frame.scene, target=(min(left), min(top), max(right), max(bottom)))
 
 
 def _edited(asset: Asset, corner: Point, notes: tuple[str, ...]) -> EditedStep:

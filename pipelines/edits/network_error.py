@@ -3,7 +3,7 @@
 from hijack_data.corruptions.multi_apps import normalize_app
 from hijack_data.plan import Effect
 
-from .base import PAGE_ONLY, WAIT, EditedStep, Frame, NotApplicable
+from .base import WAIT, EditedStep, Frame, NotApplicable
 from .screens import page_view, whole_screen
 
 EVENT = "The network was cut off; the browser shows its error page."
@@ -16,7 +16,7 @@ BROWSERS = frozenset({
 
 def edit(frame: Frame, effect: Effect) -> EditedStep:
     """Show a recorded error page. Where no browser shows, a missing network changes nothing that can be seen."""
-    if frame.trajectory.source in PAGE_ONLY:
+    if frame.is_page:
         ops, asset = page_view(frame, "error_view", "error page")
         note = f"{asset.id} was cut or continued to the size of the page"
         return EditedStep(ops, EVENT, "composited", WAIT, reminder=REMINDER, notes=(note,))

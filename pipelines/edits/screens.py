@@ -9,7 +9,7 @@ from hijack_data.pack import Asset, AssetPack, Deed
 from hijack_data.plan import Op, Paste, Resample
 from hijack_data.types import Box, Fidelity, Size
 
-from .base import NO_SCREEN, PAGE_ONLY, Frame, NotApplicable
+from .base import Frame, NotApplicable
 
 # Sides of two screens of one shape may differ by this share once they are scaled: 1366x768 is not quite 16:9.
 SHAPE = 0.01
@@ -56,8 +56,7 @@ def whole_screen(frame: Frame, kind: str, what: str, apps: frozenset[str] = froz
     screen was. A window that was recorded at full width stands on a recorded desktop, where both really were. Raises
     `NotApplicable` when there is none; `what` names it in the reason.
     """
-    if frame.trajectory.source in PAGE_ONLY:
-        raise NotApplicable(NO_SCREEN)
+    frame.check_desktop()
     size = frame.scene.size
     layers = [_layers(frame.pack, asset) for asset in frame.pack.pictures(kind) if _fits(asset.screen, size)]
     fitting = _nearest([found for found in layers if found])

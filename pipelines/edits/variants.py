@@ -88,13 +88,13 @@ class Chooser:
                 now = _joined(replace(before, ops=()), now)
         return now
 
-    def _plan(self, scene: Scene, sample: Sample, planner: Planner, number: int) -> Plan | None:
+    def _plan(self, sample: Sample, planner: Planner, number: int) -> Plan | None:
         """Return a plan for pictures under the label policy, or `None` when the target never shows."""
-        make = partial(hj.plan_avoiding, planner) if self.label_policy in AVOIDING else planner.plan
-        return make(scene, seed=self.seed, sample=sample.key, step=number)
+        make = partial(hj.plan_avoiding, planner, end=sample.end) if self.label_policy in AVOIDING else planner.plan
+        return make(sample.scene, seed=self.seed, sample=sample.key, step=number)
 
     def _plain(self, sample: Sample, planner: Planner, number: int) -> Variant | None:
-        plan = self._plan(sample.scene, sample, planner, number)
+        plan = self._plan(sample, planner, number)
         if plan is None:
             return None
         if plan.effects and not acts(planner):
@@ -115,7 +115,7 @@ class Chooser:
         changed = _after(sample, edit)
         over: Plan | None = replace(plan, ops=(), effects=())
         if plan.ops:
-            over = self._plan(changed.scene, sample, planner, number)
+            over = self._plan(changed, planner, number)
         if over is None:
             return None
         notes = (over.notes if plan.ops else plan.notes) + edit.notes

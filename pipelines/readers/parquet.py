@@ -29,7 +29,7 @@ class _Shape:
 SHAPES = (
     _Shape(("task_id", "instruction", "actions", "screenshots"), ("domain",), trajectory),
     _Shape(("messages", "images"), ("metadata", "id"), chat),
-    _Shape(("image", "bbox", "instruction"), ("file_name",), grounding),
+    _Shape(("image", "bbox", "instruction"), ("data_source",), grounding),
 )
 
 
@@ -49,7 +49,8 @@ class Parquet:
       pyautogui code, and the last reply of a row with tool calls (`"done"`).
     - `image, bbox, instruction` (ScreenSpot): a row is a trajectory of one click at the middle of the box.
 
-    Rows are read one at a time. The id is `task_id`, or else the file and the row's number.
+    Rows are read one at a time. The id is `task_id`, or else the file and the row's number. The domain is `domain`, the
+    `platform` in `metadata`, or `data_source`: `desktop`, `mobile`, `ios`, ..., with `web page` for the web ones.
 
     Coordinates: pixels of the screenshot in trajectories and in code; 0..1000 of the picture in `tool_calls`; a `bbox`
     is x1, y1, x2, y2, in fractions where none of the four is above 1, in pixels otherwise.

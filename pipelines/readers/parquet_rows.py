@@ -19,6 +19,8 @@ from .thousand import actions_of, thousand_action
 SOURCE = "parquet"
 _CODE = re.compile(r"```(?:python|py)?\s*\n?(.*?)```\s*\Z", re.DOTALL)
 _IMAGE = "<image>"
+# What cua-lite (`platform`) and ScreenSpot (`data_source`, by site) call pages without a browser around them.
+WEB = ("web", "gitlab", "shop", "forum", "tool")
 # Annotated boxes overshoot the edge a little; what is further out is in another space.
 SLACK = 0.01
 
@@ -96,7 +98,8 @@ def grounding(row: Row) -> Iterator[Trajectory | FieldError]:
     left, top, right, bottom = _box(row.record.get("bbox"), size)
     action = Action("click", x=(left + right) // 2, y=(top + bottom) // 2)
     step = Step(0, image, action, target_box=(left, top, right, bottom))
-    yield Trajectory(row.name, SOURCE, fields.text(row.record, "instruction"), (step,))
+    domain = _platform(row.record.get("data_source"))
+    yield Trajectory(row.name, SOURCE, fields.text(row.record, "instruction"), (step,), domain)
 
 
 def chat(row: Row) -> Iterator[Trajectory | FieldError]:
@@ -115,7 +118,8 @@ def chat(row: Row) -> Iterator[Trajectory | FieldError]:
         raise FieldError("messages", "hold no text of the user")
     if talk.steps:
         name = fields.text(row.record, "id", default="") or row.name
-        yield Trajectory(name, SOURCE, talk.instruction, tuple(talk.steps))
+        platform = _platform(_metadata(row.record.get("metadata")).get("platform"))
+        yield Trajectory(name, SOURCE, talk.instruction, tuple(talk.steps), platform)
 
 
 class _Chat:
@@ -186,6 +190,20 @@ def _messages(value: object) -> list[Mapping[str, Any]]:
     except FieldError as error:
         raise FieldError("messages", error.reason) from None
     return [fields.mapping(message, "messages") for message in fields.items({"messages": parsed}, "messages")]
+
+
+def _metadata(value: object) -> Mapping[str, Any]:
+    """Return the metadata of a chat row, JSON text or a struct; nothing where it is neither."""
+    try:
+        return fields.mapping(parse(value.encode()) if isinstance(value, str) else value, "metadata")
+    except FieldError:
+        return {}
+
+
+def _platform(value: object) -> str:
+    """Return what the pictures show as a domain: `web page`, or the word as it is; `""` where there is none."""
+    word = value.strip().lower() if isinstance(value, str) and fields.is_storable(value) else ""
+    return "web page" if word in WEB else word
 
 
 def _whole(index: object) -> int:

@@ -272,6 +272,17 @@ def test_a_point_is_a_target_too(recording: Any, add_line: Any, good_line: Any, 
     assert rows["t2/0000/cover"]["target_visible"] is None
 
 
+def test_a_drag_shows_where_both_its_ends_do(recording: Any, add_line: Any, good_line: Any, tmp_path: Path) -> None:
+    folder = recording(trajectories=1, steps=1)
+    for name, start, end in (("t1", (20, 20), (310, 190)), ("t2", (310, 190), (20, 20)), ("t3", (20, 20), (90, 30))):
+        drag = {"type": "drag", "x": start[0], "y": start[1], "x2": end[0], "y2": end[1]}
+        add_line(folder, good_line(name, 0, action=drag, target_box=None, image="images/t0-0.png"))
+    for policy, shown in {"keep": [0.0, 0.0, 1.0], "drop": [1.0], "avoid": [1.0]}.items():
+        build(folder, tmp_path / policy, corruptions={"cover": COVER}, clean=False, label_policy=policy)
+        rows = [row for row in open_dataset(tmp_path / policy) if row["trajectory_id"] != "t0"]
+        assert [row["target_visible"] for row in rows] == shown
+
+
 def test_elements_of_the_recording_come_before_the_detector(
     recording: Any, add_line: Any, good_line: Any, tmp_path: Path
 ) -> None:

@@ -17,11 +17,13 @@ from PIL import Image
 import hijack_data as hj
 from hijack_data.cli import hijack
 from pipelines import build, open_dataset, render, verify
-from pipelines.columns import BASE, COLUMNS
+from pipelines.columns import BASE
 from pipelines.errors import DatasetError
 from pipelines.lazy import plan_of, stored_plan
 from pipelines.rows import params_json
 from pipelines.shards import file_sha256
+
+from support.rows import assert_same_rows, load
 
 PLANNERS: dict[str, Any] = {
     "marks": hj.Marks(number=4, mark_size=8),
@@ -38,21 +40,6 @@ def pair(source: Path, folder: Path, **options: Any) -> tuple[Path, Path]:
     for output in ("materialised", "lazy"):
         build(source, folder / output, output=output, **{"corruptions": PLANNERS, "seed": 11, **options})
     return folder / "materialised", folder / "lazy"
-
-
-def assert_same_rows(one: Any, other: Any) -> int:
-    count = 0
-    for left, right in zip(one, other, strict=True):
-        assert list(left) == list(right) == list(COLUMNS)
-        for name, value in left.items():
-            if name == "screenshot":
-                assert (value.mode, value.size) == (right[name].mode, right[name].size) == ("RGB", value.size)
-                assert value.tobytes() == right[name].tobytes()
-            else:
-                assert right[name] == value, name
-        assert hashlib.sha256(right["screenshot"].tobytes()).hexdigest() == right["image_sha256"]
-        count += 1
-    return count
 
 
 @pytest.mark.parametrize("label_policy", ["keep", "avoid", "drop", "recover"])
@@ -128,13 +115,6 @@ def test_a_row_that_can_be_derived_costs_64_bytes(recording: Any, tmp_path: Path
     columns = [meta.row_group(g).column(c) for g in range(meta.num_row_groups) for c in range(meta.num_columns)]
     cost = sum(c.total_compressed_size for c in columns if c.path_in_schema in ("plan", "seed"))
     assert cost / meta.num_rows <= 64
-
-
-def load(folder: Path, cache: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
-    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
-    datasets = pytest.importorskip("datasets")
-    datasets.disable_progress_bars()
-    return datasets.load_dataset(str(folder), split="train", cache_dir=str(cache))
 
 
 def test_load_dataset_and_one_line(recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

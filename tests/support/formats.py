@@ -1,11 +1,13 @@
 """One small recording in each format that can be read: a click at (100, 50) of a 400x200 picture, then the end.
 
-`FORMATS` maps the name of a format to a function that makes the recording in an empty folder.
+`FORMATS` maps the name of a format to a function that makes the recording in an empty folder, `TABLES` does so for the
+other kinds of Parquet tables. All take `shots`, for other pictures and more clicks.
 """
 
 import base64
 import json
 from collections.abc import Callable
+from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -26,14 +28,60 @@ def png(number: int = 0, width: int = WIDTH, height: int = HEIGHT) -> bytes:
     return buffer.getvalue()
 
 
+@dataclass(frozen=True)
+class Shots:
+    """What is recorded: a click on each picture but the last, and then the end.
+
+    Args:
+        picture: the bytes of a picture by its number.
+        size: (width, height) of all of them.
+        clicks: where, in fortieths of the width and the height: whole pixels and whole thousandths.
+    """
+
+    picture: Callable[[int], bytes] = png
+    size: tuple[int, int] = (WIDTH, HEIGHT)
+    clicks: tuple[tuple[int, int], ...] = ((10, 10),)
+
+    def points(self, width: int, height: int) -> list[tuple[int, int]]:
+        """The clicks in a space of another size."""
+        return [(round(x * width / 40), round(y * height / 40)) for x, y in self.clicks]
+
+    @property
+    def pixels(self) -> list[tuple[int, int]]:
+        """The clicks in pixels."""
+        return self.points(*self.size)
+
+    @property
+    def codes(self) -> list[str]:
+        """The actions as pyautogui code."""
+        return [*(f"pyautogui.click({x}, {y})" for x, y in self.pixels), "DONE"]
+
+    def text(self, number: int) -> str:
+        """A picture as base64."""
+        return base64.b64encode(self.picture(number)).decode()
+
+    def url(self, number: int) -> str:
+        """A picture as a data: URL."""
+        return f"data:image/png;base64,{self.text(number)}"
+
+    def files(self, folder: Path, names: list[str]) -> None:
+        """Write the first pictures under these names."""
+        folder.mkdir(parents=True, exist_ok=True)
+        for number, name in enumerate(names):
+            (folder / name).write_bytes(self.picture(number))
+
+
+SMALL = Shots()
+
+
 def text_of(number: int = 0) -> str:
-    """The same as base64."""
-    return base64.b64encode(png(number)).decode()
+    """A small picture as base64."""
+    return SMALL.text(number)
 
 
 def url(number: int = 0) -> str:
-    """The same as a data: URL."""
-    return f"data:image/png;base64,{text_of(number)}"
+    """A small picture as a data: URL."""
+    return SMALL.url(number)
 
 
 def write_lines(file: Path, records: list[Any]) -> None:
@@ -48,9 +96,9 @@ def write_json(file: Path, data: Any) -> None:
     file.write_text(json.dumps(data, ensure_ascii=False))
 
 
-def osworld(folder: Path, actions: list[Any] | None = None, initial: bool = True) -> Path:
+def osworld(folder: Path, actions: list[Any] | None = None, initial: bool = True, shots: Shots = SMALL) -> Path:
     """OSWorld: result folder, pictures after the actions, the task's JSON under `examples`."""
-    actions = ["pyautogui.click(100, 50)", "DONE"] if actions is None else actions
+    actions = shots.codes if actions is None else actions
     task = folder / "pyautogui" / "screenshot" / "a-model" / "gimp" / TASK
     names = [f"step_{i}_20250801@100000{i:06d}.png" for i in range(1, len(actions) + 1)]
     write_lines(
@@ -60,8 +108,9 @@ def osworld(folder: Path, actions: list[Any] | None = None, initial: bool = True
             for i, (action, name) in enumerate(zip(actions, names, strict=True), 1)
         ],
     )
-    for i, name in enumerate([*(["initial_state.png"] if initial else []), *names]):
-        (task / name).write_bytes(png(i + (not initial)))
+    shots.files(task, ["initial_state.png", *names])
+    if not initial:
+        (task / "initial_state.png").unlink()
     (task / "result.txt").write_text("1.0\n")
     (task / "runtime.log").write_text("...\n")
     about = {"id": TASK, "instruction": "make it brighter", "related_apps": ["gimp"]}
@@ -69,146 +118,210 @@ def osworld(folder: Path, actions: list[Any] | None = None, initial: bool = True
     return folder
 
 
-def jsonl(folder: Path) -> Path:
+def jsonl(folder: Path, shots: Shots = SMALL) -> Path:
     """Our plain format."""
+    actions = [*({"type": "click", "x": x, "y": y} for x, y in shots.pixels), {"type": "done"}]
+    names = [f"{i}.png" for i in range(len(actions))]
     about = {"trajectory_id": "t", "instruction": "do it"}
-    click = {"type": "click", "x": 100, "y": 50}
-    code = "pyautogui.click(100, 50)"
-    write_lines(
-        folder / "trajectories.jsonl",
-        [
-            {**about, "step": 0, "image": "images/0.png", "action": click, "action_code": code},
-            {**about, "step": 1, "image": "images/1.png", "action": {"type": "done"}, "action_code": "DONE"},
-        ],
-    )
-    return _pictures(folder / "images", ["0.png", "1.png"], folder)
+    lines = [
+        {**about, "step": i, "image": f"images/{name}", "action": action, "action_code": code}
+        for i, (name, action, code) in enumerate(zip(names, actions, shots.codes, strict=True))
+    ]
+    write_lines(folder / "trajectories.jsonl", lines)
+    shots.files(folder / "images", names)
+    return folder
 
 
-def agentnet(folder: Path) -> Path:
+def agentnet(folder: Path, shots: Shots = SMALL) -> Path:
     """AgentNet: fractions."""
-    steps = ["pyautogui.click(x=0.25, y=0.25)", "computer.terminate(status='success')"]
+    clicks = [f"pyautogui.click(x={x / 40}, y={y / 40})" for x, y in shots.clicks]
+    steps = [*clicks, "computer.terminate(status='success')"]
     traj = [{"index": i, "image": f"{i}.png", "value": {"code": code}} for i, code in enumerate(steps)]
     write_lines(folder / "a.jsonl", [{"task_id": "a", "instruction": "do it", "traj": traj}])
-    return _pictures(folder / "images", ["0.png", "1.png"], folder)
+    shots.files(folder / "images", [entry["image"] for entry in traj])
+    return folder
 
 
-def screenagent(folder: Path) -> Path:
+def screenagent(folder: Path, shots: Shots = SMALL) -> Path:
     """ScreenAgent: pixels, `width` is x."""
-    click = {"mouse_action_type": "click", "mouse_button": "left", "mouse_position": {"width": 100, "height": 50}}
-    actions = [{"action_type": "MouseAction", **click}], [{"action_type": "EvaluateSubTaskAction", "situation": "ok"}]
-    for i, listed in enumerate(actions):
+    click = {"action_type": "MouseAction", "mouse_action_type": "click", "mouse_button": "left"}
+    end = {"action_type": "EvaluateSubTaskAction", "situation": "ok"}
+    places = [{"width": x, "height": y} for x, y in shots.pixels]
+    actions = [*({**click, "mouse_position": place} for place in places), end]
+    width, height = shots.size
+    for i, action in enumerate(actions):
         record = {
             "session_id": "s1",
             "task_prompt": "打开浏览器",
             "saved_image_name": f"{i}.jpg",
-            "video_width": WIDTH,
-            "video_height": HEIGHT,
-            "actions": listed,
+            "video_width": width,
+            "video_height": height,
+            "actions": [action],
         }
         write_json(folder / "s1" / f"2023-12-20_19-31-3{i}.json", record)
-    return _pictures(folder / "s1" / "images", ["0.jpg", "1.jpg"], folder)
+    shots.files(folder / "s1" / "images", [f"{i}.jpg" for i in range(len(actions))])
+    return folder
 
 
-def webvoyager(folder: Path) -> Path:
+def webvoyager(folder: Path, shots: Shots = SMALL) -> Path:
     """WebVoyager: marks, no coordinates."""
     asked = [{"type": "text", "text": "Now given a task: Find it.  Please interact with https://x.org"}]
+    typed = {"role": "assistant", "content": "Thought: a\n\nAction: Type [2]; green tea"}
     messages = [
         {"role": "system", "content": "be a robot"},
         {"role": "user", "content": asked},
-        {"role": "assistant", "content": "Thought: a\n\nAction: Type [2]; green tea"},
-        {"role": "user", "content": "Observation"},
+        *[message for _ in shots.clicks for message in (typed, {"role": "user", "content": "Observation"})],
         {"role": "assistant", "content": "Thought: Action: no\nAction: ANSWER; done"},
     ]
     write_json(folder / "taskX--1" / "interact_messages.json", messages)
-    return _pictures(folder / "taskX--1", ["screenshot1.png", "screenshot2.png"], folder)
+    shots.files(folder / "taskX--1", [f"screenshot{i}.png" for i in range(1, len(shots.clicks) + 2)])
+    return folder
 
 
-def openai(folder: Path) -> Path:
+def openai(folder: Path, shots: Shots = SMALL) -> Path:
     """OpenAI: items of the Responses API, a line each."""
-    click = {"type": "click", "button": "left", "x": 100, "y": 50}
+
+    def call(number: int, action: dict[str, Any]) -> dict[str, Any]:
+        return {"type": "computer_call", "call_id": f"c{number}", "action": action}
+
+    def output(number: int, kind: str = "input_image") -> dict[str, Any]:
+        shown = {"type": kind, "image_url": shots.url(number)}
+        return {"type": "computer_call_output", "call_id": f"c{number}", "output": shown}
+
+    clicks = [{"type": "click", "button": "left", "x": x, "y": y} for x, y in shots.pixels]
     items = [
         {"role": "user", "content": [{"type": "input_text", "text": "do it"}]},
-        {"type": "computer_call", "call_id": "c0", "action": {"type": "screenshot"}},
-        {
-            "type": "computer_call_output",
-            "call_id": "c0",
-            "output": {"type": "computer_screenshot", "image_url": url(0)},
-        },
+        call(0, {"type": "screenshot"}),
+        output(0, "computer_screenshot"),
         {"type": "reasoning", "summary": []},
-        {"type": "computer_call", "call_id": "c1", "action": click},
-        {"type": "computer_call_output", "call_id": "c1", "output": {"type": "input_image", "image_url": url(1)}},
-        {"type": "computer_call", "call_id": "c2", "action": {"type": "wait"}},
+        *[item for i, click in enumerate(clicks, 1) for item in (call(i, click), output(i))],
+        call(len(clicks) + 1, {"type": "wait"}),
     ]
     write_lines(folder / "run.jsonl", items)
     return folder
 
 
-def anthropic(folder: Path) -> Path:
+def anthropic(folder: Path, shots: Shots = SMALL) -> Path:
     """Anthropic: messages, in one JSON body."""
 
     def use(name: str, given: dict[str, Any]) -> dict[str, Any]:
         return {"role": "assistant", "content": [{"type": "tool_use", "id": name, "name": "computer", "input": given}]}
 
     def result(name: str, number: int) -> dict[str, Any]:
-        source = {"type": "base64", "media_type": "image/png", "data": text_of(number)}
+        source = {"type": "base64", "media_type": "image/png", "data": shots.text(number)}
         content = [{"type": "text", "text": "ok"}, {"type": "image", "source": source}]
         return {"role": "user", "content": [{"type": "tool_result", "tool_use_id": name, "content": content}]}
 
+    clicks = [{"action": "left_click", "coordinate": list(point)} for point in shots.pixels]
     messages = [
         {"role": "user", "content": "do it"},
-        use("a", {"action": "screenshot"}),
-        result("a", 0),
-        use("b", {"action": "left_click", "coordinate": [100, 50]}),
-        result("b", 1),
-        use("c", {"action": "key", "text": "ctrl+s"}),
+        *[
+            message
+            for i, given in enumerate([{"action": "screenshot"}, *clicks])
+            for message in (use(f"t{i}", given), result(f"t{i}", i))
+        ],
+        use("end", {"action": "key", "text": "ctrl+s"}),
     ]
     write_json(folder / "run.json", {"model": "claude", "messages": messages})
     return folder
 
 
-def ui_tars(folder: Path, model: str = "UI-TARS-7B-DPO", box: str = "(250,250)") -> Path:
+def ui_tars(folder: Path, model: str = "UI-TARS-7B-DPO", shots: Shots = SMALL) -> Path:
     """UI-TARS 1.0: 0..1000."""
+    return _ui_tars(folder, model, [f"({x},{y})" for x, y in shots.points(1000, 1000)], shots)
+
+
+def ui_tars_15(folder: Path, shots: Shots = SMALL) -> Path:
+    """UI-TARS 1.5: pixels of the smart-resized picture, here 392x196: whole patches of 28 pixels."""
+    width, height = (28 * round(side / 28) for side in shots.size)
+    boxes = [f"<|box_start|>({x},{y})<|box_end|>" for x, y in shots.points(width, height)]
+    return _ui_tars(folder, "UI-TARS-1.5-7B", boxes, shots)
+
+
+def _ui_tars(folder: Path, model: str, boxes: list[str], shots: Shots) -> Path:
     prompt = "You are a GUI agent.\n\n## User Instruction\ndo it\n"
+
+    def look(link: str) -> dict[str, Any]:
+        return {"role": "user", "content": [{"type": "image_url", "image_url": {"url": link}}]}
+
+    replies = [f"Thought: now\nAction: click(start_box='{box}')" for box in boxes]
+    links = [shots.url(0), *(f"shots/{i}.png" for i in range(1, len(boxes) + 1))]
     lines = [
         {"model": model},
         {"role": "user", "content": [{"type": "text", "text": prompt}]},
-        {"role": "user", "content": [{"type": "image_url", "image_url": {"url": url(0)}}]},
-        {"role": "assistant", "content": f"Thought: now\nAction: click(start_box='{box}')"},
-        {"role": "user", "content": [{"type": "image_url", "image_url": {"url": "shots/1.png"}}]},
-        {"role": "assistant", "content": "Thought: over\nAction: finished(content='it is')"},
+        *[
+            line
+            for link, reply in zip(links, [*replies, "Thought: over\nAction: finished(content='it is')"], strict=True)
+            for line in (look(link), {"role": "assistant", "content": reply})
+        ],
     ]
     write_lines(folder / "run.jsonl", lines)
-    return _pictures(folder / "shots", ["0.png", "1.png"], folder)
+    shots.files(folder / "shots", [f"{i}.png" for i in range(len(links))])
+    return folder
 
 
-def ui_tars_15(folder: Path) -> Path:
-    """UI-TARS 1.5: pixels of the smart-resized picture, here 392x196."""
-    return ui_tars(folder, "UI-TARS-1.5-7B", "<|box_start|>(98,49)<|box_end|>")
-
-
-def parquet(folder: Path) -> Path:
+def parquet(folder: Path, shots: Shots = SMALL) -> Path:
     """Parquet with the columns of markov-ai/computer-use."""
     row = {
         "task_id": "m1",
         "domain": "chrome",
         "instruction": "do it",
-        "actions": ["pyautogui.click(100, 50)", "DONE"],
-        "screenshots": [{"bytes": png(0), "path": "0.png"}, {"bytes": png(1), "path": None}],
+        "actions": shots.codes,
+        "screenshots": _column(shots),
     }
     write_table(folder / "data" / "train-00000-of-00001.parquet", [row])
     return folder
 
 
-def runs(folder: Path) -> Path:
+def chat_code(folder: Path, shots: Shots = SMALL) -> Path:
+    """Parquet with chat rows whose replies are code."""
+    replies = [
+        {"role": role, "content": text}
+        for code in shots.codes
+        for role, text in (("user", "<image>\ndo it"), ("assistant", f"Now:\n```python\n{code}\n```"))
+    ]
+    write_table(folder / "chat.parquet", [{"messages": replies, "images": _column(shots)}])
+    return folder
+
+
+def chat_calls(folder: Path, shots: Shots = SMALL) -> Path:
+    """Parquet with chat rows whose replies are tool calls in 0..1000, as cua-lite has them."""
+    messages: list[dict[str, Any]] = [{"role": "user", "content": [{"type": "text", "text": "do it"}]}]
+    for index, point in enumerate(shots.points(1000, 1000)):
+        given = {"actions": [{"action": "click", "coordinate": list(point), "button": "left"}]}
+        call = {"type": "function", "function": {"name": "computer", "arguments": given}}
+        messages.append({"role": "tool", "content": [{"type": "image", "index": index}]})
+        messages.append({"role": "assistant", "content": [], "tool_calls": [call]})
+    messages.append({"role": "tool", "content": [{"type": "image", "index": len(shots.clicks)}]})
+    messages.append({"role": "assistant", "content": [{"type": "text", "text": "Done."}]})
+    write_table(folder / "cua.parquet", [{"messages": json.dumps(messages), "images": _column(shots)}])
+    return folder
+
+
+def boxes(folder: Path, shots: Shots = SMALL) -> Path:
+    """Parquet with a box a row, as ScreenSpot has them: two fortieths wide and high, around the clicks."""
+    rows = [
+        {
+            "file_name": f"{i}.png",
+            "bbox": [(x - 1) / 40, (y - 1) / 40, (x + 1) / 40, (y + 1) / 40],
+            "instruction": "the button",
+            "image": picture,
+        }
+        for i, ((x, y), picture) in enumerate(zip(shots.clicks, _column(shots), strict=False))
+    ]
+    write_table(folder / "spots.parquet", rows)
+    return folder
+
+
+def runs(folder: Path, shots: Shots = SMALL) -> Path:
     """A run of the live benchmark with one episode."""
     home = folder / "episodes" / "find_it-0__clean__s0__me"
     record = {"id": home.name, "instruction": "do it", "apps": ["chrome"], "sample": "find_it-0", "status": "ok"}
-    codes = ["pyautogui.click(100, 50)", "DONE", None]
     steps = [
         {"step": k, "image": f"frames/000{k}.png", "raw": code, "code": code, "boxes": [], "events": []}
-        for k, code in enumerate(codes)
+        for k, code in enumerate([*shots.codes, None])
     ]
-    _pictures(home / "frames", [f"000{k}.png" for k in range(3)], folder)
+    shots.files(home / "frames", [f"000{k}.png" for k in range(len(steps))])
     write_json(home / "episode.json", record)
     write_lines(home / "steps.jsonl", steps)
     return folder
@@ -223,14 +336,11 @@ def write_table(file: Path, rows: list[dict[str, Any]], group: int = 2) -> None:
     pq.write_table(pa.Table.from_pylist(rows), file, row_group_size=group)
 
 
-def _pictures(where: Path, names: list[str], folder: Path) -> Path:
-    where.mkdir(parents=True, exist_ok=True)
-    for number, name in enumerate(names):
-        (where / name).write_bytes(png(number))
-    return folder
+def _column(shots: Shots) -> list[dict[str, Any]]:
+    return [{"bytes": shots.picture(i), "path": None} for i in range(len(shots.clicks) + 1)]
 
 
-FORMATS: dict[str, Callable[[Path], Path]] = {
+FORMATS: dict[str, Callable[..., Path]] = {
     "agentnet": agentnet,
     "anthropic": anthropic,
     "jsonl": jsonl,
@@ -243,3 +353,4 @@ FORMATS: dict[str, Callable[[Path], Path]] = {
     "ui_tars_1.5": ui_tars_15,
     "webvoyager": webvoyager,
 }
+TABLES: dict[str, Callable[..., Path]] = {"chat_code": chat_code, "chat_calls": chat_calls, "boxes": boxes}
