@@ -1,13 +1,11 @@
 """The embedded desktop in figures: start, reset, memory, pictures, input, tree; run it as root.
 
 `--cycles N` adds N rounds of up, reset, down and says what they left behind; `--parallel N` drives N desktops at once;
-`--guest URL` measures an OSWorld guest beside it, such as a virtual machine. `--only sizes,install` runs parts alone.
+`--only sizes,install` runs parts alone. A virtual machine beside it: `virtual_machine.py`.
 """
 
 import argparse
 import json
-import os
-import shutil
 import statistics
 import subprocess
 import tempfile
@@ -21,7 +19,6 @@ from common import machine, table
 
 from online_env.desktops.embedded import network, packages, registry
 from online_env.desktops.embedded.desktop import EmbeddedDesktop
-from online_env.desktops.http import HttpDesktop
 
 APPS = ("browser", "editor", "files", "terminal")
 UNICODE = "Grüße, naïve café, Ω≈ç√∫, 数学と日本語, Привет мир, <tags> & 'quotes' \"double\" \\ ~"
@@ -184,25 +181,6 @@ def installs() -> list[list[str]]:
     return rows
 
 
-def virtual_machine(url: str | None, runs: int) -> list[list[str]]:
-    """The same actions on an OSWorld guest at `url`; without one, why there is none here."""
-    if url is None:
-        reasons = {
-            "this machine has no /dev/kvm": not os.access("/dev/kvm", os.R_OK | os.W_OK),
-            "qemu-system-x86_64 is not installed": shutil.which("qemu-system-x86_64") is None,
-            "no guest was named (--guest http://ADDRESS:5000)": True,
-        }
-        return [["QEMU/KVM guest", "not measured: " + next(r for r, holds in reasons.items() if holds), "0", ""]]
-    with HttpDesktop(url) as guest:
-        works: list[tuple[str, Callable[[], object]]] = [
-            ("screenshot", guest.screenshot),
-            ("accessibility tree", guest.accessibility),
-            ("command (`true`)", lambda: guest.execute(["true"])),
-            ("pyautogui code", lambda: guest.run("pyautogui.moveTo(100, 200)")),
-        ]
-        return [row(f"guest at {url}: {name}", [timed(work) for _ in range(runs)]) for name, work in works]
-
-
 def traces(name: str) -> list[str]:
     """What is left of desktops whose name starts with `name`."""
     paths = [
@@ -237,8 +215,7 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=7)
     parser.add_argument("--cycles", type=int, default=0)
     parser.add_argument("--parallel", type=int, default=0)
-    parser.add_argument("--only", default="starts,resets,sizes,actions,install,vm", help="parts, with commas between")
-    parser.add_argument("--guest", help="address of an OSWorld guest to measure beside it")
+    parser.add_argument("--only", default="starts,resets,sizes,actions,install", help="parts, with commas between")
     options = parser.parse_args()
     parts: dict[str, Callable[[], list[list[str]]]] = {
         "starts": lambda: starts(options.runs),
@@ -246,7 +223,6 @@ def main() -> None:
         "sizes": sizes,
         "actions": lambda: actions(options.runs * 3 + 2),
         "install": installs,
-        "vm": lambda: virtual_machine(options.guest, options.runs),
     }
     chosen = options.only.split(",")
     if unknown := set(chosen) - set(parts) - {"none"}:

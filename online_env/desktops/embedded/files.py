@@ -41,9 +41,9 @@ def enter_root(order: Order, folder: Path) -> None:
     root = _overlays(order, folder)
     _system_mounts(root, order)
     _show(root, order)
-    _settings(root, order)
-    _install_guest_files(root)
-    _install_browser(root)
+    write_settings(root, order)
+    install_guest_files(root)
+    install_browser(root)
     _pivot(root)
 
 
@@ -192,7 +192,7 @@ def _bind_folder(source: str, target: Path, mode: int) -> None:
     kernel.bind(source, str(target), read_only=True)
 
 
-def _settings(root: Path, order: Order) -> None:
+def write_settings(root: Path, order: Order) -> None:
     account.write_account(root, passwordless_sudo=order.osworld)
     for name, text in (("resolv.conf", f"nameserver {WEB_ADDRESS}\n"), ("machine-id", f"{MACHINE_ID}\n")):
         path = root / "etc" / name
@@ -208,7 +208,7 @@ def _settings(root: Path, order: Order) -> None:
     _give(runtime, order)
 
 
-def _install_guest_files(root: Path) -> None:
+def install_guest_files(root: Path) -> None:
     """Copy the commands (`bin`) and the pyautogui module (`shim`) that the user's programs see."""
     for name in ("bin", "shim"):
         target = _folder(root / LOCAL_BIN / name)
@@ -226,7 +226,7 @@ def _install_guest_files(root: Path) -> None:
             copy.chmod(0o755 if path.is_dir() or name == "bin" else 0o644)
 
 
-def _install_browser(root: Path) -> None:
+def install_browser(root: Path) -> None:
     """Give Chromium a second name, `chrome`: OSWorld's tasks end it with `pkill chrome`, which goes by the file."""
     source = root / CHROMIUM
     if not (source / "chromium").exists():
