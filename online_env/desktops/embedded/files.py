@@ -193,6 +193,7 @@ def _bind_folder(source: str, target: Path, mode: int) -> None:
 
 
 def write_settings(root: Path, order: Order) -> None:
+    """Write who uses the desktop, its name server and its identity, and make the folders of a session."""
     account.write_account(root, passwordless_sudo=order.osworld)
     for name, text in (("resolv.conf", f"nameserver {WEB_ADDRESS}\n"), ("machine-id", f"{MACHINE_ID}\n")):
         path = root / "etc" / name
