@@ -1,7 +1,7 @@
 """The embedded desktop in figures: start, reset, memory, pictures, input, tree; run it as root.
 
-`--cycles N` adds N rounds of up, reset, down and says what they left behind; `--parallel N` drives N desktops at once;
-`--only sizes,install` runs parts alone. A virtual machine beside it: `virtual_machine.py`.
+Then `--parallel` desktops are driven at once, and `--cycles` rounds of up, reset, down are looked through for what they
+leave behind. `--only sizes,install --parallel 0 --cycles 0` runs parts alone. `virtual_machine.py` has one beside it.
 """
 
 import argparse
@@ -213,8 +213,8 @@ def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=7)
-    parser.add_argument("--cycles", type=int, default=0)
-    parser.add_argument("--parallel", type=int, default=0)
+    parser.add_argument("--cycles", type=int, default=50, help="rounds of up, reset, down")
+    parser.add_argument("--parallel", type=int, default=4, help="desktops at once")
     parser.add_argument("--only", default="starts,resets,sizes,actions,install", help="parts, with commas between")
     options = parser.parse_args()
     parts: dict[str, Callable[[], list[list[str]]]] = {
