@@ -8,6 +8,7 @@ samples whose target shows less than half, placed the share of screens that can 
 """
 
 import statistics
+import sys
 
 import numpy as np
 from common import SHARED, table
@@ -67,11 +68,9 @@ def main() -> None:
             lines.append(
                 [name, str(level), setting, *(f"{m[k]:.1%}" for k in ("covered", "visible", "hidden", "placed"))]
             )
-            print("|", " | ".join(lines[-1]), "|", flush=True)
+            print("|", " | ".join(lines[-1]), "|", file=sys.stderr, flush=True)
     count = sum(len(b) for _, _, b in rows)
-    print(
-        f"\n{len(rows)} recorded screens, {count} detected elements, {TARGETS} targets a screen, {DRAWS} draws each.\n"
-    )
+    print(f"{len(rows)} recorded screens, {count} detected elements, {TARGETS} targets a screen, {DRAWS} draws each.\n")
     print(table(["corruption", "level", "set", "changed", "target visible", "target hidden", "placed"], lines))
 
 

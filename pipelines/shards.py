@@ -62,6 +62,10 @@ class ShardRecord:
         return {**asdict(self), "rejected": list(self.rejected)}
 
 
+# For workers, which share the machine's processors already: OpenCV reads it when it is first imported.
+ONE_THREAD = {"OPENCV_FOR_THREADS_NUM": "1"}
+
+
 def shard_file(index: int) -> str:
     """Return the name of a shard; it does not hold the number of shards, which is not known until the last is done."""
     return f"{DATA}/train-{index:05d}.parquet"

@@ -16,7 +16,7 @@ from typing import Any
 
 from ..errors import BuildError
 from ..rows import Settings
-from ..shards import ShardRecord, ShardTask, build_shard
+from ..shards import ONE_THREAD, ShardRecord, ShardTask, build_shard
 
 # Tasks that wait for each worker: enough that none idles, few enough that the source is not read into memory.
 QUEUED = 2
@@ -71,6 +71,7 @@ def _check_picklable(settings: Settings) -> None:
 
 
 def _start_worker() -> None:
+    os.environ.update(ONE_THREAD)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which stops the pool
     threading.Thread(target=_exit_with_parent, daemon=True).start()
 

@@ -25,7 +25,7 @@ from ..folder import STATE
 from ..manifest import libraries
 from ..options import assets_of
 from ..rows import Settings
-from ..shards import ShardRecord, ShardTask
+from ..shards import ONE_THREAD, ShardRecord, ShardTask
 from .ray_session import data_options, session, without_warnings
 from .remote import GUIDE, TOKEN, Errand, make, soon
 
@@ -80,7 +80,7 @@ def run(
 def _errand(settings: Settings, out: Path) -> Errand:
     token = secrets.token_hex(16)
     write_atomic(out / STATE / TOKEN, token)
-    environment = {name: os.environ[name] for name in (VARIABLE,) if name in os.environ}
+    environment = ONE_THREAD | {name: os.environ[name] for name in (VARIABLE,) if name in os.environ}
     return Errand(settings, out, token, libraries(settings.detect), assets_of(settings), environment)
 
 

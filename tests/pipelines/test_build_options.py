@@ -1,6 +1,8 @@
 import hashlib
 import json
+import multiprocessing
 import os
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +11,7 @@ import pytest
 import hijack_data as hj
 from hijack_data.errors import AssetError, ConfigError, ParameterError, UnknownNameError
 from pipelines import build, open_dataset, verify
+from pipelines.engines import local
 from pipelines.errors import BuildError, SourceError
 from pipelines.readers import get_reader
 from pipelines.shards import shard_tasks
@@ -149,3 +152,17 @@ def test_a_disk_that_is_full(recording: Any, small: Any, tmp_path: Path, monkeyp
         build(recording(), tmp_path / "out", corruptions=small)
     monkeypatch.undo()
     assert build(tmp_path / "source", tmp_path / "out", corruptions=small, resume=True).total == 30
+
+
+def opencv_threads() -> int:
+    import cv2
+
+    return cv2.getNumThreads()
+
+
+@pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="on one processor OpenCV has one thread anyway")
+def test_workers_leave_the_other_processors_alone() -> None:
+    pytest.importorskip("cv2")
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(1, spawn, initializer=local._start_worker) as pool:
+        assert pool.submit(opencv_threads).result() == 1
