@@ -12,6 +12,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import httpx
@@ -193,17 +194,26 @@ def traces(name: str) -> list[str]:
     return [*map(str, paths), *lines, *(line for line in listed if f'"{name}' in line)]
 
 
+def programs() -> int:
+    """Processes on this machine, but for those of the kernel, which have no command line."""
+    count = 0
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        with suppress(OSError):
+            count += bool(path.read_bytes())
+    return count
+
+
 def cycles(count: int) -> list[list[str]]:
     """Rounds of up, reset, down; what they leave."""
     name, start = "bench-cycle", time.perf_counter()
-    processes = len(list(Path("/proc").glob("[0-9]*")))
+    processes = programs()
     for _ in range(count):
         desktop = EmbeddedDesktop.up(name=name)
         desktop.reset()
         desktop.close()
     took = time.perf_counter() - start
     left = traces(name)
-    more = len(list(Path("/proc").glob("[0-9]*"))) - processes
+    more = programs() - processes
     found = json.dumps(left) if left else "nothing"
     return [[f"{count} cycles of up, reset, down", f"{took:.0f} s", str(count), ""],
             ["left behind by them", f"{found}; processes on the machine: {more:+d}", "1", "nothing"]]  # fmt: skip
