@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: help env demo test lint bench golden clean
+.PHONY: help env demo desktop test lint bench golden clean
 
 help:  ## Show this list
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 18
@@ -19,6 +19,10 @@ $(VENV)/.ready: pyproject.toml
 
 demo: env  ## Corrupt real screens, make a gallery and build a Hugging Face dataset (into ./demo)
 	$(BIN)/python examples/demo.py --out demo
+
+desktop: env  ## A live desktop in your browser (Debian, as root: installs its packages, once)
+	$(BIN)/hijack desktop install
+	$(BIN)/hijack desktop view
 
 test: env lint  ## Lint, check the types and run the whole suite
 	$(BIN)/python -m pytest -q -n auto --ignore tests/online

@@ -188,11 +188,27 @@ def record(name: str | None, **options: Any) -> None:
 @click.argument("name", required=False)
 @click.option("--port", default=0, help="Port on the loopback interface; any free one if 0.")
 def view(name: str | None, port: int) -> None:
-    """Show desktop NAME live in a browser, with mouse and keyboard; ends with Ctrl-C."""
+    """Show desktop NAME live in a browser, with mouse and keyboard; ends with Ctrl-C.
+
+    Where none runs, one is started that ends with this command.
+    """
     from .desktops.embedded.view import serve
 
-    with attach(name) as present:
+    with attach(name) if name or _any_runs() else _own() as present:
         serve(present.record, port, click.echo)
+
+
+def _any_runs() -> bool:
+    from .desktops.embedded import registry
+
+    return bool(registry.records())
+
+
+def _own() -> Any:
+    from .desktops.embedded.desktop import EmbeddedDesktop
+
+    click.echo("no desktop runs: starting one, which ends with this command")
+    return EmbeddedDesktop.up()
 
 
 def _choose(name: str | None) -> dict[str, Any]:

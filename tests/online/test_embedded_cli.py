@@ -12,7 +12,12 @@ from urllib.parse import parse_qs, urlsplit
 
 import httpx
 import pytest
+from click.testing import CliRunner
 from PIL import Image
+
+from online_env import cli
+from online_env.desktops.embedded import registry, view
+from online_env.desktops.embedded.desktop import EmbeddedDesktop
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 
@@ -79,6 +84,22 @@ def test_documented_python_works(embedded_machine, page, printed):
     assert done.returncode == 0, done.stderr
     assert printed in done.stdout
     assert "False" not in done.stdout
+
+
+def test_view_starts_a_desktop_where_none_runs(embedded_machine, monkeypatch):
+    shown = []
+
+    def look(record, port, say):
+        with EmbeddedDesktop.attach(record["id"]) as there:
+            shown.append((record["id"], there.screenshot().shape, port))
+
+    monkeypatch.setattr(cli, "_any_runs", lambda: False)  # other tests have theirs
+    monkeypatch.setattr(view, "serve", look)
+    done = CliRunner().invoke(cli.desktop, ["view", "--port", "7777"], catch_exceptions=False)
+    assert "starting one, which ends with this command" in done.output
+    [(name, shape, port)] = shown
+    assert (shape, port) == ((1080, 1920, 3), 7777)
+    assert registry.load(name) is None
 
 
 @pytest.fixture
