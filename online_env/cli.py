@@ -194,8 +194,9 @@ def view(name: str | None, port: int) -> None:
     """
     from .desktops.embedded.view import serve
 
-    with attach(name) if name or _any_runs() else _own() as present:
-        serve(present.record, port, click.echo)
+    lasting = name is not None or _any_runs()
+    with attach(name) if lasting else _own() as present:
+        serve(present.record, port, click.echo, lasting)
 
 
 def _any_runs() -> bool:
@@ -207,7 +208,7 @@ def _any_runs() -> bool:
 def _own() -> Any:
     from .desktops.embedded.desktop import EmbeddedDesktop
 
-    click.echo("no desktop runs: starting one, which ends with this command")
+    click.echo("no desktop runs: starting one")
     return EmbeddedDesktop.up()
 
 

@@ -89,16 +89,16 @@ def test_documented_python_works(embedded_machine, page, printed):
 def test_view_starts_a_desktop_where_none_runs(embedded_machine, monkeypatch):
     shown = []
 
-    def look(record, port, say):
+    def look(record, port, say, lasting):
         with EmbeddedDesktop.attach(record["id"]) as there:
-            shown.append((record["id"], there.screenshot().shape, port))
+            shown.append((record["id"], there.screenshot().shape, port, lasting))
 
     monkeypatch.setattr(cli, "_any_runs", lambda: False)  # other tests have theirs
     monkeypatch.setattr(view, "serve", look)
     done = CliRunner().invoke(cli.desktop, ["view", "--port", "7777"], catch_exceptions=False)
-    assert "starting one, which ends with this command" in done.output
-    [(name, shape, port)] = shown
-    assert (shape, port) == ((1080, 1920, 3), 7777)
+    assert "no desktop runs: starting one" in done.output
+    [(name, *seen)] = shown
+    assert seen == [(1080, 1920, 3), 7777, False]
     assert registry.load(name) is None
 
 

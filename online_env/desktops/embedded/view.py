@@ -133,11 +133,12 @@ class _Handler(BaseHTTPRequestHandler):
         """Say nothing: the address holds the token."""
 
 
-def serve(record: dict[str, Any], port: int, say: Callable[[str], object]) -> None:
-    """Show a desktop until Ctrl-C; `say` is told the address."""
+def serve(record: dict[str, Any], port: int, say: Callable[[str], object], lasting: bool = True) -> None:
+    """Show a desktop until Ctrl-C; `say` is told the address, and whether the desktop goes on after that."""
+    end = "the page, not the desktop" if lasting else "the page and its desktop"
     with Viewer(record, port) as viewer:
-        say(f"watch desktop {record['id']} at {viewer.url}  (Ctrl-C ends the page, not the desktop)")
+        say(f"watch desktop {record['id']} at {viewer.url}  (Ctrl-C ends {end})")
         try:
             viewer.serve_forever()
         except KeyboardInterrupt:
-            say("the page has ended; the desktop goes on")
+            say("the page has ended" + ("; the desktop goes on" if lasting else ", and the desktop ends with it"))
