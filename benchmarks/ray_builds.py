@@ -27,7 +27,7 @@ RUNS = 3
 CASES = (("ray", 1), ("ray", 2), ("local", 1), ("local", 2))
 
 
-def main(trajectories: int = 20) -> None:
+def main(trajectories: int = 40) -> None:
     """Print both tables."""
     with tempfile.TemporaryDirectory(dir="/dev/shm" if os.path.isdir("/dev/shm") else None) as name:
         folder = Path(name)

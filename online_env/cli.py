@@ -15,7 +15,7 @@ import click
 from hijack_data.errors import ParameterError
 
 from .corrupting import corrupt
-from .errors import DesktopError, UnknownDesktopError
+from .errors import DesktopError
 
 SIZE_HELP = "Screen as WIDTHxHEIGHT in pixels."
 
@@ -99,6 +99,8 @@ def shot(name: str | None, output: Path) -> None:
     """Save a screenshot of desktop NAME (the only one, if not given)."""
     from PIL import Image
 
+    from .desktops.embedded.running import attach
+
     with attach(name) as present:
         picture = Image.fromarray(present.screenshot())
     picture.save(output, "PNG")
@@ -111,6 +113,8 @@ def shot(name: str | None, output: Path) -> None:
 @click.option("--shell", is_flag=True, help="CODE is a shell command, not pyautogui code.")
 def run(code: str, name: str | None, shell: bool) -> None:
     """Run pyautogui CODE on a desktop, such as 'pyautogui.click(100, 200)'."""
+    from .desktops.embedded.running import attach
+
     with attach(name) as present:
         result = present.execute(code) if shell else present.run(code)
     click.echo(result.output, nl=False)
@@ -147,13 +151,14 @@ def down(name: str | None, everything: bool, orphans: bool) -> None:
     """End desktop NAME (the only one, if not given) and remove all of it."""
     from .desktops.embedded import registry
     from .desktops.embedded.plain import SetupError
+    from .desktops.embedded.running import choose
 
     if orphans:
         chosen = registry.orphans()
     elif everything:
         chosen = [*registry.records(), *(r for r in registry.orphans() if registry.load(r["id"]) is None)]
     else:
-        chosen = [_choose(name)]
+        chosen = [choose(name)]
     for record in {r["id"]: r for r in chosen}.values():
         try:
             registry.remove(record)
@@ -192,6 +197,7 @@ def view(name: str | None, port: int) -> None:
 
     Where none runs, one is started that ends with this command.
     """
+    from .desktops.embedded.running import attach
     from .desktops.embedded.view import serve
 
     lasting = name is not None or _any_runs()
@@ -210,26 +216,6 @@ def _own() -> Any:
 
     click.echo("no desktop runs: starting one")
     return EmbeddedDesktop.up()
-
-
-def _choose(name: str | None) -> dict[str, Any]:
-    """The record of `name`, or of the only desktop there is."""
-    from .desktops.embedded import registry
-
-    records = {record["id"]: record for record in registry.records()}
-    if name is None and len(records) == 1:
-        return next(iter(records.values()))
-    if name not in records:
-        known = ", ".join(records) or "none"
-        others = "" if os.geteuid() == 0 else "; those of root: sudo hijack desktop list"
-        raise UnknownDesktopError(f"say which desktop: {name!r} is not one of them; there are: {known}{others}")
-    return records[name]
-
-
-def attach(name: str | None) -> Any:
-    from .desktops.embedded.desktop import EmbeddedDesktop
-
-    return EmbeddedDesktop.attach(_choose(name)["id"])
 
 
 def _size(text: str) -> tuple[int, int]:

@@ -183,8 +183,8 @@ def corrupt(
 
     Prints what the probe saw on the machine. Exit code 1: the probe is false, or something could not be taken back.
     """
-    from .cli import attach
     from .desktops.embedded.registry import folder
+    from .desktops.embedded.running import attach
 
     if name is None and not undo:
         raise click.UsageError("give the NAME of a corruption (hijack list), or --undo")

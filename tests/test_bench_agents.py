@@ -14,6 +14,7 @@ pytest.importorskip("lxml", reason="needs the extra [online]")
 
 from online_env import tasks
 from online_env.bench import agents
+from online_env.bench.agent import Privileged
 from online_env.bench.episodes import play
 from online_env.bench.jobs import Job
 from online_env.bench.oracle import Oracle
@@ -160,8 +161,8 @@ def test_do_nothing_outwaits_every_corruption_of_the_paper():
 
 def test_names():
     assert agents.names() == ("oracle", "do_nothing")
-    assert isinstance(agents.make("oracle"), agents.Privileged)
-    assert not isinstance(agents.make("do_nothing"), agents.Privileged)
+    assert isinstance(agents.make("oracle"), Privileged)
+    assert not isinstance(agents.make("do_nothing"), Privileged)
     with pytest.raises(UnknownNameError, match="did you mean 'oracle'"):
         agents.make("oracl")
 

@@ -11,7 +11,8 @@ from .. import tasks
 from ..env import CorruptedEnv, SmallTasks
 from ..env.log import slug_of
 from ..errors import DesktopError, MissingCapabilityError
-from .agents import Agent, Privileged, make
+from .agent import Agent, Privileged
+from .agents import make
 from .config import Bench
 from .jobs import Job
 from .records import Record

@@ -17,7 +17,7 @@ from hijack_data.types import Size, UInt8Array
 from ..desktops.protocol import Capability, Desktop, RunResult
 from ..errors import DesktopError
 from ..tasks import Task
-from .agents import DONE, FAIL, Observation
+from .agent import DONE, FAIL, Observation
 
 PATIENCE = 300.0  # s until the solution has its next action; it waits 20 s for what does not come
 ENDING = 30.0  # s until a solution that looks for something has noticed that the episode is over

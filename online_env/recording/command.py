@@ -44,8 +44,8 @@ def _refuse(why: str, **given: object) -> None:
 
 
 def _video(name: str | None, output: Path, seconds: float | None) -> int:
-    from ..cli import attach
     from ..desktops.embedded.recording import record
+    from ..desktops.embedded.running import attach
 
     if not output.parent.is_dir() or output.is_dir():
         raise ParameterError(f"-o {output}: the video is a file, in a folder that exists")
@@ -97,7 +97,7 @@ def _person(
 @contextlib.contextmanager
 def _desktop(name: str | None, size: Size) -> Iterator[EmbeddedDesktop]:
     """Desktop `name`, or one of our own."""
-    from ..cli import attach
+    from ..desktops.embedded.running import attach
 
     with attach(name) if name else EmbeddedDesktop.up(size=size) as desktop:
         yield desktop

@@ -4,7 +4,7 @@ Each kind of folder has an adapter (`datasets.py`, `runs.py`) with the attribute
 `index.py` filters and counts, `answers.py` says what the page asks for, `server.py` speaks HTTP.
 """
 
+from .opening import open_source
 from .server import ViewServer, serve
-from .source import open_source
 
 __all__ = ["ViewServer", "open_source", "serve"]

@@ -2,8 +2,8 @@
 
 import click
 
+from .opening import open_source
 from .server import serve
-from .source import open_source
 
 
 @click.command()

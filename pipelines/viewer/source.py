@@ -1,17 +1,13 @@
 """What can be looked at: a dataset or a run, behind one set of attributes and methods."""
 
 import json
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Protocol
 
 from hijack_data.gallery.markup import pretty
-from hijack_data.run_log import EPISODES, RUN
 from hijack_data.types import Box, UInt8Array
 
-from ..errors import DatasetError
 from .index import Index
 
 Fields = list[tuple[str, str]]
@@ -69,24 +65,6 @@ class Source(Protocol):
     def picture(self, row: int, before: bool) -> UInt8Array:
         """Return the picture of a row, or that before the corruption, uint8 `[H, W, 3]`. Raises `HijackError`."""
         ...
-
-
-def open_source(folder: str | os.PathLike[str]) -> Source:
-    """Open a dataset or a run. Raises `DatasetError` when the folder is neither, or is not finished."""
-    path = Path(folder)
-    try:
-        if not path.is_dir():
-            raise DatasetError(f"{path}: not a folder; give a dataset (hijack build) or a run (hijack bench)")
-        is_run = (path / RUN).exists() or (path / EPISODES).is_dir()
-    except (OSError, ValueError) as error:
-        raise DatasetError(f"{path}: not a usable path ({getattr(error, 'strerror', None) or error})") from None
-    if is_run:
-        from .runs import RunSource
-
-        return RunSource(path)
-    from .datasets import DatasetSource
-
-    return DatasetSource(path)
 
 
 def text_of(value: object) -> str:
