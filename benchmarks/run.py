@@ -16,6 +16,7 @@ SCRIPTS = {
     "levels": "Severity levels, measured",
     "proof": "Is the augmentation worth using?",
     "online": "The embedded desktop",
+    "install_times": "Installing the embedded desktop",
     "virtual_machine": "A virtual machine beside the embedded desktop",
     "effects": "Effects on a live desktop",
     "live_steps": "Corruptions on a live desktop, step by step",
