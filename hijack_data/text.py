@@ -79,9 +79,11 @@ def largest_fitting(lines: Sequence[str], font: str, width: int, height: int, hi
 
 @lru_cache(maxsize=1024)
 def _largest_fitting(lines: tuple[str, ...], font: str, width: int, height: int, high: int, low: int) -> int | None:
-    if low <= high and _fits(lines, font, high, width, height):  # the common case, and one measurement
+    if low > high:
+        return None
+    if _fits(lines, font, high, width, height):  # the common case, and one measurement
         return high
-    if low > high or not _fits(lines, font, low, width, height):
+    if not _fits(lines, font, low, width, height):
         return None
     while low < high:
         middle = (low + high + 1) // 2

@@ -162,6 +162,11 @@ class Action:
         """The point that the action aims at, or `None`."""
         return None if self.x is None or self.y is None else (self.x, self.y)
 
+    @property
+    def end(self) -> Point | None:
+        """The point at which a drag ends, or `None`."""
+        return None if self.x2 is None or self.y2 is None else (self.x2, self.y2)
+
 
 @dataclass(frozen=True)
 class Step:

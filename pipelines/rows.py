@@ -142,7 +142,7 @@ def _checked(variant: Variant, label: str, settings: Settings, tally: Tally) -> 
     if plan.ops and not changed:
         tally.skip(label, "no pixel differs from the clean picture")
         return None
-    seen = target_visible(variant.over, variant.sample.scene.target, variant.sample.end)
+    seen = target_visible(variant.over, variant.sample.scene.target, variant.sample.step.action.end)
     if plan.ops and settings.label_policy == "drop" and seen is not None and seen < VISIBLE:
         tally.dropped[label] += 1
         return None

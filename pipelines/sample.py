@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from functools import cached_property
 
-from hijack_data.types import Point, Scene, Step, Trajectory, UInt8Array
+from hijack_data.types import Scene, Step, Trajectory, UInt8Array
 
 from .images import Base
 
@@ -21,12 +21,6 @@ class Sample:
     def image(self) -> UInt8Array:
         """The screenshot as it was recorded."""
         return self.base.image
-
-    @property
-    def end(self) -> Point | None:
-        """Where the action ends, if it is a drag, in pixels of the recorded screen."""
-        action = self.step.action
-        return None if action.x2 is None or action.y2 is None else (action.x2, action.y2)
 
     @property
     def key(self) -> str:

@@ -1,10 +1,13 @@
 """Shared fixtures: real data (skipped with a reason when absent) and small pictures."""
 
 import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+from support.chromium import Browser, chromium
 
 # A shell that runs the suite in the background makes it ignore Ctrl-C, and so would every process that a test starts.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -26,6 +29,13 @@ def shared_data() -> Path:
 def noise() -> np.ndarray:
     """A 216x384 RGB picture in which no two neighbouring pixels agree."""
     return np.random.default_rng(0).integers(0, 256, (216, 384, 3), dtype=np.uint8)
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    """A headless Chromium for the tests of a module; skips where there is none."""
+    with chromium(tmp_path_factory.mktemp("chromium")) as found:
+        yield found
 
 
 @pytest.fixture

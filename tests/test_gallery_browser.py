@@ -1,6 +1,5 @@
 """The gallery page in a real browser, driven by real mouse and key events."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -10,18 +9,12 @@ from PIL import Image
 import hijack_data as hj
 from hijack_data.gallery import gallery
 
-from support.chromium import Browser, chromium
+from support.chromium import Browser
 
 PAINT = ("pop_ups", "resolution", "marks", "subtitle")
 ACT = ("multi_apps", "accidental_touch", "app_minimization", "network_error", "verification")
 OFFLINE, LIVE = len(PAINT), len(ACT)
 HOSTILE = "<img src=x onerror=alert(1)>.png"
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    with chromium(tmp_path_factory.mktemp("chromium")) as found:
-        yield found
 
 
 @pytest.fixture(scope="module")

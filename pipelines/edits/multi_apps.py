@@ -46,8 +46,7 @@ def edit(frame: Frame, effect: Effect) -> EditedStep:
 def _aimed(frame: Frame) -> Scene:
     """Return the scene with all that the action passes as its target: a drag shows from its start to its end."""
     action, target = frame.step.action, frame.scene.target
-    ends = ((action.x, action.y), (action.x2, action.y2))
-    boxes = [(x, y, x + 1, y + 1) for x, y in ends if x is not None and y is not None]
+    boxes = [(x, y, x + 1, y + 1) for x, y in filter(None, (action.point, action.end))]
     boxes += [target] if target else []
     if not boxes:
         return frame.scene

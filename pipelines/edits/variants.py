@@ -90,7 +90,8 @@ class Chooser:
 
     def _plan(self, sample: Sample, planner: Planner, number: int) -> Plan | None:
         """Return a plan for pictures under the label policy, or `None` when the target never shows."""
-        make = partial(hj.plan_avoiding, planner, end=sample.end) if self.label_policy in AVOIDING else planner.plan
+        avoid = partial(hj.plan_avoiding, planner, end=sample.step.action.end)
+        make = avoid if self.label_policy in AVOIDING else planner.plan
         return make(sample.scene, seed=self.seed, sample=sample.key, step=number)
 
     def _plain(self, sample: Sample, planner: Planner, number: int) -> Variant | None:

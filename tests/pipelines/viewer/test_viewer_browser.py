@@ -11,7 +11,7 @@ import pytest
 import hijack_data as hj
 from pipelines import build, open_dataset
 
-from support.chromium import Browser, chromium
+from support.chromium import Browser
 from support.runlog import make_run
 from support.viewing import edit, served
 
@@ -20,12 +20,6 @@ ERRORS = ("Log.entryAdded", "Runtime.exceptionThrown", "Runtime.consoleAPICalled
 PICTURES = "[...document.images].filter(i => i.offsetParent && i.getAttribute('src'))"
 STANDS = "!document.getElementById('grid').hidden || !document.getElementById('trouble').hidden"
 SHOWN = "!document.getElementById('detail').hidden && !document.querySelector('.frame.loading')"
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    with chromium(tmp_path_factory.mktemp("chromium")) as found:
-        yield found
 
 
 @pytest.fixture(scope="module")
