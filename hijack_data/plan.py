@@ -14,7 +14,8 @@ from typing import Any, TypeAlias, cast
 
 from .coords import CoordMap
 from .errors import HijackError, PlanError
-from .raster import Sprite, render
+from .raster import render
+from .sprite import Sprite
 from .types import MAX_SIDE, Point, Size, as_size
 
 FORMAT = "agenthijack-plan"

@@ -15,116 +15,31 @@ Recipes, by their `draw` key:
 
 import base64
 import binascii
-import hashlib
 import io
+import itertools
 import json
 import math
 import operator
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from functools import cached_property, partial
 from threading import Lock
-from typing import Any, TypeAlias, cast
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from PIL import Image, ImageDraw
+from PIL import Image, ImageDraw, ImageFont
 
 from .cache import Cache as _Cache
 from .errors import PlanError, suggest
 from .pack import find_asset
 from .params import rgb
-from .text import line_height, line_width, load_font
-from .types import Box, Point, UInt8Array
+from .sprite import Color, Layer, Sprite
+from .text import advances, line_height, line_width, load_font
+from .types import Box, Point, Size, UInt8Array
 
-Color: TypeAlias = tuple[int, int, int]
 CACHE_BYTES, LINE_CACHE_BYTES = 128 * 2**20, 8 * 2**20
 MAX_PIXELS, MAX_FONT_SIZE = 2**28, 4096
 MARGIN = 2  # pixels kept around a line's measured box, in case a letter leaves it
-
-
-@dataclass(frozen=True, eq=False)
-class Sprite:
-    """A picture to stamp: premultiplied, with one opacity a pixel.
-
-    A pixel `d` below it becomes `(t + (t >> 8)) >> 8` with `t = d * (255 - alpha) + paint + 128`: the exact rounding of
-    the blend, in integers.
-
-    Args:
-        alpha: opacity, uint8 `[h, w]`.
-        colors: the colours of a sprite that is opaque everywhere, uint8 `[h, w, 3]`; else `None`.
-        mixed: colour * alpha (0..65025) of any other sprite, uint16 `[h, w, 3]`; else `None`.
-        whole: the sprite that this one is a part of, if any.
-        draw: draws an opaque sprite into pixels `[h, w, 3]` of any strides, without making `colors` first.
-        scratch: where a backend keeps its own form of the sprite, such as tensors on a device.
-    """
-
-    alpha: UInt8Array
-    colors: UInt8Array | None
-    mixed: npt.NDArray[np.uint16] | None
-    whole: "Sprite | None" = None
-    draw: Callable[[UInt8Array], None] | None = None
-    scratch: dict[Any, Any] = field(default_factory=dict[Any, Any], repr=False)
-
-    @cached_property
-    def fingerprint(self) -> str:
-        """16 hexadecimal digits of the SHA-256 of the pixels, of the whole sprite for a part. Costs 1 ms for 1.5 MB."""
-        if self.whole is not None:
-            return self.whole.fingerprint
-        return _fingerprint(self.rgb) if self.rgb is not None else _fingerprint(self.alpha, self.paint)
-
-    @property
-    def opaque(self) -> bool:
-        """Whether every pixel is opaque, so that there are `rgb` colours."""
-        return self.mixed is None
-
-    @cached_property
-    def rgb(self) -> UInt8Array | None:
-        """The colours of a sprite that is opaque everywhere, uint8 `[h, w, 3]`; else `None`."""
-        if self.draw is None:
-            return self.colors
-        pixels = np.empty((*self.size, 3), np.uint8)
-        self.draw(pixels)
-        pixels.setflags(write=False)
-        return pixels
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """`(height, width)` in pixels."""
-        return self.alpha.shape[0], self.alpha.shape[1]
-
-    @property
-    def nbytes(self) -> int:
-        """Memory of the pixels; what backends keep is about as much again."""
-        return self.alpha.size * (3 if self.opaque else 7)
-
-    @cached_property
-    def paint(self) -> npt.NDArray[np.uint16]:
-        """Colour * alpha (0..65025), uint16 `[h, w, 3]`."""
-        if self.rgb is not None:
-            return self.rgb.astype(np.uint16) * 255
-        assert self.mixed is not None
-        return self.mixed
-
-    @cached_property
-    def pixels(self) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32], UInt8Array, npt.NDArray[np.uint16]]:
-        """The pixels that paint anything: `dy [n]`, `dx [n]`, `keep = 255 - alpha [n]`, `paint [n, 3]`."""
-        dy, dx = np.nonzero(self.alpha)
-        return dy.astype(np.int32), dx.astype(np.int32), 255 - self.alpha[dy, dx], self.paint[dy, dx]
-
-    @cached_property
-    def uniform(self) -> bool:
-        """Whether all painted pixels are opaque and of one colour, so that overlapping stamps need no order."""
-        _, _, keep, paint = self.pixels
-        return bool((keep == 0).all() and (paint == paint[:1]).all())
-
-    def crop(self, top: int, left: int, bottom: int, right: int) -> "Sprite":
-        """Return the part of the sprite inside these bounds."""
-        part = (slice(top, bottom), slice(left, right))
-        rgb = None if self.rgb is None else self.rgb[part]
-        mixed = None if self.mixed is None else self.mixed[part]
-        return Sprite(self.alpha[part], rgb, mixed, self.whole or self)
 
 
 _cache = _Cache(CACHE_BYTES)
@@ -171,25 +86,8 @@ def _check_area(width: int, height: int) -> None:
         raise PlanError(f"plan: a sprite of {width}x{height} pixels; it must hold 1 to {MAX_PIXELS}")
 
 
-def _fingerprint(*arrays: npt.NDArray[Any]) -> str:
-    digest = hashlib.sha256()
-    for array in arrays:
-        digest.update(cast(Any, np.ascontiguousarray(array)))
-    return digest.hexdigest()[:16]
-
-
-def _opaque(rgb: UInt8Array) -> Sprite:
-    rgb.setflags(write=False)
-    alpha = np.broadcast_to(np.uint8(255), rgb.shape[:2])
-    return Sprite(alpha, rgb, None)
-
-
-def _blended(alpha: UInt8Array, paint: npt.NDArray[np.uint16]) -> Sprite:
-    if (alpha == 255).all():
-        return _opaque((paint // 255).astype(np.uint8))
-    alpha.setflags(write=False)
-    paint.setflags(write=False)
-    return Sprite(alpha, None, paint)
+def _whole(array: npt.NDArray[Any]) -> Box:
+    return 0, 0, array.shape[1], array.shape[0]
 
 
 def _mark(recipe: Mapping[str, Any]) -> Sprite:
@@ -206,7 +104,7 @@ def _mark(recipe: Mapping[str, Any]) -> Sprite:
         case other:
             raise PlanError(f"plan: unknown mark shape {other!r}{suggest(other, ('star', 'circle', 'rectangle'))}")
     alpha = np.array(mask)
-    return _blended(alpha, alpha[..., None].astype(np.uint16) * np.array(rgb(recipe["color"]), np.uint16))
+    return Sprite.of_layer(Layer(_whole(alpha), (alpha,), (rgb(recipe["color"]),)))
 
 
 def _star_points(size: int) -> list[tuple[float, float]]:
@@ -226,69 +124,82 @@ def _font_size(value: Any) -> int:
     return int(value)
 
 
-def _masks(recipe: Mapping[str, Any]) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
-    """Return the fill and the outline coverage of centred lines, int32 `[h, w]`, 0..255."""
+def _masks(recipe: Mapping[str, Any]) -> tuple[UInt8Array, UInt8Array]:
+    """Return the fill and the outline coverage of centred lines, uint8 `[h, w]`."""
     font, edge = load_font(recipe["font"], _font_size(recipe["size"])), int(recipe.get("edge", 0))
     step = line_height(font) + 2 * edge
     widths = [math.ceil(font.getlength(line)) + 2 * edge for line in recipe["lines"]]
     box = max(1, *widths, 1), max(1, step * len(widths))
-    masks: list[npt.NDArray[np.int32]] = []
+    masks: list[UInt8Array] = []
     for stroke in (0, edge):
         image = _canvas("L", *box)
         draw = ImageDraw.Draw(image)
         for row, (line, width) in enumerate(zip(recipe["lines"], widths, strict=True)):
             at = ((box[0] - width) // 2 + edge, row * step + edge)
             draw.text(at, line, fill=255, font=font, stroke_width=stroke)
-        masks.append(np.array(image).astype(np.int32))
+        masks.append(np.array(image))
     return masks[0], masks[1]
 
 
 def _text(recipe: Mapping[str, Any]) -> Sprite:
     fill, outline = _masks(recipe)
-    rest = (outline * (255 - fill) + 127) // 255
-    color, edge = (np.array(rgb(recipe[key]), np.int32) for key in ("color", "edge_color"))
-    paint = fill[..., None] * color + rest[..., None] * edge
-    return _blended((fill + rest).astype(np.uint8), paint.astype(np.uint16))
+    rest = ((np.multiply(outline, 255 - fill, dtype=np.uint16) + 127) // 255).astype(np.uint8)
+    colors = rgb(recipe["color"]), rgb(recipe["edge_color"])
+    return Sprite.of_layer(Layer(_whole(fill), (fill, rest), colors))
 
 
 def _window(recipe: Mapping[str, Any]) -> Sprite:
-    width, height = (int(side) for side in recipe["size"])
-    _check_area(width, height)
-    _window_parts(recipe)  # a recipe that cannot be drawn is refused here, not when it is painted
-    alpha = np.broadcast_to(np.uint8(255), (height, width))
-    return Sprite(alpha, None, None, draw=partial(_draw_window, recipe))
-
-
-def _draw_window(recipe: Mapping[str, Any], pixels: UInt8Array) -> None:
-    """Draw a window over all of `pixels`, `[h, w, 3]` of any strides."""
-    planes = _planes(pixels)
-    for fill, (x1, y1, x2, y2), lines in _window_parts(recipe):
-        for plane, channel, per in planes:
-            if x2 > x1 and y2 > y1:
-                part = plane[y1:y2, per * x1 : per * x2]
-                part[:] = _row(fill, channel, part.shape[1] // per)
-        for line, font, size, at in lines:
-            _write(planes, line, font, size, at, rgb(recipe["color"]))
-
-
-def _window_parts(recipe: Mapping[str, Any]) -> list[tuple[Color, Box, list[tuple[str, str, int, Point]]]]:
-    """Return what a window is made of, in order: a colour, the box it fills, and lines of text with their places."""
+    """A window: its edge, then panel after panel a filled box and lines of text."""
     (width, height), edge = (int(side) for side in recipe["size"]), int(recipe["edge"])
-    parts: list[tuple[Color, Box, list[tuple[str, str, int, Point]]]] = [
-        (rgb(recipe["edge_color"]), (0, 0, width, height), [])
-    ]
+    _check_area(width, height)
+    ink, around = rgb(recipe["color"]), rgb(recipe["edge_color"])
+    holes, layers = list[Box](), list[Layer]()
     for panel in recipe["panels"]:
         x1, y1, x2, y2 = (int(v) for v in panel["box"])
         size, lines = _font_size(panel["font_size"]), panel["lines"]
         font = load_font(recipe["font"], size)
         step = line_height(font)
         top = (y1 + y2 - step * len(lines)) // 2
-        lefts = [(x1 + x2 - math.ceil(line_width(line, font))) // 2 for line in lines]
-        places = [(left, top + row * step) for row, left in enumerate(lefts)]
-        texts = [(line, str(recipe["font"]), size, at) for line, at in zip(lines, places, strict=True)]
-        parts.append((rgb(panel["fill"]), _inner(x1, y1, x2, y2, edge), texts))
-    rgb(recipe["color"])
-    return parts
+        box = _inner(x1, y1, x2, y2, edge)
+        inside = box[0], box[1], min(box[2], width), min(box[3], height)
+        fill = rgb(panel["fill"])
+        if inside[0] < inside[2] and inside[1] < inside[3]:
+            layers.append(Layer(inside, colors=(fill,)))
+            holes.append(inside)
+        for row, line in enumerate(lines):
+            left = (x1 + x2 - math.ceil(line_width(line, font))) // 2
+            layers += _line((line, str(recipe["font"]), size), (left, top + row * step), ink, (height, width))
+    edges = [Layer(box, colors=(around,)) for box in _without((0, 0, width, height), holes)]
+    return Sprite((height, width), (*edges, *layers), opaque=True)
+
+
+def _without(whole: Box, holes: list[Box]) -> list[Box]:
+    """Return boxes that cover all of `whole` except the holes: what is painted over need not be filled first."""
+    left = [whole]
+    for x1, y1, x2, y2 in holes:
+        parts: list[Box] = []
+        for a1, b1, a2, b2 in left:
+            top, bottom = min(max(y1, b1), b2), max(min(y2, b2), b1)
+            if x1 >= a2 or x2 <= a1 or top >= bottom:
+                parts.append((a1, b1, a2, b2))
+                continue
+            parts += [
+                (a1, b1, a2, top),
+                (a1, bottom, a2, b2),
+                (a1, top, max(a1, x1), bottom),
+                (min(x2, a2), top, a2, bottom),
+            ]
+        left = [box for box in parts if box[0] < box[2] and box[1] < box[3]]
+    return left
+
+
+def _line(text: tuple[str, str, int], at: Point, ink: Color, size: Size) -> list[Layer]:
+    """Return the layer of a line with its corner at `at`; what sticks out of the sprite is cut off."""
+    mask, (left, top) = _line_mask(*text)
+    x, y = at[0] + left, at[1] + top
+    mask = mask[max(0, -y) : max(0, size[0] - y), max(0, -x) : max(0, size[1] - x)]
+    x, y, (h, w) = max(0, x), max(0, y), mask.shape
+    return [Layer((x, y, x + w, y + h), (mask,), (ink,))] if mask.size else []
 
 
 def _inner(x1: int, y1: int, x2: int, y2: int, edge: int) -> Box:
@@ -298,49 +209,51 @@ def _inner(x1: int, y1: int, x2: int, y2: int, edge: int) -> Box:
     return max(0, x1 + edge), max(0, y1 + edge), max(0, x2 - edge), max(0, y2 - edge)
 
 
-def _planes(pixels: UInt8Array) -> list[tuple[UInt8Array, slice, int]]:
-    """Return flat pictures to draw on, the channels in each, and bytes a pixel: one of whole lines, or one a channel.
-
-    Whole lines of bytes are drawn 20 times as fast as single pixels.
-    """
-    if pixels.strides[1:] == (3, 1):
-        return [(pixels.reshape(len(pixels), -1), slice(0, 3), 3)]
-    return [(pixels[..., c], slice(c, c + 1), 1) for c in range(3)]
-
-
-def _row(color: Color, channel: slice, width: int) -> UInt8Array:
-    return np.tile(np.array(color[channel], np.uint8), width)
-
-
-def _write(planes: list[Any], line: str, font: str, size: int, at: Point, ink: Color) -> None:
-    """Write a line over opaque pixels with its corner at `at`, as Pillow does; what sticks out is cut off."""
-    mask, (left, top) = _line_mask(line, font, size)
-    x, y = at[0] + left, at[1] + top
-    for plane, channel, per in planes:
-        rows, columns = plane.shape[0], plane.shape[1] // per
-        part = mask[max(0, -y) : max(0, rows - y), 3 * max(0, -x) : 3 * max(0, columns - x) : 3 // per]
-        below = plane[max(0, y) : max(0, y) + part.shape[0], per * max(0, x) : per * max(0, x) + part.shape[1]]
-        total = np.multiply(below, 255 - part, dtype=np.uint16)
-        total += np.multiply(part, _row(ink, channel, part.shape[1] // per), dtype=np.uint16)
-        total += 128  # at most 65153, so that 16 bits hold every step
-        total += total >> 8
-        np.right_shift(total, 8, out=below, casting="unsafe")
-
-
 def _line_mask(line: str, font: str, size: int) -> tuple[UInt8Array, Point]:
-    """Return the coverage of one line, uint8 `[h, 3 * w]`, and where its corner lies from the line's own (x, y)."""
+    """Return the coverage of one line, uint8 `[h, w]`, and where its corner lies from the line's own (x, y)."""
     key = (line, font, size)
     found = _lines.get(key)
     if found is None:
-        loaded = load_font(font, size)
-        x1, y1, x2, y2 = (int(v) for v in loaded.getbbox(line))
-        image = _canvas("L", max(1, x2 - x1) + 2 * MARGIN, max(1, y2 - y1) + 2 * MARGIN)
-        ImageDraw.Draw(image).text((MARGIN - x1, MARGIN - y1), line, fill=255, font=loaded)
-        mask = np.repeat(np.array(image), 3, axis=1)
-        mask.setflags(write=False)
-        found = mask, (x1 - MARGIN, y1 - MARGIN)
-        _lines.put(key, found, mask.nbytes)
+        found = (_set_letters(line, font, size) if len(line) > 1 else None) or _drawn_line(line, load_font(font, size))
+        found[0].setflags(write=False)
+        _lines.put(key, found, found[0].nbytes)
     return found
+
+
+def _drawn_line(line: str, font: ImageFont.FreeTypeFont) -> tuple[UInt8Array, Point]:
+    """Let Pillow draw a line."""
+    x1, y1, x2, y2 = (int(v) for v in font.getbbox(line))
+    image = _canvas("L", max(1, x2 - x1) + 2 * MARGIN, max(1, y2 - y1) + 2 * MARGIN)
+    ImageDraw.Draw(image).text((MARGIN - x1, MARGIN - y1), line, fill=255, font=font)
+    left, top, right, bottom = image.getbbox() or (0, 0, 0, 0)
+    return np.array(image)[top:bottom, left:right], (x1 - MARGIN + left, y1 - MARGIN + top)
+
+
+def _set_letters(line: str, font: str, size: int) -> tuple[UInt8Array, Point] | None:
+    """Make a line of remembered letters, as Pillow does; `None` where one would stand between two pixels."""
+    if "\n" in line:  # Pillow begins a new line
+        return None
+    starts = [0.0, *itertools.accumulate(advances(line, load_font(font, size)))][:-1]
+    if not all(start.is_integer() for start in starts):
+        return None
+    letters = [_line_mask(letter, font, size) for letter in line]
+    lefts = [int(start) + left for start, (_, (left, _)) in zip(starts, letters, strict=True)]
+    first, top = min(lefts), min(y for _, (_, y) in letters)
+    right = max(left + mask.shape[1] for left, (mask, _) in zip(lefts, letters, strict=True))
+    bottom = max(y + mask.shape[0] for mask, (_, y) in letters)
+    _check_area(max(1, right - first), max(1, bottom - top))
+    out, end = np.zeros((bottom - top, right - first), np.uint8), first
+    for left, (mask, (_, y)) in zip(lefts, letters, strict=True):
+        below = out[y - top : y - top + mask.shape[0], left - first : left - first + mask.shape[1]]
+        below[:] = mask if left >= end else _over(mask, below)
+        end = max(end, left + mask.shape[1])
+    return out, (first, top)
+
+
+def _over(mask: UInt8Array, below: UInt8Array) -> UInt8Array:
+    """Blend the coverage of a letter over that of the ones before."""
+    total = np.multiply(mask, np.uint16(255), dtype=np.uint16) + np.multiply(below, 255 - mask, dtype=np.uint16) + 128
+    return ((total + (total >> 8)) >> 8).astype(np.uint8)
 
 
 def _png(recipe: Mapping[str, Any]) -> Sprite:
@@ -359,12 +272,17 @@ def _asset(recipe: Mapping[str, Any]) -> Sprite:
         if not (0 <= x1 < x2 <= pixels.shape[1] and 0 <= y1 < y2 <= pixels.shape[0]):
             raise PlanError(f"plan: crop {recipe['crop']} leaves {recipe['id']}, {pixels.shape[1]}x{pixels.shape[0]}")
         pixels = pixels[y1:y2, x1:x2]
-    return _opaque(np.ascontiguousarray(pixels)) if pixels.shape[2] == 3 else _rgba(pixels)
+    if pixels.shape[2] == 4:
+        return _rgba(pixels)
+    return Sprite.of_layer(Layer(_whole(pixels), picture=np.ascontiguousarray(pixels)))
 
 
 def _rgba(pixels: UInt8Array) -> Sprite:
-    alpha = pixels[..., 3].copy()
-    return _blended(alpha, pixels[..., :3].astype(np.uint16) * alpha[..., None].astype(np.uint16))
+    alpha, colors = pixels[..., 3].copy(), pixels[..., :3]
+    if (alpha == 255).all():
+        return Sprite.of_layer(Layer(_whole(alpha), picture=np.ascontiguousarray(colors)))
+    paint = colors.astype(np.uint16) * alpha[..., None].astype(np.uint16)
+    return Sprite.of_layer(Layer(_whole(alpha), (alpha,), picture=paint))
 
 
 def png_recipe(rgba: UInt8Array) -> dict[str, Any]:

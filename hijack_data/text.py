@@ -53,17 +53,22 @@ def line_height(font: ImageFont.FreeTypeFont) -> int:
 
 def line_width(line: str, font: ImageFont.FreeTypeFont) -> float:
     """Width of one line in pixels: what `font.getlength(line)` gives, without calling FreeType for each new line."""
+    return sum(advances(line, font))
+
+
+def advances(line: str, font: ImageFont.FreeTypeFont) -> list[float]:
+    """How far each letter of a line moves the next one to the right, in pixels."""
     known = _advances.get(font)
     if known is None or len(known) > MAX_PAIRS:
         known = _advances[font] = {}
-    total = 0.0
+    found: list[float] = []
     for at in range(len(line)):
         pair = line[at : at + 2]  # the last one is a single letter
         advance = known.get(pair)
         if advance is None:
             advance = known[pair] = font.getlength(pair) - (font.getlength(pair[1]) if len(pair) == 2 else 0.0)
-        total += advance
-    return total
+        found.append(advance)
+    return found
 
 
 def measure(lines: Sequence[str], font: ImageFont.FreeTypeFont, edge: int = 0) -> tuple[int, int]:

@@ -18,9 +18,11 @@ import hijack_data as hj
 from hijack_data import raster, safety
 from hijack_data.backends import convert
 from hijack_data.conformance import picture, reference, scene
+from hijack_data.kernels import numpy as numpy_kernels
 from hijack_data.params import rgb
 from hijack_data.plan import Paste, Plan
 from hijack_data.raster import png_recipe, render
+from hijack_data.sprite import draw
 from hijack_data.text import FONTS, line_height, line_width, load_font
 
 LETTERS = st.text(
@@ -33,6 +35,19 @@ LETTERS = st.text(
 def test_widths_are_those_of_freetype(line, font, size):
     loaded = load_font(font, size)
     assert line_width(line, loaded) == loaded.getlength(line)
+
+
+@settings(max_examples=300, deadline=None)
+@given(LETTERS, st.sampled_from(sorted(p.stem for p in FONTS.glob("*.ttf"))), st.integers(1, 60))
+def test_lines_of_remembered_letters_are_those_that_pillow_draws(line, font, size):
+    mask, (left, top) = raster._line_mask(line, font, size)
+    loaded, at = load_font(font, size), (70, 70)
+    image = Image.new("L", (math.ceil(loaded.getlength(line)) + 200, 300))
+    expected = np.array(image)
+    ImageDraw.Draw(image).text(at, line, fill=255, font=loaded)
+    h, w = mask.shape
+    expected[at[1] + top : at[1] + top + h, at[0] + left : at[0] + left + w] = mask
+    assert np.array_equal(expected, np.array(image))
 
 
 def test_kerning_is_part_of_the_width():
@@ -81,18 +96,18 @@ def test_windows_are_those_that_pillow_draws():
         expected = whole_window(recipe)
         assert np.array_equal(render(recipe).rgb, expected), recipe
         planar = np.zeros((3, *expected.shape[:2]), np.uint8).transpose(1, 2, 0)
-        render(recipe).draw(planar)
+        draw(render(recipe).layers, planar)
         assert np.array_equal(planar, expected), recipe
 
 
-def test_a_window_is_kept_from_its_second_use_on():
+def test_a_window_is_kept_from_its_second_use_on(monkeypatch):
     plan = hj.PopUps().plan(scene((1080, 1920)), seed=7, sample="again")
     image, sprite = picture((1080, 1920)), render(plan.ops[0].sprite)
     outs = [hj.apply(plan, image)]
     assert "block-hwc" not in sprite.scratch
     outs.append(hj.apply(plan, image))
     assert "block-hwc" in sprite.scratch
-    object.__setattr__(sprite, "draw", lambda _pixels: pytest.fail("drawn once more"))
+    monkeypatch.setattr(numpy_kernels, "draw", lambda *_: pytest.fail("drawn once more"))
     outs.append(hj.apply(plan, image))
     assert all(np.array_equal(out, reference(plan, image)) for out in outs)
 

@@ -14,7 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ..plan import Paste
-from ..raster import Sprite, render
+from ..raster import render
+from ..sprite import Sprite
 from ..types import Size
 
 

@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 from jax.core import Tracer
 
-from ..raster import Sprite
 from ..resample import PRECISION_BITS, columns_first, weights
+from ..sprite import Sprite
 from ..types import Size
 from . import Stamp
 

@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
-from ..raster import Sprite
 from ..resample import columns_first
+from ..sprite import Sprite, draw
 from ..types import Size, UInt8Array
 from . import Stamp, compiled
 
@@ -75,9 +75,9 @@ def _ordered(array: UInt8Array, strides: tuple[int, ...]) -> UInt8Array:
 
 def _paste_opaque(part: UInt8Array, sprite: Sprite) -> None:
     """Fill `part`, `[h, w, 3]`. A window is drawn right there the first time: most are never needed again."""
-    if sprite.draw is not None and "drawn" not in sprite.scratch:
+    if len(sprite.layers) > 1 and "drawn" not in sprite.scratch:
         sprite.scratch["drawn"] = True
-        sprite.draw(part)
+        draw(sprite.layers, part)
     else:
         part[...] = _block(sprite, part.strides)
 

@@ -11,8 +11,8 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from ..raster import Sprite
 from ..resample import PRECISION_BITS, Weights, columns_first, weights
+from ..sprite import Sprite
 from ..types import Size
 from . import Stamp
 from . import numpy as cpu

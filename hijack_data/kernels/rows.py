@@ -1,0 +1,67 @@
+"""Stamps as rows of numbers: what compiled kernels, on the CPU and on a GPU, take instead of Python objects.
+
+One row, `COLUMNS` int64, is one layer of one stamp, in the order of drawing:
+
+    top, left, height, width   where it lies, in pixels, wholly inside the picture
+    kind                       FILL, INK, INKS, PICTURE or PAINT
+    a, a_pitch                 address of a mask uint8 [height, width], elements from row to row
+    b, b_pitch                 address of the second mask, or of a picture [height, width, 3]; likewise
+    a_color, b_color           0xRRGGBB
+
+`FILL` is `a_color` everywhere; `INK` is `a_color` through the mask `a`, `INKS` also `b_color` through the mask `b`, in
+one blend; `PICTURE` is the uint8 colours `b`; `PAINT` the uint16 colours * opacity `b` with the opacity `a`. With
+`keep = 255 - opacity`, a byte `d` becomes `(t + (t >> 8)) >> 8`, where `t = d * keep + colour * opacity + 128`.
+"""
+
+from collections.abc import Callable, Iterable
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from ..sprite import Color, Layer, Sprite
+from . import Stamp
+
+COLUMNS = 11
+FILL, INK, INKS, PICTURE, PAINT = range(5)
+Rows: TypeAlias = npt.NDArray[np.int64]
+Place: TypeAlias = Callable[[npt.NDArray[Any]], tuple[int, int]]  # an array to its address and its pitch in elements
+
+
+def rows_of(stamps: Iterable[Stamp], place: Place, key: object) -> Rows:
+    """Return the rows `[n, COLUMNS]` of stamps. What `place` says of a sprite is remembered in it under `key`."""
+    parts = [np.empty((0, COLUMNS), np.int64)]
+    for stamp in stamps:
+        made = stamp.sprite.scratch.get(key)
+        if made is None:
+            made = stamp.sprite.scratch[key] = _rows_of_sprite(stamp.sprite, place)
+        count = len(stamp.ys)
+        part = np.tile(made, (count, 1)) if count > 1 else made.copy()
+        part[:, 0] += stamp.ys.repeat(len(made))
+        part[:, 1] += stamp.xs.repeat(len(made))
+        parts.append(part)
+    return np.concatenate(parts) if len(parts) != 2 else parts[1]
+
+
+def _rows_of_sprite(sprite: Sprite, place: Place) -> Rows:
+    return np.array([_row(layer, place) for layer in sprite.layers], np.int64)
+
+
+def _row(layer: Layer, place: Place) -> tuple[int, ...]:
+    (x1, y1, _, _), (height, width), covers, picture = layer.box, layer.size, layer.covers, layer.picture
+    if picture is not None:
+        kind, arrays = (PAINT, (covers[0], picture)) if covers else (PICTURE, (None, picture))
+    else:
+        kind, arrays = FILL + len(covers), (*covers, None, None)[:2]
+    a, b = ((0, 0) if array is None else place(array) for array in arrays)
+    colors = [*(_packed(color) for color in layer.colors), 0, 0]
+    return y1, x1, height, width, kind, *a, *b, colors[0], colors[1]
+
+
+def _packed(color: Color) -> int:
+    return color[0] << 16 | color[1] << 8 | color[2]
+
+
+def host_place(array: npt.NDArray[Any]) -> tuple[int, int]:
+    """Where an array lies in this process's memory."""
+    return array.ctypes.data, array.strides[0] // array.itemsize
