@@ -13,6 +13,7 @@ SCRIPTS = {
     "dataset_builds": "Building and reading datasets",
     "ray_builds": "Building datasets on Ray",
     "augment": "Training-time augmentation, against other libraries",
+    "gpu": "On a GPU",
     "levels": "Severity levels, measured",
     "proof": "Is the augmentation worth using?",
     "online": "The embedded desktop",

@@ -7,11 +7,11 @@ from typing import Any, cast, overload
 import numpy as np
 from PIL import Image
 
-from .backends import JAX, NUMPY, Backend, backend_of
+from .backends import JAX, NUMPY, TORCH, Backend, backend_of
 from .corruption import size_text
 from .errors import ImageError, ImageTypeError, ParameterError, PlanError
-from .kernels import lower
-from .plan import Paste, Plan
+from .kernels import Stamp, lower
+from .plan import Paste, Plan, Resample
 from .types import Size
 
 
@@ -58,6 +58,8 @@ def apply(plan: Plan | Sequence[Plan], image: Any, *, inplace: bool = False) -> 
         result: Any = apply(each if lead else each[0], host)
         take = backend.kernels.from_host
         return [take(one) for one in cast("list[Any]", result)] if isinstance(result, list) else take(result)
+    if backend is TORCH and TORCH.kernels.together(image):
+        return _apply_on_device(each, image, lead, inplace)
     if not lead:
         return _apply_one(backend, each[0], image, inplace)
     return _apply_batch(backend, each, image, lead, inplace)
@@ -134,19 +136,68 @@ def _apply_batch(backend: Backend, plans: list[Plan], batch: Any, lead: tuple[in
     return backend.stack(results, lead) if same else results
 
 
+def _apply_on_device(plans: list[Plan], batch: Any, lead: tuple[int, ...], inplace: bool) -> Any:
+    """Run plans on torch pictures that are not on the CPU: those of a batch together."""
+    changed = next((plan for plan in plans if plan.out_size != plan.size), None)
+    if inplace and changed is not None:
+        raise ParameterError(f"inplace=True: {changed.corruption} changes the size to {size_text(changed.out_size)}")
+    out = batch if inplace or changed is not None else TORCH.copy(batch)
+    views = list(out.unbind()) if len(lead) == 1 else [out[place] for place in product(*(range(n) for n in lead))]
+    results = _run_together(plans, views, owned=changed is None)
+    if changed is None:
+        for view, result in zip(views, results, strict=True):
+            if result is not view:
+                view.copy_(result)
+        return out
+    same = len({TORCH.size(result) for result in results}) == 1
+    return (TORCH.stack(results, lead) if lead else results[0]) if same else results
+
+
+def _run_together(plans: list[Plan], images: list[Any], *, owned: bool) -> list[Any]:
+    """`_run` for pictures on one device: in turn all that is pasted up to the next resize, and all resizes."""
+    kernels, images, done = TORCH.kernels, list(images), [0] * len(plans)
+    writable = [owned] * len(plans)
+    while True:
+        work: dict[int, list[Stamp]] = {}
+        for i, plan in enumerate(plans):
+            while done[i] < len(plan.ops) and isinstance(op := plan.ops[done[i]], Paste):
+                work.setdefault(i, []).extend(_stamps(plan, done[i], op, TORCH.size(images[i])))
+                done[i] += 1
+            if not writable[i] and (i in work or not plan.ops):
+                images[i], writable[i] = TORCH.copy(images[i]), True
+        if work:
+            kernels.paste_many([images[i] for i in work], list(work.values()))
+        due = {
+            i: op
+            for i, plan in enumerate(plans)
+            if done[i] < len(plan.ops) and isinstance(op := plan.ops[done[i]], Resample)
+        }
+        if not due:
+            return images
+        resized = kernels.resample_many([images[i] for i in due], [op.size for op in due.values()])
+        for i, image in zip(due, resized, strict=True):
+            images[i], writable[i], done[i] = image, True, done[i] + 1
+
+
 def _run(backend: Backend, plan: Plan, image: Any, *, owned: bool) -> Any:
     """Run the operations of a plan; `owned` pictures may be written into, others are copied before the first write."""
     for index, op in enumerate(plan.ops):
         if isinstance(op, Paste):
-            stamps = lower(op, backend.size(image))
-            for stamp in stamps:
-                if not op.draws_as_planned(stamp.sprite):
-                    raise PlanError(_drifted(plan, index))
+            stamps = _stamps(plan, index, op, backend.size(image))
             image = backend.kernels.paste(image if owned else backend.copy(image), stamps)
         else:
             image = backend.kernels.resample(image, op.size)
         owned = True
     return image
+
+
+def _stamps(plan: Plan, index: int, op: Paste, size: Size) -> list[Stamp]:
+    """Return the stamps of a plan's operation. Raises `PlanError` where it would not draw what was planned."""
+    stamps = lower(op, size)
+    for stamp in stamps:
+        if not op.draws_as_planned(stamp.sprite):
+            raise PlanError(_drifted(plan, index))
+    return stamps
 
 
 def _drifted(plan: Plan, index: int) -> str:

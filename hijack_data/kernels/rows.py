@@ -32,19 +32,19 @@ def rows_of(stamps: Iterable[Stamp], place: Place, key: object) -> Rows:
     """Return the rows `[n, COLUMNS]` of stamps. What `place` says of a sprite is remembered in it under `key`."""
     parts = [np.empty((0, COLUMNS), np.int64)]
     for stamp in stamps:
-        made = stamp.sprite.scratch.get(key)
-        if made is None:
-            made = stamp.sprite.scratch[key] = _rows_of_sprite(stamp.sprite, place)
-        count = len(stamp.ys)
-        part = np.tile(made, (count, 1)) if count > 1 else made.copy()
-        part[:, 0] += stamp.ys.repeat(len(made))
-        part[:, 1] += stamp.xs.repeat(len(made))
-        parts.append(part)
+        part = remembered(stamp.sprite, place, key)[None].repeat(len(stamp.ys), axis=0)
+        part[:, :, 0] += stamp.ys[:, None]
+        part[:, :, 1] += stamp.xs[:, None]
+        parts.append(part.reshape(-1, COLUMNS))
     return np.concatenate(parts) if len(parts) != 2 else parts[1]
 
 
-def _rows_of_sprite(sprite: Sprite, place: Place) -> Rows:
-    return np.array([_row(layer, place) for layer in sprite.layers], np.int64)
+def remembered(sprite: Sprite, place: Place, key: object) -> Rows:
+    """Return the rows of a sprite that lies at (0, 0); they are kept in its scratch under `key`."""
+    made = sprite.scratch.get(key)
+    if made is None:
+        made = sprite.scratch[key] = np.array([_row(layer, place) for layer in sprite.layers], np.int64)
+    return made
 
 
 def _row(layer: Layer, place: Place) -> tuple[int, ...]:

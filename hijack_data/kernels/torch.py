@@ -1,9 +1,11 @@
 """torch kernels: uint8 `[3, H, W]`, any memory format, any device.
 
-On the CPU a tensor's memory is handed to the NumPy kernels without a copy. `paste_ops` and `resample_ops` are what
-other devices run; they use tensor operations only, and the conformance suite runs them on the CPU as well.
+On the CPU a tensor's memory is handed to the NumPy kernels without a copy. On a GPU with Triton all pictures of a batch
+are stamped in one launch and resized in two (`device`). Any other device runs `paste_ops` and `resample_ops`, which are
+tensor operations only; the conformance suite runs them on the CPU as well.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +16,7 @@ from torch import Tensor
 from ..resample import PRECISION_BITS, Weights, columns_first, weights
 from ..sprite import Sprite
 from ..types import Size
-from . import Stamp
+from . import Stamp, device
 from . import numpy as cpu
 
 
@@ -37,18 +39,35 @@ def empty_like(image: Tensor) -> Tensor:
 
 
 def paste(image: Tensor, stamps: list[Stamp]) -> Tensor:
-    """Stamp sprites into `image`, in order, in place; return it."""
-    if image.device.type != "cpu":
-        return paste_ops(image, stamps)
+    """Stamp sprites into `image`, which is on the CPU, in order, in place; return it."""
     cpu.paste(image.permute(1, 2, 0).numpy(), stamps)
     return image
 
 
 def resample(image: Tensor, size: Size) -> Tensor:
-    """Resize to `size` (height, width); a new tensor."""
-    if image.device.type != "cpu":
-        return resample_ops(image, size)
+    """Resize `image`, which is on the CPU, to `size` (height, width); a new tensor."""
     return _tensor(cpu.resample(image.permute(1, 2, 0).numpy(), size)).permute(2, 0, 1)
+
+
+def together(image: Tensor) -> bool:
+    """Tell whether the pictures of a batch are run together: on any device but the CPU."""
+    return image.device.type != "cpu"
+
+
+def paste_many(images: Sequence[Tensor], stamps: Sequence[list[Stamp]]) -> None:
+    """`paste` for pictures on one device, each with stamps of its own."""
+    if device.runs_on(images[0].device):
+        device.paste_many(images, stamps)
+        return
+    for image, each in zip(images, stamps, strict=True):
+        paste_ops(image, each)
+
+
+def resample_many(images: Sequence[Tensor], sizes: Sequence[Size]) -> list[Tensor]:
+    """`resample` for pictures on one device, each to a size of its own."""
+    if device.runs_on(images[0].device):
+        return device.resample_many(images, sizes)
+    return [resample_ops(image, size) for image, size in zip(images, sizes, strict=True)]
 
 
 def paste_ops(image: Tensor, stamps: list[Stamp]) -> Tensor:
