@@ -1,5 +1,7 @@
 """Elements found in the picture itself: on drawn screens whose elements are known, and on real screenshots."""
 
+import hashlib
+import json
 import time
 from pathlib import Path
 
@@ -14,7 +16,8 @@ from hijack_data.elements.detector import MAX_PARTS
 
 cv2 = pytest.importorskip("cv2", reason="needs the extra 'vision'")
 
-FONT = Path(__file__).resolve().parent.parent / "hijack_data" / "fonts" / "DejaVuSans.ttf"
+ROOT = Path(__file__).resolve().parent.parent
+FONT = ROOT / "hijack_data" / "fonts" / "DejaVuSans.ttf"
 INK = {"white": ((250, 250, 250), (20, 20, 20), (225, 225, 225)), "dark": ((30, 30, 30), (230, 230, 230), (55, 55, 55))}
 
 
@@ -190,6 +193,38 @@ def test_known_elements_of_real_screens_are_covered(shared_data: Path, name: str
         common = np.maximum(overlap, 0).prod(1)
         union = (found.boxes[:, 2:] - found.boxes[:, :2]).prod(1) + (x2 - x1) * (y2 - y1) - common
         assert (common / union).max() > 0.45, f"{what}: best IoU {(common / union).max():.2f}"
+
+
+# How many elements, and a hash of them. The plans of stored datasets depend on every box and on their order, so these
+# change only with the pictures. The recordings are ours, and may be made anew; the screens are not.
+RECORDED = {
+    "multiply-00.png": (11, "7161dacb7fe36a49"),
+    "multiply-06.png": (41, "f850b1abf76373d8"),
+    "notes-03.png": (45, "e787d75c31618f57"),
+    "rename-02.png": (43, "0bdc3d8bc8ca9391"),
+}
+SCREENS = {
+    "180_ShowUI_0730d43001da36204b8cb9495b61308.png": (42, "03e79339b1e07c67"),
+    "183_OmniParser_excel.png": (205, "7df237a891e9e139"),
+    "169_ScaleCUA_finder.png": (98, "a63e174ea76fa485"),
+}
+
+
+def pinned(file: Path) -> tuple[int, str]:
+    with Image.open(file) as image:
+        found = boxes_from_picture(image.convert("RGB"))
+    said = json.dumps([found.boxes.tolist(), found.roles])
+    return len(found), hashlib.sha256(said.encode()).hexdigest()[:16]
+
+
+@pytest.mark.parametrize("name", sorted(RECORDED))
+def test_elements_of_our_recordings_stay_as_they_are(name: str) -> None:
+    assert pinned(ROOT / "examples" / "recordings" / "images" / name) == RECORDED[name]
+
+
+@pytest.mark.parametrize("name", sorted(SCREENS))
+def test_elements_of_real_screens_stay_as_they_are(shared_data: Path, name: str) -> None:
+    assert pinned(shared_data / "screenshots" / name) == SCREENS[name]
 
 
 def test_the_number_of_threads_changes_nothing(shared_data: Path) -> None:

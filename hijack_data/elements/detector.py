@@ -16,6 +16,7 @@ import numpy.typing as npt
 from ..errors import MissingDependencyError
 from ..types import BoxArray, UInt8Array, clip_boxes
 from .base import Elements, image_pixels
+from .masks import Parts, straight
 
 # Larger pictures are shrunk by a whole factor before anything else.
 MAX_PIXELS = 5_000_000
@@ -30,6 +31,8 @@ LONG = 110
 MAX_THINGS, MAX_THINGS_WIDE = 4, 2
 # A picture of noise or of a fine pattern has no end of parts: of more than this, the largest are kept.
 MAX_PARTS = 3000
+# So many boxes at once are compared with all others.
+BLOCK = 256
 
 
 def boxes_from_picture(image: object) -> Elements:
@@ -87,8 +90,8 @@ class _Finder:
 
     def __post_init__(self) -> None:
         cv2 = self.cv2
-        change = cv2.morphologyEx(self.image, cv2.MORPH_GRADIENT, _block(2, 2))
-        self.change = cv2.max(cv2.max(change[..., 0], change[..., 1]), change[..., 2])
+        red, green, blue = (cv2.morphologyEx(c, cv2.MORPH_GRADIENT, _block(2, 2)) for c in cv2.split(self.image))
+        self.change = cv2.max(cv2.max(red, green), blue)
         self.height, self.width = self.image.shape[:2]
 
     def units(self, pixels: float) -> int:
@@ -98,14 +101,12 @@ class _Finder:
 
     def things(self) -> BoxArray:
         """Lines of text, icons and small pictures: `[N, 4]` boxes."""
-        cv2 = self.cv2
-        count, labels, stats, _ = cv2.connectedComponentsWithStats(self._edges(STRONG), connectivity=8)
-        scenery = self._scenery(stats)
-        rules = self._rules(_mask(~scenery, labels))
-        ruled = np.bincount(labels[rules > 0], minlength=count) > 0
-        whole = ~scenery & ~ruled & self._whole(stats)
-        rest = cv2.subtract(_mask(~scenery & ~whole, labels), rules)
-        return np.concatenate([self._boxes(stats[whole]), self._joined(rest, rules)])
+        parts = Parts(self.cv2, self._edges(STRONG), 8)
+        scenery = self._scenery(parts)
+        rules = straight(self.cv2, parts.without(scenery), self.units(LONG) | 1)
+        whole = ~scenery & ~parts.touching(rules) & self._whole(parts)
+        rest = self.cv2.subtract(parts.without(scenery | whole), rules)
+        return np.concatenate([self._boxes(parts, whole), self._joined(rest, rules)])
 
     def _joined(self, edges: UInt8Array, rules: UInt8Array) -> BoxArray:
         """Boxes of the small parts, letters above all, once the gaps between them are closed."""
@@ -114,57 +115,43 @@ class _Finder:
         # Without a margin, OpenCV would close the gap to the edge of the screen too.
         edges = cv2.copyMakeBorder(edges, high, high, wide, wide, cv2.BORDER_CONSTANT, value=0)
         closed = cv2.morphologyEx(edges, cv2.MORPH_CLOSE, _block(wide, high))[high:-high, wide:-wide]
-        count, labels, stats, _ = cv2.connectedComponentsWithStats(closed, connectivity=8)
-        _, _, w, h, area = stats.T
-        fits = (h > units(6)) & (w > units(2)) & (area >= units(4) ** 2)
+        parts = Parts(cv2, closed, 8)
+        w, h = parts.w, parts.h
+        fits = (h > units(6)) & (w > units(2)) & (parts.area >= units(4) ** 2)
         fits &= (w > units(4)) | (h <= units(24))  # else a piece of a rule
         fits &= (h <= units(48)) | ((h <= MAX_HEIGHT * self.height) & (w <= MAX_WIDTH * self.width))
-        at_rule = np.bincount(labels[cv2.dilate(rules, _block(3, 3)) > 0], minlength=count) > 0
+        at_rule = parts.touching(cv2.dilate(rules, _block(3, 3)))
         fits &= ~(at_rule & (np.maximum(w, h) <= units(20)))  # else the corner of a frame
-        fits[0] = False  # the background
-        return self._boxes(stats[fits])
+        return self._boxes(parts, fits)
 
-    def _boxes(self, stats: BoxArray) -> BoxArray:
+    def _boxes(self, parts: Parts, wanted: npt.NDArray[np.bool_]) -> BoxArray:
         """Boxes of edges: an edge is marked on the pixel after it, hence one less to the right and below."""
-        x, y, w, h, _ = stats.T
-        pad = self.units(1)
-        return np.stack([x - pad, y - pad, x + w - 1 + pad, y + h - 1 + pad], 1)
+        x, y, w, h, pad = parts.x, parts.y, parts.w, parts.h, self.units(1)
+        return np.stack([x - pad, y - pad, x + w - 1 + pad, y + h - 1 + pad], 1)[wanted].astype(np.int32)
 
-    def _whole(self, stats: BoxArray) -> npt.NDArray[np.bool_]:
+    def _whole(self, parts: Parts) -> npt.NDArray[np.bool_]:
         """Outlines that are an element as they are, a button or an icon: joined to nothing, not even to each other."""
-        _, _, w, h, area = stats.T
+        w, h, area = parts.w, parts.h, parts.area
         outline = (w >= self.units(40)) & (h >= self.units(18)) & (area < 0.25 * w * h)
         return outline & (w <= MAX_WIDTH * self.width) & (h <= MAX_HEIGHT * self.height)
 
-    def _scenery(self, stats: BoxArray) -> npt.NDArray[np.bool_]:
-        """Edges that are no element: the background, what encloses much and fills little (windows, tables), lines."""
-        _, _, w, h, area = stats.T
+    def _scenery(self, parts: Parts) -> npt.NDArray[np.bool_]:
+        """Edges that are no element: what encloses much and fills little (windows, tables), lines."""
+        w, h, area = parts.w, parts.h, parts.area
         frame = (np.maximum(w, h) > self.units(LONG)) & (h > self.units(20)) & (area < 0.2 * w * h)
         line = (np.minimum(w, h) <= self.units(3)) & (np.maximum(w, h) > self.units(40))
-        scenery = frame | line
-        scenery[0] = True
-        return scenery
+        return frame | line
 
     def controls(self) -> BoxArray:
         """Flat areas, mostly filled, as high as a button or an input: `[N, 4]` boxes with their edges."""
-        flat = self.cv2.bitwise_not(self._edges(FAINT))
-        x, y, w, h, area = self.cv2.connectedComponentsWithStats(flat, connectivity=4)[2][1:].T
+        parts = Parts(self.cv2, self.cv2.bitwise_not(self._edges(FAINT)), 4)
+        x, y, w, h = parts.x, parts.y, parts.w, parts.h
         fits = (h >= self.units(14)) & (h <= self.units(64)) & (w >= self.units(16)) & (w <= MAX_CONTROL * self.width)
-        fits &= area >= 0.45 * w * h
-        return np.stack([x - 1, y - 1, x + w, y + h], 1)[fits]
+        fits &= parts.area >= 0.45 * w * h
+        return np.stack([x - 1, y - 1, x + w, y + h], 1)[fits].astype(np.int32)
 
     def _edges(self, least: int) -> UInt8Array:
         return self.cv2.threshold(self.change, least - 1, 255, self.cv2.THRESH_BINARY)[1]
-
-    def _rules(self, edges: UInt8Array) -> UInt8Array:
-        """Straight edges of `LONG` or more, across and down. Blocks are odd: OpenCV shifts what an even one makes."""
-        cv2, long = self.cv2, self.units(LONG) | 1
-        across = cv2.morphologyEx(edges, cv2.MORPH_OPEN, _block(long, 1))
-        return cv2.max(across, cv2.morphologyEx(edges, cv2.MORPH_OPEN, _block(1, long)))
-
-
-def _mask(wanted: npt.NDArray[np.bool_], labels: BoxArray) -> UInt8Array:
-    return np.where(wanted, 255, 0).astype(np.uint8).take(labels)
 
 
 def _block(width: int, height: int) -> UInt8Array:
@@ -172,14 +159,15 @@ def _block(width: int, height: int) -> UInt8Array:
 
 
 def _largest_first(boxes: BoxArray) -> BoxArray:
-    """Sort by area, then place: the order of OpenCV's labels may depend on its threads."""
+    """Sort by area, then place: the order of connected parts may depend on OpenCV's threads."""
     x1, y1, x2, y2 = boxes.T
     return boxes[np.lexsort((x2, x1, y1, (y1 - y2) * (x2 - x1)))]
 
 
 def _inside(boxes: BoxArray, outer: BoxArray, slack: int) -> npt.NDArray[np.bool_]:
+    """Which of `boxes`, `[N, 4]`, lie in which of `outer`, `[M, 4]`: bool `[M, N]`."""
     x1, y1, x2, y2 = boxes.T
-    left, top, right, bottom = outer
+    left, top, right, bottom = outer.T[..., None]
     return (x1 >= left - slack) & (y1 >= top - slack) & (x2 <= right + slack) & (y2 <= bottom + slack)
 
 
@@ -190,8 +178,7 @@ def _select(things: BoxArray, controls: BoxArray, finder: _Finder) -> tuple[BoxA
     """
     alone = np.ones(len(things), np.bool_)
     kept: list[BoxArray] = []
-    for control in controls:
-        held = _inside(things, control, finder.units(3))
+    for control, held in zip(controls, _inside(things, controls, finder.units(3)), strict=True):
         wide = control[2] - control[0] > MAX_WIDTH * finder.width
         if alone[held].any() and held.sum() <= (MAX_THINGS_WIDE if wide else MAX_THINGS):
             kept.append(control)
@@ -206,7 +193,8 @@ def _outermost(boxes: BoxArray) -> npt.NDArray[np.intp]:
     order = np.argsort(-(boxes[:, 2:] - boxes[:, :2]).prod(1), kind="stable")
     boxes = boxes[order]
     keep = np.ones(len(boxes), np.bool_)
-    for i in range(len(boxes)):
-        if keep[i]:
-            keep[i + 1 :] &= ~_inside(boxes[i + 1 :], boxes[i], 1)
+    for first in range(0, len(boxes), BLOCK):
+        for i, held in enumerate(_inside(boxes, boxes[first : first + BLOCK], 1), first):
+            if keep[i]:
+                keep[i + 1 :] &= ~held[i + 1 :]
     return order[keep]

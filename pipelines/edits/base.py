@@ -11,12 +11,13 @@ from hijack_data.plan import Effect, Op
 from hijack_data.rng import Stream
 from hijack_data.types import Action, Box, Fidelity, Scene, Size, Step, Trajectory, UInt8Array
 
+from ..readers.screens import Screen, screen_of
+
 WAIT = Deed(Action("wait"))
-PAGE = "the pictures show a web page, not the screen around it"
-PHONE = "the pictures show a phone, not the screen of a desktop"
-# Domains that say so, in the spelling of `normalize_app`.
-PAGES = frozenset({"web_page"})
-PHONES = frozenset({"mobile", "android", "ios"})
+NO_DESKTOP: dict[Screen, str] = {
+    "web page": "the pictures show a web page, not the screen around it",
+    "phone": "the pictures show a phone, not the screen of a desktop",
+}
 
 
 class NotApplicable(HijackError):
@@ -52,14 +53,13 @@ class Frame:
     @property
     def is_page(self) -> bool:
         """Whether the pictures are what a page looks like, without the browser and the desktop around it."""
-        return self.trajectory.source == "webvoyager" or normalize_app(self.trajectory.domain) in PAGES
+        return screen_of(self.trajectory) == "web page"
 
     def check_desktop(self) -> None:
         """Raise `NotApplicable` where the pictures are known to show something else than a desktop's screen."""
-        if self.is_page:
-            raise NotApplicable(PAGE)
-        if normalize_app(self.trajectory.domain) in PHONES:
-            raise NotApplicable(PHONE)
+        reason = NO_DESKTOP.get(screen_of(self.trajectory))
+        if reason is not None:
+            raise NotApplicable(reason)
 
 
 @dataclass(frozen=True)

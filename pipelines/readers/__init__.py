@@ -7,8 +7,9 @@ import importlib
 import pkgutil
 
 from .base import Reader, Rejected, detect_format, existing, get_reader, names, register
+from .screens import RecordedTrajectory
 
-__all__ = ["Reader", "Rejected", "detect_format", "existing", "get_reader", "names", "register"]
+__all__ = ["Reader", "RecordedTrajectory", "Rejected", "detect_format", "existing", "get_reader", "names", "register"]
 
 for _module in pkgutil.iter_modules(__path__):
     importlib.import_module(f".{_module.name}", __name__)

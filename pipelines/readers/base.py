@@ -42,6 +42,7 @@ class Reader(Protocol):
 
     `read` streams: it never holds more than one trajectory. What is broken comes out as `Rejected`, the rest goes on.
     Coordinates of what it yields are pixels of the screenshot; its docstring says what they are in the recording.
+    Pictures that are no desktop's screen come in a `RecordedTrajectory`, which says so.
     """
 
     name: str

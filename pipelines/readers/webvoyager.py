@@ -13,6 +13,7 @@ from .base import Rejected, files_below, register
 from .dialects import SIZELESS, RecordedStep, code_of
 from .fields import FieldError
 from .files import inside, parse_any, relative_name, root_of, size_of
+from .screens import RecordedTrajectory
 
 RECORDS = "interact_messages.json"
 WAIT_SECONDS = 5.0  # what WebVoyager's own code waits
@@ -34,6 +35,7 @@ class WebVoyager:
 
     Coordinates: none. Actions name the number of a mark that is painted on the screenshot, and where the marks are is
     not recorded; a click is therefore `"other"`. The marks are part of the picture: it is not a plain page.
+    The browser and the desktop around the page do not show.
     """
 
     name = "webvoyager"
@@ -79,7 +81,7 @@ def _trajectory(file: Path, root: Path) -> Iterator[Trajectory | Rejected]:
     if steps:
         folder = relative_name(file.parent, root)
         own = file.parent.resolve().name if folder == "." else folder
-        yield Trajectory(own, WebVoyager.name, instruction, tuple(steps))
+        yield RecordedTrajectory(own, WebVoyager.name, instruction, tuple(steps), screen="web page")
 
 
 def _read(message: object) -> tuple[str, str]:

@@ -12,6 +12,7 @@ from PIL import Image
 import hijack_data as hj
 
 from support.assets import make_pack
+from support.events import with_apps
 
 WIDTH, HEIGHT = 320, 200
 Recording = Callable[..., Path]
@@ -88,3 +89,15 @@ def small() -> dict[str, Any]:
         "marks": hj.Marks(number=4, mark_size=8),
         "subtitle": hj.Subtitle(subtitle_text="hello", font_size=12, padding=5),
     }
+
+
+@pytest.fixture
+def browsing(recording: Any) -> Path:
+    """Two recordings of five steps in a browser."""
+    return with_apps(recording(trajectories=2, steps=5), ["chrome"])
+
+
+@pytest.fixture
+def nine(small: Any) -> dict[str, Any]:
+    """All nine, those of the picture as they fit the small screens."""
+    return {name: small.get(name, None) or hj.get(name) for name in hj.names()}

@@ -114,7 +114,7 @@ def test_an_error_page_needs_a_browser(assets: Path) -> None:
 
 @pytest.mark.parametrize("kind", ["lock", "minimise", "touch", "launch_app"])
 def test_pictures_of_a_page_show_nothing_of_the_screen(kind: str, assets: Path) -> None:
-    frame = frame_of(assets, source="webvoyager", boxes=[(10, 10, 20, 20)])
+    frame = frame_of(assets, screen="web page", boxes=[(10, 10, 20, 20)])
     with pytest.raises(NotApplicable, match="a web page, not the screen"):
         EDITS[kind](frame, Effect(kind, {"boxes": [[10, 10, 20, 20]], "app": "gimp"}))
 
@@ -122,7 +122,7 @@ def test_pictures_of_a_page_show_nothing_of_the_screen(kind: str, assets: Path) 
 @pytest.mark.parametrize("size", [(260, 400), (200, 320), (260, 70), (60, 400), (330, 400), (400, 520), (300, 320)])
 def test_a_page_is_cut_or_continued_by_its_own_background(size: tuple[int, int], assets: Path) -> None:
     """A page of that size with the same content in its middle is what comes out, pixel by pixel."""
-    found, picture = edit("firewall", assets, size=size, source="webvoyager")
+    found, picture = edit("firewall", assets, size=size, screen="web page")
     assert np.array_equal(picture, page(size[1], size[0]))
     assert (found.fidelity, found.deed.action) == ("composited", Action("wait"))
 
@@ -130,7 +130,7 @@ def test_a_page_is_cut_or_continued_by_its_own_background(size: tuple[int, int],
 @pytest.mark.parametrize("size", [(40, 400), (260, 58)])
 def test_content_is_never_cut_off(size: tuple[int, int], assets: Path) -> None:
     with pytest.raises(NotApplicable, match="no error page was recorded that a page of this size can show"):
-        edit("firewall", assets, size=size, source="webvoyager")
+        edit("firewall", assets, size=size, screen="web page")
 
 
 @pytest.mark.parametrize("spot", [(130, 0), (5, 0), (40, 99)])
@@ -140,7 +140,7 @@ def test_a_page_whose_edge_is_not_plain_is_not_continued(spot: tuple[int, int], 
     picture[spot] = 200
     made.add("view", "error_view", picture)
     with pytest.raises(NotApplicable):
-        edit("firewall", made.write(), size=(140, 120), source="webvoyager")
+        edit("firewall", made.write(), size=(140, 120), screen="web page")
     assert tuple(picture[-1, 0]) == BACKGROUND
 
 
@@ -148,7 +148,7 @@ def test_the_page_of_the_nearest_width_is_taken(tmp_path: Path) -> None:
     made = PackMaker(tmp_path / "pack")
     for width in (200, 300, 400):
         made.add(f"view-{width}", "error_view", page(width, 150, (60, 20 + width // 10)))
-    found, picture = edit("firewall", made.write(), size=(150, 290), source="webvoyager")
+    found, picture = edit("firewall", made.write(), size=(150, 290), screen="web page")
     assert np.array_equal(picture, page(290, 150, (60, 50)))
     assert found.notes == ("view-300 was cut or continued to the size of the page",)
 

@@ -10,18 +10,19 @@ from hijack_data.pack import AssetPack
 from hijack_data.rng import Stream
 from hijack_data.types import as_target
 from pipelines.edits import Frame
+from pipelines.readers import RecordedTrajectory
 
 SIZE = (200, 320)
 
 
 def frame_of(
     pack: Path, *, size: tuple[int, int] = SIZE, boxes: Any = (), action: hj.Action | None = None, seed: int = 0,
-    source: str = "jsonl", apps: tuple[str, ...] = (), domain: str = "",
+    screen: Any = None, apps: tuple[str, ...] = (), domain: str = "",
 ) -> Frame:  # fmt: skip
     """A frame whose recorded action is a click at (100, 50), or `action`."""
     action = hj.Action("click", 100, 50) if action is None else action
     step = hj.Step(0, "0.png", action, elements=tuple(tuple(box) for box in boxes))
-    trajectory = hj.Trajectory("t", source, "do it", (step,), domain, apps)
+    trajectory = RecordedTrajectory("t", "jsonl", "do it", (step,), domain, apps, screen=screen)
     scene = hj.Scene(size, list(boxes) or None, apps, as_target(action.point))  # type: ignore[arg-type]
     image = np.zeros((*size, 3), np.uint8)
     return Frame(trajectory, step, scene, image, AssetPack.load(pack), Stream(seed, "test", "t"))

@@ -1,0 +1,108 @@
+"""Datasets with what happens to the machine: plug-ins, what people are told, and the command."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import pytest
+from click.testing import CliRunner
+
+import hijack_data as hj
+from hijack_data import corruption as registry
+from hijack_data.cli import hijack
+from hijack_data.errors import AssetError
+from hijack_data.pack import AssetPack
+from pipelines import build
+from pipelines.errors import BuildError
+from pipelines.stats import stats
+from pipelines.stats_page import page
+
+from support.events import FIVE
+
+
+def test_plug_ins_whose_look_is_not_known_are_refused(
+    browsing: Path, assets: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(registry, "_registry", dict(registry._registry))
+
+    @hj.register
+    @dataclass(frozen=True)
+    class Muted(hj.Corruption):
+        """Turns the sound off."""
+
+        name: ClassVar[str] = "muted"
+        category: ClassVar[Any] = "environment_error"
+        scope: ClassVar[Any] = "state"
+
+        def make_plan(self, scene: hj.Scene, stream: hj.Stream, step: int) -> hj.Draft:
+            return hj.Draft(effects=(hj.Effect("mute"),))
+
+    for asked in ("all", "muted", {"x": hj.OneOf([hj.Sequence([Muted()])])}):
+        with pytest.raises(BuildError, match=r"muted does mute to the machine.*leave it out: pop_ups,.*,verification$"):
+            build(browsing, tmp_path / "out", corruptions=asked, assets=assets)  # type: ignore[arg-type]
+
+    class Hidden:
+        needs_elements = False
+
+        def plan(self, scene: hj.Scene, **key: Any) -> hj.Plan:
+            return Muted().plan(scene, **key)
+
+    with pytest.raises(
+        BuildError, match="x: muted-v1 gave a plan with effects, from a planner that is not one of ours"
+    ):
+        build(browsing, tmp_path / "out", corruptions={"x": Hidden()}, assets=assets)  # type: ignore[dict-item]
+
+
+def test_plug_ins_with_a_known_effect_are_built(
+    browsing: Path, assets: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(registry, "_registry", dict(registry._registry))
+
+    @hj.register
+    @dataclass(frozen=True)
+    class Locked(hj.Corruption):
+        """Locks the session at every step."""
+
+        name: ClassVar[str] = "locked_out"
+        category: ClassVar[Any] = "environment_error"
+        scope: ClassVar[Any] = "state"
+
+        def make_plan(self, scene: hj.Scene, stream: hj.Stream, step: int) -> hj.Draft:
+            return hj.Draft(effects=(hj.Effect("lock"),))
+
+    report = build(browsing, tmp_path / "out", corruptions="locked_out", assets=assets)
+    assert dict(report.rows) == {"clean": 10, "locked_out": 10}
+
+
+def test_what_people_are_told(browsing: Path, nine: Any, assets: Path, tmp_path: Path) -> None:
+    build(browsing, tmp_path / "out", corruptions=nine, assets=assets)
+    card = (tmp_path / "out" / "README.md").read_text()
+    for text in ("* `exact`:", "* `composited`:", "* `recorded`:", "`reminder`", "made up for tests",
+                 AssetPack.load(assets).digest[:16]):  # fmt: skip
+        assert text in card
+    found = stats(tmp_path / "out")
+    data = found.to_data()["corruptions"]
+    assert data["verification"]["fidelity"] == {"recorded": 2}
+    assert data["verification"]["reminders"] == 2
+    assert data["app_minimization"]["inserted"] == 2
+    assert sum(data["accidental_touch"]["event"].values()) == 2
+    assert data["marks"]["event"] == {}
+    lines = "\n".join(found.lines())
+    assert "verification: 2 row(s): The session was locked" in lines
+    assert "verification: 2 row(s) with a reminder" in lines
+    assert "app_minimization: 2 step(s) inserted" in lines
+    text = page(tmp_path / "out", found)
+    assert "recorded: The session was locked; the screen asks for the password. Action: WAIT" in text
+
+
+def test_the_command(browsing: Path, assets: Path, tmp_path: Path) -> None:
+    command = ["build", str(browsing), "--label-policy", "recover", "--corruptions"]
+    run = CliRunner().invoke(
+        hijack, [*command, ",".join(FIVE), "--assets", str(assets), "--out", str(tmp_path / "out")]
+    )
+    assert run.exit_code == 0, run.output
+    assert "verification: 2" in run.output
+    none = str(tmp_path / "none")
+    run = CliRunner().invoke(hijack, [*command, "all", "--assets", none, "--out", str(tmp_path / "x")])
+    assert isinstance(run.exception, AssetError)
+    assert not (tmp_path / "x").exists()
