@@ -11,6 +11,10 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from hijack_data.kernels import jit
+
+jit.start()  # as in a run of more than a few pictures
+
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data" / "screenshots"
 PACKAGES = ("numpy", "pillow", "torch", "torchvision", "jax", "numba", "opencv-python-headless", "pyarrow")
 

@@ -50,6 +50,7 @@ class Augmentation:
         ids: SequenceOf[int | str],
         boxes: SequenceOf[Any] | None = None,
         targets: SequenceOf[Any] | None = None,
+        ends: SequenceOf[Any] | None = None,
         seed: int,
         epoch: int = 0,
         steps: SequenceOf[int] | None = None,
@@ -61,6 +62,8 @@ class Augmentation:
             ids: one id a picture, each different.
             boxes: for each picture, `[N_i, 4]` boxes of its elements (`xyxy`), or `None`.
             targets: for each picture, the point or box that its label aims at, or `None`.
+            ends: for each picture, where the drag from its target ends, or `None`: `safety` then judges both ends, and
+                the lesser share counts.
             seed: 0 to 2**64 - 1.
             epoch: another epoch gives other plans.
             steps: for each picture, its step in the trajectory; 0 by default.
@@ -70,6 +73,7 @@ class Augmentation:
         check_ids(ids, count)
         per_box = [as_boxes(b) for b in _one_each(boxes, count, "boxes")]
         per_target = [as_target(t) for t in _one_each(targets, count, "targets")]
+        per_end = [as_target(e) for e in _one_each(ends, count, "ends")]
         per_step = _one_each(steps, count, "steps")
         plans: list[Plan] = []
         for image, key, box, target, step in zip(images, ids, per_box, per_target, per_step, strict=True):
@@ -77,8 +81,8 @@ class Augmentation:
             plans.append(self.plan(scene, seed=seed, sample=key, step=step or 0, epoch=epoch))
         out = apply(plans, batch)
         after: list[Any] = [out[i] for i in range(count)]
-        rows = zip(plans, images, after, per_target, per_box, strict=True)
-        safety = [judge(p, before, now, target=t, boxes=b) for p, before, now, t, b in rows]
+        rows = zip(plans, images, after, per_target, per_end, per_box, strict=True)
+        safety = [judge(p, before, now, target=t, end=e, boxes=b) for p, before, now, t, e, b in rows]
         moved = [p.coords.boxes_to_observation(b) for p, b in zip(plans, per_box, strict=True)]
         return Corrupted(out, plans, moved, [_move(p, t) for p, t in zip(plans, per_target, strict=True)], safety)
 

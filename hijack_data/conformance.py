@@ -19,6 +19,7 @@ from .apply import apply
 from .backends import NAMES, convert, to_numpy
 from .corruption import Corruption, find
 from .errors import HijackError, ParameterError, UnknownNameError
+from .kernels import jit
 from .plan import Paste, Plan
 from .raster import render
 from .types import Scene, Size, UInt8Array
@@ -187,16 +188,44 @@ def check_backends(cls: type[Corruption]) -> None:
 
 def _outputs(plan: Plan, image: UInt8Array) -> Iterator[tuple[str, UInt8Array]]:
     """Yield the result of each backend and code path."""
+    jit.start()
     for name in NAMES:
         if name == "numpy" or importlib.util.find_spec(name) is not None:
             yield name, to_numpy(apply(plan, convert(image, name)))
     planar = np.ascontiguousarray(image.transpose(2, 0, 1)).transpose(1, 2, 0)
     yield "numpy, channels first", apply(plan, planar)
     yield "numpy, strided", apply(plan, np.repeat(image, 2, axis=1)[:, ::2])
+    yield "numpy, without Numba", _without_numba(plan, image)
     if importlib.util.find_spec("torch") is not None:
         yield "torch operations", _torch_operations(plan, image)
+        yield from _on_a_gpu(plan, convert(image, "torch"))
     if importlib.util.find_spec("jax") is not None:
         yield "jax operations", to_numpy(jax_operations(plan, convert(image, "jax")))
+
+
+def _without_numba(plan: Plan, image: UInt8Array) -> UInt8Array:
+    """Run the code that stands in where Numba is not installed."""
+    from .kernels import lower
+    from .kernels import numpy as cpu
+
+    out = image.copy()
+    for op in plan.ops:
+        size: Size = (out.shape[0], out.shape[1])
+        out = cpu.paste_plain(out, lower(op, size)) if isinstance(op, Paste) else cpu.resample_plain(out, op.size)
+    return out
+
+
+def _on_a_gpu(plan: Plan, image: Any) -> Iterator[tuple[str, UInt8Array]]:
+    """Yield what torch gives on a GPU, where there is one."""
+    import torch
+
+    if torch.cuda.is_available():
+        there = image.cuda()
+        yield "torch on a GPU", to_numpy(apply(plan, there))
+        yield (
+            "torch on a GPU, channels last",
+            to_numpy(apply(plan, there.permute(1, 2, 0).contiguous().permute(2, 0, 1))),
+        )
 
 
 def _torch_operations(plan: Plan, image: UInt8Array) -> UInt8Array:

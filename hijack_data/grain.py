@@ -19,8 +19,8 @@ from .apply import apply
 from .backends import backend_of
 from .errors import ImageError, MissingDependencyError, ParameterTypeError
 from .plan import Plan
-from .safety import Planner, target_visible
-from .samples import SamplePlanner, follow, target_of
+from .safety import Planner
+from .samples import SamplePlanner, follow, visible_in
 from .types import Size
 
 try:
@@ -35,8 +35,10 @@ class _Settings:
     Args:
         planner: a corruption, `OneOf`, `Sequence` or `Schedule`.
         seed: 0 to 2**64 - 1.
-        label_policy: `"keep"`, or `"avoid"` to draw again until the target shows, else leave the element clean.
-        return_plan: put the plan under `"plan"`, and with a target its visible share under `"target_visible"`.
+        label_policy: `"keep"`, or `"avoid"` to draw again until the target shows, and with it the end of the action
+            where that is a drag, else leave the element clean.
+        return_plan: put the plan under `"plan"`, and with a target its visible share, or that of a drag's end if less,
+            under `"target_visible"`.
         image_key: name of the entry that holds the picture.
         id_key: name of the entry that holds the id.
     """
@@ -65,8 +67,8 @@ class _Settings:
         out = {**element, self.image_key: apply(plan, element[self.image_key]), **follow(plan, element)}
         if self.return_plan:
             out["plan"] = plan
-            if element.get("target") is not None:
-                out["target_visible"] = target_visible(plan, target_of(element))
+            if (seen := visible_in(plan, element)) is not None:
+                out["target_visible"] = seen
         return out
 
     def _size(self, element: object) -> Size:

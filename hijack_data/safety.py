@@ -4,6 +4,8 @@ A corrupted sample whose target is hidden must not become a training label by ac
 """
 
 from dataclasses import dataclass
+from itertools import groupby
+from operator import itemgetter
 from typing import Any, Protocol
 
 import numpy as np
@@ -11,18 +13,16 @@ import numpy.typing as npt
 
 from .backends import backend_of, to_numpy
 from .errors import ParameterError
-from .kernels import lower
+from .kernels import compare, lower
 from .plan import Paste, Plan, Resample
-from .raster import Sprite
-from .types import Box, BoxArray, BoxesLike, Scene, Size, UInt8Array, as_boxes, as_target, clip_boxes
+from .sprite import Sprite
+from .types import Box, BoxArray, BoxesLike, Scene, Size, as_boxes, as_target, clip_boxes
 
 # A pixel hides what is below it from half opacity on; an element is covered when less than half of it shows.
 OPAQUE = 128
 COVERED_BELOW = 0.5
 AVOID_TRIES = 16
-# Pictures are compared in bands of this many pixels; areas up to so wide are compared pixel by pixel, wider ones as
-# lines of bytes; beyond so many stamps the whole picture is compared.
-BAND, NARROW, MANY = 1 << 15, 128, 512
+MANY = 512  # beyond so many stamps the whole picture is compared
 
 
 class Planner(Protocol):
@@ -43,7 +43,7 @@ class Safety:
     """What a corruption did to the labels of one step.
 
     Args:
-        target_visible: share of the target that still shows, 0..1; `None` without a target.
+        target_visible: share of the target that still shows, 0..1, or of a drag's end if less; `None` without a target.
         covered: indices of the boxes of which less than half shows.
         changed_pixels: pixels whose colour differs; all of them when the size changed.
     """
@@ -67,8 +67,7 @@ def hidden(plan: Plan) -> npt.NDArray[np.bool_]:
 def _paint(mask: npt.NDArray[np.bool_], op: Paste) -> None:
     height, width = mask.shape
     for stamp in lower(op, (height, width)):
-        opaque = stamp.sprite.alpha >= OPAQUE
-        h, w = opaque.shape
+        opaque, (h, w) = _opaque(stamp.sprite), stamp.sprite.size
         for y, x in zip(stamp.ys.tolist(), stamp.xs.tolist(), strict=True):
             mask[y : y + h, x : x + w] |= opaque
 
@@ -86,23 +85,32 @@ class _Painted:
     sprites: list[Sprite]
     boxes: BoxArray
 
-    def hidden_in(self, boxes: BoxArray) -> list[int]:
-        """Return how many pixels of each box inside the picture are painted over."""
+    def hidden_in(self, boxes: BoxArray) -> list[int] | None:
+        """Return how many pixels of each box inside the picture are painted over.
+
+        `None` when so many stamps lie on so many boxes that a mask of the whole picture is quicker.
+        """
         counts = [0] * len(boxes)
         x1, y1, x2, y2 = boxes.T[:, :, None]
         left, top, right, bottom = self.boxes.T
-        over = (left < x2) & (right > x1) & (top < y2) & (bottom > y1)
-        for i in np.flatnonzero(over.any(axis=1)).tolist():
-            counts[i] = self._hidden(boxes[i].tolist(), np.flatnonzero(over[i]).tolist())
+        pairs = np.argwhere((left < x2) & (right > x1) & (top < y2) & (bottom > y1))
+        if len(pairs) > len(boxes) + len(self.boxes):
+            return None
+        for i, over in groupby(pairs.tolist(), key=itemgetter(0)):
+            counts[i] = self._hidden(boxes[i].tolist(), [k for _, k in over])
         return counts
 
     def _hidden(self, box: list[int], over: list[int]) -> int:
+        """Return how many pixels of a box are painted over by stamps that all share some with it."""
         left, top, right, bottom = box
+        stamps = self.boxes[over].tolist()
+        if len(over) == 1 and self.sprites[over[0]].opaque:
+            ((x1, y1, x2, y2),) = stamps
+            return (min(x2, right) - max(x1, left)) * (min(y2, bottom) - max(y1, top))
         mask = np.zeros((bottom - top, right - left), bool)
-        for k in over:
-            x, y, x_end, y_end = self.boxes[k].tolist()
-            rows, columns = (max(y, top), min(y_end, bottom)), (max(x, left), min(x_end, right))
-            part = _opaque(self.sprites[k])[rows[0] - y : rows[1] - y, columns[0] - x : columns[1] - x]
+        for k, (x1, y1, x2, y2) in zip(over, stamps, strict=True):
+            rows, columns = (max(y1, top), min(y2, bottom)), (max(x1, left), min(x2, right))
+            part = _opaque(self.sprites[k])[rows[0] - y1 : rows[1] - y1, columns[0] - x1 : columns[1] - x1]
             mask[rows[0] - top : rows[1] - top, columns[0] - left : columns[1] - left] |= part
         return int(np.count_nonzero(mask))
 
@@ -120,7 +128,7 @@ def _painted(plan: Plan) -> _Painted | None:
         for stamp in lower(op, size):
             (h, w), xs, ys = stamp.sprite.size, stamp.xs, stamp.ys
             sprites += [stamp.sprite] * len(ys)
-            boxes.append(np.stack([xs, ys, xs + w, ys + h], axis=1))
+            boxes.append(np.array([xs, ys, xs + w, ys + h], np.int32).T)
     return _Painted(sprites, np.concatenate(boxes))
 
 
@@ -137,21 +145,23 @@ def visible_share(plan: Plan, boxes: BoxesLike) -> list[float]:
 
     A box that is empty or off the screen shows nothing.
     """
-    inside = clip_boxes(as_boxes(boxes), plan.size)
-    return _shares(plan, _painted(plan), inside) if len(inside) else []
+    every = as_boxes(boxes)
+    return _shares(plan, _painted(plan), every) if len(every) else []
 
 
-def _shares(plan: Plan, painted: _Painted | None, inside: BoxArray) -> list[float]:
-    """`visible_share` of boxes that were clipped to the screen; `painted` is that of the plan."""
-    moved = plan.coords.boxes_to_observation(inside)
-    if painted is not None:
-        lost = painted.hidden_in(moved)
-    else:
+def _shares(plan: Plan, painted: _Painted | None, boxes: BoxArray) -> list[float]:
+    """`visible_share` of boxes; `painted` is that of the plan."""
+    moved = inside = clip_boxes(boxes, plan.size)
+    if plan.out_size != plan.size:
+        moved = plan.coords.boxes_to_observation(inside)
+        moved[(inside[:, :2] >= inside[:, 2:]).any(axis=1)] = 0
+    rows = moved.tolist()
+    lost = None if painted is None else painted.hidden_in(moved)
+    if lost is None:
         mask = hidden(plan)
-        lost = [int(np.count_nonzero(mask[y1:y2, x1:x2])) for x1, y1, x2, y2 in moved.tolist()]
-    shown = ((inside[:, 2:] > inside[:, :2]) & (moved[:, 2:] > moved[:, :2])).all(axis=1)
-    areas = np.maximum((moved[:, 2:] - moved[:, :2]).astype(np.int64).prod(axis=1), 1)
-    return np.where(shown, 1.0 - np.array(lost, np.int64) / areas, 0.0).tolist()
+        lost = [int(np.count_nonzero(mask[y1:y2, x1:x2])) for x1, y1, x2, y2 in rows]
+    areas = [max(x2 - x1, 0) * max(y2 - y1, 0) for x1, y1, x2, y2 in rows]
+    return [1.0 - gone / area if area else 0.0 for gone, area in zip(lost, areas, strict=True)]
 
 
 def target_visible(plan: Plan, target: object, end: object = None) -> float | None:
@@ -159,8 +169,12 @@ def target_visible(plan: Plan, target: object, end: object = None) -> float | No
 
     `end` is where a drag that starts at the target ends: the lesser share counts.
     """
-    boxes = [box for box in (as_target(target), as_target(end)) if box is not None]
-    return min(visible_share(plan, boxes), default=None)
+    return min(visible_share(plan, _ends(target, end)), default=None)
+
+
+def _ends(target: object, end: object) -> list[Box]:
+    """Return as boxes what must show: the target, and where a drag from it ends."""
+    return [box for box in (as_target(target), as_target(end)) if box is not None]
 
 
 def covered(plan: Plan, boxes: BoxesLike) -> tuple[int, ...]:
@@ -180,13 +194,12 @@ def _changed(before: Any, after: Any, areas: BoxArray | None) -> int:
     height, width = backend_of(after).size(after)
     if backend_of(before).size(before) != (height, width):
         return height * width
-    boxes = [[0, 0, width, height]] if areas is None else areas.tolist()
-    if not boxes:
+    boxes = np.array([[0, 0, width, height]], np.int32) if areas is None else areas
+    if not len(boxes):
         return 0
     if _device(after) != "cpu":  # reading a whole picture there costs less than moving it here
         return count_on_device(before, after)
-    one, two = to_numpy(before), to_numpy(after)
-    return sum(_differing(one[y1:y2, x1:x2], two[y1:y2, x1:x2]) for x1, y1, x2, y2 in boxes)
+    return compare.count(to_numpy(before), to_numpy(after), boxes)
 
 
 def _device(image: Any) -> str:
@@ -199,57 +212,26 @@ def count_on_device(before: Any, after: Any) -> int:
     return int((before != after).any(backend_of(after).channels).sum())
 
 
-def _differing(before: UInt8Array, after: UInt8Array) -> int:
-    """Count the differing pixels of two `[h, w, 3]` pictures, a band of rows at a time to stay in the cache."""
-    count, band = 0, max(1, BAND // before.shape[1])
-    lines = before.strides[1:] == after.strides[1:] == (3, 1) and before.shape[1] > NARROW
-    for row in range(0, len(before), band):
-        one, two = before[row : row + band], after[row : row + band]
-        if lines:  # whole lines of bytes; of the bytes, every third one tells about all three of its pixel
-            differ = one.reshape(len(one), -1) != two.reshape(len(two), -1)
-            pixels = differ[:, :-2] | differ[:, 1:-1]
-            pixels |= differ[:, 2:]
-            pixels = pixels[:, ::3]
-        else:
-            differ = one != two
-            pixels = differ[..., 0] | differ[..., 1]
-            pixels |= differ[..., 2]
-        count += int(np.count_nonzero(pixels))
-    return count
-
-
 def _painted_areas(plan: Plan, painted: _Painted | None) -> BoxArray | None:
-    """Return boxes that share no pixel and hold all that a plan can have changed; `None` for the whole picture."""
+    """Return boxes that hold all that a plan can have changed; `None` for the whole picture."""
     if painted is None or len(painted.boxes) > MANY or any(isinstance(op, Resample) for op in plan.ops):
         return None
-    return _disjoint(painted.boxes)
+    return painted.boxes
 
 
-def _disjoint(boxes: BoxArray) -> BoxArray:
-    """Replace boxes that overlap by the box around them until none do."""
-    while len(boxes) > 1:
-        x1, y1, x2, y2 = boxes.T[:, :, None]
-        touch = (x1 < x2.T) & (x2 > x1.T) & (y1 < y2.T) & (y2 > y1.T)
-        first = touch.argmax(axis=1)  # the first box that each one overlaps, itself at the latest
-        if (first == np.arange(len(boxes))).all():
-            break
-        low, high = boxes[:, :2].copy(), boxes[:, 2:].copy()
-        np.minimum.at(low, first, boxes[:, :2])
-        np.maximum.at(high, first, boxes[:, 2:])
-        boxes = np.concatenate([low, high], axis=1)[np.unique(first)]
-    return boxes
+def judge(
+    plan: Plan, before: Any, after: Any, *, target: object = None, end: object = None, boxes: BoxesLike = None
+) -> Safety:
+    """Return the label safety of one corrupted picture.
 
-
-def judge(plan: Plan, before: Any, after: Any, *, target: object = None, boxes: BoxesLike = None) -> Safety:
-    """Return the label safety of one corrupted picture; `target` and `boxes` are in screen coordinates."""
-    box: Box | None = as_target(target)
-    every = as_boxes(boxes)
-    painted = _painted(plan)
-    rows = np.concatenate([every, as_boxes([box])]) if box else every
-    shares = _shares(plan, painted, clip_boxes(rows, plan.size)) if len(rows) else []
-    seen = shares.pop() if box else None
-    hits = tuple(i for i, share in enumerate(shares) if share < COVERED_BELOW)
-    return Safety(seen, hits, _changed(before, after, _painted_areas(plan, painted)))
+    `target`, `end` (where a drag that starts at the target ends) and `boxes` are in screen coordinates.
+    """
+    ends, every, painted = as_boxes(_ends(target, end)), as_boxes(boxes), _painted(plan)
+    rows = np.concatenate([ends, every])
+    shares = _shares(plan, painted, rows) if len(rows) else []
+    seen, rest = shares[: len(ends)], shares[len(ends) :]
+    hits = tuple(i for i, share in enumerate(rest) if share < COVERED_BELOW)
+    return Safety(min(seen, default=None), hits, _changed(before, after, _painted_areas(plan, painted)))
 
 
 def plan_avoiding(

@@ -4,9 +4,10 @@ A sample is a dictionary. These entries are read, all but the id optional:
 
 * `id`: names the sample; with the seed and the epoch it alone decides what happens to it,
 * `step`, `epoch`: the step of its trajectory and the training epoch, 0 by default,
-* `target`: the point `(x, y)` or box `(x1, y1, x2, y2)` that the label aims at,
+* `target`: the point `(x, y)` or box `(x1, y1, x2, y2)` that the label aims at; by default the point of `action`,
 * `elements`: `[N, 4]` boxes of interactive elements,
-* `action` (an `Action`), `action_code` (pyautogui code): like target and elements, they follow the pixels.
+* `action` (an `Action`), `action_code` (pyautogui code): like target and elements, they follow the pixels. Where the
+  action is a drag, its end must show like the target, at which it starts: the lesser share of the two counts.
 
 This file knows no framework; `transforms` (torchvision) and `grain` build on it.
 """
@@ -18,13 +19,15 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
+from .actions import parse_pyautogui
 from .compose import check_ids
-from .errors import ParameterError, ParameterTypeError
+from .errors import ActionError, ParameterError, ParameterTypeError
 from .plan import Plan
-from .safety import Planner, plan_avoiding
-from .types import Action, Scene, Size, as_boxes
+from .safety import Planner, plan_avoiding, target_visible
+from .types import Action, Point, Scene, Size, as_boxes
 
 LABEL_POLICIES = ("keep", "avoid")
+DRAGGING = ("drag", "mouseUp")  # pyautogui code without any of these drags nothing
 
 
 @dataclass(frozen=True)
@@ -34,7 +37,8 @@ class SamplePlanner:
     Args:
         planner: a corruption, `OneOf`, `Sequence` or `Schedule`.
         seed: 0 to 2**64 - 1.
-        label_policy: `keep` what was drawn, or `avoid`: draw again until the target shows, else leave the sample clean.
+        label_policy: `keep` what was drawn, or `avoid`: draw again until the target shows, and with it the end of a
+            drag, else leave the sample clean.
         id_key: name of the entry that holds the id.
     """
 
@@ -55,7 +59,8 @@ class SamplePlanner:
         step, epoch = scalar(sample.get("step"), "step", 0), scalar(sample.get("epoch"), "epoch", epoch)
         if self.label_policy == "keep":
             return self.planner.plan(scene, seed=self.seed, sample=key, step=step, epoch=epoch)
-        plan = plan_avoiding(self.planner, scene, seed=self.seed, sample=key, step=step, epoch=epoch)
+        end = end_of(sample, size)
+        plan = plan_avoiding(self.planner, scene, seed=self.seed, sample=key, step=step, epoch=epoch, end=end)
         return Plan.clean(size) if plan is None else plan
 
     def key(self, sample: Mapping[str, Any], *, batch: int | None = None) -> list[int | str]:
@@ -102,10 +107,39 @@ def scalar(value: Any, what: str, default: int) -> int:
 
 
 def target_of(sample: Mapping[str, Any]) -> Any:
-    """Return the target of a sample, a point or a box, or `None`; one row of boxes counts as the box."""
+    """Return the target of a sample, a point or a box, or `None`; one row of boxes counts as the box.
+
+    Where there is no `target`, it is the point of the `action`, as it is when a dataset is built.
+    """
     target = to_rows(sample.get("target"))
+    if target is None and isinstance(action := sample.get("action"), Action):
+        return action.point
     rows = None if target is None else np.asarray(target)
     return rows[0] if rows is not None and rows.ndim == 2 and len(rows) == 1 else target
+
+
+def end_of(sample: Mapping[str, Any], size: Size) -> Point | None:
+    """Return where the drag from the target of a sample ends, or `None` where there is no target or no drag.
+
+    `action` says so, else `action_code`, written for a screen of `size` (height, width); code that cannot be read says
+    nothing. Only code that may hold a drag is parsed, which takes 0.2 ms.
+    """
+    if target_of(sample) is None:
+        return None
+    if isinstance(action := sample.get("action"), Action):
+        return action.end
+    code = sample.get("action_code")
+    if not isinstance(code, str) or not any(word in code for word in DRAGGING):
+        return None
+    try:
+        return parse_pyautogui(code, size).end
+    except ActionError:
+        return None
+
+
+def visible_in(plan: Plan, sample: Mapping[str, Any]) -> float | None:
+    """Return the share of the target of a sample that shows after `plan`, or of the end of its drag if that is less."""
+    return target_visible(plan, target_of(sample), end_of(sample, plan.size))
 
 
 def to_rows(value: Any) -> Any:

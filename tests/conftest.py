@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hijack_data.kernels import jit
+
 from support.chromium import Browser, chromium
 
 # A shell that runs the suite in the background makes it ignore Ctrl-C, and so would every process that a test starts.
@@ -17,6 +19,8 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 # Triton decides when it is imported whether its kernels run in its interpreter: they do where there is no GPU.
 if not any(Path(name).exists() for name in ("/dev/nvidia0", "/dev/kfd")):
     os.environ["TRITON_INTERPRET"] = "1"
+
+jit.start()  # what the tests look at is the kernels, not the NumPy code of a process's first pictures
 
 ROOT = Path(__file__).resolve().parent.parent
 SHARED_DATA = ROOT.parent / "shared" / "data"

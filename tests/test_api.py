@@ -31,7 +31,7 @@ def test_plan_arguments_are_those_of_the_design():
 
 def test_augmentation_arguments_are_those_of_the_design():
     parameters = inspect.signature(hj.OneOf([hj.Marks()]).__call__).parameters
-    assert list(parameters) == ["batch", "ids", "boxes", "targets", "seed", "epoch", "steps"]
+    assert list(parameters) == ["batch", "ids", "boxes", "targets", "ends", "seed", "epoch", "steps"]
 
 
 def test_all_names_exist_and_are_documented():

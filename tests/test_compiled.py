@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from hijack_data.errors import ImageError, ImageTypeError, MissingDependencyError, ParameterError
-from hijack_data.kernels import compiled
+from hijack_data.kernels import compiled, jit
 
 ROOT = Path(__file__).resolve().parent.parent
-needs_numba = pytest.mark.skipif(not compiled.available(), reason="needs Numba: pip install 'agenthijack[fast]'")
+needs_numba = pytest.mark.skipif(not jit.available(), reason="needs Numba: pip install 'agenthijack[fast]'")
 
 SIDE = st.one_of(st.integers(1, 20), st.integers(1, 150))
 
@@ -179,14 +179,14 @@ def test_without_numba(monkeypatch):
         raise ImportError(name)
 
     monkeypatch.setattr(importlib, "import_module", absent)
-    compiled.available.cache_clear()
+    jit.available.cache_clear()
     compiled._kernel.cache_clear()
     try:
-        assert compiled.available() is False
+        assert jit.available() is False
         with pytest.raises(MissingDependencyError, match=r"agenthijack\[fast\]"):
             compiled.resample(np.zeros((4, 4, 3), np.uint8), (2, 2))
     finally:
-        compiled.available.cache_clear()
+        jit.available.cache_clear()
         compiled._kernel.cache_clear()
 
 
@@ -199,14 +199,14 @@ def test_compiles_without_a_cache_when_no_folder_is_writable():
             raise RuntimeError("no locator available")
         return lambda function: function
 
-    assert compiled._compile(njit, pillow, "signature") is pillow
+    assert jit.compile_now(njit, pillow, "signature") is pillow
     assert asked == [("signature", True, True), ("signature", True, False)]
 
 
 GUARDED = """
 import ctypes, mmap
 import numpy as np
-from hijack_data.kernels import compiled
+from hijack_data.kernels import compiled, jit
 page, inner = mmap.PAGESIZE, 16
 memory = np.frombuffer(mmap.mmap(-1, (inner + 2) * page), np.uint8)
 forbid = ctypes.CDLL(None).mprotect
@@ -236,7 +236,7 @@ def test_reads_nothing_beyond_the_picture(tmp_path):
 COLD = """
 import sys
 import numpy as np
-from hijack_data.kernels import compiled
+from hijack_data.kernels import compiled, jit
 assert "numba" not in sys.modules, "importing the module loads Numba"
 assert compiled.resample(np.full((40, 40, 3), 7, np.uint8), (20, 20)).tolist() == [[[7] * 3] * 20] * 20
 """

@@ -73,6 +73,17 @@ def test_results_are_those_of_the_definition():
         assert (res.safety[i].changed_pixels == 0) == (plan.corruption == "clean")
 
 
+def test_a_drag_is_judged_at_both_ends():
+    images, target, end = batch(IDS), (20, 20), (460, 260)
+    res = aug()(images, ids=IDS, targets=[target] * 8, ends=[end] * 7 + [None], seed=7)
+    starts = aug()(images, ids=IDS, targets=[target] * 8, seed=7)
+    pairs = list(zip(res.plans, images, strict=True))
+    both = [min(hj.judge(p, i, i, target=t).target_visible for t in (target, end)) for p, i in pairs]
+    assert res.plans == starts.plans
+    assert [s.target_visible for s in res.safety[:7]] == both[:7] != [s.target_visible for s in starts.safety[:7]]
+    assert res.safety[7].target_visible == starts.safety[7].target_visible
+
+
 def test_torch_batches():
     torch = pytest.importorskip("torch")
     images = batch(IDS)
@@ -154,6 +165,8 @@ def test_needs_elements_is_passed_on():
         (lambda: aug()(batch(IDS), ids="abcdefgh", seed=1), ParameterTypeError, "a list with one id"),
         (lambda: aug()(batch(IDS)[0], ids=IDS, seed=1), ParameterError, "4 axes"),
         (lambda: aug()(batch(IDS), ids=IDS, boxes=[[]], seed=1), ParameterError, "1 boxes for 8 pictures"),
+        (lambda: aug()(batch(IDS), ids=IDS, ends=[(1, 2)], seed=1), ParameterError, "1 ends for 8 pictures"),
+        (lambda: aug()(batch(IDS), ids=IDS, ends=["a"] * 8, seed=1), ParameterTypeError, "a point"),
         (lambda: aug()(batch(IDS), ids=IDS, seed=-1), ParameterError, "seed must be"),
     ],
 )

@@ -7,6 +7,7 @@ from PIL import Image
 import hijack_data as hj
 from hijack_data.conformance import jax_operations, picture, reference
 from hijack_data.errors import ImageError, ImageTypeError, ParameterError, ParameterTypeError
+from hijack_data.safety import target_visible
 
 grain = pytest.importorskip("grain.python")
 import hijack_data.grain as hg  # noqa: E402
@@ -33,6 +34,21 @@ def test_elements_are_corrupted_by_their_id():
         assert out["target"] == ((25, 25) if plan.out_size != SIZE else (50, 50))
         assert 0 <= out["target_visible"] <= 1
     assert "plan" not in hg.Corrupt(SPEC).map(rows()[0])
+
+
+def test_a_drag_is_judged_at_both_ends():
+    spec, drag = hj.Marks(number=12, mark_size=20), hj.Action("drag", 50, 50, 150, 80)
+    scene, shares = hj.Scene(size=SIZE, target=(50, 50)), {}
+    for policy in ("keep", "avoid"):
+        corrupt = hg.Corrupt(spec, seed=3, label_policy=policy, return_plan=True)
+        made = [corrupt.map({**row, "action": drag}) for row in rows()]
+        shares[policy] = [e["target_visible"] for e in made]
+        assert shares[policy] == [target_visible(e["plan"], (50, 50), (150, 80)) for e in made]
+    plans = [hj.plan_avoiding(spec, scene, seed=3, sample=e["id"], step=0, end=drag.end) for e in made]
+    assert [e["plan"] for e in made] == [plan or hj.Plan.clean(SIZE) for plan in plans]
+    starts = [e["target_visible"] for e in map(hg.Corrupt(spec, seed=3, return_plan=True).map, rows())]
+    assert min(shares["avoid"]) == 1.0 > min(shares["keep"])
+    assert shares["keep"] != starts
 
 
 def test_threads_order_and_loader_change_nothing():

@@ -16,8 +16,10 @@ from PIL import Image, ImageDraw
 
 import hijack_data as hj
 from hijack_data import raster, safety
+from hijack_data import sprite as sprite_module
 from hijack_data.backends import convert
 from hijack_data.conformance import picture, reference, scene
+from hijack_data.kernels import compare, jit
 from hijack_data.kernels import numpy as numpy_kernels
 from hijack_data.params import rgb
 from hijack_data.plan import Paste, Plan
@@ -100,13 +102,25 @@ def test_windows_are_those_that_pillow_draws():
         assert np.array_equal(planar, expected), recipe
 
 
-def test_a_window_is_kept_from_its_second_use_on(monkeypatch):
+def test_a_window_is_drawn_straight_into_the_picture(monkeypatch):
+    """Compiled kernels stamp its layers, so that it is never made into a picture of its own."""
+    if not jit.available():
+        pytest.skip("needs Numba: pip install 'agenthijack[fast]'")
     plan = hj.PopUps().plan(scene((1080, 1920)), seed=7, sample="again")
     image, sprite = picture((1080, 1920)), render(plan.ops[0].sprite)
+    monkeypatch.setattr(sprite_module, "draw", lambda *_: pytest.fail("drawn by NumPy"))
+    monkeypatch.setattr(numpy_kernels, "draw", lambda *_: pytest.fail("drawn by NumPy"))
+    outs = [hj.apply(plan, image) for _ in range(2)]
+    monkeypatch.undo()
+    assert "rgb" not in vars(sprite)
+    assert all(np.array_equal(out, reference(plan, image)) for out in outs)
+
+
+def test_without_numba_a_window_is_drawn_once(monkeypatch):
+    monkeypatch.setattr(jit, "available", lambda: False)
+    plan = hj.PopUps().plan(scene((1080, 1920)), seed=7, sample="once")
+    image = picture((1080, 1920))
     outs = [hj.apply(plan, image)]
-    assert "block-hwc" not in sprite.scratch
-    outs.append(hj.apply(plan, image))
-    assert "block-hwc" in sprite.scratch
     monkeypatch.setattr(numpy_kernels, "draw", lambda *_: pytest.fail("drawn once more"))
     outs.append(hj.apply(plan, image))
     assert all(np.array_equal(out, reference(plan, image)) for out in outs)
@@ -215,7 +229,7 @@ def test_safety_is_that_of_whole_masks(data):
 def test_disjoint_boxes_hold_all_pixels_once(rows):
     boxes = np.array([(x, y, x + w, y + h) for x, y, w, h in rows], np.int32).reshape(-1, 4)
     times = np.zeros((90, 90), int)
-    for x1, y1, x2, y2 in safety._disjoint(boxes).tolist():
+    for x1, y1, x2, y2 in compare._disjoint(boxes).tolist():
         times[y1:y2, x1:x2] += 1
     assert times.max() <= 1
     for x1, y1, x2, y2 in boxes.tolist():

@@ -69,6 +69,22 @@ def test_changed_pixels():
     assert changed_pixels(before, before[:50, :100]) == 5000
 
 
+@pytest.mark.parametrize("layers", [1, 300])
+def test_few_and_many_stamps_hide_the_same(layers):
+    """Shares from single stamps and from a mask of the whole picture are those of the definition."""
+    rng = np.random.default_rng(layers)
+    rgba = rng.integers(0, 256, (20, 30, 4), dtype=np.uint8)
+    at = tuple((int(x), int(y)) for x, y in rng.integers(-20, 190, (layers, 2)))
+    plan = Plan("test-v1", SIZE, ops=(Paste(png_recipe(rgba), at),))
+    boxes = [[x, y, x + 40, y + 30] for x in range(0, 160, 11) for y in range(0, 70, 7)]
+    shown = np.zeros((300, 300), bool)
+    for x, y in at:
+        shown[y + 50 : y + 70, x + 50 : x + 80] |= rgba[..., 3] >= 128
+    expected = [1 - shown[50:150, 50:250][y1:y2, x1:x2].mean() for x1, y1, x2, y2 in boxes]
+    assert visible_share(plan, boxes) == pytest.approx(expected, abs=1e-12)
+    assert min(expected) < 1
+
+
 def test_judge_puts_it_together():
     before = picture(SIZE)
     plan = box_plan(0, 0, 30, 40)
@@ -78,6 +94,22 @@ def test_judge_puts_it_together():
     assert safety.target_visible == 0.0
     assert safety.covered == (0,)
     assert 1190 <= safety.changed_pixels <= 1200
+
+
+@pytest.mark.parametrize(
+    ("target", "end", "share"),
+    [
+        ((15, 15), (150, 80), 0.0),
+        ((150, 80), (20, 10, 40, 30), 0.5),
+        ((150, 80), (160, 80), 1.0),
+        (None, (15, 15), 0.0),
+    ],
+)
+def test_judge_takes_the_lesser_share_of_a_drags_ends(target, end, share):
+    before, plan = picture(SIZE), box_plan(0, 0, 30, 40)
+    safety = hj.judge(plan, before, hj.apply(plan, before), target=target, end=end, boxes=[[0, 0, 9, 9]])
+    assert safety.target_visible == target_visible(plan, target, end) == pytest.approx(share)
+    assert safety.covered == (0,)
 
 
 def test_planning_around_the_target():

@@ -103,3 +103,10 @@ def test_the_functional_form_gives_the_same():
     assert out["plan"] == res.plans
     assert torch.equal(out["image"], res.image)
     assert out["target_visible"] == [s.target_visible for s in res.safety]
+    drags = [hj.Action("drag", 50, 50, 150 - i, 80) for i in range(12)]
+    judged = spec(
+        batch, ids=[row["id"] for row in rows], targets=[(50, 50)] * 12, ends=[d.end for d in drags], seed=3
+    ).safety
+    sample = {"image": batch, "id": [row["id"] for row in rows], "target": [(50, 50)] * 12, "action": drags}
+    assert augmentation()(sample)["target_visible"] == [s.target_visible for s in judged]
+    assert judged != res.safety

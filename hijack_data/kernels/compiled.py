@@ -14,7 +14,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from itertools import pairwise
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +22,7 @@ import numpy.typing as npt
 from ..errors import ImageError, ImageTypeError, MissingDependencyError, ParameterError
 from ..resample import PRECISION_BITS, Weights, columns_first, weights
 from ..types import Size, UInt8Array
+from . import jit
 
 I32 = npt.NDArray[np.int32]
 
@@ -33,16 +34,6 @@ MAX_SIDE = 2**16
 _weighted_sum: Any = None
 _transpose: Any = None
 _across: Any = None
-
-
-@cache
-def available() -> bool:
-    """Tell whether Numba can be used; the first call imports it."""
-    try:
-        importlib.import_module("numba")
-    except ImportError:  # absent, or too old for this NumPy
-        return False
-    return True
 
 
 def resample(image: UInt8Array, size: Size, threads: int = 1) -> UInt8Array:
@@ -184,7 +175,7 @@ def _band(
 def _kernel() -> Callable[..., None]:
     """Compile `_band`, or load it from Numba's cache on disk."""
     global _weighted_sum, _transpose, _across
-    if not available():
+    if not jit.available():
         raise MissingDependencyError("the compiled resize needs Numba: pip install 'agenthijack[fast]'")
     numba: Any = importlib.import_module("numba")
     intrinsic: Any = importlib.import_module("numba.extending").intrinsic
@@ -192,18 +183,10 @@ def _kernel() -> Callable[..., None]:
     source, first = t.Array(t.uint8, 3, "A", readonly=True), t.Array(t.int32, 1, "C", readonly=True)
     taps, out = t.Array(t.int32, 2, "C", readonly=True), t.Array(t.uint8, 3, "C")
     _weighted_sum, _transpose = intrinsic(_emit_weighted_sum), intrinsic(_emit_transpose)
-    _across = _compile(
+    _across = jit.compile_now(
         numba.njit, _block_across, t.void(source, t.intp, first, taps, t.uint8[::1], t.intp, t.intp, t.intp)
     )
-    return _compile(numba.njit, _band, t.void(source, first, taps, first, taps, out, t.intp, t.intp, t.intp))
-
-
-def _compile(njit: Any, function: Callable[..., None], signature: object) -> Callable[..., None]:
-    try:
-        compiled = njit(signature, nogil=True, cache=True)(function)
-    except RuntimeError:  # no folder is writable: do without the cache
-        compiled = njit(signature, nogil=True)(function)
-    return cast(Callable[..., None], compiled)
+    return jit.compile_now(numba.njit, _band, t.void(source, first, taps, first, taps, out, t.intp, t.intp, t.intp))
 
 
 def _emit_weighted_sum(context: Any, source: Any, stride: Any, taps: Any, n: Any, out: Any) -> Any:

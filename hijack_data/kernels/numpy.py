@@ -1,7 +1,10 @@
-"""NumPy kernels: uint8 `[H, W, 3]`, any strides; contiguous pictures in either channel order are fast."""
+"""NumPy kernels: uint8 `[H, W, 3]`, any strides; contiguous pictures in either channel order are fast.
+
+With Numba, pictures are handed to the compiled kernels once that pays (`jit.worthwhile`); `paste_plain` and
+`resample_plain` are what runs until then, and without it.
+"""
 
 from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
 import numpy.typing as npt
@@ -10,23 +13,22 @@ from PIL import Image
 from ..resample import columns_first
 from ..sprite import Sprite, draw
 from ..types import Size, UInt8Array
-from . import Stamp, compiled
+from . import Stamp, blend, compiled, jit
+from .rows import host_place, rows_of
 
-# Masking a sprite's whole box beats addressing single bytes when the box is large and many of its pixels are opaque.
-DENSE_SHARE, DENSE_AREA = 0.12, 128 * 128
 LINE = 64  # bytes of a cache line
+PASTE_SAVES, RESAMPLE_SAVES = 0.2, 3e-6  # milliseconds that the kernels save: a picture, a byte
 
 
 @dataclass(frozen=True, eq=False)
 class _Form:
-    """A sprite made ready for pictures of certain strides. Offsets are in bytes from the top-left corner."""
+    """The painted bytes of a sprite, for pictures of certain strides. Offsets are in bytes from the top-left corner."""
 
     solid_at: npt.NDArray[np.intp]
     solid: UInt8Array
     soft_at: npt.NDArray[np.intp]
     keep: npt.NDArray[np.uint32]
     paint: npt.NDArray[np.uint32]
-    dense: tuple[UInt8Array, UInt8Array] | None
 
 
 def empty_like(image: UInt8Array) -> UInt8Array:
@@ -40,20 +42,24 @@ def empty_like(image: UInt8Array) -> UInt8Array:
 
 def paste(image: UInt8Array, stamps: list[Stamp]) -> UInt8Array:
     """Stamp sprites into `image`, in order, in place; return it."""
+    if not jit.worthwhile(PASTE_SAVES):
+        return paste_plain(image, stamps)
+    blend.paste(image, rows_of(stamps, host_place, "host-rows"))
+    return image
+
+
+def paste_plain(image: UInt8Array, stamps: list[Stamp]) -> UInt8Array:
+    """`paste` without Numba."""
     flat = _flat(image)
     for stamp in stamps:
         sprite, (h, w) = stamp.sprite, stamp.sprite.size
-        places = zip(stamp.ys.tolist(), stamp.xs.tolist(), strict=True)
-        if sprite.opaque:
-            for y, x in places:
-                _paste_opaque(image[y : y + h, x : x + w], sprite)
-        elif flat is None:
-            for y, x in places:
-                _paste_anywhere(image, sprite, y, x)
-        else:
-            form = _form(sprite, image.strides)
-            for y, x in places:
-                _paste_flat(image, flat, form, y, x)
+        for y, x in zip(stamp.ys.tolist(), stamp.xs.tolist(), strict=True):
+            if sprite.opaque:
+                image[y : y + h, x : x + w] = _block(sprite, image.strides)
+            elif flat is None:
+                draw(sprite.layers, image[y : y + h, x : x + w])
+            else:
+                _blend(flat[y * image.strides[0] + x * image.strides[1] :], _form(sprite, image.strides))
     return image
 
 
@@ -66,27 +72,16 @@ def _flat(image: UInt8Array) -> UInt8Array | None:
     return None
 
 
-def _ordered(array: UInt8Array, strides: tuple[int, ...]) -> UInt8Array:
-    """Return the same array `[h, w, 3]`, laid out in memory in the channel order of a picture with these strides."""
-    if strides[2] < strides[1]:
-        return np.ascontiguousarray(array)
-    return np.ascontiguousarray(array.transpose(2, 0, 1)).transpose(1, 2, 0)
-
-
-def _paste_opaque(part: UInt8Array, sprite: Sprite) -> None:
-    """Fill `part`, `[h, w, 3]`. A window is drawn right there the first time: most are never needed again."""
-    if len(sprite.layers) > 1 and "drawn" not in sprite.scratch:
-        sprite.scratch["drawn"] = True
-        draw(sprite.layers, part)
-    else:
-        part[...] = _block(sprite, part.strides)
-
-
 def _block(sprite: Sprite, strides: tuple[int, ...]) -> UInt8Array:
-    key = "block-hwc" if strides[2] < strides[1] else "block-chw"
-    if key not in sprite.scratch:
-        sprite.scratch[key] = _ordered(cast(UInt8Array, sprite.rgb), strides)
-    return sprite.scratch[key]
+    """Return the colours of an opaque sprite, in the channel order of a picture with these strides; they are kept."""
+    planar = strides[1] < strides[2]
+    block = sprite.scratch.get(("block", planar))
+    if block is None:
+        h, w = sprite.size
+        block = np.empty((3, h, w), np.uint8).transpose(1, 2, 0) if planar else np.empty((h, w, 3), np.uint8)
+        draw(sprite.layers, block)
+        sprite.scratch["block", planar] = block
+    return block
 
 
 def _form(sprite: Sprite, strides: tuple[int, ...]) -> _Form:
@@ -100,56 +95,34 @@ def _make_form(sprite: Sprite, strides: tuple[int, ...]) -> _Form:
     dy, dx, keep, paint = sprite.pixels
     pixel = dy.astype(np.intp) * strides[0] + dx.astype(np.intp) * strides[1]
     at = pixel[:, None] + np.arange(3, dtype=np.intp) * strides[2]
-    solid = keep == 0
-    soft = ~solid
-    dense = None
-    if sprite.alpha.size >= DENSE_AREA and solid.sum() > DENSE_SHARE * sprite.alpha.size:
-        dense = _dense(sprite, strides)
-        solid = np.zeros_like(solid)
+    solid, soft = keep == 0, keep != 0
     return _Form(
         at[solid].reshape(-1),
-        (paint[solid] // 255).astype(np.uint8).reshape(-1),
+        ((paint[solid] + 127) // 255).astype(np.uint8).reshape(-1),  # rounded: two colours may share an opaque pixel
         at[soft].reshape(-1),
         np.repeat(keep[soft], 3).astype(np.uint32),
         paint[soft].astype(np.uint32).reshape(-1) + 128,
-        dense,
     )
 
 
-def _dense(sprite: Sprite, strides: tuple[int, ...]) -> tuple[UInt8Array, UInt8Array]:
-    """Return masks `[h, w, 3]` in the picture's channel order: what survives below, and what opaque pixels add."""
-    opaque = sprite.alpha == 255
-    keep = np.broadcast_to(np.where(opaque, 0, 255).astype(np.uint8)[..., None], sprite.paint.shape)
-    add = np.where(opaque[..., None], sprite.paint // 255, 0).astype(np.uint8)
-    return _ordered(keep, strides), _ordered(add, strides)
-
-
-def _paste_flat(image: UInt8Array, flat: UInt8Array, form: _Form, y: int, x: int) -> None:
-    part = flat[y * image.strides[0] + x * image.strides[1] :]
-    if form.dense is not None:
-        keep, add = form.dense
-        below = image[y : y + keep.shape[0], x : x + keep.shape[1]]
-        np.bitwise_and(below, keep, out=below)
-        np.bitwise_or(below, add, out=below)
-    else:
-        part[form.solid_at] = form.solid
+def _blend(below: UInt8Array, form: _Form) -> None:
+    below[form.solid_at] = form.solid
     if form.soft_at.size:
-        total = part[form.soft_at] * form.keep
+        total = below[form.soft_at] * form.keep
         total += form.paint
         total += total >> 8
-        part[form.soft_at] = (total >> 8).astype(np.uint8)
-
-
-def _paste_anywhere(image: UInt8Array, sprite: Sprite, y: int, x: int) -> None:
-    dy, dx, keep, paint = sprite.pixels
-    total = image[dy + y, dx + x] * keep[:, None].astype(np.uint32) + paint + 128
-    image[dy + y, dx + x] = ((total + (total >> 8)) >> 8).astype(np.uint8)
+        below[form.soft_at] = (total >> 8).astype(np.uint8)
 
 
 def resample(image: UInt8Array, size: Size) -> UInt8Array:
     """Resize to `size` (height, width); a new array in the same channel order."""
-    if compiled.available():
-        return compiled.resample(image, size)
+    return (
+        compiled.resample(image, size) if jit.worthwhile(RESAMPLE_SAVES * image.size) else resample_plain(image, size)
+    )
+
+
+def resample_plain(image: UInt8Array, size: Size) -> UInt8Array:
+    """`resample` without Numba, by Pillow."""
     height, width = image.shape[:2]
     picture = Image.fromarray(np.ascontiguousarray(image))
     between = (width, size[0]) if columns_first((height, width), size) else (size[1], height)

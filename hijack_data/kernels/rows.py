@@ -48,14 +48,15 @@ def remembered(sprite: Sprite, place: Place, key: object) -> Rows:
 
 
 def _row(layer: Layer, place: Place) -> tuple[int, ...]:
-    (x1, y1, _, _), (height, width), covers, picture = layer.box, layer.size, layer.covers, layer.picture
-    if picture is not None:
-        kind, arrays = (PAINT, (covers[0], picture)) if covers else (PICTURE, (None, picture))
+    (x1, y1, x2, y2), covers, picture = layer.box, layer.covers, layer.picture
+    if picture is None:
+        kind, arrays = FILL + len(covers), covers
     else:
-        kind, arrays = FILL + len(covers), (*covers, None, None)[:2]
-    a, b = ((0, 0) if array is None else place(array) for array in arrays)
-    colors = [*(_packed(color) for color in layer.colors), 0, 0]
-    return y1, x1, height, width, kind, *a, *b, colors[0], colors[1]
+        kind, arrays = (PAINT, (covers[0], picture)) if covers else (PICTURE, (None, picture))
+    places = [(0, 0) if array is None else place(array) for array in arrays]
+    a, b = (*places, (0, 0), (0, 0))[:2]
+    a_color, b_color = (*map(_packed, layer.colors), 0, 0)[:2]
+    return y1, x1, y2 - y1, x2 - x1, kind, *a, *b, a_color, b_color
 
 
 def _packed(color: Color) -> int:

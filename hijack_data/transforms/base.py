@@ -52,8 +52,10 @@ class Corrupt(v2.Transform):
         seed: 0 to 2**64 - 1.
         id_from: `"entry"` takes the sample's id from its entry `id_key`; `"content"` derives it from the pixels, for
             pictures that come alone: the same picture then gets the same corruption until `set_epoch` is called.
-        label_policy: `"keep"`, or `"avoid"` to draw again until the sample's target shows, else leave it clean.
-        return_plan: put the plan under `"plan"`, and with a target its visible share under `"target_visible"`.
+        label_policy: `"keep"`, or `"avoid"` to draw again until the sample's target shows, and with it the end of its
+            action where that is a drag, else leave it clean.
+        return_plan: put the plan under `"plan"`, and with a target its visible share, or that of a drag's end if less,
+            under `"target_visible"`.
         id_key: name of the entry that holds the id.
 
     Raises `ParameterError`, `ImageError` or `ImageTypeError` for a sample that cannot be corrupted.

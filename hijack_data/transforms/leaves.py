@@ -14,8 +14,7 @@ from ..apply import apply
 from ..backends import backend_of
 from ..errors import ImageError, ParameterError
 from ..plan import Plan
-from ..safety import target_visible
-from ..samples import follow, is_many, target_of
+from ..samples import follow, is_many, visible_in
 from ..types import Size
 
 tv_tensors: Any = importlib.import_module("torchvision.tv_tensors")  # torchvision is not typed
@@ -89,8 +88,9 @@ def changed_entries(plans: list[Plan], entries: Row, rows: list[Row] | None, ret
         changes[key] = [part.get(key, row[key]) for part, row in zip(moved, each, strict=True)]
     if return_plan:
         changes["plan"] = list(plans)
-        if entries.get("target") is not None:
-            changes["target_visible"] = [target_visible(p, target_of(row)) for p, row in zip(plans, each, strict=True)]
+        seen = [visible_in(plan, row) for plan, row in zip(plans, each, strict=True)]
+        if any(share is not None for share in seen):
+            changes["target_visible"] = seen
     return {key: _joined(values, entries.get(key)) if rows else values[0] for key, values in changes.items()}
 
 
