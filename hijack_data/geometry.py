@@ -173,15 +173,17 @@ def place_disjoint(
     barred = _solid(boxes).T.astype(np.int64) + np.array([[-half], [-half], [half], [half]])
     # A batch is as many attempts as are needed at least: drawn at once, they leave the stream where one by one would.
     while (batch := min(number - len(centres), attempts - used, _MAX_BATCH)) > 0:
-        drawn = [(stream.integer(half, width - half), stream.integer(half, height - half)) for _ in range(batch)]
-        centres += _outside(drawn, barred) if half else drawn
+        drawn = stream.integers([(half, width - half), (half, height - half)], batch)
+        kept = _outside(drawn, barred) if half else drawn
+        centres += [(x, y) for x, y in kept.tolist()]
         used += batch
     return centres, used
 
 
-def _outside(points: list[Point], barred: Int64Array) -> list[Point]:
-    """Return the points that are strictly inside none of the boxes `barred`, int64 `[4, N]`; their order stays."""
-    x, y = np.array(points, np.int64).T[:, :, None]
+def _outside(points: Int64Array, barred: Int64Array) -> Int64Array:
+    """Return the points `[n, 2]` that are strictly inside none of the boxes `barred`, int64 `[4, N]`; in order."""
+    if not barred.size:
+        return points
+    x, y = points.T[:, :, None]
     x1, y1, x2, y2 = barred
-    hit = ((x > x1) & (x < x2) & (y > y1) & (y < y2)).any(axis=1)
-    return [points[i] for i in np.flatnonzero(~hit)]
+    return points[~((x > x1) & (x < x2) & (y > y1) & (y < y2)).any(axis=1)]

@@ -236,15 +236,21 @@ def _set_letters(line: str, font: str, size: int) -> tuple[UInt8Array, Point] | 
     starts = [0.0, *itertools.accumulate(advances(line, load_font(font, size)))][:-1]
     if not all(start.is_integer() for start in starts):
         return None
-    letters = [_line_mask(letter, font, size) for letter in line]
-    lefts = [int(start) + left for start, (_, (left, _)) in zip(starts, letters, strict=True)]
-    first, top = min(lefts), min(y for _, (_, y) in letters)
-    right = max(left + mask.shape[1] for left, (mask, _) in zip(lefts, letters, strict=True))
-    bottom = max(y + mask.shape[0] for mask, (_, y) in letters)
-    _check_area(max(1, right - first), max(1, bottom - top))
+    known = {letter: _line_mask(letter, font, size) for letter in set(line)}
+    places = [
+        (int(start) + left, y, mask)
+        for start, (mask, (left, y)) in zip(starts, map(known.__getitem__, line), strict=True)
+        if mask.size
+    ]
+    if not places:
+        return np.zeros((0, 0), np.uint8), (0, 0)
+    first, top = min(left for left, _, _ in places), min(y for _, y, _ in places)
+    right = max(left + mask.shape[1] for left, _, mask in places)
+    bottom = max(y + len(mask) for _, y, mask in places)
+    _check_area(right - first, bottom - top)
     out, end = np.zeros((bottom - top, right - first), np.uint8), first
-    for left, (mask, (_, y)) in zip(lefts, letters, strict=True):
-        below = out[y - top : y - top + mask.shape[0], left - first : left - first + mask.shape[1]]
+    for left, y, mask in places:
+        below = out[y - top : y - top + len(mask), left - first : left - first + mask.shape[1]]
         below[:] = mask if left >= end else _over(mask, below)
         end = max(end, left + mask.shape[1])
     return out, (first, top)

@@ -8,6 +8,7 @@ FreeType's own, to the bit; a test compares them.
 import math
 from collections.abc import Sequence
 from functools import lru_cache
+from operator import add
 from pathlib import Path
 from weakref import WeakKeyDictionary
 
@@ -61,14 +62,13 @@ def advances(line: str, font: ImageFont.FreeTypeFont) -> list[float]:
     known = _advances.get(font)
     if known is None or len(known) > MAX_PAIRS:
         known = _advances[font] = {}
-    found: list[float] = []
-    for at in range(len(line)):
-        pair = line[at : at + 2]  # the last one is a single letter
-        advance = known.get(pair)
-        if advance is None:
-            advance = known[pair] = font.getlength(pair) - (font.getlength(pair[1]) if len(pair) == 2 else 0.0)
-        found.append(advance)
-    return found
+    pairs = [*map(add, line, line[1:]), line[-1:]] if line else []  # the last one is a single letter
+    try:
+        return [known[pair] for pair in pairs]
+    except KeyError:
+        for pair in set(pairs) - known.keys():
+            known[pair] = font.getlength(pair) - (font.getlength(pair[1]) if len(pair) == 2 else 0.0)
+        return [known[pair] for pair in pairs]
 
 
 def measure(lines: Sequence[str], font: ImageFont.FreeTypeFont, edge: int = 0) -> tuple[int, int]:

@@ -130,6 +130,8 @@ class Scene:
     @property
     def obstacles(self) -> BoxArray:
         """Boxes clipped to the screen, without the empty ones: int32 `[M, 4]`."""
+        if not len(self.boxes):
+            return self.boxes
         boxes = clip_boxes(self.boxes, self.size)
         return boxes[(boxes[:, 2] > boxes[:, 0]) & (boxes[:, 3] > boxes[:, 1])]
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hijack_data.errors import ParameterError, ParameterTypeError
@@ -77,3 +77,27 @@ def test_seed_out_of_range(seed):
 def test_wrong_types(key):
     with pytest.raises(ParameterTypeError, match="must be an integer"):
         Stream(*key)
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    st.lists(
+        st.tuples(st.integers(-50, 50), st.sampled_from([51, 1000, 2**32, 2**62, 2**62 + 2**61])),
+        min_size=1,
+        max_size=3,
+    ),
+    st.integers(0, 20),
+    st.integers(0, 1000),
+)
+def test_integers_are_those_drawn_one_by_one(ranges, count, sample):
+    """Ranges of 2**62 reject every fourth word: the rest of the stream moves up, and what follows is the same, too."""
+    one, many = Stream(3, "a-v1", sample), Stream(3, "a-v1", sample)
+    for _ in range(2):
+        expected = [[one.integer(*pair) for pair in ranges] for _ in range(count)]
+        assert many.integers(ranges, count).tolist() == expected
+    assert one.word() == many.word()
+
+
+def test_an_empty_range_among_integers_is_refused():
+    with pytest.raises(ParameterError, match=r"empty range \[4, 3\]"):
+        Stream(3, "a-v1").integers([(0, 5), (4, 3)], 2)
