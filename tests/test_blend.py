@@ -1,7 +1,6 @@
 """Pasting on the CPU, compiled and not: the bytes of the definition for every sprite, place and memory layout."""
 
 import importlib
-import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -21,7 +20,8 @@ from hijack_data.plan import Paste, Plan
 from hijack_data.raster import png_recipe
 from hijack_data.sprite import Layer, Sprite
 
-ROOT = Path(__file__).resolve().parent.parent
+from support.guarded import run
+
 needs_numba = pytest.mark.skipif(not jit.available(), reason="needs Numba: pip install 'agenthijack[fast]'")
 PATHS = [pytest.param(kernels.paste, marks=needs_numba, id="compiled"), pytest.param(kernels.paste_plain, id="plain")]
 
@@ -219,12 +219,6 @@ def cache(tmp_path_factory) -> Path:
     return tmp_path_factory.mktemp("numba")
 
 
-def run(code: str, cache: Path) -> str:
-    environment = {"NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": str(ROOT)}
-    command = [sys.executable, "-W", "error", "-c", code]
-    return subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout
-
-
 COLD = """
 import sys
 import numpy as np
@@ -244,21 +238,13 @@ def test_a_cold_start_warns_of_nothing_and_fills_the_cache(cache):
 
 
 GUARDED = """
-import ctypes, mmap
 import numpy as np
 from hijack_data.kernels import Stamp, blend
 from hijack_data.kernels.rows import host_place, rows_of
 from hijack_data.sprite import Layer, Sprite
-page, inner = mmap.PAGESIZE, 16
-forbid = ctypes.CDLL(None).mprotect
+from support.guarded import guarded
 
-def guarded():
-    memory = np.frombuffer(mmap.mmap(-1, (inner + 2) * page), np.uint8)
-    for at in (0, (inner + 1) * page):
-        assert forbid(ctypes.c_void_p(memory.ctypes.data + at), ctypes.c_size_t(page), 0) == 0
-    return memory[page:-page]
-
-to, one, two = guarded(), guarded(), guarded()
+to, one, two = guarded(16), guarded(16), guarded(16)
 zero = np.array([0], np.int32)
 one[:], two[:] = 100, 90
 

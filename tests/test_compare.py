@@ -1,9 +1,7 @@
 """Counting differing pixels: the compiled way, NumPy's way and the plain definition give one number."""
 
-import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +10,8 @@ from hypothesis import strategies as st
 
 from hijack_data.kernels import compare, jit
 
-ROOT = Path(__file__).resolve().parent.parent
+from support.guarded import run
+
 needs_numba = pytest.mark.skipif(not jit.available(), reason="needs Numba: pip install 'agenthijack[fast]'")
 
 
@@ -159,16 +158,11 @@ def test_threads_may_count_at_once():
 
 
 GUARDED = """
-import ctypes, mmap
 import numpy as np
 from hijack_data.kernels import compare, jit
 jit.start()
-page, inner = mmap.PAGESIZE, 4
-memory = np.frombuffer(mmap.mmap(-1, (inner + 2) * page), np.uint8)
-forbid = ctypes.CDLL(None).mprotect
-for at in (0, (inner + 1) * page):
-    assert forbid(ctypes.c_void_p(memory.ctypes.data + at), ctypes.c_size_t(page), 0) == 0
-inside = memory[page:-page]
+from support.guarded import guarded
+inside = guarded(4)
 for height, width in [(1, 22), (1, 64), (2, 65), (30, 85), (40, 128), (1, 1000)]:
     size = height * width * 3
     boxes = [[0, 0, width, height], [width - 1, 0, width, height], [0, 0, 1, 1], [-9, -9, 2 * width, 2 * height]]
@@ -177,11 +171,6 @@ for height, width in [(1, 22), (1, 64), (2, 65), (30, 85), (40, 128), (1, 1000)]
             for box in boxes:
                 assert compare.count(image, np.copy(image, order="K"), np.array([box], np.int32)) == 0
 """
-
-
-def run(code, cache):
-    environment = {"NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": str(ROOT)}
-    subprocess.run([sys.executable, "-W", "error", "-c", code], env=environment, check=True)
 
 
 @needs_numba

@@ -23,7 +23,7 @@ EXTRAS = {
     "hf": ("Hugging Face datasets", ("datasets", "pyarrow")),
     "vision": ("elements from a screenshot alone", ("cv2",)),
     "ocr": ("elements by reading the screen", ("rapidocr", "onnxruntime")),
-    "fast": ("compiled resampling", ("numba",)),
+    "fast": ("compiled pasting and resizing", ("numba",)),
 }
 
 

@@ -1,4 +1,4 @@
-"""Pixel kernels: paste and resample, nothing else.
+"""Pixel kernels: paste, resample and compare, nothing else.
 
 A backend module works on one picture at a time, in its framework's own layout:
 

@@ -13,7 +13,7 @@ from PIL import Image
 from ..resample import columns_first
 from ..sprite import Sprite, draw
 from ..types import Size, UInt8Array
-from . import Stamp, blend, compiled, jit
+from . import Stamp, blend, jit, resize
 from .rows import host_place, rows_of
 
 LINE = 64  # bytes of a cache line
@@ -116,9 +116,7 @@ def _blend(below: UInt8Array, form: _Form) -> None:
 
 def resample(image: UInt8Array, size: Size) -> UInt8Array:
     """Resize to `size` (height, width); a new array in the same channel order."""
-    return (
-        compiled.resample(image, size) if jit.worthwhile(RESAMPLE_SAVES * image.size) else resample_plain(image, size)
-    )
+    return resize.resample(image, size) if jit.worthwhile(RESAMPLE_SAVES * image.size) else resample_plain(image, size)
 
 
 def resample_plain(image: UInt8Array, size: Size) -> UInt8Array:

@@ -8,7 +8,7 @@ import pytest
 from hijack_data import conformance, raster
 from hijack_data import resample as weights_module
 from hijack_data.corruptions import Marks, PopUps, Resolution, Subtitle
-from hijack_data.kernels import Stamp, blend, compiled, jit
+from hijack_data.kernels import Stamp, blend, jit, resize
 from hijack_data.kernels import numpy as numpy_kernels
 
 torch_kernels = pytest.importorskip("hijack_data.kernels.torch", exc_type=ImportError)
@@ -136,8 +136,8 @@ def test_a_weight_off_by_a_millionth_is_caught(monkeypatch, target):
 
 @needs_numba
 def test_a_wrong_compiled_resample_is_caught(monkeypatch):
-    right = compiled.resample
-    monkeypatch.setattr(compiled, "resample", lambda image, size, **kw: right(image, size, **kw) ^ 1)
+    right = resize.resample
+    monkeypatch.setattr(resize, "resample", lambda image, size, **kw: right(image, size, **kw) ^ 1)
     assert caught(Resolution).startswith("numpy")
 
 

@@ -1,9 +1,7 @@
 """The compiled resize: Pillow's bytes for every size and memory layout, and a clean answer without Numba."""
 
 import importlib
-import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import PIL
@@ -13,9 +11,10 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from hijack_data.errors import ImageError, ImageTypeError, MissingDependencyError, ParameterError
-from hijack_data.kernels import compiled, jit
+from hijack_data.kernels import jit, resize
 
-ROOT = Path(__file__).resolve().parent.parent
+from support.guarded import run
+
 needs_numba = pytest.mark.skipif(not jit.available(), reason="needs Numba: pip install 'agenthijack[fast]'")
 
 SIDE = st.one_of(st.integers(1, 20), st.integers(1, 150))
@@ -81,7 +80,7 @@ LAYOUTS = {
 def test_gives_the_bytes_of_pillow(seed, source, size, contrast, layout, threads):
     image = picture(seed, *source, contrast)
     given = LAYOUTS[layout](image)
-    np.testing.assert_array_equal(compiled.resample(given, size, threads), pillow(image, size))
+    np.testing.assert_array_equal(resize.resample(given, size, threads), pillow(image, size))
     np.testing.assert_array_equal(given, image)
 
 
@@ -89,7 +88,7 @@ def test_gives_the_bytes_of_pillow(seed, source, size, contrast, layout, threads
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_every_memory_layout(layout):
     image = picture(3, 45, 83)
-    np.testing.assert_array_equal(compiled.resample(LAYOUTS[layout](image), (30, 50)), pillow(image, (30, 50)))
+    np.testing.assert_array_equal(resize.resample(LAYOUTS[layout](image), (30, 50)), pillow(image, (30, 50)))
 
 
 @needs_numba
@@ -115,7 +114,7 @@ def test_every_memory_layout(layout):
 def test_extreme_and_tall_pictures(source, size, layout, contrast):
     image = picture(1, *source, contrast)
     for threads in (1, 2):
-        np.testing.assert_array_equal(compiled.resample(LAYOUTS[layout](image), size, threads), pillow(image, size))
+        np.testing.assert_array_equal(resize.resample(LAYOUTS[layout](image), size, threads), pillow(image, size))
 
 
 @needs_numba
@@ -124,7 +123,7 @@ def test_a_real_screenshot(shared_data):
     image = np.asarray(Image.open(path).convert("RGB"))
     assert not image.flags.writeable
     size = (image.shape[0] * 2 // 3, image.shape[1] * 2 // 3)
-    np.testing.assert_array_equal(compiled.resample(image, size), pillow(image, size))
+    np.testing.assert_array_equal(resize.resample(image, size), pillow(image, size))
 
 
 @needs_numba
@@ -132,8 +131,8 @@ def test_a_real_screenshot(shared_data):
 def test_the_result_has_the_memory_layout_of_the_input(size):
     image = picture(2, 40, 50)
     for threads in (1, 2):
-        assert compiled.resample(image, size, threads).flags.c_contiguous
-        planar = compiled.resample(channels_first(image), size, threads)
+        assert resize.resample(image, size, threads).flags.c_contiguous
+        planar = resize.resample(channels_first(image), size, threads)
         assert np.moveaxis(planar, 2, 0).flags.c_contiguous
         assert not np.shares_memory(planar, image)
 
@@ -144,9 +143,9 @@ def test_the_result_has_the_memory_layout_of_the_input(size):
 def test_batches(size, threads):
     batch = np.stack([picture(seed, 37, 50) for seed in range(4)])
     expected = np.stack([pillow(image, size) for image in batch])
-    last = compiled.resample(batch, size, threads)
-    first = compiled.resample(channels_first(batch), size, threads)
-    every_second = compiled.resample(batch[::2], size, threads)
+    last = resize.resample(batch, size, threads)
+    first = resize.resample(channels_first(batch), size, threads)
+    every_second = resize.resample(batch[::2], size, threads)
     np.testing.assert_array_equal(last, expected)
     np.testing.assert_array_equal(first, expected)
     np.testing.assert_array_equal(every_second, expected[::2])
@@ -171,7 +170,7 @@ def test_batches(size, threads):
 )
 def test_refusals_say_the_value(image, size, threads, error, says):
     with pytest.raises(error, match=says):
-        compiled.resample(image, size, threads)
+        resize.resample(image, size, threads)
 
 
 def test_without_numba(monkeypatch):
@@ -180,14 +179,14 @@ def test_without_numba(monkeypatch):
 
     monkeypatch.setattr(importlib, "import_module", absent)
     jit.available.cache_clear()
-    compiled._kernel.cache_clear()
+    resize._kernel.cache_clear()
     try:
         assert jit.available() is False
         with pytest.raises(MissingDependencyError, match=r"agenthijack\[fast\]"):
-            compiled.resample(np.zeros((4, 4, 3), np.uint8), (2, 2))
+            resize.resample(np.zeros((4, 4, 3), np.uint8), (2, 2))
     finally:
         jit.available.cache_clear()
-        compiled._kernel.cache_clear()
+        resize._kernel.cache_clear()
 
 
 def test_compiles_without_a_cache_when_no_folder_is_writable():
@@ -204,27 +203,17 @@ def test_compiles_without_a_cache_when_no_folder_is_writable():
 
 
 GUARDED = """
-import ctypes, mmap
 import numpy as np
-from hijack_data.kernels import compiled, jit
-page, inner = mmap.PAGESIZE, 16
-memory = np.frombuffer(mmap.mmap(-1, (inner + 2) * page), np.uint8)
-forbid = ctypes.CDLL(None).mprotect
-for at in (0, (inner + 1) * page):
-    assert forbid(ctypes.c_void_p(memory.ctypes.data + at), ctypes.c_size_t(page), 0) == 0
-inside = memory[page:-page]
+from hijack_data.kernels import jit, resize
+from support.guarded import guarded
+inside = guarded(16)
 for height, width in [(1, 1), (16, 16), (17, 33), (100, 50), (33, 200)]:
     size = height * width * 3
     for flat in (inside[:size], inside[-size:]):
         for image in (flat.reshape(height, width, 3), np.moveaxis(flat.reshape(3, height, width), 0, 2)):
             for to in [(1, 1), (height // 2 + 1, width // 2 + 1), (height, 2 * width), (2 * height, width)]:
-                compiled.resample(image, to)
+                resize.resample(image, to)
 """
-
-
-def run(code: str, cache: Path) -> None:
-    environment = {"NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": str(ROOT)}
-    subprocess.run([sys.executable, "-W", "error", "-c", code], env=environment, check=True)
 
 
 @needs_numba
@@ -236,13 +225,13 @@ def test_reads_nothing_beyond_the_picture(tmp_path):
 COLD = """
 import sys
 import numpy as np
-from hijack_data.kernels import compiled, jit
+from hijack_data.kernels import jit, resize
 assert "numba" not in sys.modules, "importing the module loads Numba"
-assert compiled.resample(np.full((40, 40, 3), 7, np.uint8), (20, 20)).tolist() == [[[7] * 3] * 20] * 20
+assert resize.resample(np.full((40, 40, 3), 7, np.uint8), (20, 20)).tolist() == [[[7] * 3] * 20] * 20
 """
 
 
 @needs_numba
 def test_a_cold_start_warns_of_nothing_and_fills_the_cache(tmp_path):
     run(COLD, tmp_path)
-    assert {path.name.split("-")[0] for path in tmp_path.rglob("*.nbc")} == {"compiled._band", "compiled._block_across"}
+    assert {path.name.split("-")[0] for path in tmp_path.rglob("*.nbc")} == {"resize._band", "resize._block_across"}
