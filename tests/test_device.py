@@ -40,11 +40,9 @@ ON_GPU = torch.cuda.is_available()
 
 @pytest.fixture(autouse=True)
 def on_a_device(monkeypatch):
-    """Without a GPU, let tensors on the CPU take its way, in small tiles; sprites are not shared with other tests."""
+    """Without a GPU, let tensors on the CPU take its way; sprites are not shared with other tests."""
     monkeypatch.setattr(raster, "_cache", raster._Cache(2**24))
     if not ON_GPU:
-        monkeypatch.setattr(device._kernels(), "TILE", (16, 64))
-        monkeypatch.setattr(device._kernels(), "ROWS_AT_ONCE", 4)
         monkeypatch.setattr(device, "runs_on", lambda _device: True)
         monkeypatch.setattr(torch_kernels, "together", lambda _image: True)
 
@@ -122,7 +120,7 @@ def test_a_plan_that_draws_differently_here_is_refused():
 @settings(max_examples=15, deadline=None)
 @given(st.data())
 def test_any_sprites_anywhere(data):
-    """Transparent and opaque pictures, partly outside, over each other, and more of them than are compared at once."""
+    """Transparent and opaque pictures, partly outside and over each other."""
     size = data.draw(st.integers(1, 40)), data.draw(st.integers(1, 90))
     rng, ops = np.random.default_rng(data.draw(st.integers(0, 10**6))), []
     for _ in range(data.draw(st.integers(1, 3))):
@@ -153,7 +151,7 @@ def test_a_sprite_is_sent_once_and_goes_with_the_cache(monkeypatch):
     masks = [len(s.sprite.layers[0].covers) for op in plan.ops for s in lower(op, SIZE)]
     for _ in range(2):
         hj.apply(plan, tensor(picture(SIZE)))
-    assert [len(arrays) for arrays in sent] == [*masks, 2, 2]  # the sprite, then twice the tables of jobs and rows
+    assert [len(arrays) for arrays in sent] == [*masks, 3, 3]  # the sprite, then twice the tables: jobs, rows and tiles
 
 
 def test_a_wrong_row_is_noticed():
@@ -180,13 +178,13 @@ from triton.compiler import ASTSource
 
 from hijack_data.kernels import triton as kernels
 
-tile = dict(zip(("TALL", "WIDE"), kernels.TILE))
+tile, part = ({"TALL": tall, "WIDE": wide} for tall, wide in (kernels.PASTE_TILE, kernels.RESIZE_TILE))
 for kernel, names, constants in (
-    (kernels.paste, ("jobs", "rows"), {"GROUP": kernels.ROWS_AT_ONCE, **tile}),
-    (kernels.resize, ("jobs",), {"ALONG_ROWS": True, **tile}),
-    (kernels.resize, ("jobs",), {"ALONG_ROWS": False, **tile}),
+    (kernels.paste, {"jobs": "*i64", "rows": "*i64", "tiles": "*i32"}, tile),
+    (kernels.resize, {"jobs": "*i64"}, {"ALONG_ROWS": True, **part}),
+    (kernels.resize, {"jobs": "*i64"}, {"ALONG_ROWS": False, **part}),
 ):
-    signature = dict.fromkeys(names, "*i64") | dict.fromkeys(constants, "constexpr")
+    signature = names | dict.fromkeys(constants, "constexpr")
     for capability in (80, 90, 100):
         source = ASTSource(fn=kernel, signature=signature, constexprs=constants)
         made = triton.compile(source, target=GPUTarget("cuda", capability, 32))

@@ -19,7 +19,7 @@ from ..resample import columns_first, weights
 from ..sprite import Sprite
 from ..types import Size
 from . import Stamp
-from .rows import COLUMNS, remembered, rows_of
+from .rows import Rows, remembered, rows_of
 
 Array: TypeAlias = npt.NDArray[Any]
 ALIGNED = 16  # bytes
@@ -55,11 +55,31 @@ def paste_many(images: Sequence[Tensor], stamps: Sequence[list[Stamp]]) -> None:
             (image.data_ptr(), *image.shape[1:], *image.stride(), end - len(table), end)
             for image, table, end in zip(images, tables, ends.tolist(), strict=True)
         ]
-        rows = np.concatenate([np.empty((0, COLUMNS), np.int64), *tables])
-        sent = _send([np.array(jobs, np.int64), rows], device)
-        grid = (max(_tiles(image.shape[1], image.shape[2]) for image in images), len(images))
-        tall, wide = kernels.TILE
-        kernels.paste[grid](*sent, GROUP=kernels.ROWS_AT_ONCE, TALL=tall, WIDE=wide)
+        tiles = _met([(image.shape[1], image.shape[2]) for image in images], tables)
+        if len(tiles):
+            tall, wide = kernels.PASTE_TILE
+            sent = _send([np.array(jobs, np.int64), np.concatenate(tables), tiles], device)
+            kernels.paste[(len(tiles),)](*sent, TALL=tall, WIDE=wide)
+
+
+def _met(sizes: list[Size], tables: list[Rows]) -> npt.NDArray[np.int32]:
+    """Return the tiles that the rows of each picture meet, int32 `[n, 3]`: picture, and the tile's row and column.
+
+    All rows at once: each adds one to its tiles, as the sum from the top left of four numbers at its corners.
+    """
+    tall, wide = _kernels().PASTE_TILE
+    down, across = (
+        -(-max(side) // tile) + 1 for side, tile in zip(zip(*sizes, strict=True), (tall, wide), strict=True)
+    )
+    picture = np.repeat(np.arange(len(tables)), [len(table) for table in tables])
+    y, x, h, w = np.concatenate(tables)[:, :4].T
+    top, bottom, left, right = y // tall, (y + h - 1) // tall + 1, x // wide, (x + w - 1) // wide + 1
+    count = np.zeros((len(sizes), down, across), np.int32)
+    for rows, columns, number in ((top, left, 1), (top, right, -1), (bottom, left, -1), (bottom, right, 1)):
+        np.add.at(count, (picture, rows, columns), number)
+    np.cumsum(count, axis=1, out=count)
+    np.cumsum(count, axis=2, out=count)
+    return np.argwhere(count > 0).astype(np.int32)
 
 
 def resample_many(images: Sequence[Tensor], sizes: Sequence[Size]) -> list[Tensor]:
@@ -97,8 +117,8 @@ def _pass(images: list[Tensor], sides: list[int], axis: int) -> list[Tensor]:
         jobs.append((*source, *result, height, width, first.data_ptr(), taps.data_ptr(), taps.shape[1]))
         made.append(new)
     (sent,) = _send([np.array(jobs, np.int64)], device)
-    grid = (max(_tiles(new.shape[1], new.shape[2]) for new in made), len(made), 3)
-    tall, wide = kernels.TILE
+    tall, wide = kernels.RESIZE_TILE
+    grid = (max(-(-new.shape[1] // tall) * -(-new.shape[2] // wide) for new in made), len(made), 3)
     kernels.resize[grid](sent, ALONG_ROWS=axis == 2, TALL=tall, WIDE=wide)
     return made
 
@@ -108,11 +128,6 @@ def _new(image: Tensor, height: int, width: int) -> Tensor:
     if image.stride(0) == 1 and image.stride(2) != 1:
         return torch.empty((height, width, 3), dtype=torch.uint8, device=image.device).permute(2, 0, 1)
     return torch.empty((3, height, width), dtype=torch.uint8, device=image.device)
-
-
-def _tiles(height: int, width: int) -> int:
-    tall, wide = _kernels().TILE
-    return -(-height // tall) * -(-width // wide)
 
 
 def _at(device: torch.device) -> AbstractContextManager[Any]:

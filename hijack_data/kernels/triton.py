@@ -12,9 +12,8 @@ import triton.language as tl
 from ..resample import PRECISION_BITS
 from . import rows as r
 
-# A tile of a picture is the work of one program.
-TILE = (16, 128)
-ROWS_AT_ONCE = 64  # rows whose boxes are compared with the tile together
+# Pixels that are the work of one program, (height, width): few enough that what it keeps fits its registers.
+PASTE_TILE, RESIZE_TILE = (8, 64), (8, 128)
 
 PASTE_JOB = 8  # address, height, width, strides of channel, row and pixel, first row, end of rows
 RESIZE_JOB = (
@@ -22,33 +21,19 @@ RESIZE_JOB = (
 )
 
 _COLUMNS, _PASTE_JOB, _RESIZE_JOB = tl.constexpr(r.COLUMNS), tl.constexpr(PASTE_JOB), tl.constexpr(RESIZE_JOB)
-_FILL, _INKS, _PICTURE, _PAINT = (tl.constexpr(kind) for kind in (r.FILL, r.INKS, r.PICTURE, r.PAINT))
+_FILL, _INK, _INKS, _PICTURE = (tl.constexpr(kind) for kind in (r.FILL, r.INK, r.INKS, r.PICTURE))
 _BITS = tl.constexpr(PRECISION_BITS)
 _HALF = tl.constexpr(1 << (PRECISION_BITS - 1))
 
 
 @triton.jit
-def paste(jobs, rows, GROUP: tl.constexpr, TALL: tl.constexpr, WIDE: tl.constexpr):
-    """Stamp the rows of one picture into one tile of it, in order; a tile that no row meets is not read."""
-    job = jobs + tl.program_id(1) * _PASTE_JOB
+def paste(jobs, rows, tiles, TALL: tl.constexpr, WIDE: tl.constexpr):
+    """Stamp the rows of a picture into one tile of it, in order. `tiles` int32 `[n, 3]`: picture, and which tile."""
+    tile = tiles + tl.program_id(0) * 3
+    job = jobs + tl.load(tile) * _PASTE_JOB
     height, width = tl.load(job + 1).to(tl.int32), tl.load(job + 2).to(tl.int32)
     first, end = tl.load(job + 6).to(tl.int32), tl.load(job + 7).to(tl.int32)
-    across = tl.cdiv(width, WIDE)
-    top, left = tl.program_id(0) // across * TALL, tl.program_id(0) % across * WIDE
-    met = 0
-    for start in range(first, end, GROUP):
-        number = start + tl.arange(0, GROUP)
-        row, known = rows + number * _COLUMNS, number < end
-        y, x = tl.load(row, mask=known, other=0), tl.load(row + 1, mask=known, other=0)
-        bottom, right = y + tl.load(row + 2, mask=known, other=0), x + tl.load(row + 3, mask=known, other=0)
-        meets = known & (y < top + TALL) & (bottom > top) & (x < left + WIDE) & (right > left)
-        met += tl.sum(meets.to(tl.int32), axis=0)
-    if (met > 0) & (top < height):
-        _paste_tile(job, rows, first, end, top, left, height, width, TALL, WIDE)
-
-
-@triton.jit
-def _paste_tile(job, rows, first, end, top, left, height, width, TALL: tl.constexpr, WIDE: tl.constexpr):
+    top, left = tl.load(tile + 1) * TALL, tl.load(tile + 2) * WIDE
     ys, xs = top + tl.arange(0, TALL)[:, None], left + tl.arange(0, WIDE)[None, :]
     image = tl.load(job).to(tl.pointer_type(tl.uint8))
     channel = tl.load(job + 3)
@@ -59,33 +44,52 @@ def _paste_tile(job, rows, first, end, top, left, height, width, TALL: tl.conste
     blue = tl.load(at + 2 * channel, mask=inside, other=0).to(tl.int32)
     for number in range(first, end):
         row = rows + number * _COLUMNS
-        y, x = ys - tl.load(row).to(tl.int32), xs - tl.load(row + 1).to(tl.int32)
-        here = inside & (y >= 0) & (y < tl.load(row + 2)) & (x >= 0) & (x < tl.load(row + 3))
-        kind = tl.broadcast_to(tl.load(row + 4), (1, WIDE))  # a mask is a tensor
-        a_color, b_color = tl.load(row + 9).to(tl.int32), tl.load(row + 10).to(tl.int32)
-        a = tl.load(row + 5).to(tl.pointer_type(tl.uint8)) + y * tl.load(row + 6) + x
-        b = y * tl.load(row + 8)
-        second = tl.load(row + 7).to(tl.pointer_type(tl.uint8))
-        deep = tl.load(row + 7).to(tl.pointer_type(tl.uint16)) + b + 3 * x
-        alpha = tl.load(a, mask=here & (kind != _FILL) & (kind != _PICTURE), other=255).to(tl.int32)
-        other = tl.load(second + b + x, mask=here & (kind == _INKS), other=0).to(tl.int32)
-        keep, shown, painted = 255 - alpha - other, here & (kind == _PICTURE), here & (kind == _PAINT)
-        color = second + b + 3 * x
-        red = _blend(red, keep, alpha, other, a_color >> 16, b_color >> 16, color, deep, shown, painted, here)
-        green = _blend(green, keep, alpha, other, a_color >> 8, b_color >> 8, color + 1, deep + 1, shown, painted, here)
-        blue = _blend(blue, keep, alpha, other, a_color, b_color, color + 2, deep + 2, shown, painted, here)
+        y0, x0 = tl.load(row).to(tl.int32), tl.load(row + 1).to(tl.int32)
+        tall, wide = tl.load(row + 2).to(tl.int32), tl.load(row + 3).to(tl.int32)
+        if (y0 < top + TALL) & (y0 + tall > top) & (x0 < left + WIDE) & (x0 + wide > left):
+            y, x = ys - y0, xs - x0
+            here = inside & (y >= 0) & (y < tall) & (x >= 0) & (x < wide)
+            a_color, b_color = tl.load(row + 9).to(tl.int32), tl.load(row + 10).to(tl.int32)
+            kind, b_pitch = tl.load(row + 4), tl.load(row + 8).to(tl.int32)
+            a = tl.load(row + 5).to(tl.pointer_type(tl.uint8)) + y * tl.load(row + 6).to(tl.int32) + x
+            if kind == _FILL:
+                red = tl.where(here, (a_color >> 16) & 255, red)
+                green = tl.where(here, (a_color >> 8) & 255, green)
+                blue = tl.where(here, a_color & 255, blue)
+            elif kind == _INK:
+                alpha = tl.load(a, mask=here, other=0).to(tl.int32)
+                red = _blend(red, 255 - alpha, alpha * ((a_color >> 16) & 255))
+                green = _blend(green, 255 - alpha, alpha * ((a_color >> 8) & 255))
+                blue = _blend(blue, 255 - alpha, alpha * (a_color & 255))
+            elif kind == _INKS:
+                b = tl.load(row + 7).to(tl.pointer_type(tl.uint8)) + y * b_pitch + x
+                alpha = tl.load(a, mask=here, other=0).to(tl.int32)
+                other = tl.load(b, mask=here, other=0).to(tl.int32)
+                keep = 255 - alpha - other
+                red = _blend(red, keep, alpha * ((a_color >> 16) & 255) + other * ((b_color >> 16) & 255))
+                green = _blend(green, keep, alpha * ((a_color >> 8) & 255) + other * ((b_color >> 8) & 255))
+                blue = _blend(blue, keep, alpha * (a_color & 255) + other * (b_color & 255))
+            elif kind == _PICTURE:
+                color = tl.load(row + 7).to(tl.pointer_type(tl.uint8)) + y * b_pitch + 3 * x
+                red = tl.where(here, tl.load(color, mask=here, other=0).to(tl.int32), red)
+                green = tl.where(here, tl.load(color + 1, mask=here, other=0).to(tl.int32), green)
+                blue = tl.where(here, tl.load(color + 2, mask=here, other=0).to(tl.int32), blue)
+            else:
+                paint = tl.load(row + 7).to(tl.pointer_type(tl.uint16)) + y * b_pitch + 3 * x
+                keep = 255 - tl.load(a, mask=here, other=0).to(tl.int32)
+                red = _blend(red, keep, tl.load(paint, mask=here, other=0).to(tl.int32))
+                green = _blend(green, keep, tl.load(paint + 1, mask=here, other=0).to(tl.int32))
+                blue = _blend(blue, keep, tl.load(paint + 2, mask=here, other=0).to(tl.int32))
     tl.store(at, red.to(tl.uint8), mask=inside)
     tl.store(at + channel, green.to(tl.uint8), mask=inside)
     tl.store(at + 2 * channel, blue.to(tl.uint8), mask=inside)
 
 
 @triton.jit
-def _blend(below, keep, alpha, other, a_color, b_color, color, deep, shown, painted, here):
-    """Blend one channel; exactly one of inks, picture and paint adds anything."""
-    total = below * keep + alpha * (a_color & 255) + other * (b_color & 255) + 128
-    total += tl.load(color, mask=shown, other=0).to(tl.int32) * 255
-    total += tl.load(deep, mask=painted, other=0).to(tl.int32)
-    return tl.where(here, (total + (total >> 8)) >> 8, below)
+def _blend(below, keep, added):
+    """The blend, rounded exactly; where nothing is added and all is kept, what is below stays as it is."""
+    total = below * keep + added + 128
+    return (total + (total >> 8)) >> 8
 
 
 @triton.jit
