@@ -2,7 +2,7 @@
 
 import os
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from hijack_data.errors import MissingDependencyError
 
@@ -63,8 +63,7 @@ def _hub() -> Any:
 
 
 def _network_errors() -> tuple[type[Exception], ...]:
-    try:
-        import httpx
-    except ImportError:  # huggingface_hub before 1.0 uses requests, whose errors are OSErrors
-        return ()
-    return (httpx.HTTPError,)
+    """What the HTTP client raises: `requests`, httpx or httpx2, by the version of huggingface_hub."""
+    from huggingface_hub.errors import HfHubHTTPError
+
+    return cast("tuple[type[Exception], ...]", HfHubHTTPError.__bases__)
