@@ -10,6 +10,7 @@ import gymnasium
 from gymnasium.envs.registration import EnvSpec
 
 from hijack_data.errors import HijackError, ParameterError, ParameterTypeError, UnknownNameError, suggest
+from hijack_data.kernels import jit
 from hijack_data.safety import Planner
 from hijack_data.types import Size, UInt8Array
 
@@ -90,6 +91,7 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
         runs = None if log is None else Path(log)
         rules = Rules(max_steps, settle, recovery, allow_code, runs, agent, password)
         _secrets[self] = _Secret(stage, rules, planner)
+        jit.start()  # with the first picture, not after some hundred, in the middle of an episode
         self._resize(Script(planner, 0, "", (), stage.desktop.size).plan(0).out_size)
 
     def reset(
