@@ -70,7 +70,10 @@ def test_every_corruption_gives_the_bytes_of_the_definition(name, layout):
     assert np.array_equal(array(before), picture(SIZE)), "the input was written into"
 
 
-def test_a_mixed_batch_is_its_pictures_one_by_one():
+@pytest.mark.parametrize("kernels", ["Triton", "tensor operations"])
+def test_a_mixed_batch_is_its_pictures_one_by_one(kernels, monkeypatch):
+    if kernels != "Triton":  # a device for which there is none
+        monkeypatch.setattr(device, "runs_on", lambda _device: False)
     names = [*SPECS, "clean"]
     plans = [
         SPECS[name].plan(scene(SIZE), seed=5, sample=name) if name in SPECS else Plan.clean(SIZE) for name in names
