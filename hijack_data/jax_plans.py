@@ -52,6 +52,7 @@ class Pastes:
 
     `top`, `left` int32 `[B, N]`, `colors` uint8 `[B, N, h, w, 3]`, `mask` bool `[B, N, h, w, 1]`; `index` int32
     `[B, L, P]` into the canvas (its size means none), `keep` uint8 `[B, L, P, 1]`, `paint` uint16 `[B, L, P, 3]`.
+    `blocks` and `layers`, int32 `[B]`, tell how many of them each picture has: it pays for no others.
     """
 
     top: Any
@@ -61,6 +62,8 @@ class Pastes:
     index: Any
     keep: Any
     paint: Any
+    blocks: Any
+    layers: Any
 
 
 @_jax.tree_util.register_dataclass
@@ -167,7 +170,8 @@ class Packer:
             for n, (sprite, y, x) in enumerate(stage.blocks):
                 block = padded_block(sprite, y, x, canvas, (shape[0], shape[1]))
                 top[b, n], left[b, n], colors[b, n], mask[b, n] = block
-        return Pastes(top, left, colors, mask, *self._layers(stages, name, canvas))
+        used = np.array([(len(stage.blocks), len(stage.layers)) for stage in stages], np.int32).T
+        return Pastes(top, left, colors, mask, *self._layers(stages, name, canvas), used[0], used[1])
 
     def _layers(self, stages: list[_Stage], name: str, canvas: Size) -> Pixels:
         layers = self._mark(f"{name}layers", max(len(stage.layers) for stage in stages))
@@ -263,20 +267,23 @@ def _apply_one(pastes: tuple[Pastes, ...], resizes: tuple[Resizes, ...], image: 
         if number:
             image = _resize(resizes[number - 1], image)
         for n in range(stage.top.shape[0]):
-            image = blend_block(image, stage.top[n], stage.left[n], stage.colors[n], stage.mask[n])
+            block = stage.top[n], stage.left[n], stage.colors[n], stage.mask[n]
+            image = _jax.lax.cond(n < stage.blocks, blend_block, _as_it_is, image, *block)
         for n in range(stage.index.shape[0]):
-            image = blend_pixels(image, stage.index[n], stage.keep[n], stage.paint[n])
+            pixels = stage.index[n], stage.keep[n], stage.paint[n]
+            image = _jax.lax.cond(n < stage.layers, blend_pixels, _as_it_is, image, *pixels)
     return image[:height, :width]
 
 
-def _resize(table: Resizes, image: Any) -> Any:
-    def as_it_is(image: Any) -> Any:
-        return image
+def _as_it_is(image: Any, *_: Any) -> Any:
+    return image
 
+
+def _resize(table: Resizes, image: Any) -> Any:
     def rows_first(image: Any) -> Any:
         return resize_pass(resize_pass(image, table.index_x, table.taps_x, 1), table.index_y, table.taps_y, 0)
 
     def columns_first(image: Any) -> Any:
         return resize_pass(resize_pass(image, table.index_y, table.taps_y, 0), table.index_x, table.taps_x, 1)
 
-    return _jax.lax.switch(table.kind, [as_it_is, rows_first, columns_first], image)
+    return _jax.lax.switch(table.kind, [_as_it_is, rows_first, columns_first], image)
