@@ -12,7 +12,7 @@ from .backends import Backend, backend_of
 from .errors import ParameterError, ParameterTypeError
 from .plan import Plan
 from .rng import Stream
-from .safety import Planner, Safety, judge
+from .safety import Planner, Safety, judge_all
 from .types import Box, BoxArray, Scene, Size, as_boxes, as_target
 
 
@@ -81,8 +81,7 @@ class Augmentation:
             plans.append(self.plan(scene, seed=seed, sample=key, step=step or 0, epoch=epoch))
         out = apply(plans, batch)
         after: list[Any] = [out[i] for i in range(count)]
-        rows = zip(plans, images, after, per_target, per_end, per_box, strict=True)
-        safety = [judge(p, before, now, target=t, end=e, boxes=b) for p, before, now, t, e, b in rows]
+        safety = judge_all(plans, images, after, targets=per_target, ends=per_end, boxes=per_box)
         moved = [p.coords.boxes_to_observation(b) for p, b in zip(plans, per_box, strict=True)]
         return Corrupted(out, plans, moved, [_move(p, t) for p, t in zip(plans, per_target, strict=True)], safety)
 

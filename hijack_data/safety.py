@@ -3,6 +3,7 @@
 A corrupted sample whose target is hidden must not become a training label by accident.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from operator import itemgetter
@@ -187,10 +188,11 @@ def changed_pixels(before: Any, after: Any, plan: Plan | None = None) -> int:
 
     With the plan that made `after` from `before`, only the pixels that it can have changed are looked at.
     """
-    return _changed(before, after, None if plan is None else _painted_areas(plan, _painted(plan)))
+    return int(_changed(before, after, None if plan is None else _painted_areas(plan, _painted(plan))))
 
 
-def _changed(before: Any, after: Any, areas: BoxArray | None) -> int:
+def _changed(before: Any, after: Any, areas: BoxArray | None) -> Any:
+    """Return how many pixels differ: an integer, or the number on a device that will be it."""
     height, width = backend_of(after).size(after)
     if backend_of(before).size(before) != (height, width):
         return height * width
@@ -207,9 +209,9 @@ def _device(image: Any) -> str:
     return str(getattr(device, "type", getattr(device, "platform", "cpu")))
 
 
-def count_on_device(before: Any, after: Any) -> int:
-    """Count the differing pixels of two torch or JAX pictures where they are; only the number comes back."""
-    return int((before != after).any(backend_of(after).channels).sum())
+def count_on_device(before: Any, after: Any) -> Any:
+    """Count the differing pixels of two torch or JAX pictures where they are; nothing waits for the number."""
+    return (before != after).any(backend_of(after).channels).sum()
 
 
 def _painted_areas(plan: Plan, painted: _Painted | None) -> BoxArray | None:
@@ -226,12 +228,37 @@ def judge(
 
     `target`, `end` (where a drag that starts at the target ends) and `boxes` are in screen coordinates.
     """
-    ends, every, painted = as_boxes(_ends(target, end)), as_boxes(boxes), _painted(plan)
+    return judge_all([plan], [before], [after], targets=[target], ends=[end], boxes=[boxes])[0]
+
+
+def judge_all(
+    plans: Sequence[Plan],
+    before: Sequence[Any],
+    after: Sequence[Any],
+    *,
+    targets: Sequence[object],
+    ends: Sequence[object],
+    boxes: Sequence[BoxesLike],
+) -> list[Safety]:
+    """`judge` for all pictures of a batch: a device is asked for everything before it is waited for."""
+    painted = [_painted(plan) for plan in plans]
+    changed = [
+        _changed(one, two, _painted_areas(plan, known))
+        for plan, known, one, two in zip(plans, painted, before, after, strict=True)
+    ]
+    rows = zip(plans, painted, changed, targets, ends, boxes, strict=True)
+    return [
+        _verdict(plan, known, int(count), _ends(target, end), every) for plan, known, count, target, end, every in rows
+    ]
+
+
+def _verdict(plan: Plan, painted: _Painted | None, changed: int, must_show: list[Box], boxes: BoxesLike) -> Safety:
+    ends, every = as_boxes(must_show), as_boxes(boxes)
     rows = np.concatenate([ends, every])
     shares = _shares(plan, painted, rows) if len(rows) else []
     seen, rest = shares[: len(ends)], shares[len(ends) :]
     hits = tuple(i for i, share in enumerate(rest) if share < COVERED_BELOW)
-    return Safety(min(seen, default=None), hits, _changed(before, after, _painted_areas(plan, painted)))
+    return Safety(min(seen, default=None), hits, changed)
 
 
 def plan_avoiding(

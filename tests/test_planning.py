@@ -259,7 +259,7 @@ def test_counting_on_a_device(kind):
     after = before.copy()
     after[5:60:7, 3:80:5, 1] ^= 1
     pair = [convert(a, kind) for a in (before, after)]
-    assert safety.count_on_device(*pair) == int((before != after).any(-1).sum()) > 100
+    assert int(safety.count_on_device(*pair)) == int((before != after).any(-1).sum()) > 100
     assert safety._device(pair[0]) == safety._device(before) == "cpu"
 
 
