@@ -50,7 +50,7 @@ Pixels = tuple[Array, Array, Array]  # flat positions [n], keep [n], paint [n, 3
 class Pastes:
     """What is painted between two resizes, for a batch of `B`: blocks first, then layers of single pixels.
 
-    `top`, `left` int32 `[B, N]`, `colors` uint8 `[B, N, h, w, 3]`, `mask` bool `[B, N, h, w, 1]`; `index` int32
+    `top`, `left` int32 `[B, N]`, `colors` uint8 `[B, N, h, w, 3]`, `inside` int32 `[B, N, 4]`; `index` int32
     `[B, L, P]` into the canvas (its size means none), `keep` uint8 `[B, L, P, 1]`, `paint` uint16 `[B, L, P, 3]`.
     `blocks` and `layers`, int32 `[B]`, tell how many of them each picture has: it pays for no others.
     """
@@ -58,7 +58,7 @@ class Pastes:
     top: Any
     left: Any
     colors: Any
-    mask: Any
+    inside: Any
     index: Any
     keep: Any
     paint: Any
@@ -165,13 +165,13 @@ class Packer:
             for axis, side in enumerate(canvas)
         ]
         top, left = np.zeros((count, blocks), np.int32), np.zeros((count, blocks), np.int32)
-        colors, mask = np.zeros((count, blocks, *shape, 3), np.uint8), np.zeros((count, blocks, *shape, 1), bool)
+        colors, inside = np.zeros((count, blocks, *shape, 3), np.uint8), np.zeros((count, blocks, 4), np.int32)
         for b, stage in enumerate(stages):
             for n, (sprite, y, x) in enumerate(stage.blocks):
                 block = padded_block(sprite, y, x, canvas, (shape[0], shape[1]))
-                top[b, n], left[b, n], colors[b, n], mask[b, n] = block
+                top[b, n], left[b, n], colors[b, n], inside[b, n] = block
         used = np.array([(len(stage.blocks), len(stage.layers)) for stage in stages], np.int32).T
-        return Pastes(top, left, colors, mask, *self._layers(stages, name, canvas), used[0], used[1])
+        return Pastes(top, left, colors, inside, *self._layers(stages, name, canvas), used[0], used[1])
 
     def _layers(self, stages: list[_Stage], name: str, canvas: Size) -> Pixels:
         layers = self._mark(f"{name}layers", max(len(stage.layers) for stage in stages))
@@ -267,7 +267,7 @@ def _apply_one(pastes: tuple[Pastes, ...], resizes: tuple[Resizes, ...], image: 
         if number:
             image = _resize(resizes[number - 1], image)
         for n in range(stage.top.shape[0]):
-            block = stage.top[n], stage.left[n], stage.colors[n], stage.mask[n]
+            block = stage.top[n], stage.left[n], stage.colors[n], stage.inside[n]
             image = _jax.lax.cond(n < stage.blocks, blend_block, _as_it_is, image, *block)
         for n in range(stage.index.shape[0]):
             pixels = stage.index[n], stage.keep[n], stage.paint[n]

@@ -21,9 +21,10 @@ UInt16Array: TypeAlias = npt.NDArray[np.uint16]
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """Colours blended into a box. A byte `d` of a channel becomes `(t + (t >> 8)) >> 8`, the exact rounding of a blend,
+    """Colours blended into a box.
 
-    with `t = d * (255 - sum of covers) + sum of cover * colour + 128`. A layer without a cover is opaque.
+    A byte `d` of a channel becomes `(t + (t >> 8)) >> 8`, the exact rounding of a blend, with
+    `t = d * (255 - sum of covers) + sum of cover * colour + 128`. A layer without a cover is opaque.
 
     Args:
         box: `(x1, y1, x2, y2)` in pixels of the sprite, not empty and inside it.
@@ -55,7 +56,10 @@ class Layer:
         if self.picture is not None:
             return cast(UInt16Array, self.picture if self.covers else self.picture.astype(np.uint16) * 255)
         covers = self.covers or (self.alpha,)
-        parts = [c[..., None].astype(np.uint16) * np.array(rgb, np.uint16) for c, rgb in zip(covers, self.colors)]  # noqa: B905
+        parts = [
+            c[..., None].astype(np.uint16) * np.array(rgb, np.uint16)
+            for c, rgb in zip(covers, self.colors, strict=True)
+        ]
         return parts[0] if len(parts) == 1 else parts[0] + parts[1]
 
 

@@ -68,18 +68,23 @@ def power_of_two(n: int) -> int:
 
 
 def padded_block(sprite: Sprite, y: int, x: int, shape: tuple[int, ...], least: Size) -> tuple[Any, ...]:
-    """Return top, left, colours and mask of an opaque sprite, in a window of padded size inside the picture."""
+    """Return an opaque sprite in a window of padded size inside the picture.
+
+    That is top, left, colours uint8 `[h, w, 3]`, and where in it the sprite is, `(y1, x1, y2, x2)` int32 `[4]`.
+    """
     h, w = sprite.size
     height, width = (min(side, max(low, power_of_two(n))) for n, side, low in zip((h, w), shape, least, strict=False))
     top, left = min(y, shape[0] - height), min(x, shape[1] - width)
-    colors, mask = np.zeros((height, width, 3), np.uint8), np.zeros((height, width, 1), bool)
-    inside = (slice(y - top, y - top + h), slice(x - left, x - left + w))
-    colors[inside], mask[inside] = cast(Any, sprite.rgb), True
-    return np.int32(top), np.int32(left), colors, mask
+    colors = np.zeros((height, width, 3), np.uint8)
+    y1, x1, y2, x2 = inside = y - top, x - left, y - top + h, x - left + w
+    colors[y1:y2, x1:x2] = cast(Any, sprite.rgb)
+    return np.int32(top), np.int32(left), colors, np.array(inside, np.int32)
 
 
-def blend_block(image: Any, top: Any, left: Any, colors: Any, mask: Any) -> Any:
-    """Put the masked colours into the window at `top, left`."""
+def blend_block(image: Any, top: Any, left: Any, colors: Any, inside: Any) -> Any:
+    """Put the colours inside `(y1, x1, y2, x2)` of the window at `top, left`."""
+    y, x = (cast(Any, jax).lax.broadcasted_iota(jnp.int32, (*colors.shape[:2], 1), axis) for axis in (0, 1))
+    mask = (y >= inside[0]) & (x >= inside[1]) & (y < inside[2]) & (x < inside[3])
     below = jax.lax.dynamic_slice(image, (top, left, 0), colors.shape)
     return jax.lax.dynamic_update_slice(image, jnp.where(mask, colors, below), (top, left, 0))
 
