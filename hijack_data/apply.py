@@ -47,13 +47,14 @@ def apply(plan: Plan | Sequence[Plan], image: Any, *, inplace: bool = False) -> 
         return _apply_pil(plans, image, inplace)
     backend = backend_of(image)
     backend.check(image)
-    _check_inplace(backend, image, inplace)
     lead = tuple(image.shape[:-3])
     count = int(np.prod(lead)) if lead else 1
     each = plans * count if isinstance(plan, Plan) else plans
     _check_count(each, count)
     for i, p in enumerate(each):
         _check_size(p, backend.size(image), f" (plan {i})" if count > 1 else "")
+    if inplace:
+        _check_inplace(backend, image, each)
     if backend is JAX and (host := backend.kernels.on_host(image)) is not None:
         result: Any = apply(each if lead else each[0], host)
         take = backend.kernels.from_host
@@ -85,9 +86,7 @@ def _check_size(plan: Plan, size: Size, which: str) -> None:
         )
 
 
-def _check_inplace(backend: Backend, image: Any, inplace: bool) -> None:
-    if not inplace:
-        return
+def _check_inplace(backend: Backend, image: Any, plans: list[Plan]) -> None:
     if not backend.mutable:
         raise ParameterError("inplace=True: JAX arrays cannot be written into; use the returned array")
     if backend is NUMPY and not image.flags.writeable:
@@ -95,6 +94,9 @@ def _check_inplace(backend: Backend, image: Any, inplace: bool) -> None:
     strides = image.strides if backend is NUMPY else image.stride()
     if any(step == 0 and count > 1 for step, count in zip(strides, image.shape, strict=True)):
         raise ParameterError("inplace=True: its pixels share memory (an expanded tensor); pass a copy")
+    changed = next((plan for plan in plans if plan.out_size != plan.size), None)
+    if changed is not None:
+        raise ParameterError(f"inplace=True: {changed.corruption} changes the size to {size_text(changed.out_size)}")
 
 
 def _apply_pil(plans: list[Plan], image: Image.Image, inplace: bool) -> Image.Image:
@@ -111,16 +113,12 @@ def _apply_one(backend: Backend, plan: Plan, image: Any, inplace: bool) -> Any:
         return image if inplace else backend.copy(image)
     if not inplace:
         return result
-    if plan.out_size != plan.size:
-        raise ParameterError(f"inplace=True: {plan.corruption} changes the size to {size_text(plan.out_size)}")
     image[...] = result
     return image
 
 
 def _apply_batch(backend: Backend, plans: list[Plan], batch: Any, lead: tuple[int, ...], inplace: bool) -> Any:
     places = list(product(*(range(n) for n in lead)))
-    if inplace and any(p.out_size != p.size for p in plans):
-        raise ParameterError("inplace=True: a plan of the batch changes the size of its picture")
     if backend.mutable and all(p.out_size == p.size for p in plans):
         out = batch if inplace else backend.kernels.empty_like(batch)
         for place, plan in zip(places, plans, strict=True):
@@ -138,13 +136,11 @@ def _apply_batch(backend: Backend, plans: list[Plan], batch: Any, lead: tuple[in
 
 def _apply_on_device(plans: list[Plan], batch: Any, lead: tuple[int, ...], inplace: bool) -> Any:
     """Run plans on torch pictures that are not on the CPU: those of a batch together."""
-    changed = next((plan for plan in plans if plan.out_size != plan.size), None)
-    if inplace and changed is not None:
-        raise ParameterError(f"inplace=True: {changed.corruption} changes the size to {size_text(changed.out_size)}")
-    out = batch if inplace or changed is not None else TORCH.copy(batch)
+    keep_size = all(plan.out_size == plan.size for plan in plans)
+    out = TORCH.copy(batch) if keep_size and not inplace else batch
     views = list(out.unbind()) if len(lead) == 1 else [out[place] for place in product(*(range(n) for n in lead))]
-    results = _run_together(plans, views, owned=changed is None)
-    if changed is None:
+    results = _run_together(plans, views, owned=keep_size)
+    if keep_size:
         for view, result in zip(views, results, strict=True):
             if result is not view:
                 view.copy_(result)
@@ -160,8 +156,8 @@ def _run_together(plans: list[Plan], images: list[Any], *, owned: bool) -> list[
     while True:
         work: dict[int, list[Stamp]] = {}
         for i, plan in enumerate(plans):
-            while done[i] < len(plan.ops) and isinstance(op := plan.ops[done[i]], Paste):
-                work.setdefault(i, []).extend(_stamps(plan, done[i], op, TORCH.size(images[i])))
+            while done[i] < len(plan.ops) and isinstance(plan.ops[done[i]], Paste):
+                work.setdefault(i, []).extend(stamps_of(plan, done[i], TORCH.size(images[i])))
                 done[i] += 1
             if not writable[i] and (i in work or not plan.ops):
                 images[i], writable[i] = TORCH.copy(images[i]), True
@@ -183,7 +179,7 @@ def _run(backend: Backend, plan: Plan, image: Any, *, owned: bool) -> Any:
     """Run the operations of a plan; `owned` pictures may be written into, others are copied before the first write."""
     for index, op in enumerate(plan.ops):
         if isinstance(op, Paste):
-            stamps = _stamps(plan, index, op, backend.size(image))
+            stamps = stamps_of(plan, index, backend.size(image))
             image = backend.kernels.paste(image if owned else backend.copy(image), stamps)
         else:
             image = backend.kernels.resample(image, op.size)
@@ -191,8 +187,12 @@ def _run(backend: Backend, plan: Plan, image: Any, *, owned: bool) -> Any:
     return image
 
 
-def _stamps(plan: Plan, index: int, op: Paste, size: Size) -> list[Stamp]:
-    """Return the stamps of a plan's operation. Raises `PlanError` where it would not draw what was planned."""
+def stamps_of(plan: Plan, index: int, size: Size) -> list[Stamp]:
+    """Return the stamps of a plan's paste `ops[index]` on a picture of `size`.
+
+    Raises `PlanError` where it would not draw what was planned.
+    """
+    op = cast(Paste, plan.ops[index])
     stamps = lower(op, size)
     for stamp in stamps:
         if not op.draws_as_planned(stamp.sprite):

@@ -23,9 +23,9 @@ import numpy as np
 import numpy.typing as npt
 
 from . import resample
+from .apply import stamps_of
 from .corruption import size_text
-from .errors import ParameterError, PlanError
-from .kernels import lower
+from .errors import ParameterError
 from .kernels.jax import (
     BLOCK,
     PIXELS,
@@ -210,11 +210,7 @@ def _stages(plan: Plan, width: int) -> tuple[list[_Stage], list[tuple[Size, Size
             stages.append(_Stage())
             size = op.size
             continue
-        for stamp in lower(op, size):
-            if not op.draws_as_planned(stamp.sprite):
-                raise PlanError(
-                    f"plan: ops[{number}] of {plan.corruption} draws differently here than where it was made"
-                )
+        for stamp in stamps_of(plan, number, size):
             if stamp.sprite.opaque:
                 for y, x in zip(stamp.ys.tolist(), stamp.xs.tolist(), strict=True):
                     _cover(stages[-1], stamp.sprite, y, x, width)

@@ -235,3 +235,12 @@ def test_a_clean_plan_gives_a_copy():
     assert np.array_equal(out, image)
     assert not np.shares_memory(out, image)
     assert hj.apply(Plan.clean(SIZE), image, inplace=True) is image
+
+
+def test_what_is_refused_in_place_is_left_as_it_was():
+    """The marks come before the resize: they must not be drawn when the resize is refused."""
+    plan = hj.Sequence([hj.Marks(number=3, mark_size=5), hj.Resolution(scale=0.5)]).plan(hj.Scene((90, 120)), seed=1)
+    image = np.full((90, 120, 3), 7, np.uint8)
+    with pytest.raises(ParameterError, match="changes the size"):
+        hj.apply(plan, image, inplace=True)
+    assert (image == 7).all()

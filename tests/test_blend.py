@@ -15,7 +15,7 @@ from hijack_data.conformance import picture, reference
 from hijack_data.errors import MissingDependencyError
 from hijack_data.kernels import Stamp, blend, jit, lower
 from hijack_data.kernels import numpy as kernels
-from hijack_data.kernels.rows import host_place, rows_of
+from hijack_data.kernels.rows import on_host, rows_of
 from hijack_data.plan import Paste, Plan
 from hijack_data.raster import png_recipe
 from hijack_data.sprite import Layer, Sprite
@@ -208,7 +208,7 @@ def test_without_numba(monkeypatch):
     try:
         assert np.array_equal(kernels.paste(image.copy(), stamps), reference(plan, image))
         with pytest.raises(MissingDependencyError, match=r"agenthijack\[fast\]"):
-            blend.paste(image, rows_of(stamps, host_place, "host-rows"))
+            blend.paste(image, rows_of(stamps, "host-rows", on_host))
     finally:
         jit.available.cache_clear()
         blend._kernel.cache_clear()
@@ -240,7 +240,7 @@ def test_a_cold_start_warns_of_nothing_and_fills_the_cache(cache):
 GUARDED = """
 import numpy as np
 from hijack_data.kernels import Stamp, blend
-from hijack_data.kernels.rows import host_place, rows_of
+from hijack_data.kernels.rows import on_host, rows_of
 from hijack_data.sprite import Layer, Sprite
 from support.guarded import guarded
 
@@ -264,7 +264,7 @@ for width in (1, 2, 15, 16, 17, 31, 32, 33, 40, 48, 63, 64, 65, 200):
         ]
         images = [at(to, end, (3, width, 3)), at(to, end, (3, 3, width)).transpose(1, 2, 0)]
         for layer in layers:
-            rows = rows_of([Stamp(Sprite(layer.size, (layer,), False), zero, zero)], host_place, "key")
+            rows = rows_of([Stamp(Sprite(layer.size, (layer,), False), zero, zero)], "key", on_host)
             for image in (*images, *(image[:, ::-1] for image in images)):
                 blend.paste(image, rows)
 print("done")

@@ -26,7 +26,7 @@ _strided: Any = None
 
 
 def paste(image: UInt8Array, rows: Rows) -> None:
-    """Draw rows, made by `rows_of` with `host_place`, into `image`, uint8 `[H, W, 3]` of any strides, in place.
+    """Draw rows, made by `rows_of` with `on_host`, into `image`, uint8 `[H, W, 3]` of any strides, in place.
 
     Nothing is checked: the rows must lie inside the picture, and the arrays whose addresses they hold must be alive.
     Raises `MissingDependencyError` without Numba.

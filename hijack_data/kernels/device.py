@@ -7,7 +7,7 @@ masks of a sprite stay there as long as the sprite stays in the cache of `raster
 import importlib.util
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 from typing import Any, TypeAlias, cast
 
 import numpy as np
@@ -19,7 +19,7 @@ from ..resample import columns_first, weights
 from ..sprite import Sprite
 from ..types import Size
 from . import Stamp
-from .rows import Rows, remembered, rows_of
+from .rows import Rows, rows_of, rows_of_sprite
 
 Array: TypeAlias = npt.NDArray[Any]
 ALIGNED = 16  # bytes
@@ -46,10 +46,7 @@ def paste_many(images: Sequence[Tensor], stamps: Sequence[list[Stamp]]) -> None:
     kernels, device = _kernels(), images[0].device
     with _at(device):
         key = ("device-rows", device, _stream(device))
-        for stamp in (stamp for each in stamps for stamp in each):
-            if key not in stamp.sprite.scratch:
-                _upload(stamp.sprite, key, device)
-        tables = [rows_of(each, _known_only, key) for each in stamps]
+        tables = [rows_of(each, key, partial(_upload, key=key, device=device)) for each in stamps]
         ends = np.cumsum([len(table) for table in tables])
         jobs = [
             (image.data_ptr(), *image.shape[1:], *image.stride(), end - len(table), end)
@@ -163,14 +160,10 @@ def _send(arrays: Sequence[Array], device: torch.device) -> list[Tensor]:
 _DTYPES = {np.dtype(name).str: getattr(torch, name) for name in ("uint8", "uint16", "int32", "int64")}
 
 
-def _upload(sprite: Sprite, key: object, device: torch.device) -> None:
-    """Send the masks and pictures of a new sprite, and remember its rows."""
+def _upload(sprite: Sprite, key: object, device: torch.device) -> Rows:
+    """Send the masks and pictures of a sprite, which keeps them under `("memory", key)`; return its rows."""
     found = [(*layer.covers, layer.picture) for layer in sprite.layers]
     arrays = [cast(Array, array) for each in found for array in each if array is not None]
     sent = sprite.scratch["memory", key] = _send(arrays, device)
     places = {id(array): (there.data_ptr(), there.stride(0)) for array, there in zip(arrays, sent, strict=True)}
-    remembered(sprite, lambda array: places[id(array)], key)
-
-
-def _known_only(_array: Array) -> tuple[int, int]:
-    raise AssertionError("its sprite was not sent")
+    return rows_of_sprite(sprite, lambda array: places[id(array)])

@@ -14,7 +14,7 @@ from ..resample import columns_first
 from ..sprite import Sprite, draw
 from ..types import Size, UInt8Array
 from . import Stamp, blend, jit, resize
-from .rows import host_place, rows_of
+from .rows import on_host, rows_of
 
 LINE = 64  # bytes of a cache line
 PASTE_SAVES, RESAMPLE_SAVES = 0.2, 3e-6  # milliseconds that the kernels save: a picture, a byte
@@ -44,7 +44,7 @@ def paste(image: UInt8Array, stamps: list[Stamp]) -> UInt8Array:
     """Stamp sprites into `image`, in order, in place; return it."""
     if not jit.worthwhile(PASTE_SAVES):
         return paste_plain(image, stamps)
-    blend.paste(image, rows_of(stamps, host_place, "host-rows"))
+    blend.paste(image, rows_of(stamps, "host-rows", on_host))
     return image
 
 

@@ -28,23 +28,28 @@ Rows: TypeAlias = npt.NDArray[np.int64]
 Place: TypeAlias = Callable[[npt.NDArray[Any]], tuple[int, int]]  # an array to its address and its pitch in elements
 
 
-def rows_of(stamps: Iterable[Stamp], place: Place, key: object) -> Rows:
-    """Return the rows `[n, COLUMNS]` of stamps. What `place` says of a sprite is remembered in it under `key`."""
+def rows_of(stamps: Iterable[Stamp], key: object, make: Callable[[Sprite], Rows]) -> Rows:
+    """Return the rows `[n, COLUMNS]` of stamps. What `make` gives for a sprite at (0, 0) is kept in it under `key`."""
     parts = [np.empty((0, COLUMNS), np.int64)]
     for stamp in stamps:
-        part = remembered(stamp.sprite, place, key)[None].repeat(len(stamp.ys), axis=0)
+        made = stamp.sprite.scratch.get(key)
+        if made is None:
+            made = stamp.sprite.scratch[key] = make(stamp.sprite)
+        part = made[None].repeat(len(stamp.ys), axis=0)
         part[:, :, 0] += stamp.ys[:, None]
         part[:, :, 1] += stamp.xs[:, None]
         parts.append(part.reshape(-1, COLUMNS))
     return np.concatenate(parts) if len(parts) != 2 else parts[1]
 
 
-def remembered(sprite: Sprite, place: Place, key: object) -> Rows:
-    """Return the rows of a sprite that lies at (0, 0); they are kept in its scratch under `key`."""
-    made = sprite.scratch.get(key)
-    if made is None:
-        made = sprite.scratch[key] = np.array([_row(layer, place) for layer in sprite.layers], np.int64)
-    return made
+def rows_of_sprite(sprite: Sprite, place: Place) -> Rows:
+    """Return the rows of a sprite that lies at (0, 0); `place` says where its arrays are."""
+    return np.array([_row(layer, place) for layer in sprite.layers], np.int64)
+
+
+def on_host(sprite: Sprite) -> Rows:
+    """Return the rows of a sprite at (0, 0) whose arrays are where they are: in this process's memory."""
+    return rows_of_sprite(sprite, lambda array: (array.ctypes.data, array.strides[0] // array.itemsize))
 
 
 def _row(layer: Layer, place: Place) -> tuple[int, ...]:
@@ -61,8 +66,3 @@ def _row(layer: Layer, place: Place) -> tuple[int, ...]:
 
 def _packed(color: Color) -> int:
     return color[0] << 16 | color[1] << 8 | color[2]
-
-
-def host_place(array: npt.NDArray[Any]) -> tuple[int, int]:
-    """Where an array lies in this process's memory."""
-    return array.ctypes.data, array.strides[0] // array.itemsize

@@ -15,10 +15,10 @@ from . import rows as r
 # Pixels that are the work of one program, (height, width): few enough that what it keeps fits its registers.
 PASTE_TILE, RESIZE_TILE = (8, 64), (8, 128)
 
-PASTE_JOB = 8  # address, height, width, strides of channel, row and pixel, first row, end of rows
-RESIZE_JOB = (
-    13  # address and strides of the source, then of the result, its height and width, address of first, taps, count
-)
+# Columns of a job. Address, height, width, strides of channel, row and pixel, first row, end of rows.
+PASTE_JOB = 8
+# Address and strides of the source, then of the result, its height and width, addresses of first and taps, taps each.
+RESIZE_JOB = 13
 
 _COLUMNS, _PASTE_JOB, _RESIZE_JOB = tl.constexpr(r.COLUMNS), tl.constexpr(PASTE_JOB), tl.constexpr(RESIZE_JOB)
 _FILL, _INK, _INKS, _PICTURE = (tl.constexpr(kind) for kind in (r.FILL, r.INK, r.INKS, r.PICTURE))
