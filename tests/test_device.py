@@ -136,6 +136,23 @@ def test_any_sprites_anywhere(data):
     assert np.array_equal(array(hj.apply(plan, tensor(image))), reference(plan, image))
 
 
+@settings(max_examples=50, deadline=None)
+@given(st.data())
+def test_the_tiles_of_a_launch_are_those_that_a_row_meets(data):
+    (tall, wide), sizes, tables, expected = device._kernels().PASTE_TILE, [], [], set()
+    for picture_number in range(data.draw(st.integers(1, 3))):
+        height, width = data.draw(st.integers(1, 40)), data.draw(st.integers(1, 300))
+        table = np.zeros((data.draw(st.integers(0, 4)), rows.COLUMNS), np.int64)
+        for row in table:
+            y, x = data.draw(st.integers(0, height - 1)), data.draw(st.integers(0, width - 1))
+            h, w = data.draw(st.integers(1, height - y)), data.draw(st.integers(1, width - x))
+            row[:4] = y, x, h, w
+            expected |= {(picture_number, i // tall, j // wide) for i in range(y, y + h) for j in range(x, x + w)}
+        sizes.append((height, width))
+        tables.append(table)
+    assert sorted(map(tuple, device._met(sizes, tables).tolist())) == sorted(expected)
+
+
 @settings(max_examples=10, deadline=None)
 @given(*[st.integers(1, 60)] * 4)
 def test_any_resize_gives_the_bytes_of_the_cpu(height, width, h, w):
