@@ -1,9 +1,9 @@
-# Three commands to know: `make demo`, `make desktop` and `make test`. Each sets up what it needs in .venv.
+# Four commands to know: `make demo`, `make desktop`, `make check` and `make test`. Each sets up what it needs in .venv.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: help env demo desktop test lint bench golden clean
+.PHONY: help env demo desktop check test lint bench golden clean
 
 help:  ## Show this list
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 18
@@ -24,9 +24,12 @@ desktop: env  ## A live desktop in your browser (Debian; installs its packages, 
 	$(BIN)/hijack desktop install
 	$(BIN)/hijack desktop view
 
+check: env lint  ## Lint, types and the quick tests, for the daily loop (under three minutes)
+	$(BIN)/python -m pytest -q -n auto -m 'not slow'
+
 test: env lint  ## Lint, check the types and run the whole suite
-	$(BIN)/python -m pytest -q -n auto --ignore tests/online
-	$(BIN)/python -m pytest -q tests/online -n 2 --dist loadfile --reruns 2 --reruns-delay 2  # real desktops on a shared machine
+	$(BIN)/python -m pytest -q -n auto --ignore tests/live
+	$(BIN)/python -m pytest -q tests/live -n 2 --dist loadfile --reruns 2 --reruns-delay 2  # real desktops on a shared machine
 
 lint: env
 	$(BIN)/ruff check .

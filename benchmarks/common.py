@@ -1,4 +1,4 @@
-"""What the benchmark scripts share: timing, the machine, and a Markdown table."""
+"""Helpers of the benchmark scripts: timing, the machine, and a Markdown table."""
 
 import importlib.metadata
 import os
@@ -11,28 +11,43 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from hijack_data.kernels import jit
+from hijack_data.kernels.cpu import jit
 
 jit.start()  # as in a run of more than a few pictures
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data" / "screenshots"
-PACKAGES = ("numpy", "pillow", "torch", "torchvision", "jax", "numba", "opencv-python-headless", "pyarrow")
+PACKAGES = (
+    "numpy",
+    "pillow",
+    "torch",
+    "torchvision",
+    "jax",
+    "numba",
+    "opencv-python-headless",
+    "pyarrow",
+)
 
 
-def times(work: Callable[[], object], runs: int = 41, warmup: int = 3) -> list[float]:
+def times(
+    work: Callable[[], object],
+    runs: int = 41,
+    warmup: int = 3,
+) -> list[float]:
     """Run `work` and return its durations in milliseconds."""
     for _ in range(warmup):
         work()
-    out: list[float] = []
-    for _ in range(runs):
-        start = time.perf_counter()
-        work()
-        out.append((time.perf_counter() - start) * 1e3)
-    return out
+    return [seconds(work) * 1e3 for _ in range(runs)]
+
+
+def seconds(work: Callable[[], object]) -> float:
+    """Run `work` once and return its duration in seconds."""
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
 
 
 def interleaved(works: dict[str, Callable[[], object]], runs: int = 41) -> dict[str, list[float]]:
-    """Time several works in turn, so that a change of the machine's speed touches all of them alike."""
+    """Time several works in turn, so that a change of the machine's speed affects all alike."""
     out: dict[str, list[float]] = {name: [] for name in works}
     for work in works.values():
         times(work, 1)
@@ -43,41 +58,67 @@ def interleaved(works: dict[str, Callable[[], object]], runs: int = 41) -> dict[
 
 
 def cell(values: Sequence[float]) -> str:
-    """`min / median / max` in milliseconds."""
-    return f"{min(values):.3f} / {statistics.median(values):.3f} / {max(values):.3f}"
+    """Return `min / median / max` of milliseconds."""
+    return spread(values, 3)
+
+
+def spread(values: Sequence[float], digits: int) -> str:
+    """Return `min / median / max` with so many digits after the point."""
+    numbers = (min(values), statistics.median(values), max(values))
+    return " / ".join(f"{number:.{digits}f}" for number in numbers)
 
 
 def ratio(values: Sequence[float], base: Sequence[float]) -> str:
-    """Median over median."""
-    return f"{statistics.median(values) / statistics.median(base):.2f}x"
+    """Return the ratio of the medians."""
+    factor = statistics.median(values) / statistics.median(base)
+    return f"{factor:.2f}x"
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A Markdown table."""
-    lines = [f"| {' | '.join(header)} |", f"|{'|'.join(' --- ' for _ in header)}|"]
-    return "\n".join(lines + [f"| {' | '.join(row)} |" for row in rows])
+    """Return a Markdown table."""
+    rule = "|".join(" --- " for _ in header)
+    lines = [_line(header), f"|{rule}|"]
+    lines += map(_line, rows)
+    return "\n".join(lines)
+
+
+def _line(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cells)} |"
 
 
 def machine() -> str:
-    """One line on the machine and the versions."""
-    lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
-    cpu = next((line.split(":")[1].strip() for line in lines if line.startswith("model name")), platform.machine())
-    versions = []
+    """Return one line about the machine and the versions of the packages."""
+    versions: list[str] = []
     for name in PACKAGES:
         try:
             versions.append(f"{name} {importlib.metadata.version(name)}")
         except importlib.metadata.PackageNotFoundError:
             continue
-    return (
-        f"{cpu}, {os.cpu_count()} cores, {platform.system()}, Python {platform.python_version()}; {', '.join(versions)}"
-    )
+    python = platform.python_version()
+    system = f"{_processor()}, {os.cpu_count()} cores, {platform.system()}, Python {python}"
+    return f"{system}; {', '.join(versions)}"
+
+
+def _processor() -> str:
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        for line in info.read_text().splitlines():
+            if line.startswith("model name"):
+                return line.split(":")[1].strip()
+    return platform.machine()
 
 
 def screenshot(size: tuple[int, int] = (1080, 1920)) -> tuple[np.ndarray, str]:
-    """A real screenshot at `size`, uint8 `[H, W, 3]`, and what it is; a drawn one where the recordings are absent."""
+    """Return a real screenshot at `size`, uint8 `[H, W, 3]`, and its name.
+
+    A drawn picture takes its place if the recordings are absent.
+    """
+    height, width = size
     files = sorted(SHARED.glob("*.png"))
     if not files:
-        y, x = np.mgrid[: size[0], : size[1]]
-        return np.stack([x * 7 % 256, y * 5 % 256, (x + y) % 256], -1).astype(np.uint8), "synthetic picture"
-    picture = Image.open(files[0]).convert("RGB").resize(size[::-1])
-    return np.array(picture), f"{files[0].name} at {size[1]}x{size[0]}"
+        y, x = np.mgrid[:height, :width]
+        planes = [x * 7 % 256, y * 5 % 256, (x + y) % 256]
+        return np.stack(planes, -1).astype(np.uint8), "synthetic picture"
+    picture = Image.open(files[0]).convert("RGB")
+    resized = picture.resize((width, height))
+    return np.array(resized), f"{files[0].name} at {width}x{height}"

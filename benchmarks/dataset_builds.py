@@ -1,6 +1,7 @@
-"""Datasets: full rebuilds against Pillow, partial re-encoding, lazy rows, bytes of a plan, random access, memory.
+"""Datasets: speed of rebuilds, lazy rows and random access, bytes of a plan, and memory.
 
-Times are CPU time of one process (this machine is shared), medians; `images/s` is one over it: per core.
+Times are CPU time of one process (this machine is shared), medians; `images/s` is one over it: per
+core.
 """
 
 import io
@@ -23,15 +24,15 @@ from common import SHARED, machine, table
 from PIL import Image, ImageDraw
 
 import hijack_data as hj
+from hijack_data.drawing.text import load_font
 from hijack_data.files import decode_image, sha256_of
-from hijack_data.text import load_font
 from hijack_data.types import Action, Step, Trajectory
 from pipelines import build, open_dataset, render
-from pipelines.columns import BASE
-from pipelines.images import Base, decode, encode, touched
-from pipelines.lazy import draw
-from pipelines.rows import Settings, Tally, rows_of
-from pipelines.writers import write_parquet
+from pipelines.building.rows import RowCounts, RowSettings, rows_of
+from pipelines.building.writers import write_parquet
+from pipelines.dataset.columns import BASE
+from pipelines.dataset.images import Base, decode, encode, touched
+from pipelines.dataset.lazy import draw
 
 SIZES = ((1080, 1920), (1079, 1919))
 NAMES = ("pop_ups", "resolution", "marks", "subtitle")
@@ -41,17 +42,28 @@ RUNS = 5
 def main() -> None:
     """Print all tables."""
     pictures = sources()
-    print(f"{len(pictures)} real screenshots of 1920x1080, PNG; CPU milliseconds a picture, median.\n\n{machine()}\n")
     print(
-        f"**Full rebuild**: decode, corrupt, encode, Parquet row; Pillow: decode, draw, save.\n\n{rebuilds(pictures)}\n"
+        f"{len(pictures)} real screenshots of 1920x1080, PNG; CPU milliseconds a picture,"
+        f" median.\n\n{machine()}\n"
     )
     print(
-        f"**Partial re-encoding**: bands of rows that a corruption leaves alone are taken over.\n\n{bands(pictures)}\n"
+        "**Full rebuild**: decode, corrupt, encode, Parquet row; Pillow: decode, draw,"
+        f" save.\n\n{rebuilds(pictures)}\n"
+    )
+    print(
+        "**Partial re-encoding**: bands of rows that a corruption leaves alone are taken"
+        f" over.\n\n{bands(pictures)}\n"
     )
     with tempfile.TemporaryDirectory() as folder:
-        print(f"**Lazy rows**: drawing on access against loading the same picture.\n\n{lazy_rows(pictures)}\n")
+        print(
+            "**Lazy rows**: drawing on access against loading the same"
+            f" picture.\n\n{lazy_rows(pictures)}\n"
+        )
         print(f"**Files and random access**.\n\n{files(Path(folder))}\n")
-        print(f"**Memory**: peak of all processes of a build with two workers.\n\n{memory(Path(folder))}")
+        print(
+            "**Memory**: peak of all processes of a build with two"
+            f" workers.\n\n{memory(Path(folder))}"
+        )
 
 
 def sources() -> list[bytes]:
@@ -90,24 +102,49 @@ def rebuilds(pictures: list[bytes]) -> str:
         rows.append(_rebuild_row(name, ours, theirs))
     together = cpu(lambda: rebuild(pictures, NAMES)) / len(pictures) / len(NAMES)
     rows.append(_rebuild_row("all four, decoded once", together, totals[1] / len(NAMES)))
-    mine, pillow = (mean(cpu(lambda d=data, f=f: f(d)) for data in pictures) for f in (lambda d: decode(d, "x"), _open))
-    note = f"Decoding the source is {mine:.1f} ms of ours and {pillow:.1f} ms of Pillow's, once in each line."
-    return table(["corruption", "ours", "images/s", "Pillow", "images/s", "ratio"], rows) + f"\n\n{note}"
+    mine, pillow = (
+        mean(cpu(lambda d=data, f=f: f(d)) for data in pictures)
+        for f in (lambda d: decode(d, "x"), _open)
+    )
+    note = (
+        f"Decoding the source is {mine:.1f} ms of ours and {pillow:.1f} ms of Pillow's, once in"
+        " each line."
+    )
+    return (
+        table(["corruption", "ours", "images/s", "Pillow", "images/s", "ratio"], rows)
+        + f"\n\n{note}"
+    )
 
 
-def _rebuild_row(name: str, ours: float, theirs: float) -> list[str]:
-    return [name, f"{ours:.1f}", f"{1e3 / ours:.0f}", f"{theirs:.0f}", f"{1e3 / theirs:.1f}", f"{theirs / ours:.1f}x"]
+def _rebuild_row(
+    name: str,
+    ours: float,
+    theirs: float,
+) -> list[str]:
+    return [
+        name,
+        f"{ours:.1f}",
+        f"{1e3 / ours:.0f}",
+        f"{theirs:.0f}",
+        f"{1e3 / theirs:.1f}",
+        f"{theirs / ours:.1f}x",
+    ]
 
 
 def rebuild(pictures: Iterable[bytes], names: Iterable[str]) -> None:
     """What a worker does with some steps, from the bytes of the sources to those of a shard."""
-    settings = Settings(tuple((name, hj.get(name)) for name in names), seed=1, clean=False)
+    settings = RowSettings(tuple((name, hj.get(name)) for name in names), seed=1, clean=False)
     steps = [
-        (Step(k, "x.png", Action("click", 700, 500), "pyautogui.click(700, 500)"), d) for k, d in enumerate(pictures)
+        (Step(k, "x.png", Action("click", 700, 500), "pyautogui.click(700, 500)"), d)
+        for k, d in enumerate(pictures)
     ]
     trajectory = Trajectory("t", "jsonl", "do it", tuple(step for step, _ in steps))
-    rows = chain.from_iterable(rows_of(trajectory, step, data, "x.png", settings, Tally()) for step, data in steps)
-    with tempfile.TemporaryDirectory(dir="/dev/shm" if os.path.isdir("/dev/shm") else None) as folder:
+    rows = chain.from_iterable(
+        rows_of(trajectory, step, data, "x.png", settings, RowCounts()) for step, data in steps
+    )
+    with tempfile.TemporaryDirectory(
+        dir="/dev/shm" if os.path.isdir("/dev/shm") else None
+    ) as folder:
         write_parquet(Path(folder) / "x.parquet", rows)
 
 
@@ -116,7 +153,9 @@ def bands(pictures: list[bytes]) -> str:
     rows = []
     for name in ("subtitle", "pop_ups", "marks"):
         found = [_band_times(decode_image(data, "x")[0], name) for data in pictures]
-        whole, part, hash_whole, hash_part, work = (mean(column) for column in zip(*found, strict=True))
+        whole, part, hash_whole, hash_part, work = (
+            mean(column) for column in zip(*found, strict=True)
+        )
         cells = [f"{v:.2f}" for v in (whole, part, hash_whole, hash_part, work)]
         rows.append([name, *cells, f"{1e3 / (part + hash_part + work):.0f}"])
     images = [decode_image(data, "x")[0] for data in pictures]
@@ -133,7 +172,8 @@ def bands(pictures: list[bytes]) -> str:
         "images/s partly",
     ]
     return (
-        table(head, rows) + f"\n\nBytes: ours {ours / 1e6:.2f} MB, Pillow at level 1 {fast / 1e6:.2f}, "
+        table(head, rows)
+        + f"\n\nBytes: ours {ours / 1e6:.2f} MB, Pillow at level 1 {fast / 1e6:.2f}, "
         f"at its default (6) {plain / 1e6:.2f}; the sources {sum(map(len, pictures)) / 1e6:.2f}."
     )
 
@@ -141,8 +181,15 @@ def bands(pictures: list[bytes]) -> str:
 def _band_times(image: np.ndarray, name: str) -> tuple[float, ...]:
     from hijack_data.safety import changed_pixels
 
-    plan = hj.get(name).plan(hj.Scene(image.shape[:2]), seed=1, sample="x", step=0)
-    picture, rows, base = hj.apply(plan, image), touched(plan) or (), Base(image)
+    plan = hj.get(name).plan(
+        hj.Scene(image.shape[:2]),
+        seed=1,
+        sample="x",
+        step=0,
+    )
+    picture = hj.apply(plan, image)
+    rows = touched(plan) or ()
+    base = Base(image)
     assert base.png_of(picture, rows) == encode(picture)
     assert base.sha256_of(picture, rows) == sha256_of(picture)
     return (
@@ -170,13 +217,20 @@ def lazy_rows(pictures: list[bytes]) -> str:
         pillow, plain, drawn = (mean(column) for column in zip(*times, strict=True))
         more = [f"{100 * (drawn / plain - 1):+.1f} %", f"{100 * (drawn / pillow - 1):+.1f} %"]
         rows.append([name, f"{pillow:.2f}", f"{plain:.2f}", f"{drawn:.2f}", *more])
-    return table(["row", "picture by Pillow", "picture by ours", "lazy row", "over ours", "over Pillow"], rows)
+    return table(
+        ["row", "picture by Pillow", "picture by ours", "lazy row", "over ours", "over Pillow"],
+        rows,
+    )
 
 
 def _rows(data: bytes) -> Iterable[tuple[str, dict[str, Any], bytes]]:
-    settings = Settings(tuple((name, hj.get(name, **_plain(name))) for name in NAMES), seed=1, lazy=True)
+    settings = RowSettings(
+        tuple((name, hj.get(name, **_plain(name))) for name in NAMES), seed=1, lazy=True
+    )
     step = Step(0, "x.png", Action("click", 700, 500), "")
-    for row in rows_of(Trajectory("t", "jsonl", "do it", (step,)), step, data, "x.png", settings, Tally()):
+    for row in rows_of(
+        Trajectory("t", "jsonl", "do it", (step,)), step, data, "x.png", settings, RowCounts()
+    ):
         yield row["corruption"], row, row[BASE]["bytes"]
 
 
@@ -194,21 +248,44 @@ def files(folder: Path) -> str:
         build(source, out, output=output, seed=7)
         shard = out / "data" / "train-00000.parquet"
         cost = _column_bytes(shard)
-        dataset, numbers = open_dataset(out), random.Random(0)
+        dataset = open_dataset(out)
+        numbers = random.Random(0)
         access = cpu(lambda d=dataset, n=numbers: d.reader[n.randrange(len(d))], 30)
         plan = cost["plan"] + cost["seed"]
         size = f"{shard.stat().st_size / 1e6:.1f} MB"
-        rows.append([output, str(len(dataset)), size, f"{plan:.0f}", f"{cost['plan_digest']:.0f}", f"{access:.1f}"])
+        rows.append(
+            [
+                output,
+                str(len(dataset)),
+                size,
+                f"{plan:.0f}",
+                f"{cost['plan_digest']:.0f}",
+                f"{access:.1f}",
+            ]
+        )
     through = _through_datasets(folder)
     derived = folder / "derived"
-    build(source, derived, output="lazy", seed=7, corruptions="resolution,marks,subtitle")
+    build(
+        source,
+        derived,
+        output="lazy",
+        seed=7,
+        corruptions="resolution,marks,subtitle",
+    )
     cost = _column_bytes(derived / "data" / "train-00000.parquet")
     note = (
-        "Without `pop_ups`, whose plans depend on the detected elements and are stored whole, every plan can be "
-        f"derived: `plan` and `seed` take {cost['plan'] + cost['seed']:.0f} bytes a row, `plan_digest` "
-        f"{cost['plan_digest']:.0f}."
+        "Without `pop_ups`, whose plans depend on the detected elements and are stored whole,"
+        f" every plan can be derived: `plan` and `seed` take {cost['plan'] + cost['seed']:.0f}"
+        f" bytes a row, `plan_digest` {cost['plan_digest']:.0f}."
     )
-    head = ["output", "rows", "file", "plan + seed, bytes a row", "plan_digest", "row by number, not decoded, ms"]
+    head = [
+        "output",
+        "rows",
+        "file",
+        "plan + seed, bytes a row",
+        "plan_digest",
+        "row by number, not decoded, ms",
+    ]
     return table(head, rows) + "\n\n" + note + "\n\n" + through
 
 
@@ -219,15 +296,26 @@ def _through_datasets(folder: Path) -> str:
     datasets.disable_progress_bars()
     spent = []
     for output in ("materialised", "lazy"):
-        rows = datasets.load_dataset(str(folder / output), split="train", cache_dir=str(folder / "cache"))
+        rows = datasets.load_dataset(
+            str(folder / output), split="train", cache_dir=str(folder / "cache")
+        )
         rows, numbers = rows.with_transform(render), range(1, len(rows), 7)
-        spent.append(cpu(lambda r=rows, n=numbers: [r[i]["screenshot"].load() for i in n], 3) / len(numbers))
-    return f"By `load_dataset`: a materialised row {spent[0]:.1f} ms, a lazy one with `render` {spent[1]:.1f} ms."
+        spent.append(
+            cpu(lambda r=rows, n=numbers: [r[i]["screenshot"].load() for i in n], 3) / len(numbers)
+        )
+    return (
+        f"By `load_dataset`: a materialised row {spent[0]:.1f} ms, a lazy one with `render`"
+        f" {spent[1]:.1f} ms."
+    )
 
 
 def _column_bytes(file: Path) -> dict[str, float]:
     meta = pq.ParquetFile(file).metadata
-    columns = [meta.row_group(g).column(c) for g in range(meta.num_row_groups) for c in range(meta.num_columns)]
+    columns = [
+        meta.row_group(g).column(c)
+        for g in range(meta.num_row_groups)
+        for c in range(meta.num_columns)
+    ]
     cost = dict.fromkeys((c.path_in_schema for c in columns), 0.0)
     for column in columns:
         cost[column.path_in_schema] += column.total_compressed_size / meta.num_rows
@@ -251,14 +339,35 @@ def _blocks(number: int) -> np.ndarray:
     return blocks.repeat(18, axis=0).repeat(20, axis=1)
 
 
-def _record(folder: Path, pictures: list[bytes], step: int = 6) -> None:
+def _record(
+    folder: Path,
+    pictures: list[bytes],
+    step: int = 6,
+) -> None:
     (folder / "images").mkdir(parents=True)
     lines = []
     for number, data in enumerate(pictures):
         (folder / "images" / f"{number}.png").write_bytes(data)
-        action = {"type": "click", "x": 100, "y": 50}
-        place = {"trajectory_id": f"t{number // step}", "step": number % step, "image": f"images/{number}.png"}
-        lines.append(json.dumps({**place, "instruction": "do it", "action": action}) + "\n")
+        action = {
+            "type": "click",
+            "x": 100,
+            "y": 50,
+        }
+        place = {
+            "trajectory_id": f"t{number // step}",
+            "step": number % step,
+            "image": f"images/{number}.png",
+        }
+        lines.append(
+            json.dumps(
+                {
+                    **place,
+                    "instruction": "do it",
+                    "action": action,
+                }
+            )
+            + "\n"
+        )
     (folder / "trajectories.jsonl").write_text("".join(lines))
 
 
@@ -273,7 +382,11 @@ if __name__ == "__main__":
 """
 
 
-def _peak(source: Path, out: Path, output: str) -> int:
+def _peak(
+    source: Path,
+    out: Path,
+    output: str,
+) -> int:
     script = out.parent / "peak.py"
     script.write_text(BUILD)
     process = subprocess.Popen([sys.executable, str(script), str(source), str(out), output])
@@ -312,10 +425,12 @@ def _open(data: bytes) -> Image.Image:
 
 
 def _marks(data: bytes) -> bytes:
-    image, numbers = _open(data), random.Random(0)
+    image = _open(data)
+    numbers = random.Random(0)
     pen = ImageDraw.Draw(image)
     for _ in range(50):
-        x, y = numbers.randrange(image.width - 40), numbers.randrange(image.height - 40)
+        x = numbers.randrange(image.width - 40)
+        y = numbers.randrange(image.height - 40)
         pen.ellipse((x, y, x + 40, y + 40), fill="red")
     return _pillow_png(image, 6)
 
@@ -325,7 +440,10 @@ def _subtitle(data: bytes) -> bytes:
     pen = ImageDraw.Draw(image)
     pen.rectangle((300, 920, 1600, 1040), fill="black")
     pen.text(
-        (340, 950), "A line of text that runs along the lower edge", fill="white", font=load_font("DejaVuSans", 40)
+        (340, 950),
+        "A line of text that runs along the lower edge",
+        fill="white",
+        font=load_font("DejaVuSans", 40),
     )
     return _pillow_png(image, 6)
 
@@ -336,19 +454,27 @@ def _pop_up(data: bytes) -> bytes:
     pen.rectangle((500, 300, 1400, 800), fill="white", outline="gray")
     for line in range(6):
         pen.text(
-            (540, 340 + 50 * line), "Some words inside of a window", fill="black", font=load_font("DejaVuSans", 32)
+            (540, 340 + 50 * line),
+            "Some words inside of a window",
+            fill="black",
+            font=load_font("DejaVuSans", 32),
         )
     return _pillow_png(image, 6)
 
 
 def _half(data: bytes) -> bytes:
     image = _open(data)
-    return _pillow_png(image.resize((image.width // 2, image.height // 2), Image.Resampling.BICUBIC), 6)
+    return _pillow_png(
+        image.resize((image.width // 2, image.height // 2), Image.Resampling.BICUBIC), 6
+    )
 
 
 PILLOW: dict[str, Callable[[bytes], bytes]] = {
-    "pop_ups": _pop_up, "resolution": _half, "marks": _marks, "subtitle": _subtitle
-}  # fmt: skip
+    "pop_ups": _pop_up,
+    "resolution": _half,
+    "marks": _marks,
+    "subtitle": _subtitle,
+}
 
 if __name__ == "__main__":
     main()

@@ -1,4 +1,7 @@
-"""What each effect takes on the embedded desktop: apply, probe, undo; Chromium in front of Mousepad."""
+"""The time of each effect on the embedded desktop: apply, probe, undo.
+
+Chromium is in front of Mousepad.
+"""
 
 import os
 import time
@@ -7,13 +10,27 @@ from common import cell, machine, table
 
 from hijack_data.plan import Effect
 from hijack_data.rng import Stream
-from online_env.desktops.embedded.desktop import EmbeddedDesktop
 from online_env.effects import perform
+from online_env.embedded.desktop import EmbeddedDesktop
 
 RUNS = 7
 EFFECTS = {
-    "launch_app (Geany for vscode)": Effect("launch_app", {"app": "vscode", "then": [], "tile": True}),
-    "launch_app (VLC)": Effect("launch_app", {"app": "vlc", "then": [], "tile": True}),
+    "launch_app (Geany for vscode)": Effect(
+        "launch_app",
+        {
+            "app": "vscode",
+            "then": [],
+            "tile": True,
+        },
+    ),
+    "launch_app (VLC)": Effect(
+        "launch_app",
+        {
+            "app": "vlc",
+            "then": [],
+            "tile": True,
+        },
+    ),
     "touch": Effect("touch", {"boxes": [], "without_app": True}),
     "minimise": Effect("minimise"),
     "firewall": Effect("firewall", {"allow": []}),
@@ -36,12 +53,22 @@ def main() -> None:
         for name, times in found.items()
     ]
     load = " ".join(f"{value:.1f}" for value in os.getloadavg())
-    print(f"1080p, milliseconds, min / median / max of {RUNS}, after one more; load {load}.\n\n{machine()}\n")
+    print(
+        f"1080p, milliseconds, min / median / max of {RUNS}, after one more; load"
+        f" {load}.\n\n{machine()}\n"
+    )
     print(table(["effect", "apply", "probe", "undo", "apply + probe"], rows))
-    print(f"\n{len(bad)} of {(RUNS + 1) * len(EFFECTS)} failed{': ' if bad else ''}{'; '.join(bad)}")
+    print(
+        f"\n{len(bad)} of {(RUNS + 1) * len(EFFECTS)} failed{': ' if bad else ''}{'; '.join(bad)}"
+    )
 
 
-def measure(desktop: EmbeddedDesktop, effect: Effect, run: int, into: list[list[float]]) -> list[str]:
+def measure(
+    desktop: EmbeddedDesktop,
+    effect: Effect,
+    run: int,
+    into: list[list[float]],
+) -> list[str]:
     """Do it once and note how long each part took; returns what went wrong."""
     marks = [time.perf_counter()]
     applied = perform(effect, desktop, Stream(run, "benchmark"))
@@ -53,7 +80,10 @@ def measure(desktop: EmbeddedDesktop, effect: Effect, run: int, into: list[list[
     for times, start, end in zip(into, marks, marks[1:], strict=False):
         times.append((end - start) * 1e3)
     if effect.kind == "touch":  # what it opened is closed, and the page is brought back
-        desktop.run("pyautogui.press('esc'); pyautogui.hotkey('ctrl', 'l'); pyautogui.write('search.test\\n')")
+        desktop.run(
+            "pyautogui.press('esc'); pyautogui.hotkey('ctrl', 'l');"
+            " pyautogui.write('search.test\\n')"
+        )
         time.sleep(1.5)
     return [f"{effect.kind}: {result.problem}" for result in (probe, undone) if not result.ok]
 

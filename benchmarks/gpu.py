@@ -1,9 +1,10 @@
-"""On a GPU: a mixed batch against a plain clone, and resizing against torchvision, bytes compared with the CPU's.
+"""On a GPU: a mixed batch against a clone, resizing against torchvision, bytes against the CPU.
 
     python benchmarks/gpu.py
 
-Without a GPU it says so and measures nothing. Times on the device are between two events on its stream; it is made
-to sleep first, so that the host, whose own time stands beside, is done before the device begins.
+Without a GPU it says so and measures nothing. Times on the device are between two events on its
+stream; it is made to sleep first, so that the host, whose own time stands beside, is done before
+the device begins.
 """
 
 import itertools
@@ -60,10 +61,14 @@ def batch_rows(image: np.ndarray) -> list[list[str]]:
     """A batch with a random corruption each, out of place, new plans each time."""
     rows = []
     here = torch.from_numpy(np.stack([image] * BATCH)).permute(0, 3, 1, 2)
-    for layout, batch in {"channels first": here.contiguous().cuda(), "channels last": here.cuda()}.items():
+    for layout, batch in {
+        "channels first": here.contiguous().cuda(),
+        "channels last": here.cuda(),
+    }.items():
         clone, _ = device_times(batch.clone)
         for mix, options in MIXES.items():
-            aug, fresh = hj.OneOf(options), itertools.count()
+            aug = hj.OneOf(options)
+            fresh = itertools.count()
 
             def plans(aug: hj.OneOf = aug, fresh: Any = fresh) -> list[hj.Plan]:
                 number = next(fresh)
@@ -74,23 +79,40 @@ def batch_rows(image: np.ndarray) -> list[list[str]]:
             device, host = device_times(lambda turn=turn, batch=batch: hj.apply(next(turn), batch))
             wrong = wrong_bytes(hj.apply(ready[0], batch), hj.apply(ready[0], batch.cpu()))
             planning = times(plans, 5)
-            row = [mix, layout, cell(clone), cell(device), ratio(device, clone), cell(host), cell(planning), str(wrong)]
+            row = [
+                mix,
+                layout,
+                cell(clone),
+                cell(device),
+                ratio(device, clone),
+                cell(host),
+                cell(planning),
+                str(wrong),
+            ]
             rows.append(row)
     return rows
 
 
 def resize_rows(image: np.ndarray) -> list[list[str]]:
     """Resizing a batch of 16, ours and torchvision's antialiased bicubic."""
-    rows, batch = [], torch.from_numpy(np.stack([image] * 16)).permute(0, 3, 1, 2).contiguous().cuda()
+    rows, batch = (
+        [],
+        torch.from_numpy(np.stack([image] * 16)).permute(0, 3, 1, 2).contiguous().cuda(),
+    )
     for scale in (0.25, 0.5, 0.75, 2.0):
         plan = hj.Resolution(scale=scale).plan(SCENE, seed=1, sample=0)
         expected = hj.apply(plan, image)
         theirs = v2.Resize(plan.out_size, v2.InterpolationMode.BICUBIC, antialias=True)
         base, _ = device_times(lambda theirs=theirs: theirs(batch))
-        for who, work in {"torchvision": theirs, "ours": lambda b, plan=plan: hj.apply(plan, b)}.items():
+        for who, work in {
+            "torchvision": theirs,
+            "ours": lambda b, plan=plan: hj.apply(plan, b),
+        }.items():
             device, host = device_times(lambda work=work: work(batch))
             wrong = int((work(batch)[0].permute(1, 2, 0).cpu().numpy() != expected).sum())
-            rows.append([f"{scale:g}", who, cell(device), ratio(device, base), cell(host), str(wrong)])
+            rows.append(
+                [f"{scale:g}", who, cell(device), ratio(device, base), cell(host), str(wrong)]
+            )
     return rows
 
 
@@ -100,8 +122,14 @@ def main() -> None:
         print("Not measured: this machine has no GPU.")
         return
     image, what = screenshot()
-    print(f"{torch.cuda.get_device_name()}; 1080p uint8, {what}; milliseconds, min / median / max.\n\n{machine()}\n")
-    print(f"A batch of {BATCH}, a random corruption each, out of place; new sprites are drawn and sent in that time.\n")
+    print(
+        f"{torch.cuda.get_device_name()}; 1080p uint8, {what}; milliseconds, min / median /"
+        f" max.\n\n{machine()}\n"
+    )
+    print(
+        f"A batch of {BATCH}, a random corruption each, out of place; new sprites are drawn and"
+        " sent in that time.\n"
+    )
     head = [
         "mix",
         "layout",
@@ -116,7 +144,14 @@ def main() -> None:
     print("\nResizing a batch of 16.\n")
     print(
         table(
-            ["scale", "who", "on the device", "/ torchvision", "on the host", "bytes unlike Pillow's"],
+            [
+                "scale",
+                "who",
+                "on the device",
+                "/ torchvision",
+                "on the host",
+                "bytes unlike Pillow's",
+            ],
             resize_rows(image),
         )
     )

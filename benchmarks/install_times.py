@@ -1,7 +1,10 @@
-"""How long each profile of the embedded desktop takes to install on a bare Debian; as root, with debootstrap.
+"""The time that each profile of the embedded desktop takes to install on a bare Debian.
 
-The bare Debian (`minbase`) is made in a folder that goes away again, with this machine's package sources; nothing is
-installed on the machine itself. Fetching depends on the network, so it is timed apart.
+It needs root and debootstrap.
+
+The bare Debian (`minbase`) is made in a folder that goes away again, with this machine's package
+sources; nothing is installed on the machine itself. Fetching depends on the network, so it is timed
+apart.
 """
 
 import os
@@ -16,11 +19,18 @@ from pathlib import Path
 from common import machine, table
 from online import on_disk
 
-from online_env.desktops.embedded.packages import APT_OPTIONS, PROFILES
+from online_env.embedded.packages import APT_OPTIONS, PROFILES
 
 # Packages find /proc, start no service, and ask nothing; all of it is gone with this namespace.
-INSIDE = ("unshare", "--mount", "--pid", "--fork", "sh", "-c",
-          'mount -t proc proc "$0/proc" && exec chroot "$0" env DEBIAN_FRONTEND=noninteractive "$@"')  # fmt: skip
+INSIDE = (
+    "unshare",
+    "--mount",
+    "--pid",
+    "--fork",
+    "sh",
+    "-c",
+    'mount -t proc proc "$0/proc" && exec chroot "$0" env DEBIAN_FRONTEND=noninteractive "$@"',
+)
 NO_SERVICES = "#!/bin/sh\nexit 101\n"  # what policy-rc.d says to forbid it
 
 
@@ -31,7 +41,9 @@ def main() -> None:
         return
     with tempfile.TemporaryDirectory(dir="/var/tmp") as folder:
         root = Path(folder)
-        rows = [["bare Debian (debootstrap --variant=minbase)", "", f"{timed(bare, root):.0f} s", ""]]
+        rows = [
+            ["bare Debian (debootstrap --variant=minbase)", "", f"{timed(bare, root):.0f} s", ""]
+        ]
         for name, wanted in PROFILES.items():
             rows.append(profile(root, name, wanted))
     print(machine(), end="\n\n")
@@ -48,7 +60,14 @@ def timed(work, *arguments) -> float:
 def bare(root: Path) -> None:
     """Make a Debian of the machine's own release in `root`, with its package sources."""
     release = platform.freedesktop_os_release()["VERSION_CODENAME"]
-    sites = run("apt-get", "indextargets", "--format", "$(SITE)", "Created-By: Packages", f"Codename: {release}")
+    sites = run(
+        "apt-get",
+        "indextargets",
+        "--format",
+        "$(SITE)",
+        "Created-By: Packages",
+        f"Codename: {release}",
+    )
     run("debootstrap", "--variant=minbase", release, str(root), sites.split()[0])
     for folder in ("etc/apt", "usr/share/keyrings"):
         shutil.copytree(Path("/", folder), root / folder, dirs_exist_ok=True)
@@ -58,7 +77,11 @@ def bare(root: Path) -> None:
     run(*INSIDE, str(root), "apt-get", "update")
 
 
-def profile(root: Path, name: str, wanted: tuple[str, ...]) -> list[str]:
+def profile(
+    root: Path,
+    name: str,
+    wanted: tuple[str, ...],
+) -> list[str]:
     """Fetch and install what a profile adds to those before it."""
     before = installed(root)
     command = (*INSIDE, str(root), "apt-get", "install", *APT_OPTIONS)
@@ -66,7 +89,12 @@ def profile(root: Path, name: str, wanted: tuple[str, ...]) -> list[str]:
     setup = timed(run, *command, "--no-download", *wanted)
     new = sorted(installed(root) - before)
     size = f"{on_disk(new) / 1e6:.0f} MB"
-    return [f"profile {name}, after those above: {len(new)} packages", f"{fetch:.0f} s", f"{setup:.0f} s", size]
+    return [
+        f"profile {name}, after those above: {len(new)} packages",
+        f"{fetch:.0f} s",
+        f"{setup:.0f} s",
+        size,
+    ]
 
 
 def installed(root: Path) -> set[str]:
@@ -76,7 +104,12 @@ def installed(root: Path) -> set[str]:
 
 def run(*command: str) -> str:
     """What a command prints; ends the benchmark with what it complained about where it fails."""
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     if done.returncode:
         sys.exit(f"{command[0]} failed:\n{(done.stderr or done.stdout)[-2000:]}")
     return done.stdout

@@ -1,10 +1,11 @@
-"""Severity levels: how much of real screens is covered and how often the target still shows, level by level.
+"""Severity levels: the share of real screens that is covered, and of targets that still show.
 
     python benchmarks/levels.py
 
-Each recorded screen gets seeded plans of every level; targets are elements that the detector finds. Changed is the
-share of pixels that differ from the clean screen, visible the mean share of the target that shows, hidden the share of
-samples whose target shows less than half, placed the share of screens that can hold the corruption.
+Each recorded screen gets seeded plans of every level; targets are elements that the detector finds.
+Changed is the share of pixels that differ from the clean screen, visible the mean share of the
+target that shows, hidden the share of samples whose target shows less than half, placed the share
+of screens that can hold the corruption.
 """
 
 import statistics
@@ -19,7 +20,9 @@ from hijack_data.corruption import find
 from hijack_data.safety import judge
 
 NAMES = ("pop_ups", "marks", "subtitle", "resolution")
-DRAWS, SCREENS, TARGETS = 3, 16, 6
+DRAWS = 3
+SCREENS = 16
+TARGETS = 6
 
 
 def screens() -> list[tuple[str, np.ndarray, np.ndarray]]:
@@ -32,9 +35,17 @@ def screens() -> list[tuple[str, np.ndarray, np.ndarray]]:
     return found
 
 
-def measured(name: str, level: int, rows: list) -> dict[str, float]:
+def measured(
+    name: str,
+    level: int,
+    rows: list,
+) -> dict[str, float]:
     """Means over screens, targets and draws."""
-    spec, covered, visible, hidden, placed = find(name).at(level), [], [], [], 0
+    spec = find(name).at(level)
+    covered = []
+    visible = []
+    hidden = []
+    placed = 0
     tries = 0
     for key, image, boxes in rows:
         rng = np.random.default_rng(len(boxes))
@@ -53,7 +64,12 @@ def measured(name: str, level: int, rows: list) -> dict[str, float]:
                 visible.append(safety.target_visible)
                 hidden.append(safety.target_visible < 0.5)
     mean = statistics.fmean
-    return {"covered": mean(covered), "visible": mean(visible), "hidden": mean(hidden), "placed": placed / tries}
+    return {
+        "covered": mean(covered),
+        "visible": mean(visible),
+        "hidden": mean(hidden),
+        "placed": placed / tries,
+    }
 
 
 def main() -> None:
@@ -66,12 +82,25 @@ def main() -> None:
             m = measured(name, level, rows)
             setting = ", ".join(f"{k}={v}" for k, v in values.items()) or "the paper's default"
             lines.append(
-                [name, str(level), setting, *(f"{m[k]:.1%}" for k in ("covered", "visible", "hidden", "placed"))]
+                [
+                    name,
+                    str(level),
+                    setting,
+                    *(f"{m[k]:.1%}" for k in ("covered", "visible", "hidden", "placed")),
+                ]
             )
             print("|", " | ".join(lines[-1]), "|", file=sys.stderr, flush=True)
     count = sum(len(b) for _, _, b in rows)
-    print(f"{len(rows)} recorded screens, {count} detected elements, {TARGETS} targets a screen, {DRAWS} draws each.\n")
-    print(table(["corruption", "level", "set", "changed", "target visible", "target hidden", "placed"], lines))
+    print(
+        f"{len(rows)} recorded screens, {count} detected elements, {TARGETS} targets a screen,"
+        f" {DRAWS} draws each.\n"
+    )
+    print(
+        table(
+            ["corruption", "level", "set", "changed", "target visible", "target hidden", "placed"],
+            lines,
+        )
+    )
 
 
 if __name__ == "__main__":

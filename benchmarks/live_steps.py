@@ -1,7 +1,7 @@
-"""What a corruption adds to a live step, and what it takes to go from one corrupted episode to the next.
+"""The time that a corruption adds to a live step, and between two corrupted episodes.
 
-Root and an embedded desktop are needed. The tree is timed beside: it is read while the screen settles, and only for
-corruptions that place things.
+Root and an embedded desktop are needed. The tree is timed apart: it is read while the screen
+settles, and only for corruptions that place things.
 """
 
 import argparse
@@ -10,28 +10,31 @@ import statistics
 import time
 from collections.abc import Callable
 
-from common import cell, machine, table, times
+from common import cell, machine, seconds, spread, table, times
 
 import hijack_data as hj
 from hijack_data.elements import boxes_from_tree
 from hijack_data.plan import CLEAN
+from hijack_data.png import encode
 from hijack_data.types import UInt8Array, as_boxes
 from online_env import tasks
-from online_env.desktops.embedded.desktop import EmbeddedDesktop
 from online_env.effects import perform
-from online_env.env import Settle, SmallTasks
-from online_env.env.settle import wait_until_settled
-from online_env.guest.png import encode
+from online_env.embedded.desktop import EmbeddedDesktop
+from online_env.environment import Settle, SmallTasks
+from online_env.environment.settle import wait_until_settled
+from online_env.tasks import Machine
 
 VISUAL = ("pop_ups", "resolution", "marks", "subtitle")
+PARTS = ("boxes", "plan", "apply", "PNG", "together")
 AUTHORS = 2700.0  # ms a step for pop-ups: the authors' own figure, of their code on their machines
-GOAL_STEP, GOAL_SWITCH = 30.0, 1.5
+GOAL_STEP = 30.0
+GOAL_SWITCH = 1.5
 WARMUP = 3
 APPS = ("browser", "editor", "files", "terminal")
 
 
 def steps(runs: int) -> str:
-    """Boxes from the tree, plan, apply, PNG; each alone and together."""
+    """Return a table of boxes from the tree, plan, apply and PNG, each alone and together."""
     with EmbeddedDesktop.up(apps=APPS) as desktop:
         time.sleep(3)
         frame = desktop.screenshot()
@@ -39,56 +42,92 @@ def steps(runs: int) -> str:
         size = (frame.shape[0], frame.shape[1])
         boxes = boxes_from_tree(xml, size).boxes
         tree = times(desktop.accessibility, runs)
-        rows = [[name, *_step(hj.get(name), frame, xml, runs)] for name in VISUAL]
+        rows = [_row(name, frame, xml, runs) for name in VISUAL]
         clean = times(lambda: encode(frame), runs)
     rows.append([CLEAN, "", "", "", cell(clean), "", "PNG of the frame, as it is"])
     head = ["corruption", "boxes", "plan", "apply", "PNG", "together", f"goal <= {GOAL_STEP:g} ms"]
     note = (
-        f"{len(boxes)} elements of four applications. The tree, read beside while the screen settles: {cell(tree)} ms. "
-        f"The authors name {AUTHORS / 1000:g} s a step for pop-ups, on their machines (not measured here)."
+        f"{len(boxes)} elements of four applications. The tree, read beside while the screen"
+        f" settles: {cell(tree)} ms. The authors name {AUTHORS / 1000:g} s a step for pop-ups, on"
+        " their machines (not measured here)."
     )
     return f"{table(head, rows)}\n\n{note}"
 
 
-def _step(spec: hj.Corruption, frame: UInt8Array, xml: str, runs: int) -> list[str]:
-    """The parts of one step for `spec`; boxes only where it asks for them."""
-    size = (frame.shape[0], frame.shape[1])
-    spent: dict[str, list[float]] = {name: [] for name in ("boxes", "plan", "apply", "PNG", "together")}
+def _row(
+    name: str,
+    frame: UInt8Array,
+    xml: str,
+    runs: int,
+) -> list[str]:
+    """Return the line of a corruption: the parts of a step, and whether the goal is met."""
+    spec = hj.get(name)
+    spent: dict[str, list[float]] = {part: [] for part in PARTS}
     for run in range(runs + WARMUP):
-        marks = [time.perf_counter()]
-        found = boxes_from_tree(xml, size).boxes if spec.needs_elements else None
-        marks.append(time.perf_counter())
-        plan = spec.plan(hj.Scene(size, as_boxes(found)), seed=run, sample="benchmark", step=run)
-        marks.append(time.perf_counter())
-        seen = hj.apply(plan, frame)
-        marks.append(time.perf_counter())
-        encode(seen)
-        marks.append(time.perf_counter())
+        marks = _step(spec, frame, xml, run)
         if run < WARMUP:
             continue
-        for name, start, end in zip(spent, marks, marks[1:], strict=False):
-            spent[name].append((end - start) * 1e3)
+        for part, start, end in zip(PARTS, marks, marks[1:], strict=False):
+            spent[part].append((end - start) * 1e3)
         spent["together"].append((marks[-1] - marks[0]) * 1e3)
-    fine = statistics.median(spent["together"]) <= GOAL_STEP
-    return [*(cell(values) for values in spent.values()), "yes" if fine else "no"]
+    meets_goal = statistics.median(spent["together"]) <= GOAL_STEP
+    cells = [cell(values) for values in spent.values()]
+    return [name, *cells, "yes" if meets_goal else "no"]
+
+
+def _step(
+    spec: hj.Corruption,
+    frame: UInt8Array,
+    xml: str,
+    run: int,
+) -> list[float]:
+    """Return the times in seconds before, between and after the parts of one step."""
+    size = (frame.shape[0], frame.shape[1])
+    marks = [time.perf_counter()]
+    found = None
+    if spec.needs_elements:
+        found = boxes_from_tree(xml, size).boxes
+    marks.append(time.perf_counter())
+    scene = hj.Scene(size, as_boxes(found))
+    plan = spec.plan(
+        scene,
+        seed=run,
+        sample="benchmark",
+        step=run,
+    )
+    marks.append(time.perf_counter())
+    seen = hj.apply(plan, frame)
+    marks.append(time.perf_counter())
+    encode(seen)
+    marks.append(time.perf_counter())
+    return marks
 
 
 def switches(runs: int) -> str:
-    """From the end of an episode under one corruption to the proved beginning of one under another."""
+    """Return a table of the time from one corrupted episode to the next, whose effect is proved."""
     kinds = ("lock", "firewall")
-    resets, setups, effects = list[float](), list[float](), list[float]()
+    resets: list[float] = []
+    setups: list[float] = []
+    effects: list[float] = []
     with EmbeddedDesktop.up(standby=True) as desktop:
-        stage, task = SmallTasks(desktop), tasks.get("rename_file")
+        stage = SmallTasks(desktop)
+        task = tasks.get("rename_file")
         for run in range(runs):
-            perform(hj.Effect(kinds[run % 2]), desktop)
+            last = kinds[run % 2]
+            following = kinds[1 - run % 2]
+            perform(hj.Effect(last), desktop)
             desktop.wait_for_standby()
-            resets.append(_timed(desktop.reset))
-            setups.append(_timed(lambda: task.setup(desktop, stage.sites)))
-            effects.append(_timed(lambda kind=kinds[1 - run % 2]: _prove(desktop, kind)))
+            resets.append(seconds(desktop.reset))
+            setups.append(seconds(lambda: task.setup(Machine(desktop, stage.sites))))
+            effects.append(seconds(lambda kind=following: _prove(desktop, kind)))
     both = [one + other for one, other in zip(resets, setups, strict=True)]
     goal = "yes" if statistics.median(both) <= GOAL_SWITCH else "no"
-    rows = [["reset", _seconds(resets), ""], ["setup", _seconds(setups), ""],
-            ["reset and setup", _seconds(both), goal], ["effect and probe", _seconds(effects), ""]]  # fmt: skip
+    rows = [
+        ["reset", spread(resets, 2), ""],
+        ["setup", spread(setups, 2), ""],
+        ["reset and setup", spread(both, 2), goal],
+        ["effect and probe", spread(effects, 2), ""],
+    ]
     return table(["what", "s, min / median / max", f"goal <= {GOAL_SWITCH} s"], rows)
 
 
@@ -97,25 +136,18 @@ def _prove(desktop: EmbeddedDesktop, kind: str) -> None:
         raise SystemExit(f"{kind} could not be proved")
 
 
-def _timed(work: Callable[[], object]) -> float:
-    start = time.perf_counter()
-    work()
-    return time.perf_counter() - start
-
-
-def _seconds(values: list[float]) -> str:
-    return f"{min(values):.2f} / {statistics.median(values):.2f} / {max(values):.2f}"
-
-
 def settle(runs: int) -> str:
-    """How long a still screen is waited for, with and without the tree."""
+    """Return a table of the time until the screen has settled, with and without the tree."""
     works: dict[str, Callable[[EmbeddedDesktop], object]] = {
         "without the tree": lambda desktop: wait_until_settled(desktop, Settle(), False),
         "with the tree": lambda desktop: wait_until_settled(desktop, Settle(), True),
     }
     with EmbeddedDesktop.up(apps=APPS) as desktop:
         time.sleep(3)
-        rows = [[name, cell(times(lambda work=work: work(desktop), runs))] for name, work in works.items()]
+        rows: list[list[str]] = []
+        for name, work in works.items():
+            waits = times(lambda work=work: work(desktop), runs)
+            rows.append([name, cell(waits)])
     return table(["waiting for a still screen", "ms"], rows)
 
 

@@ -1,7 +1,8 @@
 """The embedded desktop in figures: start, reset, memory, pictures, input, tree; run it as root.
 
-Then `--parallel` desktops are driven at once, and `--cycles` rounds of up, reset, down are looked through for what they
-leave behind. `--only sizes,install --parallel 0 --cycles 0` runs parts alone. `virtual_machine.py` has one beside it.
+Then `--parallel` desktops are driven at once, and `--cycles` rounds of up, reset, down are looked
+through for what they leave behind. `--only sizes,install --parallel 0 --cycles 0` runs parts alone.
+`virtual_machine.py` has one beside it.
 """
 
 import argparse
@@ -18,59 +19,80 @@ from pathlib import Path
 import httpx
 from common import machine, table
 
-from online_env.desktops.embedded import network, packages, registry
-from online_env.desktops.embedded.desktop import EmbeddedDesktop
+from online_env.embedded import packages, registry
+from online_env.embedded.desktop import EmbeddedDesktop
+from online_env.embedded.runtime import network
 
 APPS = ("browser", "editor", "files", "terminal")
 UNICODE = "Grüße, naïve café, Ω≈ç√∫, 数学と日本語, Привет мир, <tags> & 'quotes' \"double\" \\ ~"
 
 
 def timed(work: Callable[[], object]) -> float:
-    """Seconds that `work` takes."""
+    """Return the seconds that `work` takes."""
     start = time.perf_counter()
     work()
     return time.perf_counter() - start
 
 
-def row(name: str, seconds: Sequence[float], goal: str = "") -> list[str]:
-    """A line of the table, in the unit that suits it."""
-    unit, factor = ("s", 1) if min(seconds) >= 0.5 else ("ms", 1000)
+def row(
+    name: str,
+    seconds: Sequence[float],
+    goal: str = "",
+) -> list[str]:
+    """Return a line of the table, in seconds or milliseconds."""
+    unit = "s"
+    factor = 1
+    if min(seconds) < 0.5:
+        unit = "ms"
+        factor = 1000
     numbers = (min(seconds), statistics.median(seconds), max(seconds))
-    return [name, " / ".join(f"{number * factor:.3g}" for number in numbers) + f" {unit}", str(len(seconds)), goal]
+    shown = " / ".join(f"{number * factor:.3g}" for number in numbers)
+    return [name, f"{shown} {unit}", str(len(seconds)), goal]
 
 
 def memory(desktop: EmbeddedDesktop) -> float:
-    """Proportional set size of all processes of a desktop, its keeper and its web sites included, in MiB."""
+    """Return the proportional set size of a desktop with its keeper and sites, in MiB."""
     total = 0
     waiting = [desktop.record["keeper"][0]]
     while waiting:
         pid = waiting.pop()
+        process = Path(f"/proc/{pid}")
         try:
-            lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
-            waiting += [int(n) for n in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+            lines = (process / "smaps_rollup").read_text().splitlines()
+            children = (process / f"task/{pid}/children").read_text()
         except OSError:
             continue
-        total += sum(int(line.split()[1]) for line in lines if line.startswith("Pss:"))
+        waiting += map(int, children.split())
+        for line in lines:
+            if line.startswith("Pss:"):
+                total += int(line.split()[1])
     return total / 1024
 
 
 def starts(runs: int) -> list[list[str]]:
-    """Up and down, with nothing and with the browser open."""
+    """Time up and down, with nothing and with the browser open."""
     rows: list[list[str]] = []
     for name, apps, goal in (("up", (), "<= 1.5 s"), ("up, browser open", ("browser",), "")):
-        ups, downs = [], []
+        ups: list[float] = []
+        downs: list[float] = []
         for _ in range(runs):
-            made: list[EmbeddedDesktop] = []
-            ups.append(timed(lambda apps=apps, made=made: made.append(EmbeddedDesktop.up(apps=apps))))
-            downs.append(timed(made[0].close))
-        rows += [row(name, ups, goal), row("down", downs)] if not apps else [row(name, ups, goal)]
+            start = time.perf_counter()
+            desktop = EmbeddedDesktop.up(apps=apps)
+            ups.append(time.perf_counter() - start)
+            downs.append(timed(desktop.close))
+        rows.append(row(name, ups, goal))
+        if not apps:
+            rows.append(row("down", downs))
     return rows
 
 
 def resets(runs: int) -> list[list[str]]:
-    """Reset with the browser ready, cold and with a standby."""
+    """Time a reset until the browser is ready, cold and with a standby."""
     rows: list[list[str]] = []
-    for name, standby, goal in (("reset, cold", False, "<= 1.7 s"), ("reset, standby", True, "<= 0.2 s")):
+    for name, standby, goal in (
+        ("reset, cold", False, "<= 1.7 s"),
+        ("reset, standby", True, "<= 0.2 s"),
+    ):
         with EmbeddedDesktop.up(apps=("browser",), standby=standby) as desktop:
             seconds = []
             for _ in range(runs):
@@ -83,7 +105,7 @@ def resets(runs: int) -> list[list[str]]:
 
 
 def sizes() -> list[list[str]]:
-    """Memory of one desktop, idle and with applications."""
+    """Measure the memory of one desktop, idle and with applications."""
     rows: list[list[str]] = []
     for name, apps in (("desktop", ()), ("with browser", ("browser",)), ("with four apps", APPS)):
         with EmbeddedDesktop.up(apps=apps) as desktop:
@@ -93,31 +115,47 @@ def sizes() -> list[list[str]]:
 
 
 def actions(runs: int) -> list[list[str]]:
-    """What a step costs, with four applications open."""
+    """Time the parts of a step, with four applications open."""
     with EmbeddedDesktop.up(apps=APPS) as desktop:
         time.sleep(3)
-        secret = Path(desktop.record["token_file"]).read_text()
-        with httpx.Client(base_url=desktop.record["guest"], headers={"X-Token": secret}, trust_env=False) as client:
+        headers = {"X-Token": Path(desktop.record["token_file"]).read_text()}
+        guest = desktop.record["guest"]
+        click = [
+            {
+                "type": "click",
+                "x": 960,
+                "y": 540,
+            }
+        ]
+        with httpx.Client(
+            base_url=guest,
+            headers=headers,
+            trust_env=False,
+        ) as client:
             works: list[tuple[str, Callable[[], object], str]] = [
                 ("screenshot, RGB", desktop.screenshot, "<= 3 ms"),
                 ("screenshot, PNG over HTTP", lambda: client.get("/screenshot"), "<= 20 ms"),
-                ("click", lambda: desktop.client.input([{"type": "click", "x": 960, "y": 540}]), "<= 3 ms"),
+                ("click", lambda: desktop.client.input(click), "<= 3 ms"),
                 ("accessibility tree, four apps open", desktop.accessibility, "<= 250 ms"),
                 ("command (`true`)", lambda: desktop.execute(["true"]), ""),
                 ("pyautogui code", lambda: desktop.run("pyautogui.moveTo(100, 200)"), ""),
             ]
-            rows = [row(name, [timed(work) for _ in range(runs)][2:], goal) for name, work, goal in works]
-        shell = desktop.execute
-        shell("wmctrl -a Mousepad; sleep 0.5")
-        text = (UNICODE * 2)[:74]
-        rows.append(
-            row("type 74 Unicode characters", [timed(lambda: desktop.client.input([{"type": "type", "text": text}]))])
-        )
+            rows: list[list[str]] = []
+            for name, work, goal in works:
+                seconds = [timed(work) for _ in range(runs)]
+                rows.append(row(name, seconds[2:], goal))
+        desktop.execute("wmctrl -a Mousepad; sleep 0.5")
+        typing = [{"type": "type", "text": (UNICODE * 2)[:74]}]
+        seconds = [timed(lambda: desktop.client.input(typing))]
+        rows.append(row("type 74 Unicode characters", seconds))
     return rows
 
 
 def parallel(count: int, seconds: float = 20) -> list[list[str]]:
-    """Steps a second of `count` desktops together; a step is a click, a picture and a look at the windows."""
+    """Count the steps a second of `count` desktops together.
+
+    A step is a click, a screenshot and a list of the windows.
+    """
     desktops = [EmbeddedDesktop.up(apps=("editor",)) for _ in range(count)]
     steps = [0] * count
     end = time.monotonic() + seconds
@@ -125,7 +163,15 @@ def parallel(count: int, seconds: float = 20) -> list[list[str]]:
     def drive(index: int) -> None:
         desktop = desktops[index]
         while time.monotonic() < end:
-            desktop.client.input([{"type": "click", "x": 400 + steps[index] % 99, "y": 500}])
+            desktop.client.input(
+                [
+                    {
+                        "type": "click",
+                        "x": 400 + steps[index] % 99,
+                        "y": 500,
+                    }
+                ]
+            )
             desktop.screenshot()
             desktop.client.windows()
             steps[index] += 1
@@ -145,30 +191,50 @@ def parallel(count: int, seconds: float = 20) -> list[list[str]]:
 
 
 def fetched(names: Sequence[str], folder: Path) -> dict[str, int]:
-    """Sizes in bytes of the archives that apt would fetch for `names` on a machine with nothing on it.
+    """Return the sizes in bytes of the archives that apt would fetch on an empty machine.
 
-    `folder` is an empty folder.
+    Args:
+        names: the packages to install.
+        folder: an empty folder.
     """
     (folder / "partial").mkdir(exist_ok=True)
     (folder / "status").touch()
-    command = ["apt-get", "-o", f"Dir::State::status={folder / 'status'}", "-o", f"Dir::Cache::archives={folder}"]
+    command = ["apt-get", "-o", f"Dir::State::status={folder / 'status'}"]
+    command += ["-o", f"Dir::Cache::archives={folder}"]
     command += ["--print-uris", "-qq", "-y", "--no-install-recommends", "install", *names]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    words = [line.split() for line in done.stdout.splitlines() if line.startswith("'")]
-    return {file.partition("_")[0]: int(size) for _, file, size, *_ in words}
+    sizes: dict[str, int] = {}
+    for line in lines_of(*command):
+        if line.startswith("'"):
+            _, file, size, *_ = line.split()
+            package, _, _ = file.partition("_")
+            sizes[package] = int(size)
+    return sizes
 
 
 def on_disk(names: Sequence[str]) -> int:
-    """Bytes that packages take when they are installed, as they say themselves."""
-    command = ["apt-cache", "show", "--no-all-versions", *names]
-    shown = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
-    return 1024 * sum(int(line.split()[1]) for line in shown if line.startswith("Installed-Size:"))
+    """Return the bytes that installed packages take, by their own records."""
+    shown = lines_of("apt-cache", "show", "--no-all-versions", *names)
+    sizes = [int(line.split()[1]) for line in shown if line.startswith("Installed-Size:")]
+    return 1024 * sum(sizes)
+
+
+def lines_of(*command: str) -> list[str]:
+    """Return the output lines of a command that must succeed."""
+    done = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return done.stdout.splitlines()
 
 
 def installs() -> list[list[str]]:
-    """What each profile adds to a bare Debian (its required packages, as in a container); nothing is installed."""
-    command = ["dpkg-query", "-W", "-f=${Package} ${Priority}\n"]
-    listed = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
+    """Measure what each profile adds to a bare Debian, whose packages are the required ones.
+
+    Nothing is installed.
+    """
+    listed = lines_of("dpkg-query", "-W", "-f=${Package} ${Priority}\n")
     base = ["apt", *(line.split()[0] for line in listed if line.endswith(" required"))]
     rows: list[list[str]] = []
     with tempfile.TemporaryDirectory() as empty:
@@ -177,25 +243,28 @@ def installs() -> list[list[str]]:
             profiles = [name] if name in ("core", packages.ALL) else ["core", name]
             wanted = fetched([*base, *packages.packages(profiles)], Path(empty))
             new = sorted(set(wanted) - known)
-            size = f"{sum(wanted[one] for one in new) / 1e6:.0f} MB to fetch, {on_disk(new) / 1e6:.0f} MB on disk"
+            to_fetch = sum(wanted[one] for one in new) / 1e6
+            size = f"{to_fetch:.0f} MB to fetch, {on_disk(new) / 1e6:.0f} MB on disk"
             rows.append([f"profile {' + '.join(profiles)}: {len(new)} packages", size, "1", ""])
     return rows
 
 
 def traces(name: str) -> list[str]:
-    """What is left of desktops whose name starts with `name`."""
+    """Return the traces of desktops whose name starts with `name`."""
     paths = [
         *network.NETNS.glob(f"ah-{name}*"),
         *registry.RUN.glob(f"{name}*"),
         *Path("/sys/fs/cgroup").glob(f"*/*{name}*"),
     ]
-    lines = [line for line in Path("/proc/self/mounts").read_text().splitlines() if name in line]
-    listed = subprocess.run(["ps", "-eo", "args"], capture_output=True, text=True, check=True).stdout.splitlines()
-    return [*map(str, paths), *lines, *(line for line in listed if f'"{name}' in line)]
+    mounts = Path("/proc/self/mounts").read_text().splitlines()
+    found = [str(path) for path in paths]
+    found += [line for line in mounts if name in line]
+    found += [line for line in lines_of("ps", "-eo", "args") if f'"{name}' in line]
+    return found
 
 
 def programs() -> int:
-    """Processes on this machine, but for those of the kernel, which have no command line."""
+    """Count the processes of this machine without the kernel's, which have no command line."""
     count = 0
     for path in Path("/proc").glob("[0-9]*/cmdline"):
         with suppress(OSError):
@@ -204,8 +273,9 @@ def programs() -> int:
 
 
 def cycles(count: int) -> list[list[str]]:
-    """Rounds of up, reset, down; what they leave."""
-    name, start = "bench-cycle", time.perf_counter()
+    """Time rounds of up, reset and down, and list what they leave behind."""
+    name = "bench-cycle"
+    start = time.perf_counter()
     processes = programs()
     for _ in range(count):
         desktop = EmbeddedDesktop.up(name=name)
@@ -215,17 +285,31 @@ def cycles(count: int) -> list[list[str]]:
     left = traces(name)
     more = programs() - processes
     found = json.dumps(left) if left else "nothing"
-    return [[f"{count} cycles of up, reset, down", f"{took:.0f} s", str(count), ""],
-            ["left behind by them", f"{found}; processes on the machine: {more:+d}", "1", "nothing"]]  # fmt: skip
+    return [
+        [f"{count} cycles of up, reset, down", f"{took:.0f} s", str(count), ""],
+        ["left behind by them", f"{found}; processes on the machine: {more:+d}", "1", "nothing"],
+    ]
 
 
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=7)
-    parser.add_argument("--cycles", type=int, default=50, help="rounds of up, reset, down")
-    parser.add_argument("--parallel", type=int, default=4, help="desktops at once")
-    parser.add_argument("--only", default="starts,resets,sizes,actions,install", help="parts, with commas between")
+    parser.add_argument(
+        "--cycles",
+        type=int,
+        default=50,
+        help="rounds of up, reset, down",
+    )
+    parser.add_argument(
+        "--parallel",
+        type=int,
+        default=4,
+        help="desktops at once",
+    )
+    parser.add_argument(
+        "--only", default="starts,resets,sizes,actions,install", help="parts, with commas between"
+    )
     options = parser.parse_args()
     parts: dict[str, Callable[[], list[list[str]]]] = {
         "starts": lambda: starts(options.runs),
@@ -235,11 +319,17 @@ def main() -> None:
         "install": installs,
     }
     chosen = options.only.split(",")
-    if unknown := set(chosen) - set(parts) - {"none"}:
+    unknown = set(chosen) - set(parts) - {"none"}
+    if unknown:
         parser.error(f"--only: {', '.join(sorted(unknown))} is none of {', '.join(parts)}")
-    rows = [line for name in chosen if name in parts for line in parts[name]()]
-    rows += parallel(options.parallel) if options.parallel else []
-    rows += cycles(options.cycles) if options.cycles else []
+    rows: list[list[str]] = []
+    for name in chosen:
+        if name in parts:
+            rows += parts[name]()
+    if options.parallel:
+        rows += parallel(options.parallel)
+    if options.cycles:
+        rows += cycles(options.cycles)
     print(machine(), end="\n\n")
     print(table(["what", "min / median / max", "runs", "goal"], rows))
 

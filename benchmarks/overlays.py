@@ -1,4 +1,4 @@
-"""Drawing marks, a subtitle and a pop-up in place, against one hot memcpy of the picture in the same run."""
+"""Drawing marks, a subtitle and a pop-up in place, against one hot memcpy in the same run."""
 
 import itertools
 
@@ -33,13 +33,20 @@ def main() -> None:
             "torch, channels last": lambda p=plan: hj.apply(p, last, inplace=True),
             "JAX (new array)": lambda p=plan: hj.apply(p, device).block_until_ready(),
         }
-        # One after the other, so that the memcpy is hot, as the claim says; in turn, each would evict the others.
+        # One after the other, so that the memcpy is hot, as the claim says; in turn, each would
+        # evict the others.
         found = {who: times(work) for who, work in works.items()}
         base = found.pop("memcpy")
         for backend, values in found.items():
-            rows.append([name, backend, cell(values), cell(base), ratio(values, base), cell(planning)])
-    print(f"1080p uint8, one thread, {what}; milliseconds, min / median / max of 41.\n\n{machine()}\n")
-    print(table(["corruption", "backend", "draw", "memcpy", "draw / memcpy", "planning, apart"], rows))
+            rows.append(
+                [name, backend, cell(values), cell(base), ratio(values, base), cell(planning)]
+            )
+    print(
+        f"1080p uint8, one thread, {what}; milliseconds, min / median / max of 41.\n\n{machine()}\n"
+    )
+    print(
+        table(["corruption", "backend", "draw", "memcpy", "draw / memcpy", "planning, apart"], rows)
+    )
 
 
 if __name__ == "__main__":

@@ -1,8 +1,9 @@
 """Builds on Ray: two workers against one, against the processes of the local engine.
 
-Whole builds of real screenshots (clean and all four visual corruptions), in turn, so that a change of the machine's
-speed touches all of them alike. Ray runs already, and its workers have loaded everything, as those of a cluster have
-after the first shards; the start of Ray and of local processes is timed apart.
+Whole builds of real screenshots (clean and all four visual corruptions), in turn, so that a change
+of the machine's speed touches all of them alike. Ray runs already, and its workers have loaded
+everything, as those of a cluster have after the first shards; the start of Ray and of local
+processes is timed apart.
 """
 
 import json
@@ -17,19 +18,21 @@ from pathlib import Path
 from typing import Any
 
 import ray
-from common import SHARED, machine, table
+from common import SHARED, machine, spread, table
 
 from pipelines import build
 from pipelines.engines.ray_session import session
 
 STEPS = 12  # of a trajectory, which is a shard
 RUNS = 3
+HEADER = ("engine", "workers", "seconds, min / median / max", "rows/s", "against Ray with 1")
 CASES = (("ray", 1), ("ray", 2), ("local", 1), ("local", 2))
 
 
 def main(trajectories: int = 40) -> None:
     """Print both tables."""
-    with tempfile.TemporaryDirectory(dir="/dev/shm" if os.path.isdir("/dev/shm") else None) as name:
+    memory = "/dev/shm" if os.path.isdir("/dev/shm") else None
+    with tempfile.TemporaryDirectory(dir=memory) as name:
         folder = Path(name)
         _record(folder / "source", trajectories)
         _record(folder / "small", 2)
@@ -41,11 +44,13 @@ def main(trajectories: int = 40) -> None:
             spent, rows = _measure(folder)
             used = _resident()
         start_local = _timed(folder, "small", "local", 2)[0]
-    print(f"{rows} rows of 1920x1080 PNG screenshots, {trajectories} shards.\n\n{machine()}, ray {ray.__version__}\n")
+    print(f"{rows} rows of 1920x1080 PNG screenshots, {trajectories} shards.\n")
+    print(f"{machine()}, ray {ray.__version__}\n")
     print(_speeds(spent, rows))
     print(
-        f"\nRay itself: started in {started:.1f} s, first small build of two shards done after {first:.1f} s (local, "
-        f"two spawned processes: {start_local:.1f} s). Memory of its two workers after all builds: {used}."
+        f"\nRay itself: started in {started:.1f} s, first small build of two shards done after"
+        f" {first:.1f} s (local, two spawned processes: {start_local:.1f} s). Memory of its two"
+        f" workers after all builds: {used}."
     )
 
 
@@ -59,9 +64,20 @@ def _measure(folder: Path) -> tuple[dict[tuple[str, int], list[float]], int]:
     return spent, rows
 
 
-def _timed(folder: Path, source: str, engine: str, workers: int) -> tuple[float, int]:
+def _timed(
+    folder: Path,
+    source: str,
+    engine: str,
+    workers: int,
+) -> tuple[float, int]:
     start = time.perf_counter()
-    report = build(folder / source, folder / "out", engine=engine, workers=workers, rows_per_shard=1)
+    report = build(
+        folder / source,
+        folder / "out",
+        engine=engine,
+        workers=workers,
+        rows_per_shard=1,
+    )
     spent = time.perf_counter() - start
     shutil.rmtree(folder / "out")
     return spent, report.total
@@ -69,28 +85,31 @@ def _timed(folder: Path, source: str, engine: str, workers: int) -> tuple[float,
 
 def _speeds(spent: dict[tuple[str, int], list[float]], rows: int) -> str:
     base = statistics.median(spent["ray", 1])
-    lines = []
+    lines: list[list[str]] = []
     for (engine, workers), times in spent.items():
         middle = statistics.median(times)
-        each = f"{min(times):.1f} / {middle:.1f} / {max(times):.1f}"
-        lines.append([engine, str(workers), each, f"{rows / middle:.0f}", f"{base / middle:.2f}x"])
-    return table(["engine", "workers", "seconds, min / median / max", "rows/s", "against Ray with 1"], lines)
+        speed = f"{rows / middle:.0f}"
+        lines.append([engine, str(workers), spread(times, 1), speed, f"{base / middle:.2f}x"])
+    return table(HEADER, lines)
 
 
 def _resident() -> str:
     @ray.remote(num_cpus=1)
     def peak() -> tuple[int, float]:
         time.sleep(0.5)  # so that each worker takes one
-        status = Path("/proc/self/status").read_text()
-        return os.getpid(), int(next(line for line in status.splitlines() if "VmHWM" in line).split()[1]) / 1024
+        status = Path("/proc/self/status").read_text().splitlines()
+        highest = next(line for line in status if "VmHWM" in line)
+        return os.getpid(), int(highest.split()[1]) / 1024
 
     found: dict[int, float] = dict(ray.get([peak.remote() for _ in range(2)]))
-    return " and ".join(f"{value:.0f} MiB" for value in found.values()) + " (peak)"
+    sizes = " and ".join(f"{value:.0f} MiB" for value in found.values())
+    return f"{sizes} (peak)"
 
 
 def _record(folder: Path, trajectories: int) -> None:
-    pictures = [file.read_bytes() for file in sorted(SHARED.glob("*.png"))]
-    pictures = [data for data in pictures if data[16:24] == (1920).to_bytes(4, "big") + (1080).to_bytes(4, "big")]
+    full_hd = (1920).to_bytes(4, "big") + (1080).to_bytes(4, "big")
+    files = [file.read_bytes() for file in sorted(SHARED.glob("*.png"))]
+    pictures = [data for data in files if data[16:24] == full_hd]
     if not pictures:
         sys.exit(f"the recorded screenshots are not here ({SHARED})")
     (folder / "images").mkdir(parents=True)
@@ -99,11 +118,21 @@ def _record(folder: Path, trajectories: int) -> None:
     lines: list[dict[str, Any]] = []
     for trajectory in range(trajectories):
         for step in range(STEPS):
-            image = f"images/{(trajectory + step) % len(pictures)}.png"
-            action = {"type": "click", "x": 700, "y": 500}
-            place = {"trajectory_id": f"t{trajectory}", "step": step, "image": image}
-            lines.append({**place, "instruction": "do it", "action": action})
-    (folder / "trajectories.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
+            number = (trajectory + step) % len(pictures)
+            line = {
+                "trajectory_id": f"t{trajectory}",
+                "step": step,
+                "image": f"images/{number}.png",
+                "instruction": "do it",
+                "action": {
+                    "type": "click",
+                    "x": 700,
+                    "y": 500,
+                },
+            }
+            lines.append(line)
+    text = "".join(json.dumps(line) + "\n" for line in lines)
+    (folder / "trajectories.jsonl").write_text(text)
 
 
 if __name__ == "__main__":

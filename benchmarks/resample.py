@@ -1,4 +1,4 @@
-"""Resizing 1080p: ours against torch's uint8 antialiased bicubic and Pillow, in one run, with the bytes compared."""
+"""Resizing 1080p: ours against torch's uint8 antialiased bicubic and Pillow, bytes compared."""
 
 import numpy as np
 import torch
@@ -9,15 +9,20 @@ from torch.nn.functional import interpolate
 import hijack_data as hj
 
 SCALES = (0.25, 0.5, 0.75, 2.0)
+HEADER = ("scale", "who", "time", "against torch, same layout", "bytes that differ from Pillow")
 
 
 def peers(image: np.ndarray, size: tuple[int, int]) -> dict:
-    """The works to compare: each returns its picture as [h, w, 3] or [3, h, w]."""
+    """Return the works to compare; each returns its picture as [h, w, 3] or [3, h, w]."""
     plan = hj.Plan("bench-v1", image.shape[:2], ops=(hj.Resample(size),))
     picture = Image.fromarray(image)
     last = torch.from_numpy(image.copy()).permute(2, 0, 1)
     planar = last.contiguous()
-    options = {"size": size, "mode": "bicubic", "antialias": True}
+    options = {
+        "size": size,
+        "mode": "bicubic",
+        "antialias": True,
+    }
     return {
         "torch interpolate, channels last": lambda: interpolate(last[None], **options)[0],
         "torch interpolate, channels first": lambda: interpolate(planar[None], **options)[0],
@@ -29,27 +34,39 @@ def peers(image: np.ndarray, size: tuple[int, int]) -> dict:
 
 
 def as_array(out) -> np.ndarray:
-    """Any result as [h, w, 3]."""
-    return out.permute(1, 2, 0).numpy() if isinstance(out, torch.Tensor) else np.asarray(out)
+    """Return any result as [h, w, 3]."""
+    if isinstance(out, torch.Tensor):
+        return out.permute(1, 2, 0).numpy()
+    return np.asarray(out)
+
+
+def compared(image: np.ndarray, scale: float) -> list[list[str]]:
+    """Return the lines of one scale."""
+    size = (int(1080 * scale), int(1920 * scale))
+    works = peers(image, size)
+    picture = Image.fromarray(image)
+    exact = np.asarray(picture.resize(size[::-1], Image.Resampling.BICUBIC))
+    found = interleaved(works, 15)
+    rows: list[list[str]] = []
+    for name, values in found.items():
+        layout = "first" if "first" in name else "last"
+        base = found[f"torch interpolate, channels {layout}"]
+        differs = as_array(works[name]()) != exact
+        wrong = str(int(differs.sum()))
+        rows.append([f"{scale:g}", name, cell(values), ratio(values, base), wrong])
+    return rows
 
 
 def main() -> None:
     """Print the table."""
     torch.set_num_threads(1)
     image, what = screenshot()
-    rows = []
+    rows: list[list[str]] = []
     for scale in SCALES:
-        size = (int(1080 * scale), int(1920 * scale))
-        works = peers(image, size)
-        exact = np.asarray(Image.fromarray(image).resize(size[::-1], Image.Resampling.BICUBIC))
-        found = interleaved(works, 15)
-        for name, values in found.items():
-            layout = "first" if "first" in name else "last"
-            base = found[f"torch interpolate, channels {layout}"]
-            wrong = int((as_array(works[name]()) != exact).sum())
-            rows.append([f"{scale:g}", name, cell(values), ratio(values, base), str(wrong)])
-    print(f"1080p uint8, one thread, {what}; milliseconds, min / median / max of 15.\n\n{machine()}\n")
-    print(table(["scale", "who", "time", "against torch, same layout", "bytes that differ from Pillow"], rows))
+        rows += compared(image, scale)
+    print(f"1080p uint8, one thread, {what}; milliseconds, min / median / max of 15.\n")
+    print(f"{machine()}\n")
+    print(table(HEADER, rows))
 
 
 if __name__ == "__main__":

@@ -1,9 +1,10 @@
-"""Rows that each corruption gives for recordings that people hold, with and without what can be told about them.
+"""Rows that each corruption gives for people's recordings, with and without stated facts.
 
     python benchmarks/rows_by_source.py
 
-A build that writes nothing is run three times: on the recordings alone, with `--foreign` (Xfce may be shown on other
-desktops), and with `--apps chrome` besides. The corruptions of the machine act once a recording.
+A build that writes nothing is run three times: on the recordings alone, with `--foreign` (Xfce may
+be shown on other desktops), and with `--apps chrome` besides. The corruptions of the machine act
+once a recording.
 """
 
 import sys
@@ -45,8 +46,14 @@ def main() -> None:
             name = "examples" if source == EXAMPLES else source.name
             rows.append([name, said, *(str(found.get(column, 0)) for column in columns)])
     print(table(["source", "told", *columns], rows))
-    print("\nBefore 2026-11-22 the five of the machine gave, on recordings alone: agentnet_raw 1, 1, 1, 0, 1;")
-    print("agentnetbench 1, 3, 0, 0, 0; screenagent 0, 15, 0, 0, 0; webvoyager 0, 0, 0, 2, 0; none of the")
+    print(
+        "\nBefore 2026-11-22 the five of the machine gave, on recordings alone: agentnet_raw 1, 1,"
+        " 1, 0, 1;"
+    )
+    print(
+        "agentnetbench 1, 3, 0, 0, 0; screenagent 0, 15, 0, 0, 0; webvoyager 0, 0, 0, 2, 0; none"
+        " of the"
+    )
     print("accidental touches among them could be true, since nobody knew the applications.")
 
 

@@ -17,10 +17,12 @@ SCRIPTS = {
     "gpu": "On a GPU",
     "levels": "Severity levels, measured",
     "proof": "Is the augmentation worth using?",
+    "offline_scoring": "Scoring agents on datasets",
     "online": "The embedded desktop",
     "install_times": "Installing the embedded desktop",
     "virtual_machine": "A virtual machine beside the embedded desktop",
     "effects": "Effects on a live desktop",
+    "suite": "The suite of tasks",
     "live_steps": "Corruptions on a live desktop, step by step",
 }
 HEAD = """# Results
@@ -37,23 +39,31 @@ def main() -> None:
     sections = read_sections()
     for name in wanted:
         print(f"{name} ...", flush=True)
-        done = subprocess.run([sys.executable, HERE / f"{name}.py"], capture_output=True, text=True, check=False)
+        done = subprocess.run(
+            [sys.executable, HERE / f"{name}.py"],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
         if done.returncode:
             sys.exit(f"{name} failed:\n{done.stderr}")
-        sections[name] = f"## {SCRIPTS[name]}\n\n`python benchmarks/{name}.py`\n\n{done.stdout.strip()}\n"
-    RESULTS.write_text(HEAD + "\n".join(sections[name] for name in SCRIPTS if name in sections))
+        command = f"`python benchmarks/{name}.py`"
+        sections[name] = f"## {SCRIPTS[name]}\n\n{command}\n\n{done.stdout.strip()}\n"
+    ordered = [sections[name] for name in SCRIPTS if name in sections]
+    RESULTS.write_text(HEAD + "\n".join(ordered))
 
 
 def read_sections() -> dict[str, str]:
-    """Return the sections that RESULTS.md holds already, by name."""
+    """Return the sections of RESULTS.md by name."""
     text = RESULTS.read_text() if RESULTS.exists() else ""
-    parts = [f"## {part}" for part in text.split("\n## ")[1:]]
-    return {
-        name: part.rstrip("\n") + "\n"
-        for part in parts
-        for name, title in SCRIPTS.items()
-        if part.startswith(f"## {title}\n")
-    }
+    names = {title: name for name, title in SCRIPTS.items()}
+    sections: dict[str, str] = {}
+    for part in text.split("\n## ")[1:]:
+        title, _, _ = part.partition("\n")
+        if title in names:
+            body = part.rstrip("\n")
+            sections[names[title]] = f"## {body}\n"
+    return sections
 
 
 if __name__ == "__main__":

@@ -1,8 +1,11 @@
-"""A virtual machine beside the embedded desktop: start, reset, memory, pictures, input, tree; run it as root.
+"""A virtual machine beside the embedded desktop: start, reset, memory, pictures, input, tree.
 
-The guest is ours, not OSWorld's Ubuntu image; `ABOUT` says what is in it. It is built once (minutes) and kept in
-`~/.cache/agenthijack/vm`. `--guest URL` measures another guest with OSWorld's protocol instead. Where KVM is not to be
-had, QEMU translates each instruction, and only what does not depend on the processor is measured.
+It needs root.
+
+The guest is ours, not OSWorld's Ubuntu image; `ABOUT` says what is in it. It is built once
+(minutes) and kept in `~/.cache/agenthijack/vm`. `--guest URL` measures another guest with OSWorld's
+protocol instead. Where KVM is not to be had, QEMU translates each instruction, and only what does
+not depend on the processor is measured.
 """
 
 import argparse
@@ -22,9 +25,9 @@ from online import APPS, memory, row, timed
 from vm.image import MissingPartError, prepared
 from vm.qemu import CPUS, MEMORY, Machine
 
-from online_env.desktops.embedded import packages
-from online_env.desktops.embedded.desktop import EmbeddedDesktop
 from online_env.desktops.http import HttpDesktop
+from online_env.embedded import packages
+from online_env.embedded.desktop import EmbeddedDesktop
 
 TOOLS = {
     "qemu-system-x86_64": "apt-get install --no-install-recommends qemu-system-x86",
@@ -48,12 +51,28 @@ MARK = "/home/user/written-after-the-snapshot"
 Seconds = dict[str, list[float]]
 
 
-def actions(desktop: HttpDesktop, token: str, runs: int) -> Seconds:
+def actions(
+    desktop: HttpDesktop,
+    token: str,
+    runs: int,
+) -> Seconds:
     """What a step costs over HTTP, on either desktop."""
-    with httpx.Client(base_url=desktop.url, headers={"X-Token": token}, trust_env=False) as client:
+    with httpx.Client(
+        base_url=desktop.url,
+        headers={"X-Token": token},
+        trust_env=False,
+    ) as client:
         works: dict[str, Callable[[], object]] = {
             "screenshot, PNG over HTTP": lambda: client.get("/screenshot").raise_for_status(),
-            "click": lambda: desktop.input([{"type": "click", "x": 960, "y": 540}]),
+            "click": lambda: desktop.input(
+                [
+                    {
+                        "type": "click",
+                        "x": 960,
+                        "y": 540,
+                    }
+                ]
+            ),
             "accessibility tree, four apps open": desktop.accessibility,
             "command (`true`)": lambda: desktop.execute(["true"]),
         }
@@ -66,7 +85,11 @@ def embedded(runs: int, acts: int) -> tuple[Seconds, dict[str, float]]:
     sizes: dict[str, float] = {}
     for _ in range(runs):
         made: list[EmbeddedDesktop] = []
-        seconds["up"].append(timed(lambda made=made: (made.append(EmbeddedDesktop.up()), made[0].client.screenshot())))
+        seconds["up"].append(
+            timed(
+                lambda made=made: (made.append(EmbeddedDesktop.up()), made[0].client.screenshot())
+            )
+        )
         time.sleep(SETTLING)
         sizes["desktop"] = memory(made[0])
         made[0].close()
@@ -96,19 +119,28 @@ def pss(pid: int) -> tuple[float, float]:
 
 
 def reset(one: Machine) -> tuple[float, float]:
-    """Change the guest, go back, and prove that the change is gone: seconds of `loadvm`, and until a screenshot."""
+    """Return the seconds of `loadvm`, and until a screenshot, for a reset that undoes a change."""
     one.desktop.write_file(MARK, b"")
     start = time.perf_counter()
     loaded = one.load()
     took = time.perf_counter() - start
     if one.desktop.execute(["test", "-e", MARK]).returncode != 1:
-        raise SystemExit("the snapshot was loaded, but a file that was written after it is still there")
+        raise SystemExit(
+            "the snapshot was loaded, but a file that was written after it is still there"
+        )
     return loaded, took
 
 
-def guest(runs: int, acts: int, kvm: bool) -> tuple[Seconds, dict[str, float], float]:
-    """The virtual machine: seconds, memory and size on disk in MiB. Without `kvm`, only what still means something:
-    seconds of QEMU's own work, and the memory that the guest itself uses."""
+def guest(
+    runs: int,
+    acts: int,
+    kvm: bool,
+) -> tuple[Seconds, dict[str, float], float]:
+    """Return the seconds of the virtual machine, its memory and its size on disk in MiB.
+
+    Without `kvm`, only what still means something: seconds of QEMU's own work, and the memory that
+    the guest itself uses.
+    """
     seconds: Seconds = {"up": []}
     with prepared() as (image, folder):
         for _ in range(runs - 1 if kvm else 0):
@@ -120,7 +152,13 @@ def guest(runs: int, acts: int, kvm: bool) -> tuple[Seconds, dict[str, float], f
         return seconds, sizes, image.size / 2**20
 
 
-def session(one: Machine, seconds: Seconds, runs: int, acts: int, kvm: bool) -> dict[str, float]:
+def session(
+    one: Machine,
+    seconds: Seconds,
+    runs: int,
+    acts: int,
+    kvm: bool,
+) -> dict[str, float]:
     """What is measured on one machine: adds to `seconds`, returns memory in MiB."""
     time.sleep(SETTLING)
     sizes = {"desktop": pss(one.pid)[not kvm]}
@@ -129,7 +167,9 @@ def session(one: Machine, seconds: Seconds, runs: int, acts: int, kvm: bool) -> 
     sizes["with browser"] = pss(one.pid)[not kvm]
     seconds["snapshot made (`savevm`)"] = [timed(one.save)]
     resets = [reset(one) for _ in range(runs)]
-    seconds["snapshot loaded (`loadvm`)"], seconds["reset, browser open"] = map(list, zip(*resets, strict=True))
+    seconds["snapshot loaded (`loadvm`)"], seconds["reset, browser open"] = map(
+        list, zip(*resets, strict=True)
+    )
     if kvm:
         for name in APPS[1:]:
             one.open(name)
@@ -138,20 +178,37 @@ def session(one: Machine, seconds: Seconds, runs: int, acts: int, kvm: bool) -> 
     return sizes
 
 
-def compare(runs: int, acts: int, kvm: bool) -> list[list[str]]:
+def compare(
+    runs: int,
+    acts: int,
+    kvm: bool,
+) -> list[list[str]]:
     """Rows: what, the guest, the embedded desktop, and the ratio of the medians."""
     there, sizes, disk = guest(runs, acts, kvm)
     here, own_sizes = embedded(runs, acts)
     rows: list[list[str]] = []
     for name in dict.fromkeys((*there, *here)):
         slow = not kvm and name in here
-        values, own = [] if slow else there.get(name, []), here.get(name, [])
-        ratio = f"{statistics.median(values) / statistics.median(own):.3g}x" if values and own else ""
-        cells = ["needs KVM" if slow else row("", values)[1] if values else "", row("", own)[1] if own else ""]
+        values = [] if slow else there.get(name, [])
+        own = here.get(name, [])
+        ratio = (
+            f"{statistics.median(values) / statistics.median(own):.3g}x" if values and own else ""
+        )
+        cells = [
+            "needs KVM" if slow else row("", values)[1] if values else "",
+            row("", own)[1] if own else "",
+        ]
         rows.append([name, *cells, ratio])
     for name, size in sizes.items():
         own_size = own_sizes[name]
-        rows.append([f"memory (PSS), {name}", f"{size:.0f} MiB", f"{own_size:.0f} MiB", f"{size / own_size:.3g}x"])
+        rows.append(
+            [
+                f"memory (PSS), {name}",
+                f"{size:.0f} MiB",
+                f"{own_size:.0f} MiB",
+                f"{size / own_size:.3g}x",
+            ]
+        )
     return [*rows, ["image on disk", f"{disk:.0f} MiB", "none", ""]]
 
 
@@ -169,23 +226,33 @@ def foreign(url: str, runs: int) -> list[list[str]]:
 
 def missing() -> list[str]:
     """What keeps the guest from being measured, with the command that mends it."""
-    lacks = [f"{tool} is not installed: {line}" for tool, line in TOOLS.items() if shutil.which(tool) is None]
+    lacks = [
+        f"{tool} is not installed: {line}"
+        for tool, line in TOOLS.items()
+        if shutil.which(tool) is None
+    ]
     if absent := packages.missing(packages.packages([packages.ALL])):
-        lacks.append(f"{len(absent)} packages of the desktop are not installed: {packages.install_line(absent)}")
+        lacks.append(
+            f"{len(absent)} packages of the desktop are not installed:"
+            f" {packages.install_line(absent)}"
+        )
     return lacks if os.geteuid() == 0 else ["this needs root: run it with sudo", *lacks]
 
 
 def no_kvm() -> str | None:
     """Why QEMU cannot use the real processor for a usual kernel, or `None`."""
     if not os.access("/dev/kvm", os.R_OK | os.W_OK):
-        return "there is no /dev/kvm (`modprobe kvm_amd` or `kvm_intel`; in a virtual machine, nested virtualization)"
+        return (
+            "there is no /dev/kvm (`modprobe kvm_amd` or `kvm_intel`; in a virtual machine, nested"
+            " virtualization)"
+        )
     flags = re.search(r"^flags.*$", Path("/proc/cpuinfo").read_text(), re.MULTILINE)
     if flags is None or not re.search(r" (vmx|svm)\b", flags[0]):
         kind = ", ".join(path.name for path in Path("/sys/module").glob("kvm_*")) or "kvm"
         return (
-            f"/dev/kvm is there, but the processor shows neither vmx nor svm: this KVM ({kind}) interprets a usual "
-            "kernel instruction by instruction and stops at the first that it does not know; use a machine with "
-            "virtualization in hardware"
+            f"/dev/kvm is there, but the processor shows neither vmx nor svm: this KVM ({kind})"
+            " interprets a usual kernel instruction by instruction and stops at the first that it"
+            " does not know; use a machine with virtualization in hardware"
         )
     return None
 
@@ -202,7 +269,9 @@ def main() -> None:
         print(table(["what", "min / median / max", "runs"], foreign(options.guest, options.runs)))
         return
     if lacks := missing():
-        print("The virtual machine was not measured.\n\n" + "\n".join(f"* {line}" for line in lacks))
+        print(
+            "The virtual machine was not measured.\n\n" + "\n".join(f"* {line}" for line in lacks)
+        )
         return
     why = no_kvm()
     load = " ".join(f"{value:.1f}" for value in os.getloadavg())
@@ -211,7 +280,14 @@ def main() -> None:
     except MissingPartError as error:
         print(f"The virtual machine was not measured: {error}")
         return
-    print(ABOUT.format(cpus=CPUS, memory=MEMORY, runs=options.runs, load=load))
+    print(
+        ABOUT.format(
+            cpus=CPUS,
+            memory=MEMORY,
+            runs=options.runs,
+            load=load,
+        )
+    )
     if why:
         print(EMULATED.format(why=why))
     print(table(["what", "virtual machine", "embedded", "ratio"], rows))

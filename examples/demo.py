@@ -1,4 +1,4 @@
-"""The main job from nothing: corrupt screens, build a dataset and read it back, corrupt a live desktop in nine ways.
+"""The main job from nothing: corrupt screens, build a dataset, corrupt a live desktop.
 
 python examples/demo.py --out demo
 """
@@ -30,7 +30,10 @@ def before_and_after(out: Path) -> None:
     """Write one picture with a before and an after of the four visual corruptions."""
     screen, _ = load_image(RECORDINGS / "images" / SCREENS[0])
     scene = hj.scene_from(screen)
-    rows = [(name, screen, hj.apply(hj.get(name).plan(scene, seed=3, sample="demo"), screen)) for name in VISUAL]
+    rows = [
+        (name, screen, hj.apply(hj.get(name).plan(scene, seed=3, sample="demo"), screen))
+        for name in VISUAL
+    ]
     write_atomic(out, encode_png(contact_sheet(rows)))
     print(f"{out}: before and after")
 
@@ -41,25 +44,36 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("demo"))
     out: Path = parser.parse_args().out
     out.mkdir(parents=True, exist_ok=True)
-    hijack("apply", RECORDINGS / "images" / SCREENS[1], "pop_ups", "-o", out / "pop_ups.png", "--seed", 3)
+    hijack(
+        "apply",
+        RECORDINGS / "images" / SCREENS[1],
+        "pop_ups",
+        "-o",
+        out / "pop_ups.png",
+        "--seed",
+        3,
+    )
     before_and_after(out / "before_after.png")
-    hijack("gallery", *(RECORDINGS / "images" / name for name in SCREENS), "-o", out / "gallery.html")
+    hijack(
+        "gallery", *(RECORDINGS / "images" / name for name in SCREENS), "-o", out / "gallery.html"
+    )
     hijack("build", RECORDINGS, "--out", out / "dataset", "--seed", 7, "--resume")
     hijack("verify", out / "dataset")
     read_back(out / "dataset")
     failed = nine(out / "nine.png")
     print(
-        f"\nLook at {out}/before_after.png, open {out}/gallery.html, or load {out}/dataset with datasets.load_dataset."
+        f"\nLook at {out}/before_after.png, open {out}/gallery.html, or load {out}/dataset with"
+        " datasets.load_dataset."
     )
     sys.exit(1 if failed else 0)
 
 
 def nine(picture: Path) -> bool:
-    """Corrupt a real desktop in all nine ways, show each before and after, and say what was found on the machine.
+    """Corrupt a real desktop in all nine ways, and show each before and after, with the probe.
 
     Returns whether a probe was false; on a machine that cannot have a desktop it says so.
     """
-    from online_env.desktops.embedded.desktop import EmbeddedDesktop
+    from online_env import EmbeddedDesktop
     from online_env.errors import DesktopError
 
     try:
@@ -89,7 +103,10 @@ def read_back(folder: Path) -> None:
 
     dataset = load_dataset(str(folder), split="train")
     row = dataset[1]
-    print(f"load_dataset: {len(dataset)} rows; the second: {row['corruption']}, {row['action_code']!r}")
+    print(
+        f"load_dataset: {len(dataset)} rows; the second: {row['corruption']},"
+        f" {row['action_code']!r}"
+    )
 
 
 if __name__ == "__main__":

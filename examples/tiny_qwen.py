@@ -1,7 +1,8 @@
-"""A Qwen2.5-VL of 100 thousand parameters, built here with random weights: the real classes, nothing to download.
+"""A Qwen2.5-VL of 100 thousand parameters: the real classes with random weights, no download.
 
-Its tokens are the special ones of Qwen2.5-VL and single characters, so that no tokenizer is needed. It answers with the
-point to click as Qwen2.5-VL does, `(x,y)` in pixels of the picture that it sees, which `smart_resize` decides.
+Its tokens are the special ones of Qwen2.5-VL and single characters, so that no tokenizer is needed.
+It answers with the point to click as Qwen2.5-VL does, `(x,y)` in pixels of the picture that it
+sees, which `smart_resize` decides.
 """
 
 import re
@@ -41,32 +42,59 @@ def read_answer(text: str) -> tuple[int, int] | None:
 def build() -> Qwen2_5_VLForConditionalGeneration:
     """Return the model with random weights."""
     text = {
-        "vocab_size": FIRST + 95, "hidden_size": 32, "intermediate_size": 64, "num_hidden_layers": 2,
-        "num_attention_heads": 2, "num_key_value_heads": 1, "max_position_embeddings": 1024, "eos_token_id": END,
-        "bos_token_id": None, "pad_token_id": PAD,
-        "rope_parameters": {"rope_type": "default", "rope_theta": 10_000.0, "mrope_section": [2, 3, 3]},
-    }  # fmt: skip
+        "vocab_size": FIRST + 95,
+        "hidden_size": 32,
+        "intermediate_size": 64,
+        "num_hidden_layers": 2,
+        "num_attention_heads": 2,
+        "num_key_value_heads": 1,
+        "max_position_embeddings": 1024,
+        "eos_token_id": END,
+        "bos_token_id": None,
+        "pad_token_id": PAD,
+        "rope_parameters": {
+            "rope_type": "default",
+            "rope_theta": 10_000.0,
+            "mrope_section": [2, 3, 3],
+        },
+    }
     vision = {
-        "depth": 2, "hidden_size": 32, "intermediate_size": 64, "num_heads": 2, "out_hidden_size": 32,
+        "depth": 2,
+        "hidden_size": 32,
+        "intermediate_size": 64,
+        "num_heads": 2,
+        "out_hidden_size": 32,
         "fullatt_block_indexes": [1],
-    }  # fmt: skip
-    tokens = {"image_token_id": IMAGE, "video_token_id": VIDEO, "vision_start_token_id": VISION_START}
-    config = Qwen2_5_VLConfig(text_config=text, vision_config=vision, vision_end_token_id=VISION_END, **tokens)
+    }
+    tokens = {
+        "image_token_id": IMAGE,
+        "video_token_id": VIDEO,
+        "vision_start_token_id": VISION_START,
+    }
+    config = Qwen2_5_VLConfig(
+        text_config=text, vision_config=vision, vision_end_token_id=VISION_END, **tokens
+    )
     return Qwen2_5_VLForConditionalGeneration(config)
 
 
 class Collate:
-    """Turns samples (`image` uint8 `[3, H, W]`, `target` box, `instruction`) into what the model takes and learns."""
+    """Turns samples into the input and the labels of the model.
+
+    A sample has `image` (uint8 `[3, H, W]`), `target` (box) and `instruction`.
+    """
 
     def __init__(self, processor: Processor | None = None) -> None:
         self.processor = processor or Processor()
         if self.processor.theirs is None:
-            raise RuntimeError("this example needs the image processor of transformers: pip install transformers")
+            raise RuntimeError(
+                "this example needs the image processor of transformers: pip install transformers"
+            )
 
     def __call__(self, rows: list[dict[str, Any]]) -> dict[str, torch.Tensor]:
-        """Return `pixel_values`, `image_grid_thw`, and of each sample a row of tokens with the answer as its label."""
+        """Return `pixel_values`, `image_grid_thw`, and tokens with the answers as labels."""
         seen = self.processor.theirs(images=[row["image"] for row in rows], return_tensors="pt")
-        asked, said = [], []
+        asked = []
+        said = []
         for row, grid in zip(rows, seen["image_grid_thw"].tolist(), strict=True):
             picture = [VISION_START, *[IMAGE] * (int(np.prod(grid)) // MERGE**2), VISION_END]
             asked.append(picture + encode(row["instruction"]))
@@ -78,7 +106,8 @@ class Collate:
             whole = len(before) + len(after)
             ids[n, :whole] = torch.tensor(before + after)
             labels[n, len(before) : whole] = torch.tensor(after)
-        kinds = (ids == IMAGE).int()  # 1 where a token is a piece of a picture, which gets a place in two dimensions
+        # 1 where a token is a piece of a picture, which gets a place in two dimensions
+        kinds = (ids == IMAGE).int()
         return {
             "input_ids": ids,
             "attention_mask": (ids != PAD).long(),
@@ -90,4 +119,6 @@ class Collate:
     def point(self, row: dict[str, Any]) -> tuple[int, int]:
         """Return the middle of the target in pixels of the picture that the model sees."""
         x1, y1, x2, y2 = row["target"]
-        return self.processor.to_model(((x1 + x2) / 2, (y1 + y2) / 2), tuple(row["image"].shape[1:]))
+        return self.processor.to_model(
+            ((x1 + x2) / 2, (y1 + y2) / 2), tuple(row["image"].shape[1:])
+        )

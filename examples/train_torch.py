@@ -1,7 +1,10 @@
-"""Train a tiny Qwen2.5-VL to click, on corrupted screens from a torch DataLoader: `python examples/train_torch.py`.
+"""Train a tiny Qwen2.5-VL to click, on corrupted screens from a torch DataLoader.
 
-The one line that corrupts is `tr.OneOf(...)`. Everything else is an ordinary input pipeline: decode, corrupt, the image
-processor of Qwen2.5-VL, train. Targets follow the pixels, and `to_model` brings them into the model's own pixels.
+Run it with `python examples/train_torch.py`.
+
+The one line that corrupts is `tr.OneOf(...)`. Everything else is an ordinary input pipeline:
+decode, corrupt, the image processor of Qwen2.5-VL, train. Targets follow the pixels, and `to_model`
+brings them into the model's own pixels.
 """
 
 import argparse
@@ -29,7 +32,9 @@ class Screens(Dataset):
 
     def __getitem__(self, index: int) -> dict[str, Any]:
         row = self.rows[index]
-        return self.transform({**row, "image": pil_to_tensor(Image.open(row["path"]).convert("RGB"))})
+        return self.transform(
+            {**row, "image": pil_to_tensor(Image.open(row["path"]).convert("RGB"))}
+        )
 
 
 def main() -> None:
@@ -40,10 +45,19 @@ def main() -> None:
     options = parser.parse_args()
     torch.manual_seed(0)
     augment = tr.OneOf(
-        [tr.PopUps(), tr.Marks(), tr.Subtitle(), tr.Resolution(scale=0.5)], seed=7, p_clean=0.2, label_policy="avoid"
+        [tr.PopUps(), tr.Marks(), tr.Subtitle(), tr.Resolution(scale=0.5)],
+        seed=7,
+        p_clean=0.2,
+        label_policy="avoid",
     )
     # Screens of a batch may differ in size: the processor takes a list of them.
-    loader = DataLoader(Screens(augment), batch_size=4, shuffle=True, num_workers=options.workers, collate_fn=Collate())
+    loader = DataLoader(
+        Screens(augment),
+        batch_size=4,
+        shuffle=True,
+        num_workers=options.workers,
+        collate_fn=Collate(),
+    )
     model = build()
     optimiser = torch.optim.AdamW(model.parameters(), lr=5e-3)
     for epoch in range(options.epochs):

@@ -1,7 +1,7 @@
-"""Names of applications: how one is spelled here, and which names mean the same program or the same kind of program.
+"""Names of applications: their one spelling here, and which mean the same or a kind.
 
-Sources write `"Google Chrome"`, `"chromium"` and `"google-chrome"` for what the paper's list calls `chrome`. Whatever
-compares applications does it by these names.
+Sources write `"Google Chrome"`, `"chromium"` and `"google-chrome"` for what the paper's list calls
+`chrome`. Whatever compares applications does it by these names.
 """
 
 from collections.abc import Iterable, Mapping
@@ -43,11 +43,25 @@ KINDS: Mapping[str, frozenset[str]] = {
     "text_editor": frozenset({"mousepad", "gedit", "notepad", "textedit", "kate"}),
 }
 # What sources write in a field of applications, or as a domain, and is none.
-NONE = frozenset({"", "os", "desktop", "system", "multi_apps", "multiapps", "multi_app", "base_setup"})
+NONE = frozenset(
+    {"", "os", "desktop", "system", "multi_apps", "multiapps", "multi_app", "base_setup"}
+)
 # Applications that no kind above names, and that a domain may stand for.
-_OTHERS = frozenset({
-    "vscode", "gimp", "vlc", "thunderbird", "galculator", "geany", "word", "excel", "powerpoint", "outlook", "paint",
-})  # fmt: skip
+_OTHERS = frozenset(
+    {
+        "vscode",
+        "gimp",
+        "vlc",
+        "thunderbird",
+        "galculator",
+        "geany",
+        "word",
+        "excel",
+        "powerpoint",
+        "outlook",
+        "paint",
+    }
+)
 KNOWN: frozenset[str] = _OTHERS.union(KINDS, *KINDS.values())
 
 
@@ -73,7 +87,9 @@ def is_browser(name: str) -> bool:
 
 
 def may_be_same(one: str, other: str) -> bool:
-    """Return whether two normalised names may mean one program: equal, or one is the kind that the other is of.
+    """Return whether two normalised names may mean one program.
+
+    They do if they are equal, or one is the kind of the other.
 
     Two browsers count as the same: to the eye, a window of one is a window of the other.
     """

@@ -8,10 +8,11 @@ from weakref import WeakSet
 
 
 class Cache:
-    """Values by key, least recently used first out, at most `limit` bytes but always the last one."""
+    """Values by key, least recently used first out: at most `limit` bytes, but always the last."""
 
     def __init__(self, limit: int) -> None:
-        self.limit, self.used = limit, 0
+        self.limit = limit
+        self.used = 0
         self.items: OrderedDict[Any, tuple[Any, int]] = OrderedDict()
         self.lock = Lock()
         _caches.add(self)
@@ -24,13 +25,20 @@ class Cache:
             self.items.move_to_end(key)
             return self.items[key][0]
 
-    def put(self, key: Any, value: Any, nbytes: int) -> None:
+    def put(
+        self,
+        key: Any,
+        value: Any,
+        nbytes: int,
+    ) -> None:
         """Keep a value that takes `nbytes`."""
         with self.lock:
-            self.used += nbytes - self.items.pop(key, (None, 0))[1]
+            _, replaced = self.items.pop(key, (None, 0))
+            self.used += nbytes - replaced
             self.items[key] = value, nbytes
             while self.used > self.limit and len(self.items) > 1:
-                self.used -= self.items.popitem(last=False)[1][1]
+                _, (_, freed) = self.items.popitem(last=False)
+                self.used -= freed
 
 
 _caches: WeakSet[Cache] = WeakSet()

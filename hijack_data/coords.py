@@ -1,27 +1,31 @@
 """Coordinates of what the agent sees and of the real screen, and the maps between them.
 
-The *observation* is the picture that the agent is given, the *screen* what the desktop really shows. A
-whole number names a pixel, and its centre is what scales (`actions.scaling` has the rule); results are
-clamped to the target. A pixel of the screen that is mapped to the observation and back moves by half a
-pixel of the observation at most.
+The *observation* is the picture that the agent is given, the *screen* what the desktop really
+shows. A whole number names a pixel, and its centre is what scales (`actions.scaling` has the rule);
+results are clamped to the target. A pixel of the screen that is mapped to the observation and back
+moves by half a pixel of the observation at most.
 """
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar, cast, overload
+from typing import TYPE_CHECKING, Any, TypeVar, cast, overload
 
 import numpy as np
 import numpy.typing as npt
 
-from .actions import Scaling, map_code, map_typed
-from .actions.fields import number, shown
-from .errors import ActionError, ParameterError, PlanError
+from .errors import ActionError, ParameterError, PlanError, shown
 from .types import MAX_SIDE, Action, BoxArray, BoxesLike, Size, as_boxes, as_size
+
+if TYPE_CHECKING:
+    from .actions import Scaling
 
 T = TypeVar("T")
 
 # Limits of the image processor that Qwen2.5-VL ships with, and the aspect ratio that it refuses.
-FACTOR, MIN_PIXELS, MAX_PIXELS, MAX_ASPECT = 28, 4 * 28 * 28, 16384 * 28 * 28, 200
+FACTOR = 28
+MIN_PIXELS = 4 * 28 * 28
+MAX_PIXELS = 16384 * 28 * 28
+MAX_ASPECT = 200
 
 
 @dataclass(frozen=True)
@@ -32,7 +36,8 @@ class CoordMap:
         observation: (height, width) of the picture that the agent sees.
         screen: (height, width) of the real screen.
 
-    Points are x, y; sizes are (height, width). Wrong sizes raise `ParameterError` or `ParameterTypeError`.
+    Points are x, y; sizes are (height, width). Wrong sizes raise `ParameterError` or
+    `ParameterTypeError`.
     """
 
     observation: Size
@@ -49,10 +54,11 @@ class CoordMap:
 
     @classmethod
     def model(cls, screen: Size, **limits: int) -> "CoordMap":
-        """The map from a model's own space, the smart-resized picture, to the screen (or observation) that it was fed.
+        """Return the map from a model's own space, the smart-resized picture, to the screen.
 
-        `limits` are those of `smart_resize`. For a model that saw a resized observation, compose: the map
-        `CoordMap.model(coords.observation).then(coords)` goes to the screen with a single rounding.
+        `limits` are those of `smart_resize`. For a model that saw a resized observation, compose:
+        the map `CoordMap.model(coords.observation).then(coords)` goes to the screen with a single
+        rounding.
         """
         return cls(smart_resize(*as_size(screen, "screen"), **limits), screen)
 
@@ -68,13 +74,14 @@ class CoordMap:
     def then(self, other: "CoordMap") -> "CoordMap":
         """Compose: this map first, then `other`, as one map with one rounding.
 
-        Raises `ParameterError` when `other` does not start where this map ends.
+        Raises:
+            ParameterError: `other` does not start where this map ends.
         """
         if self.screen != other.observation:
-            raise ParameterError(
-                f"maps do not meet: the first ends at (height, width) = {self.screen}, the second starts at "
-                f"{other.observation}; compose them in the order observation, then screen"
-            )
+            first = f"the first ends at (height, width) = {self.screen}"
+            second = f"the second starts at {other.observation}"
+            advice = "compose them in the order observation, then screen"
+            raise ParameterError(f"maps do not meet: {first}, {second}; {advice}")
         return CoordMap(self.observation, other.screen)
 
     @overload
@@ -84,8 +91,9 @@ class CoordMap:
     def to_screen(self, points: Any) -> Any:
         """Map points `[..., 2]` of x, y from the observation to the screen.
 
-        A tuple or list of two numbers gives a tuple of two ints, anything else an int32 array of the same shape.
-        Results lie in 0..width-1 and 0..height-1. Raises `ActionError` for what is not finite numbers in pairs.
+        A tuple or list of two numbers gives a tuple of two ints, anything else an int32 array of
+        the same shape. Results lie in 0..width-1 and 0..height-1. Raises `ActionError` for what is
+        not finite numbers in pairs.
         """
         return _points(points, self._forward)
 
@@ -98,10 +106,11 @@ class CoordMap:
         return _points(points, self._backward)
 
     def boxes_to_screen(self, boxes: BoxesLike) -> BoxArray:
-        """Map boxes `[N, 4]` (xyxy) to int32 boxes of whole pixels, clipped to 0..width and 0..height.
+        """Map boxes `[N, 4]` (xyxy) to int32 boxes of whole pixels.
 
-        A box of which anything shows in the observation keeps at least one pixel, and every pixel in it maps into the
-        mapped box. Raises `ParameterError`.
+        They are clipped to 0..width and 0..height. A box of which anything shows in the observation
+        keeps at least one pixel, and every pixel in it maps into the mapped box. Raises
+        `ParameterError`.
         """
         return self._forward.boxes(as_boxes(boxes))
 
@@ -110,7 +119,10 @@ class CoordMap:
         return self._backward.boxes(as_boxes(boxes))
 
     def vector_to_screen(self, dx: float, dy: float) -> tuple[int, int]:
-        """Map a relative offset: scaled, rounded (halves away from zero), never clamped. Raises `ActionError`."""
+        """Map a relative offset: scaled, rounded (halves away from zero), never clamped.
+
+        Raises `ActionError` for what is not a finite number.
+        """
         return _vector(dx, dy, self._forward)
 
     def vector_to_observation(self, dx: float, dy: float) -> tuple[int, int]:
@@ -120,15 +132,26 @@ class CoordMap:
     def code_to_screen(self, code: str) -> str:
         """Map pyautogui code, given in observation pixels, to the screen.
 
-        Only the numbers change: see `hijack_data.actions.pyautogui_code` for what is understood and what is refused.
-        WAIT, FAIL and DONE pass; under an identity map all code passes as it is. Raises `ActionError` with the line and
-        column of what cannot be mapped.
+        Only the numbers change: `hijack_data.actions.dialects.pyautogui_code` describes which code
+        is understood and which is refused. WAIT, FAIL and DONE pass; under an identity map all code
+        passes as it is.
+        Raises `ActionError` with the line and column of what cannot be mapped.
         """
-        return code if self.is_identity else map_code(code, self._forward, self.observation)
+        return self._code(code, self._forward, self.observation)
 
     def code_to_observation(self, code: str) -> str:
         """Map pyautogui code recorded on the screen to the observation, as `code_to_screen`."""
-        return code if self.is_identity else map_code(code, self._backward, self.screen)
+        return self._code(code, self._backward, self.screen)
+
+    def _code(
+        self,
+        code: str,
+        scaling: "Scaling",
+        size: Size,
+    ) -> str:
+        from .actions import map_code
+
+        return code if self.is_identity else map_code(code, scaling, size)
 
     def action_to_screen(self, action: Action) -> Action:
         """Map the points of an `Action`; text, keys and amounts stay."""
@@ -139,10 +162,11 @@ class CoordMap:
         return _action(action, self._backward)
 
     def typed_to_screen(self, action: T, dialect: str) -> T:
-        """Map an action in one of `hijack_data.actions.DIALECTS` to the screen, in the form in which it was given.
+        """Map an action in one of `hijack_data.actions.DIALECTS`, in its own form, to the screen.
 
-        For `ui_tars_1.5` the observation of this map is the smart-resized picture: see `CoordMap.model`. Raises
-        `UnknownNameError` for the dialect and `ActionError` for an action that cannot be mapped.
+        For `ui_tars_1.5` the observation of this map is the smart-resized picture: see
+        `CoordMap.model`. Raises `UnknownNameError` for the dialect and `ActionError` for an action
+        that cannot be mapped.
         """
         return self._typed(action, dialect, self._forward)
 
@@ -150,7 +174,14 @@ class CoordMap:
         """Map an action of a dialect from the screen to the observation, as `typed_to_screen`."""
         return self._typed(action, dialect, self._backward)
 
-    def _typed(self, action: T, dialect: str, scaling: Scaling) -> T:
+    def _typed(
+        self,
+        action: T,
+        dialect: str,
+        scaling: "Scaling",
+    ) -> T:
+        from .actions import map_typed
+
         if self.is_identity and dialect == "pyautogui":
             return action
         return cast("T", map_typed(action, dialect, scaling))
@@ -161,44 +192,72 @@ class CoordMap:
 
     @classmethod
     def from_json(cls, data: object) -> "CoordMap":
-        """Read what `to_json` wrote. Raises `PlanError` when it is damaged."""
+        """Read what `to_json` wrote.
+
+        Raises:
+            PlanError: it is damaged.
+        """
         sizes = cast("dict[str, Any]", data) if isinstance(data, dict) else {}
         if set(sizes) != {"observation", "screen"} or not all(_is_size(s) for s in sizes.values()):
             found = shown(cast("object", data))
-            raise PlanError(f"coords must be {{'observation': [h, w], 'screen': [h, w]}}, got {found}")
+            raise PlanError(
+                f"coords must be {{'observation': [h, w], 'screen': [h, w]}}, got {found}"
+            )
         return cls(tuple(sizes["observation"]), tuple(sizes["screen"]))
 
     @property
-    def _forward(self) -> Scaling:
-        return Scaling(self.observation, self.screen)
+    def _forward(self) -> "Scaling":
+        return _scaling(self.observation, self.screen)
 
     @property
-    def _backward(self) -> Scaling:
-        return Scaling(self.screen, self.observation)
+    def _backward(self) -> "Scaling":
+        return _scaling(self.screen, self.observation)
+
+
+# `actions` is imported when something is mapped: a plan has a `CoordMap`, and whoever only draws
+# plans does not wait for the parsers of all dialects.
+
+
+def _scaling(source: Size, target: Size) -> "Scaling":
+    from .actions.scaling import Scaling
+
+    return Scaling(source, target)
 
 
 def smart_resize(
-    height: int, width: int, factor: int = FACTOR, min_pixels: int = MIN_PIXELS, max_pixels: int = MAX_PIXELS
+    height: int,
+    width: int,
+    factor: int = FACTOR,
+    min_pixels: int = MIN_PIXELS,
+    max_pixels: int = MAX_PIXELS,
 ) -> Size:
-    """Return the (height, width) to which Qwen2.5-VL's image processor resizes a picture before the model sees it.
+    """Return the (height, width) of the picture that Qwen2.5-VL sees for one of this size.
 
-    Both sides become multiples of `factor` (28), and their product is kept within `min_pixels`..`max_pixels`: 1080x1920
-    becomes 1092x1932. Raises `ParameterError` for sides below 1 or an aspect ratio above 200, which the processor
-    refuses, and for limits that leave no size.
+    Its image processor makes both sides multiples of `factor` (28) and keeps their product within
+    `min_pixels`..`max_pixels`: 1080x1920 becomes 1092x1932.
+
+    Raises:
+        ParameterError: a side is below 1, the aspect ratio is above 200, which the processor
+            refuses, or the limits leave no size.
     """
-    if min(height, width, factor, min_pixels) < 1 or max_pixels < max(min_pixels, factor * factor):
+    too_small = min(height, width, factor, min_pixels) < 1
+    if too_small or max_pixels < max(min_pixels, factor * factor):
         raise ParameterError(
-            f"smart_resize({height}, {width}, factor={factor}, min_pixels={min_pixels}, max_pixels={max_pixels}): "
-            "sides, factor and min_pixels must be at least 1, max_pixels at least min_pixels and factor squared"
+            f"smart_resize({height}, {width}, factor={factor}, min_pixels={min_pixels},"
+            f" max_pixels={max_pixels}): sides, factor and min_pixels must be at least 1,"
+            " max_pixels at least min_pixels and factor squared"
         )
     if max(height, width) > MAX_ASPECT * min(height, width):
         raise ParameterError(
-            f"a picture of {height}x{width} is longer than {MAX_ASPECT} times its width; crop it first"
+            f"a picture of {height}x{width} is longer than {MAX_ASPECT} times its width; crop it"
+            " first"
         )
     sides = [max(factor, round(side / factor) * factor) for side in (height, width)]
     if math.prod(sides) > max_pixels:
         shrink = math.sqrt(height * width / max_pixels)
-        sides = [max(factor, math.floor(side / shrink / factor) * factor) for side in (height, width)]
+        sides = [
+            max(factor, math.floor(side / shrink / factor) * factor) for side in (height, width)
+        ]
     elif math.prod(sides) < min_pixels:
         grow = math.sqrt(min_pixels / (height * width))
         sides = [math.ceil(side * grow / factor) * factor for side in (height, width)]
@@ -207,10 +266,12 @@ def smart_resize(
 
 def _is_size(value: object) -> bool:
     pair = cast("list[Any]", value) if isinstance(value, list | tuple) else []
-    return len(pair) == 2 and all(isinstance(v, int) and not isinstance(v, bool) and 0 < v <= MAX_SIDE for v in pair)
+    return len(pair) == 2 and all(
+        isinstance(v, int) and not isinstance(v, bool) and 0 < v <= MAX_SIDE for v in pair
+    )
 
 
-def _points(points: object, scaling: Scaling) -> Any:
+def _points(points: object, scaling: "Scaling") -> Any:
     try:
         raw: npt.NDArray[Any] = np.asarray(points)
     except (TypeError, ValueError, OverflowError, RecursionError):
@@ -223,14 +284,38 @@ def _points(points: object, scaling: Scaling) -> Any:
     if not np.isfinite(values).all():
         raise ActionError(f"points must be finite, got {shown(points)}")
     mapped = scaling.points(values)
-    return (int(mapped[0]), int(mapped[1])) if isinstance(points, list | tuple) and raw.ndim == 1 else mapped
+    if isinstance(points, list | tuple) and raw.ndim == 1:
+        return int(mapped[0]), int(mapped[1])
+    return mapped
 
 
-def _vector(dx: float, dy: float, scaling: Scaling) -> tuple[int, int]:
+def _vector(
+    dx: float,
+    dy: float,
+    scaling: "Scaling",
+) -> tuple[int, int]:
+    from .actions.dialects.fields import number
+
     return scaling.dx(number(dx, "dx")), scaling.dy(number(dy, "dy"))
 
 
-def _action(action: Action, scaling: Scaling) -> Action:
-    x, x2 = (None if v is None else scaling.x(number(v, "x of the action")) for v in (action.x, action.x2))
-    y, y2 = (None if v is None else scaling.y(number(v, "y of the action")) for v in (action.y, action.y2))
-    return replace(action, x=x, y=y, x2=x2, y2=y2)
+def _action(action: Action, scaling: "Scaling") -> Action:
+    from .actions.dialects.fields import number
+
+    def x_of(value: float | None) -> int | None:
+        return None if value is None else scaling.x(number(value, "x of the action"))
+
+    def y_of(value: float | None) -> int | None:
+        return None if value is None else scaling.y(number(value, "y of the action"))
+
+    x = x_of(action.x)
+    x2 = x_of(action.x2)
+    y = y_of(action.y)
+    y2 = y_of(action.y2)
+    return replace(
+        action,
+        x=x,
+        y=y,
+        x2=x2,
+        y2=y2,
+    )

@@ -1,45 +1,51 @@
 """The base class of every corruption, and the registry that finds it by name.
 
-A corruption is a frozen dataclass whose fields are declared with `params.param`, plus one method, `make_plan`. Being
-registered is enough: configuration, command line, documentation, gallery and the conformance tests follow from it.
+A corruption is a frozen dataclass whose fields are declared with `params.param`, plus one method,
+`make_plan`. Being registered is enough: configuration, command line, documentation, gallery and the
+conformance tests follow from it.
 """
 
 import dataclasses
 import functools
-import importlib
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, TypeAlias, TypeVar, cast, get_args
 
-from . import declaration, loading
+from . import declaration
 from . import params as p
 from .errors import (
     HijackError,
     ParameterError,
     ParameterTypeError,
     PlanningError,
-    PluginError,
     UnknownNameError,
     shown,
     suggest,
 )
 from .plan import Effect, Op, Plan
-from .plugins import broken, left_out, load_plugins, place_of, reason_of
+from .planner import Planner
+from .plugins import place_of, reason_of
+from .registry import Registry
 from .rng import Stream
-from .types import Scene, Size
+from .types import Scene
 
 Category: TypeAlias = Literal["visual_disruptor", "unexpected_operation", "environment_error"]
 Scope: TypeAlias = Literal["observation", "transition", "state"]
 
-PLUGIN_GROUP = "agenthijack.corruptions"
 CHOICES = {"category": get_args(Category), "scope": get_args(Scope)}
 
 
 @dataclass(frozen=True)
 class Draft:
-    """What `make_plan` returns: operations on the picture, effects on the machine, notes for the reader."""
+    """What `make_plan` returns.
+
+    Args:
+        ops: operations on the picture, in their order.
+        effects: what to do to the machine.
+        notes: sentences for the reader of the plan.
+    """
 
     ops: tuple[Op, ...] = ()
     effects: tuple[Effect, ...] = ()
@@ -47,17 +53,22 @@ class Draft:
 
 
 @dataclass(frozen=True)
-class Corruption:
+class Corruption(Planner):
     """Base class of all corruptions.
 
-    Subclasses set `name`, `category` and `scope`, declare their fields with `param(...)` and implement `make_plan`.
-    `severities` holds five sets of field values; the third is empty, because level 3 is the paper's default.
+    Subclasses set `name`, `category` and `scope`, declare their fields with `param(...)` and
+    implement `make_plan`. Those of scope `state` and `transition` name in `effects` the kinds of
+    effects that their plans may hold, and in `pictures` the kinds of recorded pictures that show
+    them in a dataset. `severities` holds five sets of field values; the third is
+    empty, because level 3 is the paper's default.
     """
 
     name: ClassVar[str] = ""
     version: ClassVar[int] = 1
     category: ClassVar[Category]
     scope: ClassVar[Scope]
+    effects: ClassVar[tuple[str, ...]] = ()  # pyright: ignore[reportIncompatibleMethodOverride]
+    pictures: ClassVar[tuple[str, ...]] = ()
     paper: ClassVar[str] = ""
     severities: ClassVar[tuple[Mapping[str, Any], ...]] = ()
 
@@ -67,13 +78,21 @@ class Corruption:
             object.__setattr__(self, key, value)
 
     @property
+    def label(self) -> str:
+        """The name, such as `"marks"`."""
+        return self.name
+
+    @property
     def id(self) -> str:
         """Name and version, such as `"marks-v1"`."""
         return f"{self.name}-v{self.version}"
 
     @property
     def steps(self) -> p.Steps | None:
-        """The steps at which the corruption acts, -1 being before the episode; `None` means at every step."""
+        """The steps at which the corruption acts; `None` for every step.
+
+        -1 is before the episode.
+        """
         return getattr(self, "step", None)
 
     @property
@@ -82,15 +101,45 @@ class Corruption:
         return bool(getattr(self, "avoid_elements", False))
 
     def is_due(self, step: int) -> bool:
-        """Whether the corruption acts at `step`."""
+        """Return whether the corruption acts at `step`."""
         return self.steps is None or p.is_due(self.steps, step)
 
-    def make_plan(self, scene: Scene, stream: Stream, step: int) -> Draft:
-        """Decide what to do to `scene`; every random draw comes from `stream`. Overridden by each corruption."""
-        raise TypeError(f"{type(self).__name__} must define make_plan(self, scene, stream, step) -> Draft")
+    def make_plan(
+        self,
+        scene: Scene,
+        stream: Stream,
+        step: int,
+    ) -> Draft:
+        """Decide what to do to `scene`. Each corruption overrides it.
 
-    def plan(self, scene: Scene, *, seed: int, sample: int | str = 0, step: int | None = None, epoch: int = 0) -> Plan:
-        """Return the plan for one screen. The same arguments give the same plan, on any machine, in any order.
+        Passes on `ParameterError` (the screen cannot hold what the parameters ask for).
+
+        Args:
+            scene: the screen; it is only read.
+            stream: where every random draw comes from.
+            step: the step, one at which the corruption acts.
+
+        Raises:
+            TypeError: the class does not override it.
+        """
+        raise TypeError(
+            f"{type(self).__name__} must define make_plan(self, scene, stream, step) -> Draft"
+        )
+
+    def plan(
+        self,
+        scene: Scene,
+        *,
+        seed: int,
+        sample: int | str = 0,
+        step: int | None = None,
+        epoch: int = 0,
+    ) -> Plan:
+        """Return the plan for one screen.
+
+        The same arguments give the same plan, on any machine, in any order.
+
+        Passes on `ParameterError` (the screen cannot hold what the parameters ask for).
 
         Args:
             scene: the screen: size, element boxes, apps, target.
@@ -100,11 +149,15 @@ class Corruption:
             epoch: training epoch.
 
         Raises:
-            ParameterError: the screen cannot hold what the parameters ask for.
-            PlanningError: `make_plan` raised something that is no error of ours, its cause.
+            ParameterTypeError: `scene` is no `Scene`.
+            PlanningError: `make_plan` raised something that is no error of ours, its
+                cause.
+            HijackError: it cannot be planned.
         """
         if not isinstance(cast(object, scene), Scene):
-            raise ParameterTypeError(f"scene must be a hijack_data.Scene, got {type(scene).__name__}")
+            raise ParameterTypeError(
+                f"scene must be a hijack_data.Scene, got {type(scene).__name__}"
+            )
         step = self.first_step() if step is None else step
         stream = Stream(seed, self.id, sample, step, epoch)
         if not self.is_due(step):
@@ -121,7 +174,7 @@ class Corruption:
             raise PlanningError(f"{self.id}: {said}") from error
 
     def first_step(self) -> int:
-        """The first step at which the corruption acts; 0 when it acts at every step."""
+        """Return the first step at which the corruption acts; 0 if it acts at every step."""
         match self.steps:
             case None:
                 return 0
@@ -133,75 +186,99 @@ class Corruption:
                 return several[0]
 
     def params(self) -> dict[str, Any]:
-        """The parameters as JSON data."""
+        """Return the parameters as JSON data."""
         return {key: p.to_json(getattr(self, key)) for key in p.parameters(self)}
 
+    def to_config(self) -> dict[str, dict[str, Any]]:
+        """Return its entry in a configuration: the name with all parameters."""
+        return {self.name: self.params()}
+
     def replace(self, **changes: Any) -> "Corruption":
-        """Return a copy with some parameters changed."""
+        """Return a copy with some parameters changed.
+
+        Passes on `UnknownNameError` (a name that is no parameter) and `ParameterError` (a value
+        that the parameter does not accept).
+        """
         check_names(type(self), changes)
         return dataclasses.replace(self, **changes)
 
     @classmethod
     def at(cls: "type[C]", severity: int, **changes: Any) -> "C":
-        """Return the corruption at a severity of 1 (mild) to 5 (harsh); level 3 is the paper's default."""
+        """Return the corruption at a severity, with some parameters changed.
+
+        Passes on `UnknownNameError` (a name that is no parameter).
+
+        Args:
+            severity: 1 (mild) to 5 (harsh); level 3 is the paper's default.
+            **changes: parameters, which go before those of the level.
+
+        Raises:
+            ParameterTypeError: `severity` is no integer.
+            ParameterError: `severity` is out of range, or the corruption has no
+                levels.
+        """
         if isinstance(severity, bool) or not hasattr(severity, "__index__"):
             raise ParameterTypeError(f"severity must be an integer in 1..5, got {severity!r}")
         if not 1 <= severity <= 5:
             raise ParameterError(f"severity must be in 1..5, got {severity}")
         if not cls.severities and severity != 3:
-            raise ParameterError(f"{cls.name} has no severity scale (it happens or not); use severity=3")
+            raise ParameterError(
+                f"{cls.name} has no severity scale (it happens or not); use severity=3"
+            )
         check_names(cls, changes)
-        return cls(**{**(cls.severities[severity - 1] if cls.severities else {}), **changes})
+        values: dict[str, Any] = {}
+        if cls.severities:
+            values.update(cls.severities[severity - 1])
+        return cls(**{**values, **changes})
 
     @classmethod
     def summary(cls) -> str:
-        """First line of the documentation."""
+        """Return the first line of the documentation."""
         return (cls.__doc__ or "").strip().split("\n")[0]
 
 
 C = TypeVar("C", bound=Corruption)
-_registry: dict[str, type[Corruption]] = {}
 
 
-def _load_ours() -> None:
-    """The paper's nine are always known, and come first."""
-    importlib.import_module(".corruptions", __package__)
+def _problems(cls: type[Any], _: str) -> Iterator[str]:
+    """Yield what is wrong with the declaration of a class."""
+    if not isinstance(cast(object, cls), type):
+        yield "it is no class"
+        return
+    for key in ("name", "category", "scope"):
+        if not getattr(cls, key, ""):
+            yield f"{key} is not set"
+    if not issubclass(cls, Corruption):
+        yield "it is no subclass of hijack_data.Corruption"
+        return
+    if "__dataclass_fields__" not in vars(cls) or "make_plan" not in vars(cls):
+        yield "it must be a frozen dataclass that defines make_plan"
+    about = (cls.__doc__ or "").strip()
+    documented = about and not about.startswith(f"{cls.__name__}(")
+    if not documented and sys.flags.optimize < 2:  # python -OO takes the docstrings away
+        yield "it has no docstring"
+    yield from declaration.problems(cls, Corruption, CHOICES)
 
 
 def register(cls: type[C]) -> type[C]:
     """Class decorator: make a corruption known under its name and under `name-vN`.
 
-    Raises `ParameterError`, with all that is wrong, when the class is incomplete, declares
-    something that does not exist or would be lost, or the name is taken; `ParameterTypeError`
-    for what is no class.
+    Raises:
+        ParameterError: the class is incomplete, declares something that does not exist or would be
+            lost, or the name is taken; the message has all that is wrong.
+        ParameterTypeError: it is no class.
     """
     if not isinstance(cast(object, cls), type):
         raise ParameterTypeError(f"register decorates a class of a corruption, got {shown(cls)}")
-    problems = [f"{key} is not set" for key in ("name", "category", "scope") if not getattr(cls, key, "")]
-    if "__dataclass_fields__" not in vars(cls) or "make_plan" not in vars(cls):
-        problems.append("it must be a frozen dataclass that defines make_plan")
-    about = (cls.__doc__ or "").strip()
-    documented = about and not about.startswith(f"{cls.__name__}(")
-    if not documented and sys.flags.optimize < 2:  # python -OO takes the docstrings away
-        problems.append("it has no docstring")
-    problems += declaration.problems(cls, Corruption, CHOICES)
-    if problems:
-        raise ParameterError(f"cannot register {cls.__qualname__}: {'; '.join(problems)}")
-    _load_ours()
-    other = _registry.get(cls.name)
-    if other is not None and (other.__module__, other.__qualname__) != (cls.__module__, cls.__qualname__):
-        raise ParameterError(
-            f"cannot register {cls.__qualname__}: {cls.name!r} is taken by {_home(other)}; "
-            "choose another name, or leave one of the two out"
-        )
-    _registry[cls.name] = cls
-    _suggest_parameters(cls)
+    CORRUPTIONS.add(cls)
     return cls
 
 
-def _suggest_parameters(cls: type[Corruption]) -> None:
+def _suggest_parameters(cls: type[Corruption]) -> type[Corruption]:
     """Make `Marks(nmber=5)` an error that suggests `number`, as `get("marks", nmber=5)` is one."""
     plain: Any = cls.__init__
+    if hasattr(plain, "__wrapped__"):
+        return cls  # it was registered before
 
     @functools.wraps(plain)
     def init(self: Corruption, *args: Any, **values: Any) -> None:
@@ -209,13 +286,7 @@ def _suggest_parameters(cls: type[Corruption]) -> None:
         plain(self, *args, **values)
 
     setattr(cls, "__init__", init)  # noqa: B010 - the checker knows it as a method that is not assigned to
-
-
-def _home(cls: type[Corruption]) -> str:
-    """Where a class comes from, for messages: the module of ours, the file of others."""
-    module = sys.modules.get(cls.__module__)
-    ours = cls.__module__.partition(".")[0] == __package__
-    return cls.__module__ if ours else getattr(module, "__file__", None) or cls.__module__
+    return cls
 
 
 def check_usable(cls: type[Corruption]) -> None:
@@ -231,64 +302,58 @@ def check_usable(cls: type[Corruption]) -> None:
         getattr(spec, word)
 
 
-def load_installed() -> None:
-    """Load the paper's nine and installed plug-ins, once a process; broken ones are left out."""
-    _load_ours()
-    load_plugins(PLUGIN_GROUP, _registry, check_usable)
+CORRUPTIONS = Registry[type[Corruption]](
+    "corruption",
+    "corruptions",
+    package="hijack_data.corruptions",
+    own_name="name",
+    problems=_problems,
+    prepare=_suggest_parameters,
+    check=check_usable,
+)
 
 
 def names() -> list[str]:
     """Names of all corruptions: the paper's nine in its order, plug-ins by name, loaded files.
 
-    Raises `PluginError` for a file of `AGENTHIJACK_LOAD` that cannot be loaded.
+    Raises:
+        PluginError: a file of `AGENTHIJACK_LOAD` cannot be loaded.
     """
-    load_installed()
-    loading.load_environment()
-    return list(_registry)
-
-
-def entries() -> dict[str, type[Corruption]]:
-    """The registry itself, by name."""
-    return _registry
-
-
-def registered(module: str) -> list[str]:
-    """Names of the corruptions that a module registered."""
-    return [name for name, cls in _registry.items() if cls.__module__ == module]
+    return CORRUPTIONS.names()
 
 
 def find(name: str) -> type[Corruption]:
     """Return the class registered as `name` or `name-vN`.
 
-    Raises `UnknownNameError`; `PluginError` where a plug-in that should register it is broken.
+    Raises:
+        ParameterTypeError: the name is no string.
+        UnknownNameError: there is no such corruption, or it has another version here.
+        PluginError: a plug-in that should register it is broken.
     """
     if not isinstance(cast(object, name), str):
         raise ParameterTypeError(f"the name of a corruption must be a string, got {name!r}")
-    _load_ours()
+    CORRUPTIONS.load_ours()
     base, _, version = name.rpartition("-v")
-    if name not in _registry and base not in _registry:
-        load_installed()
-        loading.load_environment()
-    if base in _registry and version.isdigit():
-        found = _registry[base]
-        if int(version) != found.version:
-            raise UnknownNameError(f"{base} is at version {found.version} here, not {version}")
-        return found
-    if name not in _registry:
-        check_not_broken(base if version.isdigit() else name)
-        hint = suggest(name, _registry) + left_out(PLUGIN_GROUP)
-        raise UnknownNameError(f"unknown corruption {name!r}{hint}")
-    return _registry[name]
+    if name not in CORRUPTIONS.entries and base not in CORRUPTIONS.entries:
+        CORRUPTIONS.load()
+    if not version.isdigit():
+        return CORRUPTIONS.get(name)
+    if base not in CORRUPTIONS.entries:
+        check_not_broken(base)
+        return CORRUPTIONS.get(name)
+    found = CORRUPTIONS.get(base)
+    if int(version) != found.version:
+        raise UnknownNameError(f"{base} is at version {found.version} here, not {version}")
+    return found
 
 
 def check_not_broken(name: str) -> None:
-    """Raise `PluginError` when `name` is that of a corruption whose plug-in was left out."""
-    for plugin in broken(PLUGIN_GROUP):
-        if plugin.covers(name):
-            raise PluginError(
-                f"the corruption {name!r} cannot be used: {plugin.title} cannot be loaded: "
-                f"{plugin.problem}; mend it, or remove it: {plugin.cure}"
-            )
+    """Check that `name` is not that of a corruption whose plug-in was left out.
+
+    Raises:
+        PluginError: it is; the message names the plug-in and its problem.
+    """
+    CORRUPTIONS.check_not_broken(name)
 
 
 def get(name: str, **values: Any) -> Corruption:
@@ -304,13 +369,12 @@ def from_plan(plan: Plan) -> Corruption:
 
 
 def check_names(cls: type[Corruption], values: Mapping[str, Any]) -> None:
-    """Raise `UnknownNameError` for the first key that is not a parameter of `cls`."""
+    """Raise `UnknownNameError` for the first key that is not a parameter of `cls`.
+
+    Raises:
+        UnknownNameError: there is nothing of that name.
+    """
     known = p.parameters(cls)
     for key in values:
         if key not in known:
             raise UnknownNameError(f"{cls.name} has no parameter {key!r}{suggest(key, known)}")
-
-
-def size_text(size: Size) -> str:
-    """`(height, width)` as people write it: `1920x1080`."""
-    return f"{size[1]}x{size[0]}"

@@ -1,4 +1,4 @@
-"""What the class of a corruption must declare to be registered, and how to mend what is wrong."""
+"""What the class of a corruption must declare to be registered, and how to fix what is wrong."""
 
 import dataclasses
 import inspect
@@ -9,7 +9,7 @@ from typing import Any, TypeAlias, cast
 from . import params as p
 from .errors import suggest
 
-Choices: TypeAlias = Mapping[str, Sequence[str]]
+AllowedValues: TypeAlias = Mapping[str, Sequence[str]]
 
 NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
 # Words of the configuration and of the command line, and words that YAML reads as something else.
@@ -22,7 +22,7 @@ RESERVED_NAMES = frozenset(
 RESERVED_PARAMETERS = ("as", "severity")
 
 
-def problems(cls: type[Any], base: type[Any], choices: Choices) -> Iterator[str]:
+def problems(cls: type[Any], base: type[Any], choices: AllowedValues) -> Iterator[str]:
     """Yield what is wrong with the declaration of `cls`, a subclass of `base`.
 
     `choices` gives the values that there are for class attributes, such as `scope`.
@@ -33,8 +33,10 @@ def problems(cls: type[Any], base: type[Any], choices: Choices) -> Iterator[str]
         if value and value not in known:
             yield f"{key} {value!r} does not exist{suggest(value, known)}"
     version = cast(object, cls.version)
-    if isinstance(version, bool) or not isinstance(version, int) or version < 1:
+    is_whole = isinstance(version, int) and not isinstance(version, bool)
+    if not is_whole or cast(int, version) < 1:
         yield f"version must be an integer of at least 1, not {version!r}"
+    yield from _effects(cls)
     if "__dataclass_fields__" in vars(cls):
         yield from _fields(cls, base)
     yield from _severities(cls)
@@ -53,19 +55,39 @@ def name_problems(name: object) -> Iterator[str]:
         yield f"name {name!r} means something else in configurations; choose another"
 
 
+def _effects(cls: type[Any]) -> Iterator[str]:
+    """Yield what is wrong with the kinds of effects that a corruption declares."""
+    kinds = cast(object, cls.effects)
+    if not isinstance(kinds, tuple) or not all(
+        isinstance(kind, str) and kind for kind in cast("tuple[object, ...]", kinds)
+    ):
+        yield f'effects must be a tuple of kinds, such as ("lock",), not {kinds!r}'
+        return
+    scope = getattr(cls, "scope", "")
+    if kinds and scope == "observation":
+        yield "scope 'observation' has no effects on the machine; use 'state' or 'transition'"
+    if not kinds and scope in ("state", "transition"):
+        yield (
+            f"scope {scope!r} acts on the machine, and effects is not set; name what its plans may "
+            'hold, such as effects: ClassVar[tuple[str, ...]] = ("lock",)'
+        )
+
+
 def _fields(cls: type[Any], base: type[Any]) -> Iterator[str]:
     known = p.parameters(cls)
-    words = set(RESERVED_PARAMETERS) & set(known)
-    if words:
+    if set(RESERVED_PARAMETERS) & set(known):
         reserved = " and ".join(RESERVED_PARAMETERS)
         yield f"{reserved} are words of the configuration, not names for parameters"
-    ours = {word for word in dir(base) if not word.startswith("_")} | {"category", "scope"}
+    public = [word for word in dir(base) if not word.startswith("_")]
+    ours = {*public, "category", "scope"}
     for key in known:
         if key in ours:
             yield f"{key!r} is a word that every corruption has, not a name for a parameter"
-    plain = [field.name for field in dataclasses.fields(cls) if field.name not in known]
-    given = [name for name in inspect.signature(cls).parameters if name not in known]
-    for key in dict.fromkeys([*plain, *given]):
+    fields = [field.name for field in dataclasses.fields(cls)]
+    arguments = list(inspect.signature(cls).parameters)
+    for key in dict.fromkeys([*fields, *arguments]):
+        if key in known:
+            continue
         if key in ours:
             yield f"{key} is a field of the dataclass; write {key}: ClassVar[...] = ..."
         else:
@@ -81,8 +103,9 @@ def _severities(cls: type[Any]) -> Iterator[str]:
         yield f"severities must be a tuple of 5 mappings, not {levels!r}"
         return
     levels = cast("Sequence[object]", levels)
-    if len(levels) not in (0, 5):
-        yield f"severities must hold 5 entries, not {len(levels)}"
+    count = len(levels)
+    if count not in (0, 5):
+        yield f"severities must hold 5 entries, not {count}"
         return
     known = p.parameters(cls)
     for number, level in enumerate(levels, 1):

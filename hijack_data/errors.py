@@ -1,11 +1,11 @@
 """Every error the library raises on purpose.
 
-Each class descends from `HijackError` and from the builtin it refines, so `except ValueError` keeps working. A message
-says what is wrong, where, the value that was found, and how to fix it.
+Each class descends from `HijackError` and from the builtin it refines, so `except ValueError` keeps
+working. A message says what is wrong, where, the value that was found, and how to fix it.
 """
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 
 class HijackError(Exception):
@@ -28,7 +28,7 @@ class ParameterTypeError(HijackError, TypeError):
 
 
 class LabelError(ParameterError):
-    """A label of a sample that cannot follow the pixels, or of which nothing says how it is written."""
+    """A label of a sample that cannot follow the pixels, or whose format is unknown."""
 
 
 class ImageError(HijackError, ValueError):
@@ -60,7 +60,10 @@ class FontError(HijackError, ValueError):
 
 
 class ConfigError(HijackError, ValueError):
-    """A configuration with mistakes; `problems` lists all of them as `file:line:column: message`."""
+    """A configuration with mistakes.
+
+    `problems` lists all of them as `file:line:column: message`.
+    """
 
     def __init__(self, problems: Iterable[str]) -> None:
         self.problems = tuple(problems)
@@ -77,6 +80,10 @@ class PluginError(HijackError, ImportError):
 
 class PluginWarning(UserWarning):
     """A plug-in that cannot be loaded was left out; everything else goes on."""
+
+
+class HijackWarning(RuntimeWarning):
+    """Something failed that the library does without: the results are the same, but slower."""
 
 
 class CheckFailed(HijackError, AssertionError):
@@ -107,4 +114,11 @@ def suggest(name: object, known: Iterable[str]) -> str:
     close = difflib.get_close_matches(text, options, n=1, cutoff=0.5)
     if close:
         return f"; did you mean {close[0]!r}?"
-    return f"; known: {', '.join(options)}" if options else ""
+    return f"; known: {some_of(options)}" if options else ""
+
+
+def some_of(options: Sequence[str], most: int = 20) -> str:
+    """Return options for a message: all of them, or the first `most` and how many more."""
+    named = ", ".join(options[:most])
+    left = len(options) - most
+    return f"{named} and {left} more" if left > 0 else named

@@ -15,34 +15,45 @@ from .errors import MissingDependencyError
 DISTRIBUTION = "agenthijack"
 # Extras that no single use needs: everything at once, and what works on the library itself.
 WIDE = frozenset({"all", "dev"})
+APART = ("agent-s", "cua")  # in environments of their own, since they pin what others need
 # Where the module of a distribution has another name.
 _MODULES = {
+    "inspect-ai": "inspect_ai",
+    "markdown-it-py": "markdown_it",
     "opencv-python-headless": "cv2",
     "pytest-xdist": "xdist",
+    "python-docx": "docx",
     "python-multipart": "multipart",
+    "python-pptx": "pptx",
     "python-xlib": "Xlib",
 }
 _REQUIREMENT = re.compile(r"""([A-Za-z0-9._-]+).*;\s*extra\s*==\s*["']([^"']+)["']""")
 
 
 def remedy(*extras: str) -> str:
-    """The command that adds `extras`, as it is typed for a release and in a clone."""
+    """Return the command that adds `extras`, for a release and in a clone."""
     names = ",".join(extras)
     return f"pip install 'agenthijack[{names}]', or from a clone: pip install -e '.[{names}]'"
 
 
 def missing(what: str, *extras: str) -> MissingDependencyError:
-    """The error that says `what`, such as `"datasets need pyarrow"`, and adds the remedy."""
+    """Return the error with `what`, such as `"datasets need pyarrow"`, and the remedy."""
     return MissingDependencyError(f"{what}: {remedy(*extras)}")
 
 
 def lacking(modules: Iterable[str]) -> list[str]:
-    """Those of the top-level `modules` that cannot be found. None of them is imported."""
+    """Return the top-level `modules` that cannot be found, without importing any."""
     return [name for name in modules if not _found(name)]
 
 
-def require(what: str, extra: str, modules: Iterable[str]) -> None:
-    """Raise `MissingDependencyError` where any of `modules` is lacking.
+def require(
+    what: str,
+    extra: str,
+    modules: Iterable[str],
+) -> None:
+    """Check that none of `modules` is missing.
+
+    A missing one is a `MissingDependencyError`.
 
     `what` needs them, and `extra` brings them.
     """
@@ -51,10 +62,14 @@ def require(what: str, extra: str, modules: Iterable[str]) -> None:
         raise missing(f"{what} needs {', '.join(lost)}", extra)
 
 
-def load(module: str, what: str, extra: str) -> Any:
+def load(
+    module: str,
+    what: str,
+    extra: str,
+) -> Any:
     """Import `module`, which `what` needs.
 
-    Raises `MissingDependencyError`, which names `extra`, where it is lacking.
+    If it is missing, the `MissingDependencyError` names `extra`.
     """
     try:
         return importlib.import_module(module)
@@ -64,11 +79,11 @@ def load(module: str, what: str, extra: str) -> Any:
 
 @functools.lru_cache(maxsize=1)
 def extras() -> Mapping[str, tuple[str, ...]]:
-    """The modules of each extra, by its name, as the metadata of the installed package lists them.
+    """Return the modules of each extra, from the metadata of the installed package.
 
-    Empty where the package is not installed, as in a folder that is only on the path.
+    Empty if the package is not installed, as in a folder that is only on the path.
     """
-    import importlib.metadata  # here: only who lacks something, or asks, waits for it
+    import importlib.metadata  # here: it is slow to import, and rarely needed
 
     try:
         metadata = importlib.metadata.metadata(DISTRIBUTION)
@@ -84,7 +99,7 @@ def extras() -> Mapping[str, tuple[str, ...]]:
 
 
 def extra_of(module: str) -> str | None:
-    """The first extra for users that brings a module, by its full name; `None` if none does."""
+    """Return the first extra for users that brings a module, by its full name, or `None`."""
     top = module.partition(".")[0]
     bringing = (name for name, modules in extras().items() if top in modules)
     return next((name for name in bringing if name not in WIDE), None)

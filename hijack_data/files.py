@@ -1,14 +1,20 @@
-"""Read pictures and write files so that neither a broken input nor a crash leaves half a result."""
+"""Read pictures and JSON files, and write files whole or not at all.
+
+`write_atomic` and `replace_atomic` are the only writers by temporary file and rename, and
+`read_versioned_json` is the only reader of files that carry a format and a version.
+"""
 
 import errno
 import hashlib
 import io
+import json
 import os
-import tempfile
+import secrets
 import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 from PIL import ExifTags, Image, ImageOps, UnidentifiedImageError
@@ -22,18 +28,24 @@ FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "GIF", "TIFF")
 
 
 def sha256_of(pixels: UInt8Array) -> str:
-    """Return what names a picture: the SHA-256 of its uint8 RGB (or RGBA) bytes, 64 hexadecimal digits."""
+    """Return the SHA-256 of a picture's pixels, as 64 hexadecimal digits.
+
+    Args:
+        pixels: uint8 `[H, W, 3]` or `[H, W, 4]`.
+    """
     return hashlib.sha256(np.ascontiguousarray(pixels).data).hexdigest()
 
 
 def load_image(path: str | os.PathLike[str]) -> tuple[UInt8Array, tuple[str, ...]]:
-    """Read a picture file as uint8 RGB `[H, W, 3]`, with notes on what had to be converted.
+    """Read a picture file as uint8 RGB `[H, W, 3]`, with notes on each conversion.
 
-    A picture that its EXIF orientation turns is turned upright, as viewers show it: what is known
-    about it, by people and by detectors, is about what they saw.
+    A picture with an EXIF orientation is turned upright, as viewers show it: people and detectors
+    describe what they saw.
 
-    Raises `ImageError` when the file is missing, empty, truncated, animated, 16-bit, too large or
-    no picture, and `ParameterTypeError` when `path` is no path.
+    Raises:
+        ImageError: the file is missing, empty, truncated, animated, 16-bit, too large or not a
+            picture.
+        ParameterTypeError: `path` is not a path.
     """
     try:
         place = Path(path)
@@ -54,10 +66,18 @@ def decode_image(
     *,
     upright: bool = False,
 ) -> tuple[UInt8Array, tuple[str, ...]]:
-    """Decode the bytes of a picture file; see `load_image`. `name` is what error messages call it.
+    """Decode the bytes of a picture file to uint8 RGB `[H, W, 3]`, with notes on each conversion.
 
-    A picture that its EXIF orientation turns is refused unless `upright`: coordinates that were
-    recorded with it may be of the picture as stored or as shown, and nothing says which.
+    Args:
+        data: the bytes of the file.
+        name: the name of the picture in error messages and notes.
+        upright: turn a picture with an EXIF orientation upright. Otherwise it is refused:
+            coordinates recorded with it may refer to the picture as stored or as shown, and
+            nothing tells which.
+
+    Raises:
+        ImageError: the picture is empty, truncated, animated, 16-bit, too large, turned by its
+            EXIF orientation, or not a picture at all.
     """
     if not data:
         raise ImageError(f"{name}: the file is empty (0 bytes)")
@@ -66,72 +86,167 @@ def decode_image(
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # Pillow's bomb warning comes before our own limit
-            image = Image.open(io.BytesIO(data), formats=FORMATS)
-            _check(image, name)
-            turned = _turned(image, name, upright)
-            image.load()
-            notes = ()
-            if image.mode != "RGB":
-                notes = (f"{name}: {image.mode} was converted to RGB{_lost(image)}",)
-            shown = ImageOps.exif_transpose(image) if turned else image
-            return np.array(shown.convert("RGB")), (*turned, *notes)
+            return _decoded(data, name, upright)
     except Image.DecompressionBombError:
         raise ImageError(f"{name}: more than {PICTURE_PIXELS} pixels") from None
-    except (HijackError, MemoryError):
-        raise
     except UnidentifiedImageError:
         raise ImageError(f"{name}: not a {'/'.join(FORMATS)} picture") from None
     except Exception as error:  # Pillow raises anything for damaged bytes
+        if isinstance(error, HijackError | MemoryError):
+            raise
         raise ImageError(f"{name}: damaged or cut off ({error})") from error
 
 
-def _turned(image: Image.Image, name: str, upright: bool) -> tuple[str, ...]:
-    """Return a note on a picture that its EXIF orientation turns, or refuse it."""
+def _decoded(
+    data: bytes,
+    name: str,
+    upright: bool,
+) -> tuple[UInt8Array, tuple[str, ...]]:
+    image = Image.open(io.BytesIO(data), formats=FORMATS)
+    _check(image, name)
+    notes = _turned(image, name, upright)
+    image.load()
+    picture = ImageOps.exif_transpose(image) if notes else image
+    if image.mode != "RGB":
+        notes = (*notes, f"{name}: {image.mode} was converted to RGB{_lost(image)}")
+    return np.array(picture.convert("RGB")), notes
+
+
+def _turned(
+    image: Image.Image,
+    name: str,
+    upright: bool,
+) -> tuple[str, ...]:
+    # A note on a picture that its EXIF orientation turns; an error unless it may be turned back.
     orientation = image.getexif().get(ExifTags.Base.Orientation, 1)
     if orientation not in range(2, 9):
         return ()
     if upright:
         return (f"{name}: turned upright (EXIF orientation {orientation})",)
-    unknown = "turns it, so that its coordinates cannot be told"
+    unknown = "turns it, so it is unclear to which side up its coordinates refer"
     advice = "save it upright, without that tag"
     raise ImageError(f"{name}: its EXIF orientation {orientation} {unknown}; {advice}")
 
 
 def _check(image: Image.Image, name: str) -> None:
-    if getattr(image, "n_frames", 1) > 1:
-        raise ImageError(f"{name}: animated, {getattr(image, 'n_frames', 1)} frames; save the frame that you mean")
+    frames = getattr(image, "n_frames", 1)
+    if frames > 1:
+        raise ImageError(f"{name}: animated, {frames} frames; save the one frame you need")
     if image.mode.startswith(("I", "F")):
-        raise ImageError(f"{name}: mode {image.mode} has more than 8 bits a channel; save it with 8 bits")
+        raise ImageError(
+            f"{name}: mode {image.mode} has more than 8 bits a channel; save it with 8 bits"
+        )
     if image.width * image.height > PICTURE_PIXELS:
         size = f"{image.width}x{image.height}"
         raise ImageError(f"{name}: {size} is more than {PICTURE_PIXELS} pixels")
 
 
 def _lost(image: Image.Image) -> str:
-    return ", transparency dropped" if image.mode in ("RGBA", "LA", "PA") or "transparency" in image.info else ""
+    transparent = image.mode in ("RGBA", "LA", "PA") or "transparency" in image.info
+    return ", transparency dropped" if transparent else ""
 
 
 def encode_png(image: UInt8Array, level: int = 6) -> bytes:
-    """Return uint8 RGB `[H, W, 3]` as PNG bytes."""
+    """Return uint8 RGB `[H, W, 3]` as PNG bytes, compressed at zlib's `level` 0 to 9."""
     buffer = io.BytesIO()
     Image.fromarray(image).save(buffer, "PNG", compress_level=level)
     return buffer.getvalue()
 
 
-def unwritable(path: str | os.PathLike[str], error: OSError) -> HijackError:
-    """The error to raise for a file that cannot be written.
+def read_versioned_json(
+    path: str | os.PathLike[str],
+    *,
+    format: str,
+    version: int,
+    what: str,
+    error: type[HijackError] = HijackError,
+    missing: str | None = None,
+) -> dict[str, Any]:
+    """Read a JSON file whose fields `format` and `version` name its layout.
 
-    It is a `StorageError` where the disk is full, over its quota or broken, and a plain
-    `HijackError` where another path is the remedy.
+    Raises an `error` if the file is missing, unreadable, not JSON, of another format, or of a
+    version that is not 1 to `version`.
+
+    Args:
+        path: the file.
+        format: the value that its field `format` must have.
+        version: the newest version that the caller can read; the file has 1 to this one.
+        what: what the file should be, for the message, such as `"the manifest of a dataset"`.
+        error: the class of the errors raised.
+        missing: the whole message for a file that is not there, in place of the usual one.
+
+    Returns:
+        The object, as read; only the two fields are checked.
     """
-    message = f"{path}: cannot be written ({error.strerror or error})"
-    return (StorageError if error.errno in _STORAGE else HijackError)(message)
+    try:
+        data: object = json.loads(Path(path).read_bytes())
+    except (FileNotFoundError, NotADirectoryError) as problem:
+        raise error(missing or f"{path}: cannot be read ({problem.strerror})") from None
+    except OSError as problem:
+        raise error(f"{path}: cannot be read ({problem.strerror or problem})") from None
+    except (ValueError, RecursionError) as problem:
+        raise error(f"{path}: is not JSON ({str(problem)[:200]})") from None
+    return check_versioned(
+        data,
+        format=format,
+        version=version,
+        where=str(path),
+        what=what,
+        error=error,
+    )
+
+
+def check_versioned(
+    data: object,
+    *,
+    format: str,
+    version: int,
+    where: str,
+    what: str,
+    error: type[HijackError] = HijackError,
+) -> dict[str, Any]:
+    """Check the fields `format` and `version` of JSON data, and return the data.
+
+    The arguments are those of `read_versioned_json`; `where` begins the messages.
+
+    Raises:
+        HijackError: an `error`, if the data are not an object, of another format, or of a version
+            that is not 1 to `version`.
+    """
+    found = cast("dict[str, Any]", data) if isinstance(data, dict) else {}
+    if found.get("format") != format:
+        raise error(f"{where}: not {what} (field 'format' must be {format!r})")
+    number = found.get("version")
+    if isinstance(number, bool) or not isinstance(number, int) or number < 1:
+        raise error(
+            f"{where}: version {shown(number)} is not a version; it must be an integer,"
+            f" 1 to {version}"
+        )
+    if number > version:
+        raise error(
+            f"{where}: version {number} is newer than this library reads ({version}); upgrade"
+            " agenthijack"
+        )
+    return found
+
+
+def unwritable(path: str | os.PathLike[str], error: OSError) -> HijackError:
+    """Return the error to raise for a file that cannot be written.
+
+    It is a `StorageError` if the disk is full, over its quota or broken, and a plain `HijackError`
+    if another path is the remedy.
+    """
+    kind = StorageError if error.errno in _STORAGE else HijackError
+    return kind(f"{path}: cannot be written ({error.strerror or error})")
 
 
 def write_atomic(path: str | os.PathLike[str], data: bytes | str) -> None:
     """Write a file whole or not at all: into a temporary file beside it, then by rename.
 
-    Raises `HijackError` that names the path when the folder is missing, read-only or full.
+    Text is written as UTF-8. The errors are those of `replace_atomic`.
+
+    Raises:
+        HijackError: the text is not Unicode.
     """
     try:
         content = data.encode() if isinstance(data, str) else data
@@ -141,38 +256,53 @@ def write_atomic(path: str | os.PathLike[str], data: bytes | str) -> None:
 
 
 def replace_atomic(path: str | os.PathLike[str], write: Callable[[Path], object]) -> None:
-    """Call `write` with a temporary path beside `path`, then rename it to `path`; on failure nothing is left.
+    """Call `write` with a temporary path beside `path`, then rename that file to `path`.
 
-    What was written is on the disk before the new name is, and that before this returns: a machine that loses its power
-    finds the old file or the new one, whole.
+    If anything fails, the temporary file is removed and `path` is as it was. The content is on the
+    disk before the file has its name, and the name before this function returns: a machine that
+    loses its power finds the old file or the new one, whole. The permissions are those of a new
+    file under the process's umask.
+
+    Raises:
+        ParameterTypeError: `path` is not a path.
+        HijackError: the folder is missing or read-only, or the name is impossible. It is a
+            `StorageError` if the disk is full or broken. Any other error of `write` goes on.
     """
     try:
         target = Path(path)
     except TypeError:
         raise ParameterTypeError(f"a file is named by its path, got {shown(path)}") from None
-    temporary: Path | None = None
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".tmp", dir=target.parent)
-        os.close(handle)
-        temporary = Path(name)
-        write(temporary)
-        umask = os.umask(0)
-        os.umask(umask)
-        temporary.chmod(0o666 & ~umask)
-        _to_disk(temporary, os.O_RDWR)
-        temporary.replace(target)
-        temporary = None
-        with suppress(OSError):  # not every system can do this with a folder
-            _to_disk(target.parent, os.O_RDONLY)
+        temporary = _new_file_beside(target)
     except OSError as error:
         raise unwritable(path, error) from None
-    except ValueError as error:  # a NUL, or half a surrogate, in the name; `write` may raise others
-        if temporary is not None:
-            raise
+    except ValueError as error:  # a NUL, or half a surrogate, in the name
         raise HijackError(f"{str(path)!r}: cannot be written ({error})") from None
-    finally:
-        if temporary is not None:
-            temporary.unlink(missing_ok=True)
+    try:
+        write(temporary)
+        _to_disk(temporary, os.O_RDWR)
+        temporary.replace(target)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise unwritable(path, error) from None
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+    with suppress(OSError):  # not every system can do this with a folder
+        _to_disk(target.parent, os.O_RDONLY)
+
+
+def _new_file_beside(target: Path) -> Path:
+    # Created by `open`, so that the kernel applies the umask; reading the umask to apply it here
+    # would change it for the whole process.
+    while True:
+        path = target.with_name(f".{target.name}.{secrets.token_hex(4)}.tmp")
+        try:
+            handle = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666)
+        except FileExistsError:
+            continue
+        os.close(handle)
+        return path
 
 
 def _to_disk(path: Path, flags: int) -> None:

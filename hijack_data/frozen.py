@@ -41,7 +41,8 @@ class FrozenList(list[Any]):
 def freeze(value: object, where: str) -> Any:
     """Return a copy of JSON data that cannot be changed; tuples become lists, as JSON has them.
 
-    Raises `PlanError`, which names the place (`where.key[0]`), for what JSON cannot hold.
+    Raises:
+        PlanError: JSON cannot hold it; the message names the place (`where.key[0]`).
     """
     try:
         return _frozen(value)

@@ -1,7 +1,8 @@
 """Boxes on a screen: the largest free rectangle, overlaps, and placement of marks between elements.
 
-Boxes are `xyxy`, half-open, in pixels; two boxes overlap when they share at least one pixel, so an empty box overlaps
-nothing. Nothing here allocates per pixel: cost depends on the number of boxes, never on the size of the screen.
+Boxes are `xyxy`, half-open, in pixels; two boxes overlap when they share at least one pixel, so an
+empty box overlaps nothing. Nothing here allocates per pixel: cost depends on the number of boxes,
+never on the size of the screen.
 """
 
 from bisect import bisect_left, bisect_right
@@ -19,7 +20,8 @@ Int64Array: TypeAlias = npt.NDArray[np.int64]
 
 # A box as a sweep from top to bottom needs it: y1, y2, x1, x2.
 _Row: TypeAlias = list[int]
-_lower_edge: "itemgetter[int]" = itemgetter(1)  # twice as fast as a function, and the sort is a tenth of the time
+# twice as fast as a function, and the sort is a tenth of the time
+_lower_edge: "itemgetter[int]" = itemgetter(1)
 
 _EMPTY: Box = (0, 0, 0, 0)
 _MAX_BATCH = 256  # attempts checked at once: bounds memory, whatever the caller asks for
@@ -27,15 +29,15 @@ _MAX_CELLS = 2**18  # cells of one strip x box table: stays in the cache, bounds
 
 
 def largest_free_rectangle(size: Size, boxes: BoxArray) -> Box:
-    """Return the largest rectangle of a screen that overlaps no box (`find_largest_non_overlapping_box` in Algorithm
-    "Pop-ups").
+    """Return the largest rectangle of a screen that overlaps no box.
 
-    Of several largest ones it is the one with the smallest y1, then the smallest x1, then the smallest y2; the order of
-    the boxes and repeated boxes do not matter.
+    It is `find_largest_non_overlapping_box` in Algorithm "Pop-ups". Of several largest ones it is
+    the one with the smallest y1, then the smallest x1, then the smallest y2; the order of the boxes
+    and repeated boxes do not matter.
 
-    A rectangle that cannot grow hangs from the lower edge of a box or from the top of the screen. So each such edge,
-    from top to bottom, is swept downwards once. Time is about n² steps for n boxes at worst (each row drops, trims or
-    splits spans, and splits one at most), memory O(n).
+    A rectangle that cannot grow hangs from the lower edge of a box or from the top of the screen.
+    So each such edge, from top to bottom, is swept downwards once. Time is about n² steps for n
+    boxes at worst (each row drops, trims or splits spans, and splits one at most), memory O(n).
 
     Args:
         size: `(height, width)` in pixels, each at least 1.
@@ -46,7 +48,8 @@ def largest_free_rectangle(size: Size, boxes: BoxArray) -> Box:
     """
     height, width = size
     rows = _rows(size, boxes)
-    best, place = 0, _EMPTY
+    best = 0
+    place = _EMPTY
     for top, group in groupby(sorted(rows, key=_lower_edge), _lower_edge):
         if width * (height - top) <= best:
             break
@@ -70,28 +73,40 @@ def _solid(boxes: BoxArray) -> BoxArray:
     return boxes[(boxes[:, 2] > boxes[:, 0]) & (boxes[:, 3] > boxes[:, 1])]
 
 
-def _sweep_down(top: int, ceiling: list[_Row], rows: list[_Row], size: Size, best: int, place: Box) -> tuple[int, Box]:
-    """Return the larger of `place` (of area `best`) and the free rectangles that hang from `ceiling` at y = `top`.
+def _sweep_down(
+    top: int,
+    ceiling: list[_Row],
+    rows: list[_Row],
+    size: Size,
+    best: int,
+    place: Box,
+) -> tuple[int, Box]:
+    """Return the larger of `place` and the free rectangles that hang from `ceiling` at `top`.
 
-    `rows` are the boxes that reach below `top`, by their upper edges. The free spans between those passed so far are
-    `[lefts[i], rights[i])`, in order, so a row meets a run of neighbours. A span is dropped when it is beside the
-    ceiling (then it belongs to another one) or too narrow to win even if it reached the floor. Of two equal rectangles
-    with the same `left`, the one that ends higher is met first and stays.
+    The area of `place` is `best`.
+    `rows` are the boxes that reach below `top`, by their upper edges. The free spans between those
+    passed so far are `[lefts[i], rights[i])`, in order, so a row meets a run of neighbours. A span
+    is dropped when it is beside the ceiling (then it belongs to another one) or too narrow to win
+    even if it reached the floor. Of two equal rectangles with the same `left`, the one that ends
+    higher is met first and stays.
     """
     height, width = size
     room = height - top
     too_narrow = best // room  # a tie with an earlier, higher place is lost
     _, _, first, last = ceiling[0]
     if len(ceiling) > 1:
-        first, last = min(row[2] for row in ceiling), max(row[3] for row in ceiling)
+        first = min(row[2] for row in ceiling)
+        last = max(row[3] for row in ceiling)
     lefts, rights = [0, width], [width]  # one left more, so that the walk over a run ends
     for y1, _, x1, x2 in rows:
         i = bisect_right(rights, x1)
         while lefts[i] < x2:
-            left, right = lefts[i], rights[i]
+            left = lefts[i]
+            right = rights[i]
             area = (right - left) * (y1 - top)
             if area > best or (area == best and place[1] == top and left < place[0]):
-                best, place = area, (left, top, right, y1)
+                best = area
+                place = (left, top, right, y1)
                 too_narrow = (best - 1) // room
             keep_right = x2 < last and right - x2 > too_narrow
             if x1 > first and x1 - left > too_narrow:
@@ -112,7 +127,7 @@ def _sweep_down(top: int, ceiling: list[_Row], rows: list[_Row], size: Size, bes
 
 
 def intersection_area(box: Box, boxes: BoxArray) -> Int64Array:
-    """Return the number of pixels that `box` shares with each of `boxes` (`[N, 4]`): int64 `[N]`."""
+    """Return how many pixels `box` shares with each of `boxes` (`[N, 4]`), int64 `[N]`."""
     corners = np.array(box, np.int64)
     sides = np.minimum(corners[2:], boxes[:, 2:]) - np.maximum(corners[:2], boxes[:, :2])
     return np.maximum(sides, 0).prod(axis=1)
@@ -126,14 +141,16 @@ def free(box: Box, boxes: BoxArray) -> bool:
 def union_area(boxes: BoxArray) -> int:
     """Return how many pixels `boxes` (`[N, 4]`) cover together, each pixel counted once.
 
-    Between two neighbouring y edges the covered length is the same in every row, so it is found once for that strip: of
-    the boxes there, by their left edges, each adds what lies right of all before it.
+    Between two neighbouring y edges the covered length is the same in every row, so it is found
+    once for that strip: of the boxes there, by their left edges, each adds what lies right of all
+    before it.
     """
     ordered = boxes[np.argsort(boxes[:, 0], kind="stable")].astype(np.int64)
     x1, y1, x2, y2 = ordered.T
     lowest = int(x1.min(initial=0))
     edges = np.unique(ordered[:, 1::2])
-    total, step = 0, max(1, _MAX_CELLS // max(1, len(boxes)))
+    total = 0
+    step = max(1, _MAX_CELLS // max(1, len(boxes)))
     for start in range(0, len(edges) - 1, step):
         tops = edges[start : start + step + 1]
         inside = (y1 <= tops[:-1, None]) & (y2 > tops[:-1, None])
@@ -145,13 +162,19 @@ def union_area(boxes: BoxArray) -> int:
 
 
 def place_disjoint(
-    stream: Stream, size: Size, half: int, number: int, attempts: int, boxes: BoxArray
+    stream: Stream,
+    size: Size,
+    half: int,
+    number: int,
+    attempts: int,
+    boxes: BoxArray,
 ) -> tuple[list[Point], int]:
-    """Draw centres of marks that cover no box (Algorithm "Marks", `overlap` False; with no boxes, `overlap` True).
+    """Draw centres of marks that cover no box.
 
-    Each attempt draws x in `[half, width - half]`, then y in `[half, height - half]`, and keeps the centre when the
-    square `(x - half, y - half, x + half, y + half)` is free. It ends with `number` centres or after `attempts`.
-    Marks may cover each other, as in the paper.
+    This is Algorithm "Marks", `overlap` False; with no boxes, `overlap` True. Each attempt draws x
+    in `[half, width - half]`, then y in `[half, height - half]`, and keeps the centre when the
+    square `(x - half, y - half, x + half, y + half)` is free. It ends with `number` centres or
+    after `attempts`. Marks may cover each other, as in the paper.
 
     Args:
         stream: two integers are drawn from it for each attempt used, no more.
@@ -162,7 +185,8 @@ def place_disjoint(
         boxes: int32 `[N, 4]`, `xyxy`.
 
     Returns:
-        The centres `(x, y)` in the order drawn, and the attempts used; `([], 0)` when the screen is too small for one.
+        The centres `(x, y)` in the order drawn, and the attempts used; `([], 0)` when the screen is
+        too small for one.
     """
     height, width = size
     centres: list[Point] = []
@@ -171,7 +195,8 @@ def place_disjoint(
         return centres, used
     # A centre strictly inside one of these would put a pixel of its square on a box.
     barred = _solid(boxes).T.astype(np.int64) + np.array([[-half], [-half], [half], [half]])
-    # A batch is as many attempts as are needed at least: drawn at once, they leave the stream where one by one would.
+    # A batch is as many attempts as are needed at least: drawn at once, they leave the stream where
+    # one by one would.
     while (batch := min(number - len(centres), attempts - used, _MAX_BATCH)) > 0:
         drawn = stream.integers([(half, width - half), (half, height - half)], batch)
         kept = _outside(drawn, barred) if half else drawn
@@ -181,7 +206,7 @@ def place_disjoint(
 
 
 def _outside(points: Int64Array, barred: Int64Array) -> Int64Array:
-    """Return the points `[n, 2]` that are strictly inside none of the boxes `barred`, int64 `[4, N]`; in order."""
+    """Return the points `[n, 2]`, in order, strictly inside none of `barred`, int64 `[4, N]`."""
     if not barred.size:
         return points
     x, y = points.T[:, :, None]

@@ -1,11 +1,13 @@
 """Corruptions as Grain transforms, for JAX input pipelines: no TensorFlow, no global generator.
 
     import hijack_data.grain as hg
-    dataset = grain.MapDataset.source(rows).shuffle(seed=1).map(hg.Corrupt(hj.OneOf([hj.PopUps(), hj.Marks()]), seed=3))
+    dataset = grain.MapDataset.source(rows).shuffle(seed=1).map(hg.Corrupt(hj.OneOf([hj.PopUps(),
+    hj.Marks()]), seed=3))
 
-An element is a dictionary with a picture (NumPy `[H, W, 3]` uint8 or a PIL image) and the entries that
-`hijack_data.samples` names. Its id, the seed and the epoch decide what happens to it, so that the number of workers,
-their threads and a restart from a checkpoint change nothing. Both transforms are safe to call from several threads.
+An element is a dictionary with a picture (NumPy `[H, W, 3]` uint8 or a PIL image) and the entries
+that `hijack_data.samples` names. Its id, the seed and the epoch decide what happens to it, so that
+the number of workers, their threads and a restart from a checkpoint change nothing. Both transforms
+are safe to call from several threads.
 """
 
 from collections.abc import Mapping
@@ -15,14 +17,14 @@ import numpy as np
 from PIL import Image
 
 from . import extras
-from .apply import apply
+from ._apply import apply
 from .backends import backend_of
 from .compose import sometimes
 from .errors import ImageError, ParameterTypeError
 from .labels import Declared, Labels
 from .labels.rows import check_drawn
 from .plan import Plan
-from .safety import Planner
+from .planner import Planner
 from .samples import SamplePlanner, follow, visible_in
 from .types import Size
 
@@ -35,12 +37,12 @@ class _Settings:
     Args:
         planner: a corruption, `OneOf`, `Sequence` or `Schedule`.
         seed: 0 to 2**64 - 1.
-        label_policy: `"keep"`, or `"avoid"` to draw again until the target shows, and with it the end of the action
-            where that is a drag, else leave the element clean.
-        return_plan: put the plan under `"plan"`, and with a target its visible share, or that of a drag's end if less,
-            under `"target_visible"`.
-        image_key: name of the entry that holds the picture; by default `image`, else `screenshot`, as in
-            the rows of a dataset.
+        label_policy: `"keep"`, or `"avoid"` to draw again until the target shows, and with it the
+            end of the action where that is a drag, else leave the element clean.
+        return_plan: put the plan under `"plan"`, and with a target its visible share, or that of a
+            drag's end if less, under `"target_visible"`.
+        image_key: name of the entry that holds the picture; by default `image`, else `screenshot`,
+            as in the rows of a dataset.
         id_key: name of the entry that holds the id.
         p: probability that an element is corrupted at all, 0..1.
         labels: which entries are labels, and how they are written, such as `{"bbox": "xywh"}`; see
@@ -61,14 +63,19 @@ class _Settings:
         labels: Declared | None = None,
         target: str | None = None,
     ) -> None:
-        self.settings = SamplePlanner(sometimes(planner, p), seed, label_policy, id_key, Labels(labels, target))
-        self.return_plan, self.image_key = return_plan, image_key
+        self.settings = SamplePlanner(
+            sometimes(planner, p), seed, label_policy, id_key, Labels(labels, target)
+        )
+        self.return_plan = return_plan
+        self.image_key = image_key
 
     def plan(self, element: Mapping[str, Any], key: int | str | None = None) -> Plan:
         """Return the plan for an element; `key` stands in for an id that it does not have."""
         size = self._size(element)
         known = element.get(self.settings.id_key) is not None or key is None
-        return self.settings.plan(size, element, self.settings.key(element)[0] if known else cast("int | str", key))
+        return self.settings.plan(
+            size, element, self.settings.key(element)[0] if known else cast("int | str", key)
+        )
 
     def corrupt(self, element: Mapping[str, Any], plan: Plan) -> dict[str, Any]:
         """Return a corrupted copy of an element."""
@@ -76,7 +83,11 @@ class _Settings:
         picture = apply(plan, element[key])
         entries = {name: value for name, value in element.items() if name != key}
         labels = self.settings.labels
-        out = {**element, key: picture, **follow(plan, entries, element[key], picture, labels, self.settings.seed)}
+        out = {
+            **element,
+            key: picture,
+            **follow(plan, entries, element[key], picture, labels, self.settings.seed),
+        }
         if self.return_plan:
             out["plan"] = plan
             if (seen := visible_in(plan, entries, labels)) is not None:
@@ -84,17 +95,22 @@ class _Settings:
         return out
 
     def _image_key(self, element: Mapping[str, Any]) -> str:
-        """Return the name of the entry that holds the picture. Raises `ImageError`."""
+        """Return the name of the entry that holds the picture."""
         names = ("image", "screenshot") if self.image_key is None else (self.image_key,)
         found = next((name for name in names if name in element), None)
         if found is None:
             have = ", ".join(map(str, element))
-            raise ImageError(f"the element has no {names[0]!r} entry; it has {have}; image_key= names the picture")
+            raise ImageError(
+                f"the element has no {names[0]!r} entry; it has {have}; image_key= names the"
+                " picture"
+            )
         return found
 
     def _size(self, element: object) -> Size:
         if not isinstance(element, Mapping):
-            raise ParameterTypeError(f"an element must be a dictionary, got {type(element).__name__}")
+            raise ParameterTypeError(
+                f"an element must be a dictionary, got {type(element).__name__}"
+            )
         entries = cast("Mapping[str, Any]", element)
         check_drawn(entries)
         image = entries[self._image_key(entries)]
@@ -102,7 +118,10 @@ class _Settings:
             return image.height, image.width
         backend_of(image).check(image)
         if len(image.shape) != 3:
-            raise ImageError(f"an element holds one picture, got shape {list(image.shape)}; corrupt before batching")
+            raise ImageError(
+                f"an element holds one picture, got shape {list(image.shape)}; corrupt before"
+                " batching"
+            )
         return backend_of(image).size(image)
 
 
@@ -110,12 +129,18 @@ class Corrupt(_Settings, _grain.MapTransform):
     __doc__ = f"Corrupts each element, which must have an id.\n{_Settings.__doc__}"
 
     def map(self, element: Any) -> dict[str, Any]:
-        """Return the corrupted element; the one given is not modified. Raises `ParameterError` without an id."""
+        """Return the corrupted element; the one given is not modified.
+
+        Raises `ParameterError` for an element without an id.
+        """
         return self.corrupt(element, self.plan(element))
 
 
 class RandomCorrupt(_Settings, _grain.RandomMapTransform):
-    __doc__ = f"Corrupts each element by its id, or by Grain's generator where it has none.\n{_Settings.__doc__}"
+    __doc__ = (
+        "Corrupts each element by its id, or by Grain's generator where it has"
+        f" none.\n{_Settings.__doc__}"
+    )
 
     def random_map(self, element: Any, rng: np.random.Generator) -> dict[str, Any]:
         """Return the corrupted element; the one given is not modified."""

@@ -7,11 +7,13 @@
         images = apply_arrays(plans, images)
         ...
 
-    state = train_step(state, images, packer.pack([aug.plan(scene, seed=1, sample=key) for key in keys]))
+    state = train_step(state, images, packer.pack([aug.plan(scene, seed=1, sample=key) for key in
+    keys]))
 
-A new text, size or number of marks must not mean a new program, so every array has a static bucket as its shape. The
-buckets of a packer only grow, to powers of two: after a few batches nothing is compiled any more. The bytes are those
-of `hijack_data.apply`. An array that is not traced needs none of this: `hijack_data.apply` takes it as it is.
+A new text, size or number of marks must not mean a new program, so every array has a static bucket
+as its shape. The buckets of a packer only grow, to powers of two: after a few batches nothing is
+compiled any more. The bytes are those of `hijack_data.apply`. An array that is not traced needs
+none of this: `hijack_data.apply` takes it as it is.
 """
 
 from collections.abc import Sequence
@@ -24,11 +26,10 @@ import numpy as np
 import numpy.typing as npt
 
 from . import resample
-from .apply import stamps_of
-from .backends import TORCH, backend_of
-from .corruption import size_text
+from .backends import backend_of
 from .errors import ImageError, ImageTypeError, ParameterError, ParameterTypeError, shown
-from .kernels.jax import (
+from .kernels import stamps_of
+from .kernels.jax_ops import (
     BLOCK,
     PIXELS,
     blend_block,
@@ -41,7 +42,7 @@ from .kernels.jax import (
 from .limits import PICTURE_PIXELS
 from .plan import Paste, Plan
 from .resample import weights
-from .types import Size, as_size
+from .types import Size, as_size, size_text
 
 _jax, jnp = cast(Any, jax), cast(Any, jax.numpy)  # JAX leaves many types open
 Array = npt.NDArray[Any]
@@ -51,11 +52,12 @@ Pixels = tuple[Array, Array, Array]  # flat positions [n], keep [n], paint [n, 3
 @_jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Pastes:
-    """What is painted between two resizes, for a batch of `B`: blocks first, then layers of single pixels.
+    """What is painted between two resizes of a batch of `B`: blocks, then layers of pixels.
 
-    `top`, `left` int32 `[B, N]`, `colors` uint8 `[B, N, h, w, 3]`, `inside` int32 `[B, N, 4]`; `index` int32
-    `[B, L, P]` into the canvas (its size means none), `keep` uint8 `[B, L, P, 1]`, `paint` uint16 `[B, L, P, 3]`.
-    `blocks` and `layers`, int32 `[B]`, tell how many of them each picture has: it pays for no others.
+    `top`, `left` int32 `[B, N]`, `colors` uint8 `[B, N, h, w, 3]`, `inside` int32 `[B, N, 4]`;
+    `index` int32 `[B, L, P]` into the canvas (its size means none), `keep` uint8 `[B, L, P, 1]`,
+    `paint` uint16 `[B, L, P, 3]`. `blocks` and `layers`, int32 `[B]`, tell how many of them each
+    picture has: it pays for no others.
     """
 
     top: Any
@@ -72,9 +74,10 @@ class Pastes:
 @_jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Resizes:
-    """One resize of each picture of a batch: `kind` int32 `[B]` is 0 none, 1 rows first, 2 columns first.
+    """One resize of each picture of a batch.
 
-    The tables of the axis `a` are int32 `[B, side, K]`: positions in the canvas and weights, 0 beyond the result.
+    `kind` int32 `[B]` is 0 none, 1 rows first, 2 columns first. The tables of the axis `a` are
+    int32 `[B, side, K]`: positions in the canvas and weights, 0 beyond the result.
     """
 
     kind: Any
@@ -115,13 +118,19 @@ class Packer:
     """
 
     size: Size
-    _marks: dict[str, int] = field(default_factory=dict[str, int], init=False, repr=False)
+    _marks: dict[str, int] = field(
+        default_factory=dict[str, int],
+        init=False,
+        repr=False,
+    )
 
     def __post_init__(self) -> None:
         self.size = as_size(self.size)
 
     def pack(self, plans: Sequence[Plan]) -> PlanArrays:
-        """Return the plans of a batch, NumPy arrays inside: they travel to the device with the call of your program.
+        """Return the plans of a batch, with NumPy arrays inside.
+
+        They travel to the device with the call of your program.
 
         Raises:
             ParameterTypeError: `plans` is no list of plans.
@@ -138,11 +147,14 @@ class Packer:
         made = [_stages(plan, canvas[1]) for plan in plans]
         count = self._mark("resizes", max((len(sizes) for _, sizes in made), default=0), exact=True)
         pastes = tuple(
-            self._pastes([stages[i] if i < len(stages) else _Stage() for stages, _ in made], i, canvas)
+            self._pastes(
+                [stages[i] if i < len(stages) else _Stage() for stages, _ in made], i, canvas
+            )
             for i in range(count + 1)
         )
         resizes = tuple(
-            self._resizes([sizes[i] if i < len(sizes) else None for _, sizes in made], i, canvas) for i in range(count)
+            self._resizes([sizes[i] if i < len(sizes) else None for _, sizes in made], i, canvas)
+            for i in range(count)
         )
         return PlanArrays(pastes, resizes, self.size, canvas)
 
@@ -150,14 +162,22 @@ class Packer:
         if not isinstance(cast(object, plan), Plan):
             raise ParameterTypeError(f"pack takes a list of plans, but item {i} is {shown(plan)}")
         if plan.size != self.size:
-            raise ParameterError(f"plan {i} was made for {size_text(plan.size)}, not for {size_text(self.size)}")
+            raise ParameterError(
+                f"plan {i} was made for {size_text(plan.size)}, not for {size_text(self.size)}"
+            )
         if plan.out_size != plan.size:
             raise ParameterError(
-                f"plan {i} ({plan.corruption}) gives {size_text(plan.out_size)}, but a batch has one shape; use "
-                "Resolution(restore=True)"
+                f"plan {i} ({plan.corruption}) gives {size_text(plan.out_size)}, but a batch has"
+                " one shape; use Resolution(restore=True)"
             )
 
-    def _mark(self, name: str, needed: int, least: int = 0, exact: bool = False) -> int:
+    def _mark(
+        self,
+        name: str,
+        needed: int,
+        least: int = 0,
+        exact: bool = False,
+    ) -> int:
         """The bucket `name`: what was needed most so far, rounded up to a power of two."""
         bucket = needed if exact or needed == 0 else max(least, power_of_two(needed))
         self._marks[name] = max(self._marks.get(name, 0), bucket)
@@ -167,48 +187,92 @@ class Packer:
         """The screen, or more where a plan enlarges it on the way."""
         sizes = [op.size for plan in plans for op in plan.ops if not isinstance(op, Paste)]
         height, width = (
-            side if (most := max((s[axis] for s in sizes), default=0)) <= side else power_of_two(most)
+            (
+                side
+                if (most := max((s[axis] for s in sizes), default=0)) <= side
+                else power_of_two(most)
+            )
             for axis, side in enumerate(self.size)
         )
         return self._mark("height", height, exact=True), self._mark("width", width, exact=True)
 
-    def _pastes(self, stages: list[_Stage], number: int, canvas: Size) -> Pastes:
-        name, count = f"stage {number}: ", len(stages)
+    def _pastes(
+        self,
+        stages: list[_Stage],
+        number: int,
+        canvas: Size,
+    ) -> Pastes:
+        name = f"stage {number}: "
+        count = len(stages)
         sizes = [sprite.size for stage in stages for sprite, _, _ in stage.blocks]
         blocks = self._mark(f"{name}blocks", max(len(stage.blocks) for stage in stages))
         shape = [
-            min(side, self._mark(f"{name}side {axis}", max((s[axis] for s in sizes), default=0), BLOCK))
+            min(
+                side,
+                self._mark(f"{name}side {axis}", max((s[axis] for s in sizes), default=0), BLOCK),
+            )
             for axis, side in enumerate(canvas)
         ]
-        top, left = np.zeros((count, blocks), np.int32), np.zeros((count, blocks), np.int32)
-        colors, inside = np.zeros((count, blocks, *shape, 3), np.uint8), np.zeros((count, blocks, 4), np.int32)
+        top = np.zeros((count, blocks), np.int32)
+        left = np.zeros((count, blocks), np.int32)
+        colors, inside = (
+            np.zeros((count, blocks, *shape, 3), np.uint8),
+            np.zeros((count, blocks, 4), np.int32),
+        )
         for b, stage in enumerate(stages):
             for n, (sprite, y, x) in enumerate(stage.blocks):
                 block = padded_block(sprite, y, x, canvas, (shape[0], shape[1]))
                 top[b, n], left[b, n], colors[b, n], inside[b, n] = block
         used = np.array([(len(stage.blocks), len(stage.layers)) for stage in stages], np.int32).T
-        return Pastes(top, left, colors, inside, *self._layers(stages, name, canvas), used[0], used[1])
+        return Pastes(
+            top, left, colors, inside, *self._layers(stages, name, canvas), used[0], used[1]
+        )
 
-    def _layers(self, stages: list[_Stage], name: str, canvas: Size) -> Pixels:
+    def _layers(
+        self,
+        stages: list[_Stage],
+        name: str,
+        canvas: Size,
+    ) -> Pixels:
         layers = self._mark(f"{name}layers", max(len(stage.layers) for stage in stages))
-        longest = max((sum(len(at) for at, _, _ in layer) for stage in stages for layer in stage.layers), default=0)
+        longest = max(
+            (sum(len(at) for at, _, _ in layer) for stage in stages for layer in stage.layers),
+            default=0,
+        )
         shape = len(stages), layers, self._mark(f"{name}pixels", longest, PIXELS)
         index = np.full(shape, canvas[0] * canvas[1], np.int32)
-        keep, paint = np.zeros((*shape, 1), np.uint8), np.zeros((*shape, 3), np.uint16)
+        keep = np.zeros((*shape, 1), np.uint8)
+        paint = np.zeros((*shape, 3), np.uint16)
         for b, stage in enumerate(stages):
             for n, layer in enumerate(stage.layers):
                 at, kept, painted = (np.concatenate(parts) for parts in zip(*layer, strict=True))
-                index[b, n, : len(at)], keep[b, n, : len(at), 0], paint[b, n, : len(at)] = at, kept, painted
+                index[b, n, : len(at)], keep[b, n, : len(at), 0], paint[b, n, : len(at)] = (
+                    at,
+                    kept,
+                    painted,
+                )
         return index, keep, paint
 
-    def _resizes(self, sizes: list[tuple[Size, Size] | None], number: int, canvas: Size) -> Resizes:
-        kind = np.array([0 if pair is None else 1 + resample.columns_first(*pair) for pair in sizes], np.int32)
+    def _resizes(
+        self,
+        sizes: list[tuple[Size, Size] | None],
+        number: int,
+        canvas: Size,
+    ) -> Resizes:
+        kind = np.array(
+            [0 if pair is None else 1 + resample.columns_first(*pair) for pair in sizes], np.int32
+        )
         tables: list[Array] = []
         for axis, side in enumerate(canvas):
-            found = [None if pair is None else weights(pair[0][axis], pair[1][axis]) for pair in sizes]
+            found = [
+                None if pair is None else weights(pair[0][axis], pair[1][axis]) for pair in sizes
+            ]
             most = max((table.taps.shape[1] for table in found if table is not None), default=0)
             width = self._mark(f"resize {number}: {axis}", most)
-            index, taps = np.zeros((len(sizes), side, width), np.int32), np.zeros((len(sizes), side, width), np.int32)
+            index, taps = (
+                np.zeros((len(sizes), side, width), np.int32),
+                np.zeros((len(sizes), side, width), np.int32),
+            )
             for b, table in enumerate(found):
                 if table is not None:
                     rows, n = table.taps.shape
@@ -218,8 +282,13 @@ class Packer:
 
 
 def _stages(plan: Plan, width: int) -> tuple[list[_Stage], list[tuple[Size, Size]]]:
-    """Split a plan at its resizes: what is painted before, between and after, and from what to what it is resized."""
-    stages, sizes, size = [_Stage()], list[tuple[Size, Size]](), plan.size
+    """Split a plan at its resizes.
+
+    Returns what is painted before, between and after them, and the sizes before and after each.
+    """
+    stages = [_Stage()]
+    sizes = list[tuple[Size, Size]]()
+    size = plan.size
     pixels = 0
     for number, op in enumerate(plan.ops):
         if not isinstance(op, Paste):
@@ -236,7 +305,9 @@ def _stages(plan: Plan, width: int) -> tuple[list[_Stage], list[tuple[Size, Size
                 _check_amount(pixels, plan)
                 step = max(1, len(stamp.ys)) if stamp.sprite.uniform else 1
                 for i in range(0, len(stamp.ys), step):
-                    part = stamped_pixels(stamp.sprite, stamp.ys[i : i + step], stamp.xs[i : i + step], width)
+                    part = stamped_pixels(
+                        stamp.sprite, stamp.ys[i : i + step], stamp.xs[i : i + step], width
+                    )
                     _add(stages[-1].layers, part)
     for stage in stages:
         _check_amount(_block_pixels(stage), plan)
@@ -255,19 +326,26 @@ def _block_pixels(stage: _Stage) -> int:
     return len(sizes) * prod(max([BLOCK, *(size[axis] for size in sizes)]) for axis in (0, 1))
 
 
-def _cover(stage: _Stage, sprite: Any, y: int, x: int, width: int) -> None:
-    """Put an opaque block over all that is there: pixels below it go, so that blocks can be painted first."""
-    (h, w) = sprite.size
+def _cover(
+    stage: _Stage,
+    sprite: Any,
+    y: int,
+    x: int,
+    width: int,
+) -> None:
+    """Put an opaque block over everything: pixels below it go, so blocks can be painted first."""
+    h, w = sprite.size
     stage.blocks.append((sprite, y, x))
     for layer in stage.layers:
         for i, (at, keep, paint) in enumerate(layer):
-            rows, columns = at // width, at % width
+            rows = at // width
+            columns = at % width
             free = (rows < y) | (rows >= y + h) | (columns < x) | (columns >= x + w)
             layer[i] = at[free], keep[free], paint[free]
 
 
 def _add(layers: list[list[Pixels]], part: Pixels) -> None:
-    """Put pixels on top: into the last layer, where they meet none of its own, else into a new one."""
+    """Put pixels on top: into the last layer if they meet none of its own, or into a new one."""
     if layers and not any(np.isin(part[0], at).any() for at, _, _ in layers[-1]):
         layers[-1].append(part)
     else:
@@ -277,8 +355,8 @@ def _add(layers: list[list[Pixels]], part: Pixels) -> None:
 def apply_arrays(plans: PlanArrays, images: Any) -> Any:
     """Apply packed plans to uint8 `[B, H, W, 3]`, one each; pure, to be called inside `jax.jit`.
 
-    Picture after picture (`jax.lax.map`), so that only those which are resized pay for it. Donate `images` to your
-    program where you don't need them any more.
+    Picture after picture (`jax.lax.map`), so that only those which are resized pay for it. Donate
+    `images` to your program where you don't need them any more.
 
     Raises `ImageTypeError` and `ImageError` for pictures of another dtype, size or number than
     the plans are for, and `ParameterTypeError` for plans that are not packed.
@@ -297,7 +375,7 @@ def _check_images(plans: PlanArrays, images: Any) -> None:
         found = type(plans).__name__
         raise ParameterTypeError(f"apply_arrays takes what Packer.pack returned, got {found}")
     backend = backend_of(images)
-    if backend is TORCH:
+    if backend.name == "torch":
         raise ImageTypeError("apply_arrays takes JAX arrays, got a tensor; use hijack_data.apply")
     backend.check(images)
     count = plans.pastes[0].blocks.shape[0]
@@ -308,7 +386,12 @@ def _check_images(plans: PlanArrays, images: Any) -> None:
         raise ImageError(f"{made}, {found}; pack a plan for each, with a Packer of their size")
 
 
-def _apply_one(pastes: tuple[Pastes, ...], resizes: tuple[Resizes, ...], image: Any, canvas: Size) -> Any:
+def _apply_one(
+    pastes: tuple[Pastes, ...],
+    resizes: tuple[Resizes, ...],
+    image: Any,
+    canvas: Size,
+) -> Any:
     height, width = image.shape[:2]
     if canvas != (height, width):
         image = jnp.pad(image, ((0, canvas[0] - height), (0, canvas[1] - width), (0, 0)))
@@ -330,9 +413,13 @@ def _as_it_is(image: Any, *_: Any) -> Any:
 
 def _resize(table: Resizes, image: Any) -> Any:
     def rows_first(image: Any) -> Any:
-        return resize_pass(resize_pass(image, table.index_x, table.taps_x, 1), table.index_y, table.taps_y, 0)
+        return resize_pass(
+            resize_pass(image, table.index_x, table.taps_x, 1), table.index_y, table.taps_y, 0
+        )
 
     def columns_first(image: Any) -> Any:
-        return resize_pass(resize_pass(image, table.index_y, table.taps_y, 0), table.index_x, table.taps_x, 1)
+        return resize_pass(
+            resize_pass(image, table.index_y, table.taps_y, 0), table.index_x, table.taps_x, 1
+        )
 
     return _jax.lax.switch(table.kind, [_as_it_is, rows_first, columns_first], image)

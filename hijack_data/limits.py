@@ -17,7 +17,11 @@ PIXELS_AT_ONCE = 2**22
 
 
 def check_area(size: Size, what: str) -> Size:
-    """Return `size`, (height, width) in pixels. Raises `ParameterError` beyond `PICTURE_PIXELS`."""
+    """Return `size`, (height, width) in pixels, if it is not too large.
+
+    Raises:
+        ParameterError: it has more than `PICTURE_PIXELS`.
+    """
     height, width = size
     if height * width > PICTURE_PIXELS:
         limit = f"the limit is {PICTURE_PIXELS} pixels, use a smaller one"

@@ -1,7 +1,8 @@
-"""Corruptions from a file: `hijack --load FILE.py`, and `AGENTHIJACK_LOAD` for all processes.
+"""Things from a user's own file: `hijack --load FILE.py`, and `path/to/file.py:Name` for a name.
 
-A file is known by the SHA-256 of its bytes, which are the bytes that run. Its corruptions can be
-sent to other processes, which load the file from the same path and refuse another one.
+A file is known by the SHA-256 of its bytes, which are the bytes that run. `AGENTHIJACK_LOAD` lists
+loaded files for the processes that are started from here. Corruptions of a file can be sent to
+other processes, which load the file from the same path and refuse another one.
 """
 
 import copyreg
@@ -11,49 +12,60 @@ import os
 import re
 import sys
 import traceback
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from . import params as p
-from .errors import HijackError, PluginError
-from .plugins import reason_of, undone_on_failure
+from .errors import HijackError, PluginError, UnknownNameError, suggest
+from .paths import PathLike
+from .plugins import place_of, reason_of
+from .registry import Registry, file_of_module, module_of, registries, undone_on_failure
 
 if TYPE_CHECKING:
     from .corruption import Corruption
 
 VARIABLE = "AGENTHIJACK_LOAD"
+SUFFIX = ".py"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class LoadedFile:
-    """A Python file that was loaded for what it registers.
+    """A Python file that was loaded for what it registers, or for one thing in it.
 
     Args:
         path: absolute, without links.
         sha256: of its bytes, 64 hexadecimal digits.
         module: the name under which it was imported.
-        corruptions: names of those that it registers.
-        effects: kinds of the live effects that it registers.
+        names: what it registers: names by the word for their kind, such as `"corruption"`.
     """
 
     path: str
     sha256: str
     module: str
-    corruptions: tuple[str, ...]
-    effects: tuple[str, ...]
+    names: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
+
+    @property
+    def corruptions(self) -> tuple[str, ...]:
+        """Names of the corruptions that it registers."""
+        return self.names.get("corruption", ())
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Kinds of the live effects that it registers."""
+        return self.names.get("effect", ())
 
 
 _files: dict[str, LoadedFile] = {}
 _listed: set[str] = set()  # entries of the environment variable that were seen
 
 
-def load_file(path: str | os.PathLike[str]) -> LoadedFile:
-    """Load a Python file and register its corruptions (and live effects), once a process.
+def load_file(path: PathLike) -> LoadedFile:
+    """Load a Python file and register what it offers, once a process.
 
-    Processes that are started from here know them too: the file is added to `AGENTHIJACK_LOAD`.
+    Processes that are started from here load it, too: the file is added to `AGENTHIJACK_LOAD`.
 
     Args:
         path: of a file that holds all it needs, or imports it from installed packages.
@@ -62,65 +74,158 @@ def load_file(path: str | os.PathLike[str]) -> LoadedFile:
         PluginError: it cannot be read or imported, registers nothing, registers a name that is
             taken, or was changed since this process loaded it.
     """
-    place, data = _read(path)
-    sha256 = hashlib.sha256(data).hexdigest()
-    known = _files.get(place)
-    if known is not None and known.sha256 != sha256:
-        raise PluginError(f"{path}: was changed since this process loaded it; start again")
-    if known is None:
-        _registry().names()  # plug-ins come first: a name that both have is always an error
-        known = _files.get(place) or _installed(place, sha256) or _execute(place, data, sha256)
-        _files[place] = known
-    _announce(place)
-    return known
+    file = run_file(path)
+    if not file.names:
+        raise PluginError(
+            f"{file.path}: registers nothing; decorate a class with @hijack_data.register, or with "
+            "the register of another kind, such as @online_env.effects.register"
+        )
+    return file
+
+
+def run_file(path: PathLike) -> LoadedFile:
+    """Load a Python file as `load_file` does; it may also register nothing."""
+    file = _load(path)
+    if file.names:
+        _announce(file.path)
+    return file
 
 
 def load_environment() -> None:
-    """Load the files that `AGENTHIJACK_LOAD` lists, each once. Raises as `load_file` does."""
+    """Load the files that `AGENTHIJACK_LOAD` lists, each once.
+
+    Raises:
+        PluginError: one of them cannot be loaded; see `load_file`.
+    """
     for path in _entries():
-        if path not in _listed:
-            _listed.add(path)  # before it runs: the file may itself ask for the names
-            try:
-                load_file(path)
-            except PluginError as error:
-                _listed.discard(path)
-                raise PluginError(f"{error} (listed in {VARIABLE})") from error
+        if path in _listed:
+            continue
+        _listed.add(path)  # before it runs: the file may itself ask for the names
+        try:
+            load_file(path)
+        except PluginError as error:
+            _listed.discard(path)
+            raise PluginError(f"{error} (listed in {VARIABLE})") from error
+
+
+def is_reference(text: str) -> bool:
+    """Return whether a text is `package.module:Name` or `path/to/file.py:Name`, and not a name."""
+    return ":" in text or text.endswith(SUFFIX)
+
+
+def load_reference(text: str) -> Any:
+    """Return what `package.module:Name` or `path/to/file.py:Name` names.
+
+    Paths may be relative, and may begin with `~`. A file is loaded once a process. Processes that
+    are started from here load it, too, if it also registers something by itself.
+
+    Raises:
+        UnknownNameError: the file or module has no such name.
+        PluginError: it cannot be read or imported; the message has the file and the line.
+    """
+    place, _, name = text.rpartition(":")
+    lacks_name = text.endswith(SUFFIX) or not place or not name
+    if lacks_name:
+        example = f"{text.rstrip(':') or 'my_file.py'}:MyClass"
+        raise PluginError(f"{text!r} names no class; write it behind a colon, such as {example}")
+    is_file = place.endswith(SUFFIX)
+    module = _module_of_file(place) if is_file else _import(place, text)
+    if not hasattr(module, name):
+        public = [key for key in vars(module) if not key.startswith("_")]
+        hint = suggest(name, public)
+        raise UnknownNameError(f"{place}: has no {name!r}{hint}")
+    return getattr(module, name)
 
 
 def loaded_files() -> tuple[LoadedFile, ...]:
-    """Return the files that this process loaded, in order."""
+    """Return the files that this process loaded, in order.
+
+    Those of `AGENTHIJACK_LOAD` are loaded first, so this raises as `load_file` does.
+    """
     load_environment()
     return tuple(_files.values())
 
 
-def file_of(cls: type[Any]) -> LoadedFile | None:
-    """Return the loaded file that defines a class, if one does."""
-    return next((file for file in _files.values() if file.module == cls.__module__), None)
+def file_of(cls: object) -> LoadedFile | None:
+    """Return the loaded file that defines a class or function, if one does."""
+    module = module_of(cls)
+    for file in _files.values():
+        if file.module == module:
+            return file
+    return None
+
+
+def source_of(thing: object) -> dict[str, str] | None:
+    """Return the file that defines a class or function: its `path` and `sha256`.
+
+    Of a loaded file it is the hash of the bytes that run. `None` if there is no such file.
+    """
+    file = file_of(thing)
+    if file is not None:
+        return {"path": file.path, "sha256": file.sha256}
+    path = file_of_module(thing)
+    if path is None or not Path(path).is_file():
+        return None
+    place = os.path.realpath(path)
+    return {"path": place, "sha256": _hash(place)}
 
 
 def holds(sha256: str, corruptions: Iterable[str]) -> bool:
-    """Whether these corruptions come from a file with this SHA-256, loaded or imported."""
-    if any(file.sha256 == sha256 for file in loaded_files()):
+    """Return whether these corruptions come from a file with this SHA-256, loaded or imported."""
+    if sha256 in [file.sha256 for file in loaded_files()]:
         return True
-    registry = _registry()
-    known = set(registry.names())
-    sources = {_source(registry.find(name)) for name in corruptions if name in known}
-    return any(Path(source).is_file() and _hash(source) == sha256 for source in sources if source)
+    registry = _corruptions()
+    known = registry.keys() & set(corruptions)
+    for name in known:
+        source = source_of(registry.get(name))
+        if source is not None and source["sha256"] == sha256:
+            return True
+    return False
 
 
-def _registry() -> Any:
-    """The registry imports this module, so it is imported when it is needed."""
-    return importlib.import_module(".corruption", __package__)
+def _corruptions() -> "Registry[type[Corruption]]":
+    """Return their registry, whose module imports this one."""
+    return importlib.import_module(".corruption", __package__).CORRUPTIONS
 
 
 def _entries() -> list[str]:
-    return [path for path in os.environ.get(VARIABLE, "").split(os.pathsep) if path]
+    listed = os.environ.get(VARIABLE, "")
+    return [path for path in listed.split(os.pathsep) if path]
 
 
-def _read(path: str | os.PathLike[str]) -> tuple[str, bytes]:
-    """Return the place of a file and its bytes."""
-    if Path(path).suffix != ".py":
-        raise PluginError(f"{path}: not a Python file; give a file that ends in .py")
+def _load(path: PathLike) -> LoadedFile:
+    """Load a file once a process.
+
+    Raises:
+        PluginError: as of `load_file`.
+    """
+    place, data = _read(path)
+    sha256 = hashlib.sha256(data).hexdigest()
+    known = _files.get(place)
+    if known is not None:
+        if known.sha256 != sha256:
+            raise PluginError(f"{path}: was changed since this process loaded it; start again")
+        return known
+    _corruptions().load_installed()  # plug-ins come first: a name that both have is an error
+    load_environment()
+    known = _files.get(place)
+    if known is None:
+        known = _installed(place, sha256)
+    if known is None:
+        known = _execute(place, data, sha256)
+    _files[place] = known
+    return known
+
+
+def _read(path: PathLike) -> tuple[str, bytes]:
+    """Return the place of a file and its bytes.
+
+    Raises:
+        PluginError: it is no Python file, or cannot be read.
+    """
+    path = Path(path).expanduser()
+    if path.suffix != SUFFIX:
+        raise PluginError(f"{path}: not a Python file; give a file that ends in {SUFFIX}")
     place = os.path.realpath(path)
     if os.pathsep in place:
         found = f"its path holds {os.pathsep!r}, which parts the paths of {VARIABLE}"
@@ -128,80 +233,131 @@ def _read(path: str | os.PathLike[str]) -> tuple[str, bytes]:
     try:
         return place, Path(place).read_bytes()
     except OSError as error:
-        reason = error.strerror or error
+        reason = error.strerror or str(error)
         raise PluginError(f"{path}: not a Python file that can be read ({reason})") from None
+
+
+def _module_of_file(place: str) -> ModuleType:
+    """Return a file as a module; other processes learn of it where it registers something."""
+    return sys.modules[run_file(place).module]
+
+
+def _import(module: str, text: str) -> ModuleType:
+    """Import the module of a reference.
+
+    Raises:
+        PluginError: it is not there, or raises.
+        KeyboardInterrupt: the user stopped it.
+    """
+    try:
+        return importlib.import_module(module)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # SystemExit too: a module may raise anything
+        why = f"{reason_of(error)} ({place_of(error)})"
+        missing = error.name if isinstance(error, ModuleNotFoundError) else None
+        if missing is not None and missing in module:
+            why = f"there is no module {missing!r}; a file is named by its path, file.py:Class"
+        raise PluginError(f"{text}: cannot be imported: {why}") from error
 
 
 def _installed(place: str, sha256: str) -> LoadedFile | None:
     """Return a file that was imported as a module already, as a plug-in of that very file is."""
-    registry = _registry()
-    classes = [registry.find(name) for name in registry.names()]
-    same = [cls for cls in classes if os.path.realpath(_source(cls) or os.devnull) == place]
-    if not same:
-        return None
-    return _loaded(place, sha256, same[0].__module__)
-
-
-def _source(cls: type[Any]) -> str | None:
-    return getattr(sys.modules.get(cls.__module__), "__file__", None)
+    for registry in registries():
+        for entry in registry.entries.values():
+            source = file_of_module(entry)
+            if source is None or os.path.realpath(source) != place:
+                continue
+            module = module_of(entry)
+            return _loaded(place, sha256, module)
+    return None
 
 
 def _hash(path: str) -> str:
-    return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    content = Path(path).read_bytes()
+    return hashlib.sha256(content).hexdigest()
 
 
-def _execute(place: str, data: bytes, sha256: str) -> LoadedFile:
-    """Run the bytes that were read and hashed as a module of its own."""
+def _execute(
+    place: str,
+    data: bytes,
+    sha256: str,
+) -> LoadedFile:
+    """Run the bytes that were read and hashed as a module of its own.
+
+    Raises:
+        PluginError: they cannot be compiled, or raise.
+        KeyboardInterrupt: the user stopped them.
+    """
     stem = re.sub(r"\W", "_", Path(place).stem)
-    name = f"hijack_file_{stem}_{hashlib.sha256(place.encode()).hexdigest()[:8]}"
-    module = sys.modules[name] = ModuleType(name)
+    digest = hashlib.sha256(place.encode()).hexdigest()
+    name = f"hijack_file_{stem}_{digest[:8]}"
+    module = ModuleType(name)
     module.__file__ = place
-    registry = _registry()
+    sys.modules[name] = module
     try:
-        with undone_on_failure(registry.entries()):
+        with undone_on_failure():
             exec(compile(data, place, "exec", dont_inherit=True), vars(module))  # noqa: S102
             file = _loaded(place, sha256, name)
-            for corruption in file.corruptions:
-                registry.check_usable(registry.find(corruption))
+            for registry, key in _registered(name):
+                registry.check(registry.get(key))
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # SystemExit too: a file may raise anything
         del sys.modules[name]
-        reason = f"cannot be imported{_line(error, place)}: {reason_of(error)}"
-        raise PluginError(f"{place}: {reason}") from error
-    if not file.corruptions and not file.effects:
-        raise PluginError(
-            f"{place}: registers no corruption and no effect; decorate a class with "
-            "@hijack_data.register or @online_env.effects.register"
-        )
+        line = _line(error, place)
+        raise PluginError(f"{place}: cannot be imported{line}: {reason_of(error)}") from error
     for corruption in file.corruptions:
-        copyreg.pickle(registry.find(corruption), _reduce)
+        copyreg.pickle(_corruptions().get(corruption), _reduce)
     return file
 
 
-def _loaded(place: str, sha256: str, module: str) -> LoadedFile:
-    """Effects belong to `online_env`; a file that registers one has imported it."""
-    kinds: list[str] = []
-    if "online_env.effects" in sys.modules:
-        kinds = importlib.import_module("online_env.effects.checking").kinds_of(module)
-    return LoadedFile(place, sha256, module, tuple(_registry().registered(module)), tuple(kinds))
+def _registered(module: str) -> Iterator[tuple[Registry[Any], str]]:
+    """Yield what a module registered: the registry and the name."""
+    for registry in registries():
+        for name in registry.of_module(module):
+            yield registry, name
+
+
+def _loaded(
+    place: str,
+    sha256: str,
+    module: str,
+) -> LoadedFile:
+    names: dict[str, tuple[str, ...]] = {}
+    for registry, name in _registered(module):
+        others = names.get(registry.kind, ())
+        names[registry.kind] = (*others, name)
+    return LoadedFile(
+        path=place,
+        sha256=sha256,
+        module=module,
+        names=names,
+    )
 
 
 def _line(error: BaseException, place: str) -> str:
-    """Say which line of the file was running."""
-    frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == place]
-    return f" (line {frames[-1].lineno})" if frames else ""
+    """Return which line of the file was running, in words."""
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [frame.lineno for frame in frames if frame.filename == place]
+    return f" (line {lines[-1]})" if lines else ""
 
 
 def _announce(place: str) -> None:
     """Let processes that are started from here know the file, whatever their folder."""
-    places = dict.fromkeys([*map(os.path.realpath, _entries()), place])
-    os.environ[VARIABLE] = os.pathsep.join(places)
+    places = [os.path.realpath(entry) for entry in _entries()]
+    if place not in places:
+        places.append(place)
+    os.environ[VARIABLE] = os.pathsep.join(dict.fromkeys(places))
     _listed.add(place)
 
 
 def _reduce(spec: "Corruption") -> tuple[Any, ...]:
-    """Pickle a corruption of a file: as the file, and the values of its parameters."""
+    """Pickle a corruption of a file: as the file, and the values of its parameters.
+
+    Raises:
+        PluginError: the file was forgotten.
+    """
     file = file_of(type(spec))
     if file is None:
         raise PluginError(f"{spec.name}: the file that it was loaded from is not known any more")
@@ -209,13 +365,24 @@ def _reduce(spec: "Corruption") -> tuple[Any, ...]:
     return _revive, (file.path, file.sha256, spec.name, values)
 
 
-def _revive(path: str, sha256: str, name: str, values: Mapping[str, Any]) -> "Corruption":
-    """Make a corruption of a file in another process."""
-    if not any(file.sha256 == sha256 for file in _files.values()):
-        found = load_file(path)
-        if found.sha256 != sha256:
+def _revive(
+    path: str,
+    sha256: str,
+    name: str,
+    values: Mapping[str, Any],
+) -> "Corruption":
+    """Make a corruption of a file in another process.
+
+    Raises:
+        HijackError: the file has other bytes here.
+    """
+    known = [file.sha256 for file in _files.values()]
+    if sha256 not in known:
+        found = load_file(path).sha256
+        if found != sha256:
             raise HijackError(
-                f"{path}: another file (SHA-256 {found.sha256[:12]}) than the one that {name} was "
+                f"{path}: another file (SHA-256 {found[:12]}) than the one that {name} was "
                 f"loaded from ({sha256[:12]}); every process needs the same file under this path"
             )
-    return _registry().find(name)(**values)
+    cls = _corruptions().get(name)
+    return cls(**values)

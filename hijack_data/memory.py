@@ -7,14 +7,19 @@ from numpy.lib.stride_tricks import as_strided
 
 
 def overlaps(shape: tuple[int, ...], strides: tuple[int, ...]) -> bool:
-    """Tell whether two elements of an array of bytes share memory; strides are in bytes.
+    """Tell whether two elements of an array of bytes share memory.
 
-    Arrays as they usually are cost two microseconds. What the strides do not tell is tried out, in
-    as much memory as the array spans.
+    Usual arrays take two microseconds. If the strides do not decide it, it is tried out, in as much
+    memory as the array spans.
+
+    Args:
+        shape: of the array.
+        strides: in bytes.
     """
     pairs = zip(strides, shape, strict=True)
     axes = sorted((abs(step), count) for step, count in pairs if count > 1)
-    reach, apart = 0, True  # the offset of the last element along the axes so far
+    reach = 0  # the offset of the last element along the axes so far
+    apart = True
     for step, count in axes:
         apart = apart and step > reach
         reach += step * (count - 1)
@@ -24,6 +29,7 @@ def overlaps(shape: tuple[int, ...], strides: tuple[int, ...]) -> bool:
     if total > reach + 1:
         return True
     touched = np.zeros(reach + 1, bool)
-    counts, steps = zip(*((count, step) for step, count in axes), strict=True)
+    counts = [count for _, count in axes]
+    steps = [step for step, _ in axes]
     as_strided(touched, counts, steps)[...] = True
     return int(np.count_nonzero(touched)) < total

@@ -1,4 +1,7 @@
-"""Parameters of a corruption: one declaration gives the default, the check, the error text and the documentation."""
+"""Parameters of a corruption, each declared once.
+
+The declaration gives the default, the check, the error text and the documentation.
+"""
 
 import dataclasses
 import math
@@ -9,10 +12,15 @@ from typing import Any, Literal, TypeAlias, cast
 
 from PIL import ImageColor
 
-from .errors import ParameterError, ParameterTypeError, shown, suggest
+from .errors import ParameterError, ParameterTypeError, shown, some_of, suggest
 
-Kind: TypeAlias = Literal["bool", "int", "float", "str", "color", "choice", "steps", "ip"]
+ParamKind: TypeAlias = Literal["bool", "int", "float", "str", "color", "choice", "steps", "ip"]
 _KEY = "agenthijack"
+# Kinds that need more than one word for people.
+_WORDS: Mapping[str, str] = {
+    "ip": "IPv4 or IPv6 address",
+    "steps": "step, list of steps, or {every: k}",
+}
 
 
 @dataclass(frozen=True)
@@ -32,7 +40,7 @@ class Parameter:
     `paper` is the key that the paper's YAML uses for it, when it has another name there.
     """
 
-    kind: Kind
+    kind: ParamKind
     doc: str
     low: float | None = None
     high: float | None = None
@@ -41,7 +49,10 @@ class Parameter:
     paper: str | None = None
 
     def check(self, where: str, value: object) -> Any:
-        """Return `value` in its normal form; raise `ParameterTypeError` or `ParameterError` naming `where`."""
+        """Return `value` in its normal form.
+
+        Passes on `ParameterTypeError` and `ParameterError`, which name `where`.
+        """
         if value is None and self.optional:
             return None
         return _CHECKS[self.kind](self, where, value)
@@ -51,20 +62,21 @@ class Parameter:
         """The accepted values, for people."""
         if self.choices:
             return " | ".join(self.choices)
-        ends = [f"{v:g}" for v in (self.low, self.high) if v is not None]
-        text = {"ip": "IPv4 or IPv6 address", "steps": "step, list of steps, or {every: k}"}.get(self.kind, self.kind)
+        text = _WORDS.get(self.kind, self.kind)
         if self.low is not None and self.high is not None:
-            text += f" in [{', '.join(ends)}]"
-        elif ends:
-            text += f" {'>=' if self.low is not None else '<='} {ends[0]}"
-        return text + (" or none" if self.optional else "")
+            text += f" in [{self.low:g}, {self.high:g}]"
+        elif self.low is not None:
+            text += f" >= {self.low:g}"
+        elif self.high is not None:
+            text += f" <= {self.high:g}"
+        return f"{text} or none" if self.optional else text
 
 
 def param(
     default: Any,
     doc: str,
     *,
-    kind: Kind | None = None,
+    kind: ParamKind | None = None,
     low: float | None = None,
     high: float | None = None,
     choices: Sequence[str] = (),
@@ -72,48 +84,80 @@ def param(
     paper: str | None = None,
 ) -> Any:
     """Declare a field of a corruption; the kind follows the default's type when it is not given."""
-    kinds: dict[type, Kind] = {bool: "bool", int: "int", float: "float", str: "str"}
-    chosen: Kind = kind or ("choice" if choices else kinds[type(default)])
+    kinds: dict[type, ParamKind] = {
+        bool: "bool",
+        int: "int",
+        float: "float",
+        str: "str",
+    }
+    chosen: ParamKind = kind or ("choice" if choices else kinds[type(default)])
     meta = Parameter(chosen, doc, low, high, tuple(choices), optional, paper)
     return dataclasses.field(default=default, metadata={_KEY: meta})
 
 
 def parameters(spec: Any) -> dict[str, tuple[Parameter, Any]]:
-    """Return `{name: (parameter, default)}` of a corruption class or instance, in declaration order."""
-    return {f.name: (f.metadata[_KEY], f.default) for f in dataclasses.fields(spec) if _KEY in f.metadata}
+    """Return `{name: (parameter, default)}` of a corruption, in the order of declaration.
+
+    Args:
+        spec: the class, or an instance of it.
+    """
+    declared = [field for field in dataclasses.fields(spec) if _KEY in field.metadata]
+    return {field.name: (field.metadata[_KEY], field.default) for field in declared}
 
 
 def to_json(value: Any) -> Any:
     """Return a checked value as JSON data."""
     if isinstance(value, Every):
         return {"every": value.every}
-    return list(cast("tuple[int, ...]", value)) if isinstance(value, tuple) else value
+    if isinstance(value, tuple):
+        return list(cast("tuple[int, ...]", value))
+    return value
 
 
 def is_due(steps: Steps, step: int) -> bool:
-    """Whether a schedule fires at `step`."""
+    """Return whether a schedule fires at `step`."""
     if isinstance(steps, Every):
         return step > 0 and step % steps.every == 0
-    return step in steps if isinstance(steps, tuple) else step == steps
+    if isinstance(steps, tuple):
+        return step in steps
+    return step == steps
 
 
-def _wrong_type(where: str, value: object, wanted: str) -> ParameterTypeError:
+def _wrong_type(
+    where: str,
+    value: object,
+    wanted: str,
+) -> ParameterTypeError:
     found = f"{shown(value)} ({type(value).__name__})"
     return ParameterTypeError(f"{where} must be {wanted}, got {found}")
 
 
-def _in_range(p: Parameter, where: str, value: float) -> None:
-    if (p.low is not None and value < p.low) or (p.high is not None and value > p.high):
+def _in_range(
+    p: Parameter,
+    where: str,
+    value: float,
+) -> None:
+    is_low = p.low is not None and value < p.low
+    is_high = p.high is not None and value > p.high
+    if is_low or is_high:
         raise ParameterError(f"{where} must be {p.accepts}, got {shown(value)}")
 
 
-def _check_bool(p: Parameter, where: str, value: object) -> bool:
+def _check_bool(
+    p: Parameter,
+    where: str,
+    value: object,
+) -> bool:
     if not isinstance(value, bool):
         raise _wrong_type(where, value, "true or false")
     return value
 
 
-def _check_int(p: Parameter, where: str, value: object) -> int:
+def _check_int(
+    p: Parameter,
+    where: str,
+    value: object,
+) -> int:
     if isinstance(value, bool):
         raise _wrong_type(where, value, "an integer")
     try:
@@ -124,7 +168,11 @@ def _check_int(p: Parameter, where: str, value: object) -> int:
     return number
 
 
-def _check_float(p: Parameter, where: str, value: object) -> float:
+def _check_float(
+    p: Parameter,
+    where: str,
+    value: object,
+) -> float:
     if isinstance(value, bool) or not hasattr(value, "__float__"):
         raise _wrong_type(where, value, "a number")
     try:
@@ -139,7 +187,11 @@ def _check_float(p: Parameter, where: str, value: object) -> float:
     return number
 
 
-def _check_str(p: Parameter, where: str, value: object) -> str:
+def _check_str(
+    p: Parameter,
+    where: str,
+    value: object,
+) -> str:
     if not isinstance(value, str):
         raise _wrong_type(where, value, "a string")
     bad = next((c for c in value if ord(c) < 32 and c not in "\n\t"), None)
@@ -148,16 +200,25 @@ def _check_str(p: Parameter, where: str, value: object) -> str:
     return value
 
 
-def _check_choice(p: Parameter, where: str, value: object) -> str:
+def _check_choice(
+    p: Parameter,
+    where: str,
+    value: object,
+) -> str:
     if not isinstance(value, str):
-        raise _wrong_type(where, value, f"one of {', '.join(p.choices)}")
+        raise _wrong_type(where, value, f"one of {some_of(p.choices)}")
     if value not in p.choices:
-        wanted, hint = ", ".join(p.choices), suggest(value, p.choices)
+        wanted = some_of(p.choices)
+        hint = suggest(value, p.choices)
         raise ParameterError(f"{where} must be one of {wanted}, got {shown(value)}{hint}")
     return value
 
 
-def _check_color(p: Parameter, where: str, value: object) -> str:
+def _check_color(
+    p: Parameter,
+    where: str,
+    value: object,
+) -> str:
     if isinstance(value, list | tuple):
         parts = cast("Sequence[object]", value)
         if len(parts) == 3 and all(_is_channel(v) for v in parts):
@@ -171,17 +232,24 @@ def _check_color(p: Parameter, where: str, value: object) -> str:
         raise
     except ValueError:
         hint = suggest(value.lower(), ImageColor.colormap) if value.isalpha() else ""
-        hint = hint if "did you mean" in hint else "; use a CSS colour name or '#rrggbb'"
+        if "did you mean" not in hint:
+            hint = "; use a CSS colour name or '#rrggbb'"
         raise ParameterError(f"{where} is not a colour: {shown(value)}{hint}") from None
     return value
 
 
 def _is_channel(value: object) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= 255
+    if isinstance(value, bool) or not isinstance(value, int):
+        return False
+    return 0 <= value <= 255
 
 
 def _opaque(color: str, where: str) -> tuple[int, int, int]:
-    """Return the channels of a colour. Raises `ValueError` for what is none, or transparent."""
+    """Return the channels of a colour. Passes on `ValueError` for a text that is no colour.
+
+    Raises:
+        ParameterError: the colour has transparency.
+    """
     channels = ImageColor.getrgb(color)
     if len(channels) != 3:
         solid = "#{:02x}{:02x}{:02x}".format(*channels)
@@ -190,25 +258,40 @@ def _opaque(color: str, where: str) -> tuple[int, int, int]:
     return channels
 
 
-def _check_steps(p: Parameter, where: str, value: object) -> Steps:
-    if isinstance(value, Every | Mapping):
-        data = {"every": value.every} if isinstance(value, Every) else cast("Mapping[object, object]", value)
+def _check_steps(
+    p: Parameter,
+    where: str,
+    value: object,
+) -> Steps:
+    if isinstance(value, Every):
+        return _every(where, value.every)
+    if isinstance(value, Mapping):
+        data = cast("Mapping[object, object]", value)
         if set(data) != {"every"}:
-            found = shown(cast(object, value))
-            raise ParameterError(f"{where} as a mapping must be {{every: k}}, got {found}")
-        return Every(_check_int(Parameter("int", "", low=1), f"{where}.every", data["every"]))
+            raise ParameterError(f"{where} as a mapping must be {{every: k}}, got {shown(data)}")
+        return _every(where, data["every"])
     if isinstance(value, list | tuple):
         items = cast("Sequence[object]", value)
         if not items:
             raise ParameterError(f"{where} is an empty list of steps; give at least one step")
-        return tuple(sorted({_check_int(p, f"{where}[{i}]", v) for i, v in enumerate(items)}))
+        steps = {_check_int(p, f"{where}[{i}]", item) for i, item in enumerate(items)}
+        return tuple(sorted(steps))
     try:
         return _check_int(p, where, value)
     except ParameterTypeError:
         raise _wrong_type(where, value, "a step, a list of steps or {every: k}") from None
 
 
-def _check_ip(p: Parameter, where: str, value: object) -> str:
+def _every(where: str, value: object) -> Every:
+    positive = Parameter("int", "", low=1)
+    return Every(_check_int(positive, f"{where}.every", value))
+
+
+def _check_ip(
+    p: Parameter,
+    where: str,
+    value: object,
+) -> str:
     if not isinstance(value, str):
         raise _wrong_type(where, value, "an IP address as a string")
     try:
@@ -221,8 +304,9 @@ def _check_ip(p: Parameter, where: str, value: object) -> str:
 def address(text: str) -> str:
     """Return an IPv4 or IPv6 address in its normal form.
 
-    Raises `ValueError` for what is none, and for one with a zone (`fe80::1%eth0`): firewalls take
-    none, and a zone may hold any characters.
+    Raises:
+        ValueError: the text is no address, or has a zone (`fe80::1%eth0`): firewalls take none,
+            and a zone may hold any characters.
     """
     import ipaddress
 
@@ -231,7 +315,7 @@ def address(text: str) -> str:
     return str(ipaddress.ip_address(text))
 
 
-_CHECKS: dict[Kind, Callable[[Parameter, str, object], Any]] = {
+_CHECKS: dict[ParamKind, Callable[[Parameter, str, object], Any]] = {
     "bool": _check_bool,
     "int": _check_int,
     "float": _check_float,
@@ -244,5 +328,5 @@ _CHECKS: dict[Kind, Callable[[Parameter, str, object], Any]] = {
 
 
 def rgb(color: str) -> tuple[int, int, int]:
-    """Return a colour as (r, g, b), each 0..255. Raises `ValueError` for what is none."""
+    """Return a colour as (r, g, b), each 0..255. Passes on `ValueError` for any other text."""
     return _opaque(color, "colour")

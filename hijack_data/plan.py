@@ -1,23 +1,24 @@
 """A plan: what to do to one picture, as data.
 
-A plan is made once, on the host, and applied alike by every backend, stored in a dataset row, and replayed years
-later. It holds integers and recipes, no pixels. `to_json` and `from_json` are exact inverses; `digest` names a plan.
+A plan is made once, on the host, and applied alike by every backend, stored in a dataset row, and
+replayed years later. It holds integers and recipes, no pixels. `to_json` and `from_json` are exact
+inverses; `digest` names a plan.
 """
 
 import hashlib
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, TypeAlias, cast
 
 from .coords import CoordMap
+from .drawing.raster import render
+from .drawing.sprite import Sprite
 from .errors import HijackError, ParameterTypeError, PlanError, shown, suggest
 from .frozen import freeze, thaw
 from .limits import check_area
-from .raster import render
-from .sprite import Sprite
 from .types import MAX_SIDE, Point, Size, as_size
 
 FORMAT = "agenthijack-plan"
@@ -30,9 +31,10 @@ _FINGERPRINT = re.compile(r"[0-9a-f]{16}")
 class Paste:
     """Stamp one sprite at one or more places.
 
-    `at` holds the top-left corners (x, y) in pixels of the picture as it is when the operation runs; parts outside the
-    picture are cut off. `fingerprint` is that of the sprite when the plan was made; a plan that is applied where it was
-    made never asks for it, so it is worked out when the plan is first compared, pickled or written down.
+    `at` holds the top-left corners (x, y) in pixels of the picture as it is when the operation
+    runs; parts outside the picture are cut off. `fingerprint` is that of the sprite when the plan
+    was made; a plan that is applied where it was made never asks for it, so it is worked out when
+    the plan is first compared, pickled or written down.
     """
 
     sprite: Mapping[str, Any]
@@ -46,16 +48,25 @@ class Paste:
             del vars(self)["fingerprint"]
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"sprite": self.sprite, "at": self.at, "fingerprint": self.fingerprint}
+        return {
+            "sprite": self.sprite,
+            "at": self.at,
+            "fingerprint": self.fingerprint,
+        }
 
     def draws_as_planned(self, sprite: Sprite) -> bool:
-        """Tell whether `sprite`, drawn here from the recipe, is the one that was planned, here or elsewhere."""
+        """Tell whether `sprite`, drawn here from the recipe, is the one that was planned."""
         return "fingerprint" not in vars(self) or sprite.fingerprint == self.fingerprint
 
     def to_data(self) -> dict[str, Any]:
-        """JSON data of the operation."""
-        at = [list(p) for p in self.at]
-        return {"op": "paste", "sprite": dict(self.sprite), "at": at, "fingerprint": self.fingerprint}
+        """Return JSON data of the operation."""
+        at = [list(point) for point in self.at]
+        return {
+            "op": "paste",
+            "sprite": dict(self.sprite),
+            "at": at,
+            "fingerprint": self.fingerprint,
+        }
 
 
 @dataclass(frozen=True)
@@ -74,7 +85,11 @@ class Resample:
 
     def to_data(self) -> dict[str, Any]:
         """JSON data of the operation."""
-        return {"op": "resample", "size": list(self.size), "filter": "bicubic"}
+        return {
+            "op": "resample",
+            "size": list(self.size),
+            "filter": "bicubic",
+        }
 
 
 Op: TypeAlias = Paste | Resample
@@ -149,20 +164,30 @@ class Plan:
         return CoordMap(observation=self.out_size, screen=self.size)
 
     def then(self, other: "Plan") -> "Plan":
-        """Return the plan that does this one and then `other`, which must be made for this one's `out_size`."""
+        """Return the plan that does this one and then `other`.
+
+        Raises:
+            ParameterTypeError: `other` is no plan.
+            PlanError: it was not made for the `out_size` of this one.
+        """
         if not isinstance(cast(object, other), Plan):
             raise ParameterTypeError(f"Plan.then takes a Plan, got {type(other).__name__}")
         if other.size != self.out_size:
-            raise PlanError(
-                f"cannot join {self.corruption} (gives {self.out_size}) and {other.corruption} (made for {other.size})"
-            )
-        if self.corruption == CLEAN or other.corruption == CLEAN:
-            kept = other if self.corruption == CLEAN else self
-            return Plan(kept.corruption, self.size, kept.params, kept.ops, kept.effects, self.notes + other.notes)
-        params = {**_by_name(self), **_by_name(other)}
-        name = f"{self.corruption}+{other.corruption}"
+            first = f"{self.corruption} (gives {self.out_size})"
+            second = f"{other.corruption} (made for {other.size})"
+            raise PlanError(f"cannot join {first} and {second}")
+        notes = self.notes + other.notes
+        if self.corruption == CLEAN:
+            return replace(other, size=self.size, notes=notes)
+        if other.corruption == CLEAN:
+            return replace(self, notes=notes)
         return Plan(
-            name, self.size, params, self.ops + other.ops, self.effects + other.effects, self.notes + other.notes
+            corruption=f"{self.corruption}+{other.corruption}",
+            size=self.size,
+            params={**_by_name(self), **_by_name(other)},
+            ops=self.ops + other.ops,
+            effects=self.effects + other.effects,
+            notes=notes,
         )
 
     def to_data(self) -> dict[str, Any]:
@@ -188,8 +213,10 @@ class Plan:
     def from_json(cls, text: str | bytes) -> "Plan":
         """Read a plan.
 
-        Raises `PlanError` when it is damaged, was edited, is of a newer version or asks for more
-        than `limits` allows, and `ParameterTypeError` when `text` is neither `str` nor `bytes`.
+        Raises:
+            PlanError: it is damaged, was edited, is of a newer version or asks for more than
+                `limits` allows.
+            ParameterTypeError: `text` is neither `str` nor `bytes`.
         """
         if not isinstance(cast(object, text), str | bytes | bytearray):
             raise ParameterTypeError(
@@ -204,7 +231,11 @@ class Plan:
 
     @classmethod
     def from_data(cls, data: object) -> "Plan":
-        """Read a plan from JSON data; see `from_json`."""
+        """Read a plan from JSON data.
+
+        Raises:
+            PlanError: see `from_json`.
+        """
         if not isinstance(data, dict) or cast("dict[str, Any]", data).get("format") != FORMAT:
             raise PlanError(f"plan: not an AgentHijack plan (field 'format' must be {FORMAT!r})")
         body = dict(cast("dict[str, Any]", data))
@@ -240,15 +271,25 @@ def _by_name(plan: Plan) -> Mapping[str, Any]:
     return plan.params if "+" in plan.corruption else {plan.corruption: plan.params}
 
 
-def _check(value: object, kind: Any, where: str, wanted: str) -> Any:
-    """Return `value` where it is of a type, with `bool` being no `int`."""
+def _check(
+    value: object,
+    kind: Any,
+    where: str,
+    wanted: str,
+) -> Any:
+    """Return `value` if it is of a type; a `bool` is no `int`."""
     if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
         found = f"{shown(value)} ({type(value).__name__})"
         raise PlanError(f"plan: {where} has the wrong type: {found}; it must be {wanted}")
     return value
 
 
-def _check_all(values: object, kind: Any, where: str, wanted: str) -> None:
+def _check_all(
+    values: object,
+    kind: Any,
+    where: str,
+    wanted: str,
+) -> None:
     for index, value in enumerate(_check(values, tuple, where, "a tuple")):
         _check(value, kind, f"{where}[{index}]", wanted)
 
@@ -288,7 +329,11 @@ def _check_version(version: object) -> None:
         raise PlanError(f"plan: version {version} {newer}; upgrade agenthijack")
 
 
-def _fields(data: object, kinds: Mapping[str, type], where: str) -> dict[str, Any]:
+def _fields(
+    data: object,
+    kinds: Mapping[str, type],
+    where: str,
+) -> dict[str, Any]:
     """Return a JSON object that has the fields of `kinds`, of these types, and no others."""
     found: dict[str, Any] = _check(data, dict, where or "it", "an object")
     dot = f"{where}." if where else ""
@@ -302,7 +347,12 @@ def _fields(data: object, kinds: Mapping[str, type], where: str) -> dict[str, An
     return found
 
 
-_WORDS = {str: "a string", int: "an integer", list: "a list", dict: "an object"}
+_WORDS = {
+    str: "a string",
+    int: "an integer",
+    list: "a list",
+    dict: "an object",
+}
 _PLAN = {
     "format": str,
     "version": int,
@@ -313,8 +363,17 @@ _PLAN = {
     "effects": list,
     "notes": list,
 }
-_PASTE = {"op": str, "sprite": dict, "at": list, "fingerprint": str}
-_RESAMPLE = {"op": str, "size": list, "filter": str}
+_PASTE = {
+    "op": str,
+    "sprite": dict,
+    "at": list,
+    "fingerprint": str,
+}
+_RESAMPLE = {
+    "op": str,
+    "size": list,
+    "filter": str,
+}
 _EFFECT = {"effect": str, "params": dict}
 
 

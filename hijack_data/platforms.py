@@ -11,7 +11,8 @@ OURS: Platform = "linux-xfce"
 _ALIASES: dict[str, Platform] = {
     "xfce": "linux-xfce",
     "xfce4": "linux-xfce",
-    "embedded": "linux-xfce",  # the domain that our own recorder writes: the embedded desktop is Xfce
+    # the domain that our own recorder writes: the embedded desktop is Xfce
+    "embedded": "linux-xfce",
     "ubuntu": "linux",
     "debian": "linux",
     "fedora": "linux",
@@ -33,7 +34,7 @@ _ALIASES: dict[str, Platform] = {
 
 
 def find_platform(name: object) -> Platform | None:
-    """Return the platform that a word names (`"Darwin"` is `"macos"`), or `None` where it names none that is known."""
+    """Return the platform that a word names, such as `"macos"` for `"Darwin"`, or `None`."""
     if not isinstance(name, str):
         return None
     plain = "-".join(name.strip().lower().replace("_", " ").replace("-", " ").split())
@@ -43,10 +44,14 @@ def find_platform(name: object) -> Platform | None:
 def as_platform(name: object, what: str = "platform") -> Platform:
     """Return the platform of a name that must be one.
 
-    Raises `ParameterError` for another name, `ParameterTypeError` for what is no text.
+    Raises:
+        ParameterError: the name is unknown.
+        ParameterTypeError: it is not a text.
     """
     if not isinstance(name, str):
-        raise ParameterTypeError(f"{what} must be the name of a platform ({', '.join(PLATFORMS)}), got {name!r:.80}")
+        raise ParameterTypeError(
+            f"{what} must be the name of a platform ({', '.join(PLATFORMS)}), got {name!r:.80}"
+        )
     found = find_platform(name)
     if found is None:
         raise ParameterError(f"{what}: unknown platform {name!r:.80}{suggest(name, PLATFORMS)}")

@@ -1,27 +1,26 @@
-"""Plug-ins: installed packages that register things when they are imported, found by entry points.
+"""Plug-ins: installed packages that register things, found by their entry points.
 
-One that cannot be loaded is named in a `PluginWarning`, once a process, and left out; everything
-else goes on. `hijack doctor` lists them all.
+An entry point names a module, which registers what it offers when it is imported, or
+`module:attribute`, which is registered under the name of the entry point unless it holds its own.
+A plug-in that cannot be loaded is named in a `PluginWarning`, once a process, and left out; all
+others work. `hijack doctor` lists them all.
 """
 
 import importlib
 import sys
 import traceback
 import warnings
-from collections.abc import Callable, Generator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from .errors import HijackError, PluginWarning
+from .errors import HijackError, PluginError, PluginWarning
+from .registry import PREFIX, Registry, undone_on_failure
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
-PREFIX = "agenthijack."
 
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Plugin:
     """One entry point of an installed package.
 
@@ -60,28 +59,26 @@ class Plugin:
 _loaded: dict[str, list[Plugin]] = {}
 
 
-def load_plugins(
-    group: str,
-    registry: dict[str, Any] | None = None,
-    check: Callable[[Any], object] = lambda _: None,
-) -> None:
-    """Import what installed packages offer under the entry-point `group`, once a process.
+def load_plugins(group: str, registry: Registry[Any]) -> None:
+    """Import what installed packages offer under an entry-point group, once a process.
 
     A plug-in that raises, whatever it raises, is left out: a `PluginWarning` names it, its package
     and the command that removes it.
 
     Args:
         group: of entry points.
-        registry: where its plug-ins register; what a broken one put there is taken out again.
-        check: called with each new entry of `registry`; raises when that cannot be used.
+        registry: where its plug-ins register; its `check` is called with each new entry.
     """
     if group in _loaded:
         return
-    import importlib.metadata  # a quarter of the import time of the whole package, and only needed here
+    # a quarter of the import time of the whole package, and only needed here
+    import importlib.metadata
 
-    found = _loaded[group] = []  # before the imports: a plug-in may itself ask for the names
-    entries = sorted(importlib.metadata.entry_points(group=group), key=lambda e: e.name)
-    found.extend(_load(entry, {} if registry is None else registry, check) for entry in entries)
+    found: list[Plugin] = []
+    _loaded[group] = found  # before the imports: a plug-in may itself ask for the names
+    entries = importlib.metadata.entry_points(group=group)
+    in_order = sorted(entries, key=lambda entry: entry.name)
+    found.extend(_load(entry, registry) for entry in in_order)
     for plugin in broken(group):
         _warn(plugin)
 
@@ -99,7 +96,9 @@ def broken(group: str) -> tuple[Plugin, ...]:
 def left_out(group: str) -> str:
     """Return what an error on an unknown name adds: one of the broken plug-ins may be meant."""
     lost = [f"{plugin.title}: {plugin.problem}" for plugin in broken(group)]
-    return f" (left out, as they cannot be loaded: {'; '.join(lost)})" if lost else ""
+    if not lost:
+        return ""
+    return f" (left out, as they cannot be loaded: {'; '.join(lost)})"
 
 
 def groups() -> list[str]:
@@ -109,24 +108,15 @@ def groups() -> list[str]:
     return sorted(g for g in importlib.metadata.entry_points().groups if g.startswith(PREFIX))
 
 
-@contextmanager
-def undone_on_failure(registry: dict[str, Any]) -> Generator[None]:
-    """Put a registry back as it was when the body raises."""
-    before = dict(registry)
-    try:
-        yield
-    except BaseException:
-        registry.clear()
-        registry.update(before)
-        raise
-
-
 def reason_of(error: BaseException) -> str:
-    """Return what an exception says, in one line; our own errors speak for themselves."""
-    said = " ".join(str(error).split())
-    if isinstance(error, HijackError) and said:
-        return said
-    return f"{type(error).__name__}: {said}" if said else type(error).__name__
+    """Return the message of an exception in one line, with its type unless it is one of ours."""
+    message = " ".join(str(error).split())
+    name = type(error).__name__
+    if not message:
+        return name
+    if isinstance(error, HijackError):
+        return message
+    return f"{name}: {message}"
 
 
 def place_of(error: BaseException) -> str:
@@ -135,26 +125,54 @@ def place_of(error: BaseException) -> str:
     return f"{frame.filename}:{frame.lineno}"
 
 
-def _load(entry: "EntryPoint", registry: dict[str, Any], check: Callable[[Any], object]) -> Plugin:
+def _load(entry: "EntryPoint", registry: Registry[Any]) -> Plugin:
     module = entry.value.partition(":")[0].strip()
-    package = entry.dist.name if entry.dist else "an unknown package"
-    version = entry.dist.version if entry.dist else ""
-    before = set(registry)
+    before = set(registry.entries)
     new: list[str] = []
     problem = ""
     try:
-        with undone_on_failure(registry):
+        with undone_on_failure():
             try:
-                importlib.import_module(module)
+                _register(entry, module, registry)
             finally:
-                new = [name for name in registry if name not in before]
+                new = [name for name in registry.entries if name not in before]
             for name in new:
-                check(registry[name])
+                registry.check(registry.get(name))
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # noqa: BLE001  (SystemExit too: a plug-in may raise anything)
         problem = reason_of(error)
-    return Plugin(entry.group, entry.name, module, package, version, tuple(new), problem)
+    own = [name for name in registry.of_module(module) if name not in new]
+    return Plugin(
+        group=entry.group,
+        name=entry.name,
+        module=module,
+        package=entry.dist.name if entry.dist else "an unknown package",
+        version=entry.dist.version if entry.dist else "",
+        names=(*new, *own),
+        problem=problem,
+    )
+
+
+def _register(
+    entry: "EntryPoint",
+    module: str,
+    registry: Registry[Any],
+) -> None:
+    """Import the module of an entry point, and register the attribute that it may name.
+
+    Raises:
+        PluginError: the module has no such attribute.
+    """
+    thing: Any = importlib.import_module(module)
+    path = entry.attr
+    if not path:
+        return
+    for attribute in path.split("."):
+        if not hasattr(thing, attribute):
+            raise PluginError(f"{module} has no {path!r}, which its entry point names")
+        thing = getattr(thing, attribute)
+    registry.add(thing, entry.name)
 
 
 def _warn(plugin: Plugin) -> None:
@@ -162,5 +180,5 @@ def _warn(plugin: Plugin) -> None:
     workers = sys.modules.get("multiprocessing")
     if workers is not None and workers.parent_process() is not None:
         return
-    said = f"{plugin.title} cannot be loaded and was left out: {plugin.problem}"
-    warnings.warn(f"{said}; mend it, or remove it: {plugin.cure}", PluginWarning, stacklevel=4)
+    problem = f"{plugin.title} cannot be loaded and was left out: {plugin.problem}"
+    warnings.warn(f"{problem}; mend it, or remove it: {plugin.cure}", PluginWarning, stacklevel=4)

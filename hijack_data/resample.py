@@ -1,8 +1,9 @@
 """Integer weights of Pillow's bicubic resize: the only place where a scale becomes numbers.
 
-Pillow resizes uint8 pictures with fixed-point weights of 22 bits, in one pass along rows and one along columns, each
-rounded and clipped to uint8. The weights here are computed in the same order of double-precision operations, so every
-kernel that multiplies and adds them in int32 gives Pillow's bytes.
+Pillow resizes uint8 pictures with fixed-point weights of 22 bits, in one pass along rows and one
+along columns, each rounded and clipped to uint8. The weights here are computed in the same order of
+double-precision operations, so every kernel that multiplies and adds them in int32 gives Pillow's
+bytes.
 """
 
 import math
@@ -21,19 +22,23 @@ _SUPPORT = 2.0
 
 
 def columns_first(source: Size, size: Size) -> bool:
-    """Tell whether the pass along columns comes first: it does for tall pictures that get much less tall.
+    """Tell whether the pass along columns comes first.
 
-    This is the rule of Pillow 13. Older ones always begin with the rows; ours is fixed, whatever Pillow is installed.
+    It does for tall pictures that get much less tall, from `source` to `size`, (height, width).
+    This is the rule of Pillow 13. Older ones always begin with the rows; ours is fixed, whatever
+    Pillow is installed.
     """
-    (height, width), (h, w) = source, size
+    height, width = source
+    h, w = size
     return h < height and height - h > 2 * (width - w)
 
 
 @dataclass(frozen=True, eq=False)
 class Weights:
-    """Weights of one pass: output `i` sums `taps[i, k] * input[first[i] + k]` over `k < taps.shape[1]`.
+    """Weights of one pass.
 
-    `first` is int32 `[n_out]`, `taps` int32 `[n_out, k]`; `first[i] + k` never leaves the input.
+    Output `i` sums `taps[i, k] * input[first[i] + k]` over `k < taps.shape[1]`. `first` is int32
+    `[n_out]`, `taps` int32 `[n_out, k]`; `first[i] + k` never leaves the input.
     """
 
     first: npt.NDArray[np.int32]
@@ -60,7 +65,8 @@ def weights(n_in: int, n_out: int) -> Weights:
     table = _tables.get((n_in, n_out))
     if table is None:
         table = _weights(n_in, n_out)
-        _tables.put((n_in, n_out), table, table.first.nbytes + table.taps.nbytes)
+        nbytes = table.first.nbytes + table.taps.nbytes
+        _tables.put((n_in, n_out), table, nbytes)
     return table
 
 
@@ -73,10 +79,13 @@ def _weights(n_in: int, n_out: int) -> Weights:
     first = np.maximum((centre - support + 0.5).astype(np.int64), 0)
     last = np.minimum((centre + support + 0.5).astype(np.int64), n_in)
     taps = np.arange(width)
-    values = _bicubic((taps + first[:, None] - centre[:, None] + 0.5) * (1.0 / stretch))
-    values[taps >= (last - first)[:, None]] = 0.0
+    distance = taps + first[:, None] - centre[:, None] + 0.5
+    values = _bicubic(distance * (1.0 / stretch))
+    beyond = taps >= (last - first)[:, None]
+    values[beyond] = 0.0
     total = np.zeros(n_out)
-    for k in range(width):  # left to right, as the C loop sums: another order would round differently
+    # left to right, as the C loop sums: another order would round differently
+    for k in range(width):
         total += values[:, k]
     values /= np.where(total == 0.0, 1.0, total)[:, None]
     fixed = values * (1 << PRECISION_BITS)
@@ -84,15 +93,21 @@ def _weights(n_in: int, n_out: int) -> Weights:
     return _trim(first, rounded, n_in)
 
 
-def _trim(first: npt.NDArray[np.int64], taps: npt.NDArray[np.int32], n_in: int) -> Weights:
+def _trim(
+    first: npt.NDArray[np.int64],
+    taps: npt.NDArray[np.int32],
+    n_in: int,
+) -> Weights:
     """Drop columns of zeros and shift windows that stick out at the end back inside."""
     used = int(np.flatnonzero(taps.any(axis=0)).max()) + 1
     taps = taps[:, :used]
     start = np.minimum(first, n_in - used)
     shift = (first - start)[:, None]
     column = np.arange(used) - shift
-    moved = np.where(column >= 0, np.take_along_axis(taps, np.maximum(column, 0), axis=1), 0)
-    start32, moved = start.astype(np.int32), np.ascontiguousarray(moved.astype(np.int32))
+    taken = np.take_along_axis(taps, np.maximum(column, 0), axis=1)
+    moved = np.where(column >= 0, taken, 0)
+    start32 = start.astype(np.int32)
+    moved = np.ascontiguousarray(moved.astype(np.int32))
     start32.setflags(write=False)
     moved.setflags(write=False)
     return Weights(start32, moved)

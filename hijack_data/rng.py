@@ -1,16 +1,17 @@
 """Counter-based random numbers: the same plan for the same key, whatever else was drawn.
 
-A stream is named by `(seed, corruption, sample, step, epoch)` and by nothing else, so a plan does not depend on order,
-batch, worker or process count. The generator is Philox 4x64 with
+A stream is named by `(seed, corruption, sample, step, epoch)` and by nothing else, so a plan does
+not depend on order, batch, worker or process count. The generator is Philox 4x64 with
 
 * key     = (seed, hash of the corruption id),
 * counter = (0, step and epoch, two words of the hash of the sample id).
 
-Inside a combinator the sample id is a `Branch`, which also names the way to the node, so that no two
-nodes of a tree share a stream; its hash cannot meet that of a plain sample id.
+Inside a combinator the sample id is a `Branch`, which also names the way to the node, so that no
+two nodes of a tree share a stream; its hash cannot meet that of a plain sample id.
 
-Only its raw 64-bit words are used; integers and fractions are derived here, because NumPy may change
-`Generator.choice` between versions but not the words of the bit generator. There is no global state.
+Only its raw 64-bit words are used; integers and fractions are derived here, because NumPy may
+change `Generator.choice` between versions but not the words of the bit generator. There is no
+global state.
 """
 
 import hashlib
@@ -39,7 +40,8 @@ class Branch(str):
     def __new__(cls, sample: str, path: tuple[str, ...]) -> "Branch":
         """Make the key; `branch` is how planners get one."""
         made = super().__new__(cls, f"{sample} at {'/'.join(path)}")
-        made.sample, made.path = sample, path
+        made.sample = sample
+        made.path = path
         return made
 
     def __reduce__(self) -> tuple[object, ...]:
@@ -48,9 +50,15 @@ class Branch(str):
 
 
 def branch(sample: int | str, node: int | str) -> Branch:
-    """Return the key for a part of a planner: `node` is its number among the parts, or a short name without a slash.
+    """Return the key for a part of a planner.
 
-    `sample` is what the planner itself was given. Raises `ParameterError` and `ParameterTypeError` for what is no id.
+    Args:
+        sample: the sample id, or the key, that the planner itself was given.
+        node: the number of the part, or a short name without a slash.
+
+    Raises:
+        ParameterError: `sample` is an integer of more than 64 bits.
+        ParameterTypeError: `sample` is neither an integer nor a string.
     """
     if isinstance(sample, Branch):
         return Branch(sample.sample, (*sample.path, str(node)))
@@ -62,28 +70,40 @@ def _sample_text(sample: object) -> str:
     if isinstance(sample, str):
         return sample
     if isinstance(sample, bool) or not hasattr(sample, "__index__"):
-        raise ParameterTypeError(f"sample must be an integer or a string, got {sample!r} ({type(sample).__name__})")
+        found = f"{sample!r} ({type(sample).__name__})"
+        raise ParameterTypeError(f"sample must be an integer or a string, got {found}")
     number = cast(Any, sample).__index__()
     if abs(number) > _MASK:
-        raise ParameterError(f"sample is an integer of {number.bit_length()} bits; give one below 2**64, or a string")
+        advice = "give one below 2**64, or a string"
+        raise ParameterError(f"sample is an integer of {number.bit_length()} bits; {advice}")
     return str(number)
 
 
 def _sample_words(sample: object) -> tuple[int, int]:
     if not isinstance(sample, Branch):
         return _words(_sample_text(sample))
-    # A path holds no line break, so no two branches give one text, and `person` keeps them apart from sample ids.
+    # A path holds no line break, so no two branches give one text, and `person` keeps them apart
+    # from sample ids.
     return _words("/".join(sample.path) + "\n" + sample.sample, person=b"branch")
 
 
 def _words(text: str, person: bytes = b"") -> tuple[int, int]:
-    digest = hashlib.blake2b(text.encode("utf-8", "surrogatepass"), digest_size=16, person=person).digest()
-    return int.from_bytes(digest[:8], "little"), int.from_bytes(digest[8:], "little")
+    data = text.encode("utf-8", "surrogatepass")
+    digest = hashlib.blake2b(data, digest_size=16, person=person).digest()
+    first = int.from_bytes(digest[:8], "little")
+    second = int.from_bytes(digest[8:], "little")
+    return first, second
 
 
-def _integer(value: object, what: str, low: int, high: int) -> int:
+def _integer(
+    value: object,
+    what: str,
+    low: int,
+    high: int,
+) -> int:
     if isinstance(value, bool) or not hasattr(value, "__index__"):
-        raise ParameterTypeError(f"{what} must be an integer, got {value!r} ({type(value).__name__})")
+        found = f"{value!r} ({type(value).__name__})"
+        raise ParameterTypeError(f"{what} must be an integer, got {found}")
     number = cast(Any, value).__index__()
     if not low <= number <= high:
         raise ParameterError(f"{what} must be in [{low}, {high}], got {number}")
@@ -96,12 +116,24 @@ class Stream:
     Args:
         seed: 0 to 2**64 - 1.
         name: corruption id, such as `"marks-v1"`.
-        sample: sample id, an integer or a string (`3` and `"3"` are the same sample), or a `Branch` of one.
+        sample: sample id, an integer or a string (`3` and `"3"` are the same sample), or a `Branch`
+            of one.
         step: step in the trajectory, -2**31 to 2**31 - 1.
         epoch: training epoch, 0 to 2**32 - 1.
+
+    Raises:
+        ParameterError: a number is out of its range.
+        ParameterTypeError: a value is of another type.
     """
 
-    def __init__(self, seed: int, name: str, sample: int | str = 0, step: int = 0, epoch: int = 0) -> None:
+    def __init__(
+        self,
+        seed: int,
+        name: str,
+        sample: int | str = 0,
+        step: int = 0,
+        epoch: int = 0,
+    ) -> None:
         seed = _integer(seed, "seed", 0, _MASK)
         step = _integer(step, "step", -(2**31), 2**31 - 1)
         epoch = _integer(epoch, "epoch", 0, 2**32 - 1)
@@ -113,14 +145,20 @@ class Stream:
 
     def word(self) -> int:
         """Return the next raw word, uniform on 0 to 2**64 - 1."""
-        return self._drawn.pop() if self._drawn else int(self._bits.random_raw())
+        if self._drawn:
+            return self._drawn.pop()
+        return int(self._bits.random_raw())
 
     def random(self) -> float:
         """Return a fraction in [0, 1), a multiple of 2**-53."""
         return (self.word() >> 11) * 2.0**-53
 
     def integer(self, low: int, high: int) -> int:
-        """Return an integer in `[low, high]`, both ends included, without bias."""
+        """Return an integer in `[low, high]`, both ends included, without bias.
+
+        Raises:
+            ParameterError: the range is empty.
+        """
         span = high - low + 1
         if span < 1:
             raise ParameterError(f"empty range [{low}, {high}]")
@@ -131,17 +169,20 @@ class Stream:
         return low + word % span
 
     def integers(self, ranges: Sequence[tuple[int, int]], count: int) -> npt.NDArray[np.int64]:
-        """Return what `integer` would for each of the ranges in turn, `count` times over: int64 `[count, len(ranges)]`.
+        """Return what `integer` would for each of the ranges in turn, `count` times over.
 
-        A hundred numbers take as long as ten that are drawn one by one.
+        The result is int64 `[count, len(ranges)]`. A hundred numbers take as long as ten that are
+        drawn one by one.
         """
         spans = [high - low + 1 for low, high in ranges]
         words: npt.NDArray[np.uint64] = self._bits.random_raw(count * len(ranges))
         last = [_MASK - (_MASK + 1) % span if span > 0 else -1 for span in spans]
         table = words.reshape(count, len(ranges))
-        if self._drawn or min(last) < 0 or (table > np.array(last, np.uint64)).any():  # once in 10**15 words
+        # once in 10**15 words
+        if self._drawn or min(last) < 0 or (table > np.array(last, np.uint64)).any():
             self._drawn = [*words[::-1].tolist(), *self._drawn]
-            return np.array([[self.integer(*pair) for pair in ranges] for _ in range(count)], np.int64)
+            rows = [[self.integer(*pair) for pair in ranges] for _ in range(count)]
+            return np.array(rows, np.int64)
         lows = np.array([low for low, _ in ranges], np.int64)
         return lows + (table % np.array(spans, np.uint64)).astype(np.int64)
 

@@ -7,37 +7,27 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from operator import itemgetter
-from typing import Any, Protocol, cast
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
 
 from .backends import backend_of, to_numpy
+from .drawing.sprite import Sprite
 from .errors import ParameterError, ParameterTypeError, shown
-from .kernels import compare, lower
+from .kernels import lower
+from .kernels.cpu import compare
 from .plan import Paste, Plan, Resample
+from .planner import Planner, as_planner
 from .rng import branch
-from .sprite import Sprite
 from .types import Box, BoxArray, BoxesLike, Scene, Size, as_boxes, as_target, clip_boxes
 
-# A pixel hides what is below it from half opacity on; an element is covered when less than half of it shows.
+# A pixel hides what is below it from half opacity on; an element is covered when less than half of
+# it shows.
 OPAQUE = 128
 COVERED_BELOW = 0.5
 AVOID_TRIES = 16
 MANY = 512  # beyond so many stamps the whole picture is compared
-
-
-class Planner(Protocol):
-    """Anything that plans: a corruption, `OneOf`, `Sequence`, `Schedule`."""
-
-    @property
-    def needs_elements(self) -> bool:
-        """Whether the plan depends on where the interactive elements are."""
-        ...
-
-    def plan(self, scene: Scene, *, seed: int, sample: int | str = 0, step: int | None = None, epoch: int = 0) -> Plan:
-        """Return the plan for one screen."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -45,7 +35,8 @@ class Safety:
     """What a corruption did to the labels of one step.
 
     Args:
-        target_visible: share of the target that still shows, 0..1, or of a drag's end if less; `None` without a target.
+        target_visible: share of the target that still shows, 0..1, or of a drag's end if less;
+            `None` without a target.
         covered: indices of the boxes of which less than half shows.
         changed_pixels: pixels whose colour differs; all of them when the size changed.
     """
@@ -56,7 +47,10 @@ class Safety:
 
 
 def hidden(plan: Plan) -> npt.NDArray[np.bool_]:
-    """Return which pixels of the corrupted picture are painted over, bool `[h, w]` of `plan.out_size`."""
+    """Return which pixels of the corrupted picture are painted over.
+
+    The mask is bool `[h, w]` of `plan.out_size`.
+    """
     mask = np.zeros(plan.size, bool)
     for op in plan.ops:
         if isinstance(op, Paste):
@@ -69,22 +63,39 @@ def hidden(plan: Plan) -> npt.NDArray[np.bool_]:
 def _paint(mask: npt.NDArray[np.bool_], op: Paste) -> None:
     height, width = mask.shape
     for stamp in lower(op, (height, width)):
-        opaque, (h, w) = _opaque(stamp.sprite), stamp.sprite.size
+        opaque = _opaque(stamp.sprite)
+        h, w = stamp.sprite.size
         for y, x in zip(stamp.ys.tolist(), stamp.xs.tolist(), strict=True):
             mask[y : y + h, x : x + w] |= opaque
 
 
 def resized_mask(mask: npt.NDArray[Any], size: Size) -> npt.NDArray[Any]:
-    """Return a mask `[..., H, W]` at another size (height, width): each pixel has the value under its centre."""
+    """Return a mask at another size: each pixel has the value under its centre.
+
+    Args:
+        mask: `[..., H, W]` of any type.
+        size: (height, width) of the result.
+    """
     old_rows, old_columns = mask.shape[-2:]
-    rows = (2 * np.arange(size[0]) + 1) * old_rows // (2 * size[0])
-    columns = (2 * np.arange(size[1]) + 1) * old_columns // (2 * size[1])
+    rows = _nearest(old_rows, size[0])
+    columns = _nearest(old_columns, size[1])
     return mask[..., rows[:, None], columns]
+
+
+def _nearest(old: int, new: int) -> npt.NDArray[np.int64]:
+    """Return, for each of `new` pixels of a side, the one of `old` pixels that its centre meets."""
+    centres = 2 * np.arange(new) + 1
+    return centres * old // (2 * new)
 
 
 @dataclass(frozen=True, eq=False)
 class _Painted:
-    """The stamps that lie on the corrupted picture as they were pasted: sprites, and their boxes `[n, 4]`, `xyxy`."""
+    """The stamps that lie on the corrupted picture as they were pasted.
+
+    Args:
+        sprites: one a stamp.
+        boxes: where they lie, int32 `[n, 4]`, `xyxy`.
+    """
 
     sprites: list[Sprite]
     boxes: BoxArray
@@ -92,12 +103,14 @@ class _Painted:
     def hidden_in(self, boxes: BoxArray) -> list[int] | None:
         """Return how many pixels of each box inside the picture are painted over.
 
-        `None` when so many stamps lie on so many boxes that a mask of the whole picture is quicker.
+        `None` if so many stamps lie on so many boxes that a mask of the whole picture is quicker.
         """
         counts = [0] * len(boxes)
         x1, y1, x2, y2 = boxes.T[:, :, None]
         left, top, right, bottom = self.boxes.T
-        pairs = np.argwhere((left < x2) & (right > x1) & (top < y2) & (bottom > y1))
+        across = (left < x2) & (right > x1)
+        down = (top < y2) & (bottom > y1)
+        pairs = np.argwhere(across & down)
         if len(pairs) > len(boxes) + len(self.boxes):
             return None
         for i, over in groupby(pairs.tolist(), key=itemgetter(0)):
@@ -105,24 +118,37 @@ class _Painted:
         return counts
 
     def _hidden(self, box: list[int], over: list[int]) -> int:
-        """Return how many pixels of a box are painted over by stamps that all share some with it."""
+        """Return how many pixels of a box are painted over by stamps that all overlap it."""
         left, top, right, bottom = box
-        stamps = self.boxes[over].tolist()
         if len(over) == 1 and self.sprites[over[0]].opaque:
-            ((x1, y1, x2, y2),) = stamps
-            return (min(x2, right) - max(x1, left)) * (min(y2, bottom) - max(y1, top))
+            x1, y1, x2, y2 = _common(self.boxes[over[0]].tolist(), box)
+            return (x2 - x1) * (y2 - y1)
         mask = np.zeros((bottom - top, right - left), bool)
-        for k, (x1, y1, x2, y2) in zip(over, stamps, strict=True):
-            rows, columns = (max(y1, top), min(y2, bottom)), (max(x1, left), min(x2, right))
-            part = _opaque(self.sprites[k])[rows[0] - y1 : rows[1] - y1, columns[0] - x1 : columns[1] - x1]
-            mask[rows[0] - top : rows[1] - top, columns[0] - left : columns[1] - left] |= part
+        for k in over:
+            stamp = self.boxes[k].tolist()
+            x1, y1, x2, y2 = _common(stamp, box)
+            opaque = _opaque(self.sprites[k])
+            x = stamp[0]
+            y = stamp[1]
+            part = opaque[y1 - y : y2 - y, x1 - x : x2 - x]
+            mask[y1 - top : y2 - top, x1 - left : x2 - left] |= part
         return int(np.count_nonzero(mask))
 
 
+def _common(one: list[int], other: list[int]) -> Box:
+    """Return what two overlapping boxes share."""
+    left = max(one[0], other[0])
+    top = max(one[1], other[1])
+    right = min(one[2], other[2])
+    bottom = min(one[3], other[3])
+    return left, top, right, bottom
+
+
 def _painted(plan: Plan) -> _Painted | None:
-    """Return what is painted on the corrupted picture, or `None` when a paste was resized afterwards."""
+    """Return what is painted on the corrupted picture; `None` if a paste was resized later."""
     sprites: list[Sprite] = []
-    size, boxes = plan.size, [as_boxes(None)]
+    boxes = [as_boxes(None)]
+    size = plan.size
     for op in plan.ops:
         if isinstance(op, Resample):
             if sprites:
@@ -130,48 +156,82 @@ def _painted(plan: Plan) -> _Painted | None:
             size = op.size
             continue
         for stamp in lower(op, size):
-            (h, w), xs, ys = stamp.sprite.size, stamp.xs, stamp.ys
+            h, w = stamp.sprite.size
+            xs = stamp.xs
+            ys = stamp.ys
             sprites += [stamp.sprite] * len(ys)
-            boxes.append(np.array([xs, ys, xs + w, ys + h], np.int32).T)
+            placed = np.array([xs, ys, xs + w, ys + h], np.int32)
+            boxes.append(placed.T)
     return _Painted(sprites, np.concatenate(boxes))
 
 
 def _opaque(sprite: Sprite) -> npt.NDArray[np.bool_]:
     """Return which pixels of a sprite hide what is below, bool `[h, w]`."""
     if "opaque" not in sprite.scratch:
-        opaque = np.broadcast_to(True, sprite.size) if sprite.opaque else sprite.alpha >= OPAQUE
+        if sprite.opaque:
+            opaque = np.broadcast_to(True, sprite.size)
+        else:
+            opaque = sprite.alpha >= OPAQUE
         sprite.scratch["opaque"] = opaque
     return sprite.scratch["opaque"]
 
 
 def visible_share(plan: Plan, boxes: BoxesLike) -> list[float]:
-    """Return, for each box on the screen (`xyxy`), the share of it that shows after the corruption, 0..1.
+    """Return the share of each box that shows after the corruption, 0..1.
 
     A box that is empty or off the screen shows nothing.
+
+    Args:
+        plan: the corruption.
+        boxes: `[N, 4]`, `xyxy` in pixels of the screen.
     """
     every = as_boxes(boxes)
     return _shares(plan, _painted(plan), every) if len(every) else []
 
 
-def _shares(plan: Plan, painted: _Painted | None, boxes: BoxArray) -> list[float]:
+def _shares(
+    plan: Plan,
+    painted: _Painted | None,
+    boxes: BoxArray,
+) -> list[float]:
     """`visible_share` of boxes; `painted` is that of the plan."""
-    moved = inside = clip_boxes(boxes, plan.size)
-    if plan.out_size != plan.size:
-        moved = plan.coords.boxes_to_observation(inside)
-        moved[(inside[:, :2] >= inside[:, 2:]).any(axis=1)] = 0
+    moved = _on_picture(plan, boxes)
     rows = moved.tolist()
     lost = None if painted is None else painted.hidden_in(moved)
     if lost is None:
         mask = hidden(plan)
         lost = [int(np.count_nonzero(mask[y1:y2, x1:x2])) for x1, y1, x2, y2 in rows]
     areas = [max(x2 - x1, 0) * max(y2 - y1, 0) for x1, y1, x2, y2 in rows]
-    return [1.0 - gone / area if area else 0.0 for gone, area in zip(lost, areas, strict=True)]
+    return [_share(gone, area) for gone, area in zip(lost, areas, strict=True)]
 
 
-def target_visible(plan: Plan, target: object, end: object = None) -> float | None:
-    """Return the share of the target (a point or a box on the screen) that shows, or `None` without a target.
+def _on_picture(plan: Plan, boxes: BoxArray) -> BoxArray:
+    """Return boxes on the screen as they lie on the corrupted picture; empty ones stay empty."""
+    inside = clip_boxes(boxes, plan.size)
+    if plan.out_size == plan.size:
+        return inside
+    moved = plan.coords.boxes_to_observation(inside)
+    is_empty = (inside[:, :2] >= inside[:, 2:]).any(axis=1)
+    moved[is_empty] = 0
+    return moved
 
-    `end` is where a drag that starts at the target ends: the lesser share counts.
+
+def _share(gone: int, area: int) -> float:
+    """Return the share of an area that is left; of an empty one nothing."""
+    return 1.0 - gone / area if area else 0.0
+
+
+def target_visible(
+    plan: Plan,
+    target: object,
+    end: object = None,
+) -> float | None:
+    """Return the share of the target that shows, 0..1; `None` without a target.
+
+    Args:
+        plan: the corruption.
+        target: a point or a box on the screen.
+        end: where a drag that starts at the target ends: the lesser share counts.
     """
     return min(visible_share(plan, _ends(target, end)), default=None)
 
@@ -186,15 +246,29 @@ def covered(plan: Plan, boxes: BoxesLike) -> tuple[int, ...]:
     return tuple(i for i, share in enumerate(visible_share(plan, boxes)) if share < COVERED_BELOW)
 
 
-def changed_pixels(before: Any, after: Any, plan: Plan | None = None) -> int:
-    """Count the pixels that differ between two pictures of any framework; all of `after` when the sizes differ.
+def changed_pixels(
+    before: Any,
+    after: Any,
+    plan: Plan | None = None,
+) -> int:
+    """Count the pixels that differ between two pictures of any framework.
 
-    With the plan that made `after` from `before`, only the pixels that it can have changed are looked at.
+    Args:
+        before: uint8 RGB, `[H, W, 3]` or torch `[3, H, W]`.
+        after: likewise; if its size differs, all its pixels count.
+        plan: what made `after` from `before`, if known: only what it can have changed is compared.
     """
-    return int(_changed(before, after, None if plan is None else _painted_areas(plan, _painted(plan))))
+    areas = None
+    if plan is not None:
+        areas = _painted_areas(plan, _painted(plan))
+    return int(_changed(before, after, areas))
 
 
-def _changed(before: Any, after: Any, areas: BoxArray | None) -> Any:
+def _changed(
+    before: Any,
+    after: Any,
+    areas: BoxArray | None,
+) -> Any:
     """Return how many pixels differ: an integer, or the number on a device that will be it."""
     height, width = backend_of(after).size(after)
     if backend_of(before).size(before) != (height, width):
@@ -213,29 +287,51 @@ def _device(image: Any) -> str:
 
 
 def count_on_device(before: Any, after: Any) -> Any:
-    """Count the differing pixels of two torch or JAX pictures where they are; nothing waits for the number."""
+    """Count the differing pixels of two torch or JAX pictures on their device, without waiting."""
     return (before != after).any(backend_of(after).channels).sum()
 
 
 def _painted_areas(plan: Plan, painted: _Painted | None) -> BoxArray | None:
     """Return boxes that hold all that a plan can have changed; `None` for the whole picture."""
-    if painted is None or len(painted.boxes) > MANY or any(isinstance(op, Resample) for op in plan.ops):
+    if painted is None or len(painted.boxes) > MANY:
+        return None
+    if any(isinstance(op, Resample) for op in plan.ops):
         return None
     return painted.boxes
 
 
 def judge(
-    plan: Plan, before: Any, after: Any, *, target: object = None, end: object = None, boxes: BoxesLike = None
+    plan: Plan,
+    before: Any,
+    after: Any,
+    *,
+    target: object = None,
+    end: object = None,
+    boxes: BoxesLike = None,
 ) -> Safety:
     """Return the label safety of one corrupted picture.
 
-    `target`, `end` (where a drag that starts at the target ends) and `boxes` are in screen coordinates.
+    Args:
+        plan: what made the picture.
+        before: the clean picture, uint8 RGB, `[H, W, 3]` or torch `[3, H, W]`.
+        after: the corrupted one.
+        target: the point or box on the screen that the label aims at.
+        end: where a drag that starts at the target ends.
+        boxes: of the elements, `[N, 4]`, `xyxy` in pixels of the screen.
 
-    Raises `ParameterTypeError` where `plan` is no plan.
+    Raises:
+        ParameterTypeError: `plan` is no plan.
     """
     if not isinstance(cast(object, plan), Plan):
         raise ParameterTypeError(f"judge needs the Plan that made the picture, got {shown(plan)}")
-    return judge_all([plan], [before], [after], targets=[target], ends=[end], boxes=[boxes])[0]
+    return judge_all(
+        [plan],
+        [before],
+        [after],
+        targets=[target],
+        ends=[end],
+        boxes=[boxes],
+    )[0]
 
 
 def judge_all(
@@ -247,7 +343,10 @@ def judge_all(
     ends: Sequence[object],
     boxes: Sequence[BoxesLike],
 ) -> list[Safety]:
-    """`judge` for all pictures of a batch: a device is asked for everything before it is waited for."""
+    """Return `judge` for all pictures of a batch, one entry each.
+
+    A device counts all pictures before anything waits for it.
+    """
     painted = [_painted(plan) for plan in plans]
     changed = [
         _changed(one, two, _painted_areas(plan, known))
@@ -255,17 +354,27 @@ def judge_all(
     ]
     rows = zip(plans, painted, changed, targets, ends, boxes, strict=True)
     return [
-        _verdict(plan, known, int(count), _ends(target, end), every) for plan, known, count, target, end, every in rows
+        _verdict(plan, known, int(count), _ends(target, end), every)
+        for plan, known, count, target, end, every in rows
     ]
 
 
-def _verdict(plan: Plan, painted: _Painted | None, changed: int, must_show: list[Box], boxes: BoxesLike) -> Safety:
-    ends, every = as_boxes(must_show), as_boxes(boxes)
+def _verdict(
+    plan: Plan,
+    painted: _Painted | None,
+    changed: int,
+    must_show: list[Box],
+    boxes: BoxesLike,
+) -> Safety:
+    ends = as_boxes(must_show)
+    every = as_boxes(boxes)
     rows = np.concatenate([ends, every])
     shares = _shares(plan, painted, rows) if len(rows) else []
-    seen, rest = shares[: len(ends)], shares[len(ends) :]
+    seen = shares[: len(ends)]
+    rest = shares[len(ends) :]
     hits = tuple(i for i, share in enumerate(rest) if share < COVERED_BELOW)
-    return Safety(min(seen, default=None), hits, changed)
+    visible = min(seen, default=None)
+    return Safety(visible, hits, changed)
 
 
 def plan_avoiding(
@@ -279,22 +388,39 @@ def plan_avoiding(
     at_least: float = 1.0,
     end: object = None,
 ) -> Plan | None:
-    """Plan again, up to `AVOID_TRIES` times, until `at_least` of the target shows; `None` when it never does.
+    """Plan again until enough of the target shows; `None` if it never does.
 
-    Each try has a stream of its own, so the result depends on the arguments alone. Try 0 is the ordinary plan. `end` is
-    where a drag from the target ends, which then has to show as well.
+    Each of `AVOID_TRIES` tries has a stream of its own, so the result depends on the arguments
+    alone. Try 0 is the ordinary plan.
 
-    Raises `ParameterTypeError` for a planner that plans nothing and a scene that is none.
+    Args:
+        planner: what plans.
+        scene: the screen, with the target.
+        seed: 0 to 2**64 - 1.
+        sample: id of the sample or trajectory.
+        step: step in the trajectory.
+        epoch: training epoch.
+        at_least: the share of the target that must show, 0..1.
+        end: where a drag from the target ends, which then must show as well.
+
+    Raises:
+        ParameterTypeError: `planner` is no planner, or `scene` no scene.
+        ParameterError: `at_least` is out of range.
     """
-    if not callable(getattr(planner, "plan", None)):
-        raise ParameterTypeError(f"a planner is a corruption or a combinator, got {shown(planner)}")
+    as_planner(planner, "a planner is a corruption or a combinator")
     if not isinstance(cast(object, scene), Scene):
         raise ParameterTypeError(f"scene must be a hijack_data.Scene, got {shown(scene)}")
     if not 0 <= at_least <= 1:
         raise ParameterError(f"at_least must be in 0..1, got {at_least}")
     for attempt in range(AVOID_TRIES):
         key = sample if attempt == 0 else branch(sample, f"try {attempt}")
-        plan = planner.plan(scene, seed=seed, sample=key, step=step, epoch=epoch)
+        plan = planner.plan(
+            scene,
+            seed=seed,
+            sample=key,
+            step=step,
+            epoch=epoch,
+        )
         seen = target_visible(plan, scene.target, end)
         if seen is None or seen >= at_least:
             return plan

@@ -1,31 +1,32 @@
-"""Samples of a training set: which key a sample has, what it says about its screen, and what follows the pixels.
+"""Samples of a training set: their keys, their screens, and the labels that follow the pixels.
 
 A sample is a dictionary. These entries are read, all but the id optional:
 
 * `id`: names the sample; with the seed and the epoch it alone decides what happens to it,
 * `step`, `epoch`: the step of its trajectory and the training epoch, 0 by default,
-* `target`: the point `(x, y)` or box `(x1, y1, x2, y2)` that the label aims at; by default `target_box`, or
-  the point of the `action`,
+* `target`: the point `(x, y)` or box `(x1, y1, x2, y2)` that the label aims at; by default
+  `target_box`, or the point of the `action`,
 * `elements`: `[N, 4]` boxes of interactive elements,
-* `action` (an `Action`, or a dictionary as the rows of a dataset have it), `action_code` (pyautogui code): like target
-  and elements, they follow the pixels. Where the action is a drag, its end must show like the target, at which it
-  starts: the lesser share of the two counts.
+* `action` (an `Action`, or a dictionary as the rows of a dataset have it), `action_code` (pyautogui
+  code): like target and elements, they follow the pixels. Where the action is a drag, its end must
+  show like the target, at which it starts: the lesser share of the two counts.
 
-Other labels are declared (`hijack_data.labels`). Rows of our datasets stay rows: all of their columns say
-what is true of the corrupted picture. This file knows no framework; `transforms` (torchvision) and `grain`
-build on it.
+Other labels are declared (`hijack_data.labels`). Rows of our datasets stay rows: all of their
+columns say what is true of the corrupted picture. This file knows no framework; `transforms`
+(torchvision) and `grain` build on it.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from .compose import check_ids
+from .batches import check_ids
 from .errors import ParameterError, ParameterTypeError
 from .labels import Labels
 from .labels.rows import corrupted_row, is_row
 from .plan import Plan
-from .safety import Planner, plan_avoiding, target_visible
+from .planner import Planner, as_planner
+from .safety import plan_avoiding, target_visible
 from .types import Scene, Size, as_boxes, as_target
 
 LABEL_POLICIES = ("keep", "avoid")
@@ -39,8 +40,8 @@ class SamplePlanner:
     Args:
         planner: a corruption, `OneOf`, `Sequence` or `Schedule`.
         seed: 0 to 2**64 - 1.
-        label_policy: `keep` what was drawn, or `avoid`: draw again until the target shows, and with it the end of a
-            drag, else leave the sample clean.
+        label_policy: `keep` what was drawn, or `avoid`: draw again until the target shows, and with
+            it the end of a drag, else leave the sample clean.
         id_key: name of the entry that holds the id.
         labels: which entries are labels, and how they are written.
     """
@@ -52,45 +53,76 @@ class SamplePlanner:
     labels: Labels = field(default_factory=Labels)
 
     def __post_init__(self) -> None:
-        if not hasattr(self.planner, "plan") or isinstance(self.planner, type):
-            raise ParameterTypeError(f"expected a corruption such as Marks(), got {self.planner!r}")
+        as_planner(self.planner, "expected a corruption such as Marks()")
         if self.label_policy not in LABEL_POLICIES:
             raise ParameterError(f"label_policy must be keep or avoid, got {self.label_policy!r}")
 
-    def plan(self, size: Size, sample: Mapping[str, Any], key: int | str, epoch: int = 0) -> Plan:
-        """Return the plan for a sample whose picture has this size; `key` is its id, `epoch` counts if it has none."""
+    def plan(
+        self,
+        size: Size,
+        sample: Mapping[str, Any],
+        key: int | str,
+        epoch: int = 0,
+    ) -> Plan:
+        """Return the plan for a sample whose picture has this `size`.
+
+        `key` is its id; `epoch` counts if the sample has none.
+        """
         place = self.labels.place(sample, size)
         boxes = as_boxes(self.labels.boxes(sample, "elements", size), "elements")
-        scene = Scene(size, boxes, target=None if place is None else as_target(place.target, size))
-        step, epoch = scalar(sample.get("step"), "step", 0), scalar(sample.get("epoch"), "epoch", epoch)
+        target = None if place is None else as_target(place.target, size)
+        scene = Scene(size, boxes, target=target)
+        step = scalar(sample.get("step"), "step", 0)
+        epoch = scalar(sample.get("epoch"), "epoch", epoch)
         if self.label_policy == "keep":
-            return self.planner.plan(scene, seed=self.seed, sample=key, step=step, epoch=epoch)
+            return self.planner.plan(
+                scene,
+                seed=self.seed,
+                sample=key,
+                step=step,
+                epoch=epoch,
+            )
         if place is None:
             self.labels.check_target(sample, size)
         end = None if place is None else place.end
-        plan = plan_avoiding(self.planner, scene, seed=self.seed, sample=key, step=step, epoch=epoch, end=end)
+        plan = plan_avoiding(
+            self.planner,
+            scene,
+            seed=self.seed,
+            sample=key,
+            step=step,
+            epoch=epoch,
+            end=end,
+        )
         return Plan.clean(size) if plan is None else plan
 
     def key(self, sample: Mapping[str, Any], *, batch: int | None = None) -> list[int | str]:
-        """Return the sample's id in a list, or the ids of a batch of `batch` pictures. Raises `ParameterError`."""
+        """Return the id of a sample in a list, or the ids of a batch of `batch` pictures.
+
+        Raises:
+            ParameterError: the entry is missing, or is one id for a batch.
+        """
         if sample.get(self.id_key) is None:
+            entries = ", ".join(map(str, sample)) or "nothing"
             raise ParameterError(
-                f"the sample has no {self.id_key!r} entry (it has: {', '.join(map(str, sample)) or 'nothing'}); the id "
-                "decides which corruption a sample gets, so give each sample one of its own, such as its row number; "
-                "for pictures alone, id_from='content' derives it from the pixels"
+                f"the sample has no {self.id_key!r} entry (it has: {entries}); the id decides"
+                " which corruption a sample gets, so give each sample one of its own, such as its"
+                " row number; for pictures alone, id_from='content' derives it from the pixels"
             )
         ids = sample[self.id_key]
         if batch is None:
             return [_id(ids)]
         if not is_many(ids):
-            raise ParameterError(f"{self.id_key} is {ids!r}, but there are {batch} pictures: give a list of ids")
+            raise ParameterError(
+                f"{self.id_key} is {ids!r}, but there are {batch} pictures: give a list of ids"
+            )
         keys = [_id(i) for i in ids]
         check_ids(keys, batch)
         return keys
 
 
 def is_many(value: Any) -> bool:
-    """Tell whether an id entry holds several ids."""
+    """Return whether an id entry holds several ids."""
     return isinstance(value, list | tuple) or bool(getattr(value, "ndim", 0))
 
 
@@ -100,12 +132,22 @@ def _id(value: Any) -> int | str:
     if isinstance(value, str):
         return str(value)
     if isinstance(value, bool) or is_many(value) or not hasattr(value, "__index__"):
-        raise ParameterTypeError(f"the id of a sample must be a string or an integer, got {value!r}")
+        raise ParameterTypeError(
+            f"the id of a sample must be a string or an integer, got {value!r}"
+        )
     return int(value.__index__())
 
 
-def scalar(value: Any, what: str, default: int) -> int:
-    """Return an integer entry, or `default` where there is none."""
+def scalar(
+    value: Any,
+    what: str,
+    default: int,
+) -> int:
+    """Return an integer entry, or `default` if there is none.
+
+    Raises:
+        ParameterTypeError: it is not an integer.
+    """
     if value is None:
         return default
     try:
@@ -114,20 +156,38 @@ def scalar(value: Any, what: str, default: int) -> int:
         raise ParameterTypeError(f"{what} must be an integer, got {value!r}") from None
 
 
-def visible_in(plan: Plan, sample: Mapping[str, Any], labels: Labels) -> float | None:
-    """Return the share of the target of a sample that shows after `plan`, or of the end of its drag if that is less."""
+def visible_in(
+    plan: Plan,
+    sample: Mapping[str, Any],
+    labels: Labels,
+) -> float | None:
+    """Return the share of the target of a sample that shows after `plan`.
+
+    If the end of its drag shows less, it is that share.
+    """
     place = labels.place(sample, plan.size)
-    return None if place is None else target_visible(plan, place.target, place.end)
+    if place is None:
+        return None
+    return target_visible(plan, place.target, place.end)
 
 
 def follow(
-    plan: Plan, sample: Mapping[str, Any], before: Any, after: Any, labels: Labels, seed: int | None
+    plan: Plan,
+    sample: Mapping[str, Any],
+    before: Any,
+    after: Any,
+    labels: Labels,
+    seed: int | None,
 ) -> dict[str, Any]:
-    """Return the entries of a sample that differ after a plan: its labels, and what the rows of a dataset say of it.
+    """Return the entries of a sample that differ after a plan.
 
-    `before` and `after` are its picture; `seed` is what the plan was drawn with, `None` for one that was given.
+    Those are its labels, and the columns of a dataset row that describe it.
+
+    `before` and `after` are its picture; `seed` is the one of the plan, `None` for a plan that was
+    given.
     """
     moved = labels.follow(plan, sample)
     if not is_row(sample):
         return moved
-    return {**moved, **corrupted_row(sample, plan, before, after, labels.place(sample, plan.size), seed)}
+    place = labels.place(sample, plan.size)
+    return {**moved, **corrupted_row(sample, plan, before, after, place, seed)}

@@ -1,7 +1,8 @@
 """Are our packages ours?
 
-`pipelines` and `online_env` are names that a folder of yours may have, too, and one that comes first on
-`sys.path` is imported in the place of ours. The command line asks here before it imports them.
+`pipelines` and `online_env` are names that a folder of yours may have, too, and one that comes
+first on `sys.path` is imported in the place of ours. The command line asks here before it imports
+them.
 """
 
 import importlib.util
@@ -11,7 +12,7 @@ HOME = Path(__file__).resolve().parent.parent
 
 
 def complaint(*names: str) -> str:
-    """Return what stands in the place of our packages `names`, and what to do; empty if nothing does."""
+    """Return which file or folder hides one of our packages `names`, and the remedy, or `""`."""
     for name in names:
         place = _found(name)
         if place is not None and place != (HOME / name).resolve():

@@ -1,7 +1,8 @@
 """Plain data shared by every package: what a screen holds and what an agent did.
 
-Coordinates are integer pixels, origin top-left, x to the right, y down. Boxes are `xyxy`, half-open: a box covers
-`x1 <= x < x2`, `y1 <= y < y2`. Sizes are `(height, width)`, as arrays have them.
+Coordinates are integer pixels, origin top-left, x to the right, y down. Boxes are `xyxy`,
+half-open: a box covers `x1 <= x < x2`, `y1 <= y < y2`. Sizes are `(height, width)`, as arrays have
+them.
 """
 
 import operator
@@ -18,27 +19,56 @@ Size: TypeAlias = tuple[int, int]
 Box: TypeAlias = tuple[int, int, int, int]
 Point: TypeAlias = tuple[int, int]
 BoxArray: TypeAlias = npt.NDArray[np.int32]
+Int32Array: TypeAlias = npt.NDArray[np.int32]
 UInt8Array: TypeAlias = npt.NDArray[np.uint8]
 BoxesLike: TypeAlias = npt.ArrayLike | Sequence[Sequence[float]] | None
 
 # A target given as a point is judged by the square of this many pixels around it.
 POINT_TARGET = 16
 MAX_SIDE = 1 << 20
-# A recorded point may miss the screen by this share of its side; what is beyond is another space or another screen.
+# A recorded point may miss the screen by this share of its side; what is beyond is another space or
+# another screen.
 SLACK = 0.05
 
 ACTION_TYPES = (
-    "click", "double_click", "triple_click", "right_click", "middle_click", "move", "drag", "mouse_down", "mouse_up",
-    "scroll", "type", "hotkey", "key_down", "key_up", "wait", "done", "fail", "other",
-)  # fmt: skip
+    "click",
+    "double_click",
+    "triple_click",
+    "right_click",
+    "middle_click",
+    "move",
+    "drag",
+    "mouse_down",
+    "mouse_up",
+    "scroll",
+    "type",
+    "hotkey",
+    "key_down",
+    "key_up",
+    "wait",
+    "done",
+    "fail",
+    "other",
+)
+
+
+def size_text(size: Size) -> str:
+    """Return `(height, width)` as people write it: `1920x1080`."""
+    return f"{size[1]}x{size[0]}"
 
 
 def as_size(value: object, what: str = "size") -> Size:
-    """Check a `(height, width)` pair of positive integers."""
+    """Check a `(height, width)` pair of positive integers.
+
+    Raises:
+        ParameterError: a side is below 1 or beyond `MAX_SIDE`.
+        ParameterTypeError: `value` is anything else.
+    """
     try:
         height, width = (operator.index(v) for v in cast("Sequence[int]", value))
     except (TypeError, ValueError):
-        raise ParameterTypeError(f"{what} must be (height, width), two integers, got {value!r}") from None
+        wanted = "(height, width), two integers"
+        raise ParameterTypeError(f"{what} must be {wanted}, got {value!r}") from None
     if height < 1 or width < 1:
         raise ParameterError(f"{what} must be at least (1, 1), got ({height}, {width})")
     if max(height, width) > MAX_SIDE:
@@ -47,12 +77,15 @@ def as_size(value: object, what: str = "size") -> Size:
 
 
 def as_boxes(value: BoxesLike, what: str = "boxes") -> BoxArray:
-    """Return boxes as an int32 array of shape `[N, 4]`, `xyxy`; `None` and empty input give shape `[0, 4]`.
+    """Return boxes as an int32 array of shape `[N, 4]`, `xyxy`.
 
-    Fractional edges are rounded (halves up); a box that holds anything keeps at least one pixel.
+    `None` and empty input give shape `[0, 4]`. Fractional edges are rounded (halves up); a box that
+    holds anything keeps at least one pixel.
 
-    Raises `ParameterError` on a wrong shape, a number that is not finite, a box whose corners are swapped, and a box in
-    fractions of the picture (0..1), `ParameterTypeError` on what are no numbers.
+    Raises:
+        ParameterError: a wrong shape, a number that is not finite, a box whose corners are swapped,
+            or a box in fractions of the picture (0..1).
+        ParameterTypeError: `value` does not hold numbers.
     """
     if value is None:
         return np.zeros((0, 4), np.int32)
@@ -74,25 +107,30 @@ def as_boxes(value: BoxesLike, what: str = "boxes") -> BoxArray:
         low = np.floor(raw[:, :2]).astype(np.int32)
         boxes[:, :2][thin] = low[thin]
         boxes[:, 2:][thin] = low[thin] + 1
-    bad = np.flatnonzero((boxes[:, 2] < boxes[:, 0]) | (boxes[:, 3] < boxes[:, 1]))
-    if bad.size:
+    swapped = (boxes[:, 2:] < boxes[:, :2]).any(axis=1)
+    if swapped.any():
+        bad = int(np.flatnonzero(swapped)[0])
+        advice = "boxes are x1, y1, x2, y2 (not x, y, w, h)"
         raise ParameterError(
-            f"{what}[{bad[0]}] = {boxes[bad[0]].tolist()} ends before it starts; "
-            "boxes are x1, y1, x2, y2 (not x, y, w, h)"
+            f"{what}[{bad}] = {boxes[bad].tolist()} ends before it starts; {advice}"
         )
     return boxes
 
 
 def as_target(value: object, size: Size | None = None) -> Box | None:
-    """Return a target as a box: a box as it is, a point as the square of `POINT_TARGET` pixels around it.
+    """Return a target as a box.
+
+    A box stays as it is; a point becomes the square of `POINT_TARGET` pixels around it.
 
     Args:
         value: a point (x, y) or a box (x1, y1, x2, y2) in pixels, or `None`.
-        size: `(height, width)` of the screen: a point may miss it by `SLACK` of a side. A box may lie off the screen;
-            nothing of it shows then.
+        size: `(height, width)` of the screen: a point may miss it by `SLACK` of a side. A box may
+            lie off the screen; nothing of it shows then.
 
-    Raises `ParameterError` for a box that is empty, a point off the screen, fractions of the picture and numbers that
-    are not finite, `ParameterTypeError` for what is neither a point nor a box.
+    Raises:
+        ParameterError: a box that is empty, a point off the screen, fractions of the picture, or
+            numbers that are not finite.
+        ParameterTypeError: `value` is neither a point nor a box.
     """
     if value is None:
         return None
@@ -119,32 +157,36 @@ def _around(point: list[float], size: Size | None) -> Box:
     x, y = (int(np.floor(v + 0.5)) for v in point)
     if size is not None:
         height, width = size
-        beside = not -SLACK * width <= x <= (1 + SLACK) * width
-        if beside or not -SLACK * height <= y <= (1 + SLACK) * height:
-            raise ParameterError(
-                f"target ({x}, {y}) is outside the {width}x{height} screen; give pixels of this screen"
-            )
-        x, y = min(max(x, 0), width - 1), min(max(y, 0), height - 1)
+        across = -SLACK * width <= x <= (1 + SLACK) * width
+        down = -SLACK * height <= y <= (1 + SLACK) * height
+        if not (across and down):
+            where = f"outside the {width}x{height} screen"
+            raise ParameterError(f"target ({x}, {y}) is {where}; give pixels of this screen")
+        x = min(max(x, 0), width - 1)
+        y = min(max(y, 0), height - 1)
     half = POINT_TARGET // 2
     return x - half, y - half, x + half, y + half
 
 
 def are_fractions(numbers: Sequence[float]) -> bool:
-    """Return whether a point or box can only be in fractions of the picture: 0..1, not all whole."""
+    """Tell whether a point or box must be in fractions of the picture: 0..1, not all whole."""
     return all(0 <= v <= 1 for v in numbers) and any(v != int(v) for v in numbers)
 
 
 def _refuse_fractions(numbers: Sequence[float], what: str) -> None:
     if are_fractions(numbers):
         raise ParameterError(
-            f"{what} holds {list(numbers)}, which are fractions of the picture, not pixels; multiply x by "
-            "its width and y by its height, or in a sample declare the entry, such as "
-            "labels={'bbox': 'xyxy01', 'click': 'point01'}"
+            f"{what} holds {list(numbers)}, which are fractions of the picture, not pixels;"
+            " multiply x by its width and y by its height, or in a sample declare the entry, such"
+            " as labels={'bbox': 'xyxy01', 'click': 'point01'}"
         )
 
 
 def clip_boxes(boxes: BoxArray, size: Size) -> BoxArray:
-    """Clip boxes to a screen of `size`; rows keep their place, those off the screen become empty."""
+    """Clip boxes to a screen of `size`, (height, width).
+
+    Rows keep their place; those off the screen become empty.
+    """
     height, width = size
     limit = np.array([width, height, width, height], np.int32)
     return np.clip(boxes, 0, limit)
@@ -156,12 +198,15 @@ class Scene:
 
     Args:
         size: `(height, width)` of the screenshot in pixels.
-        boxes: `[N, 4]` integer `xyxy` boxes of interactive elements; may be empty, may leave the screen.
+        boxes: `[N, 4]` integer `xyxy` boxes of interactive elements; may be empty, may leave the
+            screen.
         apps: normalised names of the applications that the task uses.
         target: the box or point that the step's action aims at, if known; see `as_target`.
 
-    Raises `ParameterError` and `ParameterTypeError` for a size, boxes or a target that cannot be right:
-    fractions of the picture where pixels belong, a box without area as the target, a point off the screen.
+    Raises:
+        ParameterError: a size, boxes or a target that cannot be right: fractions of the picture
+            where pixels belong, a box without area as the target, a point off the screen.
+        ParameterTypeError: one that is of the wrong type.
     """
 
     size: Size
@@ -194,8 +239,11 @@ class Scene:
     @property
     def notes(self) -> tuple[str, ...]:
         """What a reader of the plan should know about the boxes."""
-        lost = len(self.boxes) - len(self.obstacles)
-        return (f"{lost} of {len(self.boxes)} boxes are empty or off the screen and were ignored",) if lost else ()
+        count = len(self.boxes)
+        lost = count - len(self.obstacles)
+        if not lost:
+            return ()
+        return (f"{lost} of {count} boxes are empty or off the screen and were ignored",)
 
 
 def _as_apps(apps: object) -> tuple[str, ...]:
@@ -212,8 +260,9 @@ def _as_apps(apps: object) -> tuple[str, ...]:
 class Action:
     """One action in pixels of the screenshot it goes with.
 
-    `type` is one of `ACTION_TYPES`; `x, y` is the point (the start of a drag), `x2, y2` the end of a drag, `text` what
-    is typed, `keys` the keys held together, `amount` scroll clicks (positive is up) or seconds to wait.
+    `type` is one of `ACTION_TYPES`; `x, y` is the point (the start of a drag), `x2, y2` the end of
+    a drag, `text` what is typed, `keys` the keys held together, `amount` scroll clicks (positive is
+    up) or seconds to wait.
     """
 
     type: str
@@ -240,9 +289,9 @@ class Action:
 class Step:
     """One recorded step: the screen before the action, and the action.
 
-    `image` is the path of the screenshot; `elements` are known boxes of interactive elements (`xyxy`), `target_box` the
-    box of the element that the action aims at. `extra` is what else the recording says, a JSON object,
-    or empty.
+    `image` is the path of the screenshot; `elements` are known boxes of interactive elements
+    (`xyxy`), `target_box` the box of the element that the action aims at. `extra` holds everything
+    else that was recorded, as a JSON object, or is empty.
     """
 
     index: int
@@ -255,7 +304,8 @@ class Step:
     extra: str = ""
 
 
-# `linux` is any desktop but Xfce, or one that is not known; `web` is a page without the screen around it.
+# `linux` is any desktop but Xfce, or one that is not known; `web` is a page without the screen
+# around it.
 Platform: TypeAlias = Literal["linux-xfce", "linux", "windows", "macos", "android", "ios", "web"]
 
 
@@ -263,9 +313,9 @@ Platform: TypeAlias = Literal["linux-xfce", "linux", "windows", "macos", "androi
 class Trajectory:
     """A recorded episode. `source` names the format it was read from, `steps` may be lazy.
 
-    `sample` is the key of the random draws, where that is not the `id`: recordings of one task share their plans.
-    `apps` are the applications that show, as the source names them; `platform` is the machine's, one of `Platform`, or
-    `None` where the source does not say.
+    `sample` is the key of the random draws if that is not the `id`: recordings of one task
+    share their plans. `apps` are the applications that show, as the source names them; `platform`
+    is the machine's, one of `Platform`, or `None` if the source does not name it.
     """
 
     id: str

@@ -1,6 +1,7 @@
-"""`hijack desktop`: install, start, look at and end embedded desktops.
+"""`hijack desktop`: install, start, watch and end embedded desktops.
 
-Exit codes: 0 done, 1 finished but something is missing or failed, 2 bad usage; of `run --shell`, the command's own.
+Exit codes: 0 done, 1 finished but something is missing or failed, 2 bad usage; of `run --shell`,
+the command's own.
 """
 
 import json
@@ -31,11 +32,17 @@ desktop.add_command(corrupt)
 
 
 @desktop.command()
-@click.option("--profile", "profiles", multiple=True, default=("web",), show_default=True,
-              help="core, web, office, media or all; may be given more than once.")  # fmt: skip
+@click.option(
+    "--profile",
+    "profiles",
+    multiple=True,
+    default=("web",),
+    show_default=True,
+    help="core, web, office, media or all; may be given more than once.",
+)
 def install(profiles: tuple[str, ...]) -> None:
     """Install the apt packages of the profiles and make the golden home. Run again at any time."""
-    from .desktops.embedded import home, packages, registry
+    from .embedded import home, packages, registry
 
     lacking = packages.missing(packages.packages(profiles))
     if lacking:
@@ -45,16 +52,25 @@ def install(profiles: tuple[str, ...]) -> None:
     home.ensure_layer()
     if not registry.records():
         home.remove_old_layers()
-    click.echo(f"ready: profiles core, {', '.join(profiles)}; start a desktop with: hijack desktop up")
+    click.echo(
+        f"ready: profiles core, {', '.join(profiles)}; start a desktop with: hijack desktop up"
+    )
 
 
 @desktop.command()
-@click.option("--profile", "profiles", multiple=True, default=("web",), show_default=True, help="What must be there.")
+@click.option(
+    "--profile",
+    "profiles",
+    multiple=True,
+    default=("web",),
+    show_default=True,
+    help="The profiles that must be there.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print a JSON list.")
 def doctor(profiles: tuple[str, ...], as_json: bool) -> None:
-    """Say what is there, what is missing and the command that mends it."""
-    from .desktops.embedded import doctor as examiner
-    from .desktops.embedded import packages
+    """List what is there, what is missing, and the command that repairs it."""
+    from .embedded import doctor as examiner
+    from .embedded import packages
 
     packages.packages(profiles)
     checks = examiner.diagnose(profiles)
@@ -62,25 +78,48 @@ def doctor(profiles: tuple[str, ...], as_json: bool) -> None:
         click.echo(json.dumps([vars(check) for check in checks], indent=1))
     else:
         for check in checks:
-            mark = "ok  " if check.ok else "FAIL" if check.required else "none"
-            click.echo(f"{mark}  {check.name}: {check.detail}")
-            if not check.ok and check.fix:
-                click.echo(f"      mend it with: {check.fix}")
-    sys.exit(1 if any(check.required and not check.ok for check in checks) else 0)
+            _print_check(check)
+    failed = any(check.required and not check.ok for check in checks)
+    sys.exit(1 if failed else 0)
+
+
+def _print_check(check: Any) -> None:
+    mark = "FAIL" if check.required else "none"
+    if check.ok:
+        mark = "ok  "
+    click.echo(f"{mark}  {check.name}: {check.detail}")
+    if not check.ok and check.fix:
+        click.echo(f"      mend it with: {check.fix}")
 
 
 @desktop.command()
-@click.option("--size", default="1920x1080", show_default=True, help=SIZE_HELP)
+@click.option(
+    "--size",
+    default="1920x1080",
+    show_default=True,
+    help=SIZE_HELP,
+)
 @click.option("--name", help="Its id; the next free of d1, d2 ... if not given.")
 @click.option(
-    "--app", "apps", multiple=True, help="Open this before it is ready (browser, editor, files, terminal ...)."
+    "--app",
+    "apps",
+    multiple=True,
+    help="Open this before it is ready (browser, editor, files, terminal ...).",
 )
-@click.option("--osworld", is_flag=True, help="OSWorld's routes without a token, sudo without a password.")
+@click.option(
+    "--osworld", is_flag=True, help="OSWorld's routes without a token, sudo without a password."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the record as JSON.")
-def up(size: str, name: str | None, apps: tuple[str, ...], osworld: bool, as_json: bool) -> None:
+def up(
+    size: str,
+    name: str | None,
+    apps: tuple[str, ...],
+    osworld: bool,
+    as_json: bool,
+) -> None:
     """Start a desktop; it runs until `hijack desktop down`."""
-    from .desktops.embedded.handle import Handle, make_order
-    from .desktops.embedded.rootless import LACKING
+    from .embedded.handle import Handle, make_order
+    from .embedded.runtime.rootless import LACKING
 
     start = time.monotonic()
     handle = Handle(make_order(_size(size), name, apps, osworld=osworld, lifeline=False))
@@ -99,13 +138,23 @@ def up(size: str, name: str | None, apps: tuple[str, ...], osworld: bool, as_jso
 
 @desktop.command()
 @click.argument("name", required=False)
-@click.option("-o", "--output", type=click.Path(dir_okay=False, writable=True, path_type=Path), default="desktop.png",
-              show_default=True, help="Where the PNG goes.")  # fmt: skip
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(
+        dir_okay=False,
+        writable=True,
+        path_type=Path,
+    ),
+    default="desktop.png",
+    show_default=True,
+    help="Where the PNG goes.",
+)
 def shot(name: str | None, output: Path) -> None:
     """Save a screenshot of desktop NAME (the only one, if not given)."""
     from PIL import Image
 
-    from .desktops.embedded.running import attach
+    from .embedded.running import attach
 
     with attach(name) as present:
         picture = Image.fromarray(present.screenshot())
@@ -117,9 +166,13 @@ def shot(name: str | None, output: Path) -> None:
 @click.argument("code")
 @click.option("--on", "name", help="The desktop's id; the only one, if not given.")
 @click.option("--shell", is_flag=True, help="CODE is a shell command; its exit code is ours.")
-def run(code: str, name: str | None, shell: bool) -> None:
+def run(
+    code: str,
+    name: str | None,
+    shell: bool,
+) -> None:
     """Run pyautogui CODE on a desktop, such as 'pyautogui.click(100, 200)'."""
-    from .desktops.embedded.running import attach
+    from .embedded.running import attach
 
     with attach(name) as present:
         result = present.execute(code) if shell else present.run(code)
@@ -132,40 +185,54 @@ def run(code: str, name: str | None, shell: bool) -> None:
 @click.option("--json", "as_json", is_flag=True, help="Print a JSON list.")
 def list_command(as_json: bool) -> None:
     """List the desktops of this machine, orphans included."""
-    from .desktops.embedded import registry
+    from .embedded import registry
 
     found = [{**record, "state": registry.state(record)} for record in registry.records()]
     listed = {record["id"] for record in found}
-    found += [{**record, "state": "orphan"} for record in registry.orphans() if record["id"] not in listed]
+    orphans = [record for record in registry.orphans() if record["id"] not in listed]
+    found += [{**record, "state": "orphan"} for record in orphans]
     if as_json:
         click.echo(json.dumps(found, indent=1))
         return
     for record in found:
         age = f"{time.time() - record['created']:.0f} s" if record["created"] else "?"
         width, height = record.get("screen", (0, 0))
-        click.echo(f"{record['id']:12} {record['state']:9} {width}x{height}  up {age}  {record.get('guest', '')}")
+        click.echo(
+            f"{record['id']:12} {record['state']:9} {width}x{height}  up {age} "
+            f" {record.get('guest', '')}"
+        )
     if not found:
-        others = "" if os.geteuid() == 0 else f" (those of root: {as_root('desktop', 'list')})"
+        others = ""
+        if os.geteuid() != 0:
+            others = f" (those of root: {as_root('desktop', 'list')})"
         click.echo(f"no desktops{others}; start one with: hijack desktop up")
 
 
 @desktop.command()
 @click.argument("name", required=False)
 @click.option("--all", "everything", is_flag=True, help="End all desktops.")
-@click.option("--orphans", is_flag=True, help="Clear what was left by a killed controller or keeper.")
-def down(name: str | None, everything: bool, orphans: bool) -> None:
+@click.option(
+    "--orphans", is_flag=True, help="Clear what was left by a killed controller or keeper."
+)
+def down(
+    name: str | None,
+    everything: bool,
+    orphans: bool,
+) -> None:
     """End desktop NAME (the only one, if not given) and remove all of it."""
-    from .desktops.embedded import registry
-    from .desktops.embedded.plain import SetupError
-    from .desktops.embedded.running import choose
+    from .embedded import registry
+    from .embedded.running import choose
+    from .embedded.runtime.plain import SetupError
 
     if orphans:
         chosen = registry.orphans()
     elif everything:
-        chosen = [*registry.records(), *(r for r in registry.orphans() if registry.load(r["id"]) is None)]
+        chosen = registry.records()
+        chosen += [orphan for orphan in registry.orphans() if registry.load(orphan["id"]) is None]
     else:
         chosen = [choose(name)]
-    for record in {r["id"]: r for r in chosen}.values():
+    by_id = {record["id"]: record for record in chosen}
+    for record in by_id.values():
         try:
             registry.remove(record)
         except SetupError as error:
@@ -175,25 +242,63 @@ def down(name: str | None, everything: bool, orphans: bool) -> None:
 
 @desktop.command()
 @click.argument("name", required=False)
-@click.option("-o", "--output", type=click.Path(path_type=Path),
-              help="Where the video (desktop.mp4, if not given) or the folder of trajectories goes.")  # fmt: skip
-@click.option("--seconds", type=click.FloatRange(0.1, 86400), help="Length of the video; until Ctrl-C, if not given.")
-@click.option("--assets", type=click.Path(file_okay=False, path_type=Path), help="Record the asset pack into it.")
-@click.option("--only", help="Only these kinds of pictures of the pack, with commas between; the others stay.")
-@click.option("--sizes", help="Only screens of these sizes for the pack, such as 1920x1080,1280x720.")
-@click.option("--looks", help="Only desktops of these looks for the pack: golden, dark, bright.  [default: all]")
-@click.option("--task", help="Record a trajectory of this small task, done by its oracle, into the folder -o.")
-@click.option("--seed", type=click.IntRange(0, 2**64 - 1), default=0, show_default=True, help="Variant of the task.")
-@click.option("--person", is_flag=True, help="A person does it, on a page as that of `view`; ends with Ctrl-C.")
-@click.option("--instruction", help="What the person is to do, where that is no --task.")
-@click.option("--size", default="1920x1080", show_default=True, help="Screen for a --task without NAME.")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    help="Where the video (desktop.mp4, if not given) or the folder of trajectories goes.",
+)
+@click.option(
+    "--seconds",
+    type=click.FloatRange(0.1, 86400),
+    help="Length of the video; until Ctrl-C, if not given.",
+)
+@click.option(
+    "--assets",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Record the asset pack into it.",
+)
+@click.option(
+    "--only", help="Only these kinds of pictures of the pack, with commas between; the others stay."
+)
+@click.option(
+    "--sizes", help="Only screens of these sizes for the pack, such as 1920x1080,1280x720."
+)
+@click.option(
+    "--looks",
+    help="Only desktops of these looks for the pack: golden, dark, bright.  [default: all]",
+)
+@click.option(
+    "--task", help="Record a trajectory of this small task, done by its oracle, into the folder -o."
+)
+@click.option(
+    "--seed",
+    type=click.IntRange(0, 2**64 - 1),
+    default=0,
+    show_default=True,
+    help="Variant of the task.",
+)
+@click.option(
+    "--person",
+    is_flag=True,
+    help="A person does it, on a page as that of `view`; ends with Ctrl-C.",
+)
+@click.option("--instruction", help="What the person is to do, without a --task.")
+@click.option(
+    "--size",
+    default="1920x1080",
+    show_default=True,
+    help="Screen for a --task without NAME.",
+)
 @click.option("--port", default=0, help="Port of the page for --person; any free one if 0.")
 def record(name: str | None, **options: Any) -> None:
     """Record desktop NAME to a video, or record a trajectory, or the asset pack."""
-    from .recording.command import run as make
+    from .recording.command import RecordOptions, run
 
-    sizes = [_size(text.strip()) for text in (options.pop("sizes") or "").split(",") if text.strip()]
-    sys.exit(make(name, **{**options, "size": _size(options["size"]), "sizes": sizes}))
+    texts = (options["sizes"] or "").split(",")
+    options["sizes"] = [_size(text.strip()) for text in texts if text.strip()]
+    options["size"] = _size(options["size"])
+    sys.exit(run(RecordOptions(name=name, **options)))
 
 
 @desktop.command()
@@ -202,13 +307,13 @@ def record(name: str | None, **options: Any) -> None:
 def view(name: str | None, port: int) -> None:
     """Show desktop NAME live in a browser, with mouse and keyboard; ends with Ctrl-C.
 
-    Nine buttons corrupt the desktop and take that back. Where no desktop runs, one is started that ends with this
-    command.
+    Nine buttons corrupt the desktop and undo that. If no desktop runs, one is started that ends
+    with this command.
     """
-    from .buttons import Buttons
-    from .desktops.embedded.registry import folder
-    from .desktops.embedded.running import attach
-    from .desktops.embedded.view import serve
+    from .embedded.buttons import Buttons
+    from .embedded.registry import folder
+    from .embedded.running import attach
+    from .embedded.view import serve
 
     lasting = name is not None or _any_runs()
     with attach(name) if lasting else _own() as present:
@@ -217,7 +322,7 @@ def view(name: str | None, port: int) -> None:
 
 
 def _code(result: RunResult) -> int:
-    """The exit code of a command: its own, 128 and the number of the signal that ended it, or 1."""
+    """Return a command's exit code: its own, 128 and the signal's number, or 1."""
     if result.ok:
         return 0
     code = result.returncode or 1
@@ -225,13 +330,13 @@ def _code(result: RunResult) -> int:
 
 
 def _any_runs() -> bool:
-    from .desktops.embedded import registry
+    from .embedded import registry
 
     return bool(registry.records())
 
 
 def _own() -> Any:
-    from .desktops.embedded.desktop import EmbeddedDesktop
+    from .embedded.desktop import EmbeddedDesktop
 
     click.echo("no desktop runs: starting one")
     return EmbeddedDesktop.up()
@@ -239,6 +344,10 @@ def _own() -> Any:
 
 def _size(text: str) -> tuple[int, int]:
     width, _, height = text.lower().partition("x")
-    if not (width.isascii() and width.isdigit() and height.isascii() and height.isdigit() and len(text) < 20):
+    if len(text) >= 20 or not _is_number(width) or not _is_number(height):
         raise ParameterError(f"--size must be WIDTHxHEIGHT, such as 1920x1080, got {text!r}")
     return int(height), int(width)
+
+
+def _is_number(text: str) -> bool:
+    return text.isascii() and text.isdigit()

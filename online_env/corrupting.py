@@ -13,15 +13,15 @@ from typing import Any, cast
 
 import click
 
-from hijack_data.apply import apply
-from hijack_data.corruption import Corruption, find, size_text
+from hijack_data._apply import apply
+from hijack_data.corruption import Corruption, find
 from hijack_data.elements import scene_from
 from hijack_data.errors import ParameterError
 from hijack_data.files import encode_png, write_atomic
 from hijack_data.plan import Plan
 from hijack_data.rng import Stream
 from hijack_data.safety import changed_pixels
-from hijack_data.types import UInt8Array
+from hijack_data.types import UInt8Array, size_text
 
 from .desktops.protocol import Desktop
 from .errors import DesktopError
@@ -29,10 +29,19 @@ from .errors import DesktopError
 FILE = "corrupted.json"
 SAMPLE = "by hand"
 
+_FIELDS = {"corruption", "at", "records"}  # of an entry of the ledger
+
 
 @dataclass
-class Applied:
-    """What was done to a desktop: the plan, the screen before and after it, one record for each effect."""
+class AppliedPlan:
+    """A plan that was applied to a desktop.
+
+    Args:
+        plan: The plan.
+        before: The screen before it, uint8 RGB `[H, W, 3]`.
+        after: What an agent sees after it, likewise.
+        records: One record for each effect.
+    """
 
     plan: Plan
     before: UInt8Array
@@ -41,22 +50,31 @@ class Applied:
 
     @property
     def ok(self) -> bool:
-        """Whether every probe was true."""
+        """Whether every probe succeeded."""
         return all(record["probes"][-1]["ok"] for record in self.records)
 
     @property
     def saw(self) -> str:
-        """What the probes saw; for a corruption of the picture, how much of it changed."""
+        """What the probes found; for a corruption of the picture, how much of it changed."""
         from .effects.words import in_words
 
         if not self.records:
-            if self.before.shape != self.after.shape:
-                seen, real = (size_text((p.shape[0], p.shape[1])) for p in (self.after, self.before))
-                return f"the agent sees {seen} of the screen's {real} pixels; the machine is as it was"
-            share = changed_pixels(self.before, self.after) / (self.before.size // 3)
-            return f"{share:.1%} of the pixels that the agent sees are changed; the machine is as it was"
-        probes = [(record["effect"], record["probes"][-1]) for record in self.records]
-        return "; ".join(in_words(kind, probe["facts"], probe["problem"]) for kind, probe in probes)
+            return f"{self._change()}; the machine is as it was"
+        words: list[str] = []
+        for record in self.records:
+            probe = record["probes"][-1]
+            words.append(in_words(record["effect"], probe["facts"], probe["problem"]))
+        return "; ".join(words)
+
+    def _change(self) -> str:
+        """Return how the picture differs from the screen."""
+        height, width = self.before.shape[:2]
+        if self.before.shape != self.after.shape:
+            seen = size_text((self.after.shape[0], self.after.shape[1]))
+            real = size_text((height, width))
+            return f"the agent sees {seen} of the screen's {real} pixels"
+        share = changed_pixels(self.before, self.after) / (height * width)
+        return f"{share:.1%} of the pixels that the agent sees are changed"
 
 
 def corrupt_desktop(
@@ -66,17 +84,20 @@ def corrupt_desktop(
     seed: int = 0,
     step: int | None = None,
     note: Callable[[list[dict[str, Any]]], object] | None = None,
-) -> Applied:
+) -> AppliedPlan:
     """Plan for what is on the screen, apply it to the machine and to the picture, and probe.
 
-    Args:
-        desktop: any.
-        spec: the corruption.
-        seed: of its draws.
-        step: by default the first at which it acts.
-        note: is given the records of the effects before they are probed, to keep them.
+    `MissingCapabilityError` is raised if the machine lacks something.
 
-    Raises `ParameterError` where it does not act at `step`, `MissingCapabilityError` where the machine lacks something.
+    Args:
+        desktop: Any desktop.
+        spec: The corruption.
+        seed: The seed of its draws.
+        step: The step of an episode; the first at which it acts if omitted.
+        note: Called with the records of the effects before they are probed, to keep them.
+
+    Raises:
+        ParameterError: The corruption does not act at `step`.
     """
     from .effects import perform
 
@@ -84,9 +105,16 @@ def corrupt_desktop(
     tree = desktop.accessibility() if spec.needs_elements else None
     scene = scene_from(before, tree=tree, detect="none")
     if step is not None and not spec.is_due(step):
-        raise ParameterError(f"{spec.name} does not act at step {step} (step is {spec.params().get('step')}); "
-                             f"leave out --step, or add --set step={step}")  # fmt: skip
-    plan = spec.plan(scene, seed=seed, sample=SAMPLE, step=step)
+        raise ParameterError(
+            f"{spec.name} does not act at step {step} (step is {spec.params().get('step')}); "
+            f"leave out --step, or add --set step={step}"
+        )
+    plan = spec.plan(
+        scene,
+        seed=seed,
+        sample=SAMPLE,
+        step=step,
+    )
     stream = Stream(seed, plan.corruption, SAMPLE, step or 0)
     done = [perform(effect, desktop, stream) for effect in plan.effects]
     if done and note is not None:
@@ -94,54 +122,96 @@ def corrupt_desktop(
     for applied in done:
         applied.probe()
     after = desktop.screenshot() if done else before
-    return Applied(plan, before, apply(plan, after), [applied.record for applied in done])
+    return AppliedPlan(plan, before, apply(plan, after), [applied.record for applied in done])
 
 
 class Ledger:
-    """What was applied to one desktop by hand and not taken back yet, oldest first; a file in its run folder."""
+    """What was applied to one desktop by hand and not undone yet, oldest first.
+
+    Args:
+        folder: The desktop's run folder, where it is kept in a file.
+    """
 
     def __init__(self, folder: Path) -> None:
         self._path = folder / FILE
 
     def entries(self) -> list[dict[str, Any]]:
-        """`{"corruption", "at", "records"}` each; none where the file is missing or damaged."""
+        """Return `{"corruption", "at", "records"}` each; none if the file is missing or damaged."""
         try:
             data: object = json.loads(self._path.read_bytes())
         except (OSError, ValueError, RecursionError):
             return []
         listed = cast("list[Any]", data) if isinstance(data, list) else []
-        return [e for e in listed if isinstance(e, dict) and {"corruption", "at", "records"} <= cast(Any, e).keys()]
+        entries = [cast("dict[str, Any]", entry) for entry in listed if isinstance(entry, dict)]
+        return [entry for entry in entries if entry.keys() >= _FIELDS]
 
     def add(self, corruption: str, records: list[dict[str, Any]]) -> None:
-        """Note what was just applied."""
-        self._write([*self.entries(), {"corruption": corruption, "at": time.time(), "records": records}])
+        """Add what was just applied."""
+        entry = {
+            "corruption": corruption,
+            "at": time.time(),
+            "records": records,
+        }
+        self._write([*self.entries(), entry])
 
     def drop(self, entry: dict[str, Any]) -> None:
-        """Forget what was taken back."""
+        """Remove what was undone."""
         self._write([kept for kept in self.entries() if kept["at"] != entry["at"]])
 
     def _write(self, entries: list[dict[str, Any]]) -> None:
         write_atomic(self._path, json.dumps(entries, indent=1))
 
 
-def refuse_twice(desktop: Desktop, spec: Corruption, ledger: Ledger, name: str) -> None:
-    """Raise `DesktopError` where the corruption is on the desktop already and still holds."""
-    from .effects import find as find_effect
-    from .effects import resume
+def refuse_twice(
+    desktop: Desktop,
+    spec: Corruption,
+    ledger: Ledger,
+    name: str,
+) -> None:
+    """Refuse a corruption that is on the desktop already and still holds.
 
+    Args:
+        desktop: The machine.
+        spec: The corruption.
+        ledger: What was applied to the machine by hand.
+        name: The desktop's name in the message.
+
+    Raises:
+        DesktopError: It is there, and each of its effects holds.
+    """
     for entry in ledger.entries():
-        lasting = [r for r in entry["records"] if find_effect(r["effect"]).lasting]
-        if entry["corruption"] == spec.name and lasting and all(resume(r, desktop).probe().ok for r in lasting):
+        if entry["corruption"] == spec.name and _holds(entry, desktop):
+            age = time.time() - entry["at"]
+            undo = f"hijack desktop corrupt --undo {spec.name} --on {name}"
             raise DesktopError(
-                f"{spec.name} is on {name} already, since {time.time() - entry['at']:.0f} s, and still holds; "
-                f"take it back first: hijack desktop corrupt --undo {spec.name} --on {name}"
+                f"{spec.name} is on {name} already, since {age:.0f} s, and still holds; take it"
+                f" back first: {undo}"
             )
 
 
-def undo_recorded(desktop: Desktop, name: str | None, ledger: Ledger) -> list[tuple[str, str, Any]]:
-    """Take back what the ledger holds (of corruption `name`, or all), the latest first.
+def _holds(entry: dict[str, Any], desktop: Desktop) -> bool:
+    """Return whether an entry has lasting effects, and all of them hold."""
+    from .effects import find as find_effect
+    from .effects import resume
 
-    Returns the corruption, the effect's kind and what came of it (`effects.Undone`) each.
+    lasting = [record for record in entry["records"] if find_effect(record["effect"]).lasting]
+    return bool(lasting) and all(resume(record, desktop).probe().ok for record in lasting)
+
+
+def undo_recorded(
+    desktop: Desktop,
+    name: str | None,
+    ledger: Ledger,
+) -> list[tuple[str, str, Any]]:
+    """Undo what the ledger holds, the latest first.
+
+    Args:
+        desktop: The machine.
+        name: Undo this corruption only; all if `None`.
+        ledger: What was applied by hand.
+
+    Returns:
+        Corruption, kind of the effect and result (`effects.Undone`) each.
     """
     from .effects import resume
 
@@ -149,42 +219,82 @@ def undo_recorded(desktop: Desktop, name: str | None, ledger: Ledger) -> list[tu
     for entry in reversed(ledger.entries()):
         if name not in (None, entry["corruption"]):
             continue
-        found = [(r["effect"], resume(r, desktop).undo()) for r in reversed(entry["records"])]
-        done += [(entry["corruption"], kind, undone) for kind, undone in found]
-        if all(undone.ok for _, undone in found):
+        results: list[Any] = []
+        for record in reversed(entry["records"]):
+            undone = resume(record, desktop).undo()
+            results.append(undone)
+            done.append((entry["corruption"], record["effect"], undone))
+        if all(undone.ok for undone in results):
             ledger.drop(entry)
     return done
 
 
 def undo_unrecorded(desktop: Desktop, spec: Corruption) -> list[tuple[str, str, Any]]:
-    """Take back what nobody noted, as far as the machine itself tells. Raises `ParameterError` for a picture's."""
+    """Undo a corruption of which there is no record, as far as the machine itself shows it.
+
+    Returns:
+        As `undo_recorded`.
+
+    Raises:
+        ParameterError: The corruption changes only the picture.
+    """
     from .effects import undo
 
     plan = spec.plan(scene_from(desktop.screenshot(), detect="none"), seed=0)
     if not plan.effects:
-        raise ParameterError(f"{spec.name} changes only what an agent sees, not the machine: there is nothing to undo")
+        problem = f"{spec.name} changes only what an agent sees, not the machine"
+        raise ParameterError(f"{problem}: there is nothing to undo")
     return [(spec.name, effect.kind, undo(effect.kind, desktop)) for effect in plan.effects]
 
 
 @click.command()
 @click.argument("name", required=False)
 @click.option("--on", "desktop_name", help="The desktop's id; the only one, if not given.")
-@click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Set a parameter; may be repeated.")
-@click.option("--seed", type=click.IntRange(0, 2**64 - 1), default=0, show_default=True, help="Random seed.")
+@click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Set a parameter; may be repeated.",
+)
+@click.option(
+    "--seed",
+    type=click.IntRange(0, 2**64 - 1),
+    default=0,
+    show_default=True,
+    help="Random seed.",
+)
 @click.option("--step", type=int, help="Step of an episode.  [default: the first at which it acts]")
-@click.option("-o", "--output", type=click.Path(dir_okay=False, writable=True, path_type=Path), metavar="OUT.png",
-              help="Save what an agent sees then.  [default for the visual ones: NAME.png]")  # fmt: skip
-@click.option("--undo", is_flag=True, help="Take back corruption NAME, or all that were applied by hand.")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(
+        dir_okay=False,
+        writable=True,
+        path_type=Path,
+    ),
+    metavar="OUT.png",
+    help="Save what an agent sees then.  [default for the visual ones: NAME.png]",
+)
+@click.option(
+    "--undo", is_flag=True, help="Take back corruption NAME, or all that were applied by hand."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def corrupt(
-    name: str | None, desktop_name: str | None, undo: bool, as_json: bool, output: Path | None, **options: Any
+    name: str | None,
+    desktop_name: str | None,
+    undo: bool,
+    as_json: bool,
+    output: Path | None,
+    **options: Any,
 ) -> None:
-    """Corrupt a running desktop: hijack desktop corrupt network_error
+    """Corrupt a running desktop, such as: hijack desktop corrupt network_error.
 
-    Prints what the probe saw on the machine. Exit code 1: the probe is false, or something could not be taken back.
+    Prints what the probe saw on the machine. Exit code 1: the probe is false, or something could
+    not be taken back.
     """
-    from .desktops.embedded.registry import folder
-    from .desktops.embedded.running import attach
+    from .embedded.registry import folder
+    from .embedded.running import attach
 
     if name is None and not undo:
         raise click.UsageError("give the NAME of a corruption (hijack list), or --undo")
@@ -199,52 +309,119 @@ def corrupt(
 
 
 def _corrupt(
-    desktop: Any, cls: type[Corruption], ledger: Ledger, output: Path | None, as_json: bool, options: dict[str, Any]
+    desktop: Any,
+    cls: type[Corruption],
+    ledger: Ledger,
+    output: Path | None,
+    as_json: bool,
+    options: dict[str, Any],
 ) -> int:
     from hijack_data.cli.pictures import parse_settings
 
-    from .effects import find as find_effect
-
     spec = cls(**parse_settings(cls, options["settings"]))
     refuse_twice(desktop, spec, ledger, desktop.id)
-    seed, step = options["seed"], options["step"]
-    done = corrupt_desktop(desktop, spec, seed=seed, step=step, note=lambda records: ledger.add(spec.name, records))
-    picture = output or (None if done.records else Path(f"{spec.name}.png"))
+    done = corrupt_desktop(
+        desktop,
+        spec,
+        seed=options["seed"],
+        step=options["step"],
+        note=lambda records: ledger.add(spec.name, records),
+    )
+    picture = output
+    if picture is None and not done.records:
+        picture = Path(f"{spec.name}.png")
     if picture is not None:
         write_atomic(picture, encode_png(done.after))
     if as_json:
-        click.echo(json.dumps({"corruption": spec.name, "desktop": desktop.id, "ok": done.ok, "saw": done.saw,
-                               "digest": done.plan.digest(), "notes": done.plan.notes,
-                               "picture": picture and str(picture), "effects": done.records}))  # fmt: skip
-        return 0 if done.ok else 1
-    click.echo(f"{spec.name} on {desktop.id}: {'' if done.ok else 'the probe is FALSE: '}{done.saw}")
+        click.echo(json.dumps(_report(done, spec.name, desktop.id, picture)))
+    else:
+        _print(done, spec.name, desktop.id, picture)
+    return 0 if done.ok else 1
+
+
+def _report(
+    done: AppliedPlan,
+    name: str,
+    desktop: str,
+    picture: Path | None,
+) -> dict[str, Any]:
+    return {
+        "corruption": name,
+        "desktop": desktop,
+        "ok": done.ok,
+        "saw": done.saw,
+        "digest": done.plan.digest(),
+        "notes": done.plan.notes,
+        "picture": None if picture is None else str(picture),
+        "effects": done.records,
+    }
+
+
+def _print(
+    done: AppliedPlan,
+    name: str,
+    desktop: str,
+    picture: Path | None,
+) -> None:
+    from .effects import find as find_effect
+
+    failed = "" if done.ok else "the probe is FALSE: "
+    click.echo(f"{name} on {desktop}: {failed}{done.saw}")
     for note in done.plan.notes:
         click.echo(f"  note: {note}")
     if picture is not None:
         click.echo(f"  what an agent sees: {picture}")
     if any(find_effect(record["effect"]).lasting for record in done.records):
-        click.echo(f"  take it back with: hijack desktop corrupt --undo {spec.name} --on {desktop.id}")
-    return 0 if done.ok else 1
+        click.echo(f"  take it back with: hijack desktop corrupt --undo {name} --on {desktop}")
 
 
-def _undo(desktop: Any, cls: type[Corruption] | None, ledger: Ledger, as_json: bool) -> int:
-    from .effects.words import undone_in_words
-
-    name = cls.name if cls else None
+def _undo(
+    desktop: Any,
+    cls: type[Corruption] | None,
+    ledger: Ledger,
+    as_json: bool,
+) -> int:
+    name = None if cls is None else cls.name
     done = undo_recorded(desktop, name, ledger)
     recorded = bool(done)
-    if not recorded and cls is None:
-        raise DesktopError(f"nothing was applied to {desktop.id} by hand; name a corruption to clear up all the same")
-    if not recorded and cls is not None:
+    if not recorded:
+        if cls is None:
+            problem = f"nothing was applied to {desktop.id} by hand"
+            raise DesktopError(f"{problem}; name a corruption to clear up all the same")
         done = undo_unrecorded(desktop, cls())
     ok = all(undone.ok for _, _, undone in done)
     if as_json:
-        rows = [{"corruption": label, "effect": kind, **vars(undone)} for label, kind, undone in done]
-        click.echo(json.dumps({"desktop": desktop.id, "ok": ok, "recorded": recorded, "undone": rows}))
-        return 0 if ok else 1
-    if not recorded:
-        click.echo(f"no record of {name} on {desktop.id}: going by what the machine itself shows")
-    for label, kind, undone in done:
-        said = undone_in_words(kind, undone.facts, undone.problem)
-        click.echo(f"{label} on {desktop.id}: {'' if undone.ok else 'NOT undone: '}{said}")
+        rows: list[dict[str, Any]] = []
+        for label, kind, undone in done:
+            rows.append(
+                {
+                    "corruption": label,
+                    "effect": kind,
+                    **vars(undone),
+                }
+            )
+        report = {
+            "desktop": desktop.id,
+            "ok": ok,
+            "recorded": recorded,
+            "undone": rows,
+        }
+        click.echo(json.dumps(report))
+    else:
+        _print_undone(done, desktop.id, None if recorded else name)
     return 0 if ok else 1
+
+
+def _print_undone(
+    done: list[tuple[str, str, Any]],
+    desktop: str,
+    unrecorded: str | None,
+) -> None:
+    from .effects.words import undone_in_words
+
+    if unrecorded is not None:
+        click.echo(f"no record of {unrecorded} on {desktop}: going by what the machine shows")
+    for label, kind, undone in done:
+        failed = "" if undone.ok else "NOT undone: "
+        words = undone_in_words(kind, undone.facts, undone.problem)
+        click.echo(f"{label} on {desktop}: {failed}{words}")

@@ -1,38 +1,61 @@
-"""Errors of the live desktops; the message says what, where, the value that was found and the fix."""
+"""Errors of the live desktops; messages name the place, the value that was found and the fix."""
 
 from hijack_data.errors import HijackError
 
 
 class DesktopError(HijackError, RuntimeError):
-    """A desktop that does not start, does not answer, or does not do what was asked."""
+    """A desktop does not start, does not answer, or does not reach the expected state."""
 
 
 class DesktopTimeoutError(DesktopError, TimeoutError):
-    """Something that did not happen in time; the message names it and the log to read."""
+    """Something did not happen in time; the message names it and the log to read."""
 
 
 class MissingCapabilityError(DesktopError):
-    """A desktop that lacks something that was asked of it (no firewall, no lock, no tree ...)."""
+    """A desktop lacks a capability that was asked of it (no firewall, no lock, no tree ...)."""
 
 
 class MissingPackageError(DesktopError, ImportError):
-    """A system package that is not installed; the message names the command that installs it."""
+    """A system package is not installed; the message names the command that installs it."""
 
 
 class RootRequiredError(DesktopError, PermissionError):
-    """Something that only root may do; the message says what, and what works without root."""
+    """Only root may do this; the message says what works without root."""
 
 
 class UnknownDesktopError(DesktopError, KeyError):
-    """A desktop id that is not registered."""
+    """A desktop id is not registered."""
 
 
 class GuestError(DesktopError):
-    """The guest server refused a request, failed, or answered with what is not its protocol.
+    """The guest server refused a request, failed, or broke its protocol.
 
-    `status` is the HTTP status, or `None` where there was no answer.
+    `status` is the HTTP status, or `None` if there was no answer.
     """
 
     def __init__(self, message: str, status: int | None = None) -> None:
         self.status = status
         super().__init__(message)
+
+
+class AgentSetupError(HijackError, RuntimeError):
+    """An agent of a file cannot be used as it is: its key, its prices or its log are missing."""
+
+
+class EndpointError(HijackError, RuntimeError):
+    """The endpoint of a model cannot be reached, refuses, or answers nothing that can be read.
+
+    `transient` tells whether the same request may succeed later.
+    """
+
+    def __init__(self, message: str, transient: bool = False) -> None:
+        self.transient = transient
+        super().__init__(message)
+
+
+class ReplayError(HijackError, LookupError):
+    """A request that the log of a replayed run does not have; the message names the step."""
+
+
+class CostLimitError(HijackError, RuntimeError):
+    """A run has cost as much as it may; the episodes that ended are kept."""

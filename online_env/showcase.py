@@ -1,4 +1,4 @@
-"""All nine corruptions on one live desktop, each before and after, with what the probe saw."""
+"""All nine corruptions on one live desktop, each before and after, with the probes' findings."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -9,21 +9,35 @@ from hijack_data.gallery import contact_sheet
 from hijack_data.types import UInt8Array
 
 from .corrupting import corrupt_desktop
+from .desktops.commands import launch
 from .desktops.protocol import Desktop
 from .effects import resume
-from .env.settle import Settle, wait_until_settled
+from .environment.settle import Settle, wait_until_settled
 from .errors import DesktopError, DesktopTimeoutError
-from .tasks.base import launch
 
-PAGE, ELSEWHERE = "http://shop.test/", "http://wiki.test/"
+PAGE = "http://shop.test/"
+ELSEWHERE = "http://wiki.test/"
 BROWSER = "google-chrome"
-PATIENCE, LOOK = 90.0, 0.1  # s for the first page to come, s between two looks for it
-REST = Settle(quiet=0.7, cap=5.0, look=0.1)
+PATIENCE = 90.0  # s for the first page to come
+LOOK = 0.1  # s between two looks for it
+REST = Settle(
+    quiet=0.7,
+    cap=5.0,
+    look=0.1,
+)
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
-    """One corruption: its name, uint8 RGB `[H, W, 3]` before and after, whether every probe was true, what it saw."""
+class ShowcaseEntry:
+    """One corruption.
+
+    Args:
+        name: Its name.
+        before: The screen before it, uint8 RGB `[H, W, 3]`.
+        after: What an agent sees after it, likewise.
+        ok: Whether every probe succeeded.
+        saw: What the probes found.
+    """
 
     name: str
     before: UInt8Array
@@ -32,10 +46,10 @@ class Shown:
     saw: str
 
 
-def show_nine(desktop: Desktop, seed: int = 3) -> Iterator[Shown]:
-    """Open a page in the desktop's browser, then apply each of the nine, one after the other, and take it back.
+def show_nine(desktop: Desktop, seed: int = 3) -> Iterator[ShowcaseEntry]:
+    """Apply each of the nine to a page in the desktop's browser, and undo it.
 
-    Raises `DesktopError` where the desktop cannot, or where an effect cannot be taken back.
+    `DesktopError` is raised if the desktop cannot have one, or if an effect cannot be undone.
     """
     launch(desktop, BROWSER, PAGE)
     _wait(desktop, lambda: "<document-web" in desktop.accessibility())
@@ -44,17 +58,22 @@ def show_nine(desktop: Desktop, seed: int = 3) -> Iterator[Shown]:
         yield _show(desktop, name, seed)
 
 
-def sheet(shown: list[Shown], width: int = 1600) -> UInt8Array:
-    """The contact sheet: uint8 RGB `[H, width, 3]`."""
+def sheet(shown: list[ShowcaseEntry], width: int = 1600) -> UInt8Array:
+    """Return the contact sheet, uint8 RGB `[H, width, 3]`."""
     rows = [(one.name, one.before, one.after) for one in shown]
-    return contact_sheet(rows, width, [f"{'' if one.ok else 'FAILED: '}{one.saw}" for one in shown])
+    captions = [one.saw if one.ok else f"FAILED: {one.saw}" for one in shown]
+    return contact_sheet(rows, width, captions)
 
 
-def _show(desktop: Desktop, name: str, seed: int) -> Shown:
+def _show(
+    desktop: Desktop,
+    name: str,
+    seed: int,
+) -> ShowcaseEntry:
     done = corrupt_desktop(desktop, get(name), seed=seed)
     after = done.after
     if name == "network_error":
-        _visit(desktop, ELSEWHERE)  # a page that is there already stays
+        _visit(desktop, ELSEWHERE)  # the page that is open already stays
         after = rest(desktop)
     elif done.records:
         after = rest(desktop)
@@ -65,16 +84,18 @@ def _show(desktop: Desktop, name: str, seed: int) -> Shown:
     if name in ("network_error", "accidental_touch"):
         desktop.run("pyautogui.press('esc')")
         _visit(desktop, PAGE)
-    return Shown(name, done.before, after, done.ok, done.saw)
+    return ShowcaseEntry(name, done.before, after, done.ok, done.saw)
 
 
 def _visit(desktop: Desktop, address: str) -> None:
-    desktop.run(f"pyautogui.hotkey('ctrl', 'l'); time.sleep(0.3); pyautogui.write({address!r} + '\\n')")
+    desktop.run(
+        f"pyautogui.hotkey('ctrl', 'l'); time.sleep(0.3); pyautogui.write({address!r} + '\\n')"
+    )
     time.sleep(REST.quiet)
 
 
 def rest(desktop: Desktop) -> UInt8Array:
-    """The screen once it has stopped changing, or after a while."""
+    """Return the screen once it has settled, or after some seconds, uint8 RGB `[H, W, 3]`."""
     return wait_until_settled(desktop, REST, with_tree=False).frame
 
 

@@ -3,11 +3,11 @@
 >>> from pipelines import build, inspect, open_dataset, verify
 """
 
-from .build import BuildReport, build
-from .dataset import Dataset, open_dataset
+from .building.build import BuildReport, build
+from .dataset.lazy import render
+from .dataset.opening import Dataset, open_dataset
 from .inspection import Inspection, inspect
-from .lazy import render
-from .verify import VerifyReport, verify
+from .proof.verify import VerifyReport, verify
 
 __all__ = [
     "BuildReport",

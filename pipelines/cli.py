@@ -8,25 +8,25 @@ from typing import Any
 
 import click
 
-from hijack_data import seal
 from hijack_data.cli import console
+from hijack_data.config.options import LABEL_POLICIES
 from hijack_data.files import write_atomic
 from hijack_data.platforms import PLATFORMS
+from hijack_data.runs import seal
 
-from .build import build as build_dataset
-from .engines import ENGINES
+from .building.build import build as build_dataset
+from .building.report import Findings
+from .dataset.manifest import OUTPUTS
+from .engines import LOCAL
 from .exports import FORMATS, ONLOOKER
 from .exports import export as export_dataset
 from .exports.dialects import DIALECTS
 from .inspection import SAMPLE
 from .inspection import inspect as inspect_sources
-from .manifest import OUTPUTS
-from .readers import names as reader_names
+from .proof.rebuild import is_run, rebuild
+from .proof.verify import verify as verify_dataset
+from .readers.base import READERS
 from .readers.choices import BOXES, COORDINATES
-from .rebuild import is_run, rebuild
-from .report import Findings
-from .rows import LABEL_POLICIES
-from .verify import verify as verify_dataset
 
 
 class Meter:
@@ -38,7 +38,12 @@ class Meter:
         self.quiet = quiet
         self.last = 0
 
-    def __call__(self, done: int, total: int, text: str) -> None:
+    def __call__(
+        self,
+        done: int,
+        total: int,
+        text: str,
+    ) -> None:
         """Show that `done` of `total` are done."""
         if self.quiet:
             return
@@ -65,51 +70,133 @@ class Meter:
 
 
 @click.command()
-@click.argument("source", nargs=-1, required=True, metavar="SOURCE...")
-@click.option("-o", "--out", required=True, metavar="DIR", help="The folder to make.")
-@click.option("--config", metavar="YAML", help="A configuration file, or a bare name such as `visual`.")
+@click.argument(
+    "source",
+    nargs=-1,
+    required=True,
+    metavar="SOURCE...",
+)
+@click.option(
+    "-o",
+    "--out",
+    required=True,
+    metavar="DIR",
+    help="The folder to make.",
+)
+@click.option(
+    "--config", metavar="YAML", help="A configuration file, or a bare name such as `visual`."
+)
 @click.option(
     "--corruptions",
     metavar="A,B|all|clean",
-    help="Which corruptions, such as marks:number=10,severity=4,subtitle.  [default: the four visual ones]",
+    help=(
+        "Which corruptions, such as marks:number=10,severity=4,subtitle.  [default: the four visual"
+        " ones]"
+    ),
 )
 @click.option("--seed", type=int, help="Random seed.  [default: 0, or the configuration's]")
 @click.option(
-    "--format", "format_", metavar="NAME", help=f"Reader to use ({', '.join(reader_names())}); else detected."
+    "--format",
+    "format_",
+    metavar="NAME",
+    help=(
+        f"Reader to use ({', '.join(sorted(READERS.entries))}, FILE.py:CLASS).  [default: detected]"
+    ),
 )
 @click.option(
     "--coordinates",
     type=click.Choice(COORDINATES),
-    help="What the coordinates are, where the recording does not say.",
+    help="Space of the coordinates, if the recording does not name it.",
 )
-@click.option("--boxes", type=click.Choice(BOXES), help="What the boxes are, where that cannot be told.")
 @click.option(
-    "--label-policy", type=click.Choice(LABEL_POLICIES), help="What becomes of a sample with a hidden target."
+    "--boxes", type=click.Choice(BOXES), help="Form of the boxes, if it cannot be detected."
 )
-@click.option("--clean/--no-clean", default=None, help="Whether to write the uncorrupted rows too.  [default: clean]")
-@click.option("--lazy/--materialised", default=None, help="Store plans, or pixels.  [default: materialised]")
-@click.option("--assets", metavar="DIR", help="Recorded pictures for what acts on the machine.  [default: shipped]")
-@click.option("--apps", metavar="A,B", help="Applications that show, where the source does not say: chrome,vscode.")
-@click.option("--platform", metavar="NAME", help=f"The machine, where the source does not say: {', '.join(PLATFORMS)}.")
-@click.option("--foreign", is_flag=True, help="Show our Xfce desktop on other platforms, too (fidelity `foreign`).")
-@click.option("--workers", type=int, default=1, show_default=True, help="Processes.")
 @click.option(
-    "--engine", type=click.Choice(ENGINES), default=ENGINES[0], show_default=True, help="This machine, or a cluster."
+    "--label-policy",
+    type=click.Choice(LABEL_POLICIES),
+    help="Treatment of samples with a hidden target.",
 )
-@click.option("--ray-address", metavar="ADDRESS", help="A running Ray cluster, `auto` for the one of this machine.")
-@click.option("--limit", type=int, metavar="N", help="Read the first N trajectories only.")
-@click.option("--splits", metavar="SHARES", help="Such as train=0.9,test=0.1, by trajectory.  [default: all is train]")
-@click.option("--dry-run", is_flag=True, help="Write nothing; say what would be written.")
-@click.option("--overwrite", is_flag=True, help="Replace the dataset that is there, once the new one is whole.")
+@click.option(
+    "--clean/--no-clean",
+    default=None,
+    help="Whether to write the uncorrupted rows too.  [default: clean]",
+)
+@click.option(
+    "--lazy/--materialised", default=None, help="Store plans, or pixels.  [default: materialised]"
+)
+@click.option(
+    "--assets",
+    metavar="DIR",
+    help="Recorded pictures for corruptions of the machine.  [default: shipped]",
+)
+@click.option(
+    "--apps",
+    metavar="A,B",
+    help="Applications on the screen, if the source names none: chrome,vscode.",
+)
+@click.option(
+    "--platform",
+    metavar="NAME",
+    help=f"The machine, if the source does not name it: {', '.join(PLATFORMS)}.",
+)
+@click.option(
+    "--foreign",
+    is_flag=True,
+    help="Use our Xfce desktop on other platforms too (fidelity `foreign`).",
+)
+@click.option(
+    "--workers",
+    type=int,
+    default=1,
+    show_default=True,
+    help="Processes.",
+)
+@click.option(
+    "--engine",
+    metavar="NAME",
+    default=LOCAL,
+    show_default=True,
+    help="This machine, or a cluster (ray).",
+)
+@click.option(
+    "--ray-address",
+    metavar="ADDRESS",
+    help="A running Ray cluster, `auto` for the one of this machine.",
+)
+@click.option(
+    "--limit",
+    type=int,
+    metavar="N",
+    help="Read the first N trajectories only.",
+)
+@click.option(
+    "--splits",
+    metavar="SHARES",
+    help="Shares of the trajectories, such as train=0.9,test=0.1.  [default: all is train]",
+)
+@click.option("--dry-run", is_flag=True, help="Write nothing; report what would be written.")
+@click.option(
+    "--overwrite",
+    is_flag=True,
+    help="Replace the existing dataset once the new one is complete.",
+)
 @click.option("--strict", is_flag=True, help="Stop at the first input that cannot be read.")
-@click.option("--resume", is_flag=True, help="Go on with a build that was stopped.")
+@click.option("--resume", is_flag=True, help="Continue a build that was stopped.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def build(source: tuple[str, ...], as_json: bool, format_: str | None, lazy: bool | None, **options: Any) -> None:
+def build(
+    source: tuple[str, ...],
+    as_json: bool,
+    format_: str | None,
+    lazy: bool | None,
+    **options: Any,
+) -> None:
     """Build a Hugging Face dataset from recorded trajectories."""
     meter = Meter(as_json)
     options["output"] = None if lazy is None else OUTPUTS[lazy]
     try:
-        report = build_dataset(source, options.pop("out"), format=format_, progress=meter, **options)
+        report = build_dataset(
+            source, options.pop("out"), format=format_, progress=meter, **options
+        )
     except KeyboardInterrupt:
         meter.close()
         click.echo("hijack: stopped; the same command with --resume goes on", err=True)
@@ -125,17 +212,63 @@ def _end(result: Any, code: int) -> None:
 
 
 @click.command()
-@click.argument("source", nargs=-1, required=True, metavar="SOURCE...")
-@click.option("--format", "format_", metavar="NAME", help="Reader of all files; else each file's is found.")
-@click.option("--corruptions", metavar="A,B|all", default="all", show_default=True, help="Which to try.")
-@click.option(
-    "--sample", type=int, default=SAMPLE, show_default=True, help="Trajectories of each format to try them on; 0: none."
+@click.argument(
+    "source",
+    nargs=-1,
+    required=True,
+    metavar="SOURCE...",
 )
-@click.option("--seed", type=int, default=0, show_default=True, help="Random seed.")
-@click.option("--assets", metavar="DIR", help="Recorded pictures for what acts on the machine.  [default: shipped]")
+@click.option(
+    "--format",
+    "format_",
+    metavar="NAME",
+    help="Reader of all files.  [default: detected for each file]",
+)
+@click.option(
+    "--coordinates",
+    type=click.Choice(COORDINATES),
+    help="Space of the coordinates, if the recording does not state it.",
+)
+@click.option(
+    "--boxes", type=click.Choice(BOXES), help="Order of a box's numbers, if it is not stated."
+)
+@click.option("--apps", metavar="A,B", help="Applications shown, if the source names none.")
+@click.option("--platform", metavar="NAME", help="The machine, if the source names none.")
+@click.option("--foreign", is_flag=True, help="Show our Xfce desktop on other platforms, too.")
+@click.option(
+    "--corruptions",
+    metavar="A,B|all",
+    default="all",
+    show_default=True,
+    help="Which to try.",
+)
+@click.option(
+    "--sample",
+    type=int,
+    default=SAMPLE,
+    show_default=True,
+    help="Trajectories of each format to try them on; 0: none.",
+)
+@click.option(
+    "--seed",
+    type=int,
+    default=0,
+    show_default=True,
+    help="Random seed.",
+)
+@click.option(
+    "--assets",
+    metavar="DIR",
+    help="Recorded pictures for corruptions of the machine.  [default: shipped]",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def inspect(source: tuple[str, ...], format_: str | None, as_json: bool, **options: Any) -> None:
-    """Show what recordings hold, and what a build would give, without building."""
+def inspect(
+    source: tuple[str, ...],
+    format_: str | None,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Show the content of recordings, and the result of a build, without building."""
     found = inspect_sources(source, format=format_, **options)
     if as_json:
         click.echo(json.dumps(found.to_data()))
@@ -150,12 +283,20 @@ def inspect(source: tuple[str, ...], format_: str | None, as_json: bool, **optio
     "--source",
     multiple=True,
     metavar="RECORDINGS",
-    help="Of a dataset: make all rows again from what it was built from; may be given more than once.",
+    help=(
+        "Of a dataset: make all rows again from what it was built from; may be given more than"
+        " once."
+    ),
 )
 @click.option("--key", metavar="PUB", help="Of a run: the SSH public key that must have signed it.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def verify(folder: str, source: tuple[str, ...], key: str | None, as_json: bool) -> None:
-    """Check a dataset: every byte, picture, plan and label; or a run: all that follows from the rest."""
+def verify(
+    folder: str,
+    source: tuple[str, ...],
+    key: str | None,
+    as_json: bool,
+) -> None:
+    """Check every byte, picture, plan and label of a dataset, or of a run."""
     if is_run(folder):
         if source:
             raise click.UsageError("--source goes with a dataset; a run holds its own recordings")
@@ -164,14 +305,22 @@ def verify(folder: str, source: tuple[str, ...], key: str | None, as_json: bool)
         if key is not None:
             raise click.UsageError("--key is for runs: a dataset is not signed")
         report = verify_dataset(folder, source=source or None)
-    _end({"ok": report.ok, **dataclasses.asdict(report)} if as_json else report.lines(), report.exit_code)
+    _end(
+        {"ok": report.ok, **dataclasses.asdict(report)} if as_json else report.lines(),
+        report.exit_code,
+    )
 
 
 @click.command()
 @click.argument("runs", type=click.Path(path_type=Path))
-@click.option("--key", metavar="KEY", required=True, help="SSH key: ssh-keygen -t ed25519 -f KEY")
+@click.option(
+    "--key",
+    metavar="KEY",
+    required=True,
+    help="SSH key: ssh-keygen -t ed25519 -f KEY",
+)
 def sign(runs: Path, key: str) -> None:
-    """Sign a run for those who get it: hijack sign RUNS --key KEY. It is verified first."""
+    """Sign a run for its recipients, after verifying it: hijack sign RUNS --key KEY."""
     seal.check_key(key)
     (runs / seal.SEAL).unlink(missing_ok=True)
     report = rebuild(runs)
@@ -186,10 +335,14 @@ def sign(runs: Path, key: str) -> None:
 @click.argument("folder", metavar="DIR")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 @click.option("-o", "--out", metavar="OUT.html", help="Write a page with pictures, too.")
-def stats(folder: str, as_json: bool, out: str | None) -> None:
-    """Show what a dataset holds: counts, how much of the targets shows, how much was changed."""
-    from .stats import stats as stats_of
-    from .stats_page import page
+def stats(
+    folder: str,
+    as_json: bool,
+    out: str | None,
+) -> None:
+    """Show the figures of a dataset: counts, visible targets, changed pixels."""
+    from .dataset.stats import stats as stats_of
+    from .dataset.stats_page import page
 
     found = stats_of(folder)
     if out is not None:
@@ -202,18 +355,39 @@ def stats(folder: str, as_json: bool, out: str | None) -> None:
 
 @click.command()
 @click.argument("folder", metavar="DIR")
-@click.option("--to", required=True, type=click.Choice([*FORMATS, ONLOOKER]), help="The format.")
-@click.option("--out", required=True, metavar="DIR2", help="The folder to make.")
 @click.option(
-    "--dialect", type=click.Choice(DIALECTS), default=DIALECTS[0], show_default=True, help="How actions are written."
+    "--to",
+    required=True,
+    metavar="NAME",
+    help=f"The format ({', '.join([*FORMATS.entries, ONLOOKER])}, FILE.py:CLASS).",
+)
+@click.option(
+    "--out",
+    required=True,
+    metavar="DIR2",
+    help="The folder to make.",
+)
+@click.option(
+    "--dialect",
+    type=click.Choice(DIALECTS),
+    default=DIALECTS[0],
+    show_default=True,
+    help="How actions are written.",
 )
 @click.option("--keep-hidden", is_flag=True, help="Export steps whose target is hidden, too.")
 @click.option(
-    "--balance", type=float, metavar="N", help="onlooker: frames without a reminder for each with one.  [default: 1]"
+    "--balance",
+    type=float,
+    metavar="N",
+    help="onlooker: frames without a reminder for each with one.  [default: 1]",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def export(folder: str, as_json: bool, **options: Any) -> None:
-    """Export a dataset as chat rows, verl Parquet, WebDataset tar files or an onlooker's training data."""
+def export(
+    folder: str,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Export a dataset as chat rows, verl Parquet, WebDataset tar files or onlooker data."""
     meter = Meter(as_json)
     try:
         report = export_dataset(folder, options.pop("out"), progress=meter, **options)

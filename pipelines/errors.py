@@ -1,18 +1,18 @@
-"""What building, opening and checking datasets refuses."""
+"""Errors of building, opening and checking datasets."""
 
 from hijack_data.errors import HijackError
 
-# How a build goes on, as both a shell and Python say it.
+# How to continue or to replace a build, for a shell and for Python.
 RESUME = "--resume (in Python: resume=True)"
 OVERWRITE = "--overwrite (in Python: overwrite=True)"
 
 
 class SourceError(HijackError, ValueError):
-    """A source that is empty, is of no known format, or (in a strict build) holds something unreadable."""
+    """A source that is empty, of no known format, or (in a strict build) unreadable in part."""
 
 
 class BuildError(HijackError, ValueError):
-    """A build that cannot be done as asked: the output folder, a corruption or an option is in the way."""
+    """A build that is impossible with this output folder, corruption or option."""
 
 
 class DatasetError(HijackError, ValueError):

@@ -1,53 +1,60 @@
-"""What a source holds and what corruptions would give on it, without building."""
+"""`inspect`: the content of a source and the rows that a build would make of it."""
 
 import os
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from hijack_data.errors import HijackError
-from hijack_data.safety import Planner
+from hijack_data.paths import PathLike
+from hijack_data.planner import Planner
 from hijack_data.types import Trajectory
 
-from .columns import pyarrow
-from .options import choose_settings
+from .building.options import BuildOptions
+from .building.report import SHOWN, BuildReport
+from .building.settings import settings_of
+from .building.shards import ShardTask, shard_tasks
+from .building.trial import tried
+from .dataset.columns import pyarrow
 from .readers import Rejected, get_reader
+from .readers.choices import ReaderOptions
 from .readers.files import size_of
 from .readers.pictures import picture_file, read_picture
 from .readers.screens import screen_of
 from .readers.survey import summary
-from .report import SHOWN, BuildReport
-from .shards import shard_tasks
-from .sources import Item, PathLike, Sources
-from .trial import tried
+from .sources import SourceItem, Sources
 
 SAMPLE = 3
 _SPACE = re.compile(r"Coordinates: (.*?)(?:[.;:]\s|\Z)", re.DOTALL)
 UNKNOWN = "not said"
+ONE_SHARD = 10**9  # rows: more than any sample has
 
 
 @dataclass
 class Inspection:
-    """The result of `inspect`; counts are of all trajectories but for those of `outlook`.
+    """The result of `inspect`; all counts except those of `outlook` cover every trajectory.
 
     Args:
-        sources: what was looked at.
+        sources: names of the inspected sources.
         formats: trajectories and steps by format.
-        coordinates: the space of the recorded coordinates by format, as its reader says it.
+        coordinates: the space of the recorded coordinates by format, as its reader documents it.
         sizes: pictures by size, `"1920x1080"` (width x height).
         actions: steps by type of action.
         apps: trajectories by application; `"not said"` counts those that name none.
         screens: trajectories by what their pictures show: desktop, web page or phone.
-        platforms: trajectories by operating system, where the source says it.
-        without_instruction: trajectories that have none.
-        rejected: inputs that cannot be read, by field; `examples` are the first.
-        unread: files that may hold records and are of no known format.
-        outlook: what a build of a few trajectories of each format would give; `None` when not asked for.
-        looked_at: trajectories and steps of the outlook.
+        platforms: trajectories by operating system; `"not said"` counts those that name none.
+        without_instruction: number of trajectories without an instruction.
+        rejected: inputs that cannot be read, by field.
+        examples: the first rejected inputs, each as one line of text.
+        unread: files that may hold records but are of no known format.
+        notes: remarks about the options of the build.
+        outlook: report of a trial build of a few trajectories of each format; `None` if none was
+            asked for.
+        looked_at: trajectories and steps of the trial build.
     """
 
     sources: tuple[str, ...]
@@ -68,27 +75,26 @@ class Inspection:
 
     @property
     def trajectories(self) -> int:
-        """All trajectories that can be read."""
+        """Number of trajectories that can be read."""
         return sum(count for count, _ in self.formats.values())
 
     @property
     def steps(self) -> int:
-        """All steps that can be read."""
+        """Number of steps that can be read."""
         return sum(count for _, count in self.formats.values())
 
     @property
     def exit_code(self) -> int:
-        """0 when every input can be read and there are steps, else 1."""
-        return 1 if self.rejected or not self.steps else 0
+        """0 if every input can be read and there are steps, otherwise 1."""
+        complete = self.steps > 0 and not self.rejected
+        return 0 if complete else 1
 
     def to_data(self) -> dict[str, Any]:
-        """JSON data of the inspection."""
+        """Return the inspection as JSON data."""
+        formats = {name: self._format(name) for name in self.formats}
         return {
             "sources": list(self.sources),
-            "formats": {
-                name: {"trajectories": counts[0], "steps": counts[1], "coordinates": self.coordinates[name]}
-                for name, counts in self.formats.items()
-            },
+            "formats": formats,
             "trajectories": self.trajectories,
             "steps": self.steps,
             "sizes": dict(self.sizes.most_common()),
@@ -104,29 +110,47 @@ class Inspection:
             "outlook": self._outlook(),
         }
 
+    def _format(self, name: str) -> dict[str, Any]:
+        trajectories, steps = self.formats[name]
+        return {
+            "trajectories": trajectories,
+            "steps": steps,
+            "coordinates": self.coordinates[name],
+        }
+
     def _outlook(self) -> dict[str, Any] | None:
         if self.outlook is None:
             return None
+        trajectories, steps = self.looked_at
+        reasons = self.outlook.not_applicable
         return {
-            "trajectories": self.looked_at[0],
-            "steps": self.looked_at[1],
+            "trajectories": trajectories,
+            "steps": steps,
             "rows": dict(self.outlook.rows),
-            "not_applicable": {label: dict(why) for label, why in self.outlook.not_applicable.items()},
+            "not_applicable": {label: dict(why) for label, why in reasons.items()},
         }
 
     def tables(self) -> Iterator[Any]:
-        """Yield what a rich console prints."""
+        """Yield the tables and lines of text that a rich console prints."""
         from rich.markup import escape
         from rich.table import Table
 
         shown = escape(", ".join(self.sources))
-        yield f"[bold]{shown}[/]: {_many(self.trajectories, 'trajectory')}, {_many(self.steps, 'step')}"
+        content = _content(self.trajectories, self.steps)
+        yield f"[bold]{shown}[/]: {content}"
         yield ""
-        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-        for name in ("format", "trajectories", "steps", "coordinates in the recording"):
-            table.add_column(name, justify="right" if name in ("trajectories", "steps") else "left")
-        for name, counts in self.formats.items():
-            table.add_row(name, *map(str, counts), escape(self.coordinates[name]))
+        table = Table(
+            box=None,
+            pad_edge=False,
+            padding=(0, 2, 0, 0),
+        )
+        table.add_column("format")
+        table.add_column("trajectories", justify="right")
+        table.add_column("steps", justify="right")
+        table.add_column("coordinates in the recording")
+        for name, (trajectories, steps) in self.formats.items():
+            space = escape(self.coordinates[name])
+            table.add_row(name, str(trajectories), str(steps), space)
         yield table
         yield ""
         yield self._facts()
@@ -139,7 +163,12 @@ class Inspection:
         from rich.markup import escape
         from rich.table import Table
 
-        table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
+        table = Table(
+            box=None,
+            show_header=False,
+            pad_edge=False,
+            padding=(0, 2, 0, 0),
+        )
         facts = {
             "screens": self.sizes,
             "they show": self.screens,
@@ -150,7 +179,8 @@ class Inspection:
         for name, counts in facts.items():
             table.add_row(f"[dim]{name}[/]", escape(_listed(counts)))
         if self.without_instruction:
-            table.add_row("[dim]instruction[/]", f"{_many(self.without_instruction, 'trajectory')} without")
+            without = _many(self.without_instruction, "trajectory")
+            table.add_row("[dim]instruction[/]", f"{without} without")
         return table
 
     def _outlook_table(self, outlook: BuildReport) -> Iterator[Any]:
@@ -158,18 +188,23 @@ class Inspection:
         from rich.table import Table
 
         trajectories, steps = self.looked_at
-        what = f"{_many(trajectories, 'trajectory')}, {_many(steps, 'step')}"
-        part = "all of them" if trajectories == self.trajectories else f"the first of each format: {what}"
+        part = "all of them"
+        if trajectories != self.trajectories:
+            part = f"the first of each format: {_content(trajectories, steps)}"
         yield f"[bold]What a build would give[/] ({part})"
         yield ""
-        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+        table = Table(
+            box=None,
+            pad_edge=False,
+            padding=(0, 2, 0, 0),
+        )
         table.add_column("corruption")
         table.add_column("rows", justify="right")
         table.add_column("not applicable")
         for label, rows in outlook.rows.items():
             reasons = outlook.not_applicable.get(label, {})
-            why = "; ".join(f"{count} step{'s' if count > 1 else ''}: {reason}" for reason, count in reasons.items())
-            table.add_row(label, str(rows), escape(why))
+            why = [f"{_many(count, 'step')}: {reason}" for reason, count in reasons.items()]
+            table.add_row(label, str(rows), escape("; ".join(why)))
         yield table
 
     def _problems(self) -> Iterator[str]:
@@ -179,12 +214,15 @@ class Inspection:
         if total:
             yield ""
             yield f"[yellow]{total} input(s) cannot be read[/]"
-            yield from (f"  {escape(example)}" for example in self.examples)
-            yield from ["  ..."] if total > len(self.examples) else []
+            for example in self.examples:
+                yield f"  {escape(example)}"
+            if total > len(self.examples):
+                yield "  ..."
         if self.unread:
             yield ""
             yield f"[yellow]not read, of no known format[/]: {escape(summary(self.unread))}"
-        yield from (f"note: {escape(note)}" for note in self.notes)
+        for note in self.notes:
+            yield f"note: {escape(note)}"
 
 
 def inspect(
@@ -195,25 +233,45 @@ def inspect(
     sample: int = SAMPLE,
     seed: int = 0,
     assets: PathLike | None = None,
+    coordinates: str | None = None,
+    boxes: str | None = None,
+    apps: Sequence[str] | str | None = None,
+    platform: str | None = None,
+    foreign: bool = False,
 ) -> Inspection:
-    """Say what one source or several hold, and what corruptions would give, without building.
+    """Return what one source or several contain, and which rows a build would make of them.
+
+    Nothing is built: for a few trajectories of each format, the corruptions are planned as a build
+    plans them. All options mean what they mean for `build`.
 
     Args:
         source: a file or folder of recordings, or a list of them.
-        format: name of the reader of all files; by default each file's is found.
-        corruptions: as those of `build`.
-        sample: for so many trajectories of each source and format the corruptions are planned, as a
-            build does it; 0 plans none.
+        format: name of the reader of all files; by default each file's reader is found.
+        corruptions: planners by label, or text, as `build` takes them.
+        sample: number of trajectories of each source and format for which the corruptions are
+            planned, at least 0; 0 plans none.
         seed: seed of those plans.
-        assets: folder of recorded pictures, as that of `build`.
+        assets: folder of recorded pictures.
+        coordinates: the space of the coordinates, if the recording does not state it.
+        boxes: the order of a box's numbers, if the recording does not state it.
+        apps: applications in the trajectories whose source names none.
+        platform: the machine of the trajectories whose source names none.
+        foreign: count rows that show our Xfce desktop on other platforms, too.
 
-    Raises `SourceError` and what `build` raises for corruptions and assets.
+    Raises:
+        SourceError: no such source, nothing in it, or no known format.
+        AssetError: recorded pictures are needed and missing.
+        BuildError: an option does not fit the corruptions or the formats.
+        ConfigError, ParameterError, UnknownNameError: a mistake in the corruptions, the seed, a
+            name, or `agenthijack.yaml`.
+        MissingDependencyError: pyarrow is not installed.
     """
     pyarrow()
-    sources = Sources.of(source, format)
+    choices = ReaderOptions(coordinates, boxes)
+    sources = Sources.of(source, format, choices, apps=apps, platform=platform)
     sources.refuse_nothing()
     found = Inspection(tuple(sources.given))
-    taken: list[Item] = []
+    taken: list[SourceItem] = []
     counted: Counter[tuple[str, str]] = Counter()
     for read in sources.read():
         if isinstance(read.item, Rejected):
@@ -227,20 +285,50 @@ def inspect(
     found.unread = sources.unread
     found.coordinates = {name: coordinates_of(name) for name in found.formats}
     if taken:
-        _look_ahead(found, taken, corruptions, seed, assets)
+        _plan(
+            found,
+            taken,
+            corruptions=corruptions,
+            seed=seed,
+            assets=assets,
+            foreign=foreign,
+        )
     return found
 
 
 def coordinates_of(name: str) -> str:
-    """Return what a reader says about the space of its coordinates, up to the first stop."""
-    text = _SPACE.search(" ".join((type(get_reader(name)).__doc__ or "").split()))
-    return text[1].rstrip(".") if text else UNKNOWN
+    """Return the first sentence of a reader's docstring about the space of its coordinates.
+
+    Raises:
+        UnknownNameError: no format is called `name`.
+    """
+    documentation = type(get_reader(name)).__doc__ or ""
+    sentence = _SPACE.search(" ".join(documentation.split()))
+    return sentence[1].rstrip(".") if sentence else UNKNOWN
 
 
-def _look_ahead(found: Inspection, taken: list[Item], corruptions: Any, seed: int, assets: PathLike | None) -> None:
-    given = {"corruptions": corruptions, "seed": seed, "clean": None, "label_policy": None, "output": None}
-    settings, notes = choose_settings(given, None, assets)
-    found.outlook = tried(lambda reject: shard_tasks(iter(taken), 10**9, settings.variants, reject), settings)
+def _plan(
+    found: Inspection,
+    taken: list[SourceItem],
+    *,
+    corruptions: Mapping[str, Planner] | str,
+    seed: int,
+    assets: PathLike | None,
+    foreign: bool,
+) -> None:
+    """Plan the corruptions of the sampled trajectories, and add the report to `found`."""
+    options = BuildOptions(
+        corruptions=corruptions,
+        seed=seed,
+        assets=assets,
+        foreign=foreign,
+    )
+    settings, notes = settings_of(options.resolved())
+
+    def tasks(reject: Callable[[Rejected], None]) -> Iterator[ShardTask]:
+        return shard_tasks(iter(taken), ONE_SHARD, settings.variants, reject)
+
+    found.outlook = tried(tasks, settings)
     found.notes += notes
     items = [read.item for read in taken]
     steps = sum(len(item.steps) for item in items if isinstance(item, Trajectory))
@@ -267,21 +355,28 @@ def _count(found: Inspection, trajectory: Trajectory) -> None:
 
 
 def _size(image: str) -> str:
-    """Return the size of a picture as text; a build says what is wrong with one that has none."""
+    """Return the size of a picture as text; the report of a build explains unreadable ones."""
     with suppress(HijackError, OSError, ValueError):
-        inside = os.fspath(picture_file(image)) != image
-        height, width = size_of(read_picture(image, "") if inside else Path(image))
+        in_a_record = os.fspath(picture_file(image)) != image
+        picture = read_picture(image, "") if in_a_record else Path(image)
+        height, width = size_of(picture)
         return f"{width}x{height}"
     return "unreadable"
+
+
+def _content(trajectories: int, steps: int) -> str:
+    return f"{_many(trajectories, 'trajectory')}, {_many(steps, 'step')}"
 
 
 def _many(count: int, what: str) -> str:
     if count == 1:
         return f"1 {what}"
-    return f"{count} {what[:-1]}ies" if what.endswith("y") else f"{count} {what}s"
+    plural = f"{what[:-1]}ies" if what.endswith("y") else f"{what}s"
+    return f"{count} {plural}"
 
 
 def _listed(counts: Counter[str], shown: int = 8) -> str:
     first = [f"{name} ({count})" for name, count in counts.most_common(shown)]
-    more = [f"and {len(counts) - shown} more"] if len(counts) > shown else []
-    return ", ".join(first + more) or UNKNOWN
+    if len(counts) > shown:
+        first.append(f"and {len(counts) - shown} more")
+    return ", ".join(first) or UNKNOWN

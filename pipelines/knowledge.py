@@ -1,8 +1,8 @@
-"""What people know about recordings that the recordings do not say: which applications show, on which platform.
+"""Applications and platforms that recordings do not state, but people know.
 
-Options of a build (`apps`, `platform`) hold for every trajectory whose source does not say. A file in the source,
-`agenthijack.yaml`, says it by trajectory, and wins over what the format records, since a person wrote it about these
-very recordings:
+Options of a build (`apps`, `platform`) hold for every trajectory whose source does not state them.
+A file in the source, `agenthijack.yaml`, states them by trajectory, and wins over what the format
+records, since a person wrote it about these very recordings:
 
     recordings:
       - match: "chrome/*"            # a trajectory's id, or a pattern with * and ?
@@ -22,7 +22,15 @@ from pathlib import Path
 from typing import Any, cast
 
 from hijack_data.apps import KNOWN, names_of, normalize_app
-from hijack_data.config.tree import Listing, Place, Problems, Scalar, Table, Tree, kind_of
+from hijack_data.config.tree import (
+    ConfigNode,
+    MappingNode,
+    Position,
+    Problems,
+    ScalarNode,
+    SequenceNode,
+    kind_of,
+)
 from hijack_data.config.yaml_reader import read_yaml
 from hijack_data.errors import ParameterError, ParameterTypeError, suggest
 from hijack_data.platforms import OURS, PLATFORMS, as_platform, find_platform
@@ -38,12 +46,12 @@ SIDECAR = "agenthijack.yaml"
 LIST = "recordings"
 FIELDS = ("match", "apps", "platform")
 MAX_BYTES = 2**20
-# Names as close as this to a known one are taken for a slip of the pen.
+# Names as close as this to a known one are taken for a typing error.
 SLIP = 0.8
 
 
 @dataclass(frozen=True)
-class Entry:
+class KnowledgeEntry:
     """One entry of the file; `where` is its place, for reports."""
 
     match: str
@@ -54,30 +62,45 @@ class Entry:
 
 @dataclass(frozen=True)
 class Knowledge:
-    """What a build is told about its recordings: applications and platform of all, entries of the file and its hash."""
+    """The facts about recordings that a user gave.
+
+    Args:
+        apps: applications of all trajectories whose source names none.
+        platform: the platform of all trajectories whose source names none.
+        entries: the entries of `agenthijack.yaml`.
+        sha256: its hash; `None` without that file.
+    """
 
     apps: tuple[str, ...] = ()
     platform: Platform | None = None
-    entries: tuple[Entry, ...] = ()
+    entries: tuple[KnowledgeEntry, ...] = ()
     sha256: str | None = None
 
     def told(self, items: Iterable[Trajectory | Rejected]) -> Iterator[Trajectory | Rejected]:
-        """Yield the items, trajectories with what is known about them; at the end, entries that match none."""
-        used: set[Entry] = set()
+        """Yield the items, with trajectories completed; at the end, entries that match none."""
+        used: set[KnowledgeEntry] = set()
         for item in items:
-            yield item if isinstance(item, Rejected) else self._told(item, used)
+            if isinstance(item, Rejected):
+                yield item
+            else:
+                yield self._told(item, used)
         for entry in self.entries:
             if entry not in used:
-                reason = f"{entry.match!r} matches no trajectory; give an id, or a pattern with * and ?"
+                match = f"{entry.match!r} matches no trajectory"
+                reason = f"{match}; give an id, or a pattern with * and ?"
                 yield Rejected(SIDECAR, entry.where, "match", reason)
 
     def parameters(self) -> dict[str, Any]:
-        """Return what a manifest keeps; nothing where nothing is told."""
-        given = {"apps": list(self.apps), "platform": self.platform, "file_sha256": self.sha256}
+        """Return the parameters of a manifest; none if the user gave nothing."""
+        given = {
+            "apps": list(self.apps),
+            "platform": self.platform,
+            "file_sha256": self.sha256,
+        }
         kept = {key: value for key, value in given.items() if value}
         return {LIST: kept} if kept else {}
 
-    def _told(self, trajectory: Trajectory, used: set[Entry]) -> Trajectory:
+    def _told(self, trajectory: Trajectory, used: set[KnowledgeEntry]) -> Trajectory:
         fitting = [entry for entry in self.entries if fnmatchcase(trajectory.id, entry.match)]
         used.update(fitting)
         apps = next((entry.apps for entry in fitting if entry.apps), ())
@@ -89,23 +112,30 @@ class Knowledge:
             platform = self.platform  # `linux` leaves open which desktop it is
         if not apps and platform is None:
             return trajectory
-        return replace(trajectory, apps=apps or trajectory.apps, platform=platform or trajectory.platform)
+        return replace(
+            trajectory, apps=apps or trajectory.apps, platform=platform or trajectory.platform
+        )
 
 
-def knowledge_of(source: Path, apps: Sequence[str] | str | None = None, platform: str | None = None) -> Knowledge:
-    """Return what options and the source's own file tell.
+def knowledge_of(
+    source: Path,
+    apps: Sequence[str] | str | None = None,
+    platform: str | None = None,
+) -> Knowledge:
+    """Return the facts that options and the source's own file state.
 
     Args:
-        source: the file or folder that is read; `agenthijack.yaml` lies in the folder, or beside the file.
+        source: the file or folder that is read; `agenthijack.yaml` lies in the folder, or beside
+            the file.
         apps: names of applications, as a sequence or separated by commas.
         platform: one of `hijack_data.types.Platform`.
 
-    Raises `ConfigError`, which names place and fix, and `SourceError` for a mistake in the file, `ParameterError` and
-    `ParameterTypeError` for options.
+    A mistake in the file is a `ConfigError`, which names place and fix, or a `SourceError`; one in
+    the options is a `ParameterError` or `ParameterTypeError`.
     """
     entries, digest = _sidecar(root_of(source))
-    named = () if platform is None else (as_platform(platform, "platform"),)
-    return Knowledge(_apps(apps), *(named or (None,)), entries, digest)
+    known = None if platform is None else as_platform(platform, "platform")
+    return Knowledge(_apps(apps), known, entries, digest)
 
 
 def _apps(value: object) -> tuple[str, ...]:
@@ -113,24 +143,32 @@ def _apps(value: object) -> tuple[str, ...]:
         return ()
     listed = value.split(",") if isinstance(value, str) else value
     if not isinstance(listed, Iterable):
-        raise ParameterTypeError(f"apps must be names of applications, such as 'chrome,vscode', got {value!r:.80}")
+        raise ParameterTypeError(
+            f"apps must be names of applications, such as 'chrome,vscode', got {value!r:.80}"
+        )
     return tuple(_app(name) for name in cast("Iterable[object]", listed))
 
 
 def _app(name: object) -> str:
-    """Return the name of an application. Raises `ParameterError` for one that is empty or a slip of the pen."""
+    # A name that is close to a known one is taken for a typing error.
     if not isinstance(name, str):
-        raise ParameterTypeError(f"apps must be names of applications, such as 'chrome,vscode', got {name!r:.80}")
+        raise ParameterTypeError(
+            f"apps must be names of applications, such as 'chrome,vscode', got {name!r:.80}"
+        )
     plain = normalize_app(name)
     if not plain:
-        raise ParameterError("apps holds an empty name; write the names separated by commas: chrome,vscode")
+        raise ParameterError(
+            "apps holds an empty name; write the names separated by commas: chrome,vscode"
+        )
     close = difflib.get_close_matches(plain, sorted(KNOWN), n=1, cutoff=SLIP)
     if plain not in KNOWN and close:
-        raise ParameterError(f"apps: {name!r} is not an application that is known; did you mean {close[0]!r}?")
+        raise ParameterError(
+            f"apps: {name!r} is not an application that is known; did you mean {close[0]!r}?"
+        )
     return plain
 
 
-def _sidecar(root: Path) -> tuple[tuple[Entry, ...], str | None]:
+def _sidecar(root: Path) -> tuple[tuple[KnowledgeEntry, ...], str | None]:
     if not os.path.lexists(root / SIDECAR):
         return (), None
     try:
@@ -142,30 +180,40 @@ def _sidecar(root: Path) -> tuple[tuple[Entry, ...], str | None]:
     except OSError as error:
         raise SourceError(f"{root / SIDECAR}: cannot be read ({error.strerror or error})") from None
     if len(data) > MAX_BYTES:
-        raise SourceError(f"{root / SIDECAR}: larger than {MAX_BYTES} bytes; say more with fewer patterns")
+        raise SourceError(
+            f"{root / SIDECAR}: larger than {MAX_BYTES} bytes; say more with fewer patterns"
+        )
     problems = Problems()
     tree = read_yaml(data, os.fspath(root / SIDECAR), problems)
     if tree is None:
-        problems.stop(Place(os.fspath(root / SIDECAR), 1, 1), f"is empty; write a list under the key {LIST}")
+        problems.stop(
+            Position(os.fspath(root / SIDECAR), 1, 1),
+            f"is empty; write a list under the key {LIST}",
+        )
     entries = [_entry(item, problems) for item in _items(tree, problems)]
     problems.check()
     return tuple(entry for entry in entries if entry), hashlib.sha256(data).hexdigest()
 
 
-def _items(tree: Tree, problems: Problems) -> list[Tree]:
-    listed = tree.items.get(LIST) if isinstance(tree, Table) else None
-    if not isinstance(listed, Listing):
-        problems.stop(tree.place, f"write a list under the key {LIST}: of entries with match, apps and platform")
-    for key, place in cast("Table", tree).keys.items():
+def _items(tree: ConfigNode, problems: Problems) -> list[ConfigNode]:
+    listed = tree.items.get(LIST) if isinstance(tree, MappingNode) else None
+    if not isinstance(listed, SequenceNode):
+        problems.stop(
+            tree.place,
+            f"write a list under the key {LIST}: of entries with match, apps and platform",
+        )
+    for key, place in cast("MappingNode", tree).keys.items():
         if key != LIST:
             problems.add(place, f"unknown key {key!r}{suggest(key, [LIST])}")
     return listed.items
 
 
-def _entry(tree: Tree, problems: Problems) -> Entry | None:
-    """Return an entry, or `None` where it is wrong, which is noted."""
-    if not isinstance(tree, Table):
-        problems.add(tree.place, f"an entry is a mapping with match, apps and platform, got {kind_of(tree)}")
+def _entry(tree: ConfigNode, problems: Problems) -> KnowledgeEntry | None:
+    """Return an entry; one that is broken is noted among the problems."""
+    if not isinstance(tree, MappingNode):
+        problems.add(
+            tree.place, f"an entry is a mapping with match, apps and platform, got {kind_of(tree)}"
+        )
         return None
     for key, place in tree.keys.items():
         if key not in FIELDS:
@@ -173,22 +221,27 @@ def _entry(tree: Tree, problems: Problems) -> Entry | None:
     match = _text(tree.items.get("match"))
     if match is None:
         problems.add(
-            tree.place, 'match is missing; write the id of a trajectory, or a pattern such as match: "chrome/*"'
+            tree.place,
+            "match is missing; write the id of a trajectory, or a pattern such as match:"
+            ' "chrome/*"',
         )
     if "apps" not in tree.items and "platform" not in tree.items:
         problems.add(tree.place, "says nothing; give apps, platform or both")
     apps = _told_apps(tree.items.get("apps"), problems)
     platform = _told_platform(tree.items.get("platform"), problems)
     place = tree.place
-    return Entry(match or "", apps, platform, f"line {place.line}" if place.line else LIST)
+    return KnowledgeEntry(match or "", apps, platform, f"line {place.line}" if place.line else LIST)
 
 
-def _told_apps(tree: Tree | None, problems: Problems) -> tuple[str, ...]:
+def _told_apps(tree: ConfigNode | None, problems: Problems) -> tuple[str, ...]:
     if tree is None:
         return ()
-    names = [_text(item) for item in tree.items] if isinstance(tree, Listing) else [None]
+    names = [_text(item) for item in tree.items] if isinstance(tree, SequenceNode) else [None]
     if not names or None in names:
-        problems.add(tree.place, f"apps must be a list of names such as [chrome, vscode], got {kind_of(tree)}")
+        problems.add(
+            tree.place,
+            f"apps must be a list of names such as [chrome, vscode], got {kind_of(tree)}",
+        )
         return ()
     try:
         return _apps(names)
@@ -197,15 +250,19 @@ def _told_apps(tree: Tree | None, problems: Problems) -> tuple[str, ...]:
         return ()
 
 
-def _told_platform(tree: Tree | None, problems: Problems) -> Platform | None:
+def _told_platform(tree: ConfigNode | None, problems: Problems) -> Platform | None:
     if tree is None:
         return None
     name = _text(tree)
     found = find_platform(name)
     if found is None:
-        problems.add(tree.place, f"unknown platform {kind_of(tree)}{suggest(name or '', PLATFORMS)}")
+        problems.add(
+            tree.place, f"unknown platform {kind_of(tree)}{suggest(name or '', PLATFORMS)}"
+        )
     return found
 
 
-def _text(tree: Tree | None) -> str | None:
-    return tree.value if isinstance(tree, Scalar) and isinstance(tree.value, str) and tree.value.strip() else None
+def _text(tree: ConfigNode | None) -> str | None:
+    if not isinstance(tree, ScalarNode) or not isinstance(tree.value, str):
+        return None
+    return tree.value if tree.value.strip() else None

@@ -4,23 +4,22 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypeAlias, cast
+from typing import Any, cast
 
 from hijack_data.errors import ParameterTypeError
+from hijack_data.paths import PathLike
 from hijack_data.types import Trajectory
 
 from .errors import SourceError
 from .knowledge import LIST, Knowledge, knowledge_of
 from .readers import Rejected, Survey, existing, get_reader, names, survey
-from .readers.choices import NO_CHOICES, Choices, with_choices
+from .readers.choices import NO_CHOICES, ReaderOptions, with_choices
 from .readers.survey import summary
-
-PathLike: TypeAlias = str | os.PathLike[str]
 
 
 @dataclass(frozen=True)
-class Item:
-    """What was read, and the folder of the source that it is from."""
+class SourceItem:
+    """A trajectory or a rejected input, and the folder of its source."""
 
     root: Path
     item: Trajectory | Rejected
@@ -32,17 +31,17 @@ class Sources:
 
     Args:
         paths: absolute paths.
-        given: how a report names them, never an absolute path.
-        surveys: what each holds.
-        choices: what the user said of coordinates and boxes.
-        told: for each source, what the user said of its applications and platform.
-        renamed: trajectories whose id an earlier source or format has, so far.
+        given: their names in reports, never absolute paths.
+        surveys: the files of each by format.
+        choices: the user's choices of coordinates and boxes.
+        told: applications and platform of each source, as the user stated them.
+        renamed: number of trajectories so far whose id an earlier source or format has.
     """
 
     paths: tuple[Path, ...]
     given: tuple[str, ...]
     surveys: tuple[Survey, ...]
-    choices: Choices = NO_CHOICES
+    choices: ReaderOptions = NO_CHOICES
     told: tuple[Knowledge, ...] = ()
     renamed: int = 0
 
@@ -51,21 +50,24 @@ class Sources:
         cls,
         source: PathLike | Sequence[PathLike],
         format: str | None = None,
-        choices: Choices = NO_CHOICES,
+        choices: ReaderOptions = NO_CHOICES,
         *,
         apps: Sequence[str] | str | None = None,
         platform: str | None = None,
     ) -> "Sources":
-        """Look at one source or several.
+        """Find the formats of one source or several.
 
-        Raises `SourceError`, see `readers.survey`, `BuildError` for a choice that none of their
-        formats leaves room for, and what `knowledge_of` raises for `apps` and `platform`.
+        A choice that none of the formats leaves open is a `BuildError`; see `knowledge_of` for the
+        errors of `apps` and `platform`.
+
+        Raises:
+            SourceError: a source is given twice, or has no known format, see `readers.survey`.
         """
         several = _listed(source)
         paths = tuple(existing(os.path.abspath(existing(path))) for path in several)
-        twice = next((path for path in paths if paths.count(path) > 1), None)
-        if twice is not None:
-            raise SourceError(f"{twice}: is given twice")
+        for path in paths:
+            if paths.count(path) > 1:
+                raise SourceError(f"{path}: is given twice")
         given = tuple(published(path) for path in several)
         told = tuple(knowledge_of(path, apps, platform) for path in paths)
         surveys = tuple(survey(path, format) for path in paths)
@@ -74,9 +76,11 @@ class Sources:
         return sources
 
     @classmethod
-    def again(cls, source: PathLike | Sequence[PathLike], parameters: Mapping[str, Any]) -> "Sources":
-        """Look at sources as the build with `parameters`, those of its manifest, did."""
-        choices = Choices(parameters.get("coordinates"), parameters.get("boxes"))
+    def again(
+        cls, source: PathLike | Sequence[PathLike], parameters: Mapping[str, Any]
+    ) -> "Sources":
+        """Find the formats as the build did whose manifest has these `parameters`."""
+        choices = ReaderOptions(parameters.get("coordinates"), parameters.get("boxes"))
         told = parameters.get(LIST, {})
         return cls.of(
             source,
@@ -94,63 +98,82 @@ class Sources:
     @property
     def unread(self) -> list[str]:
         """Record files that no reader takes, named from their source."""
-        return [self._name(index, name) for index, found in enumerate(self.surveys) for name in found.unread]
+        names: list[str] = []
+        for index, found in enumerate(self.surveys):
+            names += [self._name(index, name) for name in found.unread]
+        return names
 
-    def read(self, limit: int | None = None) -> Iterator[Item]:
-        """Yield what the sources hold, in a fixed order, until `limit` trajectories were read."""
+    def read(self, limit: int | None = None) -> Iterator[SourceItem]:
+        """Yield the content of the sources in a fixed order, up to `limit` trajectories."""
         taken: set[str] = set()
         self.renamed = 0
         for index, found in enumerate(self.surveys):
             for item in self.told[index].told(found.read(self.choices)):
                 if isinstance(item, Rejected):
-                    yield Item(found.root, replace(item, file=self._name(index, item.file)))
+                    named = replace(item, file=self._name(index, item.file))
+                    yield SourceItem(found.root, named)
                     continue
-                yield Item(found.root, self._unique(item, index, taken))
+                yield SourceItem(found.root, self._unique(item, index, taken))
                 if limit is not None and len(taken) >= limit:
                     return
 
     def told_parameters(self) -> dict[str, Any]:
-        """Return what a manifest keeps of `told`: what holds for all, and the hashes of the files."""
+        """Return the parameters of `told` in a manifest: options, and the hashes of the files."""
         parameters = self.told[0].parameters()
         hashes = [known.sha256 for known in self.told]
         if len(hashes) > 1 and any(hashes):
-            parameters = {LIST: {**parameters.get(LIST, {}), "file_sha256": hashes}}
+            stated = parameters.get(LIST, {})
+            parameters = {LIST: {**stated, "file_sha256": hashes}}
         return parameters
 
     def notes(self) -> Iterator[str]:
-        """Yield what a user should know about how the sources were read."""
+        """Yield remarks for the user about how the sources were read."""
         if self.unread:
             yield f"not read, of no known format: {summary(self.unread)}"
         if self.renamed:
             yield (
-                f"{self.renamed} trajectories have an id that an earlier one has; theirs begins with "
-                "the name of their source"
+                f"{self.renamed} trajectories have an id that an earlier one has; theirs begins"
+                " with the name of their source"
             )
 
     def refuse_nothing(self) -> None:
-        """Raise `SourceError` unless there is something to read."""
+        """Check that there is something to read.
+
+        Raises:
+            SourceError: there is nothing.
+        """
         if next(self.read(), None) is None:
             what = ", ".join(map(str, self.paths))
             raise SourceError(f"{what}: holds no trajectory; known formats: {', '.join(names())}")
 
     def _check_choices(self) -> None:
         readers = [get_reader(name) for name in self.formats]
-        taken = {name for reader in readers for name in getattr(reader, "takes", ())}
-        if not set(self.choices.to_data()) <= taken:
-            for reader in readers:
-                with_choices(reader, self.choices)
+        taken: set[str] = set()
+        for reader in readers:
+            taken.update(getattr(reader, "takes", ()))
+        if self.choices.to_data().keys() <= taken:
+            return
+        for reader in readers:
+            with_choices(reader, self.choices)  # raises for the choice that is left over
 
-    def _unique(self, trajectory: Trajectory, index: int, taken: set[str]) -> Trajectory:
+    def _unique(
+        self,
+        trajectory: Trajectory,
+        index: int,
+        taken: set[str],
+    ) -> Trajectory:
         """Return a trajectory under its id, or, where that is taken, with its source before it."""
         if trajectory.id not in taken:
             taken.add(trajectory.id)
             return trajectory
         self.renamed += 1
         place = self._label(index) if len(self.paths) > 1 else trajectory.source
-        own, number = f"{place}/{trajectory.id}", 1
+        name = f"{place}/{trajectory.id}"
+        own = name
+        number = 1
         while own in taken:
             number += 1
-            own = f"{place}/{trajectory.id}~{number}"
+            own = f"{name}~{number}"
         taken.add(own)
         return replace(trajectory, id=own)
 
@@ -171,7 +194,7 @@ class Sources:
 
 
 def published(path: PathLike) -> str:
-    """Return how a dataset names its source: as it was given if that tells nothing of this machine."""
+    """Return the name of a source in a dataset: the path as given, unless it is of this machine."""
     given = Path(path)
     if given.is_absolute() or ".." in given.parts or not given.name:
         return Path(os.path.abspath(given)).name or "source"
@@ -182,7 +205,6 @@ def _listed(source: PathLike | Sequence[PathLike]) -> list[PathLike]:
     if isinstance(source, str | os.PathLike):
         return [cast("PathLike", source)]
     several: list[Any] = list(source)
-    wrong = next((one for one in several if not isinstance(one, str | os.PathLike)), None)
-    if wrong is not None or not several:
+    if not several or not all(isinstance(one, str | os.PathLike) for one in several):
         raise ParameterTypeError(f"source must be a path or a list of paths, got {source!r:.80}")
     return several

@@ -8,22 +8,35 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hijack_data.kernels import jit
+from hijack_data.kernels.cpu import jit
 
 from support.chromium import Browser, chromium
+from support.slow import SLOW
 
-# A shell that runs the suite in the background makes it ignore Ctrl-C, and so would every process that a test starts.
+# A shell that runs the suite in the background makes it ignore Ctrl-C, and so would every process
+# that a test starts.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# Triton decides when it is imported whether its kernels run in its interpreter: they do where there is no GPU.
+# Triton decides when it is imported whether its kernels run in its interpreter: they do where there
+# is no GPU.
 if not any(Path(name).exists() for name in ("/dev/nvidia0", "/dev/kfd")):
     os.environ["TRITON_INTERPRET"] = "1"
 
-jit.start()  # what the tests look at is the kernels, not the NumPy code of a process's first pictures
+# what the tests look at is the kernels, not the NumPy code of a process's first pictures
+jit.start()
 
 ROOT = Path(__file__).resolve().parent.parent
 SHARED_DATA = ROOT.parent / "shared" / "data"
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests that `make check` leaves out: of slow files, and those that need a desktop."""
+    tests = Path(__file__).resolve().parent
+    for item in items:
+        place = item.path.relative_to(tests)
+        if place.as_posix() in SLOW or place.parts[0] == "live":
+            item.add_marker("slow")
 
 
 @pytest.fixture(scope="session")
@@ -50,4 +63,4 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
 @pytest.fixture
 def no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     """An agent's WAIT takes no time."""
-    monkeypatch.setattr("online_env.env.episode.WAIT", 0.0)
+    monkeypatch.setattr("online_env.environment.episode.WAIT", 0.0)

@@ -1,9 +1,12 @@
 """The shape of the public interface: names, signatures, and what importing costs."""
 
+import ast
 import importlib
 import inspect
+import pickle
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -32,7 +35,16 @@ def test_plan_arguments_are_those_of_the_design():
 
 def test_augmentation_arguments_are_those_of_the_design():
     parameters = inspect.signature(hj.OneOf([hj.Marks()]).__call__).parameters
-    assert list(parameters) == ["batch", "ids", "boxes", "targets", "ends", "seed", "epoch", "steps"]
+    assert list(parameters) == [
+        "batch",
+        "ids",
+        "boxes",
+        "targets",
+        "ends",
+        "seed",
+        "epoch",
+        "steps",
+    ]
 
 
 def test_all_names_exist_and_are_documented():
@@ -41,32 +53,73 @@ def test_all_names_exist_and_are_documented():
         assert inspect.getdoc(thing), f"{name} has no docstring"
 
 
+def test_type_checkers_see_the_names_that_are_loaded():
+    tree = ast.parse(Path(hj.__file__).read_text())
+    (block,) = [node for node in tree.body if isinstance(node, ast.If)]
+    seen: dict[str, tuple[str, ...]] = {}
+    for node in block.body:
+        seen[node.module] = seen.get(node.module, ()) + tuple(each.asname for each in node.names)
+    assert seen == hj._HOMES
+
+
+def test_the_function_and_the_package_survive_pickling():
+    import cloudpickle
+
+    assert pickle.loads(pickle.dumps(hj.apply)) is hj.apply
+    code = cloudpickle.dumps(lambda: hj.apply)  # as Ray sends a task: by the names of modules
+    assert pickle.loads(code)() is hj.apply
+    assert pickle.loads(cloudpickle.dumps(hj)) is hj
+
+
 def test_importing_loads_nothing_heavy():
     heavy = ("torch", "jax", "cv2", "datasets", "numba", "rich", "click", "scipy", "pandas")
     code = f"import sys, hijack_data; print([m for m in {heavy} if m in sys.modules])"
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    found = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
     assert found.strip() == "[]"
 
 
 def python(code):
     """What `code` prints in a fresh interpreter."""
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
+    return subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout.strip()
 
 
 def test_what_needs_only_errors_does_not_wait_for_numpy():
     assert python("import sys, hijack_data.errors; print('numpy' in sys.modules)") == "False"
-    assert python("import sys, hijack_data; hijack_data.Marks; print('numpy' in sys.modules)") == "True"
+    assert (
+        python("import sys, hijack_data; hijack_data.Marks; print('numpy' in sys.modules)")
+        == "True"
+    )
 
 
-@pytest.mark.parametrize("first", ["import hijack_data.apply", "from hijack_data.apply import apply", "pass"])
+@pytest.mark.parametrize(
+    "first", ["import hijack_data._apply", "from hijack_data._apply import apply", "pass"]
+)
 def test_apply_is_the_function_whatever_was_imported_before(first):
-    code = f"{first}\nimport hijack_data as hj\nprint(hj.apply.__module__, callable(hj.apply), 'Marks' in dir(hj))"
-    assert python(code) == "hijack_data.apply True True"
+    code = (
+        f"{first}\nimport hijack_data as hj\nprint(hj.apply.__module__, callable(hj.apply), 'Marks'"
+        " in dir(hj))"
+    )
+    assert python(code) == "hijack_data._apply True True"
 
 
-@pytest.mark.parametrize("first", ["hijack_data.corruption", "hijack_data.corruptions.verification"])
+@pytest.mark.parametrize(
+    "first", ["hijack_data.corruption", "hijack_data.corruptions.verification"]
+)
 def test_the_nine_are_known_whatever_is_imported_first(first):
-    code = f"import {first}\nfrom hijack_data.corruption import get, names\nget('marks-v1')\nprint(*names()[:2])"
+    code = (
+        f"import {first}\nfrom hijack_data.corruption import get,"
+        " names\nget('marks-v1')\nprint(*names()[:2])"
+    )
     assert python(code) == "pop_ups resolution"
 
 

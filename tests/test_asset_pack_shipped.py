@@ -1,4 +1,5 @@
-"""The asset pack that ships: every picture is what the index says, nothing is left over, and it stays small."""
+"""The asset pack that ships: every picture is what the index says, nothing is left over, and it
+stays small."""
 
 import hashlib
 import json
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from hijack_data.pack import KINDS, SHIPPED, AssetPack
+from hijack_data.pack import SHIPPED, AssetPack, picture_kinds
 from hijack_data.types import ACTION_TYPES
 
 LIMIT = 15_000_000
@@ -39,7 +40,9 @@ def test_the_folder_holds_the_pack_and_nothing_else():
 
 
 def test_the_wheel_takes_all_of_the_package():
-    build = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["tool"]["hatch"]["build"]
+    build = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["tool"][
+        "hatch"
+    ]["build"]
     assert "hijack_data" in build["targets"]["wheel"]["packages"]
     assert not {"exclude", "only-include"} & build["targets"]["wheel"].keys()
     assert "/hijack_data" in build["targets"]["sdist"]["include"]
@@ -54,7 +57,7 @@ def test_a_picture_is_what_the_index_says(entry):
     pixels = decoded(entry)
     assert pixels.shape[:2] == (y2 - y1, x2 - x1)
     assert hashlib.sha256(pixels.tobytes()).hexdigest() == entry["sha256"]
-    assert entry["kind"] in KINDS
+    assert entry["kind"] in picture_kinds()
     assert entry["made_by"]
     assert "\n" not in entry["made_by"]
 
@@ -64,7 +67,8 @@ def test_a_picture_shows_something_and_is_opaque_but_for_its_corners(entry):
     pixels = decoded(entry)
     every = 3 if max(pixels.shape) < 3000 else 30  # wallpapers are large
     assert len(np.unique(pixels[::every, ::every, :3].reshape(-1, 3), axis=0)) >= 8
-    if entry["kind"] == "icon":  # what is between its letters, and their soft shadow, is not part of it
+    # what is between its letters, and their soft shadow, is not part of it
+    if entry["kind"] == "icon":
         assert {0, 255} < set(np.unique(pixels[..., 3]))
         assert not pixels[[0, -1], :, 3].any()
         assert not pixels[:, [0, -1], 3].any()
@@ -81,7 +85,9 @@ def test_places_are_inside_their_picture(entry):
     x1, y1, x2, y2 = entry["box"]
     width, height = x2 - x1, y2 - y1
     recover = entry["recover"] or {}
-    boxes = [target["box"] for target in entry["targets"]] + [recover[k] for k in ("target_box",) if k in recover]
+    boxes = [target["box"] for target in entry["targets"]] + [
+        recover[k] for k in ("target_box",) if k in recover
+    ]
     for left, top, right, bottom in boxes:
         assert 0 <= left < right <= width
         assert 0 <= top < bottom <= height
@@ -93,7 +99,7 @@ def test_places_are_inside_their_picture(entry):
         assert not action or action["type"] in ACTION_TYPES
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", picture_kinds())
 def test_every_kind_is_there_with_what_it_must_have(kind):
     found = [entry for entry in ENTRIES.values() if entry["kind"] == kind]
     assert found

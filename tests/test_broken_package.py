@@ -19,6 +19,24 @@ BROKEN = {
     "unusable": "out_of_range.thickness must be int >= 1, got 0",
 }
 NINE_AND_ONE = 10
+NO_CLASS = "wrong_shape"
+# What is wrong with the plug-in of each other kind, and how its name is asked for.
+BUILD = ("build", "RECORDINGS", "--out", "OUT")
+BENCH = ("bench", "embedded_small", "--dry-run")
+SHAPES = {
+    "edits": ("it is no subclass of pipelines.edits.Edit", ()),
+    "readers": ("it has no detect(path); it has no read(source)", (*BUILD, "--format")),
+    "exports": ("it has no shard(index, examples)", ("export", "none", "--out", "OUT", "--to")),
+    "engines": ("an engine is a function of", (*BUILD, "--engine")),
+    "providers": ("a provider is a function of (size)", ()),
+    "tasks": ("it is no subclass of online_env.tasks.Task", (*BENCH, "--tasks")),
+    "agents": ("it has no predict(instruction, obs)", (*BENCH, "--agent")),
+}
+WORDS = {
+    "readers": "format",
+    "exports": "export format",
+    "providers": "desktop provider",
+}
 
 
 @pytest.fixture(scope="module")
@@ -31,20 +49,42 @@ def screen():
     return str(sorted((ROOT / "examples" / "recordings" / "images").glob("*.png"))[0])
 
 
-def hijack(env, *words, code=0, cwd=ROOT):
+def hijack(
+    env,
+    *words,
+    code=0,
+    cwd=ROOT,
+):
     command = [sys.executable, "-m", "hijack_data.cli", *map(str, words)]
-    done = subprocess.run(command, capture_output=True, text=True, env=env, cwd=cwd, timeout=300)
+    done = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        env=env,
+        cwd=cwd,
+        timeout=300,
+    )
     assert done.returncode == code, (done.returncode, done.stdout, done.stderr)
     assert "Traceback" not in done.stderr
     return done
 
 
-def python(env, *words, code=0):
+def python(
+    env,
+    *words,
+    code=0,
+):
     """Run Python, which finds the tree before any installed one."""
     path = f"{ROOT}{os.pathsep}{env['PYTHONPATH']}"
     env = {**env, "PYTHONPATH": path}
     command = [sys.executable, *words]
-    done = subprocess.run(command, capture_output=True, text=True, env=env, timeout=300)
+    done = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        env=env,
+        timeout=300,
+    )
     assert done.returncode == code, done.stderr
     return done
 
@@ -66,7 +106,11 @@ def test_list_shows_all_others(installed):
     assert json.loads(hijack(installed, "show", "whole", "--json").stdout)["id"] == "whole-v1"
 
 
-def test_pictures_are_made(installed, screen, tmp_path):
+def test_pictures_are_made(
+    installed,
+    screen,
+    tmp_path,
+):
     hijack(installed, "apply", screen, "whole", "-o", tmp_path / "o.png")
     hijack(installed, "apply", screen, "marks", "-o", tmp_path / "m.png")
     page = tmp_path / "g.html"
@@ -98,10 +142,40 @@ def test_workers_do_not_repeat_the_warnings(installed, tmp_path):
 
 
 def test_an_effect_that_nobody_can_perform_may_be_that_of_a_broken_plugin(installed):
-    code = "import online_env.effects as e; e.perform(e.base.Effect('hurt'), None)"
+    code = "import online_env.effects as e; e.perform(e.base.Effect('hurtful'), None)"
     done = python(installed, "-c", code, code=1)
     assert "left out, as they cannot be loaded: the plug-in 'hurt'" in done.stderr
+    done = python(installed, "-c", code.replace("hurtful", "hurt"), code=1)
+    assert "the effect 'hurt' cannot be used: the plug-in 'hurt'" in done.stderr
     assert "OSError: [Errno 5] no such device" in done.stderr.splitlines()[-1]
+
+
+@pytest.mark.parametrize("kinds", SHAPES)
+def test_a_plugin_of_each_kind_may_be_broken(
+    installed,
+    kinds,
+    tmp_path,
+):
+    reason, words = SHAPES[kinds]
+    if words:
+        places = {"RECORDINGS": ROOT / "examples" / "recordings", "OUT": tmp_path / "out"}
+        command = [places.get(word, word) for word in words]
+        said = hijack(installed, *command, NO_CLASS, code=2).stderr
+    else:
+        code = "import sys; from hijack_data.registry import registry_of as r; r(sys.argv[1])"
+        said = python(installed, "-c", f"{code}.get('{NO_CLASS}')", kinds, code=1).stderr
+    kind = WORDS.get(kinds, kinds.removesuffix("s"))
+    assert f"the {kind} {NO_CLASS!r} cannot be used: the plug-in {NO_CLASS!r} of hijack-bro" in said
+    assert reason in said.splitlines()[-1]
+
+
+def test_a_name_of_ours_cannot_be_taken(installed):
+    words = ("bench", "embedded_small", "--dry-run", "--agent", "oracle")
+    done = hijack(installed, *words)
+    assert "(broken_plugins.wrong) cannot be loaded and was left out: " in done.stderr
+    assert "'oracle' is taken by online_env.agents.oracle; choose another name" in done.stderr
+    assert "cannot register Polite of " in done.stderr
+    assert "oracle  write_note" in done.stdout
 
 
 def test_the_benchmark_is_listed(installed):
@@ -113,7 +187,12 @@ def test_the_benchmark_is_listed(installed):
 
 
 @pytest.mark.parametrize("name", BROKEN)
-def test_who_asks_for_it_is_told_the_reason(installed, name, screen, tmp_path):
+def test_who_asks_for_it_is_told_the_reason(
+    installed,
+    name,
+    screen,
+    tmp_path,
+):
     words = ("apply", screen, name, "-o", tmp_path / "o.png")
     said = hijack(installed, *words, code=2).stderr.splitlines()
     (error,) = [line for line in said if line.startswith("hijack: error: ")]
@@ -154,6 +233,9 @@ def test_doctor_lists_them(installed):
         assert f"broken corruptions {name} hijack-broken 1.2.3" in out
         assert reason in out
     assert "ok corruptions whole hijack-broken 1.2.3 whole" in out
+    for kinds, (reason, _) in SHAPES.items():
+        assert f"broken {kinds} {NO_CLASS} hijack-broken 1.2.3" in out
+        assert reason in out
     assert "broken effects hurt hijack-broken 1.2.3 OSError: [Errno 5] no such device" in out
     assert "pip uninstall hijack-broken" in out
     assert hijack(wide, "doctor").stderr == ""

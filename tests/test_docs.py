@@ -1,4 +1,5 @@
-"""The documentation is true: what it prints runs as pasted, or says why it does not, and then could run."""
+"""The documentation is true: what it prints runs as pasted, or says why it does not, and then could
+run."""
 
 import re
 import subprocess
@@ -45,17 +46,25 @@ def test_commands_work_as_pasted(page, tmp_path):
     """The blocks of a page in their order, from the root of a clone, after `make env`."""
     blocks = [block for block in blocks_of(page) if block.language in SHELL and block.kind == RUN]
     if any("--engine ray" in block.text for block in blocks):
-        pytest.importorskip("ray", reason="needs the extra [ray]; .venv/bin/pip install -e '.[ray]'")
+        pytest.importorskip(
+            "ray", reason="needs the extra [ray]; .venv/bin/pip install -e '.[ray]'"
+        )
     Terminal(prepared(clone(tmp_path))).paste(blocks)
 
 
 @pytest.mark.parametrize("block", ALL, ids=lambda block: block.name)
 def test_every_block_says_what_it_is(block):
     assert "`" not in block.kind + block.words, "a fence whose words hold a backtick is none"
-    assert block.language in (*SHELL, *PYTHON, *OTHER), f"```{block.language}: which language is it?"
+    assert block.language in (
+        *SHELL,
+        *PYTHON,
+        *OTHER,
+    ), f"```{block.language}: which language is it?"
     if block.language not in OTHER:
         assert block.kind in KINDS, f"```{block.language} {block.kind}: one of {KINDS[1:]}"
-        assert bool(block.words) == (block.kind in (NO_RUN, TESTED_IN)), "why is it not run, or where?"
+        assert bool(block.words) == (block.kind in (NO_RUN, TESTED_IN)), (
+            "why is it not run, or where?"
+        )
         return
     started = r"\s*(\$ |sudo |hijack |\.venv/|make |pip |python3? |apt-get )"
     commands = [line for line in block.text.splitlines() if re.match(started, line)]
@@ -68,7 +77,9 @@ def test_every_command_could_run(block):
     assert {line: found for line in block.lines if (found := problem(line))} == {}
 
 
-@pytest.mark.parametrize("block", [b for b in ALL if b.kind == TESTED_IN], ids=lambda block: block.name)
+@pytest.mark.parametrize(
+    "block", [b for b in ALL if b.kind == TESTED_IN], ids=lambda block: block.name
+)
 def test_what_is_run_elsewhere_is_run_there(block):
     text = (ROOT / block.words).read_text()
     if block.words.endswith(".py"):
@@ -82,7 +93,9 @@ def test_a_page_makes_the_environment_active_before_it_uses_it(page):
     lines = [line for block in blocks_of(page) if block.language in SHELL for line in block.lines]
     ours = [line for line in lines if re.match(r"(hijack|python|pip)\b", line)]
     if ours:
-        assert ACTIVATE in lines[: lines.index(ours[0])], f"{ours[0]}: pasted after `make env`, it is not found"
+        assert ACTIVATE in lines[: lines.index(ours[0])], (
+            f"{ours[0]}: pasted after `make env`, it is not found"
+        )
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -102,10 +115,16 @@ def test_commands_in_the_text_exist(page):
         ("hijack build x --ot y", "hijack build has no --ot"),
         ("hijack desktop upp", "no command 'upp'"),
         ("sudo .venv/bin/hijack desktop record --asets x", "hijack record has no --asets"),
-        ("hijack bench configs/benchmark/none.yaml", "no configs/benchmark/none.yaml in the repository"),
+        (
+            "hijack bench configs/benchmark/none.yaml",
+            "no configs/benchmark/none.yaml in the repository",
+        ),
         ("make dem", "no target ['dem']"),
         ("python benchmarks/none.py", "no file ['benchmarks/none.py']"),
-        ("python -m online_env.sites --stat x", "online_env.sites has no ['--stat']"),
+        (
+            "python -m online_env.embedded.sites --stat x",
+            "online_env.embedded.sites has no ['--stat']",
+        ),
         ("hijak list", "what is 'hijak'?"),
         ("hijack prefetch TASKS --out cache [--only ID] [--list]", ""),
         ("hijack build recordings --no-clean -h", ""),
@@ -118,12 +137,15 @@ def test_a_broken_command_is_found(line, words):
 
 @pytest.mark.parametrize("block", YAML, ids=lambda block: block.name)
 def test_configurations_are_valid(block, tmp_path):
-    """Those of a benchmark name agents, which live with the extra `online`."""
+    """Those of a benchmark name agents, and agents have files; both live with the extra `online`."""
     file = tmp_path / "shown.yaml"
     file.write_text(block.text)
     if block.page.name == "benchmark.md":
         pytest.importorskip("gymnasium", reason="needs the extra [online]")
         assert load_module("online_env.bench.config").load_bench(file).planners
+    elif block.page.name == "score_my_model.md":
+        pytest.importorskip("gymnasium", reason="needs the extra [online]")
+        assert load_module("online_env.agents.files").read_agent(str(file)).model.model
     else:
         assert load_config(file).corruptions
 
@@ -136,8 +158,15 @@ def test_nothing_that_is_printed_asks_sudo_for_a_program_it_does_not_find():
 
 def test_the_reference_page_is_the_registry():
     command = [sys.executable, "-m", "hijack_data.cli", "list", "--markdown"]
-    made = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    assert (ROOT / "docs" / "corruptions.md").read_text() == made, "run: hijack list --markdown > docs/corruptions.md"
+    made = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
+    assert (ROOT / "docs" / "corruptions.md").read_text() == made, (
+        "run: hijack list --markdown > docs/corruptions.md"
+    )
 
 
 @pytest.mark.parametrize(
@@ -145,4 +174,6 @@ def test_the_reference_page_is_the_registry():
 )
 def test_links_lead_somewhere(page):
     for target in re.findall(r"\]\(([^)#]+)\)", page.read_text()):
-        assert "://" in target or (page.parent / target).exists(), f"{page.name} links to {target}, which is not there"
+        assert "://" in target or (page.parent / target).exists(), (
+            f"{page.name} links to {target}, which is not there"
+        )

@@ -24,7 +24,8 @@ def vlm(monkeypatch):
 def qwen(monkeypatch):
     pytest.importorskip("torchvision")
     pytest.importorskip(
-        "transformers", reason="needs the extra [dev]: the model and its processor are transformers' own"
+        "transformers",
+        reason="needs the extra [dev]: the model and its processor are transformers' own",
     )
     monkeypatch.delitem(sys.modules, "tiny_vlm", raising=False)
     return imported(monkeypatch, "tiny_qwen")
@@ -38,14 +39,21 @@ def imported(monkeypatch, name):
 
 def run(script, *options):
     command = [sys.executable, "-W", "error", str(EXAMPLES / script), *options]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    done = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
     assert done.returncode == 0, done.stderr
     return done.stdout
 
 
 def test_torch_example():
     pytest.importorskip("torchvision")
-    pytest.importorskip("transformers", reason="needs the extra [dev]: the model is transformers' own")
+    pytest.importorskip(
+        "transformers", reason="needs the extra [dev]: the model is transformers' own"
+    )
     out = run("train_torch.py", "--epochs", "2")
     first, second = (float(v) for v in re.findall(r": ([\d.]+) nats", out))
     assert second < first < 5  # all of the 101 tokens alike would be 4.6
@@ -68,7 +76,8 @@ def test_patches_are_in_qwens_order(vlm):
 
 
 def test_the_target_lands_where_the_model_sees_it(vlm):
-    """The brightest patch of a screen with one white button is the one at the mapped point, corrupted or not."""
+    """The brightest patch of a screen with one white button is the one at the mapped point,
+    corrupted or not."""
     processor = vlm.Processor(max_pixels=256 * 28 * 28)
     screen = np.zeros((1080, 1920, 3), np.uint8)
     button = (1400, 300, 1480, 360)
@@ -82,11 +91,17 @@ def test_the_target_lands_where_the_model_sees_it(vlm):
         height, width = processor.coords(image.shape[:2]).observation
         brightest = centres[patches.mean(axis=1).argmax()] * (width, height)
         assert np.abs(brightest - point).max() <= vlm.PATCH
-        assert button[0] <= plan.coords.to_screen(processor.coords(image.shape[:2]).to_screen(point))[0] < button[2]
+        assert (
+            button[0]
+            <= plan.coords.to_screen(processor.coords(image.shape[:2]).to_screen(point))[0]
+            < button[2]
+        )
 
 
 def test_transformers_gives_the_same_patches(vlm):
-    pytest.importorskip("transformers", reason="transformers is not installed: the NumPy layout is used")
+    pytest.importorskip(
+        "transformers", reason="transformers is not installed: the NumPy layout is used"
+    )
     processor = vlm.Processor()
     image = np.asarray(Image.open(vlm.samples()[0]["path"]).convert("RGB"))
     theirs = processor(image)[0]
@@ -94,7 +109,11 @@ def test_transformers_gives_the_same_patches(vlm):
     assert np.abs(theirs - processor(image)[0]).max() < 0.03
 
 
-def sample(vlm, n, plan=None):
+def sample(
+    vlm,
+    n,
+    plan=None,
+):
     torch = pytest.importorskip("torch")
     row = vlm.samples()[n]
     image = np.asarray(Image.open(row["path"]).convert("RGB"))
@@ -105,7 +124,8 @@ def sample(vlm, n, plan=None):
 
 
 def test_the_answer_leads_back_to_the_target_on_the_screen(vlm, qwen):
-    """What the labels say, read as the model's answer, is a click inside the target, whatever the screen's size."""
+    """What the labels say, read as the model's answer, is a click inside the target, whatever the
+    screen's size."""
     spec = hj.Resolution(scale=0.5)
     for n in range(3):
         box = vlm.samples()[n]["target"]
@@ -119,7 +139,11 @@ def test_the_answer_leads_back_to_the_target_on_the_screen(vlm, qwen):
             assert 0 <= y < grid[1] * vlm.PATCH
             seen = vlm.Processor().coords(size)
             assert seen.observation == (grid[1] * vlm.PATCH, grid[2] * vlm.PATCH)
-            x, y = seen.to_screen((x, y)) if plan is None else plan.coords.to_screen(seen.to_screen((x, y)))
+            x, y = (
+                seen.to_screen((x, y))
+                if plan is None
+                else plan.coords.to_screen(seen.to_screen((x, y)))
+            )
             assert box[0] <= x < box[2]
             assert box[1] <= y < box[3]
 
@@ -141,7 +165,9 @@ def test_a_batch_of_different_sizes_is_what_the_model_takes(vlm, qwen):
     loss = model(**batch).loss
     loss.backward()
     assert 3 < loss.item() < 7
-    assert model.model.visual.patch_embed.proj.weight.grad.abs().sum() > 0, "the picture is looked at"
+    assert model.model.visual.patch_embed.proj.weight.grad.abs().sum() > 0, (
+        "the picture is looked at"
+    )
 
 
 def test_characters_are_tokens(qwen):

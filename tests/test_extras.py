@@ -45,6 +45,7 @@ COMMANDS_WITHOUT_ONLINE = {
     "view {run}": WORKS,
     "report {run}": WORKS,
     "report {run} --json": WORKS,
+    "score --help": WORKS,
     "bench embedded_small --dry-run": LACKS,
     "bench embedded_small --out {out}/run": LACKS,
     "tasks {tasks} --out {out}/tasks.jsonl": WORKS,
@@ -61,11 +62,11 @@ COMMANDS_WITHOUT_ONLINE = {
 CODE_WITHOUT_ONLINE = {
     "from online_env import CorruptedEnv": LACKS,
     "from online_env import register_envs": LACKS,
-    "from online_env.env import SmallTasks": LACKS,
-    "from online_env import tasks": LACKS,
+    "from online_env.environment import SmallTasks": LACKS,
+    "from online_env import tasks": WORKS,
     "from online_env.osworld.prefetch import prefetch": LACKS,
-    "from online_env.desktops.embedded import desktop; desktop.EmbeddedDesktop.up()": LACKS,
-    "from online_env.effects import elements as e; e.live_elements('<a/>', (9, 9), False)": LACKS,
+    "from online_env.embedded import desktop; desktop.EmbeddedDesktop.up()": LACKS,
+    "from online_env.effects import elements as e; e.live_elements('<a/>', (9, 9), False)": WORKS,
     "from online_env.desktops import http; http.HttpDesktop('http://127.0.0.1:9').close()": WORKS,
     "from pipelines import build, open_dataset, verify": WORKS,
     "import demo, pathlib; assert demo.nine(pathlib.Path('nine.png')) is False": WORKS,
@@ -100,14 +101,28 @@ def places(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     (folder / "out").mkdir()
     task = folder / "tasks" / "examples" / "os" / "11111111-1111-4111-8111-111111111111.json"
     task.parent.mkdir(parents=True)
-    infeasible = {"instruction": "x", "config": [], "evaluator": {"func": "infeasible"}}
+    infeasible = {
+        "instruction": "x",
+        "config": [],
+        "evaluator": {"func": "infeasible"},
+    }
     task.write_text(json.dumps({"id": task.stem, **infeasible}))
     build(RECORDINGS, folder / "data", corruptions="marks")
     run = make_run(folder / "run")
-    return {"out": folder / "out", "run": run, "tasks": folder / "tasks", "data": folder / "data"}
+    return {
+        "out": folder / "out",
+        "run": run,
+        "tasks": folder / "tasks",
+        "data": folder / "data",
+    }
 
 
-def without(modules: Any, places: dict[str, Path], commands: Any, code: Any = ()) -> Results:
+def without(
+    modules: Any,
+    places: dict[str, Path],
+    commands: Any,
+    code: Any = (),
+) -> Results:
     """What comes of commands and code in one Python that has none of `modules`."""
     order = {
         "modules": sorted(modules),
@@ -115,7 +130,13 @@ def without(modules: Any, places: dict[str, Path], commands: Any, code: Any = ()
         "code": {name: name for name in code},
     }
     command = [sys.executable, ROOT / "tests" / "support" / "lacking.py", json.dumps(order)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    done = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
 
@@ -192,7 +213,7 @@ def test_the_extras_are_those_of_the_project() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     assert set(extras.extras()) == set(project["optional-dependencies"])
     found = {name: set(modules) for name, modules in extras.extras().items()}
-    assert {"Xlib", "multipart", "lxml"} <= found["online"]
+    assert {"Xlib", "multipart", "urllib3"} <= found["online"]
     assert found["vision"] == {"cv2"}
     assert found["train"] == {"torch", "transformers"}
     assert found["online"] | found["hf"] <= found["all"]
@@ -237,7 +258,12 @@ def test_doctor_has_a_row_for_every_extra_and_one_for_the_desktop() -> None:
     declared = set(extras.extras()) - {"all"}
     assert {row[1] for row in machine.extra_rows()} == declared == set(machine.PURPOSES)
     command = [sys.executable, "-m", "hijack_data.cli", "doctor"]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     named = {line.split()[1] for line in done.stdout.splitlines() if re.match(r"(ok|--)  ", line)}
     assert declared | {"core", "desktop"} <= named
 

@@ -1,4 +1,5 @@
-"""The proof that augmentation helps: its pages, its batches, its network and its figures are what they claim."""
+"""The proof that augmentation helps: its pages, its batches, its network and its figures are what
+they claim."""
 
 import dataclasses
 import importlib
@@ -44,18 +45,32 @@ def one_thread():
 
 @pytest.fixture
 def toys(grounding):
-    """Pages of four coloured fields on grey, each named after its colour; the places differ from page to page."""
-    colours = {"red": (220, 30, 30), "green": (20, 170, 40), "blue": (30, 50, 220), "yellow": (240, 220, 40)}
+    """Pages of four coloured fields on grey, each named after its colour; the places differ from
+    page to page."""
+    colours = {
+        "red": (220, 30, 30),
+        "green": (20, 170, 40),
+        "blue": (30, 50, 220),
+        "yellow": (240, 220, 40),
+    }
     made = []
     for n in range(24):
         rng = np.random.default_rng(n)
         image = np.full((128, 192, 3), rng.integers(90, 200), np.uint8)
         spots = rng.permutation(24)[:4]
-        boxes = [(x * 32 + 4, y * 32 + 4, x * 32 + 28, y * 32 + 28) for x, y in zip(spots % 6, spots // 6, strict=True)]
+        boxes = [
+            (x * 32 + 4, y * 32 + 4, x * 32 + 28, y * 32 + 28)
+            for x, y in zip(spots % 6, spots // 6, strict=True)
+        ]
         for (x1, y1, x2, y2), colour in zip(boxes, colours.values(), strict=True):
             image[y1:y2, x1:x2] = colour
         page = grounding.pages.Page(
-            f"toy-{n}", "train" if n < 16 else "new", image, np.array(boxes, np.int32), tuple(colours), (0, 1, 2, 3)
+            f"toy-{n}",
+            "train" if n < 16 else "new",
+            image,
+            np.array(boxes, np.int32),
+            tuple(colours),
+            (0, 1, 2, 3),
         )
         made.append(page)
     return made
@@ -69,12 +84,16 @@ def test_a_seed_is_a_page(grounding):
     assert pages == [grounding.markup.write(seed) for seed in range(30)]
     assert len(set(pages)) == 30
     names = {*grounding.markup.ACTIONS, *grounding.markup.PLACES, *grounding.markup.FIELDS}
-    assert len(names) == sum(map(len, (grounding.markup.ACTIONS, grounding.markup.PLACES, grounding.markup.FIELDS)))
+    assert len(names) == sum(
+        map(len, (grounding.markup.ACTIONS, grounding.markup.PLACES, grounding.markup.FIELDS))
+    )
     seen = set()
     for html in pages:
         labels = re.findall(r"<(?:button|a)[^>]*>([^<]+)</|<span>([^<]+)</span>", html)
         labels = [one or other for one, other in labels]
-        assert len(labels) == len(set(labels)), "a label may be asked for only where it is the only one"
+        assert len(labels) == len(set(labels)), (
+            "a label may be asked for only where it is the only one"
+        )
         assert set(labels) <= names
         seen |= set(labels)
     assert seen == names
@@ -90,7 +109,11 @@ def chromium():
     needs.apps("chromium")
 
 
-def test_boxes_are_where_the_pixels_are(grounding, chromium, tmp_path):
+def test_boxes_are_where_the_pixels_are(
+    grounding,
+    chromium,
+    tmp_path,
+):
     style = "position:absolute;border:0;padding:0;color:transparent;"
     html = f"""<!doctype html><body style="margin:0;background:#fff">
       <button style="{style}left:50px;top:30px;width:100px;height:40px;background:#f00">Go</button>
@@ -108,17 +131,26 @@ def test_boxes_are_where_the_pixels_are(grounding, chromium, tmp_path):
         picture = page.picture()
     assert picture.shape == (800, 1280, 3)
     assert {key: c["unique"] for key, c in found.items()} == {
-        ("Go", "button"): True, ("Twice", "button"): False, ("Twice", "a"): False, ("Name", "input"): True,
-    }  # fmt: skip
+        ("Go", "button"): True,
+        ("Twice", "button"): False,
+        ("Twice", "a"): False,
+        ("Name", "input"): True,
+    }
     rows, columns = np.nonzero((picture == (255, 0, 0)).all(-1))
     red = [columns.min(), rows.min(), columns.max() + 1, rows.max() + 1]
     assert found["Go", "button"]["box"] == [int(v) for v in red] == [100, 60, 300, 140]
     assert found["Name", "input"]["box"] == [100, 460, 260, 520]
 
 
-def test_a_page_that_does_not_load_is_named(grounding, chromium, tmp_path):
+def test_a_page_that_does_not_load_is_named(
+    grounding,
+    chromium,
+    tmp_path,
+):
     with grounding.browser.Browser(tmp_path, (400, 640)) as page:
-        with pytest.raises(grounding.browser.BrowserError, match=r"http://127.0.0.1:9/ does not load: net::ERR"):
+        with pytest.raises(
+            grounding.browser.BrowserError, match=r"http://127.0.0.1:9/ does not load: net::ERR"
+        ):
             page.open("http://127.0.0.1:9/")
         with pytest.raises(grounding.browser.BrowserError, match="the page failed: ReferenceError"):
             page.value("nothing.here")
@@ -126,7 +158,11 @@ def test_a_page_that_does_not_load_is_named(grounding, chromium, tmp_path):
             page.call("Page.fly")
 
 
-def test_rendering_is_done_once(grounding, chromium, tmp_path):
+def test_rendering_is_done_once(
+    grounding,
+    chromium,
+    tmp_path,
+):
     folder = tmp_path / "pages"
     grounding.pages.render(folder, 2, 1, sites=False)
     made = {path.name: path.read_bytes() for path in folder.iterdir()}
@@ -141,21 +177,33 @@ def test_rendering_is_done_once(grounding, chromium, tmp_path):
         assert (page.boxes[:, :2] >= 0).all()
         assert (page.boxes[:, 2:] <= (960, 600)).all()
         for x1, y1, x2, y2 in page.boxes[list(page.asked)]:
-            assert len(np.unique(page.image[y1:y2, x1:x2].reshape(-1, 3), axis=0)) > 1, "something is drawn there"
+            assert len(np.unique(page.image[y1:y2, x1:x2].reshape(-1, 3), axis=0)) > 1, (
+                "something is drawn there"
+            )
     grounding.pages.render(folder, 1, 1, sites=False)
     assert [page.split for page in grounding.pages.load(folder)] == ["train", "new"]
     assert (folder / "seed-0000.png").read_bytes() == made["seed-0000.png"]
     assert not (folder / "seed-0002.png").exists()
 
 
-def test_other_peoples_folders_are_left_alone(grounding, chromium, tmp_path):
+def test_other_peoples_folders_are_left_alone(
+    grounding,
+    chromium,
+    tmp_path,
+):
     (tmp_path / "thesis.png").write_text("years of work")
-    with pytest.raises(FileExistsError, match="holds something else than pages; name an empty folder"):
+    with pytest.raises(
+        FileExistsError, match="holds something else than pages; name an empty folder"
+    ):
         grounding.pages.render(tmp_path, 1, 1)
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.png"]
 
 
-def test_a_missing_browser_is_named(grounding, monkeypatch, tmp_path):
+def test_a_missing_browser_is_named(
+    grounding,
+    monkeypatch,
+    tmp_path,
+):
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(grounding.browser.BrowserError, match="apt-get install chromium"):
         grounding.pages.render(tmp_path / "pages", 1, 1)
@@ -178,10 +226,16 @@ def test_the_order_is_the_seeds_alone(grounding, toys):
         assert len(once) == len(set(once)) == 20
 
 
-def screen(grounding, boxes, name="page"):
+def screen(
+    grounding,
+    boxes,
+    name="page",
+):
     labels = tuple(f"label {n}" for n in range(len(boxes)))
     image = np.full((800, 1280, 3), 200, np.uint8)
-    return grounding.pages.Page(name, "train", image, np.array(boxes, np.int32), labels, tuple(range(len(boxes))))
+    return grounding.pages.Page(
+        name, "train", image, np.array(boxes, np.int32), labels, tuple(range(len(boxes)))
+    )
 
 
 def test_a_batch_is_corrupted_by_id_seed_and_epoch(grounding):
@@ -192,7 +246,9 @@ def test_a_batch_is_corrupted_by_id_seed_and_epoch(grounding):
     again = grounding.data.batch_of(pages[::-1], augment, seed=1, epoch=0)
     assert torch.equal(first.pictures, again.pictures.flip(0))
     for other in ({"seed": 2, "epoch": 0}, {"seed": 1, "epoch": 1}):
-        assert not torch.equal(first.pictures, grounding.data.batch_of(pages, augment, **other).pictures)
+        assert not torch.equal(
+            first.pictures, grounding.data.batch_of(pages, augment, **other).pictures
+        )
     clean = grounding.data.batch_of(pages, None, seed=1)
     assert (clean.pictures == 200).all()
     assert clean.boxes.tolist() == [[5, 5, 30, 20]] * 6
@@ -292,7 +348,12 @@ class Oracle(torch.nn.Module):
         super().__init__()
         self.page, self.shift = page, shift
 
-    def forward(self, pictures, labels, of):
+    def forward(
+        self,
+        pictures,
+        labels,
+        of,
+    ):
         scores = torch.zeros(len(labels), pictures.shape[2] // 8, pictures.shape[3] // 8)
         for n, label in enumerate(labels):
             x1, y1, x2, y2 = self.page.boxes[self.page.labels.index(label)] / 2
@@ -337,11 +398,21 @@ def test_pages_that_hang_together_widen_the_interval(grounding):
     assert together.high - together.low > 0.2
 
 
-def test_runs_are_kept_and_told_apart(grounding, toys, tmp_path, monkeypatch, capfd):
-    """Two seeds without and with augmentation, end to end on toys; a second call computes nothing."""
+def test_runs_are_kept_and_told_apart(
+    grounding,
+    toys,
+    tmp_path,
+    monkeypatch,
+    capfd,
+):
+    """Two seeds without and with augmentation, end to end on toys; a second call computes
+    nothing."""
     (tmp_path / "pages.json").write_text(json.dumps({"made_by": "toys"}))
     big = [dataclasses.replace(p, image=np.tile(p.image, (5, 5, 1))[:600, :960]) for p in toys[:3]]
-    some = [dataclasses.replace(p, split=split) for p, split in zip(big, ("train", "new", "site"), strict=True)]
+    some = [
+        dataclasses.replace(p, split=split)
+        for p, split in zip(big, ("train", "new", "site"), strict=True)
+    ]
     monkeypatch.setattr(grounding.pages, "load", lambda folder: some)
     settings = grounding.train.Settings(steps=2, batch=1)
     runs = grounding.runs.all_runs(["subtitle"], 2)
@@ -356,7 +427,11 @@ def test_runs_are_kept_and_told_apart(grounding, toys, tmp_path, monkeypatch, ca
     assert len(list(tmp_path.rglob("*.tmp"))) == 0
     assert capfd.readouterr().err.count("loss") == 4
     other = dataclasses.replace(settings, steps=3)
-    assert grounding.runs.fingerprint(tmp_path, other) != grounding.runs.fingerprint(tmp_path, settings)
+    assert grounding.runs.fingerprint(tmp_path, other) != grounding.runs.fingerprint(
+        tmp_path, settings
+    )
     report = importlib.import_module("proof").report(results, ["subtitle"], settings, some)
     assert "**subtitle is never trained with**" in report[2]
-    assert report[2].count("\n| ") == 2 + 10, "five conditions on two kinds of pages, below a heading"
+    assert report[2].count("\n| ") == 2 + 10, (
+        "five conditions on two kinds of pages, below a heading"
+    )

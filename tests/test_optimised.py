@@ -1,4 +1,5 @@
-"""`python -O` and `-OO` take assertions and docstrings away: the library works and checks as ever."""
+"""`python -O` and `-OO` take assertions and docstrings away: the library works and checks as
+ever."""
 
 import ast
 import json
@@ -28,7 +29,7 @@ import numpy as np
 import hijack_data as hj
 from hijack_data.config import load_config
 from hijack_data.files import encode_png, load_image, write_atomic
-from hijack_data.kernels import jit
+from hijack_data.kernels.cpu import jit
 
 SIZE = (540, 1100)
 y, x = np.mgrid[: SIZE[0], : SIZE[1]]
@@ -115,7 +116,13 @@ else:
 
 def python(flags: list[str], *words: object) -> str:
     command = [sys.executable, *flags, *map(str, words)]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=600)
+    done = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        timeout=600,
+    )
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -133,13 +140,21 @@ def usual(script) -> dict:
 
 
 @pytest.mark.parametrize("flag", ["-O", "-OO"])
-def test_all_nine_are_planned_applied_and_checked_the_same(flag, script, usual):
+def test_all_nine_are_planned_applied_and_checked_the_same(
+    flag,
+    script,
+    usual,
+):
     assert json.loads(python([flag], script, script.parent)) == usual
     assert "accepted" not in usual["refused"]
 
 
 @pytest.mark.parametrize("flag", ["-O", "-OO"])
-def test_the_command_line_works(flag, script, usual):
+def test_the_command_line_works(
+    flag,
+    script,
+    usual,
+):
     picture, out = script.parent / "screen.png", script.parent / "out.png"
     words = ["-m", "hijack_data.cli", "apply", picture, "marks", "-o", out, "--seed", 1, "--json"]
     assert json.loads(python([flag], *words)) == json.loads(python([], *words))
@@ -151,7 +166,9 @@ def test_a_dataset_is_built_and_verified(flag, tmp_path):
     pytest.importorskip("pyarrow")
     pytest.importorskip("isal")
     words = ["-m", "hijack_data.cli", "build", "examples/recordings", "--out", tmp_path / "d"]
-    built = json.loads(python([flag], *words, "--corruptions", "accidental_touch,multi_apps", "--json"))
+    built = json.loads(
+        python([flag], *words, "--corruptions", "accidental_touch,multi_apps", "--json")
+    )
     assert built["rows_by_corruption"]["clean"] == 23
     python([flag], "-m", "hijack_data.cli", "verify", tmp_path / "d")
 

@@ -1,4 +1,5 @@
-"""A folder of the user's with the name of one of our packages: one line that says which, never a traceback."""
+"""A folder of the user's with the name of one of our packages: one line that says which, never a
+traceback."""
 
 import os
 import subprocess
@@ -16,11 +17,22 @@ START = "from hijack_data.cli import main; main()"
 USES = {"pipelines": ["stats", "x"], "online_env": ["desktop", "list"]}
 
 
-def python(folder: Path, code: str, *words: str) -> "subprocess.CompletedProcess[str]":
+def python(
+    folder: Path,
+    code: str,
+    *words: str,
+) -> "subprocess.CompletedProcess[str]":
     """Run code where `folder` comes before everything of ours."""
     place = {**os.environ, "PYTHONPATH": f"{folder}:{ROOT}"}
     command = [sys.executable, "-c", code, *words]
-    return subprocess.run(command, capture_output=True, text=True, env=place, cwd=folder, timeout=120)
+    return subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        env=place,
+        cwd=folder,
+        timeout=120,
+    )
 
 
 @pytest.fixture(params=["package", "module"])
@@ -49,14 +61,22 @@ def refused(done: "subprocess.CompletedProcess[str]", place: Path) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_command_says_what_stands_in_its_way(name: str, place, tmp_path: Path) -> None:
+def test_a_command_says_what_stands_in_its_way(
+    name: str,
+    place,
+    tmp_path: Path,
+) -> None:
     where = place(name)
     refused(python(tmp_path, START, *USES[name]), where)
     refused(python(tmp_path, START, "--help"), where)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_module_form_says_so_too(name: str, place, tmp_path: Path) -> None:
+def test_the_module_form_says_so_too(
+    name: str,
+    place,
+    tmp_path: Path,
+) -> None:
     where = place(name)
     refused(python(tmp_path, "import runpy; runpy.run_module('hijack_data')", *USES[name]), where)
 

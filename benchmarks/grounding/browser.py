@@ -1,4 +1,4 @@
-"""Headless Chromium over its debugging pipe: open a page, ask it where its controls are, take its picture."""
+"""Headless Chromium over its debugging pipe: opens a page, returns its controls and its picture."""
 
 import base64
 import fcntl
@@ -16,10 +16,20 @@ from PIL import Image
 
 PATIENCE = 60  # seconds that Chromium may take for an answer
 FLAGS = (
-    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync",
-    "--disable-background-networking", "--disable-component-update", "--remote-debugging-pipe", "--hide-scrollbars",
-    "--disable-lcd-text", "--font-render-hinting=none", "--force-color-profile=srgb",
-)  # fmt: skip
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-sync",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--remote-debugging-pipe",
+    "--hide-scrollbars",
+    "--disable-lcd-text",
+    "--font-render-hinting=none",
+    "--force-color-profile=srgb",
+)
 
 
 class BrowserError(RuntimeError):
@@ -45,32 +55,59 @@ class Browser:
         rules: host names and where they lead to, as `--host-resolver-rules` has them.
     """
 
-    def __init__(self, profile: Path, size: tuple[int, int], density: float = 1.0, rules: str = "") -> None:
+    def __init__(
+        self,
+        profile: Path,
+        size: tuple[int, int],
+        density: float = 1.0,
+        rules: str = "",
+    ) -> None:
         ours_in, theirs_out = _pipe()
         theirs_in, ours_out = _pipe()
-        flags = [*FLAGS, f"--user-data-dir={profile}", *([f"--host-resolver-rules={rules}"] if rules else [])]
+        flags = [
+            *FLAGS,
+            f"--user-data-dir={profile}",
+            *([f"--host-resolver-rules={rules}"] if rules else []),
+        ]
         # The shell puts the two ends where Chromium looks for them.
         line = f'exec "$@" 3<&{theirs_in} 4>&{theirs_out}'
         self._process = subprocess.Popen(
             ["bash", "-c", line, "sh", "chromium", *flags, "about:blank"],
-            pass_fds=(theirs_in, theirs_out), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+            pass_fds=(theirs_in, theirs_out),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
-        )  # fmt: skip
+        )
         os.close(theirs_in)
         os.close(theirs_out)
-        self._in, self._out, self._rest, self._count, self._session = ours_in, ours_out, b"", 0, {}
+        self._in = ours_in
+        self._out = ours_out
+        self._rest = b""
+        self._count = 0
+        self._session = {}
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
-        self._session = {"sessionId": self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]}
+        self._session = {
+            "sessionId": self.call("Target.attachToTarget", targetId=target, flatten=True)[
+                "sessionId"
+            ]
+        }
         height, width = size
         self.call(
-            "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=density, mobile=False
+            "Emulation.setDeviceMetricsOverride",
+            width=width,
+            height=height,
+            deviceScaleFactor=density,
+            mobile=False,
         )
 
     def __enter__(self) -> "Browser":
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         self._process.kill()
         self._process.wait()
@@ -80,11 +117,18 @@ class Browser:
     def call(self, method: str, **params: Any) -> dict[str, Any]:
         """Send a command of the DevTools protocol and return its result. Raises `BrowserError`."""
         self._count += 1
-        message = {"id": self._count, "method": method, "params": params, **self._session}
+        message = {
+            "id": self._count,
+            "method": method,
+            "params": params,
+            **self._session,
+        }
         try:
             os.write(self._out, json.dumps(message).encode() + b"\0")
         except BrokenPipeError:
-            raise BrowserError(f"Chromium has ended before {method}; does `chromium --version` work here?") from None
+            raise BrowserError(
+                f"Chromium has ended before {method}; does `chromium --version` work here?"
+            ) from None
         while (reply := self._message(method)).get("id") != self._count:
             pass
         if "error" in reply:
@@ -97,16 +141,26 @@ class Browser:
                 raise BrowserError(f"Chromium has not answered {method} within {PATIENCE} s")
             data = os.read(self._in, 1 << 20)
             if not data:
-                raise BrowserError(f"Chromium has ended during {method}; does `chromium --version` work here?")
+                raise BrowserError(
+                    f"Chromium has ended during {method}; does `chromium --version` work here?"
+                )
             self._rest += data
         line, _, self._rest = self._rest.partition(b"\0")
         return json.loads(line)
 
     def value(self, expression: str) -> Any:
         """Return what an expression is in the page; promises are awaited."""
-        found = self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
+        found = self.call(
+            "Runtime.evaluate",
+            expression=expression,
+            returnByValue=True,
+            awaitPromise=True,
+        )
         if "exceptionDetails" in found:
-            raise BrowserError(f"the page failed: {found['exceptionDetails'].get('exception', {}).get('description')}")
+            raise BrowserError(
+                "the page failed:"
+                f" {found['exceptionDetails'].get('exception', {}).get('description')}"
+            )
         return found["result"].get("value")
 
     def open(self, url: str) -> None:

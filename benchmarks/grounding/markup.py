@@ -1,7 +1,7 @@
-"""Seeded web pages: bars, menus, forms, tables and cards in many looks, whose labels come from one short list.
+"""Seeded web pages: bars, menus, forms, tables and cards in many looks, with labels of one list.
 
-The list is short (`ACTIONS`, `PLACES`, `FIELDS`) so that a small network can learn to read it in minutes; where a label
-stands, what it looks like and what surrounds it is drawn for each page.
+The list is short (`ACTIONS`, `PLACES`, `FIELDS`) so that a small network can learn to read it in
+minutes; where a label stands, what it looks like and what surrounds it is drawn for each page.
 """
 
 import html
@@ -10,28 +10,74 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 ACTIONS = (
-    "Save", "Cancel", "Delete", "Edit", "Open", "Print", "Share", "Copy", "Undo", "Upload", "Search", "Send", "Reply",
-    "Archive", "Add item", "Next page", "Previous", "Continue", "Sign in", "Buy now", "Checkout", "Export", "Apply",
+    "Save",
+    "Cancel",
+    "Delete",
+    "Edit",
+    "Open",
+    "Print",
+    "Share",
+    "Copy",
+    "Undo",
+    "Upload",
+    "Search",
+    "Send",
+    "Reply",
+    "Archive",
+    "Add item",
+    "Next page",
+    "Previous",
+    "Continue",
+    "Sign in",
+    "Buy now",
+    "Checkout",
+    "Export",
+    "Apply",
     "Subscribe",
-)  # fmt: skip
+)
 PLACES = (
-    "Home", "Products", "About us", "Contact", "Help", "Settings", "Profile", "Orders", "Messages", "Calendar", "News",
-    "Gallery", "Reports", "Billing", "Security", "History", "Drafts", "Dashboard",
-)  # fmt: skip
+    "Home",
+    "Products",
+    "About us",
+    "Contact",
+    "Help",
+    "Settings",
+    "Profile",
+    "Orders",
+    "Messages",
+    "Calendar",
+    "News",
+    "Gallery",
+    "Reports",
+    "Billing",
+    "Security",
+    "History",
+    "Drafts",
+    "Dashboard",
+)
 FIELDS = (
-    "Full name", "Email", "Password", "Phone", "Address", "City", "Company", "Date", "Card number", "Quantity",
-)  # fmt: skip
+    "Full name",
+    "Email",
+    "Password",
+    "Phone",
+    "Address",
+    "City",
+    "Company",
+    "Date",
+    "Card number",
+    "Quantity",
+)
 PROSE = (
-    "the harbour opens again in spring and visitors may come by boat or on foot most stalls sell bread tea and small "
-    "repairs while the old tram waits by the square for those who would rather ride than walk up the hill to see what "
-    "the town has kept of its walls towers and gardens"
+    "the harbour opens again in spring and visitors may come by boat or on foot most stalls sell"
+    " bread tea and small repairs while the old tram waits by the square for those who would rather"
+    " ride than walk up the hill to see what the town has kept of its walls towers and gardens"
 )
 FONTS = ("Noto Sans", "DejaVu Sans", "Liberation Sans")
 
 
 @dataclass
 class Page:
-    """What is drawn while a page is written: its random numbers and the labels that are still unused."""
+    """State while a page is written: its random numbers and the unused labels."""
 
     rng: random.Random
     actions: list[str]
@@ -52,7 +98,9 @@ class Page:
     def field(self) -> str:
         """A text field, a list or a text area with its label."""
         name = self.fields.pop()
-        inner = self.rng.choice(("<input>", "<input>", "<input>", "<select><option></select>", "<textarea></textarea>"))
+        inner = self.rng.choice(
+            ("<input>", "<input>", "<input>", "<select><option></select>", "<textarea></textarea>")
+        )
         return f"<label class=f><span>{html.escape(name)}</span>{inner}</label>"
 
     def text(self, low: int, high: int) -> str:
@@ -62,7 +110,12 @@ class Page:
         words = (words * 2)[at : at + self.rng.randint(low, high)]
         return " ".join(words).capitalize() + "."
 
-    def many(self, make: Callable[[], str], low: int, high: int) -> str:
+    def many(
+        self,
+        make: Callable[[], str],
+        low: int,
+        high: int,
+    ) -> str:
         """Several of one kind."""
         return "".join(make() for _ in range(self.rng.randint(low, high)))
 
@@ -71,12 +124,17 @@ def form(page: Page) -> str:
     """Fields above a row of buttons."""
     columns = page.rng.choice((1, 2, 2))
     fields = page.many(page.field, 2 * columns, 3 * columns)
-    return f'<form class="box grid c{columns}">{fields}</form><p class=row>{page.many(page.button, 2, 4)}</p>'
+    return (
+        f'<form class="box grid c{columns}">{fields}</form><p'
+        f" class=row>{page.many(page.button, 2, 4)}</p>"
+    )
 
 
 def listing(page: Page) -> str:
     """A table with a button in each row."""
-    rows = page.many(lambda: f"<tr><td>{page.text(2, 5)}<td>{page.rng.randint(1, 999)}<td>{page.button()}", 3, 4)
+    rows = page.many(
+        lambda: f"<tr><td>{page.text(2, 5)}<td>{page.rng.randint(1, 999)}<td>{page.button()}", 3, 4
+    )
     return f"<table class=box>{rows}</table>"
 
 
@@ -95,7 +153,10 @@ def cards(page: Page) -> str:
 def article(page: Page) -> str:
     """Text with links in it."""
     parts = page.many(lambda: f"{page.text(4, 12)} {page.link()} ", 3, 6)
-    return f"<h2>{page.text(2, 4)}</h2><p class=box>{parts}</p><p class=row>{page.many(page.button, 1, 3)}</p>"
+    return (
+        f"<h2>{page.text(2, 4)}</h2><p class=box>{parts}</p><p"
+        f" class=row>{page.many(page.button, 1, 3)}</p>"
+    )
 
 
 def tools(page: Page) -> str:
@@ -106,13 +167,25 @@ def tools(page: Page) -> str:
 
 def style(rng: random.Random) -> str:
     """The look of a page: colours, font, sizes, corners, spacing."""
-    hue, dark = rng.randrange(360), rng.random() < 0.2
-    paper, ink = (f"hsl({hue} 15% 14%)", "#eee") if dark else (f"hsl({hue} 40% {rng.randint(95, 100)}%)", "#1c2026")
+    hue = rng.randrange(360)
+    dark = rng.random() < 0.2
+    paper, ink = (
+        (f"hsl({hue} 15% 14%)", "#eee")
+        if dark
+        else (f"hsl({hue} 40% {rng.randint(95, 100)}%)", "#1c2026")
+    )
     box = f"hsl({hue} 15% 20%)" if dark else "#fff"
     accent = f"hsl({rng.randrange(360)} {rng.randint(45, 85)}% {rng.randint(28, 42)}%)"
-    size, pad, radius = rng.randint(15, 17), rng.randint(4, 9), rng.choice((0, 3, 6, 14))
-    weight, border = rng.choice((400, 400, 600, 700)), rng.choice(("#8886", "#8883", accent))
-    label, end, filled = rng.choice(("column", "column", "row")), rng.choice(("start", "end")), rng.random() < 0.6
+    size = rng.randint(15, 17)
+    pad = rng.randint(4, 9)
+    radius = rng.choice((0, 3, 6, 14))
+    weight = rng.choice((400, 400, 600, 700))
+    border = rng.choice(("#8886", "#8883", accent))
+    label, end, filled = (
+        rng.choice(("column", "column", "row")),
+        rng.choice(("start", "end")),
+        rng.random() < 0.6,
+    )
     bar, bar_ink = (accent, "#fff") if filled else (box, ink)
     return f"""* {{ box-sizing: border-box; margin: 0; }}
 body {{ font: {size}px/1.35 "{rng.choice(FONTS)}"; background: {paper}; color: {ink}; }}
@@ -141,7 +214,11 @@ def write(seed: int) -> str:
     rng = random.Random(f"page-{seed}")
     page = Page(rng, *(rng.sample(names, len(names)) for names in (ACTIONS, PLACES, FIELDS)))
     look = style(rng)
-    head = f"<header><b>{page.text(1, 1)[:-1]}</b>{page.many(page.link, 3, 5)}</header>" if rng.random() < 0.8 else ""
+    head = (
+        f"<header><b>{page.text(1, 1)[:-1]}</b>{page.many(page.link, 3, 5)}</header>"
+        if rng.random() < 0.8
+        else ""
+    )
     side = f"<aside>{page.many(page.link, 4, 6)}</aside>" if rng.random() < 0.6 else ""
     parts = rng.sample((form, listing, cards, article, tools), 2)
     body = "".join(part(page) for part in parts)

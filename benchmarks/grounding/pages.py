@@ -1,4 +1,4 @@
-"""Render pages with Chromium into a folder of PNG and JSON: the seeded ones and the local web sites."""
+"""Render pages with Chromium as PNG and JSON: the seeded ones and the local web sites."""
 
 import hashlib
 import json
@@ -19,11 +19,19 @@ from . import browser, markup
 from .browser import Browser
 
 SIZE, DENSITY = (600, 960), 1.5  # height and width of the pictures; pixels a CSS pixel
-HOSTS = {"docs.test": "train", "mail.test": "train", "search.test": "train", "wiki.test": "train", "news.test": "train",
-         "shop.test": "site", "forms.test": "site"}  # fmt: skip
+HOSTS = {
+    "docs.test": "train",
+    "mail.test": "train",
+    "search.test": "train",
+    "wiki.test": "train",
+    "news.test": "train",
+    "shop.test": "site",
+    "forms.test": "site",
+}
 MOST = 16  # pages of one of the local sites
-SITES = Path(__file__).resolve().parents[2] / "online_env" / "sites"
-# Visible controls that lie wholly in the window, answer at their middle and have a name that no other control has.
+SITES = Path(__file__).resolve().parents[2] / "online_env" / "embedded" / "sites"
+# Visible controls that lie wholly in the window, answer at their middle and have a name that no
+# other control has.
 CONTROLS = """(density => {
   const clean = text => (text || '').replace(/\\s+/g, ' ').trim();
   const found = [...document.querySelectorAll('a, button, input, select, textarea')].map(e => {
@@ -65,21 +73,37 @@ class Page:
     asked: tuple[int, ...]
 
 
-def fingerprint(train: int, new: int, sites: bool = True) -> str:
+def fingerprint(
+    train: int,
+    new: int,
+    sites: bool = True,
+) -> str:
     """What a folder of pages was made by: another one means rendering anew."""
     if shutil.which("chromium") is None:
         raise browser.BrowserError(
             "there is no chromium on the PATH, which renders the pages: apt-get install chromium"
         )
-    asked = subprocess.run(["chromium", "--version"], capture_output=True, text=True, check=True)
+    asked = subprocess.run(
+        ["chromium", "--version"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     parts = [asked.stdout.split("built")[0].encode(), str((train, new, sites)).encode()]
     files = [Path(m.__file__ or "") for m in (browser, markup, sys.modules[__name__])]
-    files += sorted(path for path in SITES.rglob("*") if path.is_file() and "__pycache__" not in path.parts)
+    files += sorted(
+        path for path in SITES.rglob("*") if path.is_file() and "__pycache__" not in path.parts
+    )
     return hashlib.sha256(b"\0".join([*parts, *(path.read_bytes() for path in files)])).hexdigest()
 
 
-def render(folder: Path, train: int, new: int, sites: bool = True) -> None:
-    """Render `train` + `new` seeded pages and the local sites into `folder`, unless it holds just these already.
+def render(
+    folder: Path,
+    train: int,
+    new: int,
+    sites: bool = True,
+) -> None:
+    """Render `train` + `new` seeded pages and the local sites, unless `folder` has just these.
 
     Raises `FileExistsError` where the folder holds something else.
     """
@@ -95,7 +119,9 @@ def render(folder: Path, train: int, new: int, sites: bool = True) -> None:
         with Browser(Path(scratch) / "profile", window, DENSITY, rules) as chromium:
             for seed in range(train + new):
                 chromium.show(markup.write(seed))
-                rows += _keep(chromium, folder, f"seed-{seed:04d}", "train" if seed < train else "new")
+                rows += _keep(
+                    chromium, folder, f"seed-{seed:04d}", "train" if seed < train else "new"
+                )
             for host, split in HOSTS.items() if sites else ():
                 rows += _site(chromium, folder, host, split)
     index.write_text(json.dumps({"made_by": made_by, "pages": rows}, indent=1))
@@ -105,7 +131,8 @@ def _clear(folder: Path, index: Path) -> None:
     """Make the folder, or remove the pages of another time; what is not ours is never touched."""
     if folder.exists() and any(folder.iterdir()) and not index.exists():
         raise FileExistsError(
-            f"{folder} holds something else than pages; name an empty folder, or one that is not there"
+            f"{folder} holds something else than pages; name an empty folder, or one that is not"
+            " there"
         )
     folder.mkdir(parents=True, exist_ok=True)
     index.write_text(json.dumps({"made_by": "not finished", "pages": []}))
@@ -113,7 +140,12 @@ def _clear(folder: Path, index: Path) -> None:
         picture.unlink()
 
 
-def _keep(chromium: Browser, folder: Path, name: str, split: str) -> list[dict[str, Any]]:
+def _keep(
+    chromium: Browser,
+    folder: Path,
+    name: str,
+    split: str,
+) -> list[dict[str, Any]]:
     """Store what the window shows; nothing where there is nothing to ask for."""
     controls = chromium.value(f"{CONTROLS}({DENSITY})")
     if not any(c["unique"] for c in controls):
@@ -122,12 +154,25 @@ def _keep(chromium: Browser, folder: Path, name: str, split: str) -> list[dict[s
     if picture.shape != (*SIZE, 3):
         raise browser.BrowserError(f"{name}: the picture is {picture.shape}, not {(*SIZE, 3)}")
     Image.fromarray(picture).save(folder / f"{name}.png", compress_level=1)
-    return [{"name": name, "split": split, "controls": controls}]
+    return [
+        {
+            "name": name,
+            "split": split,
+            "controls": controls,
+        }
+    ]
 
 
-def _site(chromium: Browser, folder: Path, host: str, split: str) -> list[dict[str, Any]]:
+def _site(
+    chromium: Browser,
+    folder: Path,
+    host: str,
+    split: str,
+) -> list[dict[str, Any]]:
     """Follow a site's links from its front page and store the upper screen of its first pages."""
-    waiting, seen, rows = [f"http://{host}/"], set[str](), []
+    waiting = [f"http://{host}/"]
+    seen = set[str]()
+    rows = []
     while waiting and len(rows) < MOST:
         if (url := waiting.pop(0)) not in seen:
             seen.add(url)
@@ -141,13 +186,20 @@ def _site(chromium: Browser, folder: Path, host: str, split: str) -> list[dict[s
 def _sites(state: Path) -> Iterator[int]:
     """Serve the local web sites on loopback; gives the port."""
     ports = ("--dns-port", "0", "--http-port", "0", "--state", str(state))
-    command = [sys.executable, "-m", "online_env.sites", "--address", "127.0.0.1", *ports]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=SITES.parents[1])
+    command = [sys.executable, "-m", "online_env.embedded.sites", "--address", "127.0.0.1", *ports]
+    process = subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=SITES.parents[2],
+    )
     assert process.stdout is not None
     try:
         line = process.stdout.readline()
         if not line:
-            raise RuntimeError("the local web sites do not start; try: python -m online_env.sites --help")
+            raise RuntimeError(
+                "the local web sites do not start; try: python -m online_env.embedded.sites --help"
+            )
         yield json.loads(line)["http"]
     finally:
         process.terminate()
@@ -164,4 +216,6 @@ def _page(folder: Path, row: dict[str, Any]) -> Page:
     image = np.asarray(Image.open(folder / f"{row['name']}.png").convert("RGB"))
     boxes = np.array([c["box"] for c in row["controls"]], np.int32).reshape(-1, 4)
     asked = tuple(i for i, c in enumerate(row["controls"]) if c["unique"])
-    return Page(row["name"], row["split"], image, boxes, tuple(c["label"] for c in row["controls"]), asked)
+    return Page(
+        row["name"], row["split"], image, boxes, tuple(c["label"] for c in row["controls"]), asked
+    )

@@ -20,7 +20,7 @@ from . import data, model, pages, train
 CLEAN = "clean"
 CONDITIONS = (CLEAN, *data.CORRUPTIONS)
 SPLITS = ("new", "site")
-_shared: list[pages.Page] = []  # what the workers, which are forks, have in common
+_shared: list[pages.Page] = []  # of the workers, which are forks
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,8 @@ class Run:
     """One network.
 
     Args:
-        held_out: the corruption that is not trained with, while the others are; `None`: no augmentation.
+        held_out: the corruption that is not trained with, while the others are; `None`: no
+            augmentation.
         seed: decides first weights, order and corruptions.
     """
 
@@ -38,16 +39,18 @@ class Run:
     @property
     def names(self) -> tuple[str, ...]:
         """The corruptions that are trained with."""
-        return tuple(name for name in data.CORRUPTIONS if name != self.held_out) if self.held_out else ()
+        if self.held_out is None:
+            return ()
+        return tuple(name for name in data.CORRUPTIONS if name != self.held_out)
 
 
 def all_runs(held_out: Sequence[str], seeds: int) -> list[Run]:
-    """No augmentation, and the augmentation without each of `held_out`, for every seed."""
+    """Return the runs of every seed: no augmentation, and it without each of `held_out`."""
     return [Run(name, seed) for seed in range(seeds) for name in (None, *held_out)]
 
 
 def fingerprint(folder: Path, settings: train.Settings) -> str:
-    """What results depend on: the pages, the settings, this code, torch and the library."""
+    """Return a hash of the pages, the settings, this code, torch and the library."""
     code = [Path(m.__file__ or "").read_text() for m in (data, model, train)]
     specs = [repr(spec) for spec in data.CORRUPTIONS.values()]
     made_by = json.loads((folder / "pages.json").read_text())["made_by"]
@@ -55,7 +58,12 @@ def fingerprint(folder: Path, settings: train.Settings) -> str:
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:16]
 
 
-def perform(folder: Path, runs: Sequence[Run], settings: train.Settings, jobs: int) -> dict[Run, dict[str, Any]]:
+def perform(
+    folder: Path,
+    runs: Sequence[Run],
+    settings: train.Settings,
+    jobs: int,
+) -> dict[Run, dict[str, Any]]:
     """Return the results of the runs; those that `folder` holds already are read.
 
     A result is `seconds`, `loss` (mean of the last 20 steps) and, for each split, each condition's
@@ -70,8 +78,10 @@ def perform(folder: Path, runs: Sequence[Run], settings: train.Settings, jobs: i
         for run in missing:
             _perform(place, run, settings)
     elif missing:
-        with ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("fork")) as pool:
-            for done in [pool.submit(_perform, place, run, settings) for run in missing]:
+        fork = multiprocessing.get_context("fork")
+        with ProcessPoolExecutor(jobs, mp_context=fork) as pool:
+            started = [pool.submit(_perform, place, run, settings) for run in missing]
+            for done in started:
                 done.result()
     return {run: json.loads(_file(place, run).read_text()) for run in runs}
 
@@ -80,14 +90,20 @@ def _file(place: Path, run: Run) -> Path:
     return place / f"{run.held_out or 'none'}-{run.seed}.json"
 
 
-def _perform(place: Path, run: Run, settings: train.Settings) -> None:
+def _perform(
+    place: Path,
+    run: Run,
+    settings: train.Settings,
+) -> None:
     torch.set_num_threads(1)
     start = time.perf_counter()
-    net, losses = train.train([p for p in _shared if p.split == "train"], run.names, run.seed, settings)
-    made: dict[str, Any] = {"seconds": time.perf_counter() - start, "loss": statistics.fmean(losses[-20:])}
+    net, losses = train.train(_pages_of("train"), run.names, run.seed, settings)
+    made: dict[str, Any] = {
+        "seconds": time.perf_counter() - start,
+        "loss": statistics.fmean(losses[-20:]),
+    }
     for split in SPLITS:
-        some = [page for page in _shared if page.split == split]
-        made[split] = {c: train.evaluate(net, some, None if c == CLEAN else c).tolist() for c in CONDITIONS}
+        made[split] = _evaluated(net, _pages_of(split))
     text = f"{run}: {made['seconds']:.0f} s, loss {losses[0]:.2f} to {made['loss']:.2f}"
     print(text, file=sys.stderr, flush=True)
     unfinished = _file(place, run).with_suffix(".tmp")
@@ -95,7 +111,26 @@ def _perform(place: Path, run: Run, settings: train.Settings) -> None:
     unfinished.replace(_file(place, run))
 
 
-def counts(results: dict[Run, dict[str, Any]], held_out: str | None, split: str, condition: str) -> np.ndarray:
-    """Return asked and hit of one choice of corruptions, int64 `[seeds, pages, 2]`, in the order of the seeds."""
-    mine = sorted((run for run in results if run.held_out == held_out), key=lambda run: run.seed)
+def _pages_of(split: str) -> list[pages.Page]:
+    return [page for page in _shared if page.split == split]
+
+
+def _evaluated(net: model.Grounder, some: list[pages.Page]) -> dict[str, Any]:
+    """Return asked and hit of each page, under each condition."""
+    found: dict[str, Any] = {}
+    for condition in CONDITIONS:
+        corruption = None if condition == CLEAN else condition
+        found[condition] = train.evaluate(net, some, corruption).tolist()
+    return found
+
+
+def counts(
+    results: dict[Run, dict[str, Any]],
+    held_out: str | None,
+    split: str,
+    condition: str,
+) -> np.ndarray:
+    """Return asked and hit of one choice of corruptions by seed, int64 `[seeds, pages, 2]`."""
+    mine = [run for run in results if run.held_out == held_out]
+    mine.sort(key=lambda run: run.seed)
     return np.array([results[run][split][condition] for run in mine], np.int64)

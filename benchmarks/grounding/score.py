@@ -1,10 +1,11 @@
-"""Accuracy with intervals, from how many controls were asked for and how many were hit."""
+"""Accuracy with bootstrap intervals, from the numbers of labels asked for and hit."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-DRAWS, LEVEL = 4000, 0.95
+DRAWS = 4000
+LEVEL = 0.95
 
 
 class Interval(NamedTuple):
@@ -18,30 +19,53 @@ class Interval(NamedTuple):
         return f"{self.value:.1%} ({self.low:.1%} to {self.high:.1%})"
 
 
-def accuracy(counts: np.ndarray, base: np.ndarray | None = None, draws: int = DRAWS) -> Interval:
-    """Return the share of hits with its 95 % interval, or its difference to `base`, paired by seed and page.
+def accuracy(
+    counts: np.ndarray,
+    base: np.ndarray | None = None,
+    draws: int = DRAWS,
+) -> Interval:
+    """Return the share of hits with its 95 % interval, or its difference to `base`.
 
-    The bootstrap draws training seeds and pages anew, both at once: the controls of a page and the answers of a network
-    hang together.
+    The bootstrap resamples training seeds and pages, both at once, since the controls of a page and
+    the answers of a network are correlated. A difference is paired by seed and page.
 
     Args:
         counts: int64 `[seeds, pages, 2]`, asked and hit.
-        base: of the same shape, what to compare with.
-        draws: bootstrap samples.
+        base: the counts to compare with, of the same shape.
+        draws: number of bootstrap samples.
     """
     seeds, pages = counts.shape[:2]
     rng = np.random.default_rng(0)
-    of_seeds = rng.multinomial(seeds, np.full(seeds, 1 / seeds), draws).astype(np.float64)
-    of_pages = rng.multinomial(pages, np.full(pages, 1 / pages), draws).astype(np.float64)
-
-    def shares(some: np.ndarray) -> tuple[float, np.ndarray]:
-        drawn = np.einsum("rs,spk,rp->rk", of_seeds, some, of_pages, optimize=True)
-        total = some.sum((0, 1))
-        return total[1] / total[0], drawn[:, 1] / np.maximum(drawn[:, 0], 1)
-
-    value, spread = shares(counts)
+    seed_weights = _resampled(rng, seeds, draws)
+    page_weights = _resampled(rng, pages, draws)
+    value, spread = _shares(counts, seed_weights, page_weights)
     if base is not None:
-        other, others = shares(base)
-        value, spread = value - other, spread - others
-    low, high = np.quantile(spread, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+        other, others = _shares(base, seed_weights, page_weights)
+        value = value - other
+        spread = spread - others
+    tail = (1 - LEVEL) / 2
+    low, high = np.quantile(spread, [tail, (1 + LEVEL) / 2])
     return Interval(float(value), float(low), float(high))
+
+
+def _resampled(
+    rng: np.random.Generator,
+    count: int,
+    draws: int,
+) -> np.ndarray:
+    """Return how often each of `count` things is in each sample, float64 `[draws, count]`."""
+    chances = np.full(count, 1 / count)
+    drawn = rng.multinomial(count, chances, draws)
+    return drawn.astype(np.float64)
+
+
+def _shares(
+    counts: np.ndarray,
+    seed_weights: np.ndarray,
+    page_weights: np.ndarray,
+) -> tuple[float, np.ndarray]:
+    """Return the share of hits, and that of each bootstrap sample, float64 `[draws]`."""
+    path = "rs,spk,rp->rk"
+    drawn = np.einsum(path, seed_weights, counts, page_weights, optimize=True)
+    asked, hit = counts.sum((0, 1))
+    return hit / asked, drawn[:, 1] / np.maximum(drawn[:, 0], 1)

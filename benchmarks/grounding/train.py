@@ -1,5 +1,6 @@
-"""Train one network and look where it clicks."""
+"""Train one network, and count its hits."""
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,7 +13,7 @@ from .pages import Page
 
 @dataclass(frozen=True)
 class Settings:
-    """What all runs share.
+    """Settings of all runs.
 
     Args:
         steps: steps of the optimiser.
@@ -28,29 +29,46 @@ class Settings:
 
 
 def train(
-    pages: Sequence[Page], names: Sequence[str], seed: int, settings: Settings
+    pages: Sequence[Page],
+    names: Sequence[str],
+    seed: int,
+    settings: Settings,
 ) -> tuple[model.Grounder, list[float]]:
     """Return a trained network and the loss of every step.
 
-    The seed decides the first weights and the order of the pages, which are the same whatever `names` holds: the
-    corruptions that are trained with.
+    The seed decides the first weights and the order of the pages, whatever the corruptions are.
+
+    Args:
+        pages: the pages of the training split.
+        names: the corruptions that are trained with.
+        seed: of the weights, the order and the corruptions.
+        settings: settings of all runs.
     """
     torch.manual_seed(seed)
     net = model.Grounder().to(memory_format=torch.channels_last)
     optimiser = torch.optim.AdamW(net.parameters(), lr=settings.rate, weight_decay=settings.decay)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, settings.rate, total_steps=settings.steps, pct_start=0.2)
-    augment, turns, losses = data.augmentation(names), data.order(pages, settings.batch, seed), list[float]()
-    for _ in range(settings.steps):
-        epoch, some = next(turns)
-        losses.append(step(net, data.batch_of(some, augment, seed=seed, epoch=epoch), optimiser))
+    schedule = torch.optim.lr_scheduler.OneCycleLR(
+        optimiser, settings.rate, total_steps=settings.steps, pct_start=0.2
+    )
+    augment = data.augmentation(names)
+    turns = data.order(pages, settings.batch, seed)
+    losses: list[float] = []
+    for epoch, some in itertools.islice(turns, settings.steps):
+        batch = data.batch_of(some, augment, seed=seed, epoch=epoch)
+        losses.append(step(net, batch, optimiser))
         schedule.step()
     return net.eval(), losses
 
 
-def step(net: model.Grounder, batch: data.Batch, optimiser: torch.optim.Optimizer) -> float:
+def step(
+    net: model.Grounder,
+    batch: data.Batch,
+    optimiser: torch.optim.Optimizer,
+) -> float:
     """Take one step and return the loss."""
     scores = score(net, batch)
-    right = model.inside(batch.boxes, (scores.shape[1], scores.shape[2]))
+    height, width = scores.shape[1:]
+    right = model.inside(batch.boxes, (height, width))
     holds = right.flatten(1).any(1)  # a control smaller than a cell may hold no middle of one
     loss = model.loss_of(scores[holds], right[holds])
     optimiser.zero_grad()
@@ -67,12 +85,19 @@ def score(net: model.Grounder, batch: data.Batch) -> torch.Tensor:
 
 
 @torch.inference_mode()
-def evaluate(net: model.Grounder, pages: Sequence[Page], name: str | None) -> np.ndarray:
-    """Return, for each page, how many controls were asked for and how many were hit, int64 `[pages, 2]`."""
+def evaluate(
+    net: model.Grounder,
+    pages: Sequence[Page],
+    name: str | None,
+) -> np.ndarray:
+    """Return the numbers of controls asked for and hit on each page, int64 `[pages, 2]`."""
     counts = np.zeros((len(pages), 2), np.int64)
     for row, page in zip(counts, pages, strict=True):
         batch = data.corrupted(page, name)
         x, y = model.clicks(score(net, batch)).T
         x1, y1, x2, y2 = batch.boxes.T
-        row[:] = len(batch.labels), int(((x >= x1) & (x < x2) & (y >= y1) & (y < y2)).sum())
+        across = (x >= x1) & (x < x2)
+        down = (y >= y1) & (y < y2)
+        hits = (across & down).sum()
+        row[:] = len(batch.labels), int(hits)
     return counts

@@ -1,1 +1,1 @@
-"""The guest that `virtual_machine.py` measures: `image` builds it, `inside` is its first process, `qemu` runs it."""
+"""The guest of `virtual_machine.py`: `image` builds it, `inside` is its init, `qemu` runs it."""

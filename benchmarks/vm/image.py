@@ -1,8 +1,9 @@
-"""Builds the guest of `virtual_machine.py` from what this machine has: Debian's kernel, and the desktop's own packages.
+"""Builds the guest of `virtual_machine.py` from this machine's kernel and packages.
 
-The disk holds the packages of `hijack desktop install` and all they depend on, as they are installed here, with the
-golden home. It is kept in `~/.cache/agenthijack/vm` and built anew when a package, the golden home or this file
-changes. Our own code comes on a second disk, made for each run, so that the guest runs what the checkout holds.
+The disk holds the packages of `hijack desktop install` and all they depend on, as they are
+installed here, with the golden home. It is kept in `~/.cache/agenthijack/vm` and built anew when a
+package, the golden home or this file changes. Our own code comes on a second disk, made for each
+run, so that the guest runs what the checkout holds.
 """
 
 import contextlib
@@ -22,20 +23,56 @@ from pathlib import Path
 from online import fetched
 
 from hijack_data.errors import HijackError
-from online_env.desktops.embedded import account, home, packages
+from online_env.embedded import home, packages
+from online_env.embedded.runtime import account
 
 CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "agenthijack" / "vm"
 REPOSITORY = Path(__file__).resolve().parents[2]
-CODE, SITE = "opt/agenthijack/code", "opt/agenthijack/site"
+CODE = "opt/agenthijack/code"
+SITE = "opt/agenthijack/site"
 KERNEL = "linux-image-cloud-amd64"
 MODULES = ("virtio_pci", "virtio_blk", "virtio_net")
-# Whole trees that no package of the desktop needs, besides the files of packages that it does not need.
+# Whole trees that no package of the desktop needs, besides the files of packages that it does not
+# need.
 ROOTS = ("/usr", "/etc", "/var/lib", "/var/cache/fontconfig")
-SKIPPED = frozenset({"/usr/local", "/usr/src", "/usr/share/doc", "/usr/lib/jvm", "/usr/lib/node_modules",
-                     "/var/lib/apt", "/var/lib/dpkg", "/var/lib/docker", str(home.PARENT)})  # fmt: skip
-FOLDERS = ("proc", "sys", "dev", "run", "tmp", "root", "usr/local/lib", "var/log", "var/tmp", CODE, SITE)
+SKIPPED = frozenset(
+    {
+        "/usr/local",
+        "/usr/src",
+        "/usr/share/doc",
+        "/usr/lib/jvm",
+        "/usr/lib/node_modules",
+        "/var/lib/apt",
+        "/var/lib/dpkg",
+        "/var/lib/docker",
+        str(home.PARENT),
+    }
+)
+FOLDERS = (
+    "proc",
+    "sys",
+    "dev",
+    "run",
+    "tmp",
+    "root",
+    "usr/local/lib",
+    "var/log",
+    "var/tmp",
+    CODE,
+    SITE,
+)
 # What the guest server imports; its own requirements come along.
-DISTRIBUTIONS = ("uvicorn", "starlette", "python-multipart", "python-xlib", "mss", "jeepney", "isal", "numpy", "pillow")
+DISTRIBUTIONS = (
+    "uvicorn",
+    "starlette",
+    "python-multipart",
+    "python-xlib",
+    "mss",
+    "jeepney",
+    "isal",
+    "numpy",
+    "pillow",
+)
 FIRST = f"import sys; sys.path[:0] = ['/{CODE}', '/{SITE}']; import inside; inside.main()"
 START = """#!/busybox sh
 export PATH=/bin
@@ -71,12 +108,17 @@ class Image:
     @property
     def size(self) -> int:
         """Bytes that they take, holes not counted."""
-        return sum(path.stat().st_blocks * 512 for path in (self.disk, self.kernel, self.initramfs, self.code))
+        return sum(
+            path.stat().st_blocks * 512
+            for path in (self.disk, self.kernel, self.initramfs, self.code)
+        )
 
 
 @contextlib.contextmanager
 def prepared() -> Iterator[tuple[Image, Path]]:
-    """The guest, built now (minutes) where it is not there, and a folder for this run. Raises `MissingPartError`.
+    """Return the guest, built now (minutes) if it is missing, and a folder for this run.
+
+    A missing part of the machine is a `MissingPartError`.
 
     Several runs may use the cache at once; one that builds waits until it is alone.
     """
@@ -89,7 +131,10 @@ def prepared() -> Iterator[tuple[Image, Path]]:
         with tempfile.TemporaryDirectory(prefix="run-", dir=CACHE) as run:
             code = Path(run, "code.img")
             _code_disk(code)
-            yield Image(folder / "disk.img", folder / "vmlinuz", folder / "initramfs", code), Path(run)
+            yield (
+                Image(folder / "disk.img", folder / "vmlinuz", folder / "initramfs", code),
+                Path(run),
+            )
 
 
 def _ensure_guest() -> Path:
@@ -99,7 +144,11 @@ def _ensure_guest() -> Path:
         if path != folder:  # of another version, or left by a run that was killed
             shutil.rmtree(path)
     if not folder.is_dir():
-        print(f"building the guest in {CACHE}; this takes a few minutes, once", file=sys.stderr, flush=True)
+        print(
+            f"building the guest in {CACHE}; this takes a few minutes, once",
+            file=sys.stderr,
+            flush=True,
+        )
         fresh = Path(tempfile.mkdtemp(prefix="building-", dir=CACHE))
         try:
             _start_files(fresh)
@@ -124,40 +173,76 @@ def _code_disk(target: Path) -> None:
 
 def _digest() -> str:
     query = ["dpkg-query", "-W", *packages.packages([packages.ALL])]
-    listed = subprocess.run(query, capture_output=True, text=True, check=False).stdout
+    listed = subprocess.run(
+        query,
+        capture_output=True,
+        text=True,
+        check=False,
+    ).stdout
     versions = [f"{one.name} {one.version}" for one in _distributions()]
-    text = "\n".join([listed, *versions, home.layer_path().name, Path(__file__).read_text(encoding="utf-8")])
+    text = "\n".join(
+        [listed, *versions, home.layer_path().name, Path(__file__).read_text(encoding="utf-8")]
+    )
     return hashlib.blake2b(text.encode(), digest_size=6).hexdigest()
 
 
 def _run(*command: str | Path, folder: Path | None = None) -> str:
     try:
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        done = subprocess.run(
+            command,
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
     except FileNotFoundError:
-        raise MissingPartError(f"{command[0]} is not on this machine: the guest is built on Debian, with apt") from None
+        raise MissingPartError(
+            f"{command[0]} is not on this machine: the guest is built on Debian, with apt"
+        ) from None
     if done.returncode:
         shown = " ".join(map(str, command[:4]))
-        raise MissingPartError(f"`{shown} ...` failed: {done.stderr.strip()[-400:]}; try `apt-get update` first")
+        raise MissingPartError(
+            f"`{shown} ...` failed: {done.stderr.strip()[-400:]}; try `apt-get update` first"
+        )
     return done.stdout
 
 
 def _start_files(folder: Path) -> None:
-    """Debian's kernel, and an initramfs that finds the disks and the network; nothing is installed."""
+    """Return Debian's kernel, and an initramfs that finds the disks and the network."""
     depends = re.search(r"Depends: (linux-image-\S+)", _run("apt-cache", "depends", KERNEL))
     if depends is None:
-        raise MissingPartError(f"apt knows no package {KERNEL}; `apt-get update` fetches the lists (Debian, amd64)")
+        raise MissingPartError(
+            f"apt knows no package {KERNEL}; `apt-get update` fetches the lists (Debian, amd64)"
+        )
     with tempfile.TemporaryDirectory(dir=folder) as name:
         place = Path(name)
-        _run("apt-get", "-o", "APT::Sandbox::User=root", "download", depends[1], "busybox-static", folder=place)
+        _run(
+            "apt-get",
+            "-o",
+            "APT::Sandbox::User=root",
+            "download",
+            depends[1],
+            "busybox-static",
+            folder=place,
+        )
         for archive in place.glob("*.deb"):
             _run("dpkg", "-x", archive, place / "files")
         shutil.copy(next(place.glob("files/boot/vmlinuz-*")), folder / "vmlinuz")
         modules = list(_with_depends(MODULES, {path.stem: path for path in place.rglob("*.ko")}))
-        start = START.format(modules=" ".join(path.stem for path in modules), code=CODE, first=FIRST)
+        start = START.format(
+            modules=" ".join(path.stem for path in modules),
+            code=CODE,
+            first=FIRST,
+        )
         parts = [(f"{path.stem}.ko", 0o100644, path.read_bytes()) for path in modules]
         parts += [(name, 0o40755, b"") for name in ("proc", "sys", "dev", "disk")]
-        parts += [("init", 0o100755, start.encode()), ("busybox", 0o100755, (place / "files/bin/busybox").read_bytes())]
-        archive = b"".join(_cpio(*part) for part in (*parts, ("dev/console", 0o20600, b""), ("TRAILER!!!", 0, b"")))
+        parts += [
+            ("init", 0o100755, start.encode()),
+            ("busybox", 0o100755, (place / "files/bin/busybox").read_bytes()),
+        ]
+        archive = b"".join(
+            _cpio(*part) for part in (*parts, ("dev/console", 0o20600, b""), ("TRAILER!!!", 0, b""))
+        )
         (folder / "initramfs").write_bytes(archive)
 
 
@@ -179,8 +264,15 @@ def _with_depends(names: Iterable[str], known: dict[str, Path]) -> Iterator[Path
         yield from visit(name)
 
 
-def _cpio(name: str, mode: int, data: bytes) -> bytes:
-    """One entry of an initramfs ("newc", the kernel's buffer-format.rst); a device is the console (5, 1)."""
+def _cpio(
+    name: str,
+    mode: int,
+    data: bytes,
+) -> bytes:
+    """Return one entry of an initramfs ("newc", the kernel's buffer-format.rst).
+
+    A device is the console (5, 1).
+    """
     device = (5, 1) if mode & 0o170000 == 0o20000 else (0, 0)
     fields = (0, mode, 0, 0, 1, 0, len(data), 0, 0, *device, len(name) + 1, 0)
     head = b"070701" + b"".join(b"%08x" % field for field in fields) + name.encode() + b"\0"
@@ -193,7 +285,9 @@ def _disk(folder: Path) -> None:
         root = Path(name)
         root.chmod(0o755)
         _copy(_system_files(), root)
-        for path in (Path("/") / name for name in ("bin", "sbin", "lib", "lib32", "lib64", "libx32")):
+        for path in (
+            Path("/") / name for name in ("bin", "sbin", "lib", "lib32", "lib64", "libx32")
+        ):
             if path.is_symlink():
                 (root / path.name).symlink_to(path.readlink())
         for name in FOLDERS:
@@ -207,17 +301,21 @@ def _disk(folder: Path) -> None:
 
 
 def _system_files() -> Iterator[str]:
-    """Paths of files and folders below `ROOTS`, without those that belong to other packages alone."""
+    """Return the paths below `ROOTS` without those that belong to other packages alone."""
     query = ["dpkg-query", "-W", "-f=${Package} ${Priority}\n"]
     listed = _run(*query).splitlines()
     with tempfile.TemporaryDirectory() as empty:
         base = ["apt", *(line.split()[0] for line in listed if line.endswith(" required"))]
         wanted = set(fetched([*base, *packages.packages([packages.ALL])], Path(empty)))
-    ours, others = set[str](), set[str]()
+    ours = set[str]()
+    others = set[str]()
     for path in Path("/var/lib/dpkg/info").glob("*.list"):
         names = path.read_text(encoding="utf-8").splitlines()
         # /bin is a link to /usr/bin, and packages name either.
-        whole = (f"/usr{name}" if name.startswith(("/bin/", "/sbin/", "/lib")) else name for name in names)
+        whole = (
+            f"/usr{name}" if name.startswith(("/bin/", "/sbin/", "/lib")) else name
+            for name in names
+        )
         (ours if path.stem.split(":")[0] in wanted else others).update(whole)
     left_out = (others - ours) | SKIPPED
     for top in ROOTS:
@@ -226,7 +324,11 @@ def _system_files() -> Iterator[str]:
             folders[:] = [name for name in folders if f"{folder}/{name}" not in left_out]
             links = [name for name in folders if os.path.islink(f"{folder}/{name}")]
             yield folder
-            yield from (f"{folder}/{name}" for name in (*files, *links) if f"{folder}/{name}" not in left_out)
+            yield from (
+                f"{folder}/{name}"
+                for name in (*files, *links)
+                if f"{folder}/{name}" not in left_out
+            )
 
 
 def _copy(paths: Iterable[str], root: Path) -> None:
@@ -237,7 +339,9 @@ def _copy(paths: Iterable[str], root: Path) -> None:
         with subprocess.Popen(read, stdout=subprocess.PIPE) as source:
             subprocess.run(["tar", "-C", root, "-xpf", "-"], stdin=source.stdout, check=True)
     if source.returncode:
-        raise MissingPartError(f"copying this machine's packages failed: tar ended with {source.returncode}")
+        raise MissingPartError(
+            f"copying this machine's packages failed: tar ended with {source.returncode}"
+        )
 
 
 def _distributions() -> list[metadata.Distribution]:
@@ -271,6 +375,10 @@ def _install_distributions(target: Path) -> None:
     _run("/usr/bin/python3", "-m", "compileall", "-q", "-s", target, "-p", f"/{SITE}", target)
 
 
-def _file_system(folder: Path, target: Path, size: str) -> None:
+def _file_system(
+    folder: Path,
+    target: Path,
+    size: str,
+) -> None:
     options = "lazy_itable_init=0,lazy_journal_init=0,root_owner=0:0"
     _run("mkfs.ext4", "-q", "-m", "0", "-E", options, "-d", folder, target, size)

@@ -1,4 +1,4 @@
-"""Process 1 of the measured guest: the embedded desktop's own first process, on a machine instead of in namespaces.
+"""Process 1 of the measured guest: the embedded desktop's own, on a machine of its own.
 
 `image.FIRST` starts it, with our packages and their requirements first in `sys.path`.
 """
@@ -9,10 +9,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NoReturn
 
-from online_env.desktops.embedded import account, files, kernel, session
-from online_env.desktops.embedded.framebuffer import Doors, Framebuffer
-from online_env.desktops.embedded.init import Init, quit_on_signals
-from online_env.desktops.embedded.plain import Order
+from online_env.embedded.runtime import account, files, kernel, session
+from online_env.embedded.runtime.framebuffer import Doors, Framebuffer
+from online_env.embedded.runtime.init import Init, quit_on_signals
+from online_env.embedded.runtime.plain import DesktopConfig
 
 SCREEN = (1920, 1080)
 ADDRESS = "10.0.2.15"  # what QEMU's user network gives its first guest
@@ -43,8 +43,11 @@ def main() -> NoReturn:
         kernel.mount("none", target, "tmpfs", options=f"mode={mode}")
     Path("/dev/pts").mkdir(exist_ok=True)
     kernel.mount("devpts", "/dev/pts", "devpts", options="ptmxmode=0666,mode=0620,gid=5")
-    order = Order("vm", SCREEN, "", tuple(sys.path[:2]), "/usr/bin/python3", (), (), time_out=240)
-    root, folder = Path("/"), Path("/run/guest")
+    order = DesktopConfig(
+        "vm", SCREEN, "", tuple(sys.path[:2]), "/usr/bin/python3", (), (), time_out=240
+    )
+    root = Path("/")
+    folder = Path("/run/guest")
     for path in (folder / "logs", Path(session.TOKEN_FILE).parent):
         path.mkdir(parents=True)
     files.write_settings(root, order)
@@ -52,4 +55,6 @@ def main() -> NoReturn:
     files.install_browser(root)
     quit_on_signals()
     doors = Doors(Framebuffer(SCREEN, folder, rootless=False), None)
-    Guest(order, folder, os.environ["AH_TOKEN"], ADDRESS, doors).run(lambda: print(READY, flush=True))
+    Guest(order, folder, os.environ["AH_TOKEN"], ADDRESS, doors).run(
+        lambda: print(READY, flush=True)
+    )

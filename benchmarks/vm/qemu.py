@@ -1,4 +1,4 @@
-"""One QEMU machine with the guest of `image`; it ends with this process, whatever ends this process."""
+"""One QEMU machine with the guest of `image`; it ends with this process, however that ends."""
 
 import json
 import secrets
@@ -9,15 +9,16 @@ import time
 from pathlib import Path
 from typing import Any
 
-from online_env.desktops.embedded.session import APPS, GUEST_PORT
 from online_env.desktops.http import HttpDesktop
-from online_env.desktops.protocol import Task
+from online_env.desktops.protocol import TaskConfig
+from online_env.embedded.runtime.session import APPS
 from online_env.errors import DesktopError, GuestError
 
 from .image import Image
 from .inside import ADDRESS, READY
 
 CPUS, MEMORY = 2, 4096  # MiB
+GUEST_PORT = 5000  # where the guest server listens by default
 PATIENCE = 300.0  # s; a machine without KVM needs more than a minute
 
 
@@ -30,18 +31,51 @@ class Machine:
         kvm: whether the processor is the real one; else QEMU translates each instruction.
     """
 
-    def __init__(self, image: Image, folder: Path, kvm: bool) -> None:
+    def __init__(
+        self,
+        image: Image,
+        folder: Path,
+        kvm: bool,
+    ) -> None:
         self._started = time.perf_counter()
         self._folder = tempfile.TemporaryDirectory(dir=folder)
         self._console = Path(self._folder.name, "console.log")
         layer = Path(self._folder.name, "disk.qcow2")
-        create = ["qemu-img", "create", "-q", "-f", "qcow2", "-F", "raw", "-b", str(image.disk), str(layer)]
+        create = [
+            "qemu-img",
+            "create",
+            "-q",
+            "-f",
+            "qcow2",
+            "-F",
+            "raw",
+            "-b",
+            str(image.disk),
+            str(layer),
+        ]
         subprocess.run(create, check=True)
-        token, port = secrets.token_hex(16), _free_port()
+        token = secrets.token_hex(16)
+        port = _free_port()
         # setpriv: the machine is killed when this process ends, however it does.
-        command = ["setpriv", "--pdeathsig", "KILL", "qemu-system-x86_64", *_arguments(image, layer, port, kvm)]
-        command += ["-append", f"console=ttyS0 quiet panic=-1 AH_TOKEN={token}", "-serial", f"file:{self._console}"]
-        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        command = [
+            "setpriv",
+            "--pdeathsig",
+            "KILL",
+            "qemu-system-x86_64",
+            *_arguments(image, layer, port, kvm),
+        ]
+        command += [
+            "-append",
+            f"console=ttyS0 quiet panic=-1 AH_TOKEN={token}",
+            "-serial",
+            f"file:{self._console}",
+        ]
+        self._process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
         self.pid = self._process.pid
         self.token = token
         self.desktop = HttpDesktop(f"http://127.0.0.1:{port}", token, resetter=self._load)
@@ -54,23 +88,29 @@ class Machine:
         self.close()
 
     def wait(self) -> float:
-        """Wait until the whole desktop is there and a screenshot answers; returns the seconds since the start.
+        """Wait until the desktop is up with a screenshot; return the seconds since the start.
 
         Raises `DesktopError` with the end of the guest's console where that does not happen.
         """
         deadline = time.monotonic() + PATIENCE
         while READY not in (text := self._read_console()):
             if self._process.poll() is not None or time.monotonic() > deadline:
-                raise DesktopError(f"the guest did not come up; the end of its console: {text[-1500:] or '(empty)'}")
+                raise DesktopError(
+                    "the guest did not come up; the end of its console:"
+                    f" {text[-1500:] or '(empty)'}"
+                )
             time.sleep(0.005)
         self.desktop.screenshot()
         return time.perf_counter() - self._started
 
     def open(self, app: str) -> None:
         """Start an application that `session.APPS` names, and wait for its window."""
-        program, deadline = APPS[app], time.monotonic() + PATIENCE
+        program = APPS[app]
+        deadline = time.monotonic() + PATIENCE
         self.desktop.launch(program.argv)
-        while not any(program.window in str(window["class"]).lower() for window in self.desktop.windows()):
+        while not any(
+            program.window in str(window["class"]).lower() for window in self.desktop.windows()
+        ):
             if time.monotonic() > deadline:
                 raise DesktopError(f"no window of {app} within {PATIENCE:.0f} s")
             time.sleep(0.05)
@@ -81,7 +121,7 @@ class Machine:
         self._order("human-monitor-command", {"command-line": "savevm base"})
 
     def load(self) -> float:
-        """Go back to the snapshot and wait for a screenshot; returns the seconds of the first part."""
+        """Go back to the snapshot, wait for a screenshot, and return the seconds of the former."""
         start = time.perf_counter()
         self.desktop.reset()
         took = time.perf_counter() - start
@@ -102,15 +142,17 @@ class Machine:
         self._process.communicate()
         self._folder.cleanup()
 
-    def _load(self, _: Task | None) -> None:
+    def _load(self, _: TaskConfig | None) -> None:
         self.desktop.close()
         self._order("human-monitor-command", {"command-line": "loadvm base"})
 
     def _order(self, name: str, arguments: dict[str, str] | None = None) -> None:
-        """Give an order over QMP and wait until it is done. What the human monitor answers is a complaint."""
+        """Give an order over QMP and wait until it is done; an answer is a complaint."""
         if self._process.stdin is None or self._process.stdout is None:
             raise DesktopError("QEMU has no monitor")
-        self._process.stdin.write(json.dumps({"execute": name, "arguments": arguments or {}}) + "\n")
+        self._process.stdin.write(
+            json.dumps({"execute": name, "arguments": arguments or {}}) + "\n"
+        )
         self._process.stdin.flush()
         answer: dict[str, Any] = {}
         while not {"return", "error"} & answer.keys():  # else the greeting, or an event
@@ -128,14 +170,41 @@ def _free_port() -> int:
         return probe.getsockname()[1]
 
 
-def _arguments(image: Image, layer: Path, port: int, kvm: bool) -> list[str]:
-    processor = ("-accel", "kvm", "-cpu", "host") if kvm else ("-accel", "tcg,thread=multi", "-cpu", "max")
+def _arguments(
+    image: Image,
+    layer: Path,
+    port: int,
+    kvm: bool,
+) -> list[str]:
+    processor = (
+        ("-accel", "kvm", "-cpu", "host") if kvm else ("-accel", "tcg,thread=multi", "-cpu", "max")
+    )
     forward = f"hostfwd=tcp:127.0.0.1:{port}-{ADDRESS}:{GUEST_PORT}"
     return [
-        "-nodefaults", "-no-user-config", "-no-reboot", "-display", "none", "-qmp", "stdio",
-        *processor, "-machine", "q35", "-smp", str(CPUS), "-m", str(MEMORY),
-        "-kernel", str(image.kernel), "-initrd", str(image.initramfs),
-        "-drive", f"file={layer},format=qcow2,if=virtio",
-        "-drive", f"file={image.code},format=raw,if=virtio,readonly=on",
-        "-netdev", f"user,id=net,restrict=on,{forward}", "-device", "virtio-net-pci,netdev=net,romfile=",
-    ]  # fmt: skip
+        "-nodefaults",
+        "-no-user-config",
+        "-no-reboot",
+        "-display",
+        "none",
+        "-qmp",
+        "stdio",
+        *processor,
+        "-machine",
+        "q35",
+        "-smp",
+        str(CPUS),
+        "-m",
+        str(MEMORY),
+        "-kernel",
+        str(image.kernel),
+        "-initrd",
+        str(image.initramfs),
+        "-drive",
+        f"file={layer},format=qcow2,if=virtio",
+        "-drive",
+        f"file={image.code},format=raw,if=virtio,readonly=on",
+        "-netdev",
+        f"user,id=net,restrict=on,{forward}",
+        "-device",
+        "virtio-net-pci,netdev=net,romfile=",
+    ]

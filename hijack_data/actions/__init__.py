@@ -1,4 +1,16 @@
-"""The ways in which agents write actions, and how their coordinates are mapped.
+"""The actions of agents: parse, write and check them, and map their coordinates.
+
+This module is the front of the package:
+
+* `parse_actions` reads an action of any dialect into `Action`s, `parse_pyautogui` one of code;
+* `write_pyautogui` writes an `Action` as code, and `code_of` what a model says in a typed dialect;
+* `map_typed` and `map_code` change the coordinates of an action and nothing else, and
+  `map_recorded` does it for the texts that recordings and dataset rows keep;
+* `scale_normalized` turns fractions of the screen in code into pixels;
+* `read_action` checks whether an agent on a live desktop may run an action.
+
+`Scaling` is the one rule by which coordinates become pixels. Inputs are never modified. An action
+that cannot be read or mapped raises `ActionError`. The dialects:
 
 | dialect | form | coordinates |
 |---|---|---|
@@ -10,21 +22,25 @@
 | `qwen3_vl` | the same | 0..1000 of the picture |
 | `openai`, `anthropic` | dict of the computer tool | pixels |
 
-Inputs are never modified. What cannot be read or mapped raises `ActionError`.
+Inside, `dialects/` has one module for each of them. `program/` analyses Python code without running
+it: mapping code means to know, at each call that moves the pointer, the value of its coordinates.
 """
 
-from collections.abc import Callable
-from typing import Any
-
-from ..errors import ParameterError, UnknownNameError, suggest
-from ..types import Action, Size, as_size
-from .computer_13 import map_computer_13, parse_computer_13
-from .pyautogui_code import map_code, scale_normalized
-from .pyautogui_parse import parse_pyautogui
-from .qwen import check_qwen, map_qwen, parse_qwen
+from .allowed import fenced_blocks, read_action
+from .dialects import (
+    DIALECTS,
+    RESIZED_DIALECTS,
+    TEXT_PARSERS,
+    THOUSANDTHS,
+    code_of,
+    map_typed,
+    parse_actions,
+)
+from .dialects.pyautogui_code import calls_pyautogui, map_code, scale_normalized
+from .dialects.pyautogui_parse import parse_pyautogui
+from .dialects.pyautogui_write import write_pyautogui
+from .recorded import map_recorded
 from .scaling import Scaling
-from .tool_calls import map_anthropic, map_openai, parse_anthropic, parse_openai
-from .ui_tars import check_ui_tars, map_ui_tars, parse_ui_tars
 
 __all__ = [
     "DIALECTS",
@@ -32,76 +48,15 @@ __all__ = [
     "TEXT_PARSERS",
     "THOUSANDTHS",
     "Scaling",
+    "calls_pyautogui",
+    "code_of",
+    "fenced_blocks",
     "map_code",
+    "map_recorded",
     "map_typed",
     "parse_actions",
     "parse_pyautogui",
+    "read_action",
     "scale_normalized",
+    "write_pyautogui",
 ]
-
-_MAPPERS: dict[str, Callable[[object, Scaling], Any]] = {
-    "computer_13": map_computer_13,
-    "ui_tars": lambda action, _: check_ui_tars(action),
-    "ui_tars_1.5": map_ui_tars,
-    "qwen2.5_vl": map_qwen,
-    "qwen3_vl": lambda action, _: check_qwen(action),
-    "openai": map_openai,
-    "anthropic": map_anthropic,
-}
-TEXT_PARSERS: dict[str, Callable[[object, Scaling], list[Action]]] = {
-    "ui_tars": parse_ui_tars,
-    "ui_tars_1.5": parse_ui_tars,
-    "qwen2.5_vl": parse_qwen,
-    "qwen3_vl": parse_qwen,
-}
-# What they count in: 0..1000 of the picture, or pixels of the smart-resized one.
-THOUSANDTHS = ("ui_tars", "qwen3_vl")
-RESIZED_DIALECTS = ("ui_tars_1.5", "qwen2.5_vl")
-_PARSERS: dict[str, Callable[[object, Scaling], Action]] = {
-    "computer_13": parse_computer_13,
-    "openai": parse_openai,
-    "anthropic": parse_anthropic,
-}
-DIALECTS = ("pyautogui", *_MAPPERS)
-
-
-def map_typed(action: Any, dialect: str, scaling: Scaling) -> Any:
-    """Return `action` with its coordinates scaled, in the form in which it was given.
-
-    Text of `ui_tars` and `qwen3_vl` comes back as it is: 0..1000 of the picture is the same point at every size. Raises
-    `UnknownNameError` for a dialect that does not exist and `ActionError` for an action that cannot be mapped.
-    """
-    _check(dialect)
-    if dialect == "pyautogui":
-        return map_code(action, scaling, scaling.source)
-    return _MAPPERS[dialect](action, scaling)
-
-
-def parse_actions(action: Any, dialect: str, size: Size | None = None) -> list[Action]:
-    """Read an action into the library's own, in pixels of the picture: a list, since a reply may hold several.
-
-    Args:
-        action: code, text or a dict, as the dialect has it.
-        dialect: one of `DIALECTS`.
-        size: (height, width) of the picture that the coordinates are pixels of (for `ui_tars_1.5` and
-            `qwen2.5_vl` the smart-resized one); points are clamped to it. `None` leaves them. `ui_tars` and `qwen3_vl`
-            cannot do without.
-
-    Raises `UnknownNameError` for a dialect that does not exist and `ActionError` for what cannot be read.
-    """
-    _check(dialect)
-    if dialect == "pyautogui":
-        return [parse_pyautogui(action, size)]
-    size = None if size is None else as_size(size)
-    if dialect in THOUSANDTHS:
-        if size is None:
-            raise ParameterError(f"{dialect} gives 0..1000 of the picture; give its size=(height, width)")
-        return TEXT_PARSERS[dialect](action, Scaling.fractions(size, 1000))
-    if dialect in TEXT_PARSERS:
-        return TEXT_PARSERS[dialect](action, Scaling.pixels(size))
-    return [_PARSERS[dialect](action, Scaling.pixels(size))]
-
-
-def _check(dialect: object) -> None:
-    if dialect not in DIALECTS:
-        raise UnknownNameError(f"unknown dialect {dialect!r}{suggest(dialect, DIALECTS)}")

@@ -1,7 +1,11 @@
-"""What an agent may do: wait, end, ask for help, or run pyautogui code that does nothing but use pointer and keyboard.
+"""Check whether a live desktop may run an action of an agent.
 
-The code is parsed here, never run here: it runs in the guest. What is let through are imports of pyautogui and time,
-calls of their functions, literals, arithmetic, simple assignments and `for` loops over them.
+An agent may wait, end the episode, ask for help, or run pyautogui code that uses pointer and
+keyboard and nothing else.
+
+The code is parsed here, never run here: it runs in the guest. What is let through are imports of
+pyautogui and time, calls of their functions, literals, arithmetic, simple assignments and `for`
+loops over them.
 """
 
 import ast
@@ -13,47 +17,105 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from ..errors import ActionError
-from ..run_log import REINIT
-from .names import Names
-from .signatures import KEYBOARD, POINTER
-from .source import Source, shallow
+from ..runs.run_log import REINIT
+from .program.names import Names
+from .program.signatures import KEYBOARD, POINTER
+from .program.source import ParsedSource, shallow
 
-Kind: TypeAlias = Literal["wait", "done", "fail", "reinit", "code"]
-WORDS: dict[str, Kind] = {"WAIT": "wait", "DONE": "done", "FAIL": "fail", REINIT: "reinit"}
+ActionKind: TypeAlias = Literal["wait", "done", "fail", "reinit", "code"]
+WORDS: dict[str, ActionKind] = {
+    "WAIT": "wait",
+    "DONE": "done",
+    "FAIL": "fail",
+    REINIT: "reinit",
+}
 MAX_CODE = 32_000  # characters; an argument of a command may have 128 KiB
 
 # Fences stand at the start or the end of a line: an agent may well type ``` somewhere.
-_FENCE = re.compile(r"^[ \t]*```(?:[\w+-]*[ \t]*\r?\n)?(.*?)(?:^[ \t]*```|```[ \t]*\r?$)", re.DOTALL | re.MULTILINE)
+_FENCE = re.compile(
+    r"^[ \t]*```(?:[\w+-]*[ \t]*\r?\n)?(.*?)(?:^[ \t]*```|```[ \t]*\r?$)", re.DOTALL | re.MULTILINE
+)
 _MODULES = {
     "pyautogui": frozenset({*POINTER, *KEYBOARD, "sleep", "size", "position", "hold", "onScreen"}),
     "time": frozenset({"sleep", "time", "monotonic", "perf_counter"}),
 }
-_CONSTANTS = frozenset({"PAUSE", "FAILSAFE", "MINIMUM_DURATION", "LEFT", "MIDDLE", "RIGHT", "PRIMARY", "SECONDARY"})
+_CONSTANTS = frozenset(
+    {"PAUSE", "FAILSAFE", "MINIMUM_DURATION", "LEFT", "MIDDLE", "RIGHT", "PRIMARY", "SECONDARY"}
+)
 _SETTINGS = frozenset({"PAUSE", "FAILSAFE", "MINIMUM_DURATION", "MINIMUM_SLEEP"})
 _TWEEN = re.compile(r"linear|ease(In|Out|InOut)\w+")
 _FIELDS = frozenset({"x", "y", "width", "height"})  # of what `position` and `size` return
-_PLAIN = frozenset({"range", "enumerate", "zip", "len", "int", "float", "str", "round", "abs", "min", "max", "print"})
+_PLAIN = frozenset(
+    {
+        "range",
+        "enumerate",
+        "zip",
+        "len",
+        "int",
+        "float",
+        "str",
+        "round",
+        "abs",
+        "min",
+        "max",
+        "print",
+    }
+)
 _NODES = (
-    ast.Module, ast.Expr, ast.Assign, ast.AugAssign, ast.For, ast.With, ast.withitem, ast.Pass, ast.Import,
-    ast.ImportFrom, ast.alias, ast.Call, ast.keyword, ast.Attribute, ast.Name, ast.Constant, ast.Tuple, ast.List,
-    ast.BinOp, ast.UnaryOp, ast.Starred, ast.Subscript, ast.Slice, ast.JoinedStr, ast.FormattedValue,
-    ast.expr_context, ast.Add, ast.Sub, ast.Mult, ast.Div, ast.FloorDiv, ast.Mod, ast.USub, ast.UAdd,
-)  # fmt: skip
-_FIX = "an action uses pyautogui and time only: calls, literals, simple assignments, for loops over them"
+    ast.Module,
+    ast.Expr,
+    ast.Assign,
+    ast.AugAssign,
+    ast.For,
+    ast.With,
+    ast.withitem,
+    ast.Pass,
+    ast.Import,
+    ast.ImportFrom,
+    ast.alias,
+    ast.Call,
+    ast.keyword,
+    ast.Attribute,
+    ast.Name,
+    ast.Constant,
+    ast.Tuple,
+    ast.List,
+    ast.BinOp,
+    ast.UnaryOp,
+    ast.Starred,
+    ast.Subscript,
+    ast.Slice,
+    ast.JoinedStr,
+    ast.FormattedValue,
+    ast.expr_context,
+    ast.Add,
+    ast.Sub,
+    ast.Mult,
+    ast.Div,
+    ast.FloorDiv,
+    ast.Mod,
+    ast.USub,
+    ast.UAdd,
+)
+_FIX = (
+    "an action uses pyautogui and time only: calls, literals, simple assignments, for loops over"
+    " them"
+)
 
 
 @dataclass(frozen=True)
 class Request:
     """What an agent asked for: `code` is pyautogui code, or the word that says it all."""
 
-    kind: Kind
+    kind: ActionKind
     code: str
 
 
 def read_action(text: object, allow_code: bool = False) -> Request:
-    """Read one action: `WAIT`, `DONE`, `FAIL`, `REQUEST_REINIT`, or code, either of them also in one ``` fence.
+    """Read one action: `WAIT`, `DONE`, `FAIL`, `REQUEST_REINIT`, or code, also in a ``` fence.
 
-    Raises `ActionError` for what is none of them, and for code that does more than `allow_code` permits.
+    Raises:
+        ActionError: it is anything else, or the code does more than `allow_code` permits.
     """
     if not isinstance(text, str):
         kind = type(text).__name__
@@ -64,25 +126,44 @@ def read_action(text: object, allow_code: bool = False) -> Request:
     if not inner:
         raise ActionError(f"the action is empty; give pyautogui code, or {', '.join(WORDS)}")
     if len(inner) > MAX_CODE or "\0" in inner or not _is_text(inner):
-        raise ActionError(f"an action is text of at most {MAX_CODE} characters without zero bytes, got {len(inner)}")
+        raise ActionError(
+            f"an action is text of at most {MAX_CODE} characters without zero bytes, got"
+            f" {len(inner)}"
+        )
     if not allow_code:
         check_code(inner)
     return Request("code", inner)
 
 
-def _unfenced(text: str) -> str:
-    """The one fenced block, or the whole text where there is none.
+def fenced_blocks(text: str) -> list[str]:
+    """Return what stands in the ``` fences of a text, without empty blocks.
 
-    A fence that belongs to no block stands for a second answer that cannot be told from prose: it
-    is refused, so that nothing an agent asked for is dropped without a word.
+    Raises:
+        ActionError: a fence belongs to no block: it may stand for an answer that cannot be told
+            from prose.
     """
     blocks = [block for block in _FENCE.findall(text) if block.strip()]
+    if blocks and _FENCE.sub("", text).count("```"):
+        raise ActionError(
+            f"the action holds {len(blocks)} blocks in ``` fences and a fence of no block, not one"
+            " block; give one action at a time"
+        )
+    return blocks
+
+
+def _unfenced(text: str) -> str:
+    """Return the one fenced block, or the whole text if there is none.
+
+    Two blocks are refused, so that nothing an agent asked for is dropped without a word.
+    """
+    blocks = fenced_blocks(text)
     if not blocks:
         return textwrap.dedent(text).strip()
-    left = _FENCE.sub("", text).count("```")
-    if len(blocks) > 1 or left:
-        found = f"{len(blocks)} blocks in ``` fences" + (" and a fence of no block" if left else "")
-        raise ActionError(f"the action holds {found}, not one block; give one action at a time")
+    if len(blocks) > 1:
+        raise ActionError(
+            f"the action holds {len(blocks)} blocks in ``` fences, not one block; give one action"
+            " at a time"
+        )
     return textwrap.dedent(blocks[0]).strip()
 
 
@@ -97,7 +178,7 @@ def _is_text(text: str) -> bool:
 def check_code(code: str) -> None:
     """Raise `ActionError`, with line and column, unless `code` only moves pointer and keys."""
     with shallow():
-        source = Source(code)
+        source = ParsedSource(code)
         names = Names(source.tree)
         checker = _Checker(source, names)
         for node in ast.walk(source.tree):
@@ -107,13 +188,23 @@ def check_code(code: str) -> None:
 
 
 class _Checker:
-    """Says of each node why it is refused. `ast.walk` meets parents first, so they say what their children may be."""
+    """Finds the reason why a node is refused.
 
-    def __init__(self, source: Source, names: Names) -> None:
-        self._source, self._names = source, names
-        nodes = [node for node in ast.walk(source.tree) if isinstance(node, ast.Import | ast.ImportFrom)]
-        self._imported = Counter(alias.asname or alias.name for node in nodes for alias in node.names)
-        self._modules: dict[str, str] = {name: name for name in _MODULES if name not in names.bindings}
+    `ast.walk` visits parents first, so they decide what their children may be.
+    """
+
+    def __init__(self, source: ParsedSource, names: Names) -> None:
+        self._source = source
+        self._names = names
+        nodes = [
+            node for node in ast.walk(source.tree) if isinstance(node, ast.Import | ast.ImportFrom)
+        ]
+        self._imported = Counter(
+            alias.asname or alias.name for node in nodes for alias in node.names
+        )
+        self._modules: dict[str, str] = {
+            name: name for name in _MODULES if name not in names.bindings
+        }
         self._functions: set[str] = set()
         self._allowed: set[int] = set()  # callees, and the modules before a dot
 
@@ -134,7 +225,9 @@ class _Checker:
                 return self._load(node)
             case ast.With(items=items):
                 return self._with(items)
-            case ast.Constant(value=value) if not isinstance(value, str | int | float | bool | None):
+            case ast.Constant(value=value) if not isinstance(
+                value, str | int | float | bool | None
+            ):
                 return f"a {type(value).__name__} is not allowed"
             case _:
                 return None
@@ -192,14 +285,18 @@ class _Checker:
     def _with(self, items: list[ast.withitem]) -> str | None:
         for item in items:
             call = item.context_expr
-            hold = isinstance(call, ast.Call) and ast.unparse(call.func).rpartition(".")[2] == "hold"
+            hold = (
+                isinstance(call, ast.Call) and ast.unparse(call.func).rpartition(".")[2] == "hold"
+            )
             if not hold or item.optional_vars is not None:
                 return "`with` goes with pyautogui.hold(...) only"
         return None
 
     def _module(self, name: str) -> str | None:
         """The module that `name` stands for, if nothing but imports ever binds it."""
-        return self._modules.get(name) if self._names.bindings[name] == self._imported[name] else None
+        return (
+            self._modules.get(name) if self._names.bindings[name] == self._imported[name] else None
+        )
 
     def _function(self, name: str) -> bool:
         return name in self._functions and self._names.bindings[name] == self._imported[name]

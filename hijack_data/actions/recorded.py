@@ -1,10 +1,10 @@
-"""Actions as text, as recordings and the rows of a dataset keep them: how they follow a resized picture."""
+"""Map the actions of recordings and dataset rows, which are text, to a resized picture."""
 
 import json
 from collections.abc import Mapping
 from typing import Any, cast
 
-from . import map_typed
+from .dialects import map_typed
 from .scaling import Scaling
 
 # Nothing in the text depends on the size of the picture: no coordinates at all, or 0..1000 of it.
@@ -13,7 +13,12 @@ SCREENAGENT = "screenagent"
 DICTS = ("computer_13", "openai", "anthropic")
 
 
-def map_recorded(code: str, dialect: str, scaling: Scaling, model: Scaling) -> str:
+def map_recorded(
+    code: str,
+    dialect: str,
+    scaling: Scaling,
+    model: Scaling,
+) -> str:
     """Return recorded text with its coordinates scaled.
 
     Args:
@@ -38,7 +43,11 @@ def map_recorded(code: str, dialect: str, scaling: Scaling, model: Scaling) -> s
     return json.dumps(_mapped(data, dialect, scaling), ensure_ascii=False)
 
 
-def _mapped(data: object, dialect: str, scaling: Scaling) -> object:
+def _mapped(
+    data: object,
+    dialect: str,
+    scaling: Scaling,
+) -> object:
     if dialect in DICTS:
         return map_typed(data, dialect, scaling)
     fields: dict[str, Any] = dict(cast("Mapping[str, Any]", data))

@@ -1,13 +1,14 @@
 """The one rule by which coordinates of one space become pixels of another.
 
-A picture of width W spans the positions 0 to W. Pixel i spans i to i + 1, and its point is its centre, i + 1/2.
+A picture of width W spans the positions 0 to W. Pixel i spans i to i + 1, and its point is its
+centre, i + 1/2.
 
-* A whole number names a pixel. Its centre is scaled by the ratio of the sides, and the result is the
-  pixel in which the scaled centre lies; exactly between two pixels, the left or upper one.
+* A whole number names a pixel. Its centre is scaled by the ratio of the sides, and the result is
+  the pixel in which the scaled centre lies; exactly between two pixels, the left or upper one.
 * A fractional number is a position: it scales as it is, and is rounded (halves up) where a pixel is
   wanted.
-* The edges of a box of pixels scale and are rounded (halves up), but a box always keeps the pixels to
-  which its own pixels map.
+* The edges of a box of pixels scale and are rounded (halves up), but a box always keeps the pixels
+  to which its own pixels map.
 
 So a pixel inside a box maps inside the mapped box, at every scale, and no box becomes empty. Every
 dialect and `CoordMap` go through `Scaling`, so no two of them can disagree by a pixel.
@@ -21,11 +22,11 @@ import numpy as np
 import numpy.typing as npt
 
 from ..errors import ActionError
+from ..geometry import Int64Array
 from ..types import SLACK, BoxArray, Size, are_fractions
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 IntArray: TypeAlias = npt.NDArray[np.int32]
-Int64Array: TypeAlias = npt.NDArray[np.int64]
 
 _FAR = 2.0**40  # beyond any screen; keeps products finite
 _FARTHEST_OFFSET = 2.0**31
@@ -42,9 +43,9 @@ class Scaling:
         clamp: keep points inside the target; `False` when its size is not known.
         bounded: refuse points that miss the source by more than `SLACK` of its side: they belong to
             another space or another screen.
-        grid: both spaces are grids of pixels. `False` between pixels and fractions: these are numbers
-            of pixels divided by the side of the picture, as recordings and models write them, and the
-            nearest one is meant.
+        grid: both spaces are grids of pixels. `False` between pixels and fractions: these are
+            numbers of pixels divided by the side of the picture, as recordings and models write
+            them, and the nearest one is meant.
         recorded: the numbers were recorded, so fractions of the picture are no pixels but a mistake
             about the space; what a live agent says is rounded. Bounded numbers are recorded ones.
     """
@@ -70,30 +71,39 @@ class Scaling:
 
     def points(self, values: npt.ArrayLike) -> IntArray:
         """Scale points: `[..., 2]` of x, y, finite -> int32 pixels of the same shape."""
+        given = np.asarray(values, np.float64)
         height, width = self.target
-        scaled = self._pixels(np.asarray(values, np.float64), self.source[::-1], (width, height))
+        scaled = self._pixels(given, _xy(self.source), (width, height))
         if self.clamp:
             scaled = np.clip(scaled, 0, (width - 1, height - 1))
         return scaled.astype(np.int32)
 
     def positions(self, values: npt.ArrayLike) -> FloatArray:
-        """Scale positions `[..., 2]` of x, y, or edges of boxes `[..., 4]` (xyxy): float64, exact, never clamped."""
+        """Scale positions `[..., 2]` of x, y, or edges of boxes `[..., 4]` (xyxy).
+
+        The result is float64, exact and never clamped.
+        """
         given = np.asarray(values, np.float64)
-        repeat = given.shape[-1] // 2
-        return given * np.asarray(self.target[::-1] * repeat) / np.asarray(self.source[::-1] * repeat)
+        points = given.shape[-1] // 2
+        target = np.tile(_xy(self.target), points)
+        source = np.tile(_xy(self.source), points)
+        return given * target / source
 
     def boxes(self, boxes: npt.NDArray[np.integer[Any]], clip: bool = True) -> BoxArray:
         """Scale boxes `[N, 4]` of pixels: int32, clipped to the target.
 
-        What shows in the source keeps at least one pixel, and the pixels to which its own map; what is
-        empty, or clipped and off the source, becomes empty.
+        A box that shows in the source keeps at least one pixel, and the pixels to which its own
+        map. One that is empty, or clipped and off the source, becomes empty.
         """
         given = boxes.astype(np.int64)
-        low, high = given[:, :2], given[:, 2:]
-        source, target = np.array(self.source[::-1]), np.array(self.target[::-1])
-        near_low, near_high = ((2 * edge * target + source) // (2 * source) for edge in (low, high))
-        first = np.minimum(near_low, _centres(low, source, target))
-        last = np.maximum(near_high, _centres(high - 1, source, target) + 1)
+        low = given[:, :2]
+        high = given[:, 2:]
+        source = _xy(self.source)
+        target = _xy(self.target)
+        first_pixel = _centres(low, source, target)
+        last_pixel = _centres(high - 1, source, target)
+        first = np.minimum(_rounded(low, source, target), first_pixel)
+        last = np.maximum(_rounded(high, source, target), last_pixel + 1)
         last = np.where(high > low, last, first)
         edges = np.concatenate([first, last], axis=1)
         if clip:
@@ -112,7 +122,10 @@ class Scaling:
         return self._coordinate(value, axis=0)
 
     def dx(self, value: float) -> int:
-        """Scale a horizontal offset: the sign is kept (halves round away from zero), nothing is clamped."""
+        """Scale a horizontal offset.
+
+        The sign is kept (halves round away from zero), and nothing is clamped.
+        """
         return self._offset(value, axis=1)
 
     def dy(self, value: float) -> int:
@@ -120,46 +133,66 @@ class Scaling:
         return self._offset(value, axis=0)
 
     def point(self, x: float, y: float) -> tuple[int, int]:
-        """Scale one point of an action to a pixel. Raises `ActionError` as `x` and `check_point`."""
+        """Scale one point of an action to a pixel.
+
+        The errors are those of `x` and `check_point`.
+        """
         self.check_point(x, y)
         return self.x(x), self.y(y)
 
     def check_point(self, *numbers: float) -> None:
-        """Raise `ActionError` where recorded numbers are fractions of the picture and something else is meant."""
+        """Check that recorded numbers are not fractions of the picture in another space.
+
+        Raises:
+            ActionError: they are.
+        """
         if not are_fractions(numbers) or not (self.recorded or self.bounded):
             return
-        if not self.grid and self.source == (1, 1):
-            return
         if not self.grid:
-            raise ActionError(f"{numbers} are fractions 0..1; this dialect uses 0..{self.source[0]}")
+            whole = self.source[0]
+            if self.source == (1, 1):
+                return
+            raise ActionError(f"{numbers} are fractions 0..1; this dialect uses 0..{whole}")
         raise ActionError(
-            f"{numbers} are fractions of the picture, not pixels; multiply x by its width and y by its height"
+            f"{numbers} are fractions of the picture, not pixels; multiply x by its width and y by"
+            " its height"
         )
 
     def check(self, value: float, axis: int) -> None:
-        """Raise `ActionError` unless a coordinate is finite and, in a bounded source, inside it.
+        """Check that a coordinate is finite and, in a bounded source, inside it.
 
         `axis` is 0 for y and 1 for x.
+
+        Raises:
+            ActionError: it is not.
         """
         if not math.isfinite(value):
-            raise ActionError(f"coordinate {value!r} is not a finite number; give pixels such as 100")
+            raise ActionError(
+                f"coordinate {value!r} is not a finite number; give pixels such as 100"
+            )
         side = self.source[axis]
         if not self.bounded or -SLACK * side <= value <= side * (1 + SLACK):
             return
         if self.grid:
             name = "height" if axis == 0 else "width"
-            raise ActionError(f"coordinate {value!r} is outside the picture, whose {name} is {side} pixels")
+            raise ActionError(
+                f"coordinate {value!r} is outside the picture, whose {name} is {side} pixels"
+            )
         if value < 0:
             raise ActionError(f"coordinate {value!r} is negative; the picture spans 0 to {side}")
         raise ActionError(
-            f"coordinate {value!r} is outside the 0 to {side} that this dialect uses; is it in pixels already?"
+            f"coordinate {value!r} is outside the 0 to {side} that this dialect uses; is it in"
+            " pixels already?"
         )
 
     def _coordinate(self, value: float, axis: int) -> int:
         self.check(value, axis)
         side = self.target[axis]
-        pixel = int(self._pixels(np.asarray(value, np.float64), self.source[axis], side))
-        return max(0, min(pixel, side - 1)) if self.clamp else pixel
+        given = np.asarray(value, np.float64)
+        pixel = int(self._pixels(given, self.source[axis], side))
+        if not self.clamp:
+            return pixel
+        return max(0, min(pixel, side - 1))
 
     def _offset(self, value: float, axis: int) -> int:
         if not math.isfinite(value):
@@ -167,22 +200,52 @@ class Scaling:
         if not self.grid:  # the side of the picture is the longest that a fraction can be
             self.check(abs(value), axis)
         if abs(value) > _FARTHEST_OFFSET:
-            raise ActionError(f"offset {value!r} is beyond 2**31 pixels; give a distance that a screen can hold")
-        distance = math.floor(abs(value) * self.target[axis] / self.source[axis] + 0.5)
+            raise ActionError(
+                f"offset {value!r} is beyond 2**31 pixels; give a distance that a screen can hold"
+            )
+        exact = abs(value) * self.target[axis] / self.source[axis]
+        distance = math.floor(exact + 0.5)
         return -distance if value < 0 else distance
 
-    def _pixels(self, values: FloatArray, source: npt.ArrayLike, target: npt.ArrayLike) -> Int64Array:
+    def _pixels(
+        self,
+        values: FloatArray,
+        source: npt.ArrayLike,
+        target: npt.ArrayLike,
+    ) -> Int64Array:
         """Return the pixels of the target that numbers of the source stand for."""
         near = np.clip(values, -_FAR, _FAR)
-        source, target = np.asarray(source, np.int64), np.asarray(target, np.int64)
-        rounded = np.floor(near * target / source + 0.5).astype(np.int64)
+        source_sides = np.asarray(source, np.int64)
+        target_sides = np.asarray(target, np.int64)
+        exact = near * target_sides / source_sides
+        rounded = np.floor(exact + 0.5).astype(np.int64)
         if not self.grid:
             return rounded
         whole = np.floor(near)
-        return np.where(near == whole, _centres(whole.astype(np.int64), source, target), rounded)
+        centres = _centres(whole.astype(np.int64), source_sides, target_sides)
+        return np.where(near == whole, centres, rounded)
 
 
-def _centres(pixels: Int64Array, source: Int64Array, target: Int64Array) -> Int64Array:
+def _xy(size: Size) -> Int64Array:
+    """Return (height, width) as x, y."""
+    height, width = size
+    return np.array([width, height], np.int64)
+
+
+def _rounded(
+    edges: Int64Array,
+    source: Int64Array,
+    target: Int64Array,
+) -> Int64Array:
+    """Return scaled edges, halves rounded up."""
+    return (2 * edges * target + source) // (2 * source)
+
+
+def _centres(
+    pixels: Int64Array,
+    source: Int64Array,
+    target: Int64Array,
+) -> Int64Array:
     """Return the pixels of the target in which the centres of pixels of the source lie.
 
     In integers: products of floats would put some centres on the wrong side of an edge.

@@ -18,7 +18,8 @@ from ..errors import HijackError, PluginWarning, StorageError, suggest
 from ..shadowed import complaint
 
 FULL = 3  # exit code
-# One row a command: where it lives. Other packages of the distribution add theirs here, as text, not as imports.
+# One row a command: where it lives. Other packages of the distribution add theirs here, as text,
+# not as imports.
 COMMANDS = {
     "list": "hijack_data.cli.describe:list_command",
     "show": "hijack_data.cli.describe:show",
@@ -36,8 +37,9 @@ COMMANDS = {
     "view": "pipelines.viewer.cli:view",
     "desktop": "online_env.cli:desktop",
     "bench": "online_env.bench.cli:bench",
+    "score": "online_env.scoring.cli:score",
     "report": "online_env.bench.cli:report",
-    "tasks": "online_env.osworld.cli:tasks",
+    "tasks": "online_env.tasks.cli:tasks",
     "prefetch": "online_env.osworld.cli:prefetch",
     "osworld": "online_env.osworld.cli:osworld",
 }
@@ -51,7 +53,11 @@ class LazyGroup(click.Group):
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import one command, or `None`."""
+        """Import one command, or `None`.
+
+        Raises:
+            HijackError: another package on the path has the name of one of ours.
+        """
         if cmd_name not in COMMANDS:
             return None
         module, _, attribute = COMMANDS[cmd_name].partition(":")
@@ -61,20 +67,27 @@ class LazyGroup(click.Group):
         return getattr(importlib.import_module(module), attribute)
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
-        """Find the command; an unknown one gets a suggestion."""
+        """Find the command.
+
+        Raises:
+            UsageError: there is no such command; the message suggests the closest one.
+        """
         if args and args[0] not in COMMANDS and not args[0].startswith("-"):
             raise click.UsageError(f"no command {args[0]!r}{suggest(args[0], COMMANDS)}", ctx)
         return super().resolve_command(ctx, args)
 
 
-@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.group(
+    cls=LazyGroup,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
 @click.version_option(None, "-V", "--version", package_name="agenthijack", prog_name="hijack")
 @click.option(
     "--load",
     "files",
     multiple=True,
     metavar="FILE.py",
-    help="Know the corruptions of a file; may be repeated.  [also: AGENTHIJACK_LOAD]",
+    help="Load a file of corruptions, effects ...; may be repeated.  [also: AGENTHIJACK_LOAD]",
 )
 def hijack(files: tuple[str, ...]) -> None:
     """Does your computer-use agent still work when the desktop misbehaves?"""
@@ -83,11 +96,19 @@ def hijack(files: tuple[str, ...]) -> None:
 
 
 def main(argv: list[str] | None = None) -> None:
-    """Entry point: turn the library's errors into one clear message and exit code 2 or 3."""
+    """Entry point: turn the library's errors into one clear message and exit code 2 or 3.
+
+    Raises:
+        ModuleNotFoundError: of a module that no extra brings.
+    """
     code: object = 0
     try:
         with _plugin_warnings():
-            code = hijack.main(args=argv, prog_name="hijack", standalone_mode=False)
+            code = hijack.main(
+                args=argv,
+                prog_name="hijack",
+                standalone_mode=False,
+            )
     except StorageError as error:
         fail(str(error), FULL)
     except HijackError as error:
@@ -111,11 +132,15 @@ def main(argv: list[str] | None = None) -> None:
 
 @contextmanager
 def _plugin_warnings() -> Generator[None]:
-    """Print what is wrong with plug-ins as messages of ours, which never become errors."""
+    """Print warnings on plug-ins as messages of ours, which never become errors."""
     with warnings.catch_warnings():
         others = warnings.showwarning
 
-        def show(message: Warning | str, category: type[Warning], *rest: Any) -> None:
+        def show(
+            message: Warning | str,
+            category: type[Warning],
+            *rest: Any,
+        ) -> None:
             if issubclass(category, PluginWarning):
                 click.echo(f"hijack: warning: {message}", err=True)
             else:
@@ -127,7 +152,7 @@ def _plugin_warnings() -> Generator[None]:
 
 
 def console() -> Any:
-    """A rich console; where no terminal tells its width, lines are 120 wide."""
+    """Return a rich console; lines are 120 wide unless a terminal has another width."""
     from rich.console import Console
 
     return Console(highlight=False, width=None if sys.stdout.isatty() else 120)

@@ -1,9 +1,10 @@
-"""`hijack check` and `hijack doctor`: is a plug-in right, is this machine ready."""
+"""`hijack check` and `hijack doctor`: whether a plug-in is right, whether this machine is ready."""
 
 import importlib
 import importlib.metadata
 import platform
-from pathlib import Path
+import sys
+from collections.abc import Iterable
 from typing import Any
 
 import click
@@ -12,18 +13,63 @@ from rich.table import Table
 
 from .. import conformance, extras
 from .. import corruption as registry
-from ..loading import load_file
+from ..errors import PluginError
+from ..loading import SUFFIX, LoadedFile, run_file
 from . import console, machine
 from .plugin_rows import plugin_rows
 
 
 @click.command()
-@click.argument("file", metavar="FILE.py", type=click.Path(path_type=Path))
-@click.option("--desktop/--no-desktop", default=True, help="Whether to try effects on real desktops (needs root).")
-def check(file: Path, desktop: bool) -> None:
-    """Run the conformance suite on the corruptions and live effects that a file registers."""
-    out, failed = console(), 0
-    loaded = load_file(file)
+@click.argument("target", metavar="FILE.py|AGENT")
+@click.option(
+    "--desktop/--no-desktop",
+    default=True,
+    help="Whether to try effects on real desktops (needs root).",
+)
+@click.option(
+    "--timeout",
+    type=click.FloatRange(min=0.1),
+    default=120.0,
+    show_default=True,
+    metavar="S",
+    help="Seconds that an agent has for each check.",
+)
+def check(
+    target: str,
+    desktop: bool,
+    timeout: float,
+) -> None:
+    """Run the conformance suites on what a file holds: corruptions, live effects, agents, tasks.
+
+    An agent may also be named as for `hijack bench --agent`: my_agent.py:MyAgent, random.
+    """
+    out = console()
+    failed = 0
+    if target.endswith(SUFFIX):
+        loaded = run_file(target)
+        agents = _agents_of(loaded)
+        failed = _check_file(out, loaded, desktop)
+        tasks = _tasks_of(loaded)
+        if not loaded.names and not agents and not tasks:
+            raise PluginError(
+                f"{target}: registers nothing, and has no class with predict(instruction, obs)"
+            )
+        failed += sum(_check_task(out, name, desktop) for name in tasks)
+    else:
+        agents = [target]
+    failed += sum(_check_agent(out, name, timeout) for name in agents)
+    if failed:
+        out.print(f"{failed} checks failed")
+        raise SystemExit(1)
+
+
+def _check_file(
+    out: Any,
+    loaded: LoadedFile,
+    desktop: bool,
+) -> int:
+    """Check corruptions and effects; return how many checks failed."""
+    failed = 0
     corruptions = [registry.find(name) for name in loaded.corruptions]
     for cls in corruptions:
         out.print(f"[bold]{cls().id}[/] {escape(cls.summary())}")
@@ -33,18 +79,70 @@ def check(file: Path, desktop: bool) -> None:
         out.print(f"[bold]effect {kind}[/] {escape(effects.summary(kind))}")
         found = effects.check(kind, effects.params_for(kind, corruptions), desktop)
         failed += sum(not _show(out, result) for result in found)
-    if failed:
-        out.print(f"{failed} checks failed")
-        raise SystemExit(1)
+    return failed
+
+
+def _agents_of(loaded: LoadedFile) -> list[str]:
+    """Return the agents of a file; nothing is imported for a file that has none."""
+    own = [
+        value
+        for value in vars(sys.modules[loaded.module]).values()
+        if isinstance(value, type) and value.__module__ == loaded.module
+    ]
+    if not any(hasattr(cls, "predict") for cls in own) and "agent" not in loaded.names:
+        return []
+    return importlib.import_module("online_env.agents.checking").agents_of(loaded)
+
+
+def _tasks_of(loaded: LoadedFile) -> list[str]:
+    """Return the tasks of a file; nothing is imported for a file that has none."""
+    module = vars(sys.modules[loaded.module])
+    named = any(getattr(value, "phrasings", None) for value in module.values())
+    if not named and "task" not in loaded.names:
+        return []
+    return importlib.import_module("online_env.tasks.checking").tasks_of(loaded)
+
+
+def _check_task(
+    out: Any,
+    name: str,
+    desktop: bool,
+) -> int:
+    """Check a task; return how many checks failed."""
+    checking: Any = importlib.import_module("online_env.tasks.checking")
+    return _show_all(out, "task", name, checking.check(name, desktop))
+
+
+def _check_agent(
+    out: Any,
+    name: str,
+    timeout: float,
+) -> int:
+    """Check an agent; return how many checks failed."""
+    checking: Any = importlib.import_module("online_env.agents.checking")
+    return _show_all(out, "agent", name, checking.check(name, timeout))
+
+
+def _show_all(
+    out: Any,
+    kind: str,
+    name: str,
+    results: Iterable[Any],
+) -> int:
+    """Print the outcomes of all checks of one thing; return how many failed."""
+    out.print(f"[bold]{kind}[/] ", end="")
+    out.print(name, markup=False)
+    return sum(not _show(out, result) for result in results)
 
 
 def _show(out: Any, result: Any) -> bool:
-    """Print the outcome of a check, or a text on what was not checked; returns whether nothing is wrong."""
+    """Print the outcome of a check, or why something was not checked; return if all is well."""
     if isinstance(result, str):
         out.print("  [yellow]--  [/] not checked: ", end="")
         out.print(result, markup=False)
         return True
-    out.print(f"  {'[green]ok  [/]' if result.ok else '[red]FAIL[/]'} {result.check}: {result.about}")
+    mark = "[green]ok  [/]" if result.ok else "[red]FAIL[/]"
+    out.print(f"  {mark} {result.check}: {result.about}")
     if not result.ok:
         out.print(f"       {result.problem}", markup=False)
     for note in result.notes:
@@ -55,12 +153,23 @@ def _show(out: Any, result: Any) -> bool:
 
 @click.command()
 def doctor() -> None:
-    """Say what is installed, what is missing, and the command that mends it."""
-    table = Table(box=None, header_style="bold", pad_edge=False)
+    """List what is installed, what is missing, and the commands that add it."""
+    table = Table(
+        box=None,
+        header_style="bold",
+        pad_edge=False,
+    )
     for column in ("", "what", "for", "found"):
         table.add_column(column, overflow="fold")  # a path that is cut off helps nobody
-    core = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in ("numpy", "pillow", "pyyaml"))
-    table.add_row("[green]ok[/]", "core", "plans and NumPy pictures", f"Python {platform.python_version()}, {core}")
+    core = ", ".join(
+        f"{name} {importlib.metadata.version(name)}" for name in ("numpy", "pillow", "pyyaml")
+    )
+    table.add_row(
+        "[green]ok[/]",
+        "core",
+        "plans and NumPy pictures",
+        f"Python {platform.python_version()}, {core}",
+    )
     for row in machine.extra_rows():
         table.add_row(*row)
     table.add_row(*_gpu())

@@ -1,6 +1,7 @@
-"""`hijack list` and `hijack show`: what there is."""
+"""`hijack list` and `hijack show`: which corruptions there are, and their parameters."""
 
 import json
+from collections.abc import Iterator
 from typing import Any
 
 import click
@@ -15,11 +16,18 @@ from . import console
 def describe(cls: type[registry.Corruption]) -> dict[str, Any]:
     """Everything about a corruption as JSON data."""
     spec = cls()
-    rows = [
-        {"name": key, "default": p.to_json(default), "accepts": meta.accepts, "doc": meta.doc}
-        for key, (meta, default) in p.parameters(cls).items()
-    ]
-    levels = [{k: p.to_json(v) for k, v in level.items()} for level in cls.severities]
+    rows: list[dict[str, Any]] = []
+    for key, (meta, default) in p.parameters(cls).items():
+        value = p.to_json(default)
+        rows.append(
+            {
+                "name": key,
+                "default": value,
+                "accepts": meta.accepts,
+                "doc": meta.doc,
+            }
+        )
+    levels = [{key: p.to_json(value) for key, value in level.items()} for level in cls.severities]
     return {
         "name": cls.name,
         "id": spec.id,
@@ -34,7 +42,7 @@ def describe(cls: type[registry.Corruption]) -> dict[str, Any]:
 
 
 def acts(spec: registry.Corruption) -> str:
-    """When a corruption acts, for people."""
+    """Return when a corruption acts, for people."""
     match spec.steps:
         case None:
             return "every step"
@@ -49,31 +57,41 @@ def acts(spec: registry.Corruption) -> str:
 
 
 def markdown(rows: list[dict[str, Any]]) -> str:
-    """The reference page of all corruptions, for `docs/corruptions.md`."""
+    """Return the reference page of all corruptions, for `docs/corruptions.md`."""
     parts = [
         "# Corruptions\n",
         "Made by `hijack list --markdown`. `color` takes a CSS name, `#rrggbb` or `[r, g, b]`.\n",
     ]
     for row in rows:
-        parts.append(f"## `{row['name']}`\n\n{row['summary']}\n")
-        kind = row["category"].replace("_", " ")
-        parts.append(f"{kind}; acts on the {row['scope']}, {row['acts']}; {row['paper'] or 'plug-in'}.\n")
-        parts.append("| parameter | default | accepts | meaning |\n|---|---|---|---|")
-        for item in row["parameters"]:
-            cells = (
-                f"`{item['name']}`",
-                f"`{json.dumps(item['default'])}`",
-                item["accepts"].replace("|", "or"),
-                item["doc"],
-            )
-            parts.append(f"| {' | '.join(cells)} |")
-        levels = [
-            ", ".join(f"{k}={json.dumps(v)}" for k, v in level.items()) or "defaults" for level in row["severities"]
-        ]
-        parts.append(
-            "\nSeverity: " + "; ".join(f"{i} {text}" for i, text in enumerate(levels, 1)) + ".\n" if levels else ""
-        )
+        parts += _section(row)
     return "\n".join(parts)
+
+
+def _section(row: dict[str, Any]) -> Iterator[str]:
+    """Yield the lines on one corruption."""
+    kind = row["category"].replace("_", " ")
+    source = row["paper"] or "plug-in"
+    yield f"## `{row['name']}`\n\n{row['summary']}\n"
+    yield f"{kind}; acts on the {row['scope']}, {row['acts']}; {source}.\n"
+    yield "| parameter | default | accepts | meaning |\n|---|---|---|---|"
+    for item in row["parameters"]:
+        default = json.dumps(item["default"])
+        accepts = item["accepts"].replace("|", "or")
+        yield f"| `{item['name']}` | `{default}` | {accepts} | {item['doc']} |"
+    levels: list[str] = []
+    for number, level in enumerate(row["severities"], 1):
+        text = _changes(level) or "defaults"
+        levels.append(f"{number} {text}")
+    yield f"\nSeverity: {'; '.join(levels)}.\n" if levels else ""
+
+
+def _changes(level: dict[str, Any]) -> str:
+    """Return what a severity changes, as text."""
+    changes: list[str] = []
+    for key, value in level.items():
+        text = json.dumps(value)
+        changes.append(f"{key}={text}")
+    return ", ".join(changes)
 
 
 @click.command("list")
@@ -88,9 +106,10 @@ def list_command(as_json: bool, as_markdown: bool) -> None:
     if as_json:
         click.echo(json.dumps(rows, indent=1))
         return
-    table = Table("name", "acts on", "when", "what it does", box=None, header_style="bold", pad_edge=False)
+    table = _table("name", "acts on", "when", "what it does")
     for row in rows:
-        table.add_row(*map(escape, (row["name"], row["scope"], row["acts"], row["summary"])))
+        cells = (row["name"], row["scope"], row["acts"], row["summary"])
+        table.add_row(*map(escape, cells))
     console().print(table)
 
 
@@ -105,15 +124,31 @@ def show(name: str, as_json: bool) -> None:
         return
     out = console()
     paper = escape(info["paper"] or "plug-in")
-    out.print(f"[bold]{info['name']}[/]  ({info['id']}; {paper})\n{escape(info['summary'])}")
+    out.print(f"[bold]{info['name']}[/]  ({info['id']}; {paper})")
+    out.print(escape(info["summary"]))
     category = escape(info["category"].replace("_", " "))
     out.print(f"{category}; acts on the {info['scope']}, {info['acts']}\n")
-    table = Table("parameter", "default", "accepts", "meaning", box=None, header_style="bold", pad_edge=False)
+    table = _table("parameter", "default", "accepts", "meaning")
     for row in info["parameters"]:
-        default = row["default"] if isinstance(row["default"], str) else json.dumps(row["default"])
-        shown = repr(default) if "\n" in default else default
-        table.add_row(*map(escape, (row["name"], shown, row["accepts"], row["doc"])))
+        cells = (row["name"], _shown(row["default"]), row["accepts"], row["doc"])
+        table.add_row(*map(escape, cells))
     out.print(table)
     for level, changes in enumerate(info["severities"], 1):
-        text = ", ".join(f"{k}={json.dumps(v)}" for k, v in changes.items()) or "the defaults"
+        text = _changes(changes) or "the defaults"
         out.print(f"severity {level}: {text}", markup=False)
+
+
+def _table(*columns: str) -> Table:
+    return Table(
+        *columns,
+        box=None,
+        header_style="bold",
+        pad_edge=False,
+    )
+
+
+def _shown(default: Any) -> str:
+    """Return a default in one line."""
+    if not isinstance(default, str):
+        return json.dumps(default)
+    return repr(default) if "\n" in default else default

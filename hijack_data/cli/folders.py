@@ -1,4 +1,4 @@
-"""Commands on folders of pictures: which files they mean, and one result for each."""
+"""Commands on folders of pictures: find the pictures, and write one result for each."""
 
 import json
 from collections import Counter
@@ -14,35 +14,53 @@ from ..plan import Plan
 from ..types import UInt8Array
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".gif", ".tif", ".tiff")
-# Corrupts a picture under the name of its sample: `(path, out, sample)` gives plan, result and notes.
+# `(path, out, sample)` corrupts a picture under the name of its sample, and returns plan, result
+# and notes.
 Corrupt = Callable[[str, str, str], tuple[Plan, UInt8Array, tuple[str, ...]]]
 
 
 def pictures_of(paths: Iterable[str]) -> list[str]:
-    """Return the pictures that paths name: files as they are, of a folder the pictures below it.
+    """Return the given files, and the pictures below each given folder.
 
-    Raises `ImageError` for a folder without any.
+    A folder without any picture is an `ImageError`.
     """
     found: list[str] = []
     for path in paths:
-        found += [str(file) for file in below(Path(path))] if Path(path).is_dir() else [path]
+        folder = Path(path)
+        if folder.is_dir():
+            found += [str(file) for file in below(folder)]
+        else:
+            found.append(path)
     return found
 
 
 def below(folder: Path) -> list[Path]:
-    """Return the pictures below a folder, in the order of their names. Raises `ImageError` for none."""
-    files = (file for file in folder.rglob("*") if file.suffix.lower() in SUFFIXES)
-    found = sorted(file for file in files if file.is_file())
+    """Return the pictures below a folder, in the order of their names.
+
+    Raises:
+        ImageError: there is none.
+    """
+    named = [path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES]
+    found = sorted(path for path in named if path.is_file())
     if not found:
         raise ImageError(f"{folder}: holds no picture ({'/'.join(FORMATS)})")
     return found
 
 
-def apply_below(folder: Path, out: Path, corrupt: Corrupt, as_json: bool) -> None:
+def apply_below(
+    folder: Path,
+    out: Path,
+    corrupt: Corrupt,
+    as_json: bool,
+) -> None:
     """Corrupt every picture below a folder, each into a PNG of the same name below `out`.
 
-    The name of a picture in the folder is its sample, so that each gets a plan of its own. One that
-    cannot be read or corrupted is told, and makes the exit code 1.
+    The path of a picture in the folder is its sample, so each gets a plan of its own. A picture
+    that cannot be read or corrupted is reported, and makes the exit code 1.
+
+    Raises:
+        UsageError: `out` lies in the folder.
+        HijackError: `out` cannot be written to.
     """
     if out.resolve().is_relative_to(folder.resolve()):
         raise click.UsageError(f"-o {out}: lies in {folder}; choose a folder outside it")
@@ -50,24 +68,31 @@ def apply_below(folder: Path, out: Path, corrupt: Corrupt, as_json: bool) -> Non
     done: list[dict[str, Any]] = []
     problems: list[str] = []
     for name, target in names.items():
+        source = folder / name
+        place = out / target
         try:
-            place = out / target
             place.parent.mkdir(parents=True, exist_ok=True)
-            plan, result, notes = corrupt(str(folder / name), str(place), name.as_posix())
+            plan, result, notes = corrupt(str(source), str(place), name.as_posix())
         except OSError as error:
             raise HijackError(f"{out}: cannot be written to ({error.strerror or error})") from None
         except HijackError as error:
-            text = str(error).removeprefix(f"{folder / name}: ")
+            text = str(error).removeprefix(f"{source}: ")
             problems.append(f"{name.as_posix()}: {text}")
             continue
-        size = [result.shape[1], result.shape[0]]
-        row = {"file": target.as_posix(), "corruption": plan.corruption, "size": size}
-        done.append({**row, "digest": plan.digest(), "notes": list(notes)})
-    _tell(out, done, problems, as_json)
+        height, width = result.shape[:2]
+        row = {
+            "file": target.as_posix(),
+            "corruption": plan.corruption,
+            "size": [width, height],
+            "digest": plan.digest(),
+            "notes": list(notes),
+        }
+        done.append(row)
+    _report(out, done, problems, as_json)
 
 
 def _named(names: list[Path]) -> dict[Path, Path]:
-    """Return the name of each result: a `.png`, which keeps the old suffix where the name is taken."""
+    """Return the name of each result: a `.png`, after the old suffix if the name is taken."""
     counts = Counter(name.with_suffix(".png") for name in names)
     return {name: _target(name, counts) for name in names}
 
@@ -79,13 +104,31 @@ def _target(name: Path, counts: Counter[Path]) -> Path:
     return name.with_name(f"{name.name}.png")
 
 
-def _tell(out: Path, done: list[dict[str, Any]], problems: list[str], as_json: bool) -> None:
+def _report(
+    out: Path,
+    done: list[dict[str, Any]],
+    problems: list[str],
+    as_json: bool,
+) -> None:
     if as_json:
-        click.echo(json.dumps({"out": str(out), "pictures": done, "problems": problems}))
+        click.echo(
+            json.dumps(
+                {
+                    "out": str(out),
+                    "pictures": done,
+                    "problems": problems,
+                }
+            )
+        )
     else:
-        click.echo(f"{out}: {len(done)} picture{'' if len(done) == 1 else 's'}")
-        for note, count in Counter(note for row in done for note in row["notes"]).items():
-            click.echo(f"  note: {note}" + (f" ({count} pictures)" if count > 1 else ""))
+        plural = "" if len(done) == 1 else "s"
+        click.echo(f"{out}: {len(done)} picture{plural}")
+        notes = Counter[str]()
+        for row in done:
+            notes.update(row["notes"])
+        for note, count in notes.items():
+            repeated = f" ({count} pictures)" if count > 1 else ""
+            click.echo(f"  note: {note}{repeated}")
     for problem in problems:
         click.echo(f"  problem: {problem}", err=True)
     if problems:

@@ -61,7 +61,7 @@ def new() -> None:
 @click.argument("name")
 @click.option("-o", "--out", metavar="FILE.py", help="The file to write.  [default: NAME.py]")
 def corruption(name: str, out: str | None) -> None:
-    """Write a corruption of your own: hijack new corruption dust"""
+    """Write a corruption of your own, such as: hijack new corruption dust."""
     _check_name(name)
     path = Path(out or f"{name}.py")
     if path.suffix != ".py":

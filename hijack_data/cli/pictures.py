@@ -9,7 +9,7 @@ import click
 import yaml
 
 from .. import params as p
-from ..apply import apply
+from .._apply import apply
 from ..backends import NAMES, convert, to_numpy
 from ..composites import composite, is_bare, uses_elements
 from ..config import specs_from
@@ -18,13 +18,19 @@ from ..elements import scene_from
 from ..errors import HijackError, MissingDependencyError, ParameterError, PlanError
 from ..files import encode_png, load_image, sha256_of, write_atomic
 from ..plan import Plan
-from ..safety import Planner
+from ..planner import Planner
 from ..types import Scene, UInt8Array
 from .folders import apply_below, pictures_of
 
 
 def parse_settings(cls: type[Corruption], settings: tuple[str, ...]) -> dict[str, Any]:
-    """Turn `key=value` words into parameters; texts are taken as they are, other values are read as YAML."""
+    """Turn `key=value` words into parameters.
+
+    The value of a text parameter is taken as it is, any other is read as YAML.
+
+    Raises:
+        ParameterError: a word is not `key=value`, or its value is not YAML.
+    """
     values: dict[str, Any] = {}
     for setting in settings:
         key, sign, text = setting.partition("=")
@@ -40,12 +46,17 @@ def parse_settings(cls: type[Corruption], settings: tuple[str, ...]) -> dict[str
         try:
             values[key] = yaml.safe_load(text)
         except yaml.YAMLError:
-            raise ParameterError(f"--set {key}: {text!r} cannot be read as {parameter.accepts}") from None
+            accepts = parameter.accepts
+            raise ParameterError(f"--set {key}: {text!r} cannot be read as {accepts}") from None
     return values
 
 
-def make_scene(planner: Planner, image: UInt8Array, tree: str | None) -> tuple[Scene, tuple[str, ...]]:
-    """Find the elements when the corruption asks for them: in the tree if there is one, else in the picture."""
+def make_scene(
+    planner: Planner,
+    image: UInt8Array,
+    tree: str | None,
+) -> tuple[Scene, tuple[str, ...]]:
+    """Find the elements if the corruption needs them: in the tree, or else in the picture."""
     if tree is not None:
         return scene_from(image, tree=_read(tree)), ()
     if not uses_elements(planner):
@@ -64,22 +75,21 @@ def _read(path: str) -> bytes:
 
 
 def _planned(
-    image: UInt8Array, name: str | None, plan_file: str | None, settings: tuple[str, ...], **key: Any
+    image: UInt8Array,
+    name: str | None,
+    plan_file: str | None,
+    settings: tuple[str, ...],
+    **key: Any,
 ) -> tuple[Plan, tuple[str, ...]]:
-    """Return the plan to apply: read from a file, or made for this picture."""
-    severity, tree = key.pop("severity"), key.pop("tree")
+    # Read from a file, or made for this picture.
+    severity = key.pop("severity")
+    tree = key.pop("tree")
     if plan_file is not None:
         if settings or severity is not None:
-            raise click.UsageError("--plan holds the parameters already; leave out --set and --severity")
-        plan = Plan.from_json(_read(plan_file))
-        if name is not None and plan.corruption not in (find(name)().id, name):
-            raise PlanError(f"{plan_file}: a plan of {plan.corruption}, not of {name}")
-        if is_bare(plan):
-            raise PlanError(
-                f"{plan_file}: a plan of {plan.corruption} for a machine, which shows nothing on a picture; "
-                "leave out --plan and give the corruption's name"
+            raise click.UsageError(
+                "--plan contains the parameters already; leave out --set and --severity"
             )
-        return plan, ()
+        return _read_plan(plan_file, name), ()
     if name is None:
         raise click.UsageError("give the NAME of a corruption, or --plan FILE")
     cls = find(name)
@@ -90,30 +100,88 @@ def _planned(
     if not is_bare(plan):
         return plan, notes
     made = composite(plan, image, scene, seed=key["seed"], sample=key["sample"])
-    return made.plan, (*notes, f"fidelity: {made.fidelity}; a live desktop shows its own, see `hijack desktop corrupt`")
+    advice = "a live desktop shows its own, see `hijack desktop corrupt`"
+    return made.plan, (*notes, f"fidelity: {made.fidelity}; {advice}")
+
+
+def _read_plan(file: str, name: str | None) -> Plan:
+    plan = Plan.from_json(_read(file))
+    if name is not None and plan.corruption not in (find(name)().id, name):
+        raise PlanError(f"{file}: a plan of {plan.corruption}, not of {name}")
+    if is_bare(plan):
+        raise PlanError(
+            f"{file}: a plan of {plan.corruption} for a machine, which shows nothing on a"
+            " picture; leave out --plan and give the corruption's name"
+        )
+    return plan
 
 
 @click.command("apply")
 @click.argument("image")
 @click.argument("name", required=False)
-@click.option("-o", "--out", required=True, metavar="OUT.png|DIR", help="Where to write the corrupted picture.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Random seed.")
-@click.option("--sample", help="Id of the sample; another id, another plan.  [default: 0; in a folder the name]")
-@click.option("--step", type=int, help="Step in the trajectory.  [default: the first at which it acts]")
-@click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Set a parameter; may be repeated.")
+@click.option(
+    "-o",
+    "--out",
+    required=True,
+    metavar="OUT.png|DIR",
+    help="Where to write the corrupted picture.",
+)
+@click.option(
+    "--seed",
+    type=int,
+    default=0,
+    show_default=True,
+    help="Random seed.",
+)
+@click.option(
+    "--sample",
+    help="Id of the sample; another id, another plan.  [default: 0; in a folder the name]",
+)
+@click.option(
+    "--step", type=int, help="Step in the trajectory.  [default: the first at which it acts]"
+)
+@click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Set a parameter; may be repeated.",
+)
 @click.option("--severity", type=int, help="1 (mild) to 5 (harsh); 3 is the paper's default.")
-@click.option("--backend", type=click.Choice(NAMES), default="numpy", show_default=True)
-@click.option("--tree", metavar="A11Y.xml", help="Accessibility tree with the interactive elements.")
+@click.option(
+    "--backend",
+    type=click.Choice(NAMES),
+    default="numpy",
+    show_default=True,
+)
+@click.option(
+    "--tree", metavar="A11Y.xml", help="Accessibility tree with the interactive elements."
+)
 @click.option("--save-plan", metavar="PLAN.json", help="Write the plan as well.")
-@click.option("--plan", "plan_file", metavar="PLAN.json", help="Apply this plan instead of making one.")
+@click.option(
+    "--plan", "plan_file", metavar="PLAN.json", help="Apply this plan instead of making one."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def apply_command(
-    image: str, name: str | None, out: str, backend: str, save_plan: str | None, as_json: bool, **options: Any
+    image: str,
+    name: str | None,
+    out: str,
+    backend: str,
+    save_plan: str | None,
+    as_json: bool,
+    **options: Any,
 ) -> None:
-    """Corrupt one picture, or all of a folder: hijack apply screen.png marks -o marked.png"""
+    """Corrupt one picture, or all of a folder.
+
+    Such as: hijack apply screen.png marks -o marked.png
+    """
     sample = options.pop("sample")
 
-    def corrupt(image: str, out: str, sample: str) -> tuple[Plan, UInt8Array, tuple[str, ...]]:
+    def corrupt(
+        image: str,
+        out: str,
+        sample: str,
+    ) -> tuple[Plan, UInt8Array, tuple[str, ...]]:
         given: dict[str, Any] = {**options, "sample": sample}
         pixels, notes = load_image(image)
         plan, more = _planned(pixels, name, given.pop("plan_file"), given.pop("settings"), **given)
@@ -122,11 +190,17 @@ def apply_command(
         return plan, result, (*notes, *more, *plan.notes)
 
     if Path(image).is_dir():
-        _refuse_for_folders(sample=sample, save_plan=save_plan, tree=options["tree"])
+        _refuse_for_folders(
+            sample=sample,
+            save_plan=save_plan,
+            tree=options["tree"],
+        )
         apply_below(Path(image), Path(out), corrupt, as_json)
         return
     if Path(out).suffix.lower() != ".png":
-        raise click.UsageError(f"-o {out!r}: only .png keeps the exact pixels; name the output *.png")
+        raise click.UsageError(
+            f"-o {out!r}: only .png keeps the exact pixels; name the output *.png"
+        )
     plan, result, notes = corrupt(image, out, "0" if sample is None else sample)
     if save_plan is not None:
         write_atomic(save_plan, plan.to_json() + "\n")
@@ -134,18 +208,38 @@ def apply_command(
 
 
 def _refuse_for_folders(**options: str | None) -> None:
-    """Refuse what belongs to one picture."""
     for name, value in options.items():
         if value is not None:
-            raise click.UsageError(f"--{name.replace('_', '-')} is for one picture, not for a folder")
+            option = name.replace("_", "-")
+            raise click.UsageError(f"--{option} is for one picture, not for a folder")
 
 
-def _report(plan: Plan, result: UInt8Array, notes: tuple[str, ...], backend: str, out: str, as_json: bool) -> None:
+def _report(
+    plan: Plan,
+    result: UInt8Array,
+    notes: tuple[str, ...],
+    backend: str,
+    out: str,
+    as_json: bool,
+) -> None:
     sha = sha256_of(result)
     height, width = result.shape[:2]
     if as_json:
-        row = {"corruption": plan.corruption, "digest": plan.digest(), "sha256": sha, "size": [width, height]}
-        click.echo(json.dumps({**row, "notes": list(notes), "backend": backend}))
+        row = {
+            "corruption": plan.corruption,
+            "digest": plan.digest(),
+            "sha256": sha,
+            "size": [width, height],
+        }
+        click.echo(
+            json.dumps(
+                {
+                    **row,
+                    "notes": list(notes),
+                    "backend": backend,
+                }
+            )
+        )
         return
     click.echo(f"{out}: {plan.corruption}, {width}x{height}, plan {plan.digest()[:12]}, {backend}")
     for note in notes:
@@ -153,12 +247,37 @@ def _report(plan: Plan, result: UInt8Array, notes: tuple[str, ...], backend: str
 
 
 @click.command()
-@click.argument("images", nargs=-1, required=True, metavar="IMAGE|DIR...")
-@click.option("-o", "--out", required=True, metavar="OUT.html", help="Where to write the page.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Random seed.")
+@click.argument(
+    "images",
+    nargs=-1,
+    required=True,
+    metavar="IMAGE|DIR...",
+)
+@click.option(
+    "-o",
+    "--out",
+    required=True,
+    metavar="OUT.html",
+    help="Where to write the page.",
+)
+@click.option(
+    "--seed",
+    type=int,
+    default=0,
+    show_default=True,
+    help="Random seed.",
+)
 @click.option("--corruptions", metavar="A,B|all", help="Which to show.  [default: all]")
-@click.option("--detect", type=click.Choice(["picture", "ocr", "none"]), help="How to find elements.")
-def gallery(images: tuple[str, ...], out: str, seed: int, corruptions: str | None, detect: Any) -> None:
+@click.option(
+    "--detect", type=click.Choice(["picture", "ocr", "none"]), help="How to find elements."
+)
+def gallery(
+    images: tuple[str, ...],
+    out: str,
+    seed: int,
+    corruptions: str | None,
+    detect: Any,
+) -> None:
     """Make one self-contained HTML page of before/after pictures."""
     from ..gallery import gallery as make_page
 
@@ -168,7 +287,12 @@ def gallery(images: tuple[str, ...], out: str, seed: int, corruptions: str | Non
     planners: dict[str, Planner] | None = None
     if corruptions:
         planners = {spec.name: spec for spec in specs_from(corruptions)}
-    page = make_page(pictures_of(images), seed=seed, planners=planners, detect=detect)
+    page = make_page(
+        pictures_of(images),
+        seed=seed,
+        planners=planners,
+        detect=detect,
+    )
     if page.pictures:
         write_atomic(out, page.html)
         many = f"{page.pictures} picture{'s' if page.pictures > 1 else ''}"

@@ -1,4 +1,4 @@
-"""What `hijack doctor` says of plug-ins and loaded files: working or broken, and why."""
+"""The rows of `hijack doctor` on plug-ins and loaded files: working or broken, and why."""
 
 import warnings
 from collections.abc import Iterator
@@ -6,44 +6,56 @@ from typing import TypeAlias
 
 from rich.markup import escape
 
-from ..corruption import load_installed
-from ..errors import PluginError, PluginWarning
-from ..loading import VARIABLE, loaded_files
-from ..plugins import PREFIX, groups, installed, load_plugins
+from ..errors import HijackError, PluginError, PluginWarning
+from ..loading import VARIABLE, LoadedFile, loaded_files
+from ..plugins import Plugin, groups, installed
+from ..registry import PREFIX, registry_of
 
-Row: TypeAlias = tuple[str, str, str, str]
-OK, BROKEN = "[green]ok[/]", "[red]broken[/]"
+PluginLine: TypeAlias = tuple[str, str, str, str]
+OK = "[green]ok[/]"
+BROKEN = "[red]broken[/]"
 
 
-def plugin_rows() -> Iterator[Row]:
+def plugin_rows() -> Iterator[PluginLine]:
     """Yield state, what, from where, and what it registers or what is wrong with it."""
     for state, *texts in (*_plugins(), *_files()):
         what, where, found = map(escape, texts)
         yield state, what, where, found
 
 
-def _plugins() -> Iterator[Row]:
-    """What installed packages offer, working or broken."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", PluginWarning)  # the table says it
-        load_installed()
-        for group in groups():
-            load_plugins(group)
-    for plugin in (plugin for group in groups() for plugin in installed(group)):
-        what = f"{plugin.group.removeprefix(PREFIX)} {plugin.name}"
-        where = f"{plugin.package} {plugin.version}"
-        if plugin.problem:
-            yield BROKEN, what, where, f"{plugin.problem}; mend it, or remove it: {plugin.cure}"
-        else:
-            yield OK, what, where, ", ".join(plugin.names) or plugin.module
+def _plugins() -> Iterator[PluginLine]:
+    """Yield the plug-ins of installed packages, of all kinds, working or broken."""
+    for group in groups():
+        kinds = group.removeprefix(PREFIX)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", PluginWarning)  # the table has them
+                registry_of(kinds).load_installed()
+        except HijackError as error:  # no such kind, or an extra of ours that is not installed
+            yield BROKEN, kinds, group, str(error)
+            continue
+        for plugin in installed(group):
+            yield _plugin(kinds, plugin)
 
 
-def _files() -> Iterator[Row]:
-    """The files of --load and AGENTHIJACK_LOAD."""
+def _plugin(kinds: str, plugin: Plugin) -> PluginLine:
+    what = f"{kinds} {plugin.name}"
+    where = f"{plugin.package} {plugin.version}"
+    if plugin.problem:
+        return BROKEN, what, where, f"{plugin.problem}; mend it, or remove it: {plugin.cure}"
+    return OK, what, where, ", ".join(plugin.names) or plugin.module
+
+
+def _files() -> Iterator[PluginLine]:
+    """Yield the files of --load and AGENTHIJACK_LOAD."""
     try:
         files = loaded_files()
     except PluginError as error:
         yield BROKEN, "file", VARIABLE, str(error)
         return
     for file in files:
-        yield OK, "file", ", ".join((*file.corruptions, *file.effects)), file.path
+        yield OK, "file", _names(file), file.path
+
+
+def _names(file: LoadedFile) -> str:
+    return ", ".join(name for names in file.names.values() for name in names)

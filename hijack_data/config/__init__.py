@@ -1,4 +1,6 @@
-"""Configurations: a YAML file names corruptions with their parameters; every mistake in it is reported at once.
+"""Configurations: YAML files that name corruptions with their parameters.
+
+Every mistake in a file is reported at once.
 
     corruptions:
       - marks: {number: 100, color: blue}
@@ -9,8 +11,8 @@
       - sequence: [subtitle, network_error]
     seed: 7
 
-`corruptions` is a list, or a mapping from names to parameters. Other top-level keys are those of `options.OPTIONS`, and
-`paper_compat: true`, which reads the paper's own names and keys.
+`corruptions` is a list, or a mapping from names to parameters. Other top-level keys are those of
+`options.OPTIONS`, and `paper_compat: true`, which reads the paper's own names and keys.
 """
 
 import os
@@ -21,19 +23,19 @@ from typing import Any, TypeAlias, cast
 from ..corruption import Corruption, get, names
 from ..errors import ParameterError, ParameterTypeError, shown, suggest
 from ..params import Parameter
-from ..safety import Planner
+from ..planner import Planner
 from .build import Builder
 from .files import available, read_config
 from .options import OPTIONS
 from .paper import paper_name
 from .record import dump
 from .spec import check
-from .tree import Place, Problems, Table, Tree, from_python, kind_of
+from .tree import ConfigNode, MappingNode, Position, Problems, from_python, kind_of
 from .yaml_reader import read_yaml
 
 __all__ = ["OPTIONS", "Config", "available", "dump", "load_config", "paper_compat", "specs_from"]
 
-Source: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any]"
+ConfigSource: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any]"
 _PAPER = Parameter("bool", "Read the paper's names and keys")
 
 
@@ -52,17 +54,17 @@ class Config:
     source: str = ""
 
 
-def load_config(path_or_name: Source) -> Config:
-    """Read a configuration from a path, the bare name of a packaged one (`"paper"`), or a mapping of the same shape.
+def load_config(path_or_name: ConfigSource) -> Config:
+    """Read a configuration from a path, the bare name of a packaged one, or a mapping.
 
-    Raises:
-        ConfigError: with every mistake, each as `file:line:column: message`; a missing or unreadable file has no line.
-        ParameterTypeError: the argument is neither a path, a name nor a mapping.
+    A name is such as `"paper"`. All mistakes are raised as one `ConfigError`, each as
+    `file:line:column: message`; a missing or unreadable file has no line. Any other argument is a
+    `ParameterTypeError`.
     """
     return _load(path_or_name, paper=False)
 
 
-def paper_compat(path_or_mapping: Source) -> Config:
+def paper_compat(path_or_mapping: ConfigSource) -> Config:
     """Read a configuration in the paper's own names and keys, such as `Pop UPs: {overlap: true}`.
 
     The corruptions may stand at the top, without `corruptions:`. Raises as `load_config` does.
@@ -71,16 +73,22 @@ def paper_compat(path_or_mapping: Source) -> Config:
 
 
 def specs_from(text: str) -> list[Corruption]:
-    """Return corruptions with default parameters: `"marks,subtitle"`, or `"all"` for every registered one.
+    """Return corruptions with default parameters, of a text such as `"marks,subtitle"`.
 
-    Raises `UnknownNameError` for an unknown name, `ParameterError` when a name is empty or appears twice.
+    `"all"` stands for every registered one. An unknown name is an `UnknownNameError`.
+
+    Raises:
+        ParameterTypeError: it is not a text.
+        ParameterError: a name is empty or appears twice.
     """
     if not isinstance(cast(object, text), str):
         wanted = "a string such as 'marks,subtitle' or 'all'"
         raise ParameterTypeError(f"corruptions must be {wanted}, got {shown(text)}")
     wanted = names() if text.strip() == "all" else [name.strip() for name in text.split(",")]
     if "" in wanted:
-        raise ParameterError(f"corruptions holds an empty name: {text!r}; write 'marks,subtitle' or 'all'")
+        raise ParameterError(
+            f"corruptions holds an empty name: {text!r}; write 'marks,subtitle' or 'all'"
+        )
     specs = [get(name) for name in wanted]
     found = [spec.name for spec in specs]
     twice = next((name for name in found if found.count(name) > 1), None)
@@ -93,15 +101,20 @@ def _load(source: object, *, paper: bool) -> Config:
     problems = Problems()
     name, tree = _tree(source, problems)
     if tree is None:
-        problems.stop(Place(name, 1, 1), "the file is empty; write corruptions: [marks, subtitle]")
-    if not isinstance(tree, Table):
-        problems.stop(tree.place, f"a configuration is a mapping with the key corruptions, got {kind_of(tree)}")
+        problems.stop(
+            Position(name, 1, 1), "the file is empty; write corruptions: [marks, subtitle]"
+        )
+    if not isinstance(tree, MappingNode):
+        problems.stop(
+            tree.place,
+            f"a configuration is a mapping with the key corruptions, got {kind_of(tree)}",
+        )
     config = _config(tree, name, problems, paper)
     problems.check()
     return config
 
 
-def _tree(source: object, problems: Problems) -> tuple[str, Tree | None]:
+def _tree(source: object, problems: Problems) -> tuple[str, ConfigNode | None]:
     if isinstance(source, Mapping):
         return "<mapping>", from_python(cast("Mapping[str, Any]", source), "<mapping>", problems)
     if isinstance(source, str | os.PathLike):
@@ -110,7 +123,12 @@ def _tree(source: object, problems: Problems) -> tuple[str, Tree | None]:
     raise ParameterTypeError(f"a configuration is a path, a name or a mapping, got {shown(source)}")
 
 
-def _config(tree: Table, source: str, problems: Problems, paper: bool) -> Config:
+def _config(
+    tree: MappingNode,
+    source: str,
+    problems: Problems,
+    paper: bool,
+) -> Config:
     flag = tree.items.get("paper_compat")
     paper = bool(check(problems, _PAPER, "paper_compat", flag)) if flag else paper
     if paper and "corruptions" not in tree.items:
@@ -122,17 +140,27 @@ def _config(tree: Table, source: str, problems: Problems, paper: bool) -> Config
         elif key not in ("corruptions", "paper_compat"):
             problems.add(tree.keys[key], _unknown(key))
     if "corruptions" not in tree.items:
-        problems.add(tree.place, "the key corruptions is missing; write corruptions: [marks, subtitle]")
+        problems.add(
+            tree.place, "the key corruptions is missing; write corruptions: [marks, subtitle]"
+        )
         return Config({}, options, source)
     return Config(Builder(problems, paper).build(tree.items["corruptions"]), options, source)
 
 
-def _wrapped(tree: Table) -> Table:
+def _wrapped(tree: MappingNode) -> MappingNode:
     """Move all keys but the options under `corruptions`."""
-    own = {key: value for key, value in tree.items.items() if key not in OPTIONS and key != "paper_compat"}
-    rest: dict[str, Tree] = {key: value for key, value in tree.items.items() if key not in own}
-    inner = Table(tree.place, own, tree.keys)
-    return Table(tree.place, {**rest, "corruptions": inner}, {**tree.keys, "corruptions": tree.place})
+    own = {
+        key: value
+        for key, value in tree.items.items()
+        if key not in OPTIONS and key != "paper_compat"
+    }
+    rest: dict[str, ConfigNode] = {
+        key: value for key, value in tree.items.items() if key not in own
+    }
+    inner = MappingNode(tree.place, own, tree.keys)
+    return MappingNode(
+        tree.place, {**rest, "corruptions": inner}, {**tree.keys, "corruptions": tree.place}
+    )
 
 
 def _unknown(key: str) -> str:

@@ -1,17 +1,17 @@
-"""The entries of a configuration turned into corruptions and combinators; every mistake is noted at its place."""
+"""The entries of a configuration turned into planners; every mistake is noted at its place."""
 
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from ..compose import OneOf, Sequence
-from ..corruption import Corruption, find, names
+from ..corruption import find, names
 from ..errors import HijackError, UnknownNameError, suggest
 from ..params import Parameter
-from ..safety import Planner
+from ..planner import Planner
 from .paper import paper_name
 from .spec import check, read_spec
-from .tree import Listing, Place, Problems, Scalar, Table, Tree, kind_of
+from .tree import ConfigNode, MappingNode, Position, Problems, ScalarNode, SequenceNode, kind_of
 
 COMBINATORS = ("one_of", "sequence")
 # Labels that would be taken for something else on the command line or in a dataset.
@@ -23,12 +23,12 @@ _WEIGHT = Parameter("float", "", low=0, high=1e9)
 
 
 @dataclass(frozen=True)
-class Entry:
+class ConfigEntry:
     """One entry as written: a name and its settings."""
 
     name: str
-    place: Place
-    settings: Tree | None
+    place: Position
+    settings: ConfigNode | None
 
 
 @dataclass
@@ -39,67 +39,83 @@ class Builder:
     paper: bool = False
     known: list[str] = field(default_factory=lambda: [*names(), *COMBINATORS])
 
-    def build(self, tree: Tree) -> dict[str, Planner]:
+    def build(self, tree: ConfigNode) -> dict[str, Planner]:
         """Return the planners of the list or mapping under `corruptions`, in order, by label."""
         planners: dict[str, Planner] = {}
-        places: dict[str, Place] = {}
+        places: dict[str, Position] = {}
         for entry in self._entries(tree, "corruptions"):
             planner = self._planner(entry)
             label, place = self._label(entry, planner)
             if label in places:
                 first = f" (first in line {places[label].line})" if place.line else ""
-                self.problems.add(place, f"{label!r} appears twice{first}; label one of them, such as as: {label}_2")
+                self.problems.add(
+                    place,
+                    f"{label!r} appears twice{first}; label one of them, such as as: {label}_2",
+                )
             places.setdefault(label, place)
             if planner is not None:
                 planners[label] = planner
         return planners
 
-    def _entries(self, tree: Tree, what: str) -> Iterator[Entry]:
-        if isinstance(tree, Scalar):
+    def _entries(self, tree: ConfigNode, what: str) -> Iterator[ConfigEntry]:
+        if isinstance(tree, ScalarNode):
             advice = "write [marks, subtitle]"
-            self.problems.add(tree.place, f"{what} must be a list of corruptions, got {kind_of(tree)}; {advice}")
+            self.problems.add(
+                tree.place, f"{what} must be a list of corruptions, got {kind_of(tree)}; {advice}"
+            )
         elif not tree.items:
             self.problems.add(tree.place, f"{what} is empty; name at least one corruption")
-        elif isinstance(tree, Table):
-            yield from (Entry(name, tree.keys[name], settings) for name, settings in tree.items.items())
+        elif isinstance(tree, MappingNode):
+            yield from (
+                ConfigEntry(name, tree.keys[name], settings)
+                for name, settings in tree.items.items()
+            )
         else:
             for item in tree.items:
                 entry = self._entry(item, what)
                 if entry is not None:
                     yield entry
 
-    def _entry(self, item: Tree, what: str) -> Entry | None:
-        if isinstance(item, Scalar) and isinstance(item.value, str):
-            return Entry(item.value, item.place, None)
-        if isinstance(item, Table) and len(item.items) == 1:
+    def _entry(self, item: ConfigNode, what: str) -> ConfigEntry | None:
+        if isinstance(item, ScalarNode) and isinstance(item.value, str):
+            return ConfigEntry(item.value, item.place, None)
+        if isinstance(item, MappingNode) and len(item.items) == 1:
             ((name, settings),) = item.items.items()
-            return Entry(name, item.keys[name], settings)
-        if isinstance(item, Table) and item.items:
-            advice = "write its parameters as name: {key: value}, or indent them deeper than the name"
+            return ConfigEntry(name, item.keys[name], settings)
+        if isinstance(item, MappingNode) and item.items:
+            advice = (
+                "write its parameters as name: {key: value}, or indent them deeper than the name"
+            )
             found = f"got the keys {', '.join(item.items)}; {advice}"
         else:
             found = f"got {kind_of(item)}; write marks, or marks: {{number: 10}}"
         self.problems.add(item.place, f"an entry of {what} names one corruption, {found}")
         return None
 
-    def _name(self, entry: Entry) -> str:
-        return (self.paper and paper_name(entry.name, self.known)) or entry.name
+    def _name(self, entry: ConfigEntry) -> str:
+        if not self.paper:
+            return entry.name
+        return paper_name(entry.name, self.known) or entry.name
 
-    def _label(self, entry: Entry, planner: Planner | None) -> tuple[str, Place]:
+    def _label(self, entry: ConfigEntry, planner: Planner | None) -> tuple[str, Position]:
         """Return the label of an entry, `as` or the name, and where it stands."""
-        default = planner.name if isinstance(planner, Corruption) else self._name(entry)
-        given = entry.settings.items.get("as") if isinstance(entry.settings, Table) else None
-        if given is None:
+        default = self._name(entry)
+        if planner is not None:
+            (default,) = planner.to_config()
+        if not isinstance(entry.settings, MappingNode) or "as" not in entry.settings.items:
             return default, entry.place
-        label = given.value if isinstance(given, Scalar) else None
+        given = entry.settings.items["as"]
+        label = given.value if isinstance(given, ScalarNode) else None
         if not isinstance(label, str) or not _LABEL.fullmatch(label):
             self.problems.add(given.place, f"as must be {_LABEL_RULE}; got {kind_of(given)}")
             return default, entry.place
         if label != default and label in (*RESERVED, *self.known):
-            self.problems.add(given.place, f"as: {label!r} already means something else; choose another label")
+            self.problems.add(
+                given.place, f"as: {label!r} already means something else; choose another label"
+            )
         return label, given.place
 
-    def _planner(self, entry: Entry) -> Planner | None:
+    def _planner(self, entry: ConfigEntry) -> Planner | None:
         name = self._name(entry)
         if name == "one_of":
             return self._one_of(entry)
@@ -114,39 +130,50 @@ class Builder:
             self.problems.add(entry.place, str(error))
             return None
         settings = self._settings(entry, f"the parameters of {cls.name}")
-        return settings and read_spec(cls, settings, entry.place, self.problems, paper=self.paper)
+        if settings is None:
+            return None
+        return read_spec(cls, settings, entry.place, self.problems, paper=self.paper)
 
     def _unknown(self, name: str, error: UnknownNameError) -> str:
         if name == "clean":
-            return "'clean' is not a corruption; to keep the clean rows write clean: true at the top"
+            return (
+                "'clean' is not a corruption; to keep the clean rows write clean: true at the top"
+            )
         meant = paper_name(name, self.known)
         if meant is not None:
             return f"unknown corruption {name!r}; did you mean {meant!r}?"
         close = suggest(name, self.known)
-        return f"unknown corruption {name!r}{close}" if str(error).startswith("unknown") else str(error)
+        if str(error).startswith("unknown"):
+            return f"unknown corruption {name!r}{close}"
+        return str(error)
 
-    def _settings(self, entry: Entry, what: str) -> Table | None:
+    def _settings(self, entry: ConfigEntry, what: str) -> MappingNode | None:
         settings = entry.settings
-        if settings is None or (isinstance(settings, Scalar) and settings.value is None):
-            return Table(entry.place, {}, {})
-        if isinstance(settings, Table):
+        if settings is None or (isinstance(settings, ScalarNode) and settings.value is None):
+            return MappingNode(entry.place, {}, {})
+        if isinstance(settings, MappingNode):
             return settings
-        self.problems.add(settings.place, f"{what} must be a mapping {{key: value}}, got {kind_of(settings)}")
+        self.problems.add(
+            settings.place, f"{what} must be a mapping {{key: value}}, got {kind_of(settings)}"
+        )
         return None
 
-    def _sequence(self, entry: Entry) -> Planner | None:
+    def _sequence(self, entry: ConfigEntry) -> Planner | None:
         found = self._combinator(entry, "sequence", "parts", ())
-        parts = self._members(found[1], "sequence.parts") if found else []
+        if found is None:
+            return None
+        parts = self._members(found[1], "sequence.parts")
         return Sequence(parts) if parts else None
 
-    def _one_of(self, entry: Entry) -> Planner | None:
+    def _one_of(self, entry: ConfigEntry) -> Planner | None:
         found = self._combinator(entry, "one_of", "options", ("p_clean", "weights"))
         if found is None:
             return None
         settings, members = found
         before = len(self.problems.found)
         options = self._members(members, "one_of.options")
-        clean, weights = settings.items.get("p_clean"), settings.items.get("weights")
+        clean = settings.items.get("p_clean")
+        weights = settings.items.get("weights")
         p_clean = 0.0 if clean is None else check(self.problems, _SHARE, "one_of.p_clean", clean)
         numbers = None if weights is None else self._weights(weights)
         if len(self.problems.found) > before:
@@ -157,17 +184,25 @@ class Builder:
             self.problems.add(weights.place if weights else entry.place, str(error))
             return None
 
-    def _weights(self, tree: Tree) -> list[float]:
-        if not isinstance(tree, Listing):
-            self.problems.add(tree.place, f"one_of.weights must be a list of numbers, got {kind_of(tree)}")
+    def _weights(self, tree: ConfigNode) -> list[float]:
+        if not isinstance(tree, SequenceNode):
+            self.problems.add(
+                tree.place, f"one_of.weights must be a list of numbers, got {kind_of(tree)}"
+            )
             return []
         items = enumerate(tree.items)
         return [check(self.problems, _WEIGHT, f"one_of.weights[{i}]", item) for i, item in items]
 
-    def _combinator(self, entry: Entry, what: str, member: str, keys: tuple[str, ...]) -> tuple[Table, Tree] | None:
-        """Return the settings of a combinator and the list of its members, which may stand alone."""
-        if isinstance(entry.settings, Listing):
-            return Table(entry.place, {}, {}), entry.settings
+    def _combinator(
+        self,
+        entry: ConfigEntry,
+        what: str,
+        member: str,
+        keys: tuple[str, ...],
+    ) -> tuple[MappingNode, ConfigNode] | None:
+        """Return the settings of a combinator and its members, which may stand alone."""
+        if isinstance(entry.settings, SequenceNode):
+            return MappingNode(entry.place, {}, {}), entry.settings
         settings = self._settings(entry, what)
         if settings is None:
             return None
@@ -175,15 +210,20 @@ class Builder:
         for key in settings.items.keys() - set(known):
             self.problems.add(settings.keys[key], f"{what} has no key {key!r}{suggest(key, known)}")
         if member not in settings.items:
-            self.problems.add(entry.place, f"{what} needs {member}: {what}: {{{member}: [marks, subtitle]}}")
+            self.problems.add(
+                entry.place, f"{what} needs {member}: {what}: {{{member}: [marks, subtitle]}}"
+            )
             return None
         return settings, settings.items[member]
 
-    def _members(self, tree: Tree, what: str) -> list[Planner]:
+    def _members(self, tree: ConfigNode, what: str) -> list[Planner]:
         planners: list[Planner] = []
         for entry in self._entries(tree, what):
-            if isinstance(entry.settings, Table) and "as" in entry.settings.keys:
-                self.problems.add(entry.settings.keys["as"], "as labels entries of corruptions only; remove it here")
+            if isinstance(entry.settings, MappingNode) and "as" in entry.settings.keys:
+                self.problems.add(
+                    entry.settings.keys["as"],
+                    "as labels entries of corruptions only; remove it here",
+                )
             planner = self._planner(entry)
             if planner is not None:
                 planners.append(planner)

@@ -1,4 +1,4 @@
-"""Find a configuration by path or by the bare name of one that comes with the package."""
+"""Find a configuration by its path, or by the bare name of one that comes with the package."""
 
 import importlib.resources
 import os
@@ -18,10 +18,13 @@ def available() -> list[str]:
 
 
 def read_config(path_or_name: str | os.PathLike[str]) -> tuple[str, bytes]:
-    """Return what to call a configuration in messages, and its bytes.
+    """Return the name of a configuration for messages, and its bytes.
 
-    A path wins; a name is that of a packaged file without its ending, with its folder (`ablations/marks_number`) or,
-    where that is clear, without. Raises `ConfigError` when there is no such file or it cannot be read.
+    A path wins. A name is that of a packaged file without its ending: with its folder
+    (`ablations/marks_number`) or, if that is unambiguous, without it.
+
+    Raises:
+        ConfigError: there is no such file, it cannot be read, or it is larger than `MAX_BYTES`.
     """
     name = os.fsdecode(path_or_name)
     if os.path.isfile(name):
@@ -31,7 +34,8 @@ def read_config(path_or_name: str | os.PathLike[str]) -> tuple[str, bytes]:
     if len(found) == 1:
         return found[0], _read(packaged[found[0]], found[0])
     if found:
-        raise ConfigError([f"{name!r} is the name of several configurations: use {' or '.join(sorted(found))}"])
+        choices = " or ".join(sorted(found))
+        raise ConfigError([f"{name!r} is the name of several configurations: use {choices}"])
     if os.path.isdir(name):
         raise ConfigError([f"{name}: is a folder; give the path of a YAML file"])
     if os.path.lexists(name):
@@ -40,13 +44,16 @@ def read_config(path_or_name: str | os.PathLike[str]) -> tuple[str, bytes]:
 
 
 def _unknown(name: str, known: list[str]) -> str:
-    shown = repr(name if len(name) <= 200 else name[:200] + "...")
+    short_name = name if len(name) <= 200 else name[:200] + "..."
+    shown = repr(short_name)
+    packaged = ", ".join(known)
     if name.endswith((".yaml", ".yml")):
-        return f"{shown}: no such file; check the path, or give the name of a packaged one: {', '.join(known)}"
-    short = {key.rpartition("/")[2]: key for key in known}
-    close = suggest(name, [*short, *known])
+        advice = "check the path, or give the name of a packaged one"
+        return f"{shown}: no such file; {advice}: {packaged}"
+    bare_names = {key.rpartition("/")[2] for key in known}
+    close = suggest(name, [*bare_names, *known])
     advice = close if "did you mean" in close else ""
-    return f"{shown} is neither a file nor a packaged configuration{advice}; packaged: {', '.join(known)}"
+    return f"{shown} is neither a file nor a packaged configuration{advice}; packaged: {packaged}"
 
 
 def _read(file: Path | Traversable, name: str) -> bytes:
@@ -65,7 +72,9 @@ def _packaged() -> dict[str, Traversable]:
         root: Traversable = importlib.resources.files(PACKAGE)
     except ModuleNotFoundError:  # not installed: the folder of the repository
         root = Path(__file__).resolve().parents[2] / "configs"
-    return dict(_walk(root, "")) if root.is_dir() else {}
+    if not root.is_dir():
+        return {}
+    return dict(_walk(root, ""))
 
 
 def _walk(folder: Traversable, prefix: str) -> Iterator[tuple[str, Traversable]]:

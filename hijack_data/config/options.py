@@ -1,4 +1,7 @@
-"""The top-level keys of a configuration beside `corruptions`, declared in one table."""
+"""The top-level keys of a configuration beside `corruptions`.
+
+This is the one place that declares them: their names, values, checks and meanings.
+"""
 
 import math
 import re
@@ -8,39 +11,56 @@ from typing import Any, Protocol, cast
 from ..errors import ParameterError, ParameterTypeError
 from ..params import Parameter
 
+LABEL_POLICIES = ("keep", "avoid", "drop", "recover")
+OUTPUTS = ("materialised", "lazy")
 _SPLIT = re.compile(r"\w{1,64}")
 
 
 class Option(Protocol):
-    """What a top-level key accepts."""
+    """The declaration of a top-level key."""
 
     @property
     def doc(self) -> str:
-        """What it is for."""
+        """The meaning of the key, in one line."""
         ...
 
     def check(self, where: str, value: object) -> Any:
-        """Return the value in its normal form; raise `ParameterTypeError` or `ParameterError`."""
+        """Return the value in its normal form.
+
+        A value that the key cannot have is a `ParameterTypeError` or a `ParameterError`, which
+        begins with `where`.
+        """
         ...
 
 
-class Splits:
+class SplitShares:
     """Names of splits with their shares, which sum to 1."""
 
     doc = "Share of the trajectories in each split, such as {train: 0.9, test: 0.1}"
 
     def check(self, where: str, value: object) -> dict[str, float]:
-        """Return `{name: share}`; see `Option.check`."""
+        """Return `{name: share}`.
+
+        Raises:
+            ParameterTypeError: the value is not a mapping.
+            ParameterError: a name or a share is impossible, or the shares do not sum to 1.
+        """
         if not isinstance(value, Mapping) or not value:
-            raise ParameterTypeError(f"{where} must be a mapping such as {{train: 0.9, test: 0.1}}, got {value!r}")
+            raise ParameterTypeError(
+                f"{where} must be a mapping such as {{train: 0.9, test: 0.1}}, got {value!r}"
+            )
         share = Parameter("float", "", low=0, high=1)
         given = cast("Mapping[str, object]", value)
-        shares = {name: cast(float, share.check(f"{where}.{name}", part)) for name, part in given.items()}
-        bad = next((name for name in shares if not _SPLIT.fullmatch(name)), None)
-        if bad is not None:
-            raise ParameterError(f"{where}: {bad!r} cannot name a split; use letters, digits and _")
-        if not math.isclose(sum(shares.values()), 1, abs_tol=1e-9):
-            raise ParameterError(f"{where}: the shares must sum to 1, got {sum(shares.values()):g}")
+        shares: dict[str, float] = {}
+        for name, part in given.items():
+            shares[name] = cast(float, share.check(f"{where}.{name}", part))
+        for name in shares:
+            if not _SPLIT.fullmatch(name):
+                advice = "use letters, digits and _"
+                raise ParameterError(f"{where}: {name!r} cannot name a split; {advice}")
+        total = sum(shares.values())
+        if not math.isclose(total, 1, abs_tol=1e-9):
+            raise ParameterError(f"{where}: the shares must sum to 1, got {total:g}")
         return shares
 
 
@@ -48,8 +68,10 @@ OPTIONS: Mapping[str, Option] = {
     "seed": Parameter("int", "Seed of every draw", low=0, high=2**64 - 1),
     "clean": Parameter("bool", "Keep the clean rows too"),
     "label_policy": Parameter(
-        "choice", "What becomes of a step whose target is hidden", choices=("keep", "avoid", "drop", "recover")
+        "choice",
+        "What becomes of a step whose target is hidden",
+        choices=LABEL_POLICIES,
     ),
-    "output": Parameter("choice", "Store pixels or plans", choices=("materialised", "lazy")),
-    "splits": Splits(),
+    "output": Parameter("choice", "Store pixels or plans", choices=OUTPUTS),
+    "splits": SplitShares(),
 }

@@ -9,7 +9,7 @@ from ..params import Parameter, parameters
 from .hints import hint
 from .options import Option
 from .paper import PaperKey, paper_keys
-from .tree import Place, Problems, Table, Tree, plain
+from .tree import ConfigNode, MappingNode, Position, Problems, plain
 
 # Keys that every corruption takes beside its parameters.
 COMMON = ("as", "severity")
@@ -17,22 +17,36 @@ PAPER_SEVERITY = 3
 
 
 def read_spec(
-    cls: type[Corruption], settings: Table, place: Place, problems: Problems, *, paper: bool
+    cls: type[Corruption],
+    settings: MappingNode,
+    place: Position,
+    problems: Problems,
+    *,
+    paper: bool,
 ) -> Corruption | None:
-    """Return the corruption, or `None` when a mistake was noted. With `paper`, the paper's keys are read too."""
+    """Return the corruption, or `None` if a mistake was noted.
+
+    With `paper`, the paper's keys are read too.
+    """
     before = len(problems.found)
-    known, keys = parameters(cls), paper_keys(cls)
+    known = parameters(cls)
+    keys = paper_keys(cls)
     values: dict[str, Any] = {}
-    places: dict[str, Place] = {}
+    places: dict[str, Position] = {}
     for key, tree in settings.items.items():
         if key in COMMON:
             continue
         translation = keys.get(key) if paper else None
         name = translation.name if translation else key
         if name not in known:
-            problems.add(settings.keys[key], f"{cls.name} has no parameter {key!r}{_advice(key, list(known), keys)}")
+            problems.add(
+                settings.keys[key],
+                f"{cls.name} has no parameter {key!r}{_advice(key, list(known), keys)}",
+            )
         elif name in places:
-            problems.add(settings.keys[key], f"{cls.name}.{name} is given twice, once as {key!r}; remove one")
+            problems.add(
+                settings.keys[key], f"{cls.name}.{name} is given twice, once as {key!r}; remove one"
+            )
         else:
             places[name] = tree.place
             errors = len(problems.found)
@@ -44,7 +58,13 @@ def read_spec(
     return spec if len(problems.found) == before else None
 
 
-def check(problems: Problems, parameter: Option, where: str, tree: Tree, key: PaperKey | None = None) -> Any:
+def check(
+    problems: Problems,
+    parameter: Option,
+    where: str,
+    tree: ConfigNode,
+    key: PaperKey | None = None,
+) -> Any:
     """Return the checked value of a tree; when it is refused, note why and return `None`."""
     value = plain(tree)
     try:
@@ -55,14 +75,21 @@ def check(problems: Problems, parameter: Option, where: str, tree: Tree, key: Pa
         return None
 
 
-def _advice(key: str, known: list[str], keys: dict[str, PaperKey]) -> str:
+def _advice(
+    key: str,
+    known: list[str],
+    keys: dict[str, PaperKey],
+) -> str:
     if key not in keys:
         return suggest(key, [*known, *COMMON])
     turned = " with the opposite value" if keys[key].opposite else ""
-    return f"; it is the paper's key for {keys[key].name}: write that{turned}, or set paper_compat: true"
+    return (
+        f"; it is the paper's key for {keys[key].name}: write that{turned}, or set paper_compat:"
+        " true"
+    )
 
 
-def _severity(cls: type[Corruption], tree: Tree | None, problems: Problems) -> int:
+def _severity(cls: type[Corruption], tree: ConfigNode | None, problems: Problems) -> int:
     if tree is None:
         return PAPER_SEVERITY
     try:
@@ -77,15 +104,19 @@ def _make(
     cls: type[Corruption],
     severity: int,
     values: dict[str, Any],
-    places: dict[str, Place],
-    place: Place,
+    places: dict[str, Position],
+    place: Position,
     problems: Problems,
 ) -> Corruption | None:
-    """Apply the rules of the class to the values that passed on their own; point at the parameter that breaks one."""
+    """Apply the rules of the class, and blame the parameter that breaks one."""
     try:
         return cls.at(severity, **values)
     except HijackError as error:
         message = str(error)
-        named = (at for key, at in places.items() if re.match(rf"{re.escape(cls.name)}\.{key}\b", message))
+        named = (
+            at
+            for key, at in places.items()
+            if re.match(rf"{re.escape(cls.name)}\.{key}\b", message)
+        )
         problems.add(next(named, place), message)
         return None

@@ -1,4 +1,4 @@
-"""Configuration data as a tree in which every value knows where it stands, and the list of mistakes found in it."""
+"""Configuration data as a tree whose nodes have positions, and the list of mistakes found in it."""
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,8 +14,14 @@ MAX_MESSAGE = 400
 
 
 @dataclass(frozen=True)
-class Place:
-    """Where a value stands: line and column count from 1; 0 where there are none (a file as a whole, Python data)."""
+class Position:
+    """The position of a value in a file.
+
+    Attributes:
+        file: the path, the name of a packaged configuration, or the path of a value in Python data.
+        line: the line, from 1; 0 for a file as a whole and for Python data.
+        column: the column, from 1; 0 like the line.
+    """
 
     file: str
     line: int = 0
@@ -26,110 +32,140 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Scalar:
-    """A single value. `text` is how a plain (unquoted) scalar was written, else `None`."""
+class ScalarNode:
+    """A single value.
 
-    place: Place
+    Attributes:
+        place: its position.
+        value: `None`, a bool, an int, a float or a text.
+        text: a plain (unquoted) scalar as it was written; `None` for any other.
+    """
+
+    place: Position
     value: object
     text: str | None = None
 
 
 @dataclass(frozen=True)
-class Listing:
+class SequenceNode:
     """A list."""
 
-    place: Place
-    items: "list[Tree]"
+    place: Position
+    items: "list[ConfigNode]"
 
 
 @dataclass(frozen=True)
-class Table:
-    """A mapping; `keys` holds the place of each key."""
+class MappingNode:
+    """A mapping; `keys` has the position of each key."""
 
-    place: Place
-    items: "dict[str, Tree]"
-    keys: dict[str, Place]
+    place: Position
+    items: "dict[str, ConfigNode]"
+    keys: dict[str, Position]
 
 
-Tree: TypeAlias = Scalar | Listing | Table
+ConfigNode: TypeAlias = ScalarNode | SequenceNode | MappingNode
 
 
 @dataclass
 class Problems:
     """The mistakes found so far."""
 
-    found: list[tuple[Place, str]] = field(default_factory=list[tuple[Place, str]])
+    found: list[tuple[Position, str]] = field(default_factory=list[tuple[Position, str]])
 
-    def add(self, place: Place, message: str) -> None:
+    def add(self, place: Position, message: str) -> None:
         """Note a mistake and go on."""
         # A name in a file may be anything; an error must stay printable and on one line.
-        message = message.encode("utf-8", "backslashreplace").decode().replace("\n", "\\n")
-        self.found.append((place, message if len(message) <= MAX_MESSAGE else message[:MAX_MESSAGE] + " ..."))
+        printable = message.encode("utf-8", "backslashreplace").decode()
+        line = printable.replace("\n", "\\n")
+        if len(line) > MAX_MESSAGE:
+            line = line[:MAX_MESSAGE] + " ..."
+        self.found.append((place, line))
 
     def error(self) -> ConfigError:
-        """Return every mistake as one error, in the order of their places."""
+        """Return all mistakes as one error, ordered by position."""
         ordered = sorted(self.found, key=lambda problem: (problem[0].line, problem[0].column))
         return ConfigError(f"{place}: {message}" for place, message in ordered)
 
     def check(self) -> None:
-        """Raise `ConfigError` when there is a mistake."""
+        """Raise the `ConfigError` of all mistakes, if there is one."""
         if self.found:
             raise self.error()
 
-    def stop(self, place: Place, message: str) -> NoReturn:
-        """Note a mistake after which there is no going on. Raises `ConfigError`."""
+    def stop(self, place: Position, message: str) -> NoReturn:
+        """Note a mistake that ends the reading, and raise the `ConfigError` of all mistakes."""
         self.add(place, message)
         raise self.error()
 
 
-def plain(tree: Tree) -> Any:
+def plain(tree: ConfigNode) -> Any:
     """Return a tree as plain Python data."""
     match tree:
-        case Scalar():
+        case ScalarNode():
             return tree.value
-        case Listing():
+        case SequenceNode():
             return [plain(item) for item in tree.items]
-        case Table():
+        case MappingNode():
             return {key: plain(item) for key, item in tree.items.items()}
 
 
-def kind_of(tree: Tree) -> str:
-    """What a tree is, for people."""
+def kind_of(tree: ConfigNode) -> str:
+    """Return a description of a node for messages, such as `"a list"` or `"5 (int)"`."""
     match tree:
-        case Listing():
+        case SequenceNode():
             return "a list"
-        case Table():
+        case MappingNode():
             return "a mapping"
-        case Scalar(value=None):
+        case ScalarNode(value=None):
             return "nothing"
-        case Scalar():
+        case ScalarNode():
             return f"{tree.value!r} ({type(tree.value).__name__})"
 
 
-def from_python(value: object, name: str, problems: Problems) -> Tree:
-    """Return Python data (mappings, lists, scalars) as a tree; `name` is what error messages call it.
+def from_python(
+    value: object,
+    name: str,
+    problems: Problems,
+) -> ConfigNode:
+    """Return Python data (mappings, lists, scalars) as a tree.
 
-    The limits are those of files, because shared lists and mappings (YAML aliases, once loaded) can grow without end.
+    The limits are those of files, because shared lists and mappings (YAML aliases, once loaded) can
+    grow without end.
+
+    Args:
+        value: the data.
+        name: the name of the data in messages.
+        problems: receives the mistakes.
     """
     return _convert(value, name, problems, 0, itertools.count(1))
 
 
-def _convert(value: object, name: str, problems: Problems, depth: int, counter: Iterator[int]) -> Tree:
-    place = Place(name)
+def _convert(
+    value: object,
+    name: str,
+    problems: Problems,
+    depth: int,
+    counter: Iterator[int],
+) -> ConfigNode:
+    place = Position(name)
     if depth > MAX_DEPTH or next(counter) > MAX_VALUES:
-        problems.stop(place, f"more than {MAX_DEPTH} levels deep or {MAX_VALUES} values in all; make it smaller")
+        limits = f"more than {MAX_DEPTH} levels deep or {MAX_VALUES} values in all"
+        problems.stop(place, f"{limits}; make it smaller")
     if isinstance(value, Mapping):
-        table = Table(place, {}, {})
+        mapping = MappingNode(place, {}, {})
         for key, item in cast("Mapping[object, object]", value).items():
-            if isinstance(key, str):
-                table.keys[key] = Place(f"{name}.{key}")
-                table.items[key] = _convert(item, f"{name}.{key}", problems, depth + 1, counter)
-            else:
-                problems.add(place, f"keys must be strings, got one of type {type(key).__name__}")
-        return table
+            if not isinstance(key, str):
+                message = f"keys must be strings, got one of type {type(key).__name__}"
+                problems.add(place, message)
+                continue
+            path = f"{name}.{key}"
+            mapping.keys[key] = Position(path)
+            mapping.items[key] = _convert(item, path, problems, depth + 1, counter)
+        return mapping
     if isinstance(value, list | tuple):
-        items = enumerate(cast("Sequence[object]", value))
-        return Listing(place, [_convert(item, f"{name}[{i}]", problems, depth + 1, counter) for i, item in items])
+        items: list[ConfigNode] = []
+        for i, item in enumerate(cast("Sequence[object]", value)):
+            items.append(_convert(item, f"{name}[{i}]", problems, depth + 1, counter))
+        return SequenceNode(place, items)
     if isinstance(value, int) and abs(value) >= 10**MAX_DIGITS:
         problems.stop(place, f"a whole number of more than {MAX_DIGITS} digits; use a smaller one")
-    return Scalar(place, value)
+    return ScalarNode(place, value)

@@ -1,23 +1,42 @@
-"""YAML text read into a tree.
+"""Read YAML text into a tree whose nodes know their positions.
 
-Plain scalars follow the core rules of YAML 1.2, not the surprises of 1.1: `no`, `on`, `1:30`, `010` and dates are
-texts, and `1e3` is a number. Tags and merge keys are refused, a key may not appear twice, depth and size are bounded.
+Plain scalars follow the core rules of YAML 1.2, not the surprises of 1.1: `no`, `on`, `1:30`, `010`
+and dates are texts, and `1e3` is a number. Tags and merge keys are refused, a key may not appear
+twice, depth and size are bounded.
+
+The tree is built from PyYAML's events rather than by `yaml.compose`, which has the whole document
+in memory before anything can be counted: for a hostile list of 1 MiB it takes 11.7 s and 350 MiB
+where the limit on values ends this reader after 0.2 s; 500 nested lists are a `RecursionError` to
+it; and its nodes no longer show an explicit tag, the place of an alias, or that an alias stands
+inside its own anchor.
 """
 
 import re
-from collections.abc import Iterator
 from typing import Any, cast
 
 import yaml
 
 from ..errors import ConfigError
-from .tree import MAX_DEPTH, MAX_DIGITS, MAX_VALUES, Listing, Place, Problems, Scalar, Table, Tree, kind_of
+from .tree import (
+    MAX_DEPTH,
+    MAX_DIGITS,
+    MAX_VALUES,
+    ConfigNode,
+    MappingNode,
+    Position,
+    Problems,
+    ScalarNode,
+    SequenceNode,
+    kind_of,
+)
 
 _LINE_BREAK = re.compile("\r\n|[\r\n\x85\u2028\u2029]")
 _NULL = re.compile(r"~|null|Null|NULL|")
 _BOOL = re.compile(r"true|True|TRUE|false|False|FALSE")
 _INT = re.compile(r"[-+]?(?:0|[1-9][0-9]*)")
-_FLOAT = re.compile(r"[-+]?(?:\.[0-9]+|(?:0|[1-9][0-9]*)(?=[.eE])(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?")
+_FLOAT = re.compile(
+    r"[-+]?(?:\.[0-9]+|(?:0|[1-9][0-9]*)(?=[.eE])(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
+)
 _SPECIAL = re.compile(r"[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)")
 _ADVICE = {
     "mapping values are not allowed": 'put a text that holds ": " in quotes',
@@ -27,7 +46,7 @@ _ADVICE = {
 
 
 def resolve(text: str) -> object:
-    """Return what a plain scalar means: `None`, a bool, an int, a float or the text itself."""
+    """Return the value of a plain scalar: `None`, a bool, an int, a float or the text itself."""
     if _NULL.fullmatch(text):
         return None
     if _BOOL.fullmatch(text):
@@ -36,42 +55,69 @@ def resolve(text: str) -> object:
         return int(text)
     if _FLOAT.fullmatch(text):
         return float(text)
-    return float(text.replace(".", "", 1)) if _SPECIAL.fullmatch(text) else text
+    if _SPECIAL.fullmatch(text):
+        return float(text.replace(".", "", 1))
+    return text
 
 
-def read_yaml(data: bytes, file: str, problems: Problems) -> Tree | None:
+def read_yaml(
+    data: bytes,
+    file: str,
+    problems: Problems,
+) -> ConfigNode | None:
     """Return the one document of a YAML file, or `None` when it is empty.
 
-    What can be read past is noted in `problems`; raises `ConfigError` at a mistake that ends the reading.
+    A mistake after which reading can go on is noted in `problems`.
+
+    Args:
+        data: the bytes of the file, UTF-8 with or without a byte order mark.
+        file: the name of the file in messages.
+        problems: receives the mistakes.
+
+    Raises:
+        ConfigError: a mistake ends the reading; the error has all mistakes so far.
     """
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        # `start` counts from behind the byte order mark, which the codec removes first.
-        at = data.removeprefix(b"\xef\xbb\xbf")
-        place = _end_of(at[: error.start].decode(), file)
-        problems.stop(place, f"byte 0x{at[error.start]:02x} is not UTF-8; save the file as UTF-8")
+    text = _decode(data, file, problems)
     try:
         reader = _Reader(text, file, problems)
     except yaml.reader.ReaderError as error:
         code = f"U+{ord(text[error.position]):04X}"
-        problems.stop(_end_of(text[: error.position], file), f"the character {code} is not allowed; remove it")
+        place = _end_of(text[: error.position], file)
+        problems.stop(place, f"the character {code} is not allowed; remove it")
     try:
         return reader.document()
     except ConfigError:
         raise
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark or reader.mark()
-        problems.stop(Place(file, mark.line + 1, mark.column + 1), _syntax(error, text[mark.index : mark.index + 1]))
-    except (ValueError, OverflowError):  # PyYAML hands \UFFFFFFFF and endless version numbers to chr and int
-        mark = reader.mark()
-        place = Place(file, mark.line + 1, mark.column + 1)
+        problems.stop(_position(mark, file), _syntax(error, text[mark.index : mark.index + 1]))
+    except (ValueError, OverflowError):
+        # PyYAML passes \UFFFFFFFF to chr, and endless version numbers to int.
+        place = _position(reader.mark(), file)
         problems.stop(place, "not valid YAML: a character code or version number is out of range")
 
 
-def _end_of(text: str, file: str) -> Place:
+def _decode(
+    data: bytes,
+    file: str,
+    problems: Problems,
+) -> str:
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        # `start` counts from behind the byte order mark, which the codec removes first.
+        at = data.removeprefix(b"\xef\xbb\xbf")
+        place = _end_of(at[: error.start].decode(), file)
+        problems.stop(place, f"byte 0x{at[error.start]:02x} is not UTF-8; save the file as UTF-8")
+
+
+def _position(mark: Any, file: str) -> Position:
+    return Position(file, mark.line + 1, mark.column + 1)
+
+
+def _end_of(text: str, file: str) -> Position:
     lines = _LINE_BREAK.split(text)
-    return Place(file, len(lines), len(lines[-1]) + 1)
+    return Position(file, len(lines), len(lines[-1]) + 1)
 
 
 def _syntax(error: yaml.MarkedYAMLError, character: str) -> str:
@@ -82,26 +128,37 @@ def _syntax(error: yaml.MarkedYAMLError, character: str) -> str:
     return f"not valid YAML: {'; '.join([message, *advice])}"
 
 
-def _height(tree: Tree) -> int:
-    children = tree.items if isinstance(tree, Listing) else tree.items.values() if isinstance(tree, Table) else ()
-    return 1 + max((_height(child) for child in children), default=-1)
+def _height(tree: ConfigNode) -> int:
+    if isinstance(tree, SequenceNode):
+        heights = [_height(child) for child in tree.items]
+    elif isinstance(tree, MappingNode):
+        heights = [_height(child) for child in tree.items.values()]
+    else:
+        return 0
+    return 1 + max(heights, default=-1)
 
 
 class _Reader:
-    """Builds the tree from PyYAML's events, whose parser keeps its own stack and constructs no objects."""
+    """Builds the tree from the events of PyYAML's parser, which constructs no objects."""
 
-    def __init__(self, text: str, file: str, problems: Problems) -> None:
+    def __init__(
+        self,
+        text: str,
+        file: str,
+        problems: Problems,
+    ) -> None:
         self._parser = cast(Any, yaml.SafeLoader(text))
         self._file = file
         self._problems = problems
         self._count = 0
-        self._anchors: dict[str, tuple[Tree, int, int]] = {}
+        # The tree behind each anchor, with its number of values and its height.
+        self._anchors: dict[str, tuple[ConfigNode, int, int]] = {}
 
     def mark(self) -> Any:
-        """Return how far the parser has read."""
+        """Return how far the parser has come."""
         return self._parser.get_mark()
 
-    def document(self) -> Tree | None:
+    def document(self) -> ConfigNode | None:
         """Return the only document, `None` when it is empty."""
         self._parser.get_event()  # the start of the stream
         if isinstance(self._parser.get_event(), yaml.StreamEndEvent):
@@ -110,18 +167,23 @@ class _Reader:
         self._parser.get_event()  # the end of the document
         after = self._parser.get_event()
         if not isinstance(after, yaml.StreamEndEvent):
-            self._problems.add(self._place(after), "a second document starts here; a configuration is one document")
-        return None if isinstance(tree, Scalar) and tree.value is None else tree
+            message = "a second document starts here; a configuration is one document"
+            self._problems.add(self._place(after), message)
+        if isinstance(tree, ScalarNode) and tree.value is None:
+            return None
+        return tree
 
-    def _place(self, event: Any) -> Place:
-        return Place(self._file, event.start_mark.line + 1, event.start_mark.column + 1)
+    def _place(self, event: Any) -> Position:
+        return _position(event.start_mark, self._file)
 
-    def _grow(self, by: int, place: Place) -> None:
+    def _grow(self, by: int, place: Position) -> None:
         self._count += by
         if self._count > MAX_VALUES:
-            self._problems.stop(place, f"more than {MAX_VALUES} values, those behind aliases included; use fewer")
+            self._problems.stop(
+                place, f"more than {MAX_VALUES} values, those behind aliases included; use fewer"
+            )
 
-    def _tree(self, depth: int) -> Tree:
+    def _tree(self, depth: int) -> ConfigNode:
         event = self._parser.get_event()
         place = self._place(event)
         self._limit_depth(depth, place)
@@ -129,63 +191,93 @@ class _Reader:
             return self._alias(event, place, depth)
         before = self._count
         self._grow(1, place)
-        if event.tag is not None:
-            tag = event.tag.replace("tag:yaml.org,2002:", "!!")
-            self._problems.add(place, f"the tag {tag!r} is refused; remove it (quotes make a text of anything)")
-        match event:
-            case yaml.SequenceStartEvent():
-                tree = Listing(place, list(self._items(depth)))
-            case yaml.MappingStartEvent():
-                tree = self._table(place, depth)
-            case _:
-                tree = self._scalar(event, place)
+        self._refuse_tag(event.tag, place)
+        if isinstance(event, yaml.SequenceStartEvent):
+            tree = self._sequence(place, depth)
+        elif isinstance(event, yaml.MappingStartEvent):
+            tree = self._mapping(place, depth)
+        else:
+            tree = self._scalar(event, place)
         if event.anchor is not None:
             self._anchors[event.anchor] = tree, self._count - before, _height(tree)
         return tree
 
-    def _alias(self, event: Any, place: Place, depth: int) -> Tree:
+    def _refuse_tag(self, tag: str | None, place: Position) -> None:
+        if tag is not None:
+            name = tag.replace("tag:yaml.org,2002:", "!!")
+            advice = "remove it (quotes make a text of anything)"
+            self._problems.add(place, f"the tag {name!r} is refused; {advice}")
+
+    def _alias(
+        self,
+        event: Any,
+        place: Position,
+        depth: int,
+    ) -> ConfigNode:
         if event.anchor not in self._anchors:
-            self._problems.stop(place, f"the alias *{event.anchor} has no finished anchor &{event.anchor} before it")
+            self._problems.stop(
+                place, f"the alias *{event.anchor} has no finished anchor &{event.anchor} before it"
+            )
         tree, size, height = self._anchors[event.anchor]
         self._grow(size, place)
         self._limit_depth(depth + height, place)
         return tree
 
-    def _limit_depth(self, depth: int, place: Place) -> None:
+    def _limit_depth(self, depth: int, place: Position) -> None:
         if depth > MAX_DEPTH:
             self._problems.stop(place, f"nested more than {MAX_DEPTH} levels deep; flatten it")
 
     def _ends(self, kind: type) -> bool:
         return self._parser.check_event(kind) and self._parser.get_event() is not None
 
-    def _items(self, depth: int) -> Iterator[Tree]:
+    def _sequence(self, place: Position, depth: int) -> SequenceNode:
+        items: list[ConfigNode] = []
         while not self._ends(yaml.SequenceEndEvent):
-            yield self._tree(depth + 1)
+            items.append(self._tree(depth + 1))
+        return SequenceNode(place, items)
 
-    def _table(self, place: Place, depth: int) -> Table:
-        table = Table(place, {}, {})
+    def _mapping(self, place: Position, depth: int) -> MappingNode:
+        mapping = MappingNode(place, {}, {})
         while not self._ends(yaml.MappingEndEvent):
-            key, value = self._tree(depth + 1), self._tree(depth + 1)
-            if not isinstance(key, Scalar):
-                self._problems.add(key.place, f"a key must be a name, not {kind_of(key)}; quote a text with braces")
+            key = self._tree(depth + 1)
+            value = self._tree(depth + 1)
+            mistake = self._mistake_of_key(key, mapping)
+            if mistake:
+                self._problems.add(key.place, mistake)
                 continue
-            name = str(key.value) if key.text is None else key.text
-            if name == "<<":
-                self._problems.add(key.place, "merge keys (<<) are not read; write the keys out")
-            elif name in table.keys:
-                line = table.keys[name].line
-                self._problems.add(key.place, f"the key {name!r} appears twice (first in line {line}); remove one")
-            else:
-                table.items[name], table.keys[name] = value, key.place
-        return table
+            name = _name_of(key)
+            mapping.items[name] = value
+            mapping.keys[name] = key.place
+        return mapping
 
-    def _scalar(self, event: Any, place: Place) -> Scalar:
+    def _mistake_of_key(self, key: ConfigNode, mapping: MappingNode) -> str:
+        if not isinstance(key, ScalarNode):
+            return f"a key must be a name, not {kind_of(key)}; quote a text with braces"
+        name = _name_of(key)
+        if name == "<<":
+            return "merge keys (<<) are not read; write the keys out"
+        if name in mapping.keys:
+            line = mapping.keys[name].line
+            return f"the key {name!r} appears twice (first in line {line}); remove one"
+        return ""
+
+    def _scalar(self, event: Any, place: Position) -> ScalarNode:
         text = cast(str, event.value)
         if any("\ud800" <= character <= "\udfff" for character in text):
-            self._problems.add(place, "a \\u escape holds half a character (a surrogate); write the character itself")
+            message = (
+                "a \\u escape holds half a character (a surrogate); write the character itself"
+            )
+            self._problems.add(place, message)
         if event.style is not None:
-            return Scalar(place, text)
+            return ScalarNode(place, text)
         if len(text) > MAX_DIGITS and _INT.fullmatch(text):
-            self._problems.add(place, f"a whole number of {len(text)} digits; the limit is {MAX_DIGITS}")
-            return Scalar(place, 0, text)
-        return Scalar(place, resolve(text), text)
+            message = f"a whole number of {len(text)} digits; the limit is {MAX_DIGITS}"
+            self._problems.add(place, message)
+            return ScalarNode(place, 0, text)
+        return ScalarNode(place, resolve(text), text)
+
+
+def _name_of(key: ConfigNode) -> str:
+    if isinstance(key, ScalarNode):
+        return str(key.value) if key.text is None else key.text
+    return ""

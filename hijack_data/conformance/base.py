@@ -34,7 +34,11 @@ class Result:
 
 
 def expect(condition: object, problem: str) -> None:
-    """Raise `CheckFailed` unless `condition` holds; unlike `assert`, under `python -O` as well."""
+    """End a check with the probable cause of its failure.
+
+    Raises:
+        CheckFailed: always.
+    """
     if not condition:
         fail(problem)
 

@@ -8,7 +8,11 @@ from collections.abc import Mapping
 from typing import Any
 
 
-def digest(spec: Any, scene: Any, key: Mapping[str, Any]) -> str:
+def digest(
+    spec: Any,
+    scene: Any,
+    key: Mapping[str, Any],
+) -> str:
     """Return the digest of a plan, or the kind of error that is raised."""
     try:
         return spec.plan(scene, **key).digest()

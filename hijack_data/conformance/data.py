@@ -49,11 +49,24 @@ def check_kept(cls: type[Corruption]) -> None:
     """A plan that was made stays as it is, whatever is planned after it."""
     screen = screens.scene(screens.SIZES[0])
     specs = screens.levels(cls)
-    made = [spec.plan(screen, seed=seed, sample="kept") for spec in specs for seed in range(3)]
+    made = [
+        spec.plan(
+            screen,
+            seed=seed,
+            sample="kept",
+        )
+        for spec in specs
+        for seed in range(3)
+    ]
     told = [plan.to_json() for plan in made]
     for spec in reversed(specs):
         for seed in range(3, 6):
-            spec.plan(screen, seed=seed, sample="later", epoch=1).to_json()
+            spec.plan(
+                screen,
+                seed=seed,
+                sample="later",
+                epoch=1,
+            ).to_json()
     expect(
         [plan.to_json() for plan in made] == told,
         "planning again changes plans that were made before: give each plan a recipe, parameters "
@@ -68,7 +81,11 @@ def check_untouched(cls: type[Corruption]) -> None:
         for screen in given:
             before = _state(spec, screen)
             with suppress(Exception):  # what it raises is for `scenes` to tell
-                spec.plan(screen, seed=1, sample="untouched")
+                spec.plan(
+                    screen,
+                    seed=1,
+                    sample="untouched",
+                )
             changed = [key for key, value in _state(spec, screen).items() if before[key] != value]
             advice = "only read what is given, or work on a copy"
             expect(not changed, f"planning changes {', '.join(changed)}; {advice}")

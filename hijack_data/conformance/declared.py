@@ -1,6 +1,7 @@
-"""Checks of what a corruption says about itself: name, documentation, parameters."""
+"""Check the declarations of a corruption: name, documentation, parameters."""
 
 import sys
+from collections.abc import Iterator
 from typing import Any
 
 from .. import params as p
@@ -24,8 +25,7 @@ def check_parameters(cls: type[Corruption]) -> None:
     """Unknown, wrong and out-of-range parameters are refused; values survive JSON."""
     _refuses_unknown(cls())  # a default that does not pass its own check fails here
     for key, (parameter, _) in p.parameters(cls).items():
-        ends = [v for v in (_below(parameter), _above(parameter)) if v is not None]
-        for bad in (object(), *ends):
+        for bad in _bad_values(parameter):
             expect(not _accepts(cls, key, bad), f"{key}={bad!r} is accepted")
     for spec in levels(cls):
         same = cls(**spec.params()) == spec
@@ -48,9 +48,9 @@ def _accepts(cls: type[Corruption], key: str, value: Any) -> bool:
     return True
 
 
-def _below(parameter: p.Parameter) -> float | None:
-    return None if parameter.low is None else parameter.low - 1
-
-
-def _above(parameter: p.Parameter) -> float | None:
-    return None if parameter.high is None else parameter.high + 1
+def _bad_values(parameter: p.Parameter) -> Iterator[object]:
+    yield object()
+    if parameter.low is not None:
+        yield parameter.low - 1
+    if parameter.high is not None:
+        yield parameter.high + 1

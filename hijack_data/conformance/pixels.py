@@ -1,4 +1,4 @@
-"""Checks of what a plan does to pixels: every backend against a plain reference, and the scope."""
+"""Check the pixels of a plan: every backend against a plain reference, and the scope."""
 
 import importlib.util
 from collections.abc import Iterator
@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from ..apply import apply
+from .._apply import apply
 from ..backends import NAMES, convert, to_numpy
 from ..corruption import Corruption
 from ..errors import ParameterError
-from ..kernels import jit
+from ..kernels.cpu import jit
 from ..plan import Paste, Plan
 from ..types import Size, UInt8Array
 from . import screens
@@ -27,8 +27,8 @@ def check_backends(cls: type[Corruption]) -> None:
         image = picture(size)
         expected = reference(plan, image)
         for name, out in _outputs(plan, image):
-            shapes = f"shape {out.shape} instead of {expected.shape}"
-            expect(out.shape == expected.shape, f"{name}: {shapes} at {size}")
+            same_shape = out.shape == expected.shape
+            expect(same_shape, f"{name}: shape {out.shape} instead of {expected.shape} at {size}")
             wrong = int((out != expected).sum())
             differ = f"{wrong} bytes differ from the definition"
             expect(not wrong, f"{name}: {differ} at {size} ({plan.params})")
@@ -39,23 +39,28 @@ def _outputs(plan: Plan, image: UInt8Array) -> Iterator[tuple[str, UInt8Array]]:
     """Yield the result of each backend and code path."""
     jit.start()
     for name in NAMES:
-        if name == "numpy" or importlib.util.find_spec(name) is not None:
+        if name == "numpy" or _is_installed(name):
             yield name, to_numpy(apply(plan, convert(image, name)))
     planar = np.ascontiguousarray(image.transpose(2, 0, 1)).transpose(1, 2, 0)
     yield "numpy, channels first", apply(plan, planar)
-    yield "numpy, strided", apply(plan, np.repeat(image, 2, axis=1)[:, ::2])
+    strided = np.repeat(image, 2, axis=1)[:, ::2]
+    yield "numpy, strided", apply(plan, strided)
     yield "numpy, without Numba", _without_numba(plan, image)
-    if importlib.util.find_spec("torch") is not None:
+    if _is_installed("torch"):
         yield "torch operations", _torch_operations(plan, image)
         yield from _on_a_gpu(plan, convert(image, "torch"))
-    if importlib.util.find_spec("jax") is not None:
+    if _is_installed("jax"):
         yield "jax operations", to_numpy(jax_operations(plan, convert(image, "jax")))
+
+
+def _is_installed(name: str) -> bool:
+    return importlib.util.find_spec(name) is not None
 
 
 def _without_numba(plan: Plan, image: UInt8Array) -> UInt8Array:
     """Run the code that stands in where Numba is not installed."""
     from ..kernels import lower
-    from ..kernels import numpy as cpu
+    from ..kernels.cpu import pixels as cpu
 
     out = image.copy()
     for op in plan.ops:
@@ -67,22 +72,22 @@ def _without_numba(plan: Plan, image: UInt8Array) -> UInt8Array:
 
 
 def _on_a_gpu(plan: Plan, image: Any) -> Iterator[tuple[str, UInt8Array]]:
-    """Yield what torch gives on a GPU, where there is one."""
+    """Yield the results of torch on a GPU, if there is one."""
     import torch
 
-    if torch.cuda.is_available():
-        there = image.cuda()
-        yield "torch on a GPU", to_numpy(apply(plan, there))
-        yield (
-            "torch on a GPU, channels last",
-            to_numpy(apply(plan, there.permute(1, 2, 0).contiguous().permute(2, 0, 1))),
-        )
+    if not torch.cuda.is_available():
+        return
+    there = image.cuda()
+    yield "torch on a GPU", to_numpy(apply(plan, there))
+    channels_last = there.permute(1, 2, 0).contiguous()
+    same_axes = channels_last.permute(2, 0, 1)
+    yield "torch on a GPU, channels last", to_numpy(apply(plan, same_axes))
 
 
 def _torch_operations(plan: Plan, image: UInt8Array) -> UInt8Array:
     """Run the code that other devices run, on the CPU."""
     from ..kernels import lower
-    from ..kernels import torch as kernels
+    from ..kernels import torch_ops as kernels
 
     out = convert(image.copy(), "torch")
     for op in plan.ops:
@@ -96,7 +101,7 @@ def _torch_operations(plan: Plan, image: UInt8Array) -> UInt8Array:
 
 def jax_operations(plan: Plan, image: Any) -> Any:
     """Run the code that other devices run on a JAX array `[H, W, 3]`, wherever it is."""
-    from ..kernels import jax as kernels
+    from ..kernels import jax_ops as kernels
     from ..kernels import lower
 
     for op in plan.ops:
@@ -112,12 +117,22 @@ def check_batches(cls: type[Corruption]) -> None:
     """A batch with a plan for each picture equals the pictures one by one, in place as well."""
     size = screens.SIZES[2]
     try:
-        plans = [cls().plan(scene(size), seed=3, sample=i, step=None) for i in range(3)]
+        plans = [
+            cls().plan(
+                scene(size),
+                seed=3,
+                sample=i,
+                step=None,
+            )
+            for i in range(3)
+        ]
     except ParameterError:
         return
-    batch = np.stack([np.roll(picture(size), i, axis=1) for i in range(3)])
-    singles = [apply(plan, image) for plan, image in zip(plans, batch, strict=True)]
-    for out, single in zip(apply(plans, batch), singles, strict=True):
+    image = picture(size)
+    batch = np.stack([np.roll(image, i, axis=1) for i in range(3)])
+    singles = [apply(plan, one) for plan, one in zip(plans, batch, strict=True)]
+    together = apply(plans, batch)
+    for out, single in zip(together, singles, strict=True):
         expect(np.array_equal(out, single), "a batch differs from its pictures one by one")
     if all(plan.out_size == size for plan in plans):
         own = batch.copy()
@@ -130,16 +145,37 @@ def check_scope(cls: type[Corruption]) -> None:
     made = [plan for plan, _ in screens.plans(cls)]
     full = scene(screens.SIZES[0])
     for spec in screens.variants(cls):
-        made += [spec.plan(full, seed=seed, sample="scope") for seed in range(SCOPE_SEEDS)]
+        made += [
+            spec.plan(
+                full,
+                seed=seed,
+                sample="scope",
+            )
+            for seed in range(SCOPE_SEEDS)
+        ]
     for plan in made:
-        if cls.scope == "observation":
-            kinds = ", ".join(effect.kind for effect in plan.effects)
-            found = f"scope 'observation' with effects on the machine ({kinds})"
-            expect(not plan.effects, f"{found}; use scope 'state' or 'transition'")
-        else:
-            found = f"scope {cls.scope!r} with operations on the picture"
-            advice = "the machine shows its own: leave ops empty, or use scope 'observation'"
-            expect(not plan.ops, f"{found}; {advice}")
+        check_declared(cls, plan)
+        _check_plan_scope(plan, cls.scope)
+
+
+def _check_plan_scope(plan: Plan, scope: str) -> None:
+    if scope == "observation":
+        kinds = ", ".join(effect.kind for effect in plan.effects)
+        found = f"scope 'observation' with effects on the machine ({kinds})"
+        expect(not plan.effects, f"{found}; use scope 'state' or 'transition'")
+    else:
+        found = f"scope {scope!r} with operations on the picture"
+        advice = "the machine shows its own: leave ops empty, or use scope 'observation'"
+        expect(not plan.ops, f"{found}; {advice}")
+
+
+def check_declared(cls: type[Corruption], plan: Plan) -> None:
+    """Fail for an effect of a plan that the class does not declare."""
+    if cls.scope == "observation":
+        return
+    for effect in plan.effects:
+        found = f"scope {cls.scope!r} with the effect {effect.kind!r}; effects is {cls.effects}"
+        expect(effect.kind in cls.effects, f"{found}: name it there")
 
 
 def check_visible(cls: type[Corruption]) -> None:
@@ -147,7 +183,12 @@ def check_visible(cls: type[Corruption]) -> None:
     size = screens.SIZES[0]
     image = picture(size)
     for spec in levels(cls):
-        plan = spec.plan(scene(size), seed=3, sample="check", step=None)
+        plan = spec.plan(
+            scene(size),
+            seed=3,
+            sample="check",
+            step=None,
+        )
         if plan.notes:
             continue
         if cls.scope == "observation":

@@ -1,6 +1,6 @@
-"""Planning in fresh processes that differ in all that must not matter.
+"""Plan in fresh processes that differ in everything that must not matter.
 
-That is the hash seed, the folder, the time zone, and what is planned first.
+That is the hash seed, the folder, the time zone, and the order of the plans.
 """
 
 import json
@@ -23,14 +23,26 @@ from .base import fail
 TIMEOUT = 120.0  # seconds
 # Several, as two orders of a small set often agree. The time zones never have the same date.
 WORLDS: tuple[Mapping[str, str], ...] = (
-    {"PYTHONHASHSEED": "0", "TZ": "Pacific/Kiritimati"},
-    {"PYTHONHASHSEED": "1", "TZ": "Etc/GMT+12"},
-    {"PYTHONHASHSEED": "2", "TZ": "Pacific/Kiritimati"},
-    {"PYTHONHASHSEED": "3", "TZ": "Etc/GMT+12"},
+    {
+        "PYTHONHASHSEED": "0",
+        "TZ": "Pacific/Kiritimati",
+    },
+    {
+        "PYTHONHASHSEED": "1",
+        "TZ": "Etc/GMT+12",
+    },
+    {
+        "PYTHONHASHSEED": "2",
+        "TZ": "Pacific/Kiritimati",
+    },
+    {
+        "PYTHONHASHSEED": "3",
+        "TZ": "Etc/GMT+12",
+    },
 )
 
 
-class Job(NamedTuple):
+class PlanRequest(NamedTuple):
     """One plan to make; `key` holds the arguments of `plan` beside the scene."""
 
     spec: Corruption
@@ -39,9 +51,10 @@ class Job(NamedTuple):
 
 
 def why_not(cls: type[Corruption]) -> str:
-    """Return why another process cannot find a class; empty where it can.
+    """Return why another process cannot find a class, or `""`.
 
-    Raises `CheckFailed` where it finds the class, but cannot be sent a corruption of it.
+    If the class is found but a corruption of it cannot be sent there, the check fails with
+    `CheckFailed`.
     """
     if cls.__module__ == "__main__":
         return "the class belongs to a script or session; put it into a module or a file of its own"
@@ -56,7 +69,7 @@ def why_not(cls: type[Corruption]) -> str:
     return ""
 
 
-def digest(job: Job) -> str:
+def digest(job: PlanRequest) -> str:
     """Return the digest of a plan as `child.digest` does; only a screen may be refused."""
     try:
         return job.spec.plan(job.scene, **job.key).digest()
@@ -64,24 +77,26 @@ def digest(job: Job) -> str:
         return type(error).__name__
 
 
-def digests(jobs: Sequence[Job]) -> Iterator[tuple[str, list[str]]]:
-    """Yield, for each fresh process, what is special about it and the digests of `jobs`."""
-    orders = [_order(len(jobs), number) for number in range(len(WORLDS))]
+def digests(jobs: Sequence[PlanRequest]) -> Iterator[tuple[str, list[str]]]:
+    """Yield, for each fresh process, a description of it and the digests of `jobs`."""
     with tempfile.TemporaryDirectory() as folder, ExitStack() as ending:
         started: list[subprocess.Popen[bytes]] = []
-        for number, (world, order) in enumerate(zip(WORLDS, orders, strict=True)):
-            errand = Path(folder, f"{number}.pickle")
-            errand.write_bytes(_errand([jobs[i] for i in order]))
-            started.append(ending.enter_context(_start(errand, world, folder)))
-            ending.callback(started[-1].kill)  # where nobody waited for its answer
-        for world, order, process in zip(WORLDS, orders, started, strict=True):
+        for number, world in enumerate(WORLDS):
+            order = _order(len(jobs), number)
+            request = Path(folder, f"{number}.pickle")
+            request.write_bytes(_request([jobs[i] for i in order]))
+            process = ending.enter_context(_start(request, world, folder))
+            ending.callback(process.kill)  # if nobody waited for its answer
+            started.append(process)
+        for number, (world, process) in enumerate(zip(WORLDS, started, strict=True)):
+            order = _order(len(jobs), number)
             found = dict(zip(order, _answer(process), strict=True))
             named = ", ".join(f"{key}={value}" for key, value in world.items())
             yield named, [found[i] for i in range(len(jobs))]
 
 
 def _order(count: int, number: int) -> list[int]:
-    """Another order for each process, and another job that comes first."""
+    """Return another order for each process, with another job first."""
     order = list(range(count))
     if number % 2:
         order.reverse()
@@ -89,30 +104,37 @@ def _order(count: int, number: int) -> list[int]:
     return order[turned:] + order[:turned]
 
 
-def _errand(jobs: Sequence[Job]) -> bytes:
-    """A line with the import path, then the jobs: unpickling them imports the plug-in again."""
-    return (
-        json.dumps([_path_entry(entry) for entry in sys.path]).encode()
-        + b"\n"
-        + pickle.dumps([tuple(job) for job in jobs])
-    )
+def _request(jobs: Sequence[PlanRequest]) -> bytes:
+    """Return a line with the import path, then the jobs: unpickling them imports the plug-in."""
+    path = json.dumps([_path_entry(entry) for entry in sys.path])
+    pickled = pickle.dumps([tuple(job) for job in jobs])
+    return path.encode() + b"\n" + pickled
 
 
 def _path_entry(entry: str) -> str:
-    """An entry of the import path for another folder; what is no path is a hook of an installer."""
-    return os.path.abspath(entry) if not entry or os.path.exists(entry) else entry
+    """Return an entry of the import path that is valid in another folder."""
+    if entry and not os.path.exists(entry):  # not a path, but a hook of an installer
+        return entry
+    return os.path.abspath(entry)
 
 
-def _start(errand: Path, world: Mapping[str, str], folder: str) -> subprocess.Popen[bytes]:
+def _start(
+    request: Path,
+    world: Mapping[str, str],
+    folder: str,
+) -> subprocess.Popen[bytes]:
     optimised = [f"-{'O' * sys.flags.optimize}"] if sys.flags.optimize else []
-    with errand.open("rb") as file:
+    with request.open("rb") as file:
         return subprocess.Popen(
             [sys.executable, *optimised, "-P", child.__file__],
             stdin=file,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             cwd=folder,
-            env={**os.environ, **world},
+            env={
+                **os.environ,
+                **world,
+            },
         )
 
 

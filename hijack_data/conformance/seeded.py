@@ -1,4 +1,4 @@
-"""Checks that the key alone decides: seed, sample, step and epoch, in any order and any process."""
+"""Check that a plan depends on its key alone: seed, sample, step and epoch."""
 
 import random
 from collections.abc import Generator, Iterable, Sequence
@@ -16,47 +16,68 @@ from .base import expect
 from .screens import SIZES, levels, scene
 
 KEYS = tuple(product((0, 1), ("a", "b", 3), (0, 1)))  # seed, sample, epoch
+FRESH_KEYS = ((0, "a", 0), (5, "a", 0), (0, 7, 0), (0, "a", 1))
 MANY = 32
 
 
 def check_deterministic(cls: type[Corruption]) -> None:
-    """The key alone decides: not the order, the global generators or what was planned before."""
-    one, screen = cls(), scene(SIZES[0])
+    """The key alone decides: not the order, the global generators or earlier plans."""
     with _generators_kept():
-        random.seed(1)
-        np.random.seed(1)  # noqa: NPY002
-        python, legacy = random.getstate(), _legacy()
-        first = _digests([one] * len(KEYS), KEYS, screen)
-        advice = "global generator; use the stream"
-        expect(random.getstate() == python, f"planning draws from Python's {advice}")
-        expect(np.array_equal(legacy, _legacy()), f"planning draws from NumPy's {advice}")
-        random.seed(99)
-        np.random.seed(99)  # noqa: NPY002
-        again = _digests([one] * len(KEYS), KEYS[::-1], screen)
-        advice = "depends on the order of planning or on a global generator"
-        expect(again == first, f"the plan {advice}: {_first_difference(first, again)}")
-        others = _digests([cls() for _ in KEYS], KEYS, screen)
-        advice = "depends on what another instance did before: keep nothing between plans"
-        expect(others == first, f"the plan {advice}: {_first_difference(first, others)}")
+        _check_generators(cls)
 
 
-def _digests(specs: Iterable[Corruption], keys: Sequence[Any], screen: Any) -> dict[Any, str]:
+def _check_generators(cls: type[Corruption]) -> None:
+    screen = scene(SIZES[0])
+    one = [cls()] * len(KEYS)
+    _seed_generators(1)
+    python = random.getstate()
+    legacy = _legacy()
+    first = _digests(one, KEYS, screen)
+    advice = "global generator; use the stream"
+    expect(random.getstate() == python, f"planning draws from Python's {advice}")
+    expect(np.array_equal(legacy, _legacy()), f"planning draws from NumPy's {advice}")
+    _seed_generators(99)
+    again = _digests(one, KEYS[::-1], screen)
+    advice = "depends on the order of planning or on a global generator"
+    expect(again == first, f"the plan {advice}: {_first_difference(first, again)}")
+    others = _digests([cls() for _ in KEYS], KEYS, screen)
+    advice = "depends on what another instance did before: keep nothing between plans"
+    expect(others == first, f"the plan {advice}: {_first_difference(first, others)}")
+
+
+def _seed_generators(seed: int) -> None:
+    random.seed(seed)
+    np.random.seed(seed)  # noqa: NPY002
+
+
+def _digests(
+    specs: Iterable[Corruption],
+    keys: Sequence[Any],
+    screen: Any,
+) -> dict[Any, str]:
     found: dict[Any, str] = {}
     for spec, (seed, sample, epoch) in zip(specs, keys, strict=True):
-        plan = spec.plan(screen, seed=seed, sample=sample, epoch=epoch)
+        plan = spec.plan(
+            screen,
+            seed=seed,
+            sample=sample,
+            epoch=epoch,
+        )
         found[seed, sample, epoch] = plan.digest()
     return found
 
 
 def _first_difference(one: dict[Any, str], other: dict[Any, str]) -> str:
-    seed, sample, epoch = next((key for key in KEYS if one[key] != other[key]), KEYS[0])
+    differing = [key for key in KEYS if one[key] != other[key]]
+    seed, sample, epoch = differing[0] if differing else KEYS[0]
     return f"first at seed={seed}, sample={sample!r}, epoch={epoch}"
 
 
 @contextmanager
 def _generators_kept() -> Generator[None]:
     """Put the global generators back as they were."""
-    python, legacy = random.getstate(), np.random.get_state()  # noqa: NPY002
+    python = random.getstate()
+    legacy = np.random.get_state()  # noqa: NPY002
     try:
         yield
     finally:
@@ -84,11 +105,24 @@ class _Counting(Stream):
 
 
 def check_seed(cls: type[Corruption]) -> list[str]:
-    """What is drawn from the stream decides something: other seeds give other plans."""
-    spec, screen = cls(), scene(SIZES[0])
-    found = {spec.plan(screen, seed=0, sample="seed").digest()}
+    """Draws from the stream decide something: other seeds give other plans."""
+    spec = cls()
+    screen = scene(SIZES[0])
+    found = {
+        spec.plan(
+            screen,
+            seed=0,
+            sample="seed",
+        ).digest()
+    }
     for seed in range(1, MANY):
-        found.add(spec.plan(screen, seed=seed, sample="seed").digest())
+        found.add(
+            spec.plan(
+                screen,
+                seed=seed,
+                sample="seed",
+            ).digest()
+        )
         if len(found) > 1:
             return []
     stream = _Counting(0, spec.id, "seed", spec.first_step(), 0)
@@ -100,23 +134,34 @@ def check_seed(cls: type[Corruption]) -> list[str]:
 
 def check_processes(cls: type[Corruption]) -> list[str]:
     """A fresh process plans the same: with another hash seed, folder, time zone and order."""
-    large, small = (scene(size) for size in SIZES[:2])
-    tried = [(cls(), large), (cls(), small), *((spec, large) for spec in levels(cls))]
-    jobs = [
-        processes.Job(spec, screen, {"seed": seed, "sample": sample, "epoch": epoch})
-        for spec, screen in tried
-        for seed, sample, epoch in ((0, "a", 0), (5, "a", 0), (0, 7, 0), (0, "a", 1))
-    ]
+    jobs = _jobs(cls)
     reason = processes.why_not(cls)
     if reason:
         return [f"not tried in a fresh process: {reason}"]
     here = [processes.digest(job) for job in jobs]
     for world, there in processes.digests(jobs):
-        differing = [job for job, a, b in zip(jobs, here, there, strict=True) if a != b]
+        differing = sum(a != b for a, b in zip(here, there, strict=True))
         expect(
             not differing,
-            f"{len(differing)} of {len(jobs)} plans are others in a fresh process ({world}): they "
+            f"{differing} of {len(jobs)} plans are others in a fresh process ({world}): they "
             "depend on the process, on hash(), the order of a set, the folder, the time or on what "
             "was planned before; use the stream, sorted(...) and the scene alone",
         )
     return []
+
+
+def _jobs(cls: type[Corruption]) -> list[processes.PlanRequest]:
+    large = scene(SIZES[0])
+    small = scene(SIZES[1])
+    tried = [(cls(), large), (cls(), small)]
+    tried += [(spec, large) for spec in levels(cls)]
+    jobs: list[processes.PlanRequest] = []
+    for spec, screen in tried:
+        for seed, sample, epoch in FRESH_KEYS:
+            key = {
+                "seed": seed,
+                "sample": sample,
+                "epoch": epoch,
+            }
+            jobs.append(processes.PlanRequest(spec, screen, key))
+    return jobs

@@ -1,4 +1,7 @@
-"""The paper's nine corruptions, one file each, in the paper's order: it is the order in which they are listed."""
+"""The paper's nine corruptions, one file each, in the paper's order.
+
+That is the order in which they are listed.
+"""
 
 # isort: off
 from .pop_ups import PopUps

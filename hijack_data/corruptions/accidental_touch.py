@@ -1,4 +1,9 @@
-"""Accidental touch: a click that nobody meant (paper, Algorithm "Accidental Touch")."""
+"""Accidental touch: a click that nobody meant.
+
+The paper's Algorithm "Accidental Touch". Its effect on a live machine is
+`online_env/effects/accidental_touch.py`, its look in recordings
+`pipelines/edits/accidental_touch.py`.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -20,6 +25,8 @@ class AccidentalTouch(Corruption):
     version: ClassVar[int] = 2
     category: ClassVar[Category] = "unexpected_operation"
     scope: ClassVar[Scope] = "transition"
+    effects: ClassVar[tuple[str, ...]] = ("touch",)
+    pictures: ClassVar[tuple[str, ...]] = ("menu", "dialog")
     paper: ClassVar[str] = "Algorithm 6 (Accidental Touch)"
     severities: ClassVar[tuple[Mapping[str, Any], ...]] = (
         {"step": 12},
@@ -29,7 +36,9 @@ class AccidentalTouch(Corruption):
         {"step": Every(3)},
     )
 
-    without_app: bool = param(True, "Leave out the launchers of other applications", paper="w/o_app")
+    without_app: bool = param(
+        True, "Leave out the launchers of other applications", paper="w/o_app"
+    )
     step: Steps = param(3, "The steps at which it happens", kind="steps", low=0)
 
     @property
@@ -37,19 +46,28 @@ class AccidentalTouch(Corruption):
         """It clicks one of them."""
         return True
 
-    def make_plan(self, scene: Scene, stream: Stream, step: int) -> Draft:
-        """Order the known elements at random; the first that is still there at the time is clicked."""
+    def make_plan(
+        self,
+        scene: Scene,
+        stream: Stream,
+        step: int,
+    ) -> Draft:
+        """Order the known elements at random; the first that is still there is clicked."""
         boxes = [box for box in scene.obstacles.tolist() if not _is_meant(box, scene.target)]
         order: list[list[int]] = []
         while boxes:
             order.append(boxes.pop(stream.integer(0, len(boxes) - 1)))
         notes = () if order else ("no element is known: the live desktop must name the candidates",)
-        return Draft(effects=(Effect("touch", {"boxes": order, "without_app": self.without_app}),), notes=notes)
+        return Draft(
+            effects=(Effect("touch", {"boxes": order, "without_app": self.without_app}),),
+            notes=notes,
+        )
 
 
 def _is_meant(box: list[int], target: Box | None) -> bool:
-    """Return whether a click into this element could be the one that the step means: it holds the target's centre."""
+    """Return whether a click into this element could be meant: it holds the target's centre."""
     if target is None:
         return False
-    x, y = (target[0] + target[2]) // 2, (target[1] + target[3]) // 2
+    x = (target[0] + target[2]) // 2
+    y = (target[1] + target[3]) // 2
     return box[0] <= x < box[2] and box[1] <= y < box[3]

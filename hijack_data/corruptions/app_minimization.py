@@ -1,4 +1,9 @@
-"""App minimization: every window vanishes to the panel (paper, Algorithm "App Minimization")."""
+"""App minimization: every window vanishes to the panel.
+
+The paper's Algorithm "App Minimization". Its effect on a live machine is
+`online_env/effects/app_minimization.py`, its look in recordings
+`pipelines/edits/app_minimization.py`.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,6 +24,8 @@ class AppMinimization(Corruption):
     name: ClassVar[str] = "app_minimization"
     category: ClassVar[Category] = "unexpected_operation"
     scope: ClassVar[Scope] = "transition"
+    effects: ClassVar[tuple[str, ...]] = ("minimise",)
+    pictures: ClassVar[tuple[str, ...]] = ("desktop", "wallpaper", "icon")
     paper: ClassVar[str] = "Algorithm 7 (App Minimization)"
     severities: ClassVar[tuple[Mapping[str, Any], ...]] = (
         {"step": 12},
@@ -30,6 +37,11 @@ class AppMinimization(Corruption):
 
     step: Steps = param(3, "The steps at which it happens", kind="steps", low=0)
 
-    def make_plan(self, scene: Scene, stream: Stream, step: int) -> Draft:
+    def make_plan(
+        self,
+        scene: Scene,
+        stream: Stream,
+        step: int,
+    ) -> Draft:
         """Show the desktop."""
         return Draft(effects=(Effect("minimise"),))

@@ -1,4 +1,7 @@
-"""Marks: shapes strewn over the screen, as screensavers and animations leave them (paper, Algorithm "Marks")."""
+"""Marks: shapes strewn over the screen, as screensavers and animations leave them.
+
+The paper's Algorithm "Marks".
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -34,22 +37,37 @@ class Marks(Corruption):
 
     number: int = param(50, "The number of marks", low=0, high=100_000)
     mark_size: int = param(20, "Half the side of a mark in pixels", low=1, high=4096)
-    mark_type: str = param("star", "The shape of the marks", choices=("star", "circle", "rectangle"))
+    mark_type: str = param(
+        "star", "The shape of the marks", choices=("star", "circle", "rectangle")
+    )
     color: str = param("red", "The colour of the marks", kind="color")
     avoid_elements: bool = param(
-        False, "Keep clear of interactive elements (the paper's overlap=True is avoid_elements=False)"
+        False,
+        "Keep clear of interactive elements (the paper's overlap=True is avoid_elements=False)",
     )
 
-    def make_plan(self, scene: Scene, stream: Stream, step: int) -> Draft:
+    def make_plan(
+        self,
+        scene: Scene,
+        stream: Stream,
+        step: int,
+    ) -> Draft:
         """Draw centres until `number` marks are placed or the attempts are used up."""
         boxes = scene.obstacles if self.avoid_elements else as_boxes(None)
         attempts = self.number * ATTEMPTS_PER_MARK
-        centres, used = place_disjoint(stream, scene.size, self.mark_size, self.number, attempts, boxes)
+        centres, used = place_disjoint(
+            stream, scene.size, self.mark_size, self.number, attempts, boxes
+        )
         notes = ()
         if len(centres) < self.number:
             notes = (f"placed {len(centres)} of {self.number} marks in {used} attempts",)
         if not centres:
             return Draft(notes=notes)
-        recipe = {"draw": "mark", "shape": self.mark_type, "size": self.mark_size, "color": self.color}
+        recipe = {
+            "draw": "mark",
+            "shape": self.mark_type,
+            "size": self.mark_size,
+            "color": self.color,
+        }
         at = tuple((x - self.mark_size, y - self.mark_size) for x, y in centres)
         return Draft(ops=(Paste(recipe, at),), notes=notes)

@@ -1,4 +1,8 @@
-"""Verification: the session is locked and asks for the password (paper, Algorithm "Verification")."""
+"""Verification: the session is locked and asks for the password.
+
+The paper's Algorithm "Verification". Its effect on a live machine is
+`online_env/effects/verification.py`, its look in recordings `pipelines/edits/verification.py`.
+"""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -18,10 +22,19 @@ class Verification(Corruption):
     name: ClassVar[str] = "verification"
     category: ClassVar[Category] = "environment_error"
     scope: ClassVar[Scope] = "state"
+    effects: ClassVar[tuple[str, ...]] = ("lock",)
+    pictures: ClassVar[tuple[str, ...]] = ("lock_screen", "lock_dialog")
     paper: ClassVar[str] = "Algorithm 9 (Verification)"
 
-    step: Steps = param(-1, "The step before which it happens; -1 is before the episode", kind="steps", low=-1)
+    step: Steps = param(
+        -1, "The step before which it happens; -1 is before the episode", kind="steps", low=-1
+    )
 
-    def make_plan(self, scene: Scene, stream: Stream, step: int) -> Draft:
+    def make_plan(
+        self,
+        scene: Scene,
+        stream: Stream,
+        step: int,
+    ) -> Draft:
         """Lock the session."""
         return Draft(effects=(Effect("lock"),))

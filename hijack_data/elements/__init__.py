@@ -1,4 +1,4 @@
-"""Where the interactive elements of a screen are: from its accessibility tree, from labels, or from the picture.
+"""Find the interactive elements of a screen: in its tree, in labels, or in the picture.
 
 `scene_from` is the usual way in; each source is a function of its own too, and returns `Elements`.
 """
@@ -12,9 +12,10 @@ from .base import Elements, image_pixels, image_size
 from .detector import boxes_from_picture
 from .labels import boxes_from_labels
 from .ocr import boxes_from_ocr
-from .tree import boxes_from_tree
+from .tree import AccessibleNode, boxes_from_tree, interactive_elements, nodes_from_tree
 
 __all__ = [
+    "AccessibleNode",
     "Elements",
     "boxes_from_labels",
     "boxes_from_ocr",
@@ -23,6 +24,8 @@ __all__ = [
     "elements_from",
     "image_pixels",
     "image_size",
+    "interactive_elements",
+    "nodes_from_tree",
     "scene_from",
 ]
 
@@ -35,17 +38,22 @@ def elements_from(
     labels: object = None,
     detect: Literal["picture", "ocr", "none"] = "picture",
 ) -> Elements:
-    """Find the elements of a screen from the best source there is: the tree, else the labels, else the picture.
+    """Find the elements of a screen: from the tree, or else the labels, or else the picture.
+
+    A bad tree or bad labels are an `ElementsError`, a bad picture is an `ImageError` or
+    `ImageTypeError`.
 
     Args:
-        image: the screenshot: `[H, W, 3]` uint8 (NumPy, JAX), `[3, H, W]` (torch) or a PIL image. Only `detect` reads
-            its pixels.
+        image: the screenshot: `[H, W, 3]` uint8 (NumPy, JAX), `[3, H, W]` (torch) or a PIL image.
+            Only `detect` reads its pixels.
         tree: accessibility XML in OSWorld's dialect; boxes are clipped to the picture.
         labels: recorded boxes in pixels, as `boxes_from_labels` takes them.
-        detect: what to do without tree and labels: `"picture"` (OpenCV), `"ocr"` (RapidOCR) or `"none"`.
+        detect: what to do without tree and labels: `"picture"` (OpenCV), `"ocr"` (RapidOCR) or
+            `"none"`.
 
-    Raises `UnknownNameError` for another `detect`, `ElementsError` for a bad tree or bad labels, `ImageError` and
-    `ImageTypeError` for a bad picture, `MissingDependencyError` if the detector is not installed.
+    Raises:
+        UnknownNameError: another `detect`.
+        MissingDependencyError: the detector is not installed.
     """
     if detect not in (*_DETECTORS, "none"):
         raise UnknownNameError(f"unknown detect {detect!r}{suggest(detect, (*_DETECTORS, 'none'))}")
@@ -74,8 +82,9 @@ def scene_from(
 ) -> Scene:
     """Make a scene of a screenshot: its size and its elements as `elements_from` finds them.
 
-    `apps` are the applications that the task uses, `target` the point or box that the step's action aims at. Raises
-    what `elements_from` raises, and `ParameterError` or `ParameterTypeError` for a bad target.
+    `apps` are the applications that the task uses, `target` the point or box that the step's action
+    aims at. Raises what `elements_from` raises, and `ParameterError` or `ParameterTypeError` for a
+    bad target.
     """
     elements = elements_from(image, tree, labels, detect)
     names = (apps,) if isinstance(apps, str) else tuple(apps)

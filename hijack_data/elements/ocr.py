@@ -1,4 +1,7 @@
-"""Lines of text read from the picture by RapidOCR (PP-OCR models that its wheel carries; nothing is downloaded)."""
+"""Read lines of text from the picture with RapidOCR.
+
+Its wheel carries the PP-OCR models; nothing is downloaded.
+"""
 
 import os
 from functools import lru_cache
@@ -12,20 +15,24 @@ from .base import Elements, image_pixels
 
 # RapidOCR shrinks what is larger than this.
 MAX_SIDE = 2000
-# What is lower or thinner than this is no screen; RapidOCR would fail on it, or blow it up without end.
-MIN_SIDE, MAX_RATIO = 8, 20
+# What is lower or thinner than this is no screen; RapidOCR would fail on it, or blow it up without
+# end.
+MIN_SIDE = 8
+MAX_RATIO = 20
 
 
 def boxes_from_ocr(image: object) -> Elements:
     """Find the lines of text of a screenshot, and what they say.
 
     Args:
-        image: one uint8 RGB picture: `[H, W, 3]`, a torch tensor `[3, H, W]` or a PIL image. RapidOCR shrinks what is
-            larger than `MAX_SIDE`, so small print on a 4K screen may be missed.
+        image: one uint8 RGB picture: `[H, W, 3]`, a torch tensor `[3, H, W]` or a PIL image.
+            RapidOCR shrinks what is larger than `MAX_SIDE`, so small print on a 4K screen may be
+            missed.
 
-    Returns one box a line, with the text as its name and the role `"text"`. The first call loads the models (about a
-    second), later calls in the same process reuse them. Raises `MissingDependencyError` without RapidOCR, `ImageError`
-    and `ImageTypeError` for what is not such a picture.
+    Returns one box a line, with the text as its name and the role `"text"`. The first call loads
+    the models (about a second), later calls in the same process reuse them. Raises
+    `MissingDependencyError` without RapidOCR, `ImageError` and `ImageTypeError` for what is not
+    such a picture.
     """
     pixels = image_pixels(image)
     height, width = pixels.shape[:2]
@@ -38,7 +45,9 @@ def boxes_from_ocr(image: object) -> Elements:
     places = np.asarray(corners, np.float64)
     boxes = np.concatenate([np.floor(places.min(1)), np.ceil(places.max(1))], 1)
     names = tuple(cast("tuple[str, ...]", found.txts))
-    return Elements(clip_boxes(as_boxes(boxes), (height, width)), names, ("text",) * len(names), "ocr")
+    return Elements(
+        clip_boxes(as_boxes(boxes), (height, width)), names, ("text",) * len(names), "ocr"
+    )
 
 
 @lru_cache(maxsize=1)
@@ -46,7 +55,9 @@ def _engine(process: int) -> Any:
     """The models, loaded once a process: an ONNX session does not survive a fork."""
     try:
         import onnxruntime  # noqa: F401  # pyright: ignore
-        from rapidocr import RapidOCR  # pyright: ignore[reportMissingTypeStubs, reportUnknownVariableType]
+        from rapidocr import (
+            RapidOCR,
+        )  # pyright: ignore[reportMissingTypeStubs, reportUnknownVariableType]
     except ImportError:
         raise extras.missing("reading text needs RapidOCR", "ocr") from None
     params = {

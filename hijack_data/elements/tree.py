@@ -1,16 +1,22 @@
-"""Elements from an accessibility tree in OSWorld's XML dialect.
+"""Read accessibility trees in OSWorld's XML dialect: all nodes, or the interactive elements.
 
-A tag is a role. States, places and sizes are attributes such as `st:showing="true"`, `cp:screencoord="(10, 20)"` and
-`cp:size="(30, 40)"`, in the namespaces `https://accessibility.<platform>.example.org/ns/state` and `.../ns/component`,
-where the platform is `ubuntu`, `windows` or `macos`. What each platform writes follows OSWorld's guest server.
+* `nodes_from_tree` returns every node, for callers that look for a label or a certain window.
+* `boxes_from_tree` returns the boxes of the elements that a user can act on, for planning.
+* `interactive_elements` makes that choice among nodes that a caller has filtered itself.
 
-A tree comes from a guest and is not trusted. Expat reads it in one pass, without a document in memory: a DOCTYPE ends
-the reading before any entity is declared, nothing outside the text is ever fetched, and bytes, depth and the digits of
-numbers are limited.
+The tag of a node is its role. States, places and sizes are attributes such as
+`st:showing="true"`, `cp:screencoord="(10, 20)"` and `cp:size="(30, 40)"`, in the namespaces
+`https://accessibility.<platform>.example.org/ns/state` and `.../ns/component`, where the platform
+is `ubuntu`, `windows` or `macos`. The conventions of each platform follow OSWorld's guest server.
+
+A tree comes from a guest and is not trusted. Expat reads it in one pass, without a document in
+memory: a DOCTYPE ends the reading before any entity is declared, nothing outside the text is ever
+fetched, and bytes, depth, the digits of numbers and the number of nodes returned are limited.
 """
 
 import re
 from collections import Counter
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import NoReturn
 from xml.parsers import expat
@@ -18,104 +24,255 @@ from xml.parsers import expat
 import numpy as np
 
 from ..errors import ElementsError
-from ..types import Box, Size, as_size
+from ..types import Box, Point, Size, as_size
 from .base import Elements
+from .roles import INTERACTIVE_ENDINGS, INTERACTIVE_ROLES
 
 MAX_BYTES = 50 * 2**20
 # OSWorld's servers stop at 50 levels.
 MAX_DEPTH = 10_000
-# AT-SPI places what is nowhere at -2**31.
+# The desktop's own guest server stops at about 10,000 nodes.
+MAX_NODES = 250_000
+# AT-SPI places an element without a position at -2**31.
 FAR = 2**30
-
-# Roles that a user can click, type into or drag, as AT-SPI, UI Automation and macOS call them, in lower case with `-`
-# between words. Containers (panel, section, list), plain labels and headings are left out.
-# fmt: off
-INTERACTIVE_ROLES = frozenset(
-    {
-        "autocomplete", "button", "cell", "check-box", "check-menu-item", "checkbox", "color-chooser",
-        "column-header", "combo-box", "combobox", "date-editor", "dial", "disclosure-triangle", "edit", "editbar",
-        "entry", "hotkey", "hyperlink", "icon", "incrementor", "link", "list-item", "listitem", "menu", "menu-item",
-        "menuitem", "page-tab", "password-text", "push-button", "push-button-menu", "radio-button", "radio-menu-item",
-        "row-header", "scroll-bar", "scrollbar", "search-box", "search-text-field", "secure-text-field", "slider",
-        "spin-button", "spinner", "stepper", "switch", "tab", "tabitem", "table-cell", "table-column-header",
-        "table-row-header", "tear-off-menu-item", "terminal", "text", "text-area", "text-entry-area", "text-field",
-        "toggle-button", "tree-item", "tree-table-cell", "treeitem",
-    }
-)
-# fmt: on
-# Windows names roles by window class and macOS by description, so an ending tells more than a list.
-INTERACTIVE_ENDINGS = ("button", "item", "edit", "textbox", "text-field", "checkbox", "combobox", "hyperlink")
 
 _PAIR = re.compile(r"\(\s*(-?[0-9]{1,10})\s*,\s*(-?[0-9]{1,10})\s*\)", re.ASCII)
 _TOO_LARGE = "the accessibility tree is {} bytes long; at most {} are read"
 
 
 class _Platform:
-    """How one platform writes an element. Attributes are `namespace}name`, as Expat gives them."""
+    """The attributes that one platform writes, as `namespace}name`, the way Expat reports them."""
 
     def __init__(
-        self, name: str, shown: tuple[str, ...], enabled: str, labels: tuple[str, ...], role: str = ""
+        self,
+        name: str,
+        *,
+        shown: tuple[str, ...],
+        enabled: str,
+        labels: tuple[str, ...] = ("name",),
+        role: str = "",
+        passive: str = "",
     ) -> None:
-        def attribute(path: str) -> str:
-            return f"https://accessibility.{name}.example.org/ns/{path}" if "}" in path else path
+        space = f"https://accessibility.{name}.example.org/ns/"
+        self.state = f"{space}state}}"
+        self.place = f"{space}component}}screencoord"
+        self.size = f"{space}component}}size"
+        self.shown = tuple(self.state + state for state in shown)
+        self.enabled = self.state + enabled
+        self.labels = tuple(space + label if "}" in label else label for label in labels)
+        self.role = space + role if role else ""
+        self.passive = passive
 
-        self.place, self.size = attribute("component}screencoord"), attribute("component}size")
-        self.shown = tuple(attribute(f"state}}{state}") for state in shown)
-        self.enabled = attribute(f"state}}{enabled}")
-        self.labels = tuple(attribute(label) for label in labels)
-        self.role = attribute(role)
-        # macOS describes static text as "text", the others an editable one.
-        self.passive = {"text"} if name == "macos" else set[str]()
 
-
-_PLATFORMS = (
-    _Platform("ubuntu", ("showing", "visible"), "enabled", ("name",)),
-    _Platform("windows", ("visible",), "enabled", ("name",), "class}friendly_class_name"),
-    _Platform("macos", (), "AXEnabled", ("name", "attributes}AXTitle", "attributes}AXDescription")),
+_UBUNTU = _Platform("ubuntu", shown=("showing", "visible"), enabled="enabled")
+_WINDOWS = _Platform(
+    "windows", shown=("visible",), enabled="enabled", role="class}friendly_class_name"
 )
+# macOS describes static text as "text"; on the other platforms that role is an editable text.
+_MACOS = _Platform(
+    "macos",
+    shown=(),
+    enabled="AXEnabled",
+    labels=("name", "attributes}AXTitle", "attributes}AXDescription"),
+    passive="text",
+)
+
+
+@dataclass(slots=True, eq=False, kw_only=True)
+class AccessibleNode:
+    """One node of an accessibility tree.
+
+    Attributes:
+        index: the position of the node in document order; the root has 0.
+        parent: the node above, `None` for the root.
+        depth: the number of nodes from the root to this one, both included; the root has 1.
+        application: the name of the ancestor (or of the node itself) directly below the root,
+            which stands for an application; `""` for the root.
+        application_index: the `index` of that ancestor, which tells applications of the same name
+            apart; `-1` for the root.
+        tag: the tag as written; that of a namespace is `namespace}name`.
+        attributes: every attribute; the key of one in a namespace is `namespace}name`.
+        text: the text before the first child; always `""` in nodes that `boxes_from_tree` reads.
+        line: the line of the start tag, from 1.
+        column: its column, from 1.
+    """
+
+    index: int
+    parent: "AccessibleNode | None" = field(repr=False)
+    depth: int
+    application: str
+    application_index: int
+    tag: str
+    attributes: dict[str, str]
+    line: int
+    column: int
+    text: str = ""
+
+    @property
+    def role(self) -> str:
+        """The role in lower case with `-` between words, such as `push-button`."""
+        return _roles(self, _platform_of(self))[0]
+
+    @property
+    def name(self) -> str:
+        """The name that the application gives it, as written; `""` without one."""
+        for label in _platform_of(self).labels:
+            if name := self.attributes.get(label):
+                return name
+        return ""
+
+    @property
+    def states(self) -> frozenset[str]:
+        """The states that are true, such as `{"showing", "visible", "focused"}`."""
+        prefix = _platform_of(self).state
+        return frozenset(
+            key.removeprefix(prefix)
+            for key, value in self.attributes.items()
+            if key.startswith(prefix) and value.lower() == "true"
+        )
+
+    @property
+    def shown(self) -> bool:
+        """Whether the node has all states that its platform gives to a node on the screen.
+
+        Those are `showing` and `visible` on Ubuntu, `visible` on Windows and none on macOS. An
+        element that another window covers may have them, too.
+        """
+        return _is_shown(_platform_of(self), self.attributes)
+
+    @property
+    def enabled(self) -> bool:
+        """Whether the node is not marked as disabled."""
+        return self.attributes.get(_platform_of(self).enabled, "").lower() != "false"
+
+    @property
+    def interactive(self) -> bool:
+        """Whether the role is one that a user can click, type into or drag."""
+        platform = _platform_of(self)
+        return _is_interactive(platform, _roles(self, platform))
+
+    @property
+    def box(self) -> Box | None:
+        """The box `xyxy` in pixels of the screen, whether the node is shown or not.
+
+        It is not clipped to the screen. `None` if the node has no place or no size, if they are
+        not two 32-bit integers each, or if the area is empty.
+        """
+        platform = _platform_of(self)
+        place = _pair(self.attributes.get(platform.place, ""))
+        size = _pair(self.attributes.get(platform.size, ""))
+        if place is None or size is None or min(size) < 1:
+            return None
+        return _box(place, size)
+
+    @property
+    def path(self) -> str:
+        """The tags from the root to the node, joined by `/`; at most the last six."""
+        tags: list[str] = []
+        node: AccessibleNode | None = self
+        while node is not None and len(tags) < 6:
+            tags.append(node.tag)
+            node = node.parent
+        return "/".join(reversed(tags))
+
+
+def nodes_from_tree(xml: str | bytes) -> list[AccessibleNode]:
+    """Read all nodes of an accessibility tree, in document order.
+
+    The first is the root; its children stand for applications. A malformed place is no error
+    here: such a node has no `box`. `ElementsError`, which names line and node, is raised if the
+    text is not XML, has a DOCTYPE, is too large or too deep, or has more than `MAX_NODES` nodes.
+
+    Args:
+        xml: the tree, text or bytes (UTF-8, or UTF-16 with its mark), at most `MAX_BYTES`.
+    """
+    found: list[AccessibleNode] = []
+
+    def keep(node: AccessibleNode) -> None:
+        if len(found) == MAX_NODES:
+            _refuse(node, f"has more than {MAX_NODES} nodes")
+        found.append(node)
+
+    _parse(xml, keep, with_text=True)
+    return found
 
 
 def boxes_from_tree(xml: str | bytes, size: Size | None = None) -> Elements:
     """Read the interactive elements of an accessibility tree.
 
-    Kept are the nodes whose role is in `INTERACTIVE_ROLES` (or ends like `INTERACTIVE_ENDINGS`) that say they are shown
-    (Ubuntu: `showing` and `visible`; Windows: `visible`), are not said to be disabled, and have a place and a size.
-    What another window hides may still say that it is shown: that is for the guest to sort out.
+    `ElementsError`, which names line and node, is raised if the text is not XML, has a DOCTYPE, is
+    too large or too deep, or has a place or size that is not two 32-bit integers.
 
     Args:
         xml: the tree, text or bytes (UTF-8, or UTF-16 with its mark), at most `MAX_BYTES`.
-        size: `(height, width)` of the screen in pixels; boxes are clipped to it. Without it they stay as they are.
+        size: `(height, width)` of the screen in pixels; boxes are clipped to it. Without it they
+            stay as they are.
 
-    Returns one box a node, in document order, with its name and role; notes count what was left out and why.
-
-    Raises `ElementsError`, with line and node, for what is not XML, has a DOCTYPE, is too large or too deep, or holds a
-    place or size that is not two 32-bit integers.
+    Returns:
+        The same as `interactive_elements` for all nodes of the tree.
     """
+    collector = _Collector(size)
+    _parse(xml, collector.add, with_text=False)
+    return collector.elements()
+
+
+def interactive_elements(nodes: Iterable[AccessibleNode], size: Size | None = None) -> Elements:
+    """Choose the nodes that a user can act on.
+
+    Kept are the nodes whose role is in `INTERACTIVE_ROLES` (or ends like `INTERACTIVE_ENDINGS`),
+    that are marked as shown (Ubuntu: `showing` and `visible`; Windows: `visible`), are not marked
+    as disabled, and have a place and a size. An element that another window covers may still be
+    marked as shown; only the guest can sort that out. `ElementsError`, which names line and node,
+    is raised for a place or size that is not two 32-bit integers.
+
+    Args:
+        nodes: nodes of one tree or several, for example of one application.
+        size: `(height, width)` of the screen in pixels; boxes are clipped to it. Without it they
+            stay as they are.
+
+    Returns:
+        One box for each node kept, in the order of `nodes`, with its name and role. The notes
+        count the nodes left out, by reason.
+    """
+    collector = _Collector(size)
+    for node in nodes:
+        collector.add(node)
+    return collector.elements()
+
+
+def _parse(xml: str | bytes, visit: Callable[[AccessibleNode], None], *, with_text: bool) -> None:
+    # Calls `visit` with each node at its start tag.
     parser = expat.ParserCreate("utf-8", "}")
-    reader = _Reader(parser, None if size is None else as_size(size))
-    parser.StartElementHandler = reader.start
-    parser.EndElementHandler = reader.end
-    parser.StartDoctypeDeclHandler = reader.refuse_doctype
+    handlers = _Handlers(parser, visit)
+    parser.StartElementHandler = handlers.start
+    parser.EndElementHandler = handlers.end
+    parser.StartDoctypeDeclHandler = handlers.refuse_doctype
+    if with_text:
+        parser.buffer_text = True
+        parser.CharacterDataHandler = handlers.characters
     try:
         parser.Parse(_utf8(xml), True)
     except expat.ExpatError as error:
         raise ElementsError(
-            f"the accessibility tree is not well-formed XML: line {error.lineno}, column {error.offset + 1}: "
-            f"{expat.ErrorString(error.code)}; give the whole text of the tree, in UTF-8"
+            f"the accessibility tree is not well-formed XML: line {error.lineno}, column"
+            f" {error.offset + 1}: {expat.ErrorString(error.code)}; give the whole text of the"
+            " tree, in UTF-8"
         ) from None
-    return reader.elements()
 
 
 def _utf8(xml: str | bytes) -> bytes:
-    """Return the tree as UTF-8, whatever its XML declaration says."""
+    # Always UTF-8, whatever the XML declaration claims.
     if not isinstance(xml, str | bytes):  # pyright: ignore[reportUnnecessaryIsInstance]
-        raise ElementsError(f"the accessibility tree must be text or bytes, got {type(xml).__name__}")
+        raise ElementsError(
+            f"the accessibility tree must be text or bytes, got {type(xml).__name__}"
+        )
     if len(xml) > MAX_BYTES:
         raise ElementsError(_TOO_LARGE.format(len(xml), MAX_BYTES))
     if isinstance(xml, bytes) and not xml.startswith((b"\xff\xfe", b"\xfe\xff")):
         return xml
     try:
-        data = (xml if isinstance(xml, str) else xml.decode("utf-16")).encode("utf-8")
+        text = xml if isinstance(xml, str) else xml.decode("utf-16")
+        data = text.encode("utf-8")
     except UnicodeError as error:
         raise ElementsError(f"the accessibility tree is not valid text: {error}") from None
     if len(data) > MAX_BYTES:
@@ -123,93 +280,212 @@ def _utf8(xml: str | bytes) -> bytes:
     return data
 
 
-@dataclass
-class _Reader:
-    """What one pass over a tree collects."""
+class _Handlers:
+    """What Expat calls; it knows the node that is open and how many there were."""
 
-    parser: expat.XMLParserType
-    screen: Size | None
-    path: list[str] = field(default_factory=list[str])
-    found: list[tuple[Box, str, str]] = field(default_factory=list[tuple[Box, str, str]])
+    def __init__(
+        self, parser: expat.XMLParserType, visit: Callable[[AccessibleNode], None]
+    ) -> None:
+        self._parser = parser
+        self._visit = visit
+        self._open: AccessibleNode | None = None
+        self._count = 0
+        self._takes_text = False
+
+    def start(self, tag: str, attributes: dict[str, str]) -> None:
+        parent = self._open
+        depth = 1 if parent is None else parent.depth + 1
+        application = ""
+        application_index = -1
+        if depth == 2:
+            application = attributes.get("name", "")
+            application_index = self._count
+        elif parent is not None:
+            application = parent.application
+            application_index = parent.application_index
+        node = AccessibleNode(
+            index=self._count,
+            parent=parent,
+            depth=depth,
+            application=application,
+            application_index=application_index,
+            tag=tag,
+            attributes=attributes,
+            line=self._parser.CurrentLineNumber,
+            column=self._parser.CurrentColumnNumber + 1,
+        )
+        if depth > MAX_DEPTH:
+            _refuse(node, f"is more than {MAX_DEPTH} levels deep")
+        self._visit(node)
+        self._open = node
+        self._count += 1
+        self._takes_text = True
+
+    def end(self, _: str) -> None:
+        if self._open is not None:
+            self._open = self._open.parent
+        self._takes_text = False
+
+    def characters(self, data: str) -> None:
+        if self._takes_text and self._open is not None:
+            self._open.text += data
+
+    def refuse_doctype(self, *_: object) -> None:
+        line = self._parser.CurrentLineNumber
+        column = self._parser.CurrentColumnNumber + 1
+        raise ElementsError(
+            "the accessibility tree has a DOCTYPE, which is refused; remove it"
+            f" (line {line}, column {column})"
+        )
+
+
+@dataclass
+class _Collector:
+    """The interactive elements found so far, and the reasons why others were left out."""
+
+    size: Size | None
+    boxes: list[Box] = field(default_factory=list[Box])
+    names: list[str] = field(default_factory=list[str])
+    roles: list[str] = field(default_factory=list[str])
     left_out: Counter[str] = field(default_factory=Counter[str])
     clipped: int = 0
 
-    def refuse(self, problem: str) -> NoReturn:
-        where = f"line {self.parser.CurrentLineNumber}, column {self.parser.CurrentColumnNumber + 1}"
-        node = "/".join(self.path[-6:])
-        raise ElementsError(f"the accessibility tree {problem} ({where}{', at ' + node[-200:] if node else ''})")
+    def __post_init__(self) -> None:
+        if self.size is not None:
+            self.size = as_size(self.size)
 
-    def refuse_doctype(self, *_: object) -> None:
-        self.refuse("has a DOCTYPE, which is refused; remove it")
-
-    def start(self, tag: str, attributes: dict[str, str]) -> None:
-        self.path.append(tag)
-        if len(self.path) > MAX_DEPTH:
-            self.refuse(f"is more than {MAX_DEPTH} levels deep")
-        platform = next((p for p in _PLATFORMS if p.place in attributes), _PLATFORMS[0])
-        roles = [r for r in (attributes.get(platform.role, ""), tag) if r]
-        roles = [r.rpartition("}")[2].lower().replace("_", "-").replace(" ", "-") for r in roles]
-        if not any(_interactive(role) and role not in platform.passive for role in roles):
+    def add(self, node: AccessibleNode) -> None:
+        platform = _platform_of(node)
+        roles = _roles(node, platform)
+        if not _is_interactive(platform, roles):
             return
-        place = self.place(platform, attributes)
+        place = self._place(node, platform)
         if isinstance(place, str):
             self.left_out[place] += 1
-        else:
-            name = next((attributes[label] for label in platform.labels if attributes.get(label)), "")
-            self.found.append((place, name.strip(), roles[0]))
+            return
+        self.boxes.append(place)
+        self.names.append(node.name.strip())
+        self.roles.append(roles[0])
 
-    def end(self, tag: str) -> None:
-        self.path.pop()
-
-    def place(self, platform: _Platform, attributes: dict[str, str]) -> Box | str:
-        """Return where a node is, clipped to the screen, or why it has no place there."""
-        if any(attributes.get(state, "").lower() != "true" for state in platform.shown):
+    def _place(self, node: AccessibleNode, platform: _Platform) -> Box | str:
+        """Return the box of a node, clipped to the screen, or why it has none there."""
+        attributes = node.attributes
+        if not _is_shown(platform, attributes):
             return "hidden"
-        if attributes.get(platform.enabled, "").lower() == "false":
+        if not node.enabled:
             return "disabled"
         if platform.place not in attributes or platform.size not in attributes:
             return "without a place or a size"
-        x, y = self.pair(attributes, platform.place)
-        width, height = self.pair(attributes, platform.size)
-        if width < 1 or height < 1:
+        place = _checked_pair(node, platform.place)
+        size = _checked_pair(node, platform.size)
+        if min(size) < 1:
             return "without an area"
-        box = (x, y, x + width, y + height)
-        bottom, right = self.screen or (FAR, FAR)
-        if box[2] <= 0 or box[3] <= 0 or x >= right or y >= bottom or min(box) < -FAR or max(box) > FAR:
+        box = _box(place, size)
+        if self._is_off_screen(box):
             return "off the screen"
-        return self.clip(box)
+        return self._clip(box)
 
-    def clip(self, box: Box) -> Box:
-        if self.screen is None:
+    def _is_off_screen(self, box: Box) -> bool:
+        bottom, right = self.size or (FAR, FAR)
+        x1, y1, x2, y2 = box
+        if x2 <= 0 or y2 <= 0 or x1 >= right or y1 >= bottom:
+            return True
+        return min(box) < -FAR or max(box) > FAR
+
+    def _clip(self, box: Box) -> Box:
+        if self.size is None:
             return box
-        height, width = self.screen
-        inside = (max(box[0], 0), max(box[1], 0), min(box[2], width), min(box[3], height))
-        self.clipped += inside != box
+        height, width = self.size
+        x1, y1, x2, y2 = box
+        inside = (max(x1, 0), max(y1, 0), min(x2, width), min(y2, height))
+        if inside != box:
+            self.clipped += 1
         return inside
 
-    def pair(self, attributes: dict[str, str], key: str) -> tuple[int, int]:
-        match = _PAIR.fullmatch(attributes[key])
-        first, second = (int(match[1]), int(match[2])) if match else (2**31, 2**31)
-        if not -(2**31) <= min(first, second) <= max(first, second) < 2**31:
-            value = attributes[key][:40]
-            self.refuse(f"has {key.rpartition('}')[2]}={value!r}: it must be two 32-bit integers, such as '(10, 20)'")
-        return first, second
-
     def elements(self) -> Elements:
-        total = len(self.found) + self.left_out.total()
+        boxes = np.array(self.boxes, np.int32).reshape(-1, 4)
+        notes = tuple(self._notes())
+        return Elements(boxes, tuple(self.names), tuple(self.roles), "tree", notes)
+
+    def _notes(self) -> list[str]:
+        lost = self.left_out.total()
+        total = len(self.boxes) + lost
+        if not total:
+            return ["the accessibility tree has no interactive node"]
         notes: list[str] = []
-        if self.left_out:
-            reasons = ", ".join(f"{count} {reason}" for reason, count in sorted(self.left_out.items()))
-            notes.append(f"left out {self.left_out.total()} of {total} interactive nodes: {reasons}")
+        if lost:
+            reasons = [f"{count} {reason}" for reason, count in sorted(self.left_out.items())]
+            notes.append(f"left out {lost} of {total} interactive nodes: {', '.join(reasons)}")
         if self.clipped:
             notes.append(f"clipped {self.clipped} boxes that reach over the edge of the screen")
-        if not total:
-            notes.append("the accessibility tree has no interactive node")
-        boxes = np.array([place for place, _, _ in self.found], np.int32).reshape(-1, 4)
-        names = tuple(name for _, name, _ in self.found)
-        roles = tuple(role for _, _, role in self.found)
-        return Elements(boxes, names, roles, "tree", tuple(notes))
+        return notes
 
 
-def _interactive(role: str) -> bool:
-    return role in INTERACTIVE_ROLES or role.endswith(INTERACTIVE_ENDINGS)
+def _refuse(node: AccessibleNode, problem: str) -> NoReturn:
+    raise ElementsError(
+        f"the accessibility tree {problem}"
+        f" (line {node.line}, column {node.column}, at {node.path[-200:]})"
+    )
+
+
+def _platform_of(node: AccessibleNode) -> _Platform:
+    if _UBUNTU.place in node.attributes:
+        return _UBUNTU
+    if _WINDOWS.place in node.attributes:
+        return _WINDOWS
+    if _MACOS.place in node.attributes:
+        return _MACOS
+    return _UBUNTU
+
+
+def _roles(node: AccessibleNode, platform: _Platform) -> list[str]:
+    """Return the names of a role: the friendly one, if the platform writes it, then the tag."""
+    tag = _role(node.tag)
+    friendly = node.attributes.get(platform.role)
+    return [_role(friendly), tag] if friendly else [tag]
+
+
+def _role(name: str) -> str:
+    return name.rpartition("}")[2].lower().replace("_", "-").replace(" ", "-")
+
+
+def _is_interactive(platform: _Platform, roles: list[str]) -> bool:
+    for role in roles:
+        known = role in INTERACTIVE_ROLES or role.endswith(INTERACTIVE_ENDINGS)
+        if known and role != platform.passive:
+            return True
+    return False
+
+
+def _is_shown(platform: _Platform, attributes: dict[str, str]) -> bool:
+    return all(attributes.get(state, "").lower() == "true" for state in platform.shown)
+
+
+def _box(place: Point, size: Point) -> Box:
+    x, y = place
+    width, height = size
+    return (x, y, x + width, y + height)
+
+
+def _pair(text: str) -> Point | None:
+    """Return the two 32-bit integers of `(10, 20)`, or `None`."""
+    match = _PAIR.fullmatch(text)
+    if not match:
+        return None
+    first = int(match[1])
+    second = int(match[2])
+    if min(first, second) < -(2**31) or max(first, second) >= 2**31:
+        return None
+    return first, second
+
+
+def _checked_pair(node: AccessibleNode, key: str) -> Point:
+    value = node.attributes[key]
+    pair = _pair(value)
+    if pair is None:
+        _refuse(
+            node,
+            f"has {key.rpartition('}')[2]}={value[:40]!r}: it must be two 32-bit integers, such"
+            " as '(10, 20)'",
+        )
+    return pair

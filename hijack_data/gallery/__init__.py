@@ -1,6 +1,7 @@
 """The gallery: one web page that shows what every corruption does to a few screenshots.
 
-The page is one file without a single outside request: it opens from a disk or an e-mail, with or without scripts.
+The page is one file without a single outside request: it opens from a disk or an e-mail, with or
+without scripts.
 """
 
 import os
@@ -10,8 +11,8 @@ from typing import Any, cast
 
 from ..corruption import get, names
 from ..errors import ParameterError, ParameterTypeError, shown
+from ..planner import Planner, as_planner
 from ..rng import Stream
-from ..safety import Planner
 from .board import Board, Detect, sample_id
 from .embed import MAX_SIDE
 from .sheet import contact_sheet
@@ -21,8 +22,13 @@ __all__ = ["Page", "contact_sheet", "gallery", "sample_id"]
 
 @dataclass(frozen=True)
 class Page:
-    """A finished page: its `html`, the `problems` that it shows in place of pictures, and how many
-    `pictures` could be read."""
+    """A finished page.
+
+    Attributes:
+        html: the whole page.
+        problems: the messages that it shows in place of pictures.
+        pictures: the number of pictures that could be read.
+    """
 
     html: str
     problems: tuple[str, ...] = ()
@@ -37,22 +43,22 @@ def gallery(
     detect: Detect = "picture",
     embed_width: int = 1280,
 ) -> Page:
-    """Make the gallery page of some picture files. The same arguments and files give the same bytes.
+    """Make the gallery page of some picture files.
 
-    Each picture is planned with its file name as the sample id (`sample_id`). A picture that cannot be read, and a
-    corruption that cannot be placed, become tiles that say so and entries of `problems`.
+    The same arguments and files give the same bytes. Each picture is planned with its file name as
+    the sample id (`sample_id`). A picture that cannot be read, or a corruption that cannot be
+    placed, becomes a tile with the reason and an entry of `problems`. An argument that is out of
+    range or of the wrong type, or no picture at all, is a `ParameterError` or `ParameterTypeError`,
+    another `detect` an `UnknownNameError`, a detector that is not installed a
+    `MissingDependencyError`.
 
     Args:
         images: paths of the pictures.
         seed: 0 to 2**64 - 1.
-        planners: what to show, by title; by default every registered corruption with its default parameters.
+        planners: what to show, by title; by default every registered corruption with its default
+            parameters.
         detect: how elements are found: `"picture"` (OpenCV), `"ocr"` or `"none"`.
         embed_width: wider pictures are scaled down to this many pixels for display, 16 to 16383.
-
-    Raises:
-        ParameterError, ParameterTypeError: an argument is out of range or of the wrong type, or there is no picture.
-        UnknownNameError: another `detect`.
-        MissingDependencyError: the detector is not installed.
     """
     Stream(seed, "gallery")  # refuses a seed that no plan could use, before any picture is read
     board = Board(_planners(planners), int(seed), detect, _width(embed_width))
@@ -80,12 +86,12 @@ def _planners(planners: object) -> dict[str, Planner]:
         return {name: get(name) for name in names()}
     if not isinstance(planners, Mapping) or not planners:
         raise ParameterTypeError(
-            f"planners must map titles to corruptions, such as {{'marks': Marks()}}, got {planners!r}"
+            "planners must map titles to corruptions, such as {'marks': Marks()}, got"
+            f" {planners!r}"
         )
     chosen = {str(title): planner for title, planner in cast("Mapping[Any, Any]", planners).items()}
     for title, planner in chosen.items():
-        if not hasattr(planner, "plan") or isinstance(planner, type):
-            raise ParameterTypeError(f"planners[{title!r}] must be a corruption such as Marks(), got {planner!r}")
+        as_planner(planner, f"planners[{title!r}] must be a corruption such as Marks()")
     return chosen
 
 

@@ -1,4 +1,8 @@
-"""Fill the page's templates: text is escaped unless it is `Html`, so markup in a file name stays text."""
+"""Markup of pages: the one place where templates are filled.
+
+Values are escaped unless they are `Html`, so markup in a file name stays text. The templates are
+those of the standard library's `string.Template`.
+"""
 
 import html
 import json
@@ -23,14 +27,26 @@ def source(name: str) -> str:
 
 
 def clean(text: str) -> str:
-    """Return `text` as it can be encoded in UTF-8: a file name's stray bytes become `?`."""
+    """Return `text` as it can be encoded in UTF-8: undecodable bytes of a file name become `?`."""
     return text.encode("utf-8", "replace").decode("utf-8")
 
 
-def fill(template: str, **values: object) -> Html:
-    """Fill the `$names` of `page/<template>`; values are escaped for text and attributes unless they are `Html`."""
-    safe = {k: v if isinstance(v, Html) else html.escape(clean(str(v))) for k, v in values.items()}
-    return Html(Template(source(template)).substitute(safe))
+def escape(value: object) -> Html:
+    """Return a value as text that is safe in elements and attributes; `Html` stays as it is."""
+    if isinstance(value, Html):
+        return value
+    return Html(html.escape(clean(str(value))))
+
+
+def fill(template: str, /, **values: object) -> Html:
+    """Fill the `$names` of the file `page/<template>` with escaped values."""
+    return fill_text(source(template), **values)
+
+
+def fill_text(text: str, /, **values: object) -> Html:
+    """Fill the `$names` of a template that is given as text with escaped values."""
+    safe = {name: escape(value) for name, value in values.items()}
+    return Html(Template(text).substitute(safe))
 
 
 def join(parts: Sequence[Html]) -> Html:
@@ -40,35 +56,61 @@ def join(parts: Sequence[Html]) -> Html:
 
 def wrap(tag: str, texts: Sequence[str]) -> Html:
     """Put each text, escaped, into an element of its own: `<li>..</li><li>..</li>`."""
-    return Html("".join(f"<{tag}>{html.escape(clean(text))}</{tag}>" for text in texts))
+    return Html("".join(f"<{tag}>{escape(text)}</{tag}>" for text in texts))
 
 
 def script_json(data: object) -> Html:
     """Return JSON that no HTML parser can take for the end of its script element."""
-    text = json.dumps(data, separators=(",", ":"), sort_keys=True)
-    return Html(text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"))
+    text = json.dumps(
+        data,
+        separators=(",", ":"),
+        sort_keys=True,
+    )
+    for character in "<>&":
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    return Html(text)
 
 
 def pretty(data: object, indent: int = 0) -> str:
-    """Return JSON for people: what fits on a line stays on it. Parses back to the same data."""
-    flat = json.dumps(data, ensure_ascii=False, sort_keys=True).encode("utf-8", "backslashreplace").decode("utf-8")
+    """Return JSON for people: short lists and objects stay on one line.
+
+    It parses back to the same data.
+    """
+    text = json.dumps(
+        data,
+        ensure_ascii=False,
+        sort_keys=True,
+    )
+    flat = text.encode("utf-8", "backslashreplace").decode("utf-8")
     if len(flat) + indent <= LINE or not isinstance(data, dict | list) or not data:
         return flat
-    pad, end = " " * (indent + 2), " " * indent
+    inner = indent + 2
     if isinstance(data, dict):
         items = sorted(cast("Mapping[str, Any]", data).items())
-        rows = [f"{json.dumps(key)}: {pretty(value, indent + 2)}" for key, value in items]
-        return "{\n" + ",\n".join(pad + row for row in rows) + f"\n{end}}}"
-    rows = _packed([pretty(item, indent + 2) for item in cast("list[Any]", data)], LINE - indent - 2)
-    return "[\n" + ",\n".join(pad + row for row in rows) + f"\n{end}]"
+        rows = [f"{json.dumps(key)}: {pretty(value, inner)}" for key, value in items]
+        return _block("{", rows, "}", indent)
+    parts = [pretty(item, inner) for item in cast("list[Any]", data)]
+    return _block("[", _packed(parts, LINE - inner), "]", indent)
+
+
+def _block(
+    start: str,
+    rows: list[str],
+    end: str,
+    indent: int,
+) -> str:
+    pad = " " * (indent + 2)
+    lines = ",\n".join(pad + row for row in rows)
+    return f"{start}\n{lines}\n{' ' * indent}{end}"
 
 
 def _packed(items: list[str], width: int) -> list[str]:
     """Put as many short items on a line as fit."""
     rows: list[str] = []
     for item in items:
-        if rows and len(rows[-1]) + len(item) + 2 <= width and "\n" not in rows[-1] + item:
-            rows[-1] += f", {item}"
+        joined = f"{rows[-1]}, {item}" if rows else ""
+        if joined and len(joined) <= width and "\n" not in joined:
+            rows[-1] = joined
         else:
             rows.append(item)
     return rows

@@ -1,4 +1,4 @@
-"""How to make a plan again: the Python line and the command, shown only when they really give the same plan."""
+"""The Python line and the command that make a plan again, if there are any."""
 
 import json
 import shlex
@@ -10,26 +10,40 @@ from ..corruption import Corruption, from_plan, get
 from ..errors import HijackError
 from ..params import Every, parameters, to_json
 from ..plan import Plan
-from ..safety import Planner
+from ..planner import Planner
 from ..types import Scene
 
 
 def maker(plan: Plan) -> Corruption | None:
-    """Return the corruption that a plan names, or `None` for a sequence or a planner of the user's own."""
+    """Return the corruption that a plan names, or `None` for a sequence or any other planner."""
     try:
         return from_plan(plan)
     except HijackError:
         return None
 
 
-def python_call(plan: Plan, scene: Scene, seed: int, sample: str, *, composited: bool = False) -> str | None:
-    """Return the line of Python that makes `plan`, or `None` when no call of registered corruptions does.
+def python_call(
+    plan: Plan,
+    scene: Scene,
+    seed: int,
+    sample: str,
+    *,
+    composited: bool = False,
+) -> str | None:
+    """Return the line of Python that makes `plan`, or `None` if registered corruptions cannot.
 
     With `composited`, the line gives the plan with the operations that show its effect.
     """
     try:
         planner, source = _planner(plan)
-        same = planner.plan(scene, seed=seed, sample=sample) == plan
+        same = (
+            planner.plan(
+                scene,
+                seed=seed,
+                sample=sample,
+            )
+            == plan
+        )
     except HijackError:
         return None
     key = f"seed={seed}, sample={_literal(sample)}"
@@ -39,10 +53,16 @@ def python_call(plan: Plan, scene: Scene, seed: int, sample: str, *, composited:
     return f"composite({line}, picture, scene, {key}).plan" if composited else line
 
 
-def cli_call(plan: Plan, seed: int, sample: str, *, detected: bool = True) -> str | None:
-    """Return the command that corrupts the picture `sample` alike, or `None` when the command line cannot say it.
+def cli_call(
+    plan: Plan,
+    seed: int,
+    sample: str,
+    *,
+    detected: bool = True,
+) -> str | None:
+    """Return the command that corrupts the picture `sample` alike, or `None` if there is none.
 
-    `detected` tells whether the scene has the elements that the command finds by itself.
+    `detected` is whether the scene has the elements that the command finds by itself.
     """
     corruption = maker(plan)
     if corruption is None or (uses_elements(corruption) and not detected):
@@ -51,14 +71,15 @@ def cli_call(plan: Plan, seed: int, sample: str, *, detected: bool = True) -> st
     if None in settings.values():
         return None
     path = f"./{sample}" if sample.startswith("-") else sample
-    words = ["hijack", "apply", path, corruption.name, "-o", "out.png", "--seed", str(seed), f"--sample={sample}"]
+    words = ["hijack", "apply", path, corruption.name, "-o", "out.png"]
+    words += ["--seed", str(seed), f"--sample={sample}"]
     for key, text in settings.items():
         words += ["--set", f"{key}={text}"]
     return shlex.join(words)
 
 
 def schedule(corruption: Corruption) -> str:
-    """Say when a corruption acts."""
+    """Return the steps at which a corruption acts, as text."""
     match corruption.steps:
         case None:
             return "at every step"
@@ -71,7 +92,7 @@ def schedule(corruption: Corruption) -> str:
 
 
 def _planner(plan: Plan) -> tuple[Planner, str]:
-    """Return the planner that a plan names and its source."""
+    """Return the planner that a plan names, and its source code."""
     if "+" not in plan.corruption:
         only = from_plan(plan)
         return only, _source(only)
@@ -95,7 +116,7 @@ def _literal(value: Any) -> str:
 
 
 def _setting(value: Any) -> str | None:
-    """Write a value as `--set` reads it: a text as it is, with `\\n` for a line break, anything else as YAML."""
+    # As `--set` reads it: a text as it is, with an escaped line break, anything else as YAML.
     if not isinstance(value, str):
         return json.dumps(value)
     return None if "\\n" in value else value.replace("\n", "\\n")

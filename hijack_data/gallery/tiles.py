@@ -1,6 +1,6 @@
-"""The parts of the page: a tile with before and after, a tile with a message, a card for an effect."""
+"""The parts of the page: a tile with before and after, and a tile with a message."""
 
-import html
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,18 +8,30 @@ from ..composites import Composite
 from ..kernels import lower
 from ..plan import Paste, Plan
 from ..safety import Safety
-from ..types import Scene
+from ..types import Scene, Size
 from .embed import Embedded, caption
-from .markup import Html, clean, fill, join, pretty, wrap
+from .markup import Html, escape, fill, join, pretty, wrap
 from .remake import cli_call, maker, python_call, schedule
 
 # Percent of the width between the divider and what was painted.
 DIVIDER = 2
 
 
-@dataclass(frozen=True, eq=False)
-class Shot:
-    """One picture of the gallery, shown at `scale`; `detected` if the scene is what the command line would see."""
+@dataclass(
+    frozen=True,
+    eq=False,
+)
+class GalleryPicture:
+    """One picture of the gallery.
+
+    Attributes:
+        index: its place on the page.
+        name: its sample id.
+        scene: its size and elements.
+        scale: the factor at which it is shown.
+        seed: the seed of all plans.
+        detected: whether the scene is the one that the command line would find.
+    """
 
     index: int
     name: str
@@ -29,12 +41,24 @@ class Shot:
     detected: bool
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(
+    frozen=True,
+    eq=False,
+)
 class Tile:
-    """One corruption of one picture; `number` is the corruption's place among the filters.
+    """One corruption of one picture.
 
-    `planned` is what the corruption gave: `plan` itself, or where it acts on the machine, the plan of which `made` is
-    the picture.
+    Attributes:
+        index: its place on the page.
+        title: the title of the corruption.
+        number: the place of the corruption among the filters.
+        plan: the plan that made the picture.
+        safety: what still shows of the elements.
+        after: the corrupted picture.
+        painted: the rectangles that the plan painted, `xyxy`.
+        planned: the plan of the corruption: `plan` itself, or, for a corruption of the machine,
+            the plan of the effect that `made` shows.
+        made: the picture of the effect, for a corruption of the machine.
     """
 
     index: int
@@ -49,24 +73,41 @@ class Tile:
 
 
 def painted(plan: Plan) -> list[list[int]]:
-    """Return the rectangles that a plan paints, `xyxy` in pixels of the screen; a resize paints nothing."""
-    (height, width), now = plan.size, plan.size
+    """Return the rectangles that a plan paints, `xyxy` in pixels of the screen.
+
+    A resize paints nothing.
+    """
+    height, width = plan.size
+    now = plan.size
     boxes: list[list[int]] = []
     for op in plan.ops:
-        if not isinstance(op, Paste):
+        if isinstance(op, Paste):
+            boxes += _painted_by(op, now, width / now[1], height / now[0])
+        else:
             now = op.size
-            continue
-        sx, sy = width / now[1], height / now[0]
-        for stamp in lower(op, now):
-            h, w = stamp.sprite.size
-            for y, x in zip(stamp.ys.tolist(), stamp.xs.tolist(), strict=True):
-                boxes.append([round(x * sx), round(y * sy), round((x + w) * sx), round((y + h) * sy)])
     return boxes
 
 
-def tile(shown: Tile, shot: Shot) -> Html:
+def _painted_by(
+    op: Paste,
+    size: Size,
+    sx: float,
+    sy: float,
+) -> Iterator[list[int]]:
+    for stamp in lower(op, size):
+        h, w = stamp.sprite.size
+        for y, x in zip(stamp.ys.tolist(), stamp.xs.tolist(), strict=True):
+            left = round(x * sx)
+            top = round(y * sy)
+            right = round((x + w) * sx)
+            bottom = round((y + h) * sy)
+            yield [left, top, right, bottom]
+
+
+def tile(shown: Tile, shot: GalleryPicture) -> Html:
     """Return the tile of a corruption that changes the picture."""
-    plan, after = shown.plan, shown.after
+    plan = shown.plan
+    after = shown.after
     return fill(
         "tile.html",
         index=shown.index,
@@ -92,27 +133,44 @@ def tile(shown: Tile, shot: Shot) -> Html:
     )
 
 
-def message_tile(title: str, message: str, number: int | None) -> Html:
-    """Return a tile that says why there is no picture; without a `number` no filter hides it."""
-    return fill("message.html", title=title, message=message, number="" if number is None else number)
+def message_tile(
+    title: str,
+    message: str,
+    number: int | None,
+) -> Html:
+    """Return a tile with a message in place of a picture; without a `number` no filter hides it."""
+    shown_number = "" if number is None else number
+    return fill(
+        "message.html",
+        title=title,
+        message=message,
+        number=shown_number,
+    )
 
 
 def _start(boxes: list[list[int]], width: int) -> int:
-    """Return where the divider begins, in percent: left of all that was painted, at the edge if that begins there."""
+    """Return the first position of the divider in percent: left of everything painted."""
     if not boxes:
         return 50
     left = min(box[0] for box in boxes)
-    return min(90, max(0, 100 * left // width - DIVIDER))
+    percent = 100 * left // width - DIVIDER
+    return min(90, max(0, percent))
 
 
-def _figures(shown: Tile, shot: Shot) -> Html:
-    """Return the figures of a tile; of an effect also how true its picture is, and when it happens."""
-    safety, total = shown.safety, shown.plan.out_size[0] * shown.plan.out_size[1]
+def _figures(shown: Tile, shot: GalleryPicture) -> Html:
+    """Return the figures of a tile; for an effect also its time and the fidelity of its picture."""
+    safety = shown.safety
+    height, width = shown.plan.out_size
+    changed_share = safety.changed_pixels / (height * width)
     covered = f"{len(safety.covered)} of {len(shot.scene.boxes)}"
     resized = shown.plan.out_size != shown.plan.size
     changed = "all, resized" if resized else f"{safety.changed_pixels:,}"
-    share = f"{100 * safety.changed_pixels / total:.1f} %"
-    rows = [("Elements covered", covered), ("Pixels changed", changed), ("Share of the screen", share)]
+    share = f"{100 * changed_share:.1f} %"
+    rows = [
+        ("Elements covered", covered),
+        ("Pixels changed", changed),
+        ("Share of the screen", share),
+    ]
     return _rows([*rows, *_effect(shown)])
 
 
@@ -125,28 +183,52 @@ def _effect(shown: Tile) -> list[tuple[str, str]]:
     return [("Effect on the machine", kinds), *when, ("Fidelity", shown.made.fidelity)]
 
 
-def _remake(shown: Tile, shot: Shot) -> Html:
-    plan, scene = shown.planned, shot.scene
+def _remake(shown: Tile, shot: GalleryPicture) -> Html:
+    plan = shown.planned
+    scene = shot.scene
     calls = [
-        ("Python", python_call(plan, scene, shot.seed, shot.name, composited=shown.made is not None)),
+        (
+            "Python",
+            python_call(plan, scene, shot.seed, shot.name, composited=shown.made is not None),
+        ),
         ("Command line", cli_call(plan, shot.seed, shot.name, detected=shot.detected)),
     ]
-    lines = [fill("code.html", what=what, text=text) for what, text in calls if text]
+    lines = [
+        fill(
+            "code.html",
+            what=what,
+            text=text,
+        )
+        for what, text in calls
+        if text
+    ]
     return join([*lines, _parameters(plan)])
 
 
 def _parameters(plan: Plan) -> Html:
-    rows = [(key, value if isinstance(value, str) else pretty(value)) for key, value in plan.params.items()]
-    return fill("parameters.html", rows=_rows(rows)) if rows else Html()
+    if not plan.params:
+        return Html()
+    rows: list[tuple[str, str]] = []
+    for key, value in plan.params.items():
+        rows.append((key, value if isinstance(value, str) else pretty(value)))
+    return fill("parameters.html", rows=_rows(rows))
 
 
 def _plan(plan: Plan) -> Html:
-    return fill("plan.html", digest=plan.digest(), short=plan.digest()[:12], text=pretty(plan.to_data()))
+    digest = plan.digest()
+    return fill(
+        "plan.html",
+        digest=digest,
+        short=digest[:12],
+        text=pretty(plan.to_data()),
+    )
 
 
 def _category(plan: Plan) -> str:
     corruption = maker(plan)
-    return _words(corruption.category) if corruption else plan.corruption.replace("+", " + ")
+    if corruption is None:
+        return plan.corruption.replace("+", " + ")
+    return _words(corruption.category)
 
 
 def _words(name: str) -> str:
@@ -155,5 +237,5 @@ def _words(name: str) -> str:
 
 def _rows(rows: list[tuple[str, Any]]) -> Html:
     """Return pairs as the rows of a definition list."""
-    cells = [(html.escape(clean(str(k))), html.escape(clean(str(v)))) for k, v in rows]
-    return Html("".join(f"<div><dt>{key}</dt><dd>{value}</dd></div>" for key, value in cells))
+    cells = [f"<div><dt>{escape(key)}</dt><dd>{escape(value)}</dd></div>" for key, value in rows]
+    return Html("".join(cells))

@@ -5,10 +5,10 @@
 >>> half = hj.Resolution(scale=0.5).plan(hj.Scene(size=(1080, 1920)), seed=1)
 >>> Labels({"bbox": "xywh", "click": "point"}).follow(half, {"bbox": [100, 200, 30, 40], "click": (110, 220)})
 {'bbox': [50, 100, 15, 20], 'click': (55, 110)}
-"""
+"""  # noqa: E501
 
-from .base import Format, Move, Place
+from .base import Format, Location, Move
 from .declared import Declared, Labels
 from .formats import ALIASES, FORMATS, format_of
 
-__all__ = ["ALIASES", "FORMATS", "Declared", "Format", "Labels", "Move", "Place", "format_of"]
+__all__ = ["ALIASES", "FORMATS", "Declared", "Format", "Labels", "Location", "Move", "format_of"]

@@ -9,13 +9,13 @@ from ..actions import RESIZED_DIALECTS, Scaling, map_typed, parse_actions
 from ..coords import CoordMap, smart_resize
 from ..errors import LabelError, shown
 from ..types import ACTION_TYPES, Action, Size, are_fractions
-from .base import Format, Move, Place
+from .base import Format, Location, Move
 
 ACTION_KEYS = tuple(field.name for field in fields(Action))
 
 
 def is_own_action(value: object) -> bool:
-    """Return whether a value is an `Action`, or a dictionary that can only be one of ours: a row's `action`."""
+    """Return whether a value is an `Action`, or the dictionary of one, as in a dataset row."""
     if isinstance(value, Action):
         return True
     if not isinstance(value, Mapping):
@@ -25,13 +25,17 @@ def is_own_action(value: object) -> bool:
 
 
 def own_action(value: object) -> Action:
-    """Return an own action as an `Action`. Raises `LabelError`."""
+    """Return an `Action`, or the dictionary of one, as an `Action`.
+
+    Raises:
+        LabelError: it is anything else.
+    """
     if isinstance(value, Action):
         return value
     if not is_own_action(value):
         raise LabelError(
-            f"must be an Action, or a dictionary of {', '.join(ACTION_KEYS)} with a type of {', '.join(ACTION_TYPES)}; "
-            f"got {shown(value)}"
+            f"must be an Action, or a dictionary of {', '.join(ACTION_KEYS)} with a type of"
+            f" {', '.join(ACTION_TYPES)}; got {shown(value)}"
         )
     given: dict[str, Any] = dict(cast("Mapping[str, Any]", value))
     keys = given.pop("keys", None)
@@ -39,42 +43,67 @@ def own_action(value: object) -> Action:
 
 
 def moved_own(value: Any, move: Move) -> Any:
+    """Return an action of ours, or several, as they are after a `Move`; `None` stays.
+
+    Raises:
+        LabelError: it is anything else, or its points are fractions.
+    """
     if value is None:
         return None
     if isinstance(value, list | tuple):
-        parts = [moved_own(part, move) for part in cast("list[Any]", value)]
-        return tuple(parts) if isinstance(value, tuple) else parts
+        return _map_parts(value, lambda part: moved_own(part, move))
     action = own_action(value)
-    points = {"x": action.x, "y": action.y, "x2": action.x2, "y2": action.y2}
-    if are_fractions([v for v in points.values() if v is not None]):
-        raise LabelError(f"points at {[v for v in points.values() if v is not None]}, which are fractions, not pixels")
-    scale = {"x": move.scaling.x, "y": move.scaling.y, "x2": move.scaling.x, "y2": move.scaling.y}
-    moved = {key: scale[key](point) for key, point in points.items() if point is not None}
+    keys = [key for key in ("x", "y", "x2", "y2") if getattr(action, key) is not None]
+    numbers = [getattr(action, key) for key in keys]
+    if are_fractions(numbers):
+        raise LabelError(f"points at {numbers}, which are fractions, not pixels")
+    moved: dict[str, Any] = {}
+    for key, number in zip(keys, numbers, strict=True):
+        scale = move.scaling.x if key in ("x", "x2") else move.scaling.y
+        moved[key] = scale(number)
     if isinstance(value, Action):
         return replace(value, **moved)
-    return {**cast("Mapping[str, Any]", value), **moved}
+    return {
+        **cast("Mapping[str, Any]", value),
+        **moved,
+    }
 
 
-def own_places(value: Any, size: Size) -> list[Place]:
+def _map_parts(value: Any, change: Callable[[Any], Any]) -> Any:
+    """Apply `change` to the parts of a list or tuple."""
+    parts = [change(part) for part in cast("list[Any]", value)]
+    return tuple(parts) if isinstance(value, tuple) else parts
+
+
+def own_places(value: Any, size: Size) -> list[Location]:
+    """Return where an action of ours, or each of several, points."""
     if value is None:
         return []
     if isinstance(value, list | tuple):
-        return [place for part in cast("list[Any]", value) for place in own_places(part, size)]
+        found: list[Location] = []
+        for part in cast("list[Any]", value):
+            found += own_places(part, size)
+        return found
     action = own_action(value)
-    return [] if action.point is None else [Place(action.point, action.end)]
+    if action.point is None:
+        return []
+    return [Location(action.point, action.end)]
 
 
 def dialect_format(dialect: str) -> Format:
+    """Return the format of the actions of a dialect of `hijack_data.actions`."""
+
     def scaling_of(move: Move) -> Scaling:
         if dialect in RESIZED_DIALECTS:  # written in pixels of the picture as the model is given it
             return Scaling(smart_resize(*move.before), smart_resize(*move.after), bounded=True)
         return move.scaling
 
     def moved(value: Any, move: Move) -> Any:
-        return _each_action(value, dialect, lambda action: map_typed(action, dialect, scaling_of(move)))
+        scaling = scaling_of(move)
+        return _each_action(value, dialect, lambda action: map_typed(action, dialect, scaling))
 
-    def places(value: Any, size: Size) -> list[Place]:
-        found: list[Place] = []
+    def places(value: Any, size: Size) -> list[Location]:
+        found: list[Location] = []
 
         def collect(action: Any) -> Any:
             seen = smart_resize(*size) if dialect in RESIZED_DIALECTS else size
@@ -82,7 +111,7 @@ def dialect_format(dialect: str) -> Format:
                 if one.point is None:
                     continue
                 back = CoordMap(seen, size).action_to_screen(one)
-                found.append(Place(cast("tuple[float, ...]", back.point), back.end))
+                found.append(Location(cast("tuple[float, ...]", back.point), back.end))
             return action
 
         _each_action(value, dialect, collect)
@@ -91,20 +120,25 @@ def dialect_format(dialect: str) -> Format:
     return Format(dialect, moved, places)
 
 
-def _each_action(value: Any, dialect: str, change: Callable[[Any], Any]) -> Any:
-    """Apply `change` to an action or to each of several; JSON text stays JSON text, bytes stay bytes."""
+def _each_action(
+    value: Any,
+    dialect: str,
+    change: Callable[[Any], Any],
+) -> Any:
+    # To an action or to each of several; JSON text stays JSON text, bytes stay bytes.
     if value is None:
         return None
     if isinstance(value, bytes):
-        return cast(str, _each_action(value.decode("utf-8"), dialect, change)).encode("utf-8")
+        text: str = _each_action(value.decode("utf-8"), dialect, change)
+        return text.encode("utf-8")
     if isinstance(value, list | tuple):
-        parts = [_each_action(part, dialect, change) for part in cast("list[Any]", value)]
-        return tuple(parts) if isinstance(value, tuple) else parts
+        return _map_parts(value, lambda part: _each_action(part, dialect, change))
     written_as_json = isinstance(value, str) and dialect in ("openai", "anthropic", "computer_13")
     if not written_as_json or value.strip() in ("WAIT", "FAIL", "DONE"):
         return change(value)
     try:
         data = json.loads(value)
     except ValueError as error:
-        raise LabelError(f"is no action of {dialect}: {shown(value)} is not JSON ({error})") from None
+        problem = f"{shown(value)} is not JSON ({error})"
+        raise LabelError(f"is not an action of {dialect}: {problem}") from None
     return json.dumps(_each_action(data, dialect, change), ensure_ascii=False)

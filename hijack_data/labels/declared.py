@@ -8,18 +8,20 @@ from ..errors import HijackError, LabelError, ParameterError, ParameterTypeError
 from ..plan import Plan
 from ..types import Size
 from .actions import is_own_action
-from .base import Format, Move, Place
+from .base import Format, Location, Move
 from .boxes import box_format
 from .formats import FORMATS, LEAVE, format_of, moved_as, places_of
 from .rows import PROVENANCE, is_row, moved_code
 from .undeclared import explained, find_undeclared, how_to_declare
 
-Sample: TypeAlias = Mapping[str, Any]
+SampleDict: TypeAlias = Mapping[str, Any]
 Declared: TypeAlias = Mapping[str, str | None]
 
-# Entries that have a meaning of their own in every sample, and how they are written unless something else is declared.
+# Entries that have a meaning of their own in every sample, and how they are written unless
+# something else is declared.
 OWN = ("target", "target_box", "elements", "action", "action_code")
-_ELEMENTS = box_format("xyxy", 0, anywhere=True)  # of a tree, some lie where one would have to scroll
+# of a tree, some lie where one would have to scroll
+_ELEMENTS = box_format("xyxy", 0, anywhere=True)
 # Entries that say which sample it is, and are never labels.
 KEYS = ("id", "step", "epoch", "plan")
 
@@ -28,26 +30,31 @@ class Labels:
     """Which entries of a sample are labels, and how they are written.
 
     Args:
-        declared: for each entry the name of its format (`hijack_data.labels.formats` lists them), or `None` to leave it
-            as it is. An entry inside another is named by a path: `"objects.bbox"`; where a list is on the way, it
-            counts for each of its parts.
-        target: the declared entry at which the sample aims: what has to show under `label_policy="avoid"`. By default
-            `target`, else `target_box`, else the point of the action, else the one declared point or box.
+        declared: for each entry the name of its format (`hijack_data.labels.formats` lists them),
+            or `None` to leave it as it is. An entry inside another is named by a path:
+            `"objects.bbox"`; where a list is on the way, it counts for each of its parts.
+        target: the declared entry at which the sample aims: what has to show under
+            `label_policy="avoid"`. By default `target`, else `target_box`, else the point of the
+            action, else the one declared point or box.
 
-    Raises `UnknownNameError` for a format that does not exist, `ParameterError` and `ParameterTypeError` for what is no
-    declaration.
+    A format that does not exist is an `UnknownNameError`, anything that is not a declaration a
+    `ParameterError` or `ParameterTypeError`.
     """
 
     def __init__(self, declared: Declared | None = None, target: str | None = None) -> None:
         if declared is not None and not isinstance(cast(object, declared), Mapping):
-            raise ParameterTypeError(f"labels must be a dictionary such as {{'bbox': 'xyxy'}}, got {declared!r}")
-        wrong = next((key for key in declared or () if not isinstance(cast(object, key), str)), None)
-        if wrong is not None:
-            raise ParameterTypeError(f"labels: {wrong!r} is no name of an entry; give strings")
-        self.declared = {key: format_of(name) for key, name in (declared or {}).items()}
+            raise ParameterTypeError(
+                f"labels must be a dictionary such as {{'bbox': 'xyxy'}}, got {declared!r}"
+            )
+        given = declared or {}
+        for key in given:
+            if not isinstance(cast(object, key), str):
+                raise ParameterTypeError(f"labels: {key!r} is no name of an entry; give strings")
+        self.declared = {key: format_of(name) for key, name in given.items()}
         if target is not None and target not in {*self.declared, *OWN}:
             raise ParameterError(
-                f"target={target!r} is not among the labels; declare it: labels={{{target!r}: 'xyxy'}}"
+                f"target={target!r} is not among the labels; declare it: labels={{{target!r}:"
+                " 'xyxy'}"
             )
         self.target = target
 
@@ -56,10 +63,11 @@ class Labels:
 
     # --- what follows the pixels
 
-    def follow(self, plan: Plan, sample: Sample) -> dict[str, Any]:
+    def follow(self, plan: Plan, sample: SampleDict) -> dict[str, Any]:
         """Return the entries that differ after a plan, in pixels of the corrupted picture.
 
-        Raises `LabelError` for an entry that could be a label but is not declared, and for labels that cannot follow.
+        Raises `LabelError` for an entry that could be a label but is not declared, and for labels
+        that cannot follow.
         """
         row = is_row(sample)
         if plan.coords.is_identity:
@@ -67,7 +75,16 @@ class Labels:
         move = Move(plan.size, plan.out_size)
         moved: dict[str, Any] = {}
         for path, form in self.declared.items():
-            self._follow_path(path, form, {**sample, **moved}, move, moved)
+            self._follow_path(
+                path,
+                form,
+                {
+                    **sample,
+                    **moved,
+                },
+                move,
+                moved,
+            )
         for key, value in sample.items():
             inside = [path for path in self.declared if path == key or path.startswith(f"{key}.")]
             if key in inside or value is None:
@@ -77,20 +94,34 @@ class Labels:
             self._check(key, value, inside, move)
         return moved
 
-    def _follow_path(self, path: str, form: Format, sample: Sample, move: Move, moved: dict[str, Any]) -> None:
+    def _follow_path(
+        self,
+        path: str,
+        form: Format,
+        sample: SampleDict,
+        move: Move,
+        moved: dict[str, Any],
+    ) -> None:
         key, steps = _split(path, sample)
-        if key not in sample:
-            return
-        moved[key] = _changed_at(sample[key], steps, partial(moved_as, path, form, move=move))
+        if key in sample:
+            change = partial(moved_as, path, form, move=move)
+            moved[key] = _changed_at(sample[key], steps, change)
 
-    def _follow_own(self, key: str, sample: Sample, move: Move, moved: dict[str, Any], row: bool) -> bool:
+    def _follow_own(
+        self,
+        key: str,
+        sample: SampleDict,
+        move: Move,
+        moved: dict[str, Any],
+        row: bool,
+    ) -> bool:
         """Move an entry that has a meaning of its own; `False` for one that has none."""
         value = sample[key]
         if key in KEYS or (row and key in PROVENANCE):
             return True
         if key in ("width", "height"):
-            side = move.before[1] if key == "width" else move.before[0]
-            if value == side:
+            height, width = move.before
+            if value == (width if key == "width" else height):
                 moved[key] = moved_as(key, FORMATS[key], value, move)
             return True
         if key == "action_code":
@@ -106,7 +137,13 @@ class Labels:
             return True
         return False
 
-    def _code(self, value: Any, sample: Sample, move: Move, row: bool) -> Any:
+    def _code(
+        self,
+        value: Any,
+        sample: SampleDict,
+        move: Move,
+        row: bool,
+    ) -> Any:
         if not isinstance(value, str | bytes):
             raise LabelError(f"the sample's entry 'action_code' must be text, got {value!r:.80}")
         code = value.decode("utf-8") if isinstance(value, bytes) else value
@@ -120,8 +157,18 @@ class Labels:
             raise type(error)(f"the sample's entry 'action_code': {error}") from None
         return text.encode("utf-8") if isinstance(value, bytes) else text
 
-    def _check(self, key: str, value: Any, inside: list[str], move: Move) -> None:
-        """Raise `LabelError` for an entry that could be a label, except for what is declared in it."""
+    def _check(
+        self,
+        key: str,
+        value: Any,
+        inside: list[str],
+        move: Move,
+    ) -> None:
+        """Check that no undeclared part of an entry could be a label.
+
+        Raises:
+            LabelError: one could.
+        """
         rest = value
         for path in inside:
             rest = _changed_at(rest, path.split(".")[1:], _nothing)
@@ -131,24 +178,37 @@ class Labels:
 
     # --- where the sample aims
 
-    def place(self, sample: Sample, size: Size) -> Place | None:
-        """Return where a sample aims, in pixels of its picture of `size` (height, width), or `None`.
+    def place(self, sample: SampleDict, size: Size) -> Location | None:
+        """Return where a sample aims, in pixels of its picture of `size` (height, width).
+
+        `None` if it aims nowhere.
 
         Raises `LabelError` for labels that cannot be right on such a picture.
         """
         found = next(iter(self._places(sample, size)), None)
         if found is None or found.end is not None:
             return found
-        return Place(found.target, self._end(sample, size))
+        return Location(found.target, self._end(sample, size))
 
-    def boxes(self, sample: Sample, key: str, size: Size) -> list[tuple[float, ...]]:
+    def boxes(
+        self,
+        sample: SampleDict,
+        key: str,
+        size: Size,
+    ) -> list[tuple[float, ...]]:
         """Return the boxes of an entry in pixels, `xyxy`. Raises `LabelError`."""
         value = sample.get(key)
         form = self.declared.get(key) or _own_format(key, value)
-        return [] if value is None else [place.target for place in places_of(key, form, value, size)]
+        if value is None:
+            return []
+        return [place.target for place in places_of(key, form, value, size)]
 
-    def check_target(self, sample: Sample, size: Size) -> None:
-        """Raise `LabelError` where nothing says at what a sample aims, although an entry could."""
+    def check_target(self, sample: SampleDict, size: Size) -> None:
+        """Check that the target of a sample is known, if an entry could be one.
+
+        Raises:
+            LabelError: an entry could be the target, but none is declared, or several are.
+        """
         known = [path for path in self._pointing() if _split(path, sample)[0] in sample]
         known += [key for key in OWN if key in sample and key != "elements"]
         several = [path for path in known if path in self.declared and path not in OWN]
@@ -165,28 +225,39 @@ class Labels:
             found = find_undeclared(key, value, size)
             if found is not None:
                 raise LabelError(
-                    "label_policy='avoid' keeps the target of a sample in sight; this one names none, but "
-                    f"its entry {found[0]!r} could be it: declare it, such as {how_to_declare(*found)}, or "
-                    f"{{{found[0]!r}: 'leave'}}"
+                    "label_policy='avoid' keeps the target of a sample in sight; this one names"
+                    f" none, but its entry {found[0]!r} could be it: declare it, such as"
+                    f" {how_to_declare(*found)}, or {{{found[0]!r}: 'leave'}}"
                 )
 
     def _pointing(self) -> list[str]:
         """Return the declared entries that can be the target."""
         nowhere = FORMATS[LEAVE].places
-        return [path for path, form in self.declared.items() if path != "elements" and form.places is not nowhere]
+        return [
+            path
+            for path, form in self.declared.items()
+            if path != "elements" and form.places is not nowhere
+        ]
 
-    def _places(self, sample: Sample, size: Size) -> list[Place]:
+    def _places(self, sample: SampleDict, size: Size) -> list[Location]:
         if self.target is not None:
             return self._places_at(self.target, sample, size)
         for key in ("target", "target_box", "action"):
             found = self._places_at(key, sample, size)
             if found:
                 return found
-        pointing = [path for path in self._pointing() if path not in OWN]
-        found = [place for path in pointing for place in self._places_at(path, sample, size)]
+        found: list[Location] = []
+        for path in self._pointing():
+            if path not in OWN:
+                found += self._places_at(path, sample, size)
         return found if len(found) == 1 else []
 
-    def _places_at(self, path: str, sample: Sample, size: Size) -> list[Place]:
+    def _places_at(
+        self,
+        path: str,
+        sample: SampleDict,
+        size: Size,
+    ) -> list[Location]:
         key, steps = _split(path, sample)
         value = sample.get(key)
         if value is None:
@@ -197,7 +268,7 @@ class Labels:
             return []
         else:
             form = _own_format(path, value)
-        found: list[Place] = []
+        found: list[Location] = []
 
         def collect(part: Any) -> None:
             found.extend(places_of(path, form, part, size))
@@ -205,17 +276,17 @@ class Labels:
         _changed_at(value, steps, collect)
         return found
 
-    def _end(self, sample: Sample, size: Size) -> tuple[float, ...] | None:
-        """Return where a drag from the target ends: the action says so, else `action_code`, where it can be read."""
+    def _end(self, sample: SampleDict, size: Size) -> tuple[float, ...] | None:
+        """Return where a drag from the target ends: from the action, or else from `action_code`."""
         action = sample.get("action")
         if action is not None and (is_own_action(action) or "action" in self.declared):
-            return next((place.end for place in self._places_at("action", sample, size)), None)
+            return _first_end(self._places_at("action", sample, size))
         code = sample.get("action_code")
         if not isinstance(code, str) or not any(word in code for word in DRAGGING):
             return None
         form = self.declared.get("action_code", FORMATS["pyautogui"])
         try:
-            return next((place.end for place in places_of("action_code", form, code, size)), None)
+            return _first_end(places_of("action_code", form, code, size))
         except HijackError:
             return None
 
@@ -223,14 +294,19 @@ class Labels:
 DRAGGING = ("drag", "mouseUp")  # pyautogui code without any of these drags nothing
 
 
+def _first_end(places: list[Location]) -> tuple[float, ...] | None:
+    return places[0].end if places else None
+
+
 def _own_format(key: str, value: Any) -> Format:
-    """Return how an entry is written that has a meaning of its own."""
+    # The format of an entry that has a meaning of its own.
     match key:
         case "target":
             width = _width(value)
             if width not in (2, 4):
                 raise LabelError(
-                    f"the sample's entry 'target' must be a point (x, y) or a box (x1, y1, x2, y2), got {width} numbers"
+                    "the sample's entry 'target' must be a point (x, y) or a box (x1, y1, x2, y2),"
+                    f" got {width} numbers"
                 )
             return FORMATS["xyxy" if width == 4 else "xy"]
         case "elements":
@@ -244,7 +320,7 @@ def _own_format(key: str, value: Any) -> Format:
 
 
 def _width(value: Any) -> int:
-    """Return how many numbers stand together in a target: 2 or 4."""
+    """Return the number of numbers in a target, which should be 2 or 4."""
     shape = getattr(value, "shape", None)
     if shape is not None:
         return int(shape[-1]) if len(shape) else 0
@@ -254,7 +330,7 @@ def _width(value: Any) -> int:
     return len(cast(Any, parts)) if hasattr(cast(Any, parts), "__len__") else 0
 
 
-def _split(path: str, sample: Sample) -> tuple[str, list[str]]:
+def _split(path: str, sample: SampleDict) -> tuple[str, list[str]]:
     """Return the entry of a sample in which a path begins, and the rest of the path."""
     if path in sample:
         return path, []
@@ -263,11 +339,15 @@ def _split(path: str, sample: Sample) -> tuple[str, list[str]]:
 
 
 def _nothing(_: Any) -> None:
-    """What stands for a declared label while the rest of an entry is looked at."""
+    """Replace a declared label while the rest of its entry is checked."""
 
 
-def _changed_at(value: Any, steps: list[str], change: Callable[[Any], Any]) -> Any:
-    """Return a copy of a value with what lies at the end of a path changed; lists on the way are gone through."""
+def _changed_at(
+    value: Any,
+    steps: list[str],
+    change: Callable[[Any], Any],
+) -> Any:
+    """Return a copy of a value with the end of a path changed, also in lists on the way."""
     if value is None:
         return None
     if not steps:

@@ -2,9 +2,11 @@
 
 | format | also called | what it is |
 |---|---|---|
-| `xyxy`, `xywh` | `pascal_voc`, `box`; `coco` | boxes in pixels: two corners; a corner and the sides |
+| `xyxy`, `xywh` | `pascal_voc`, `box`; `coco` | boxes in pixels: two corners; a corner and the
+sides |
 | `cxcywh`, `yxyx` | | boxes in pixels: the centre and the sides; two corners, y first |
-| `xyxy01` and so on | `albumentations`; `yolo` for `cxcywh01` | boxes in fractions 0..1 of the picture |
+| `xyxy01` and so on | `albumentations`; `yolo` for `cxcywh01` | boxes in fractions 0..1 of the
+picture |
 | `xyxy1000` and so on | | boxes in 0..1000 of the picture |
 | `xy`, `yx` | `point`, `points`, `keypoints`, `polygon` | points in pixels |
 | `xy01`, `xy1000`, `yx01`, `yx1000` | `point01`, `point1000` | points in fractions, in 0..1000 |
@@ -18,7 +20,8 @@
 | `qwen2.5_vl`, `qwen3_vl`, `openai`, `anthropic` | | actions, see `hijack_data.actions` |
 | `leave` | `None` | passes as it is |
 
-Boxes and points are one, or many in any nesting of lists, tuples, arrays and tensors; flat lists of several work, too.
+Boxes and points are one, or many in any nesting of lists, tuples, arrays and tensors; flat lists of
+several work, too.
 """
 
 from collections.abc import Mapping
@@ -28,7 +31,7 @@ from ..actions import DIALECTS
 from ..errors import HijackError, LabelError, ParameterTypeError, UnknownNameError, suggest
 from ..types import Size
 from .actions import dialect_format, moved_own, own_places
-from .base import Format, Move, Place
+from .base import Format, Location, Move
 from .boxes import ORDERS, box_format
 from .plain import coordinate_format, moved_mask, size_format
 from .points import point_format
@@ -72,35 +75,65 @@ ALIASES: Mapping[str, str] = {
 def format_of(name: object) -> Format:
     """Return the format of that name; `None` is `leave`.
 
-    Raises `UnknownNameError` for a name that is none, `ParameterTypeError` for what is no name.
+    Raises:
+        ParameterTypeError: the name is not a text.
+        UnknownNameError: there is no such format.
     """
     if name is None:
         return FORMATS[LEAVE]
     if not isinstance(name, str):
-        raise ParameterTypeError(f"the format of a label must be a name such as 'xyxy', got {name!r}")
+        raise ParameterTypeError(
+            f"the format of a label must be a name such as 'xyxy', got {name!r}"
+        )
     known = ALIASES.get(name.lower(), name.lower())
     if known not in FORMATS:
         raise UnknownNameError(
-            f"unknown format of labels {name!r}{suggest(name, [*FORMATS, *ALIASES])}; known: {', '.join(FORMATS)}"
+            f"unknown format of labels {name!r}{suggest(name, [*FORMATS, *ALIASES])}; known:"
+            f" {', '.join(FORMATS)}"
         )
     return FORMATS[known]
 
 
-def moved_as(key: str, form: Format, value: Any, move: Move) -> Any:
-    """Return a label after a move; errors name its key. Raises `LabelError`."""
+def moved_as(
+    key: str,
+    form: Format,
+    value: Any,
+    move: Move,
+) -> Any:
+    """Return a label after a move.
+
+    Raises:
+        LabelError: it cannot follow; the message names its key.
+    """
     try:
         return form.moved(value, move)
     except HijackError as error:
         raise LabelError(_about(key, form, error)) from None
 
 
-def places_of(key: str, form: Format, value: Any, size: Size) -> list[Place]:
-    """Return where a label points; errors name its key. Raises `LabelError`."""
+def places_of(
+    key: str,
+    form: Format,
+    value: Any,
+    size: Size,
+) -> list[Location]:
+    """Return where a label points.
+
+    Raises:
+        LabelError: it cannot be right; the message names its key.
+    """
     try:
         return form.places(value, size)
     except HijackError as error:
         raise LabelError(_about(key, form, error)) from None
 
 
-def _about(key: str, form: Format, error: Exception) -> str:
-    return f"the sample's entry {key!r}, as {form.name}: {error}; labels={{{key!r}: ...}} says how it is written"
+def _about(
+    key: str,
+    form: Format,
+    error: Exception,
+) -> str:
+    return (
+        f"the sample's entry {key!r}, as {form.name}: {error}; labels={{{key!r}: ...}} says how it"
+        " is written"
+    )

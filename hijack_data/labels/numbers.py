@@ -1,4 +1,4 @@
-"""Numbers in lists, tuples, arrays and tensors: taken out as one array, and put back as they came."""
+"""Take numbers out of lists, tuples, arrays and tensors, and put them back in the same form."""
 
 from collections.abc import Callable
 from typing import Any, TypeAlias, cast
@@ -9,26 +9,33 @@ import numpy.typing as npt
 from ..errors import LabelError, shown
 
 Numbers: TypeAlias = npt.NDArray[Any]
-Change: TypeAlias = Callable[[Numbers], Numbers]
+NumberMap: TypeAlias = Callable[[Numbers], Numbers]
 
 
 def to_host(value: Any) -> Any:
     """Return a tensor of any device as a NumPy array; anything else as it is."""
     detach = getattr(value, "detach", None)
-    return value if detach is None else detach().cpu().numpy()
+    if detach is None:
+        return value
+    return detach().cpu().numpy()
 
 
-def change_groups(value: Any, width: int, change: Change) -> Any:
-    """Apply `change` to all groups of `width` numbers in a value, and return what came in, with its numbers changed.
+def change_groups(
+    value: Any,
+    width: int,
+    change: NumberMap,
+) -> Any:
+    """Apply `change` to all groups of `width` numbers in a value, and return a value of its form.
 
     Args:
-        value: an array or tensor `[..., width]`, a flat one `[k * width]`, or lists and tuples of numbers or of such
-            values, of different lengths too; `None` stays.
+        value: an array or tensor `[..., width]`, a flat one `[k * width]`, or lists and tuples of
+            numbers or of such values, of different lengths too; `None` stays.
         width: how many numbers belong together, such as 4 for a box.
-        change: takes int64 or float64 `[N, width]`, returns the same shape. A group of whole and fractional numbers is
-            one of fractional ones.
+        change: takes int64 or float64 `[N, width]`, returns the same shape. A group of whole and
+            fractional numbers is one of fractional ones.
 
-    Raises `LabelError` for anything else, and where the numbers no longer fit the dtype that they came in.
+    Raises:
+        LabelError: the value is anything else, or the new numbers do not fit its dtype.
     """
     if value is None:
         return None
@@ -38,14 +45,19 @@ def change_groups(value: Any, width: int, change: Change) -> Any:
         return _like_sequence(value, parts)
     if not array.size:
         return value
-    flat = array.ndim == 1 and array.size % width == 0
-    if not flat and (array.ndim == 0 or array.shape[-1] != width):
+    is_flat = array.ndim == 1 and array.size % width == 0
+    if not is_flat and (array.ndim == 0 or array.shape[-1] != width):
         raise LabelError(f"must hold groups of {width} numbers, got {shown(value)}")
-    return put_back(value, change(_widest(array).reshape(-1, width)).reshape(array.shape))
+    groups = _widest(array).reshape(-1, width)
+    changed = change(groups)
+    return put_back(value, changed.reshape(array.shape))
 
 
-def change_each(value: Any, change: Change) -> Any:
-    """Apply `change` to each number of a value, a number alone too; otherwise as `change_groups`."""
+def change_each(value: Any, change: NumberMap) -> Any:
+    """Apply `change` to each number of a value, which may be a single number.
+
+    Otherwise as `change_groups`.
+    """
     if value is None:
         return None
     array = as_numbers(value)
@@ -53,17 +65,22 @@ def change_each(value: Any, change: Change) -> Any:
         return _like_sequence(value, [change_each(part, change) for part in value])
     if not array.size:
         return value
-    return put_back(value, change(_widest(array).reshape(-1)).reshape(array.shape))
+    changed = change(_widest(array).reshape(-1))
+    return put_back(value, changed.reshape(array.shape))
 
 
 def as_numbers(value: Any) -> Numbers | None:
-    """Return the numbers of a value, or `None` for a sequence whose parts differ in length or hold `None`.
+    """Return the numbers of a value as one array.
 
-    Raises `LabelError` for what holds no numbers, and for numbers that are not finite.
+    `None` for a sequence whose parts differ in length or contain `None`.
+
+    Raises:
+        LabelError: the value has no numbers, or some are not finite.
     """
     try:
         array = np.asarray(to_host(value))
-    except (TypeError, ValueError, OverflowError, RuntimeError):  # ragged, or tensors that NumPy cannot take
+    # ragged, or tensors that NumPy cannot take
+    except (TypeError, ValueError, OverflowError, RuntimeError):
         array = np.empty(0, object)
     if array.dtype.kind in "iuf":
         if not np.isfinite(array).all():
@@ -75,33 +92,46 @@ def as_numbers(value: Any) -> Numbers | None:
 
 
 def put_back(original: Any, numbers: Numbers) -> Any:
-    """Return numbers in the kind of value that `original` is: lists, tuples, an array or a tensor of its dtype."""
+    """Return numbers in the form of `original`: lists, tuples, an array, a tensor or a scalar."""
     if hasattr(original, "new_tensor"):
         made = original.new_tensor(numbers)
         _check_fit(numbers, to_host(made), original.dtype)
         return made
     if isinstance(original, np.ndarray):
-        array = numbers.astype(cast(Any, original).dtype)
-        _check_fit(numbers, array, cast(Any, original).dtype)
+        dtype: Any = cast(Any, original).dtype
+        array = numbers.astype(dtype)
+        _check_fit(numbers, array, dtype)
         return array
-    if hasattr(original, "__array_namespace__") and not isinstance(original, np.generic):  # JAX
-        return original.__array_namespace__().asarray(numbers, dtype=original.dtype)
+    if isinstance(original, np.generic):
+        return _like_scalar(cast(Any, original).dtype, numbers)
+    if hasattr(original, "__array_namespace__"):  # JAX
+        namespace = original.__array_namespace__()
+        return namespace.asarray(numbers, dtype=original.dtype)
     if isinstance(original, list | tuple):
         sequence = cast("list[Any]", original)
-        return _like_sequence(sequence, [put_back(old, new) for old, new in zip(sequence, numbers, strict=True)])
-    if isinstance(original, np.generic):
-        dtype: Any = cast(Any, original).dtype
-        return numbers.astype(dtype if dtype.kind == numbers.dtype.kind else numbers.dtype)[()]
+        pairs = zip(sequence, numbers, strict=True)
+        return _like_sequence(sequence, [put_back(old, new) for old, new in pairs])
     return numbers.item()
 
 
-def _check_fit(wanted: Numbers, stored: Numbers, dtype: object) -> None:
+def _like_scalar(dtype: Any, numbers: Numbers) -> Any:
+    if dtype.kind == numbers.dtype.kind:
+        return numbers.astype(dtype)[()]
+    return numbers[()]
+
+
+def _check_fit(
+    wanted: Numbers,
+    stored: Numbers,
+    dtype: object,
+) -> None:
     if stored.dtype.kind != "f" and not np.array_equal(wanted, stored):
         raise LabelError(f"no longer fits its dtype {dtype}; give the label as int64 or a float")
 
 
 def _widest(array: Numbers) -> Numbers:
-    return array.astype(np.float64 if array.dtype.kind == "f" else np.int64)
+    widest = np.float64 if array.dtype.kind == "f" else np.int64
+    return array.astype(widest)
 
 
 def _like_sequence(original: Any, parts: list[Any]) -> Any:

@@ -1,4 +1,4 @@
-"""Points in pixels, in fractions of the picture or in thousandths of it, and points with a visibility."""
+"""Points in pixels, fractions or thousandths of the picture, some with a visibility."""
 
 from typing import Any
 
@@ -7,17 +7,30 @@ import numpy as np
 from ..actions import Scaling
 from ..errors import LabelError
 from ..types import Size
-from .base import Format, Move, Place, check_unit, with_unit
+from .base import Format, Location, Move, check_unit, with_unit
 from .numbers import Numbers, change_groups
 
 _NOWHERE = (-1, -1)
 
 
-def point_format(order: str, unit: int, visibility: bool = False) -> Format:
+def point_format(
+    order: str,
+    unit: int,
+    visibility: bool = False,
+) -> Format:
+    """Return the format of points of an order, `"xy"` or `"yx"`, maybe with a visibility each."""
     width = 3 if visibility else 2
 
+    def in_order(points: Numbers) -> Numbers:
+        return points[:, ::-1] if order == "yx" else points
+
     def points_of(groups: Numbers) -> Numbers:
-        return groups[:, 1::-1] if order == "yx" else groups[:, :2]
+        return in_order(groups[:, :2])
+
+    def seen_in(groups: Numbers) -> Numbers:
+        if not visibility:
+            return np.ones(len(groups), bool)
+        return groups[:, 2] != 0
 
     def checked(groups: Numbers, size: Size) -> Numbers:
         points = points_of(groups)
@@ -33,31 +46,36 @@ def point_format(order: str, unit: int, visibility: bool = False) -> Format:
 
     def moved(value: Any, move: Move) -> Any:
         def change(groups: Numbers) -> Numbers:
-            seen = groups[:, 2] != 0 if visibility else np.ones(len(groups), bool)
+            seen = seen_in(groups)
             if not seen.any():
                 return groups
             points = checked(groups[seen], move.before)
             if unit:
                 return groups
-            whole = points.dtype.kind == "i"
-            scaled = move.scaling.points(points) if whole else move.scaling.positions(points)
+            is_whole = points.dtype.kind == "i"
+            scale = move.scaling.points if is_whole else move.scaling.positions
             out = groups.copy()
-            out[seen, :2] = scaled[:, ::-1] if order == "yx" else scaled
+            out[seen, :2] = in_order(scale(points))
             return out
 
         return change_groups(value, width, change)
 
-    def places(value: Any, size: Size) -> list[Place]:
-        found: list[Place] = []
+    def places(value: Any, size: Size) -> list[Location]:
+        found: list[Location] = []
 
         def collect(groups: Numbers) -> Numbers:
-            seen = groups[groups[:, 2] != 0] if visibility else groups
-            points = checked(seen, size) if len(seen) else points_of(seen)
-            scale = np.array(size[::-1]) / unit if unit else 1
-            found.extend(Place(tuple(row)) for row in (points * scale).tolist())
+            seen = groups[seen_in(groups)]
+            if not len(seen):
+                return groups
+            points = checked(seen, size)
+            if unit:
+                height, width = size
+                points = points * (np.array([width, height]) / unit)
+            found.extend(Location(tuple(row)) for row in points.tolist())
             return groups
 
         change_groups(value, width, collect)
         return found
 
-    return Format("xyv" if visibility else with_unit(order, unit), moved, places)
+    name = "xyv" if visibility else with_unit(order, unit)
+    return Format(name, moved, places)

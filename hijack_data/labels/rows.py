@@ -1,7 +1,7 @@
 """Rows of our own datasets: what each column says after a plan was applied to the row's screenshot.
 
-A row is recognised by its columns, so it stays true in `TorchDataset`, in Grain, and in `datasets`. `pipelines` writes
-the same columns from the same functions when it builds a dataset.
+A row is recognised by its columns, so it stays true in `TorchDataset`, in Grain, and in `datasets`.
+`pipelines` writes the same columns from the same functions when it builds a dataset.
 """
 
 import json
@@ -14,7 +14,7 @@ import numpy as np
 from PIL import Image
 
 from ..actions import RESIZED_DIALECTS, TEXT_PARSERS, THOUSANDTHS, Scaling, parse_actions
-from ..actions.pyautogui_code import calls_pyautogui
+from ..actions.dialects.pyautogui_code import calls_pyautogui
 from ..actions.recorded import DICTS, SCREENAGENT, SIZELESS, map_recorded
 from ..backends import to_numpy
 from ..coords import smart_resize
@@ -25,7 +25,7 @@ from ..plan import CLEAN, Plan
 from ..safety import changed_pixels, target_visible
 from ..types import Action, Size
 from .actions import own_action
-from .base import Move, Place
+from .base import Location, Move
 
 Row = Mapping[str, Any]
 # A sample that has these is a row of a dataset; the other columns may have been left out.
@@ -44,7 +44,9 @@ PROVENANCE = (
     "image_sha256",
 )
 _PAIR = re.compile(r"(-?\d+(?:\.\d+)?)\s*,\s*(-?\d+(?:\.\d+)?)")
-_COORDINATES = re.compile(_PAIR.pattern + r"|<point>\s*\d|\b(?:x|y|width|height)\d?[\"']?\s*[:=]\s*[\"'(\[]?-?\d")
+_COORDINATES = re.compile(
+    _PAIR.pattern + r"|<point>\s*\d|\b(?:x|y|width|height)\d?[\"']?\s*[:=]\s*[\"'(\[]?-?\d"
+)
 
 
 def is_row(sample: Row) -> bool:
@@ -53,11 +55,16 @@ def is_row(sample: Row) -> bool:
 
 
 def check_drawn(sample: Row) -> None:
-    """Raise `LabelError` for a lazy row whose screenshot was not drawn yet: its labels are those of another picture."""
+    """Refuse a lazy row whose screenshot is not drawn: its labels belong to another picture.
+
+    Raises:
+        LabelError: the sample is such a row.
+    """
     if BASE in sample:
         raise LabelError(
-            f"the sample is a lazy row: {BASE!r} is the picture before its corruption; draw it first, with "
-            "load_dataset(...).with_transform(pipelines.render), or read it by open_dataset or TorchDataset"
+            f"the sample is a lazy row: {BASE!r} is the picture before its corruption; draw it"
+            " first, with load_dataset(...).with_transform(pipelines.render), or read it by"
+            " open_dataset or TorchDataset"
         )
 
 
@@ -71,11 +78,19 @@ def holds_coordinates(text: str) -> bool:
 
 def params_json(plan: Plan) -> str:
     """Return the parameters of a plan as the column `params` holds them."""
-    return json.dumps(dict(plan.params), sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+    return json.dumps(
+        dict(plan.params),
+        sort_keys=True,
+        separators=(",", ":"),
+        ensure_ascii=False,
+    )
 
 
 def severity_of(plan: Plan) -> int | None:
-    """Return the level of the corruption that made a plan, if its parameters are exactly those of one."""
+    """Return the level of the corruption that made a plan, or `None`.
+
+    A level needs exactly its parameters.
+    """
     return _severity(plan.corruption, json.dumps(dict(plan.params), sort_keys=True))
 
 
@@ -84,7 +99,9 @@ def _severity(corruption: str, params: str) -> int | None:
     try:
         cls = find(corruption)
         levels = range(1, 6) if cls.severities else ()
-        return next((level for level in levels if cls.at(level).params() == json.loads(params)), None)
+        return next(
+            (level for level in levels if cls.at(level).params() == json.loads(params)), None
+        )
     except HijackError:  # clean, or several joined
         return None
 
@@ -101,19 +118,25 @@ def made_by(plan: Plan, seed: int) -> dict[str, Any]:
 
 
 def label_of(plan: Plan) -> str:
-    """Return what the column `corruption` says of a plan where no configuration gives it a name of its own."""
+    """Return the value of the column `corruption` for a plan without a label of its own."""
     return "+".join(part.rpartition("-v")[0] or part for part in plan.corruption.split("+"))
 
 
 def corrupted_row(
-    row: Row, plan: Plan, before: Any, after: Any, place: Place | None, seed: int | None
+    row: Row,
+    plan: Plan,
+    before: Any,
+    after: Any,
+    place: Location | None,
+    seed: int | None,
 ) -> dict[str, Any]:
-    """Return the columns of a row that a transform must change besides those that follow the pixels.
+    """Return the columns of a row that a transform must change besides its labels.
 
     Args:
         row: the row before; columns that it does not have are not made.
         plan: what was done to its screenshot.
-        before, after: the screenshot before and after, arrays or PIL images.
+        before: the screenshot before, an array or a PIL image.
+        after: the screenshot after, likewise.
         place: where its action points, in pixels of `before`.
         seed: what the plan was drawn with; `None` leaves the column as it is.
     """
@@ -124,11 +147,17 @@ def corrupted_row(
     whole = None if earlier is None else earlier.then(plan)
     was_clean = row["corruption"] == CLEAN
     label = label_of(plan) if was_clean else f"{row['corruption']}+{label_of(plan)}"
-    made = {"corruption": label, "id": _renamed(row, label)}
+    made = {
+        "corruption": label,
+        "id": _renamed(row, label),
+    }
     if whole is not None:
         made |= made_by(whole, row.get("seed", 0) if seed is None else seed)
     elif any(key in row for key in ("params", "plan_digest", "severity")):
-        raise LabelError("the row has no column 'plan', so its 'params' and 'plan_digest' would be wrong; keep it")
+        raise LabelError(
+            "the row has no column 'plan', so its 'params' and 'plan_digest' would be wrong;"
+            " keep it"
+        )
     if "target_visible" in row:
         made["target_visible"] = None if place is None else _visible(earlier, plan, place)
     if "changed_pixels" in row:
@@ -149,7 +178,10 @@ def _plan_of(row: Row, size: Size) -> Plan | None:
 
 
 def _renamed(row: Row, label: str) -> Any:
-    """Return the id of a row under another label: `trajectory/step/label`, and the event of an inserted step."""
+    """Return the id of a row under another label, and the event of an inserted step.
+
+    An id is `trajectory/step/label`.
+    """
     name = row.get("id")
     start = f"{row['trajectory_id']}/{int(row['step']):04d}/"
     if not isinstance(name, str) or not name.startswith(start + row["corruption"]):
@@ -157,7 +189,11 @@ def _renamed(row: Row, label: str) -> Any:
     return f"{start}{label}{name[len(start) + len(row['corruption']) :]}"
 
 
-def _visible(earlier: Plan | None, plan: Plan, place: Place) -> float | None:
+def _visible(
+    earlier: Plan | None,
+    plan: Plan,
+    place: Location,
+) -> float | None:
     """Return the share of the target that shows after both plans."""
     if earlier is None or not earlier.ops:
         return target_visible(plan, place.target, place.end)
@@ -177,7 +213,13 @@ def _on_screen(plan: Plan, place: tuple[float, ...] | None) -> Any:
     return plan.coords.boxes_to_screen([place])[0].tolist()
 
 
-def _changed(row: Row, earlier: Plan | None, plan: Plan, before: Any, after: Any) -> int | None:
+def _changed(
+    row: Row,
+    earlier: Plan | None,
+    plan: Plan,
+    before: Any,
+    after: Any,
+) -> int | None:
     """Return how many pixels differ from the clean screenshot; `None` where that is not at hand."""
     if earlier is not None and plan.out_size != earlier.size:
         return plan.out_size[0] * plan.out_size[1]
@@ -189,12 +231,16 @@ def _changed(row: Row, earlier: Plan | None, plan: Plan, before: Any, after: Any
 # --- the text of its action
 
 
-def moved_code(code: str, action: Any, move: Move) -> str:
+def moved_code(
+    code: str,
+    action: Any,
+    move: Move,
+) -> str:
     """Return the text of an action after a move, in the dialect in which it was recorded.
 
-    `action` is what it says, an `Action` or one as a dictionary; `None` where nothing does, and then only
-    pyautogui code is understood. Raises `LabelError` when its dialect cannot be told, and `ActionError` for
-    what cannot be mapped.
+    `action` is what it says, an `Action` or one as a dictionary; `None` where nothing does, and
+    then only pyautogui code is understood. Raises `LabelError` when its dialect cannot be told, and
+    `ActionError` for what cannot be mapped.
     """
     if action is None:
         if holds_coordinates(code) and not calls_pyautogui(code):
@@ -204,15 +250,20 @@ def moved_code(code: str, action: Any, move: Move) -> str:
     between_models = move.scaling
     if dialect in RESIZED_DIALECTS:
         between_models = Scaling(smart_resize(*move.before), smart_resize(*move.after))
-    # Like a build: where the action itself is on the screen, other points in its text stop at the edge.
+    # Like a build: where the action itself is on the screen, other points in its text stop at the
+    # edge.
     return map_recorded(code, dialect, Scaling(move.before, move.after), between_models)
 
 
-def dialect_of(code: str, action: Action, size: Size) -> str:
-    """Return in which dialect the code of a row is; `action` is what it says, in pixels of a picture of `size`.
+def dialect_of(
+    code: str,
+    action: Action,
+    size: Size,
+) -> str:
+    """Return the dialect of the code of a row, whose action is known.
 
-    Rows do not name the dialect; but of those that can be, the one is right by which the code says that action.
-    Raises `LabelError` when none does and the code holds coordinates.
+    Rows do not name the dialect; but of those that can be, the one is right by which the code says
+    that action. Raises `LabelError` when none does and the code holds coordinates.
     """
     if not code or not holds_coordinates(code):
         return SIZELESS
@@ -236,12 +287,18 @@ def dialect_of(code: str, action: Action, size: Size) -> str:
 
 def _unclear(code: str) -> LabelError:
     return LabelError(
-        f"the sample's entry 'action_code', {code!r:.80}, holds coordinates, and nothing says in which dialect; "
-        "declare it, such as labels={'action_code': 'ui_tars_1.5'}, or 'leave' if it must not change"
+        f"the sample's entry 'action_code', {code!r:.80}, holds coordinates, and nothing says in"
+        " which dialect; declare it, such as labels={'action_code': 'ui_tars_1.5'}, or 'leave'"
+        " if it must not change"
     )
 
 
-def _says(raw: Any, dialect: str, action: Action, size: Size) -> bool:
+def _says(
+    raw: Any,
+    dialect: str,
+    action: Action,
+    size: Size,
+) -> bool:
     """Return whether an action of a dialect is `action`, on a picture of `size`."""
     try:
         if dialect in RESIZED_DIALECTS:
@@ -254,10 +311,18 @@ def _says(raw: Any, dialect: str, action: Action, size: Size) -> bool:
     return (found.point, found.end) == (action.point, action.end)
 
 
-def _in_thousandths(code: str, action: Action, size: Size) -> bool:
-    """Return whether the first pair of numbers in the code is where the action points, in 0..1000 of the picture."""
-    pair, point = _PAIR.search(code), action.point or action.end
+def _in_thousandths(
+    code: str,
+    action: Action,
+    size: Size,
+) -> bool:
+    """Return whether the first pair of numbers in the code is the action's point in 0..1000."""
+    pair = _PAIR.search(code)
+    point = action.point or action.end
     if pair is None or point is None:
         return False
     sides = size[::-1]
-    return all(abs(float(n) * side / 1000 - v) <= 1.5 for n, side, v in zip(pair.groups(), sides, point, strict=True))
+    return all(
+        abs(float(n) * side / 1000 - v) <= 1.5
+        for n, side, v in zip(pair.groups(), sides, point, strict=True)
+    )

@@ -1,15 +1,20 @@
-"""Corruptions as torchvision v2 transforms: `import hijack_data.transforms as tr`, then `tr.Marks(seed=3)`.
+"""Corruptions as torchvision v2 transforms.
 
-    train = v2.Compose([tr.OneOf([tr.PopUps(), tr.Marks(), tr.Subtitle()], seed=3, p_clean=0.2), v2.ToDtype(...)])
+    import hijack_data.transforms as tr
 
-A sample is a dictionary, a tuple with a dictionary in it, or a picture alone. Its picture is a PIL image, a
-`tv_tensors.Image` or `Video`, or a uint8 tensor `[3, H, W]` (a NumPy array `[H, W, 3]`) that is the sample itself, the
-first item of a tuple, or under one of `PICTURE_KEYS`. Bounding boxes, key points and masks of `tv_tensors` follow the
-pixels, and so do the entries that `hijack_data.samples` names and those that `labels=` declares. What is neither and
-could be a label is an error when the size changes (`hijack_data.labels`); everything else passes unchanged.
+    train = v2.Compose([tr.OneOf([tr.PopUps(), tr.Marks(), tr.Subtitle()], seed=3, p_clean=0.2),
+    v2.ToDtype(...)])
 
-What happens to a sample is decided by its `id`, the seed and the epoch: not by the worker, the order or a global
-generator. A batch (a tensor `[B, 3, H, W]` or a list of pictures, with a list of ids) gets a plan for each picture.
+A sample is a dictionary, a tuple with a dictionary in it, or a picture alone. Its picture is a PIL
+image, a `tv_tensors.Image` or `Video`, or a uint8 tensor `[3, H, W]` (a NumPy array `[H, W, 3]`)
+that is the sample itself, the first item of a tuple, or under one of `PICTURE_KEYS`. Bounding
+boxes, key points and masks of `tv_tensors` follow the pixels, and so do the entries that
+`hijack_data.samples` names and those that `labels=` declares. What is neither and could be a label
+is an error when the size changes (`hijack_data.labels`); everything else passes unchanged.
+
+What happens to a sample is decided by its `id`, the seed and the epoch: not by the worker, the
+order or a global generator. A batch (a tensor `[B, 3, H, W]` or a list of pictures, with a list of
+ids) gets a plan for each picture.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -21,18 +26,27 @@ from ..config import load_config
 from ..corruption import Corruption, find, names
 from ..errors import ParameterError, ParameterTypeError, suggest
 from ..plan import Plan
-from ..safety import Planner
+from ..planner import Planner
 from ..types import Size
 
 extras.require("hijack_data.transforms", "torch", ("torch", "torchvision"))
 
 from .base import Corrupt, planner_of  # noqa: E402 - these import torch
-from .leaves import PICTURE_KEYS, Row, each_of  # noqa: E402
+from .leaves import PICTURE_KEYS, DatasetRow, each_of  # noqa: E402
 
 __all__ = [
-    "PICTURE_KEYS", "Corrupt", "FromConfig", "Marks", "OneOf", "PopUps", "Replay", "Resolution", "Schedule", "Sequence",
+    "PICTURE_KEYS",
+    "Corrupt",
+    "FromConfig",
+    "Marks",
+    "OneOf",
+    "PopUps",
+    "Replay",
+    "Resolution",
+    "Schedule",
+    "Sequence",
     "Subtitle",
-]  # fmt: skip
+]
 
 
 _SHARED = ("seed", "id_from", "label_policy", "return_plan", "id_key", "p", "labels", "target")
@@ -49,7 +63,7 @@ class _Named(Corrupt):
 
 
 class PopUps(_Named):
-    """Pop-up windows: `PopUps(seed=3, severity=2, small_factor=2, ...)` takes what `hj.PopUps` takes."""
+    """Pop-up windows: `PopUps(seed=3, small_factor=2, ...)` takes what `hj.PopUps` takes."""
 
     spec = corruptions.PopUps
 
@@ -63,23 +77,36 @@ class Marks(_Named):
 class Subtitle(_Named):
     """Lines of text at an edge: `Subtitle(seed=3, position="top")` takes what `hj.Subtitle` takes.
 
-    Lines that do not fit a picture are shrunk, since pictures of a training set differ in size; `fit="error"` refuses.
+    Lines that do not fit a picture are shrunk, since pictures of a training set differ in size;
+    `fit="error"` refuses.
     """
 
     spec = corruptions.Subtitle
 
     def __init__(self, *, severity: int | None = None, **values: Any) -> None:
-        super().__init__(severity=severity, **{"fit": "shrink", **values})
+        super().__init__(
+            severity=severity,
+            **{
+                "fit": "shrink",
+                **values,
+            },
+        )
 
 
 class Resolution(_Named):
-    """The screen at another resolution: `Resolution(scale=0.5, restore=True)` keeps the shape of the batch."""
+    """The screen at another resolution.
+
+    `Resolution(scale=0.5, restore=True)` keeps the shape of the batch.
+    """
 
     spec = corruptions.Resolution
 
 
 class OneOf(Corrupt):
-    """One of several, drawn for each sample: `OneOf([Marks(), Subtitle()], seed=3, p_clean=0.2, weights=[2, 1])`."""
+    """One of several, drawn for each sample.
+
+    For example `OneOf([Marks(), Subtitle()], seed=3, p_clean=0.2, weights=[2, 1])`.
+    """
 
     def __init__(
         self,
@@ -89,7 +116,13 @@ class OneOf(Corrupt):
         weights: SequenceOf[float] | None = None,
         **shared: Any,
     ) -> None:
-        super().__init__(compose.OneOf([planner_of(o) for o in options], p_clean=p_clean, weights=weights), **shared)
+        planners = [planner_of(option) for option in options]
+        chosen = compose.OneOf(
+            planners,
+            p_clean=p_clean,
+            weights=weights,
+        )
+        super().__init__(chosen, **shared)
 
 
 class Sequence(Corrupt):
@@ -100,43 +133,67 @@ class Sequence(Corrupt):
 
 
 class Schedule(Corrupt):
-    """A corruption that changes with the epoch; `at` must be picklable (a module-level function) for workers."""
+    """A corruption that changes with the epoch.
+
+    `at` must be picklable (a module-level function) for workers.
+    """
 
     def __init__(self, at: "Callable[[int], Planner]", **shared: Any) -> None:
         super().__init__(compose.Schedule(at), **shared)
 
 
 class FromConfig(Corrupt):
-    """What a configuration names: one of its corruptions for each sample, or the one called `label`.
+    """One of a configuration's corruptions for each sample, or the one called `label`.
 
     Args:
-        source: a path, the name of a packaged configuration, or a mapping; see `hijack_data.config`.
+        source: a path, the name of a packaged configuration, or a mapping; see
+            `hijack_data.config`.
         label: use this entry only.
         p_clean: probability that a sample stays clean.
         shared: the arguments of `Corrupt`; the seed is the configuration's by default.
     """
 
-    def __init__(self, source: Any, *, label: str | None = None, p_clean: float = 0.0, **shared: Any) -> None:
+    def __init__(
+        self,
+        source: Any,
+        *,
+        label: str | None = None,
+        p_clean: float = 0.0,
+        **shared: Any,
+    ) -> None:
         config = load_config(source)
         if label is not None and label not in config.corruptions:
-            raise ParameterError(f"{config.source} has no corruption {label!r}; it has {', '.join(config.corruptions)}")
+            raise ParameterError(
+                f"{config.source} has no corruption {label!r}; it has"
+                f" {', '.join(config.corruptions)}"
+            )
         chosen = list(config.corruptions.values()) if label is None else [config.corruptions[label]]
-        super().__init__(compose.OneOf(chosen, p_clean=p_clean), **{"seed": config.options.get("seed", 0), **shared})
+        super().__init__(
+            compose.OneOf(chosen, p_clean=p_clean),
+            **{
+                "seed": config.options.get("seed", 0),
+                **shared,
+            },
+        )
 
 
 class Replay(Corrupt):
     """Applies plans that were saved.
 
     Args:
-        plan: a `Plan` or its JSON text for every sample, a mapping from ids to those, or `None` to take the plan that
-            the sample carries under `"plan"`.
+        plan: a `Plan` or its JSON text for every sample, a mapping from ids to those, or `None` to
+            take the plan that the sample carries under `"plan"`.
     """
 
     seeded = False
 
-    def __init__(self, plan: "Plan | str | Mapping[Any, Plan | str] | None" = None, **shared: Any) -> None:
+    def __init__(
+        self, plan: "Plan | str | Mapping[Any, Plan | str] | None" = None, **shared: Any
+    ) -> None:
         if "p" in shared:
-            raise ParameterError("Replay applies the plans it is given to every sample; it has no p")
+            raise ParameterError(
+                "Replay applies the plans it is given to every sample; it has no p"
+            )
         super().__init__(compose.Sequence([_Nothing()]), **shared)
         several = isinstance(plan, Mapping)
         self.plan = None if plan is None or several else _as_plan(plan)
@@ -146,38 +203,59 @@ class Replay(Corrupt):
         """What is replayed."""
         return "the sample's own" if self.plan is None else self.plan.corruption
 
-    def _plans(self, pictures: list[Any], sizes: list[Size], entries: Row, rows: list[Row] | None) -> list[Plan]:
+    def _plans(
+        self,
+        pictures: list[Any],
+        sizes: list[Size],
+        entries: DatasetRow,
+        rows: list[DatasetRow] | None,
+    ) -> list[Plan]:
         count = 1 if rows is None else len(rows)
         if isinstance(self.plan, Plan):
             return [self.plan] * count
         if self.by_id is None:
             found = entries.get("plan")
             if found is None:
-                raise ParameterError("Replay() takes the plan from the sample's 'plan' entry, but there is none")
-            return [_as_plan(found)] if rows is None else [_as_plan(p) for p in each_of(found, count, "plan")]
-        plans, keys = self.by_id, self.settings.key(entries, batch=None if rows is None else count)
+                raise ParameterError(
+                    "Replay() takes the plan from the sample's 'plan' entry, but there is none"
+                )
+            return (
+                [_as_plan(found)]
+                if rows is None
+                else [_as_plan(p) for p in each_of(found, count, "plan")]
+            )
+        plans = self.by_id
+        keys = self.settings.key(entries, batch=None if rows is None else count)
         lost = next((key for key in keys if str(key) not in plans), None)
         if lost is not None:
             raise ParameterError(f"Replay holds no plan for the sample {lost!r}")
         return [plans[str(key)] for key in keys]
 
 
-class _Nothing:
+class _Nothing(Planner):
     """The planner of `Replay`, which has its plans already."""
 
-    needs_elements = False
+    @property
+    def needs_elements(self) -> bool:
+        return False
 
     def plan(self, scene: Any, **_key: Any) -> Plan:
         return Plan.clean(scene.size)
 
 
 def __getattr__(name: str) -> Any:
-    """Say why a transform does not exist."""
+    """Explain why a transform does not exist.
+
+    Raises:
+        AttributeError: always.
+    """
     if name in {find(known).__name__ for known in names()}:
-        raise AttributeError(
-            f"hijack_data.transforms has no {name}: it changes the machine, not the picture; build a dataset with it "
-            "(hijack build), or wrap a corruption of your own that draws: Corrupt(planner)"
+        advice = (
+            "build a dataset with it (hijack build), or wrap a corruption of your own that draws:"
+            " Corrupt(planner)"
         )
+        why = "it changes the machine, not the picture"
+        raise AttributeError(f"hijack_data.transforms has no {name}: {why}; {advice}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}{suggest(name, __all__)}")
 
 

@@ -14,12 +14,12 @@ from ..labels import Declared, Labels
 from ..labels.declared import OWN
 from ..labels.rows import check_drawn
 from ..plan import Plan
-from ..safety import Planner
+from ..planner import Planner
 from ..samples import SamplePlanner, is_many, scalar
 from ..types import Size
 from .leaves import (
     FOLLOWING,
-    Row,
+    DatasetRow,
     changed_entries,
     check_beside,
     content,
@@ -35,7 +35,8 @@ from .leaves import (
     v2,
 )
 
-_tree: Any = _pytree  # torch's trees of samples, which torchvision's own transforms use, are not typed
+# torch's trees of samples, which torchvision's own transforms use, are not typed
+_tree: Any = _pytree
 
 
 def _keep(plans: list[Plan], *, collate_fn_map: object = None) -> list[Plan]:
@@ -43,7 +44,8 @@ def _keep(plans: list[Plan], *, collate_fn_map: object = None) -> list[Plan]:
     return list(plans)
 
 
-_collate: Any = importlib.import_module("torch.utils.data._utils.collate")  # where torch documents the extension
+# where torch documents the extension
+_collate: Any = importlib.import_module("torch.utils.data._utils.collate")
 _collate.default_collate_fn_map[Plan] = _keep
 
 # Entries that are set aside while the rest of a sample is searched for pictures and boxes.
@@ -56,20 +58,24 @@ class Corrupt(v2.Transform):
     Args:
         planner: a corruption, a combinator, or another transform of this module.
         seed: 0 to 2**64 - 1.
-        id_from: `"entry"` takes the sample's id from its entry `id_key`; `"content"` derives it from the pixels, for
-            pictures that come alone: the same picture then gets the same corruption until `set_epoch` is called.
-        label_policy: `"keep"`, or `"avoid"` to draw again until the sample's target shows, and with it the end of its
-            action where that is a drag, else leave it clean.
-        return_plan: put the plan under `"plan"`, and with a target its visible share, or that of a drag's end if less,
-            under `"target_visible"`; `"json"` puts it there as text, which a dataset can hold.
+        id_from: `"entry"` takes the sample's id from its entry `id_key`; `"content"` derives it
+            from the pixels, for pictures that come alone: the same picture then gets the same
+            corruption until `set_epoch` is called.
+        label_policy: `"keep"`, or `"avoid"` to draw again until the sample's target shows, and with
+            it the end of its action where that is a drag, else leave it clean.
+        return_plan: put the plan under `"plan"`, and with a target its visible share, or that of a
+            drag's end if less, under `"target_visible"`; `"json"` puts it there as text, which a
+            dataset can hold.
         id_key: name of the entry that holds the id.
         p: probability that a sample is corrupted at all, 0..1.
         labels: which entries of a sample are labels, and how they are written, such as
-            `{"bbox": "xywh", "objects.points": "xy01", "action": "openai", "note": "leave"}`; see `hijack_data.labels`.
+            `{"bbox": "xywh", "objects.points": "xy01", "action": "openai", "note": "leave"}`; see
+            `hijack_data.labels`.
         target: the declared entry that has to show; see `hijack_data.labels.Labels`.
 
-    Raises `ParameterError`, `ImageError` or `ImageTypeError` for a sample that cannot be corrupted, and `LabelError`
-    where a plan moves pixels and an entry that could be a label is not declared, or cannot follow.
+    Raises `ParameterError`, `ImageError` or `ImageTypeError` for a sample that cannot be corrupted,
+    and `LabelError` where a plan moves pixels and an entry that could be a label is not declared,
+    or cannot follow.
     """
 
     seeded = True  # whether the plan comes from the seed; `Replay` is given its plans
@@ -95,13 +101,14 @@ class Corrupt(v2.Transform):
         chosen = sometimes(planner_of(planner), p)
         known = Labels(labels, target)
         self.settings = SamplePlanner(chosen, scalar(seed, "seed", 0), label_policy, id_key, known)
-        self.id_from, self.return_plan = id_from, return_plan
+        self.id_from = id_from
+        self.return_plan = return_plan
         self._epoch: torch.Tensor = torch.zeros(
             1, dtype=torch.int64
         ).share_memory_()  # DataLoader workers see it change
 
     def set_epoch(self, epoch: int) -> None:
-        """Set the epoch of samples that carry none; workers that are already running see it, too."""
+        """Set the epoch of samples that carry none; running workers see it, too."""
         self._epoch[0] = scalar(epoch, "epoch", 0)
 
     def extra_repr(self) -> str:
@@ -116,7 +123,8 @@ class Corrupt(v2.Transform):
         paths, spec = _tree.tree_flatten_with_path(rest)
         leaves = [leaf for _, leaf in paths]
         places = pictures_of(paths)
-        pictures, entries = [leaves[i] for i in places], entries_of(sample)
+        pictures = [leaves[i] for i in places]
+        entries = entries_of(sample)
         known = plain(entries)
         sizes = [size_of(picture) for picture in pictures]
         rows = self._rows(pictures, known, places, paths)
@@ -128,37 +136,61 @@ class Corrupt(v2.Transform):
         check_beside(sample, plans)
         each = _each_picture(pictures, [leaves[i] for i in places], rows)
         out = _tree.tree_unflatten(leaves, spec)
-        out = {key: aside[key] if key in aside else out[key] for key in sample} if aside else out
+        if aside:
+            out = {key: aside[key] if key in aside else out[key] for key in sample}
+        unpictured = {k: v for k, v in known.items() if not _is_picture(v, pictures)}
         changes = changed_entries(
             plans,
-            {key: value for key, value in known.items() if not _is_picture(value, pictures)},
+            unpictured,
             rows,
             each,
             self.settings.labels,
             seed=self.settings.seed if self.seeded else None,
             return_plan=self.return_plan,
         )
-        return put(out, {k: v for k, v in changes.items() if not isinstance(entries.get(k), tv_tensors.TVTensor)})
+        tensors = [k for k in changes if isinstance(entries.get(k), tv_tensors.TVTensor)]
+        return put(out, {k: v for k, v in changes.items() if k not in tensors})
 
     def _rows(
-        self, pictures: list[Any], entries: Row, places: list[int], paths: list[tuple[Any, Any]]
-    ) -> list[Row] | None:
-        """Return what a batch says about each of its pictures, or `None` when the sample is a single one."""
+        self,
+        pictures: list[Any],
+        entries: DatasetRow,
+        places: list[int],
+        paths: list[tuple[Any, Any]],
+    ) -> list[DatasetRow] | None:
+        """Return the entries for each picture of a batch, or `None` for a single sample.
+
+        Raises:
+            ImageError: a batch of several tensors.
+        """
         count = int(np.prod(tuple(pictures[0].shape[:-3]))) if hasattr(pictures[0], "shape") else 1
         many = is_many(entries.get(self.settings.id_key))
         if not (many or (count > 1 and not isinstance(pictures[0], tv_tensors.Video))):
             return None
         if len(pictures) > 1 and count > 1:
             raise ImageError(
-                "a batch is one tensor [B, 3, H, W] or a list of pictures; this sample holds several tensors"
+                "a batch is one tensor [B, 3, H, W] or a list of pictures; this sample holds"
+                " several tensors"
             )
         count *= len(pictures)
         named = {getattr(paths[place][0][0], "key", None) for place in places if paths[place][0]}
-        columns = {key: self._column(key, value, count) for key, value in entries.items() if key not in named}
+        columns = {
+            key: self._column(key, value, count)
+            for key, value in entries.items()
+            if key not in named
+        }
         return [{key: column[i] for key, column in columns.items()} for i in range(count)]
 
-    def _column(self, key: str, value: Any, count: int) -> list[Any]:
-        """Return an entry of a batch as one value for each picture; what is not a list of so many counts for all."""
+    def _column(
+        self,
+        key: str,
+        value: Any,
+        count: int,
+    ) -> list[Any]:
+        """Return an entry of a batch as one value for each picture.
+
+        A value that is not a list of so many counts for all.
+        """
         labels = {path.partition(".")[0] for path in self.settings.labels.declared}
         if key in (*OWN, "step", "epoch") or key in labels:
             return [None] * count if value is None else each_of(value, count, key)
@@ -166,10 +198,19 @@ class Corrupt(v2.Transform):
             return [value] * count
         return list(value)
 
-    def _plans(self, pictures: list[Any], sizes: list[Size], entries: Row, rows: list[Row] | None) -> list[Plan]:
+    def _plans(
+        self,
+        pictures: list[Any],
+        sizes: list[Size],
+        entries: DatasetRow,
+        rows: list[DatasetRow] | None,
+    ) -> list[Plan]:
         epoch = int(self._epoch.item())
         if rows is None and len(set(sizes)) > 1:
-            raise ImageError(f"the pictures of one sample differ in size: {sorted(set(sizes))}; give a list of ids")
+            raise ImageError(
+                f"the pictures of one sample differ in size: {sorted(set(sizes))}; give a list"
+                " of ids"
+            )
         count = None if rows is None else len(rows)
         if self.id_from == "content":
             each = list(pictures[0]) if rows and len(pictures) == 1 else pictures
@@ -179,15 +220,30 @@ class Corrupt(v2.Transform):
         if rows is None:
             return [self.make_plan(sizes[0], entries, keys[0], epoch)]
         sizes = sizes * (len(rows) // len(sizes))
-        return [self.make_plan(s, row, key, epoch) for s, row, key in zip(sizes, rows, keys, strict=True)]
+        return [
+            self.make_plan(s, row, key, epoch)
+            for s, row, key in zip(sizes, rows, keys, strict=True)
+        ]
 
-    def make_plan(self, size: Size, row: Row, key: int | str, epoch: int) -> Plan:
-        """Return the plan for one picture of `size` with the id `key`; `row` are the entries that describe it."""
+    def make_plan(
+        self,
+        size: Size,
+        row: DatasetRow,
+        key: int | str,
+        epoch: int,
+    ) -> Plan:
+        """Return the plan for one picture of `size` with the id `key`.
+
+        `row` holds the entries that describe it.
+        """
         return self.settings.plan(size, row, key, epoch)
 
 
 def _as_dict(sample: Any) -> Any:
-    """Return a mapping of any kind, such as a row of `datasets`, as a dictionary; anything else as it is."""
+    """Return a mapping of any kind, such as a row of `datasets`, as a dictionary.
+
+    Anything else is returned as it is.
+    """
     if not isinstance(sample, Mapping) or type(cast(object, sample)) is dict:
         return cast(Any, sample)
     return dict(cast("Mapping[str, Any]", sample))
@@ -199,7 +255,9 @@ def _split(sample: Any, labels: Labels) -> tuple[dict[str, Any], Any]:
         return {}, sample
     entries = cast("dict[str, Any]", sample)
     names = {*_ASIDE, *(path.partition(".")[0] for path in labels.declared)}
-    aside = {k: v for k, v in entries.items() if k in names and not isinstance(v, tv_tensors.TVTensor)}
+    aside = {
+        k: v for k, v in entries.items() if k in names and not isinstance(v, tv_tensors.TVTensor)
+    }
     return aside, {k: v for k, v in entries.items() if k not in aside}
 
 
@@ -209,7 +267,11 @@ def _is_picture(value: Any, pictures: list[Any]) -> bool:
     return any(part is picture for part in parts for picture in pictures)
 
 
-def _each_picture(before: list[Any], after: list[Any], rows: list[Row] | None) -> list[tuple[Any, Any]]:
+def _each_picture(
+    before: list[Any],
+    after: list[Any],
+    rows: list[DatasetRow] | None,
+) -> list[tuple[Any, Any]]:
     """Return each picture that a plan was made for, before and after it."""
     if rows is None:
         return [(before[0], after[0])]

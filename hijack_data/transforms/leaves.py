@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from PIL import Image
 
-from ..apply import apply
+from .._apply import apply
 from ..backends import backend_of
 from ..errors import ImageError, LabelError, ParameterError, shown
 from ..labels import Labels
@@ -26,20 +26,26 @@ from ..types import Size
 tv_tensors: Any = importlib.import_module("torchvision.tv_tensors")  # torchvision is not typed
 v2: Any = importlib.import_module("torchvision.transforms.v2")
 FOLLOWING = (tv_tensors.BoundingBoxes, tv_tensors.KeyPoints, tv_tensors.Mask)
-Row: TypeAlias = Mapping[str, Any]
+DatasetRow: TypeAlias = Mapping[str, Any]
 
 
 def pictures_of(paths: list[tuple[Any, Any]]) -> list[int]:
-    """Return which leaves of a sample are its pictures."""
+    """Return which leaves of a sample are its pictures.
+
+    Raises:
+        ImageError: there is none.
+    """
     explicit = (Image.Image, tv_tensors.Image, tv_tensors.Video)
     found = [i for i, (_, leaf) in enumerate(paths) if isinstance(leaf, explicit)]
     if not found:
-        found = [i for i, (path, leaf) in enumerate(paths) if _is_array(leaf) and _names_a_picture(path)]
+        found = [
+            i for i, (path, leaf) in enumerate(paths) if _is_array(leaf) and _names_a_picture(path)
+        ]
     if not found:
         kinds = ", ".join(sorted({type(leaf).__name__ for _, leaf in paths}))
         raise ImageError(
-            f"the sample holds no picture (it holds: {kinds or 'nothing'}); give a PIL image or tv_tensors.Image, or "
-            f"put the tensor under one of {', '.join(PICTURE_KEYS)}"
+            f"the sample holds no picture (it holds: {kinds or 'nothing'}); give a PIL image or"
+            f" tv_tensors.Image, or put the tensor under one of {', '.join(PICTURE_KEYS)}"
         )
     return found
 
@@ -49,28 +55,39 @@ def _is_array(leaf: object) -> bool:
 
 
 def _names_a_picture(path: tuple[Any, ...]) -> bool:
-    names = [getattr(part, "key", getattr(part, "idx", getattr(part, "name", None))) for part in path]
+    names = [
+        getattr(part, "key", getattr(part, "idx", getattr(part, "name", None))) for part in path
+    ]
     return not names or names == [0] or any(name in PICTURE_KEYS for name in names)
 
 
-def entries_of(sample: Any) -> Row:
+def entries_of(sample: Any) -> DatasetRow:
     """Return the dictionary of a sample: itself, or the first one in a tuple."""
     parts: SequenceOf[Any] = cast(Any, sample) if isinstance(sample, list | tuple) else [sample]
-    return next((cast(Row, part) for part in parts if isinstance(part, Mapping)), cast(Row, {}))
+    return next(
+        (cast(DatasetRow, part) for part in parts if isinstance(part, Mapping)),
+        cast(DatasetRow, {}),
+    )
 
 
-def plain(entries: Row) -> Row:
+def plain(entries: DatasetRow) -> DatasetRow:
     """Return the entries with the `BoundingBoxes` that a planner reads as plain `xyxy` tensors."""
     read = {key for key in OWN if isinstance(entries.get(key), tv_tensors.BoundingBoxes)}
     return {key: _corners(value) if key in read else value for key, value in entries.items()}
 
 
 def _corners(boxes: Any) -> Any:
-    return v2.functional.convert_bounding_box_format(boxes, new_format="XYXY").as_subclass(torch.Tensor)
+    return v2.functional.convert_bounding_box_format(boxes, new_format="XYXY").as_subclass(
+        torch.Tensor
+    )
 
 
 def check_beside(sample: Any, plans: list[Plan]) -> None:
-    """Raise `LabelError` for what stands beside the picture in a tuple and could be a label: it has no name."""
+    """Check what stands beside the picture in a tuple: it has no name.
+
+    Raises:
+        LabelError: it could be a label, and a plan moves pixels.
+    """
     if not isinstance(sample, list | tuple) or all(plan.coords.is_identity for plan in plans):
         return
     plan = next(plan for plan in plans if not plan.coords.is_identity)
@@ -80,36 +97,51 @@ def check_beside(sample: Any, plans: list[Plan]) -> None:
         found = find_undeclared(f"item {number}", part, plan.size)
         if found is not None:
             raise LabelError(
-                f"item {number} of the sample ({shown(part)}) could be a label, and the picture is resized; "
-                "give a dictionary, so that labels={...} can say how it is written"
+                f"item {number} of the sample ({shown(part)}) could be a label, and the picture is"
+                " resized; give a dictionary, so that labels={...} can say how it is written"
             )
 
 
 def put(out: Any, changes: dict[str, Any]) -> Any:
-    """Return the sample with these entries changed."""
+    """Return the sample with these entries changed.
+
+    Raises:
+        ParameterError: there is no dictionary in the sample to put them in.
+    """
     if not changes:
         return out
     if isinstance(out, dict):
-        return {**cast("dict[str, Any]", out), **changes}
-    if not isinstance(out, list | tuple) or not any(isinstance(part, dict) for part in cast("SequenceOf[Any]", out)):
+        return {
+            **cast("dict[str, Any]", out),
+            **changes,
+        }
+    if not isinstance(out, list | tuple) or not any(
+        isinstance(part, dict) for part in cast("SequenceOf[Any]", out)
+    ):
         raise ParameterError("return_plan=True needs a dictionary in the sample to put the plan in")
     parts = list(cast("SequenceOf[Any]", out))
     at = next(i for i, part in enumerate(parts) if isinstance(part, dict))
-    parts[at] = {**parts[at], **changes}
+    parts[at] = {
+        **parts[at],
+        **changes,
+    }
     return tuple(parts) if isinstance(out, tuple) else parts
 
 
 def changed_entries(
     plans: list[Plan],
-    entries: Row,
-    rows: list[Row] | None,
+    entries: DatasetRow,
+    rows: list[DatasetRow] | None,
     pictures: list[tuple[Any, Any]],
     labels: Labels,
     *,
     seed: int | None,
     return_plan: bool | str,
 ) -> dict[str, Any]:
-    """Return the entries of a sample that differ in the corrupted one; `pictures` are those before and after."""
+    """Return the entries of a sample that differ in the corrupted one.
+
+    `pictures` are those before and after.
+    """
     each = [entries] if rows is None else rows
     moved = [
         follow(plan, row, before, after, labels, seed)
@@ -123,28 +155,52 @@ def changed_entries(
         seen = [visible_in(plan, row, labels) for plan, row in zip(plans, each, strict=True)]
         if any(share is not None for share in seen):
             changes["target_visible"] = seen
-    return {key: _joined(values, entries.get(key)) if rows else values[0] for key, values in changes.items()}
+    return {
+        key: _joined(values, entries.get(key)) if rows else values[0]
+        for key, values in changes.items()
+    }
 
 
 def _joined(values: list[Any], like: Any) -> Any:
     if not isinstance(like, torch.Tensor):
         return values
-    return torch.stack([torch.as_tensor(value, dtype=like.dtype, device=like.device) for value in values])
+    return torch.stack(
+        [
+            torch.as_tensor(
+                value,
+                dtype=like.dtype,
+                device=like.device,
+            )
+            for value in values
+        ]
+    )
 
 
-def each_of(values: Any, count: int, what: str) -> list[Any]:
-    """Return one value for each picture of a batch; a single integer counts for all. Raises `ParameterError`."""
+def each_of(
+    values: Any,
+    count: int,
+    what: str,
+) -> list[Any]:
+    """Return one value for each picture of a batch; a single integer counts for all.
+
+    Raises:
+        ParameterError: there is another number of values.
+    """
     if not is_many(values) or len(values) != count:
         if isinstance(values, int):
             return [values] * count
         raise ParameterError(
-            f"{what} must hold one entry for each of the {count} pictures of the batch, got {values!r}"
+            f"{what} must hold one entry for each of the {count} pictures of the batch, got"
+            f" {values!r}"
         )
     return list(values)
 
 
 def size_of(picture: Any) -> Size:
-    """Return `(height, width)` of a picture. Raises `ImageError` or `ImageTypeError` for what is none."""
+    """Return `(height, width)` of a picture.
+
+    Raises `ImageError` or `ImageTypeError` for anything else.
+    """
     if isinstance(picture, Image.Image):
         return picture.height, picture.width
     backend = backend_of(picture)
@@ -161,7 +217,11 @@ def content(picture: Any) -> str:
     return hashlib.sha256(cast(Any, pixels)).hexdigest()[:32] + str(pixels.shape)
 
 
-def corrupt(leaves: list[Any], places: list[int], plans: list[Plan]) -> None:
+def corrupt(
+    leaves: list[Any],
+    places: list[int],
+    plans: list[Plan],
+) -> None:
     """Replace the pictures among the leaves by corrupted ones."""
     if len(places) == 1:
         leaves[places[0]] = _apply(plans if len(plans) > 1 else plans[0], leaves[places[0]])
@@ -180,30 +240,53 @@ def _apply(plan: Any, picture: Any) -> Any:
 
 
 def follow_tensor(value: Any, plans: list[Plan]) -> Any:
-    """Return boxes, key points or a mask as the resized picture has them, by the geometry of all other labels."""
+    """Return boxes, key points or a mask as the resized picture has them.
+
+    They follow the geometry of all other labels.
+
+    Raises:
+        ParameterError: the pictures of a batch get different sizes.
+    """
     if all(plan.coords.is_identity for plan in plans):
         return value
     moves = {Move(plan.size, plan.out_size) for plan in plans}
     if len(moves) > 1:
-        raise ParameterError(f"a {type(value).__name__} cannot follow a batch whose pictures get different sizes")
+        raise ParameterError(
+            f"a {type(value).__name__} cannot follow a batch whose pictures get different sizes"
+        )
     (move,) = moves
     if isinstance(value, tv_tensors.Mask):
-        return v2.functional.resize(value, list(move.after), interpolation=v2.InterpolationMode.NEAREST_EXACT)
+        return v2.functional.resize(
+            value, list(move.after), interpolation=v2.InterpolationMode.NEAREST_EXACT
+        )
     plain = value.as_subclass(torch.Tensor)
     if isinstance(value, tv_tensors.KeyPoints):
         return tv_tensors.KeyPoints(_points_moved(plain, move), canvas_size=move.after)
     order = str(value.format.value).lower()
     if order in ("xyxy", "xywh", "cxcywh"):
         boxes = box_format(order, 0, anywhere=True).moved(plain, move)
-        return tv_tensors.BoundingBoxes(boxes, format=value.format, canvas_size=move.after)
+        return tv_tensors.BoundingBoxes(
+            boxes,
+            format=value.format,
+            canvas_size=move.after,
+        )
     # Rotated boxes: torchvision knows their corners.
-    scaled = v2.functional.resize(tv_tensors.wrap(plain.to(torch.float64), like=value), list(move.after))
+    scaled = v2.functional.resize(
+        tv_tensors.wrap(plain.to(torch.float64), like=value), list(move.after)
+    )
     return tv_tensors.wrap(scaled.as_subclass(torch.Tensor).to(value.dtype), like=scaled)
 
 
 def _points_moved(points: torch.Tensor, move: Move) -> torch.Tensor:
-    """Return key points after a move; unlike points that somebody clicked, they may lie off the picture."""
+    """Return key points after a move.
+
+    Unlike points that somebody clicked, they may lie off the picture.
+    """
     if points.is_floating_point():
         return points.new_tensor(move.scaling.positions(points.detach().cpu().numpy()))
-    free = replace(move.scaling, bounded=False, clamp=False)
+    free = replace(
+        move.scaling,
+        bounded=False,
+        clamp=False,
+    )
     return points.new_tensor(free.points(points.detach().cpu().numpy()))

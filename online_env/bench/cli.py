@@ -4,34 +4,101 @@ Exit codes: 0 done, 1 finished but something is missing, invalid, failed or dama
 configuration, 3 the disk is full or fails.
 """
 
+import contextlib
+import importlib
 import json
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from hijack_data import seal
 from hijack_data.cli import console
+from hijack_data.locking import Lock
+from hijack_data.runs import seal
 
-from . import records, scores
-from .lock import Lock
-from .progress import Screen, shorten
+from ..errors import CostLimitError
+from . import costs, records, scores
+from .progress import ProgressDisplay, shorten
 
 if TYPE_CHECKING:
     from .config import Bench
+    from .episodes import LiveEpisodes
     from .jobs import Job
+    from .models import ModelOptions
+    from .workers import EpisodePool
+
+_HEADINGS = (
+    "n",
+    "success",
+    "95 %",
+    "delta",
+    "95 %",
+    "p",
+    "retention",
+    "errors",
+    "invalid",
+)
 
 
 @click.command()
 @click.argument("config")
-@click.option("--out", type=click.Path(file_okay=False, path_type=Path), metavar="RUNS", help="Folder of the run: new.")
-@click.option("--agent", metavar="A,B", help="Agents, instead of those of CONFIG: oracle, do_nothing.")
-@click.option("--tasks", metavar="A,B", help="Tasks, instead of those of CONFIG.")
-@click.option("--corruptions", metavar="A,B|all", help="Labels of CONFIG or names; all is clean and every corruption.")
-@click.option("--seeds", type=click.IntRange(1, 10_000), metavar="N", help="Seeds 0 to N-1, instead of CONFIG's.")
+@click.option(
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    metavar="RUNS",
+    help="Folder of the run: new.",
+)
+@click.option(
+    "--agent",
+    metavar="A,B",
+    help=(
+        "Agents, instead of those of CONFIG: oracle, do_nothing, my_agent.py:MyAgent,"
+        " package.module:MyAgent, my_agent.yaml, gpt-4o."
+    ),
+)
+@click.option(
+    "--tasks",
+    metavar="A,B",
+    help="Tasks, instead of those of CONFIG: write_note, my_task.py:MyTask.",
+)
+@click.option(
+    "--corruptions",
+    metavar="A,B|all",
+    help="Labels of CONFIG or names; all is clean and every corruption.",
+)
+@click.option(
+    "--seeds",
+    type=click.IntRange(1, 10_000),
+    metavar="N",
+    help="Seeds 0 to N-1, instead of CONFIG's.",
+)
+@click.option(
+    "--desktops",
+    type=click.IntRange(1, 256),
+    metavar="N",
+    help="Desktops side by side; by default as many as cores and memory allow.",
+)
 @click.option("--resume", is_flag=True, help="Go on with the run in RUNS where it was broken off.")
+@click.option(
+    "--prompts",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Prompts of models that replace ours by name.",
+)
+@click.option(
+    "--max-cost",
+    type=click.FloatRange(0),
+    metavar="USD",
+    help="Begin no episode once the models have cost that much; --resume goes on.",
+)
+@click.option(
+    "--replay",
+    type=click.Path(path_type=Path),
+    metavar="RUNS",
+    help="Take the models' answers from the log of an earlier run.",
+)
 @click.option("--sign", metavar="KEY", help="Sign the run at its end with this SSH key.")
 @click.option("--dry-run", is_flag=True, help="List the episodes with an estimate, and run none.")
 def bench(
@@ -41,50 +108,83 @@ def bench(
     tasks: str | None,
     corruptions: str | None,
     seeds: int | None,
+    desktops: int | None,
     resume: bool,
+    prompts: Path | None,
+    max_cost: float | None,
+    replay: Path | None,
     sign: str | None,
     dry_run: bool,
 ) -> None:
-    """Run agents on a live desktop, clean and corrupted: hijack bench embedded_small --out runs/small"""
+    """Run agents on a live desktop, clean and corrupted.
+
+    Such as: hijack bench embedded_small --out runs/small
+    """
     from .config import load_bench, override  # brings the web sites; a report needs none
     from .jobs import estimate, jobs
+    from .models import ModelOptions, prepare
+    from .providers import check_installed
+    from .workers import default_desktops
 
     chosen = override(load_bench(config), agent, tasks, corruptions, seeds)
+    models = ModelOptions(
+        prompts=prompts,
+        replay=replay,
+        max_cost=max_cost,
+    )
+    prepare(chosen.agents, models, None if dry_run else out)
     listed = jobs(chosen)
+    at_once = min(desktops or default_desktops(), len(listed))
     if dry_run:
         for job in listed:
             click.echo(str(job))
-        click.echo(f"{len(listed)} episodes, {estimate(chosen, listed)}")
+        click.echo(f"{len(listed)} episodes, {estimate(chosen, listed, at_once)}")
         return
     if out is None:
         raise click.UsageError("--out RUNS: say where the records go (or --dry-run)")
     if sign is not None:
         seal.check_key(sign)
+    check_installed(chosen.provider, chosen.tasks)
     with _begun(chosen, listed, out, resume):
-        code = _run(chosen, listed, out)
+        code = _run(chosen, listed, out, at_once, models)
     if sign is not None:
         seal.sign(out, sign)
     raise SystemExit(code)
 
 
-def _begun(chosen: "Bench", listed: "Sequence[Job]", out: Path, resume: bool) -> Lock:
+def _begun(
+    chosen: "Bench",
+    listed: "Sequence[Job]",
+    out: Path,
+    resume: bool,
+) -> Lock:
     begin = records.resume if resume else records.create
     return begin(out, chosen.to_data(), [job.id for job in listed])
 
 
-def _run(chosen: "Bench", listed: "Sequence[Job]", out: Path) -> int:
+def _run(
+    chosen: "Bench",
+    listed: "Sequence[Job]",
+    out: Path,
+    at_once: int,
+    models: "ModelOptions",
+) -> int:
     from .jobs import attempts, estimate
     from .runner import needs_attempt
 
     earlier = attempts(listed, records.read(out).records)
     left = [job for job in listed if needs_attempt(earlier[job], chosen.retries)]
     screen = console()
+    expected = estimate(chosen, left, at_once)
     screen.print(
-        f"{len(left)} episodes, {estimate(chosen, left)}; recovery policy: {chosen.recovery}",
+        f"{len(left)} episodes on {at_once} desktops, {expected}; recovery policy:"
+        f" {chosen.recovery}",
     )
     if left:
         try:
-            _play(chosen, listed, out, earlier)
+            _play(chosen, listed, out, earlier, at_once, models)
+        except CostLimitError as error:
+            click.echo(f"hijack: {error}", err=True)
         except KeyboardInterrupt:
             done = len(records.read(out).records)
             kept = f"the {done} episodes that ended are kept: hijack report {out}"
@@ -92,83 +192,158 @@ def _run(chosen: "Bench", listed: "Sequence[Job]", out: Path) -> int:
             raise click.Abort from None
     run = records.read(out)
     show(run)
-    return _exit_code(run)
+    return exit_code(run)
 
 
 def _play(
     chosen: "Bench",
     listed: "Sequence[Job]",
     out: Path,
-    earlier: "Mapping[Job, Sequence[records.Record]]",
+    earlier: "Mapping[Job, Sequence[records.ResultRecord]]",
+    at_once: int,
+    models: "ModelOptions",
 ) -> None:
-    from ..desktops.embedded import masks
-    from ..desktops.embedded.desktop import EmbeddedDesktop
-    from ..env import SmallTasks
-    from .episodes import LiveEpisodes
     from .runner import run_jobs
 
-    teller = Screen(listed, console())
+    teller = ProgressDisplay(listed, console())
+
+    def run(episodes: "Callable[[Job, int], records.ResultRecord]", stop: Any = None) -> None:
+        run_jobs(
+            listed,
+            out,
+            chosen.retries,
+            episodes,
+            teller,
+            earlier,
+            at_once,
+            stop or (lambda: None),
+            lambda: costs.check_cost(out, models.max_cost),
+        )
+
+    with teller:
+        if at_once == 1:
+            with _here(chosen, out) as episodes:
+                run(episodes)
+        else:
+            with _side_by_side(chosen, out, models) as episodes:
+                run(episodes, episodes.stop)
+
+
+@contextlib.contextmanager
+def _here(chosen: "Bench", out: Path) -> "Iterator[LiveEpisodes]":
+    """Play in this process, where a debugger can follow an agent."""
+    from ..embedded.runtime import masks
+    from ..environment import SmallTasks
+    from .episodes import LiveEpisodes
+    from .providers import PROVIDERS
+
     masks.hide(out)
-    with teller, EmbeddedDesktop.up(chosen.size, standby=True) as desktop:
-        episodes = LiveEpisodes(chosen, out, SmallTasks(desktop))
-        run_jobs(listed, out, chosen.retries, episodes, teller, earlier)
+    with PROVIDERS.get(chosen.provider)(chosen.size) as desktop:
+        yield LiveEpisodes(chosen, out, SmallTasks(desktop))
+
+
+def _side_by_side(
+    chosen: "Bench",
+    out: Path,
+    models: "ModelOptions",
+) -> "EpisodePool":
+    """Play in several processes."""
+    from .workers import EpisodePool, WorkerSetup, references
+
+    setup = WorkerSetup(
+        bench=chosen,
+        folder=out.resolve(),
+        references=references(chosen),
+        models=models,
+    )
+    return EpisodePool(setup)
 
 
 @click.command()
 @click.argument("runs", type=click.Path(path_type=Path))
 @click.option("--json", "as_json", is_flag=True, help="Print a list of rows.")
 def report(runs: Path, as_json: bool) -> None:
-    """Show the results of a run: hijack report runs/small"""
+    """Show the results of a run, such as: hijack report runs/small."""
     run = records.read(runs)
     for damage in run.damaged:
-        click.echo(f"hijack: {runs / damage.file}:{damage.line}: skipped: {damage.problem}", err=True)
+        click.echo(
+            f"hijack: {runs / damage.file}:{damage.line}: skipped: {damage.problem}", err=True
+        )
     if as_json:
-        click.echo(json.dumps(_rows(run, run.records), indent=1))
+        click.echo(json.dumps(score_rows(run, run.records), indent=1))
     else:
         show(run)
     if run.missing:
         click.echo(f"hijack: {runs}: {_missing(run)}", err=True)
-    raise SystemExit(_exit_code(run))
+    raise SystemExit(exit_code(run))
 
 
-def _exit_code(run: records.Run) -> int:
-    bad = any(record["status"] != "ok" for record in scores.latest(run.records).values())
+def exit_code(run: records.Run) -> int:
+    """Return 1 if something is missing, damaged, invalid or failed, else 0."""
+    final = scores.latest(run.records).values()
+    bad = any(record["status"] != "ok" for record in final)
     return 1 if run.damaged or run.missing or bad else 0
 
 
 def _missing(run: records.Run) -> str:
     there = f"{run.planned - run.missing} of {run.planned} planned episodes are there"
-    return f"{there}, {run.missing} are missing; hijack bench ... --resume runs them"
+    command = "score" if run.is_scored else "bench"
+    return f"{there}, {run.missing} are missing; hijack {command} ... --resume runs them"
 
 
-def _rows(run: records.Run, chosen: Sequence[records.Record]) -> list[scores.Row]:
-    agents, corruptions = (_entries(run.config.get(key)) for key in ("agents", "corruptions"))
+def score_rows(run: records.Run, chosen: Sequence[records.ResultRecord]) -> list[scores.ScoreRow]:
+    """Return the rows of the report's table, in the order of the configuration."""
+    agents = _entries(run.config.get("agents"))
+    corruptions = _entries(run.config.get("corruptions"))
     return scores.rows(chosen, list(agents), list(corruptions))
 
 
 def _entries(listed: Any) -> dict[str, str]:
-    """What a list of the configuration names, by label, in its order."""
+    """Return what a list of the configuration names, by label, in its order."""
     found: dict[str, str] = {}
-    for entry in listed if isinstance(listed, list) else ():
-        named = isinstance(entry, dict) and len(entry) == 1
-        ((name, settings),) = entry.items() if named else ((entry, None),)
-        found[str(settings.get("as", name) if isinstance(settings, dict) else name)] = str(name)
+    if not isinstance(listed, list):
+        return found
+    for entry in listed:
+        name = entry
+        settings = None
+        if isinstance(entry, dict) and len(entry) == 1:
+            ((name, settings),) = entry.items()
+        label = settings.get("as", name) if isinstance(settings, dict) else name
+        found[str(label)] = str(name)
     return found
 
 
 def show(run: records.Run) -> None:
-    """Print the table of a run (feasible and infeasible tasks also apart), its recovery policy, and what went wrong."""
+    """Print the table of a run, its recovery policy, and what went wrong.
+
+    Feasible and infeasible tasks also get tables of their own.
+    """
     screen = console()
     screen.print(_table(run, run.records))
     infeasible = [record for record in run.records if record.get("infeasible")]
     if infeasible:
-        screen.print(_table(run, [r for r in run.records if not r.get("infeasible")], "feasible tasks"))
+        screen.print(
+            _table(run, [r for r in run.records if not r.get("infeasible")], "feasible tasks")
+        )
         screen.print(_table(run, infeasible, "infeasible tasks"))
     final = list(scores.latest(run.records).values())
-    _show_recovery(run, final)
-    early = scores.unreached(final, _entries(run.config.get("corruptions")))
+    if not scores.can_infer():
+        screen.print("without intervals and tests: scipy and statsmodels are not installed")
+    _show_summaries(run)
+    early = 0
+    if run.is_scored:
+        importlib.import_module("online_env.scoring.tables").show_parts(run, screen)
+    else:
+        _show_recovery(run, final)
+        early = scores.unreached(final, _entries(run.config.get("corruptions")))
+    used = costs.usage_line(run.records)
+    if used:
+        screen.print(used, soft_wrap=True)
     if early:
-        screen.print(f"{early} episodes with a score ended before their corruption was due: they count as they are")
+        screen.print(
+            f"{early} episodes with a score ended before their corruption was due: they count as"
+            " they are"
+        )
     if run.missing:
         screen.print(_missing(run), soft_wrap=True)
     for record in final:
@@ -177,32 +352,72 @@ def show(run: records.Run) -> None:
             screen.print(shorten(problem), markup=False, soft_wrap=True)
 
 
-def _table(run: records.Run, chosen: Sequence[records.Record], title: str | None = None) -> Any:
+def _table(
+    run: records.Run,
+    chosen: Sequence[records.ResultRecord],
+    title: str | None = None,
+) -> Any:
     from rich.markup import escape
     from rich.table import Table
 
-    table = Table(box=None, header_style="bold", pad_edge=False, title=title, title_justify="left")
+    table = Table(
+        box=None,
+        header_style="bold",
+        pad_edge=False,
+        title=title,
+        title_justify="left",
+    )
     for name in ("agent", "corruption"):
         table.add_column(name)
-    for name in ("n", "success", "delta", "retention", "errors", "invalid"):
+    for name in _HEADINGS:
         table.add_column(name, justify="right")
-    for row in _rows(run, chosen):
-        delta = "" if row["delta"] is None else f"{100 * row['delta']:+.1f}"
-        cells = [_percent(row["success"]), delta, _percent(row["retention"])]
-        named = [escape(row["agent"]), escape(row["corruption"])]
-        table.add_row(*named, str(row["n"]), *cells, str(row["errors"]), str(row["invalid"]))
+    for row in score_rows(run, chosen):
+        cells = [
+            str(row["n"]),
+            _percent(row["success"]),
+            _interval(row["ci_low"], row["ci_high"]),
+            _percent(row["delta"], sign="+"),
+            _interval(row["delta_low"], row["delta_high"], sign="+"),
+            "" if row["p"] is None else f"{row['p']:.3f}",
+            _percent(row["retention"]),
+            str(row["errors"]),
+            str(row["invalid"]),
+        ]
+        table.add_row(escape(row["agent"]), escape(row["corruption"]), *cells)
     return table
 
 
-def _show_recovery(run: records.Run, final: Sequence[records.Record]) -> None:
+def _show_summaries(run: records.Run) -> None:
+    """Print a line on each agent with corrupted episodes."""
+    for row in scores.summaries(score_rows(run, run.records)):
+        if row["corrupted"] is None:
+            continue
+        worst = f"worst {row['worst']} {_percent(row['worst_success'])}"
+        average = f"average with clean, as in the paper {_percent(row['paper_average'])}"
+        click.echo(f"{row['agent']}: corrupted {_percent(row['corrupted'])}, {worst}, {average}")
+
+
+def _show_recovery(run: records.Run, final: Sequence[records.ResultRecord]) -> None:
     counted: Counter[str] = Counter()
     for record in final:
-        said = record.get("recovery")
-        counted.update({k: n for k, n in said.items() if isinstance(n, int)} if isinstance(said, dict) else {})
+        recovery = record.get("recovery")
+        if not isinstance(recovery, dict):
+            continue
+        counted.update({key: n for key, n in recovery.items() if isinstance(n, int)})
     policy = run.config.get("recovery", "unknown")
     asked = f"asked for {counted['requests']} times, {counted['false_alarms']} of them false alarms"
     click.echo(f"recovery policy: {policy} ({asked}, {counted['repaired']} repaired)")
 
 
-def _percent(share: float | None) -> str:
-    return "" if share is None else f"{100 * share:.1f}"
+def _percent(share: float | None, sign: str = "") -> str:
+    return "" if share is None else f"{100 * share:{sign}.1f}"
+
+
+def _interval(
+    low: float | None,
+    high: float | None,
+    sign: str = "",
+) -> str:
+    if low is None or high is None:
+        return ""
+    return f"[{_percent(low, sign)}, {_percent(high, sign)}]"

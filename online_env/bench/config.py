@@ -1,9 +1,12 @@
-"""The configuration of a benchmark: a YAML file whose every mistake is reported at once, with file, line and fix."""
+"""The configuration of a benchmark: a YAML file.
+
+All its mistakes are reported at once, each with file, line and fix.
+"""
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Literal, cast
+from typing import Any, Literal, TypeAlias, cast
 
 import yaml
 
@@ -11,37 +14,62 @@ from hijack_data.config import dump
 from hijack_data.config.build import Builder
 from hijack_data.config.files import read_config
 from hijack_data.config.spec import check
-from hijack_data.config.tree import Listing, Place, Problems, Scalar, Table, Tree, kind_of
+from hijack_data.config.tree import (
+    ConfigNode,
+    MappingNode,
+    Position,
+    Problems,
+    ScalarNode,
+    SequenceNode,
+    kind_of,
+)
 from hijack_data.config.yaml_reader import read_yaml
 from hijack_data.corruption import check_not_broken, get
 from hijack_data.corruption import names as corruption_names
-from hijack_data.errors import ParameterError, UnknownNameError, suggest
+from hijack_data.errors import ConfigError, HijackError, ParameterError, UnknownNameError, suggest
+from hijack_data.loading import source_of
 from hijack_data.params import Parameter
 from hijack_data.plan import CLEAN
-from hijack_data.safety import Planner
+from hijack_data.planner import Planner
+from hijack_data.registry import Registry, is_ours
 from hijack_data.types import Size
 
-from .. import tasks
-from . import agents
+from ..agents.makers import FileAgentMaker
+from ..agents.registry import AGENTS
+from ..tasks import TASKS, sets
+from .providers import EMBEDDED, PROVIDERS
 
+AnyRegistry: TypeAlias = Registry[Any]
+Planners: TypeAlias = dict[str, Planner | None]
 ALL = "all"
 SIDE = Parameter("int", "", low=200, high=8192)
 SEED = Parameter("int", "", low=0, high=2**64 - 1)
-PROVIDER = Parameter("choice", "", choices=("embedded",))
 NUMBERS = {
-    "max_steps": Parameter("int", "Actions of an agent until an episode is cut off", low=1, high=1000),
+    "max_steps": Parameter(
+        "int", "Actions of an agent until an episode is cut off", low=1, high=1000
+    ),
     "retries": Parameter("int", "How often an invalid episode is run again", low=0, high=10),
+    "agent_timeout": Parameter(
+        "int", "Seconds that an agent may take for one answer", low=1, high=86_400
+    ),
+    "episode_timeout": Parameter(
+        "int", "Seconds that an episode may take altogether", low=1, high=604_800
+    ),
 }
-RECOVERY = Parameter("choice", "What a request of the agent for help leads to", choices=("none", "repair", "reset"))
+RECOVERY = Parameter(
+    "choice", "What a request of the agent for help leads to", choices=("none", "repair", "reset")
+)
+DESKTOP_KEYS = ("provider", "size")
 KEYS = ("desktop", "agents", "tasks", "corruptions", "seeds", *NUMBERS, "recovery")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Bench:
     """A benchmark: what is run, and how.
 
     Args:
         source: the file, for messages.
+        provider: name of what provides the desktop, in `providers.PROVIDERS`.
         size: `(height, width)` of the desktop in pixels.
         agents: names in `agents.AGENTS`.
         tasks: names in `online_env.tasks`.
@@ -50,9 +78,12 @@ class Bench:
         max_steps: actions until an episode is cut off.
         recovery: `none`, `repair` or `reset`.
         retries: how often an invalid episode is run again.
+        agent_timeout: seconds that an agent may take for one answer.
+        episode_timeout: seconds that an episode may take altogether.
     """
 
     source: str = ""
+    provider: str = EMBEDDED
     size: Size = (1080, 1920)
     agents: tuple[str, ...] = ("oracle",)
     tasks: tuple[str, ...] = ()
@@ -61,45 +92,87 @@ class Bench:
     max_steps: int = 15
     recovery: Literal["none", "repair", "reset"] = "none"
     retries: int = 1
+    agent_timeout: int = 600
+    episode_timeout: int = 3600
 
     @property
     def planners(self) -> Mapping[str, Planner | None]:
-        """The corruptions by label; all of them where none was named."""
+        """The corruptions by label; all of them if none was named."""
         return everything() if self.corruptions is None else self.corruptions
 
     def to_data(self) -> dict[str, Any]:
-        """The resolved configuration as JSON data: every parameter of every corruption is written out."""
-        named = {label: planner for label, planner in self.planners.items() if planner is not None}
-        entries = yaml.safe_load(dump(named))["corruptions"] if named else []
-        return {
+        """Return the resolved configuration as JSON data.
+
+        Every parameter of every corruption is written out. `code` has the file and its SHA-256 of
+        each agent, task and provider that is not ours; the key is left out if there is none.
+        """
+        width_first = [self.size[1], self.size[0]]
+        data: dict[str, Any] = {
             "source": self.source,
-            "desktop": {"provider": "embedded", "size": [self.size[1], self.size[0]]},
+            "desktop": {"provider": self.provider, "size": width_first},
             "agents": list(self.agents),
             "tasks": list(self.tasks),
-            "corruptions": [*([CLEAN] if CLEAN in self.planners else []), *entries],
+            "corruptions": self._corruptions(),
             "seeds": list(self.seeds),
             "max_steps": self.max_steps,
             "recovery": self.recovery,
             "retries": self.retries,
+            "agent_timeout": self.agent_timeout,
+            "episode_timeout": self.episode_timeout,
         }
+        code = dict(self._code())
+        if code:
+            data["code"] = code
+        return data
+
+    def _corruptions(self) -> list[Any]:
+        clean = [CLEAN] if CLEAN in self.planners else []
+        named = {label: planner for label, planner in self.planners.items() if planner is not None}
+        if not named:
+            return clean
+        entries = yaml.safe_load(dump(named))
+        return [*clean, *entries["corruptions"]]
+
+    def _code(self) -> Iterator[tuple[str, dict[str, str]]]:
+        """Yield the files of what is not ours, by name."""
+        for _, name, entry in self.foreign():
+            source = entry.source if isinstance(entry, FileAgentMaker) else source_of(entry)
+            if source is not None:
+                yield name, source
+
+    def foreign(self) -> Iterator[tuple[AnyRegistry, str, Any]]:
+        """Yield registry, name and class of the agents, tasks and provider that are not ours."""
+        used: tuple[tuple[AnyRegistry, tuple[str, ...]], ...] = (
+            (AGENTS, self.agents),
+            (TASKS, self.tasks),
+            (PROVIDERS, (self.provider,)),
+        )
+        for registry, names in used:
+            for name in names:
+                entry = registry.entries.get(name)
+                if entry is None:
+                    continue
+                if isinstance(entry, FileAgentMaker) or not is_ours(entry):
+                    yield registry, name, entry
 
 
-def everything() -> dict[str, Planner | None]:
-    """Clean and every corruption there is, at its defaults."""
+def everything() -> Planners:
+    """Return clean and every corruption there is, at its defaults."""
     return {CLEAN: None, **{name: get(name) for name in corruption_names()}}
 
 
 def load_bench(path_or_name: str | os.PathLike[str]) -> Bench:
     """Read a benchmark from a path or by the bare name of a packaged one (`"embedded_small"`).
 
-    Raises `ConfigError` with every mistake, each as `file:line:column: message`.
+    Raises `ConfigError` with all mistakes of the file, each as `file:line:column: message`.
     """
     problems = Problems()
     name, data = read_config(path_or_name)
     tree = read_yaml(data, name, problems)
-    if not isinstance(tree, Table):
+    if not isinstance(tree, MappingNode):
+        start = Position(name, 1, 1)
         what = "the file is empty" if tree is None else f"got {kind_of(tree)}"
-        problems.stop(Place(name, 1, 1), f"a benchmark is a mapping such as tasks: [write_note], {what}")
+        problems.stop(start, f"a benchmark is a mapping such as tasks: [write_note], {what}")
     bench = _Reader(problems).read(tree, name)
     problems.check()
     return bench
@@ -112,36 +185,89 @@ def override(
     corruption: str | None = None,
     seeds: int | None = None,
 ) -> Bench:
-    """The benchmark with what the command line says instead: names parted by commas, `all`, a number of seeds.
+    """Return the benchmark with what the command line gives instead.
 
-    Raises `UnknownNameError` with the closest name, `ParameterError` for an empty list or a name given twice.
+    Raises `UnknownNameError` with the closest name, `ParameterError` for an empty list or a name
+    that is given twice, `PluginError` for a file, module or plug-in that cannot be loaded.
+
+    Args:
+        bench: as it is configured.
+        agent: names, `package.module:Class` or `file.py:Class`, separated by commas, or `all`.
+        task: the same of tasks, or a set of them, such as `core`.
+        corruption: labels and names of corruptions, or `all`.
+        seeds: their number; they begin at 0.
     """
     if agent is not None:
-        bench = replace(bench, agents=_chosen("--agent", agent, agents.names()))
+        bench = replace(bench, agents=_registered("--agent", agent, AGENTS))
     if task is not None:
-        bench = replace(bench, tasks=_chosen("--tasks", task, tasks.names()))
+        is_set = task.strip() in sets.set_names()
+        chosen = sets.members(task.strip()) if is_set else _registered("--tasks", task, TASKS)
+        bench = replace(bench, tasks=chosen)
     if corruption is not None:
         bench = replace(bench, corruptions=_planners(bench, corruption))
-    return bench if seeds is None else replace(bench, seeds=tuple(range(seeds)))
+    if seeds is not None:
+        bench = replace(bench, seeds=tuple(range(seeds)))
+    return bench
 
 
-def _planners(bench: Bench, text: str) -> dict[str, Planner | None]:
-    """Labels of the file first, then names of corruptions; `all` is clean and all nine."""
+def _planners(bench: Bench, text: str) -> Planners:
+    """Return labels of the file first, then names of corruptions; `all` is clean and all nine."""
     if text.strip() == ALL:
         return everything()
     known = {**everything(), **bench.planners}
-    for name in text.split(","):
-        if name.strip() not in known:
-            check_not_broken(name.strip())
+    for name in _split(text):
+        if name not in known:
+            check_not_broken(name)
     return {label: known[label] for label in _chosen("--corruptions", text, known)}
 
 
-def _chosen(option: str, text: str, known: Iterable[str]) -> tuple[str, ...]:
+def _registered(
+    option: str,
+    text: str,
+    registry: AnyRegistry,
+) -> tuple[str, ...]:
+    """Return names, after loading what `file.py:Class` and `module:Class` name.
+
+    Raises:
+        HijackError: a name that does not exist, or cannot be loaded.
+    """
+    registry.load()  # a plug-in that is broken is known then
+    names: list[str] = []
+    for name in _split(text):
+        try:
+            names.append(registry.find(name) if registry.is_reference(name) else name)
+            registry.check_not_broken(name)
+        except ConfigError:
+            raise  # it names the file and all its mistakes
+        except HijackError as error:
+            raise type(error)(f"{option}: {error}") from error
+    return _chosen(option, ",".join(names), registry.names(), registry.hint)
+
+
+def _split(text: str) -> list[str]:
+    return [name.strip() for name in text.split(",")]
+
+
+def _chosen(
+    option: str,
+    text: str,
+    known: Iterable[str],
+    hint: Callable[[str], str] | None = None,
+) -> tuple[str, ...]:
+    """Return the names that a text lists.
+
+    Raises:
+        UnknownNameError: one of them is not known.
+        ParameterError: one of them is given twice.
+    """
     known = tuple(known)
-    wanted = known if text.strip() == ALL else tuple(name.strip() for name in text.split(","))
+    if text.strip() == ALL:
+        return known
+    wanted = tuple(_split(text))
     for name in wanted:
         if name not in known:
-            raise UnknownNameError(f"{option}: no {name!r}{suggest(name, known)}")
+            advice = suggest(name, known) if hint is None else hint(name)
+            raise UnknownNameError(f"{option}: no {name!r}{advice}")
         if wanted.count(name) > 1:
             raise ParameterError(f"{option} names {name!r} twice: {text!r}; remove one")
     return wanted
@@ -153,61 +279,126 @@ class _Reader:
     def __init__(self, problems: Problems) -> None:
         self._problems = problems
 
-    def read(self, tree: Table, source: str) -> Bench:
+    def read(self, tree: MappingNode, source: str) -> Bench:
         for key, place in tree.keys.items():
             if key not in KEYS:
-                self._problems.add(place, f"unknown key {key!r}{suggest(key, KEYS)}")
-        found: dict[str, Any] = {"tasks": tasks.names()}
+                hint = suggest(key, KEYS)
+                self._problems.add(place, f"unknown key {key!r}{hint}")
+        found: dict[str, Any] = {"tasks": tuple(TASKS.names())}
         for key, item in tree.items.items():
+            if key == "desktop":
+                found.update(self._desktop(item))
+                continue
             value = self._value(key, item)
             if value is not None:
-                found["size" if key == "desktop" else key] = value
-        return Bench(source, **found)
+                found[key] = value
+        return Bench(source=source, **found)
 
-    def _value(self, key: str, tree: Tree) -> Any:
-        """The value of one key; `None` for an unknown one, or one with a mistake in it."""
-        match key:
-            case "desktop":
-                return self._desktop(tree)
-            case "agents":
-                return self._names(key, tree, agents.names())
-            case "tasks":
-                return self._names(key, tree, tasks.names())
-            case "seeds":
-                return self._list(key, tree, "[0, 1, 2]", lambda where, item: check(self._problems, SEED, where, item))
-            case "corruptions":
-                return self._corruptions(tree)
-            case "recovery":
-                return check(self._problems, RECOVERY, key, tree)
-            case _:
-                return check(self._problems, NUMBERS[key], key, tree) if key in NUMBERS else None
+    def _value(self, key: str, tree: ConfigNode) -> Any:
+        """Return the value of one key; `None` for an unknown one, or one with a mistake in it."""
+        if key == "agents":
+            return self._names(key, tree, AGENTS)
+        if key == "tasks":
+            return self._tasks(key, tree)
+        if key == "seeds":
+            return self._list(key, tree, "[0, 1, 2]", self._seed)
+        if key == "corruptions":
+            return self._corruptions(tree)
+        if key == "recovery":
+            return check(self._problems, RECOVERY, key, tree)
+        if key in NUMBERS:
+            return check(self._problems, NUMBERS[key], key, tree)
+        return None
 
-    def _desktop(self, tree: Tree) -> Size | None:
+    def _seed(self, where: str, tree: ConfigNode) -> Any:
+        return check(self._problems, SEED, where, tree)
+
+    def _desktop(self, tree: ConfigNode) -> dict[str, Any]:
+        """Return those of provider and size that are given."""
         example = "write desktop: {provider: embedded, size: [1920, 1080]}"
-        if not isinstance(tree, Table):
-            return self._problems.add(tree.place, f"desktop must be a mapping, got {kind_of(tree)}; {example}")
+        if not isinstance(tree, MappingNode):
+            self._problems.add(
+                tree.place, f"desktop must be a mapping, got {kind_of(tree)}; {example}"
+            )
+            return {}
         for key, place in tree.keys.items():
-            if key not in ("provider", "size"):
-                self._problems.add(place, f"desktop has no key {key!r}{suggest(key, ('provider', 'size'))}")
+            if key not in DESKTOP_KEYS:
+                hint = suggest(key, DESKTOP_KEYS)
+                self._problems.add(place, f"desktop has no key {key!r}{hint}")
+        found: dict[str, Any] = {}
         if "provider" in tree.items:
-            check(self._problems, PROVIDER, "desktop.provider", tree.items["provider"])
-        if "size" not in tree.items:
+            found["provider"] = self._name("desktop.provider", tree.items["provider"], PROVIDERS)
+        if "size" in tree.items:
+            found["size"] = self._size(tree.items["size"], example)
+        return {key: value for key, value in found.items() if value is not None}
+
+    def _size(self, tree: ConfigNode, example: str) -> Size | None:
+        if not isinstance(tree, SequenceNode) or len(tree.items) != 2:
+            return self._problems.add(
+                tree.place, f"desktop.size must be [width, height] in pixels; {example}"
+            )
+        width = check(self._problems, SIDE, "desktop.size[0]", tree.items[0])
+        height = check(self._problems, SIDE, "desktop.size[1]", tree.items[1])
+        if width is None or height is None:
             return None
-        size = tree.items["size"]
-        if not isinstance(size, Listing) or len(size.items) != 2:
-            return self._problems.add(size.place, f"desktop.size must be [width, height] in pixels; {example}")
-        sides = [check(self._problems, SIDE, f"desktop.size[{i}]", item) for i, item in enumerate(size.items)]
-        return None if None in sides else (sides[1], sides[0])
+        return height, width
 
-    def _names(self, key: str, tree: Tree, known: tuple[str, ...]) -> tuple[str, ...] | None:
-        if isinstance(tree, Scalar) and tree.value == ALL:
+    def _names(
+        self,
+        key: str,
+        tree: ConfigNode,
+        registry: AnyRegistry,
+    ) -> tuple[str, ...] | None:
+        known = tuple(registry.names())
+        if isinstance(tree, ScalarNode) and tree.value == ALL:
             return known
-        choice = Parameter("choice", "", choices=known)
-        return self._list(key, tree, f"[{known[0]}]", lambda where, item: check(self._problems, choice, where, item))
 
-    def _list(self, key: str, tree: Tree, example: str, one: Any) -> tuple[Any, ...] | None:
-        if not isinstance(tree, Listing) or not tree.items:
-            return self._problems.add(tree.place, f"{key} must be a list, got {_said(tree)}; write {key}: {example}")
+        def one(where: str, item: ConfigNode) -> str | None:
+            return self._name(where, item, registry)
+
+        example = f"[{known[0]}]"
+        return self._list(key, tree, example, one)
+
+    def _tasks(self, key: str, tree: ConfigNode) -> tuple[str, ...] | None:
+        """Return the tasks of a set that is named, or of a list."""
+        if isinstance(tree, ScalarNode) and tree.value in sets.set_names():
+            return sets.members(str(tree.value))
+        return self._names(key, tree, TASKS)
+
+    def _name(
+        self,
+        where: str,
+        tree: ConfigNode,
+        registry: AnyRegistry,
+    ) -> str | None:
+        """Return a name, after loading what `file.py:Class` or `module:Class` names."""
+        text = tree.value if isinstance(tree, ScalarNode) else None
+        known = Parameter("choice", "", choices=tuple(registry.names()))
+        if isinstance(text, str):
+            try:
+                if registry.is_reference(text):
+                    return registry.find(text)
+                registry.check_not_broken(text)
+            except ConfigError as error:
+                for problem in error.problems:
+                    self._problems.add(tree.place, f"{where}: {problem}")
+                return None
+            except HijackError as error:
+                return self._problems.add(tree.place, f"{where}: {error}")
+        return check(self._problems, known, where, tree)
+
+    def _list(
+        self,
+        key: str,
+        tree: ConfigNode,
+        example: str,
+        one: Callable[[str, ConfigNode], Any],
+    ) -> tuple[Any, ...] | None:
+        if not isinstance(tree, SequenceNode) or not tree.items:
+            found = "an empty one" if isinstance(tree, SequenceNode) else kind_of(tree)
+            return self._problems.add(
+                tree.place, f"{key} must be a list, got {found}; write {key}: {example}"
+            )
         values: list[Any] = []
         for index, item in enumerate(tree.items):
             value = one(f"{key}[{index}]", item)
@@ -216,19 +407,22 @@ class _Reader:
             values.append(value)
         return tuple(values)
 
-    def _corruptions(self, tree: Tree) -> dict[str, Planner | None] | None:
-        """`all`, or a list as in every configuration, in which `clean` is the clean condition."""
-        if isinstance(tree, Scalar) and tree.value == ALL:
+    def _corruptions(self, tree: ConfigNode) -> Planners | None:
+        """Return planners of `all`, or of a list, in which `clean` is the clean condition."""
+        if isinstance(tree, ScalarNode) and tree.value == ALL:
             return everything()
-        clean: dict[str, Planner | None] = {}
-        if isinstance(tree, Listing):
-            left = [item for item in tree.items if not (isinstance(item, Scalar) and item.value == CLEAN)]
-            clean = {CLEAN: None} if len(left) < len(tree.items) else {}
-            if clean and not left:
-                return clean
-            tree = Listing(tree.place, left)
-        return {**clean, **cast("dict[str, Planner | None]", Builder(self._problems).build(tree))}
+        if not isinstance(tree, SequenceNode):
+            return self._built(tree)
+        others = [item for item in tree.items if not _is_clean(item)]
+        if len(others) == len(tree.items):
+            return self._built(tree)
+        if not others:
+            return {CLEAN: None}
+        return {CLEAN: None, **self._built(SequenceNode(tree.place, others))}
+
+    def _built(self, tree: ConfigNode) -> Planners:
+        return cast("Planners", Builder(self._problems).build(tree))
 
 
-def _said(tree: Tree) -> str:
-    return "an empty one" if isinstance(tree, Listing) else kind_of(tree)
+def _is_clean(tree: ConfigNode) -> bool:
+    return isinstance(tree, ScalarNode) and tree.value == CLEAN

@@ -1,26 +1,29 @@
-"""One job on a live desktop: task and corruption through `CorruptedEnv`, an agent until the episode is over."""
+"""One job on a live desktop: an agent plays an episode of `CorruptedEnv`."""
 
+import json
+import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
-from hijack_data.run_log import VERSION, slug_of
-from hijack_data.safety import Planner
+from hijack_data.planner import Planner
+from hijack_data.runs.run_log import VERSION, slug_of
 
 from .. import tasks
-from ..env import CorruptedEnv, SmallTasks
+from ..agents.apart import AgentError, Apart
+from ..agents.base import Agent, Privileged
+from ..agents.registry import make
+from ..environment import CorruptedEnv, EvalSettings, SmallTasks
 from ..errors import DesktopError, MissingCapabilityError
-from .agent import Agent, Privileged
-from .agents import make
-from .apart import AgentError, Apart
 from .config import Bench
 from .jobs import Job
-from .records import Record
+from .models import begin
+from .records import ResultRecord
 
 KEPT = 2000  # characters of a problem
-# What names an episode, and pairs it with others.
+# The fields of a record that name an episode, and pair it with others.
 IDENTITY = (
     "id",
     "agent",
@@ -35,24 +38,30 @@ IDENTITY = (
 )
 
 
-class Env(Protocol):
+class EpisodeEnv(Protocol):
     """The part of `CorruptedEnv` that an episode needs."""
 
     @property
-    def record(self) -> Record | None:
-        """What happened, once the episode is over."""
+    def record(self) -> ResultRecord | None:
+        """What really happened; `None` until the episode is over."""
         ...
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[dict[str, Any], Any]:
-        """Begin."""
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Any], Any]:
+        """Begin an episode."""
         ...
 
     def step(self, action: str) -> tuple[dict[str, Any], float, bool, bool, Any]:
-        """Act."""
+        """Take one action."""
         ...
 
     def hear(self, said: str) -> None:
-        """Note the words of the agent that go with the next action."""
+        """Log what the agent says with its next action."""
+        ...
+
+    def account(self, usage: dict[str, Any]) -> None:
+        """Keep what the agent says it has used so far."""
         ...
 
     def abandon(self, why: str, traceback: Sequence[str] = ()) -> None:
@@ -64,74 +73,107 @@ class LiveEpisodes:
     """Runs jobs on one embedded desktop.
 
     Args:
-        bench: the benchmark.
-        folder: of the run, where the frames go.
-        stage: the desktop and its tasks.
+        bench: The benchmark.
+        folder: The folder of the run, where the frames go.
+        stage: The desktop and its tasks.
     """
 
-    def __init__(self, bench: Bench, folder: Path, stage: SmallTasks) -> None:
-        self._bench, self._folder, self._stage = bench, folder, stage
+    def __init__(
+        self,
+        bench: Bench,
+        folder: Path,
+        stage: SmallTasks,
+    ) -> None:
+        self._bench = bench
+        self._folder = folder
+        self._stage = stage
 
-    def __call__(self, job: Job, attempt: int) -> Record:
-        """Run a job. Raises `MissingCapabilityError` where the desktop cannot have the corruption at all."""
+    def __call__(self, job: Job, attempt: int) -> ResultRecord:
+        """Run a job.
+
+        `MissingCapabilityError` is raised if the desktop cannot have the corruption at all.
+        """
         bench = self._bench
-        env = CorruptedEnv(
-            self._stage,
+        begin(job.agent, slug_of(*job.key[1:3], job.seed, job.agent, attempt))
+        settings = EvalSettings(
             max_steps=bench.max_steps,
             recovery=bench.recovery,
             log=self._folder,
             agent=job.agent,
         )
+        env = CorruptedEnv(self._stage, settings=settings)
         planner = bench.planners[job.corruption]
-        with Apart(partial(make, job.agent)) as agent:
+        start = time.time()
+        try:
+            apart = Apart(partial(make, job.agent), bench.agent_timeout)
+        except AgentError as error:
+            problem = f"the agent cannot be made: {error}"
+            made = lost(job, attempt, problem, start)
+            return {**made, "cause": "agent", "traceback": list(error.where)}
+        with apart as agent:
             try:
-                return _played(env, agent, job, attempt, planner, self._show)
+                limit = bench.episode_timeout
+                return _played(env, agent, job, attempt, planner, self._show, limit)
             finally:
                 _called(agent.reset)
 
     def _show(self, agent: Agent, job: Job) -> None:
-        """Tell a privileged agent what it may know."""
+        """Give a privileged agent the task and the desktop."""
         if isinstance(agent, Privileged):
-            agent.prepare(tasks.get(job.task, job.seed), self._stage.desktop)
+            agent.prepare(self._stage.task, self._stage.machine)
 
 
 def play(
-    env: Env,
+    env: EpisodeEnv,
     agent: Agent,
     job: Job,
     attempt: int,
     planner: Planner | None,
     show: Callable[[Agent, Job], object] | None = None,
-) -> Record:
+) -> ResultRecord:
     """Run one episode and return its record.
 
-    The agent sees instruction and screenshot, nothing else, and runs in a thread of its own. Where
-    it raises, or the desktop fails in its hands, the record has the status `error`, and `cause`
-    says whose failure that is; where the desktop fails before the agent's first action, `invalid`.
-    `show` is called once the task is set up, for what a privileged agent may know.
+    The agent sees instruction and screenshot, nothing else, and runs in a thread of its own. If it
+    raises, or the desktop fails after its first action, the status of the record is `error`, and
+    `cause` names whose failure that is; if the desktop fails earlier, the status is `invalid`.
+    Errors of `CorruptedEnv.reset` that refuse the episode are passed on.
 
-    Raises what `CorruptedEnv.reset` refuses before anything is done.
+    Args:
+        env: The environment.
+        agent: The agent.
+        job: What to run.
+        attempt: The number of the attempt, from 0.
+        planner: The corruption; `None` for a clean episode.
+        show: Called once the task is set up, with the agent and the job, for what a privileged
+            agent may know.
     """
     with Apart(lambda: agent) as apart:
         return _played(env, apart, job, attempt, planner, show)
 
 
 def _played(
-    env: Env,
+    env: EpisodeEnv,
     agent: Apart,
     job: Job,
     attempt: int,
     planner: Planner | None,
     show: Callable[[Agent, Job], object] | None,
-) -> Record:
+    limit: float = math.inf,
+) -> ResultRecord:
     start = time.time()
-    options = {"task": job.task, "corruption": planner, "label": job.corruption, "attempt": attempt}
+    options = {
+        "task": job.task,
+        "corruption": planner,
+        "label": job.corruption,
+        "attempt": attempt,
+    }
     failed = _called(agent.reset)
     try:
         obs, _ = env.reset(seed=job.seed, options=options)
     except DesktopError as error:
         if env.record is None and isinstance(error, MissingCapabilityError):
-            raise  # refused before anything was done: the configuration asks for what this desktop has not
+            # Refused before anything was done: the desktop lacks what the configuration needs.
+            raise
         problem = f"{type(error).__name__}: {error}"
         return _never_begun(env.record, _not_begun(job, attempt, problem, start))
     if show is not None and failed is None:
@@ -140,10 +182,16 @@ def _played(
         _blame(env, failed)
     while (record := env.record) is None:
         obs = _turn(env, agent, obs)
+        if env.record is None and time.time() - start > limit:
+            env.abandon(f"the episode took longer than {limit:g} s")
     return record
 
 
-def _turn(env: Env, agent: Apart, obs: dict[str, Any]) -> dict[str, Any]:
+def _turn(
+    env: EpisodeEnv,
+    agent: Apart,
+    obs: dict[str, Any],
+) -> dict[str, Any]:
     """Ask the agent once and take its actions until the episode is over.
 
     Returns the last observation.
@@ -151,17 +199,30 @@ def _turn(env: Env, agent: Apart, obs: dict[str, Any]) -> dict[str, Any]:
     try:
         said, actions = agent.predict(obs["instruction"], {"screenshot": obs["screenshot"]})
     except AgentError as error:
+        _account(env, agent)
         _blame(env, error)
         return obs
+    _account(env, agent)
     env.hear(said)
-    for action in actions or [""]:  # none is a malformed one: an agent must not stop the clock
+    # No action counts as a malformed one: otherwise an agent could stop the clock.
+    for action in actions or [""]:
         if env.record is None:
             obs, *_ = env.step(action)
     return obs
 
 
+def _account(env: EpisodeEnv, agent: Apart) -> None:
+    """Hand the agent's `usage` to the record, if it has one that is a mapping."""
+    try:
+        usage = agent.call(getattr, agent.agent, "usage", None)
+        if isinstance(usage, Mapping):
+            env.account(json.loads(json.dumps(dict(usage), allow_nan=False)))
+    except (AgentError, TypeError, ValueError) as error:
+        env.account({"problem": f"usage cannot be kept: {error}"[:KEPT]})
+
+
 def _called(function: Callable[..., object], *values: object) -> AgentError | None:
-    """Call a function of the agent's; returns what it raised."""
+    """Call a function of the agent's; return what it raised."""
     try:
         function(*values)
     except AgentError as error:
@@ -169,21 +230,47 @@ def _called(function: Callable[..., object], *values: object) -> AgentError | No
     return None
 
 
-def _blame(env: Env, error: AgentError) -> None:
+def _blame(env: EpisodeEnv, error: AgentError) -> None:
     env.abandon(f"the agent raised {error}"[:KEPT], error.where)
 
 
-def _never_begun(record: Record | None, error: Record) -> Record:
-    """The record of an episode whose desktop failed before the agent saw anything."""
+def lost(
+    job: Job,
+    attempt: int,
+    problem: str,
+    start: float,
+) -> ResultRecord:
+    """Return the record of an episode that was broken off and left none.
+
+    Args:
+        job: What was run.
+        attempt: The number of the attempt.
+        problem: Why there is no other record.
+        start: When the episode began, in seconds since 1970.
+    """
+    return {**_not_begun(job, attempt, problem, start), "status": "error"}
+
+
+def _never_begun(record: ResultRecord | None, error: ResultRecord) -> ResultRecord:
+    """Return the record of an episode whose desktop failed before the agent saw anything."""
     if record is not None and record.get("instruction"):
         return record
-    # Where no task could be set up, the environment does not know its name.
-    named = {key: error[key] for key in IDENTITY}
-    return {**error, **(record or {}), **named}
+    # If no task could be set up, the environment's record does not have its name.
+    identity = {key: error[key] for key in IDENTITY}
+    return {
+        **error,
+        **(record or {}),
+        **identity,
+    }
 
 
-def _not_begun(job: Job, attempt: int, problem: str, start: float) -> Record:
-    """The record of an episode that the environment could not begin: nothing of the agent's doing."""
+def _not_begun(
+    job: Job,
+    attempt: int,
+    problem: str,
+    start: float,
+) -> ResultRecord:
+    """Return the record of an episode that the environment could not begin."""
     task = tasks.get(job.task, job.seed)
     return {
         "version": VERSION,
@@ -197,7 +284,7 @@ def _not_begun(job: Job, attempt: int, problem: str, start: float) -> Record:
         "seed": job.seed,
         "sample": task.id,
         "attempt": attempt,
-        "infeasible": False,
+        "infeasible": bool(task.infeasible),
         "params": {},
         "status": "invalid",
         "score": None,
@@ -212,5 +299,6 @@ def _not_begun(job: Job, attempt: int, problem: str, start: float) -> Record:
         "malformed": 0,
         "last_action": None,
         "said": "",
+        "usage": None,
         "desktop": {},
     }

@@ -1,18 +1,19 @@
-"""What a benchmark consists of: one job for each agent, seed, task and corruption."""
+"""The jobs of a benchmark: one for each agent, seed, task and corruption."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from hijack_data.run_log import slug_of
+from hijack_data.runs.run_log import slug_of
 
 from .. import tasks
 from .config import Bench
-from .records import Record
+from .records import ResultRecord
 
-# Measured with the oracle on two cores (docs/benchmark.md): to begin and to judge an episode, and a step of it.
-EPISODE_SECONDS, STEP_SECONDS = 5.0, 0.8
-# Full-HD PNGs of real applications; a step keeps one, and another where the agent saw something else.
+# Measured with the oracle on two cores (docs/benchmark.md).
+EPISODE_SECONDS = 5.0  # to begin and to judge an episode
+STEP_SECONDS = 0.8
+# A step keeps a full-HD PNG, and a second one if the agent saw something else.
 STEP_BYTES = 430_000
 
 
@@ -27,7 +28,7 @@ class Job:
 
     @property
     def key(self) -> tuple[str, str, str, int]:
-        """What pairs the job with its records."""
+        """The fields that pair the job with its records."""
         return self.agent, tasks.get(self.task, self.seed).id, self.corruption, self.seed
 
     @property
@@ -41,31 +42,49 @@ class Job:
 
 
 def jobs(bench: Bench) -> list[Job]:
-    """All jobs, in the order in which they are run: a task under every corruption, then the next task."""
+    """Return all jobs in the order of the run.
+
+    A task is played under every corruption by every agent before the next one, so that every cell
+    of the table has its first results early.
+    """
     return [
         Job(agent, task, corruption, seed)
-        for agent in bench.agents
         for seed in bench.seeds
         for task in bench.tasks
         for corruption in bench.planners
+        for agent in bench.agents
     ]
 
 
-def attempts(listed: Sequence[Job], records: Iterable[Record]) -> dict[Job, list[Record]]:
-    """The records there are of each job, in their order."""
-    by_key: dict[tuple[Any, ...], list[Record]] = {}
+def attempts(
+    listed: Sequence[Job], records: Iterable[ResultRecord]
+) -> dict[Job, list[ResultRecord]]:
+    """Return the records of each job, in their order."""
+    by_key: dict[tuple[Any, ...], list[ResultRecord]] = {}
     for record in records:
         key = (record["agent"], record["task"], record["corruption"], record["seed"])
         by_key.setdefault(key, []).append(record)
     return {job: by_key.get(job.key, []) for job in listed}
 
 
-def estimate(bench: Bench, listed: Sequence[Job]) -> str:
-    """How long that takes and what it writes, in words: an upper bound, most episodes end before their last step."""
-    seconds = len(listed) * (EPISODE_SECONDS + bench.max_steps * STEP_SECONDS)
-    bytes_ = len(listed) * bench.max_steps * STEP_BYTES
-    return f"at most {_time(seconds)} and {bytes_ / 1e9:.1f} GB ({bench.max_steps} steps an episode)"
+def estimate(
+    bench: Bench,
+    listed: Sequence[Job],
+    desktops: int = 1,
+) -> str:
+    """Return how long jobs take and what they write, in words.
+
+    It is an upper bound: most episodes end before their last step.
+    """
+    steps = len(listed) * bench.max_steps
+    seconds = len(listed) * EPISODE_SECONDS + steps * STEP_SECONDS
+    time = _time(seconds / desktops)
+    gigabytes = steps * STEP_BYTES / 1e9
+    return f"at most {time} and {gigabytes:.1f} GB ({bench.max_steps} steps an episode)"
 
 
 def _time(seconds: float) -> str:
-    return f"{seconds / 3600:.1f} h" if seconds > 5400 else f"{max(1, round(seconds / 60))} min"
+    if seconds > 5400:
+        return f"{seconds / 3600:.1f} h"
+    minutes = max(1, round(seconds / 60))
+    return f"{minutes} min"

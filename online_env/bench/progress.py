@@ -1,4 +1,4 @@
-"""How a run is shown: a progress bar on a terminal, a line for each episode everywhere."""
+"""The display of a run: a progress bar on a terminal, and a line for each episode."""
 
 import sys
 from collections.abc import Sequence
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from .records import Record
+from .records import ResultRecord
 
 if TYPE_CHECKING:
     from .jobs import Job
@@ -17,24 +17,31 @@ LONGEST = 300  # characters of a line
 
 
 def shorten(text: str) -> str:
-    """One line that a person reads; the whole is in the records."""
+    """Return a text as one line of limited length; the whole text is in the records."""
     line = " ".join(text.split("\n"))
-    return line if len(line) <= LONGEST else line[: LONGEST - 4] + " ..."
+    if len(line) <= LONGEST:
+        return line
+    return line[: LONGEST - 4] + " ..."
 
 
-class Screen:
-    """Tells a person at a terminal, or a log, how a run goes; use it in a `with` statement."""
+class ProgressDisplay:
+    """Prints the progress of a run to a terminal or a log; use it in a `with` statement."""
 
     def __init__(self, listed: "Sequence[Job]", console: Console) -> None:
-        self._console, self._count = console, len(listed)
+        self._console = console
+        self._count = len(listed)
         self._bar: Progress | None = None
         if sys.stdout.isatty():
-            columns: list[Any] = [BarColumn(24), MofNCompleteColumn(), TextColumn("{task.description}"),
-                                  TimeRemainingColumn()]  # fmt: skip
+            columns: list[Any] = [
+                BarColumn(24),
+                MofNCompleteColumn(),
+                TextColumn("{task.description}"),
+                TimeRemainingColumn(),
+            ]
             self._bar = Progress(*columns, console=console, transient=True)
             self._task = self._bar.add_task("starts a desktop", total=len(listed))
 
-    def __enter__(self) -> "Screen":
+    def __enter__(self) -> "ProgressDisplay":
         if self._bar is not None:
             self._bar.start()
         return self
@@ -43,18 +50,41 @@ class Screen:
         if self._bar is not None:
             self._bar.stop()
 
-    def begins(self, job: "Job", number: int, attempt: int) -> None:
-        """Show what runs now; again where it is run again."""
-        if self._bar is not None:
-            self._bar.update(self._task, completed=number - 1, description=f"{job}{' (again)' if attempt else ''}")
+    def begins(
+        self,
+        job: "Job",
+        number: int,
+        attempt: int,
+    ) -> None:
+        """Show the job that runs now, for the first time or again."""
+        if self._bar is None:
+            return
+        text = f"{job} (again)" if attempt else str(job)
+        self._bar.update(self._task, completed=number - 1, description=text)
 
-    def ended(self, job: "Job", number: int, record: Record) -> None:
+    def ended(
+        self,
+        job: "Job",
+        number: int,
+        record: ResultRecord,
+    ) -> None:
         """Print one line on the episode."""
         status = record["status"]
-        said = f"{record['score']:.2f}" if status == "ok" else status
-        why = record["reason"] if status == "ok" else record["problem"]
-        line = f"[{number}/{self._count}] {job}  {said}  {record['steps']} steps  {record['seconds']:.1f} s  {why}"
+        result = status
+        why = record["problem"]
+        if status == "ok":
+            result = f"{record['score']:.2f}"
+            why = record["reason"]
+        line = (
+            f"[{number}/{self._count}] {job}  {result}  {record['steps']} steps "
+            f" {record['seconds']:.1f} s  {why}"
+        )
         style = COLOURS.get(status)
-        self._console.print(shorten(line), style=style, markup=False, soft_wrap=True)
+        self._console.print(
+            shorten(line),
+            style=style,
+            markup=False,
+            soft_wrap=True,
+        )
         if self._bar is not None:
             self._bar.update(self._task, completed=number)

@@ -1,23 +1,36 @@
-"""Carries out jobs, one after the other, and keeps what each leaves."""
+"""Run jobs, one after the other or side by side, and append the record of each attempt."""
 
+import threading
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 from typing import Protocol
 
+from ..errors import CostLimitError
 from . import records
 from .jobs import Job
-from .records import Record
+from .records import ResultRecord
 
 
-class Teller(Protocol):
-    """Who is told how a run goes."""
+class RunListener(Protocol):
+    """Is called as a run proceeds."""
 
-    def begins(self, job: Job, number: int, attempt: int) -> None:
+    def begins(
+        self,
+        job: Job,
+        number: int,
+        attempt: int,
+    ) -> None:
         """Job `number` (from 1) begins, for the first time or (`attempt` from 1 on) again."""
         ...
 
-    def ended(self, job: Job, number: int, record: Record) -> None:
+    def ended(
+        self,
+        job: Job,
+        number: int,
+        record: ResultRecord,
+    ) -> None:
         """An episode has ended."""
         ...
 
@@ -26,42 +39,121 @@ def run_jobs(
     listed: Sequence[Job],
     folder: Path,
     retries: int,
-    episode: Callable[[Job, int], Record],
-    teller: Teller,
-    earlier: Mapping[Job, Sequence[Record]] | None = None,
+    episode: Callable[[Job, int], ResultRecord],
+    listener: RunListener,
+    earlier: Mapping[Job, Sequence[ResultRecord]] | None = None,
+    at_once: int = 1,
+    stop: Callable[[], object] = lambda: None,
+    check: Callable[[], object] = lambda: None,
 ) -> Counter[str]:
     """Run every job and append a record for each attempt.
 
-    What failed through no fault of the agent (an episode that is invalid, a desktop that died) is
-    run again, at most `retries` times; it stays as it is if it never succeeds.
+    An episode that failed through no fault of the agent (it is invalid, or the desktop died) is
+    run again, at most `retries` times; its last record counts if it never succeeds.
 
     Args:
-        listed: what to run, in this order.
-        folder: of the run, made by `records.create`.
-        retries: more attempts at such an episode.
-        episode: runs a job (attempt 0, 1, ...) and returns its record.
-        teller: is told how it goes.
-        earlier: the attempts that a run which was broken off has made.
+        listed: The jobs; they begin in this order.
+        folder: The folder of the run, made by `records.create`.
+        retries: How many more attempts such an episode gets.
+        episode: Runs a job (attempt 0, 1, ...) and returns its record; called in as many threads
+            as jobs run at once.
+        listener: Called before and after each attempt, never twice at a time.
+        earlier: The attempts of a run that was broken off.
+        at_once: How many jobs run side by side.
+        stop: Breaks off what is under way; called if one job raises, or at Ctrl-C.
+        check: Called before each attempt. If it raises `CostLimitError`, no further attempt
+            begins, those under way are finished, and the error is raised.
 
     Returns:
         How many jobs ended `"ok"`, `"invalid"` and `"error"`.
     """
-    statuses: Counter[str] = Counter()
-    for number, job in enumerate(listed, 1):
-        made = list((earlier or {}).get(job, ()))
-        while needs_attempt(made, retries):
-            teller.begins(job, number, len(made))
-            record = episode(job, len(made))
-            records.append(folder, record)
-            teller.ended(job, number, record)
+    before = earlier or {}
+    run = _Run(folder, retries, episode, listener, check)
+    numbered = list(enumerate(listed, 1))
+    ended: Counter[str] = Counter()
+    if at_once == 1:
+        ended.update(run.finish(number, job, before.get(job, ())) for number, job in numbered)
+    else:
+        ended.update(_side_by_side(run, numbered, before, at_once, stop))
+    if run.refused is not None:
+        raise run.refused
+    return ended
+
+
+def _side_by_side(
+    run: "_Run",
+    numbered: Sequence[tuple[int, Job]],
+    before: Mapping[Job, Sequence[ResultRecord]],
+    at_once: int,
+    stop: Callable[[], object],
+) -> list[str]:
+    """Run jobs in threads; return how they ended."""
+    with ThreadPoolExecutor(at_once, thread_name_prefix="episodes") as pool:
+        futures = [pool.submit(run.finish, n, job, before.get(job, ())) for n, job in numbered]
+        try:
+            return [future.result() for future in as_completed(futures)]
+        except BaseException:
+            run.stopped = True
+            pool.shutdown(wait=False, cancel_futures=True)
+            stop()
+            raise
+
+
+class _Run:
+    """The jobs of a run, of which several may be under way."""
+
+    def __init__(
+        self,
+        folder: Path,
+        retries: int,
+        episode: Callable[[Job, int], ResultRecord],
+        listener: RunListener,
+        check: Callable[[], object],
+    ) -> None:
+        self._folder = folder
+        self._retries = retries
+        self._episode = episode
+        self._listener = listener
+        self._check = check
+        self._one_at_a_time = threading.Lock()
+        self.stopped = False
+        self.refused: CostLimitError | None = None
+
+    def finish(
+        self,
+        number: int,
+        job: Job,
+        earlier: Sequence[ResultRecord],
+    ) -> str:
+        """Run a job until no further attempt is due; return how it ended."""
+        made = list(earlier)
+        while needs_attempt(made, self._retries):
+            with self._one_at_a_time:
+                if not self._may_begin():
+                    return "left"
+                self._listener.begins(job, number, len(made))
+            record = self._episode(job, len(made))
+            with self._one_at_a_time:
+                if self.stopped:
+                    return "stopped"
+                records.append(self._folder, record)
+                self._listener.ended(job, number, record)
             made.append(record)
-        statuses[made[-1]["status"]] += 1
-    return statuses
+        return made[-1]["status"]
+
+    def _may_begin(self) -> bool:
+        if self.refused is None:
+            try:
+                self._check()
+            except CostLimitError as error:
+                self.refused = error
+        return self.refused is None
 
 
-def needs_attempt(made: Sequence[Record], retries: int) -> bool:
-    """Whether a job with these attempts is to be run, or run again."""
+def needs_attempt(made: Sequence[ResultRecord], retries: int) -> bool:
+    """Return whether a job with these attempts is to be run, or run again."""
     if not made:
         return True
-    ours = made[-1]["status"] == "invalid" or made[-1].get("cause") == "machine"
-    return ours and len(made) <= retries
+    last = made[-1]
+    failed_here = last["status"] == "invalid" or last.get("cause") == "machine"
+    return failed_here and len(made) <= retries

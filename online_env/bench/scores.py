@@ -1,5 +1,6 @@
 """From the records of a run to one row for each agent and corruption."""
 
+import importlib.util
 from collections.abc import Iterable, Mapping, Sequence
 from statistics import fmean
 from typing import Any, TypeAlias
@@ -7,74 +8,188 @@ from typing import Any, TypeAlias
 from hijack_data.corruption import find, names
 from hijack_data.plan import CLEAN
 
-from .records import Record
+from .records import ResultRecord
 
-Row: TypeAlias = dict[str, Any]
-COLUMNS = ("agent", "corruption", "n", "success", "ci_low", "ci_high", "delta", "p", "retention", "errors", "invalid")
+ScoreRow: TypeAlias = dict[str, Any]
+COLUMNS = (
+    "agent",
+    "corruption",
+    "n",
+    "success",
+    "ci_low",
+    "ci_high",
+    "delta",
+    "delta_low",
+    "delta_high",
+    "p",
+    "retention",
+    "errors",
+    "invalid",
+)
 _Case: TypeAlias = tuple[str, Any, int]
+_Cases: TypeAlias = dict[_Case, ResultRecord]
 
 
-def rows(records: Iterable[Record], agents: Sequence[str] = (), corruptions: Sequence[str] = ()) -> list[Row]:
-    """One row for each agent and corruption that has records, in the given order, then in that of the records.
+def rows(
+    records: Iterable[ResultRecord],
+    agents: Sequence[str] = (),
+    corruptions: Sequence[str] = (),
+) -> list[ScoreRow]:
+    """Return one row for each agent and corruption that has records, with the keys `COLUMNS`.
 
     `n` counts the episodes that count for the agent (see `counts`). `errors` are those of them
     without a score, such as where the agent raised: 0. `invalid` counts the others, which say
     nothing about it: a corruption that was not there, a desktop that died. `success` is the mean
-    score, 0..1. `delta` is the mean difference to the clean condition over the cases (task and
-    seed) that have both, `retention` the ratio over the same cases. Intervals and tests are `None`:
-    this report makes none.
+    score, 0..1, with the ends of its 95 % interval, which resamples tasks. `delta` is the mean
+    difference to the clean condition over the cases (task and seed) that have both, with its
+    interval; `retention` is the ratio over the same cases. `p` is that of McNemar's exact test over
+    them, adjusted for all corruptions of the agent (Holm).
+
+    Args:
+        records: of one run or several.
+        agents: names in the order of the rows; others follow in the order of their records.
+        corruptions: labels in the order of the rows, likewise.
     """
-    final = latest(records)
-    found: dict[tuple[str, str], dict[_Case, Record]] = {}
-    for (agent, corruption, *case), record in final.items():
-        found.setdefault((agent, corruption), {})[tuple(case)] = record  # type: ignore[index]
-    order = {name: i for i, name in reversed(list(enumerate([*agents, *(key[0] for key in found)])))}
-    labels = {name: i for i, name in reversed(list(enumerate([*corruptions, *(key[1] for key in found)])))}
-    keys = sorted(found, key=lambda key: (order[key[0]], labels[key[1]]))
-    return [_row(key, found[key], found.get((key[0], CLEAN), {})) for key in keys]
+    found: dict[tuple[str, str], _Cases] = {}
+    for (agent, corruption, task, task_seed, seed), record in latest(records).items():
+        found.setdefault((agent, corruption), {})[task, task_seed, seed] = record
+    agent_order = _order([*agents, *(agent for agent, _ in found)])
+    label_order = _order([*corruptions, *(label for _, label in found)])
+    keys = sorted(found, key=lambda key: (agent_order[key[0]], label_order[key[1]]))
+    made = [
+        _row(agent, label, found[agent, label], found.get((agent, CLEAN), {}))
+        for agent, label in keys
+    ]
+    _adjust(made)
+    return made
 
 
-def latest(records: Iterable[Record]) -> dict[tuple[str, str, str, Any, int], Record]:
-    """The last attempt at each case: by agent, corruption, task, the task's seed and the corruption's."""
-    return {(r["agent"], r["corruption"], r["task"], r.get("task_seed"), r["seed"]): r for r in records}
+def summaries(table: Sequence[ScoreRow]) -> list[ScoreRow]:
+    """Return one row for each agent of a table that `rows` made.
 
-
-def unreached(records: Iterable[Record], corruptions: Mapping[str, str]) -> int:
-    """How many episodes with a score ended before their corruption acted on the machine.
-
-    `corruptions` gives the name of each label; only one that has effects on a machine can come too late.
+    `clean` is its clean success, `corrupted` the mean over its corruptions, `worst` the label and
+    `worst_success` the success of the one under which it does worst, `paper_average` the paper's
+    "Average", which includes the clean condition. A value that is missing is `None`.
     """
-    lasting = {name for name in names() if find(name).scope != "observation"}
-    waiting = {label for label, name in corruptions.items() if name in lasting}
-    return sum(r["corruption"] in waiting and r["status"] == "ok" and not r.get("effects") for r in records)
+    found: list[ScoreRow] = []
+    for agent in dict.fromkeys(row["agent"] for row in table):
+        success = {
+            row["corruption"]: row["success"]
+            for row in table
+            if row["agent"] == agent and row["success"] is not None
+        }
+        corrupted = {label: value for label, value in success.items() if label != CLEAN}
+        worst = min(corrupted, key=lambda label: corrupted[label], default=None)
+        found.append(
+            {
+                "agent": agent,
+                "clean": success.get(CLEAN),
+                "corrupted": fmean(corrupted.values()) if corrupted else None,
+                "worst": worst,
+                "worst_success": corrupted[worst] if worst is not None else None,
+                "paper_average": fmean(success.values()) if success else None,
+            }
+        )
+    return found
 
 
-def _row(key: tuple[str, str], cases: Mapping[_Case, Record], clean: Mapping[_Case, Record]) -> Row:
-    scores, base = _scores(cases), _scores(clean)
-    both = [case for case in scores if case in base] if key[1] != CLEAN else []
-    here, there = (sum(part[case] for case in both) for part in (scores, base))
-    counted = [record for record in cases.values() if counts(record)]
+def _adjust(table: Sequence[ScoreRow]) -> None:
+    """Adjust the p values of each agent for its corruptions, in place."""
+    if not can_infer():
+        return
+    from .statistics import holm
+
+    for agent in dict.fromkeys(row["agent"] for row in table):
+        tested = [row for row in table if row["agent"] == agent and row["p"] is not None]
+        adjusted = holm({row["corruption"]: row["p"] for row in tested})
+        for row in tested:
+            row["p"] = adjusted[row["corruption"]]
+
+
+def latest(records: Iterable[ResultRecord]) -> dict[tuple[str, str, str, Any, int], ResultRecord]:
+    """Return the last attempt at each case.
+
+    The keys are agent, corruption, task, the task's seed and the corruption's.
+    """
     return {
-        "agent": key[0],
-        "corruption": key[1],
-        "n": len(scores),
-        "success": fmean(scores.values()) if scores else None,
-        "ci_low": None,
-        "ci_high": None,
-        "delta": (here - there) / len(both) if both else None,
-        "p": None,
-        "retention": here / there if there else None,
-        "errors": sum(record["status"] == "error" for record in counted),
-        "invalid": len(cases) - len(counted),
+        (r["agent"], r["corruption"], r["task"], r.get("task_seed"), r["seed"]): r for r in records
     }
 
 
-def counts(record: Record) -> bool:
-    """Whether an episode counts for the agent.
+def unreached(records: Iterable[ResultRecord], corruptions: Mapping[str, str]) -> int:
+    """Return how many episodes with a score ended before their corruption acted on the machine.
 
-    A desktop that died in the agent's hands is run again, and counts where it died again: once is
-    the machine's failure, and an agent must not get rid of a bad episode by killing its desktop.
-    Records of version 1 do not say whose failure an error was; there it counts.
+    Args:
+        records: the last attempts.
+        corruptions: the name of each label; only a corruption that has effects on a machine can
+            come too late.
+    """
+    acting = {name for name in names() if find(name).effects}
+    waiting = {label for label, name in corruptions.items() if name in acting}
+    scored = [r for r in records if r["status"] == "ok" and r["corruption"] in waiting]
+    return sum(not record.get("effects") for record in scored)
+
+
+def _order(listed: Sequence[str]) -> dict[str, int]:
+    """Return the position at which each name stands first."""
+    return {name: position for position, name in enumerate(dict.fromkeys(listed))}
+
+
+def _row(
+    agent: str,
+    label: str,
+    cases: _Cases,
+    clean: _Cases,
+) -> ScoreRow:
+    scores = _scores(cases)
+    base = _scores(clean)
+    both = [case for case in scores if case in base] if label != CLEAN else []
+    here = [scores[case] for case in both]
+    there = [base[case] for case in both]
+    counted = [record for record in cases.values() if counts(record)]
+    row: ScoreRow = {
+        **dict.fromkeys(COLUMNS),
+        "agent": agent,
+        "corruption": label,
+        "n": len(scores),
+        "errors": sum(record["status"] == "error" for record in counted),
+        "invalid": len(cases) - len(counted),
+    }
+    if scores:
+        row["success"] = fmean(scores.values())
+    if both:
+        row["delta"] = (sum(here) - sum(there)) / len(both)
+    if sum(there):
+        row["retention"] = sum(here) / sum(there)
+    if can_infer():
+        from . import statistics  # scipy takes a second to load
+
+        if scores:
+            mean = statistics.mean_interval(list(scores.values()), _tasks(scores))
+            row.update(ci_low=mean.low, ci_high=mean.high)
+        if both:
+            change = statistics.difference_interval(there, here, _tasks(both))
+            row.update(delta_low=change.low, delta_high=change.high)
+            row["p"] = statistics.mcnemar(there, here)
+    return row
+
+
+def can_infer() -> bool:
+    """Return whether scipy and statsmodels are installed, which intervals and tests need."""
+    return all(importlib.util.find_spec(name) for name in ("scipy", "statsmodels"))
+
+
+def _tasks(cases: Iterable[_Case]) -> list[str]:
+    """Return the task of each case, without the seed of its variant."""
+    return [task.removesuffix(f"-{task_seed}") for task, task_seed, _ in cases]
+
+
+def counts(record: ResultRecord) -> bool:
+    """Return whether an episode counts for the agent.
+
+    A desktop that died in the agent's hands is run again, and counts if it died again: once is the
+    machine's failure, and an agent must not get rid of a bad episode by killing its desktop.
+    Records of version 1 do not name whose failure an error was; there it counts.
     """
     if record["status"] != "error":
         return record["status"] == "ok"
@@ -82,7 +197,10 @@ def counts(record: Record) -> bool:
     return cause == "agent" or (cause == "machine" and record.get("attempt", 0) > 0)
 
 
-def _scores(cases: Mapping[_Case, Record]) -> dict[_Case, float]:
-    """Strict: an error that counts scores 0."""
-    counted = {case: record for case, record in cases.items() if counts(record)}
-    return {case: float(r["score"]) if r["status"] == "ok" else 0.0 for case, r in counted.items()}
+def _scores(cases: _Cases) -> dict[_Case, float]:
+    """Return the score of each case that counts; an error scores 0."""
+    return {case: _score(record) for case, record in cases.items() if counts(record)}
+
+
+def _score(record: ResultRecord) -> float:
+    return float(record["score"]) if record["status"] == "ok" else 0.0

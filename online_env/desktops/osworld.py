@@ -1,4 +1,7 @@
-"""Any environment shaped like OSWorld's as a `Desktop`: it is used by what it has, `desktop_env` is never imported."""
+"""Any environment shaped like OSWorld's as a `Desktop`.
+
+Only its methods and attributes count; `desktop_env` is never imported.
+"""
 
 import base64
 import io
@@ -12,7 +15,7 @@ from PIL import Image, UnidentifiedImageError
 from hijack_data.types import Size, UInt8Array
 
 from ..errors import DesktopError, GuestError, MissingCapabilityError
-from .protocol import Capability, RunResult, Task
+from .protocol import Capability, RunResult, TaskConfig
 from .survey import survey
 
 # One argument of a command is at most 128 KiB on Linux; base64 makes three bytes four.
@@ -26,7 +29,8 @@ import json, os, signal, subprocess, tempfile
 def read(f):
     f.seek(0)
     b = f.read({cap!r} + 1)
-    return (b[:{cap!r}] + ({note!r}.encode() if len(b) > {cap!r} else b"")).decode("utf-8", "replace")
+    end = {note!r}.encode() if len(b) > {cap!r} else b""
+    return (b[:{cap!r}] + end).decode("utf-8", "replace")
 with tempfile.TemporaryFile() as o, tempfile.TemporaryFile() as e:
     try:
         kept = dict(stdin=subprocess.DEVNULL, stdout=o, stderr=e, start_new_session=True)
@@ -39,14 +43,21 @@ with tempfile.TemporaryFile() as o, tempfile.TemporaryFile() as e:
         a = [None, "", str(x)]
 print({mark!r} + json.dumps(a))
 """
-# The guest's `python -c` imports from its home first: a file named json.py there must not break what is ours.
+# The guest's `python -c` imports from its home first: a file named json.py there must not break
+# what is ours.
 _ISOLATED = "import os; os.execv('/usr/bin/python3', ['/usr/bin/python3', '-I', '-c', {code!r}])"
 _WRITE = "import base64; open({path!r}, {mode!r}).write(base64.b64decode({data!r}))"
-_READABLE = "print({mark!r} + str(__import__('os').access({path!r}, 4) and __import__('os').path.isfile({path!r})))"
+_READABLE = (
+    "print({mark!r} + str(__import__('os').access({path!r}, 4) and"
+    " __import__('os').path.isfile({path!r})))"
+)
 
 
 class OsworldLike(Protocol):
-    """What is asked of the environment. `reset` takes `task_config`, or the task as its only argument."""
+    """The methods and attributes that an environment must have.
+
+    `reset` takes `task_config`, or the task as its only argument.
+    """
 
     controller: Any
     action_history: list[Any]
@@ -68,21 +79,39 @@ class OsworldDesktop:
     """A `Desktop` over `env.controller`; what it does never enters `env.action_history`.
 
     Args:
-        env: the environment, such as `desktop_env.DesktopEnv` or `online_env.osworld.env.OsworldEnv`.
-        password: of the guest's user, for sudo; `None` where only a sudo that does not ask is to be tried.
-        capabilities: what the guest can do besides what is found by asking it.
+        env: the environment, such as `desktop_env.DesktopEnv` or
+            `online_env.osworld.env.OsworldEnv`.
+        password: of the guest's user, for sudo; with `None` only a sudo that does not ask is tried.
+        capabilities: of the guest, besides those that are found by asking it.
 
-    Raises `MissingCapabilityError` where `env` lacks a method that is needed.
+    An `env` without one of the methods is a `MissingCapabilityError`.
     """
 
-    def __init__(self, env: OsworldLike, password: str | None = None, capabilities: Sequence[Capability] = ()) -> None:
-        needed = {"reset": env, "step": env, "evaluate": env}
+    def __init__(
+        self,
+        env: OsworldLike,
+        password: str | None = None,
+        capabilities: Sequence[Capability] = (),
+    ) -> None:
+        needed = {
+            "reset": env,
+            "step": env,
+            "evaluate": env,
+        }
         controller = getattr(env, "controller", None)
-        needed |= {"get_screenshot": controller, "execute_python_command": controller, "get_file": controller}
-        missing = [name for name, owner in needed.items() if not callable(getattr(owner, name, None))]
+        needed |= {
+            "get_screenshot": controller,
+            "execute_python_command": controller,
+            "get_file": controller,
+        }
+        missing = [
+            name for name, owner in needed.items() if not callable(getattr(owner, name, None))
+        ]
         if missing or not hasattr(env, "action_history"):
             names = ", ".join(missing) or "action_history"
-            raise MissingCapabilityError(f"{type(env).__name__} is not shaped like OSWorld's environment: no {names}")
+            raise MissingCapabilityError(
+                f"{type(env).__name__} is not shaped like OSWorld's environment: no {names}"
+            )
         self.env = env
         self.password = password
         self._told: set[Capability] = {"apps", "files", *capabilities}
@@ -93,7 +122,7 @@ class OsworldDesktop:
 
     @property
     def capabilities(self) -> frozenset[Capability]:
-        """What may be asked of this desktop; the guest is asked once."""
+        """The capabilities of this desktop; the guest is asked once."""
         if self._found is None:
             self._found = survey(self.execute, self.password)
         return self._found | self._told
@@ -111,7 +140,11 @@ class OsworldDesktop:
         return self.env.action_history
 
     def screenshot(self) -> UInt8Array:
-        """The screen: uint8 RGB `[H, W, 3]`."""
+        """The screen: uint8 RGB `[H, W, 3]`.
+
+        Raises:
+            GuestError: The guest sends no picture.
+        """
         data: object = self.env.controller.get_screenshot()
         if not isinstance(data, bytes) or not data:
             raise GuestError("the guest gave no screenshot")
@@ -123,39 +156,65 @@ class OsworldDesktop:
         return picture
 
     def accessibility(self) -> str:
-        """The accessibility tree in OSWorld's dialect. Raises `MissingCapabilityError` where there is none."""
+        """The accessibility tree in OSWorld's dialect.
+
+        Raises:
+            MissingCapabilityError: The environment cannot read one.
+            GuestError: The guest sends none.
+        """
         if "accessibility" not in self._told:
-            raise MissingCapabilityError(f"{type(self.env).__name__}.controller has no get_accessibility_tree")
+            raise MissingCapabilityError(
+                f"{type(self.env).__name__}.controller has no get_accessibility_tree"
+            )
         tree: object = self.env.controller.get_accessibility_tree()
         if not isinstance(tree, str):
             raise GuestError(f"the guest gave no accessibility tree but {type(tree).__name__}")
         return tree
 
     def run(self, code: str) -> RunResult:
-        """Run pyautogui `code`, beside the agent's actions."""
+        """Run pyautogui `code`, beside the agent's actions.
+
+        Raises:
+            GuestError: The guest does not answer.
+        """
         answer: Any = self.env.controller.execute_python_command(code)
         if not isinstance(answer, dict):
             raise GuestError("the guest did not run the code (no answer)")
         known = cast("dict[str, Any]", answer)
         return RunResult(
-            str(known.get("status", "error")), str(known.get("output") or ""), str(known.get("error") or ""),
+            str(known.get("status", "error")),
+            str(known.get("output") or ""),
+            str(known.get("error") or ""),
             known.get("returncode"),
-        )  # fmt: skip
+        )
 
     def execute(self, argv: Sequence[str] | str, timeout: float = 60) -> RunResult:
         """Run a command; a string goes to the shell. OSWorld's client itself waits at most 90 s.
 
-        Of its output the first 2 MiB arrive: OSWorld's server and client hold all of it several times over.
+        Of its output the first 2 MiB arrive: OSWorld's server and client hold all of it several
+        times over.
         """
         shell = isinstance(argv, str)
         command = argv if shell else [str(part) for part in argv]
-        asked = _RUN.format(command=command, shell=shell, timeout=timeout, mark=_MARK, cap=OUTPUT_CAP, note=CAP_NOTE)
+        asked = _RUN.format(
+            command=command,
+            shell=shell,
+            timeout=timeout,
+            mark=_MARK,
+            cap=OUTPUT_CAP,
+            note=CAP_NOTE,
+        )
         code, output, error = json.loads(self._answer(_ISOLATED.format(code=asked)))
         return RunResult("success" if code is not None else "error", output, error, code)
 
     def read_file(self, path: str) -> bytes:
-        """The content of a file. Raises `GuestError` where it can't be read."""
-        if self._answer(_READABLE.format(path=path, mark=_MARK)) != "True":  # get_file itself would try for 15 s
+        """The content of a file.
+
+        Raises:
+            GuestError: It cannot be read.
+        """
+        # get_file itself would try for 15 s
+        if self._answer(_READABLE.format(path=path, mark=_MARK)) != "True":
             raise GuestError(f"{path}: no file that the desktop's user can read", 404)
         data: object = self.env.controller.get_file(path)
         if not isinstance(data, bytes):
@@ -163,15 +222,25 @@ class OsworldDesktop:
         return data
 
     def write_file(self, path: str, data: bytes) -> None:
-        """Write a file, in pieces that fit into a command. Raises `GuestError` where it can't be written."""
+        """Write a file, in pieces that fit into a command.
+
+        Raises:
+            GuestError: It cannot be written.
+        """
         for start in range(0, max(len(data), 1), CHUNK):
             piece = base64.b64encode(data[start : start + CHUNK]).decode("ascii")
-            result = self.run(_WRITE.format(path=path, mode="ab" if start else "wb", data=piece))
+            result = self.run(
+                _WRITE.format(
+                    path=path,
+                    mode="ab" if start else "wb",
+                    data=piece,
+                )
+            )
             if not result.ok:
                 reason = result.error.strip().splitlines()[-1:] or ["no reason given"]
                 raise GuestError(f"{path}: can't be written in the guest ({reason[0]})")
 
-    def reset(self, task: Task | None = None) -> None:
+    def reset(self, task: TaskConfig | None = None) -> None:
         """The environment's own reset: pristine, with `task` set up."""
         self._size = None
         self.env.reset(task_config=None if task is None else dict(task))
@@ -192,5 +261,8 @@ class OsworldDesktop:
             if line.startswith(_MARK):
                 return line.removeprefix(_MARK)
         if not result.ok:
-            raise GuestError(f"the guest could not run the command: {(result.error or result.output).strip()[-500:]}")
+            raise GuestError(
+                "the guest could not run the command:"
+                f" {(result.error or result.output).strip()[-500:]}"
+            )
         raise DesktopError(f"the guest's answer is not ours: {result.output[-200:]!r}")

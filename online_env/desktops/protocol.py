@@ -1,4 +1,4 @@
-"""What every desktop can do, whatever provides it (design section 6)."""
+"""The methods that every desktop has, whatever provides it (design section 6)."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -7,13 +7,22 @@ from typing import Any, Literal, Protocol, TypeAlias, runtime_checkable
 from hijack_data.types import Size, UInt8Array
 
 Capability: TypeAlias = Literal["firewall", "lock", "windows", "apps", "accessibility", "files"]
-CAPABILITIES: frozenset[Capability] = frozenset({"firewall", "lock", "windows", "apps", "accessibility", "files"})
-Task: TypeAlias = Mapping[str, Any]
+CAPABILITIES: frozenset[Capability] = frozenset(
+    {"firewall", "lock", "windows", "apps", "accessibility", "files"}
+)
+TaskConfig: TypeAlias = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
 class RunResult:
-    """What a command did: `status` is `"success"` or `"error"`, `returncode` is `None` where it never ran or ended."""
+    """The outcome of a command.
+
+    Attributes:
+        status: `"success"` or `"error"`.
+        output: the text that it printed.
+        error: the text that it printed as errors.
+        returncode: `None` if it never ran or ended.
+    """
 
     status: str
     output: str = ""
@@ -30,12 +39,12 @@ class RunResult:
 class Desktop(Protocol):
     """A desktop with one screen, one pointer and one user.
 
-    All methods raise `DesktopError` (or a subclass) where the desktop does not answer.
+    All methods raise `DesktopError` (or a subclass) if the desktop does not answer.
     """
 
     @property
     def capabilities(self) -> frozenset[Capability]:
-        """What may be asked of this desktop; the rest raises `MissingCapabilityError`."""
+        """Capabilities of this desktop; asking for another raises `MissingCapabilityError`."""
         ...
 
     @property
@@ -56,7 +65,12 @@ class Desktop(Protocol):
         ...
 
     def execute(self, argv: Sequence[str] | str, timeout: float = 60) -> RunResult:
-        """Run a command as the desktop's user; a string goes to the shell. `timeout` is in seconds."""
+        """Run a command as the desktop's user; a string goes to the shell.
+
+        Args:
+            argv: the command.
+            timeout: in seconds.
+        """
         ...
 
     def read_file(self, path: str) -> bytes:
@@ -67,8 +81,8 @@ class Desktop(Protocol):
         """Write a file as the desktop's user; its folder must exist."""
         ...
 
-    def reset(self, task: Task | None = None) -> None:
-        """Return to the pristine state; then do what the `config` of `task` asks, where there is one."""
+    def reset(self, task: TaskConfig | None = None) -> None:
+        """Return to the pristine state; then carry out the `config` of `task`, if it has one."""
         ...
 
     def close(self) -> None:

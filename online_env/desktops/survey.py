@@ -1,26 +1,29 @@
-"""What a guest can do, found by asking it: for desktops that do not know it by themselves."""
+"""The capabilities of a guest, found by asking it: for desktops that have no list of their own."""
 
 import shlex
 from collections.abc import Callable, Sequence
 
-from ..effects.lockers import LOCKERS
+from .lockers import LOCKERS
 from .protocol import Capability, RunResult
 
 TIMEOUT = 20.0
-# Root's rights are not enough: what root may do inside a container or an embedded desktop does not hold the firewall.
+# Root's rights are not enough: what root may do inside a container or an embedded desktop does not
+# hold the firewall.
 _FIREWALL = """
 try='PATH=$PATH:/usr/sbin:/sbin; nft list tables || iptables -w -S'
 if [ "$(id -u)" = 0 ]; then sh -c "$try"
 elif [ -n "$1" ]; then printf '%s\\n' "$1" | sudo -S -k -p '' sh -c "$try"
 else sudo -n sh -c "$try"; fi >/dev/null 2>&1 && echo firewall
 """
-# As effects run it: apart from the user's Python, with the packages of the home behind the system's.
+# As effects run it: apart from the user's Python, with the packages of the home behind the
+# system's.
 _XLIB = "import site, sys; sys.path.append(site.getusersitepackages()); import Xlib"
 _WINDOWS = (
     f"command -v wmctrl >/dev/null 2>&1 && (cd / && /usr/bin/python3 -I -c {shlex.quote(_XLIB)}) "
     "2>/dev/null && echo windows\n"
 )
-# A locker that is installed and does not run says neither; one of a session that has just begun says it soon.
+# A locker that is installed and does not run says neither; one of a session that has just begun
+# says it soon.
 _LOCK = "\n".join(
     f"command -v {one.name} >/dev/null 2>&1 && for i in {'1 2 3 4 5 6' if one.window else '1'}; do "
     f"case $(timeout 3 {one.query} 2>/dev/null) in "
@@ -30,10 +33,13 @@ _LOCK = "\n".join(
 _SCRIPT = f"export LC_ALL=C\n{_LOCK}\n{_WINDOWS}{_FIREWALL}true\n"
 
 
-def survey(execute: Callable[[Sequence[str] | str, float], RunResult], password: str | None) -> frozenset[Capability]:
+def survey(
+    execute: Callable[[Sequence[str] | str, float], RunResult], password: str | None
+) -> frozenset[Capability]:
     """Those of `lock`, `windows` and `firewall` that the guest behind `execute` has.
 
-    `password` is that of its user, for sudo; without one only a sudo that does not ask is tried. Changes nothing.
+    `password` is that of its user, for sudo; without one only a sudo that does not ask is tried.
+    Changes nothing.
     """
     found = set(execute(["sh", "-c", _SCRIPT, "sh", password or ""], TIMEOUT).output.split())
     names: tuple[Capability, ...] = ("lock", "windows", "firewall")

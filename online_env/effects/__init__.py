@@ -5,12 +5,24 @@ if not applied.probe().ok: ...      # the episode is invalid, never a zero
 applied.undo()
 """
 
-from .base import Applied, EffectError, LiveEffect, Probe, Undone, find, kinds, perform, register, resume, undo
-from .firewall import Firewall
-from .launch_app import LaunchApp
-from .lock import Lock
-from .minimise import Minimise
-from .touch import Touch
+from .accidental_touch import Touch
+from .app_minimization import Minimise
+from .base import (
+    Applied,
+    EffectError,
+    LiveEffect,
+    Probe,
+    Undone,
+    find,
+    kinds,
+    perform,
+    register,
+    resume,
+    undo,
+)
+from .multi_apps import LaunchApp
+from .network_error import Firewall
+from .verification import LockSession
 
 __all__ = [
     "Applied",
@@ -18,7 +30,7 @@ __all__ = [
     "Firewall",
     "LaunchApp",
     "LiveEffect",
-    "Lock",
+    "LockSession",
     "Minimise",
     "Probe",
     "Touch",

@@ -1,4 +1,4 @@
-"""The applications of the paper's list as commands: what each may be called in a guest, and its windows' WM_CLASS."""
+"""The applications of the paper's list: their commands in a guest, and their windows' WM_CLASS."""
 
 from dataclasses import dataclass
 
@@ -22,7 +22,10 @@ class Command:
 
 def _office(part: str) -> tuple[Command, ...]:
     classes = (f"libreoffice-{part}",)
-    return tuple(Command((program, f"--{part}", *_QUIET_OFFICE), classes) for program in ("libreoffice", "soffice"))
+    return tuple(
+        Command((program, f"--{part}", *_QUIET_OFFICE), classes)
+        for program in ("libreoffice", "soffice")
+    )
 
 
 _CHROME = ("google-chrome", "google-chrome-stable", "chromium", "chromium-browser")
@@ -30,7 +33,11 @@ COMMANDS: dict[str, tuple[Command, ...]] = {
     "vscode": (
         Command(("code",), ("code",)),
         Command(("codium",), ("codium",)),
-        Command(("geany", "--new-instance"), ("geany",), "Geany, another code editor, in the place of VS Code"),
+        Command(
+            ("geany", "--new-instance"),
+            ("geany",),
+            "Geany, another code editor, in the place of VS Code",
+        ),
     ),
     "chrome": tuple(Command((program, "--new-window"), ("chrom",)) for program in _CHROME),
     "gimp": (Command(("gimp", "--no-splash"), ("gimp",)),),
@@ -40,7 +47,8 @@ COMMANDS: dict[str, tuple[Command, ...]] = {
     "vlc": (Command(("vlc", "--no-video-title-show"), ("vlc",)),),
     "thunderbird": (Command(("thunderbird",), ("thunderbird", "mail.")),),
 }
-# Of no list of the paper's: for a guest that has nothing of it, and only where none of their windows is open.
+# Of no list of the paper's: for a guest that has nothing of it, and only where none of their
+# windows is open.
 FALLBACKS: dict[str, tuple[Command, ...]] = {
     name: (Command((name,), (name,), f"{name}, since nothing of the paper's list is installed"),)
     for name in ("mousepad", "thunar", "xfce4-terminal", "gedit", "nautilus", "gnome-terminal")

@@ -1,27 +1,28 @@
-"""What an effect is: applied, proved by a probe, undone (design section 6).
+"""What an effect is: applied, proved by a probe, undone.
 
-An effect of a plan (`hijack_data.plan.Effect`) is data. A `LiveEffect`, one class a kind, carries it out. It keeps
-nothing: all that probe and undo need is in the record, which is JSON, so another process can go on with it.
+An effect of a plan (`hijack_data.plan.Effect`) is data. A `LiveEffect`, one class a kind, carries
+it out. It keeps nothing: all that probe and undo need is in the record, which is JSON, so another
+process can go on with it.
 """
 
+import json
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, ClassVar, TypeAlias, TypeVar
 
-from hijack_data.errors import ParameterError, UnknownNameError, suggest
 from hijack_data.plan import Effect
-from hijack_data.plugins import left_out, load_plugins
+from hijack_data.registry import Registry
 from hijack_data.rng import Stream
 
 from ..desktops.protocol import Capability, Desktop
 from ..errors import DesktopError, MissingCapabilityError
 from .guest import Guest
 
-Record: TypeAlias = dict[str, Any]
+EffectRecord: TypeAlias = dict[str, Any]
 PASSWORD = "password"
-PLUGIN_GROUP = "agenthijack.effects"
+E = TypeVar("E", bound="LiveEffect")
 
 
 class EffectError(DesktopError):
@@ -30,76 +31,129 @@ class EffectError(DesktopError):
 
 @dataclass(frozen=True)
 class Probe:
-    """What was found on the machine itself: `ok` only if it really is in the corrupted state, else `problem` says why.
+    """What was found on the machine itself.
 
-    `facts` is JSON data, the evidence.
+    Args:
+        ok: whether it really is in the corrupted state.
+        facts: the evidence, as JSON data.
+        problem: why it is not, if it is not.
     """
 
     ok: bool
-    facts: Record = field(default_factory=dict[str, Any])
+    facts: EffectRecord = field(default_factory=dict[str, Any])
     problem: str = ""
 
 
 @dataclass(frozen=True)
 class Undone:
-    """How the machine was left: `ok` if nothing of the effect remains, or the effect has nothing to take back."""
+    """How the machine was left.
+
+    Args:
+        ok: whether nothing of the effect remains, or there was nothing to take back.
+        facts: the evidence, as JSON data.
+        problem: what remains, if anything does.
+    """
 
     ok: bool
-    facts: Record = field(default_factory=dict[str, Any])
+    facts: EffectRecord = field(default_factory=dict[str, Any])
     problem: str = ""
 
 
 class LiveEffect(ABC):
     """One kind of effect. Subclass it, set `kind` and `needs`, and register the class.
 
-    What the machine lacks is a `MissingCapabilityError` from `apply`, raised before anything is changed; what goes
-    wrong later is for the probe to tell. Applying twice and undoing twice must do no harm.
+    `apply` raises `MissingCapabilityError` for what the machine lacks, before anything is changed;
+    what goes wrong later is found by the probe. Applying twice and undoing twice must do no harm.
+
+    Class attributes:
+        kind: as plans name it.
+        needs: capabilities that a desktop must have.
+        lasting: False for an event, such as a click, which cannot be taken back.
     """
 
     kind: ClassVar[str]
     needs: ClassVar[frozenset[Capability]] = frozenset()
-    lasting: ClassVar[bool] = True  # False for an event, such as a click: it cannot be taken back
+    lasting: ClassVar[bool] = True
 
     @abstractmethod
-    def apply(self, guest: Guest, params: Mapping[str, Any]) -> Record:
-        """Do it; returns JSON data about what was done, with all that `probe` and `undo` need."""
+    def apply(self, guest: Guest, params: Mapping[str, Any]) -> EffectRecord:
+        """Do it, and return JSON data about it, with all that `probe` and `undo` need.
+
+        Args:
+            guest: the desktop.
+            params: of the effect, from the plan.
+
+        Raises:
+            MissingCapabilityError: the machine lacks something; nothing was changed.
+            EffectError: parameters that this desktop cannot follow.
+        """
 
     @abstractmethod
-    def probe(self, guest: Guest, record: Record) -> Probe:
-        """Look at the machine, not at what `apply` believes. Changes nothing that lasts."""
+    def probe(self, guest: Guest, record: EffectRecord) -> Probe:
+        """Look at the machine, not at what `apply` noted; change nothing that lasts.
+
+        Args:
+            guest: the desktop.
+            record: what `apply` returned.
+        """
 
     @abstractmethod
-    def undo(self, guest: Guest, record: Record) -> Undone:
-        """Put everything back; with an empty record (`apply` is not known) as far as the machine itself tells."""
+    def undo(self, guest: Guest, record: EffectRecord) -> Undone:
+        """Put everything back.
+
+        Args:
+            guest: the desktop.
+            record: what `apply` returned; empty if that is lost. Then the machine itself must show
+                what to put back.
+        """
 
     def can_be_lifted(self, guest: Guest) -> bool:
-        """Whether an agent may end it by what it does on the desktop (close, restore, unlock).
+        """Return whether an agent may end it on the desktop (close, restore, unlock).
 
-        What it cannot lift is probed again when the episode is over, else before the agent sees it.
+        What it cannot lift is probed again when the episode is over; everything else is probed
+        before the agent sees it.
         """
         return True
 
-    def refresh(self, guest: Guest, record: Record) -> None:
-        """Keep up what would fade by itself, before the screen is looked at; most effects stay without it."""
+    def refresh(self, guest: Guest, record: EffectRecord) -> None:
+        """Keep up what would fade by itself; called before each observation."""
         return
+
+    def in_words(self, facts: Mapping[str, Any]) -> str:
+        """Return the facts of a probe that was true as one sentence for people."""
+        return json.dumps(dict(facts), ensure_ascii=False)
+
+    def undone_in_words(self, facts: Mapping[str, Any]) -> str:
+        """Return how it was taken back, from the facts of `undo`, as one sentence for people."""
+        return json.dumps(dict(facts), ensure_ascii=False)
 
 
 class Applied:
-    """An effect that was applied to a desktop; `record` is JSON data and grows with each `probe` and `undo`."""
+    """An effect that was applied to a desktop.
 
-    def __init__(self, effect: Effect, guest: Guest, record: Record) -> None:
-        self.effect, self.record = effect, record
-        self._guest, self._live = guest, find(effect.kind)
+    `record` is JSON data and grows with each `probe` and `undo`.
+    """
+
+    def __init__(
+        self,
+        effect: Effect,
+        guest: Guest,
+        record: EffectRecord,
+    ) -> None:
+        self.effect = effect
+        self.record = record
+        self._guest = guest
+        self._live = find(effect.kind)
 
     def probe(self) -> Probe:
-        """Look whether the machine is in the corrupted state now."""
+        """Return whether the machine is in the corrupted state now, and note it."""
         start = time.monotonic()
         found = self._live.probe(self._guest, self.record["did"])
         self.record["probes"].append({**vars(found), "seconds": _since(start)})
         return found
 
     def holds(self) -> bool:
-        """Probe without a trace in the record."""
+        """Return whether the machine is in the corrupted state now, without noting it."""
         return self._live.probe(self._guest, self.record["did"]).ok
 
     @property
@@ -119,66 +173,97 @@ class Applied:
         return found
 
 
-_registry: dict[str, LiveEffect] = {}
+def _problems(cls: Any, kind: str) -> Iterator[str]:
+    """Yield what is wrong with the class of an effect."""
+    if not isinstance(cls, type) or not issubclass(cls, LiveEffect):
+        yield "it is no subclass of online_env.effects.LiveEffect"
+        return
+    if cls.__abstractmethods__:
+        yield f"{', '.join(sorted(cls.__abstractmethods__))} is missing"
+    elif not kind or kind != getattr(cls, "kind", None):
+        yield "kind is not set"
 
 
-def register(cls: type[LiveEffect]) -> type[LiveEffect]:
+EFFECTS = Registry[LiveEffect](
+    "effect",
+    "effects",
+    own_name="kind",
+    problems=_problems,
+    prepare=lambda cls: cls(),
+    related=("corruptions",),
+)
+
+
+def register(cls: type[E]) -> type[E]:
     """Class decorator: make an effect known under its `kind`.
 
-    Raises `ParameterError` where the class is incomplete or another one has that kind.
+    Raises:
+        ParameterError: the class is incomplete, or another one has that kind.
     """
-    kind = getattr(cls, "kind", "")
-    left = ", ".join(sorted(cls.__abstractmethods__))
-    if not isinstance(kind, str) or not kind or left:
-        raise ParameterError(
-            f"cannot register {cls.__qualname__}: {f'{left} is missing' if left else 'kind is not set'}"
-        )
-    other = type(_registry.get(kind))
-    if kind in _registry and (other.__module__, other.__qualname__) != (cls.__module__, cls.__qualname__):
-        raise ParameterError(f"cannot register {cls.__qualname__}: {kind!r} is taken by {other.__module__}")
-    _registry[kind] = cls()
+    EFFECTS.add(cls)
     return cls
 
 
 def kinds() -> list[str]:
     """The kinds that can be performed: ours, then those of plug-ins."""
-    load_plugins(PLUGIN_GROUP, _registry)
-    return list(_registry)
+    return EFFECTS.names()
 
 
 def find(kind: str) -> LiveEffect:
-    """What carries out effects of `kind`. Raises `UnknownNameError`."""
-    if kind not in _registry:
-        load_plugins(PLUGIN_GROUP, _registry)
-    if kind not in _registry:
-        hint = suggest(kind, _registry) + left_out(PLUGIN_GROUP)
-        raise UnknownNameError(f"nothing can perform an effect of kind {kind!r}{hint}")
-    return _registry[kind]
+    """Return what carries out effects of `kind`.
+
+    Raises:
+        UnknownNameError: nothing does.
+        PluginError: the plug-in that should do so cannot be loaded.
+    """
+    return EFFECTS.get(kind)
 
 
-def perform(effect: Effect, desktop: Desktop, stream: Stream | None = None, password: str = PASSWORD) -> Applied:
-    """Apply `effect` to `desktop`; ask the result for its `probe` before you believe it.
+def perform(
+    effect: Effect,
+    desktop: Desktop,
+    stream: Stream | None = None,
+    password: str = PASSWORD,
+) -> Applied:
+    """Apply `effect` to `desktop`; only the `probe` of the result proves that it is there.
+
+    Passes on `UnknownNameError` (a kind that nobody registered), `MissingCapabilityError` (the
+    desktop lacks something, which is named; nothing was changed), `EffectError` (wrong parameters)
+    and `DesktopError` (the desktop does not answer).
 
     Args:
         effect: of a plan.
         desktop: any desktop; what the effect needs is looked for in the guest.
         stream: random draws for what only the live desktop can tell (which element is touched).
         password: of the desktop's user, for sudo and for the lock screen.
-
-    Raises `UnknownNameError` for a kind that nobody registered; `MissingCapabilityError`, before anything is changed,
-    that names the capability or tool that is missing; `EffectError` for wrong parameters; `DesktopError` where the
-    desktop does not answer.
     """
-    live, guest = find(effect.kind), Guest(desktop, password, stream)
+    live = find(effect.kind)
+    guest = Guest(desktop, password, stream)
     _check(live, desktop)
     start = time.monotonic()
     did = live.apply(guest, effect.params)
-    head = {"effect": effect.kind, "params": dict(effect.params), "at": time.time()}
-    return Applied(effect, guest, {**head, "did": did, "seconds": _since(start), "probes": [], "undone": []})
+    record: EffectRecord = {
+        "effect": effect.kind,
+        "params": dict(effect.params),
+        "at": time.time(),
+        "did": did,
+        "seconds": _since(start),
+        "probes": [],
+        "undone": [],
+    }
+    return Applied(effect, guest, record)
 
 
-def resume(record: Record, desktop: Desktop, password: str = PASSWORD) -> Applied:
-    """Go on with an effect that another process applied, from its record. Raises `EffectError` for a damaged record."""
+def resume(
+    record: EffectRecord,
+    desktop: Desktop,
+    password: str = PASSWORD,
+) -> Applied:
+    """Go on with an effect that another process applied, from its record.
+
+    Raises:
+        EffectError: the record is damaged.
+    """
     try:
         effect = Effect(str(record["effect"]), dict(record["params"]))
         kept = {
@@ -188,12 +273,21 @@ def resume(record: Record, desktop: Desktop, password: str = PASSWORD) -> Applie
             "undone": list(record["undone"]),
         }
     except (KeyError, TypeError, ValueError) as error:
-        raise EffectError(f"this is not the record of an applied effect: {type(error).__name__}: {error}") from None
+        raise EffectError(
+            f"this is not the record of an applied effect: {type(error).__name__}: {error}"
+        ) from None
     return Applied(effect, Guest(desktop, password, None), kept)
 
 
-def undo(kind: str, desktop: Desktop, password: str = PASSWORD) -> Undone:
-    """Take back an effect whose record is lost: unlock, open the firewall, bring the windows back."""
+def undo(
+    kind: str,
+    desktop: Desktop,
+    password: str = PASSWORD,
+) -> Undone:
+    """Take back an effect whose record is lost: unlock, open the firewall, and so on.
+
+    Passes on `UnknownNameError` (a kind that nobody registered).
+    """
     return find(kind).undo(Guest(desktop, password, None), {})
 
 
@@ -202,7 +296,8 @@ def _check(live: LiveEffect, desktop: Desktop) -> None:
     if missing:
         there = ", ".join(sorted(desktop.capabilities)) or "nothing"
         raise MissingCapabilityError(
-            f"the effect {live.kind!r} needs {', '.join(missing)}, which this desktop has not (it has: {there})"
+            f"the effect {live.kind!r} needs {', '.join(missing)}, which this desktop lacks"
+            f" (available: {there})"
         )
 
 

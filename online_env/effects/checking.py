@@ -1,4 +1,4 @@
-"""`hijack check` for effects: which ones a file registers, and the conformance checks on a desktop of their own."""
+"""`hijack check` for effects: those that a file registers, tried on a desktop of their own."""
 
 import functools
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -6,51 +6,79 @@ from typing import Any
 
 from hijack_data.corruption import Corruption
 from hijack_data.errors import HijackError
+from hijack_data.plan import Effect
 from hijack_data.types import Scene
 
+from ..desktops.protocol import Desktop
 from ..errors import DesktopError, MissingCapabilityError
 from .base import find, kinds
-from .conformance import OPEN, Result, run_declared, run_live
-
-SCREEN = Scene((1080, 1920))
+from .conformance import OPEN, ParamsFor, Result, run_declared, run_live
 
 
 def kinds_of(module: str) -> list[str]:
-    """The effects whose classes a module defines and registers."""
+    """Return the effects whose classes a module defines and registers."""
     return [kind for kind in kinds() if type(find(kind)).__module__ == module]
 
 
 def summary(kind: str) -> str:
-    """First line of the documentation of an effect."""
+    """Return the first line of the documentation of an effect."""
     return (type(find(kind)).__doc__ or "").strip().split("\n")[0]
 
 
-def params_for(kind: str, corruptions: Iterable[type[Corruption]]) -> Mapping[str, Any]:
-    """Parameters to try an effect with: those that a corruption of the same file asks for, else none."""
-    for cls in corruptions:
-        try:
-            effects = cls().plan(SCREEN, seed=0).effects
-        except (HijackError, TypeError):  # it has checks of its own
-            continue
-        for effect in effects:
-            if effect.kind == kind:
-                return effect.params
-    return {}
+def params_for(kind: str, corruptions: Iterable[type[Corruption]]) -> ParamsFor:
+    """Return what gives the parameters to try an effect with on a desktop.
+
+    They are those that a corruption of the same file asks for on that desktop's screen, if any
+    does.
+    """
+    asking = [cls for cls in corruptions if kind in cls.effects]
+
+    def params_on(desktop: Desktop) -> Mapping[str, Any]:
+        for cls in asking:
+            for effect in _effects_on(desktop, cls):
+                if effect.kind == kind:
+                    return effect.params
+        return {}
+
+    return params_on
+
+
+def _effects_on(desktop: Desktop, cls: type[Corruption]) -> tuple[Effect, ...]:
+    try:
+        return cls().plan(Scene(desktop.size), seed=0).effects
+    except (HijackError, TypeError):  # the class has checks of its own, which report it
+        return ()
 
 
 def starter() -> Callable[[], Any]:
-    """What starts a desktop to try effects on. Raises `DesktopError` with the reason where there can be none."""
-    from ..desktops.embedded import doctor
-    from ..desktops.embedded.desktop import EmbeddedDesktop
+    """Return what starts a desktop to try effects on.
 
-    lacking = next((check for check in doctor.diagnose(("core",)) if check.required and not check.ok), None)
-    if lacking is not None:
-        raise DesktopError(f"{lacking.name}: {lacking.detail}; {lacking.fix}")
+    Raises:
+        DesktopError: there can be none on this machine; with the reason.
+    """
+    from ..embedded import doctor
+    from ..embedded.desktop import EmbeddedDesktop
+
+    for required in doctor.diagnose(("core",)):
+        if required.required and not required.ok:
+            raise DesktopError(f"{required.name}: {required.detail}; {required.fix}")
     return functools.partial(EmbeddedDesktop.up, apps=OPEN)
 
 
-def check(kind: str, params: Mapping[str, Any], with_desktop: bool) -> Iterator[Result | str]:
-    """The results of all checks of an effect; a text says what could not be checked, and why."""
+def check(
+    kind: str,
+    params: Mapping[str, Any] | ParamsFor,
+    with_desktop: bool,
+) -> Iterator[Result | str]:
+    """Yield the results of all checks of an effect.
+
+    Args:
+        kind: the effect.
+        params: to try it with, or what gives them for a desktop.
+        with_desktop: whether to start desktops for it.
+
+    A text among the results names what could not be checked, and why.
+    """
     declared = run_declared(kind)
     yield declared
     if not with_desktop:

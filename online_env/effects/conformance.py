@@ -1,4 +1,4 @@
-"""What every effect must hold, checked by trying it on a real desktop: the part of `hijack check` for effects.
+"""What every effect must hold, checked by trying it on a real desktop (`hijack check`).
 
 A check raises `CheckFailed` with the probable cause. The most telling one is the sabotage: a record
 that claims that the effect was applied, shown to a fresh desktop where nothing was done, must not
@@ -17,19 +17,30 @@ from hijack_data.rng import Stream
 
 from ..desktops.protocol import CAPABILITIES, Desktop
 from ..errors import DesktopError, MissingCapabilityError
-from .base import Applied, LiveEffect, Record, find, perform, resume, undo
+from .base import Applied, EffectRecord, LiveEffect, find, perform, resume, undo
 
 OPEN = ("editor",)  # what is open while an effect is tried
+# Gives the parameters of an effect for a desktop.
+ParamsFor: TypeAlias = Callable[[Desktop], Mapping[str, Any]]
 
 
 class Trial:
-    """One effect on one desktop, from apply to undo; each check goes on where the one before it ended."""
+    """One effect on one desktop, from apply to undo.
 
-    def __init__(self, live: LiveEffect, params: Mapping[str, Any], desktop: Desktop) -> None:
-        self.live, self.desktop = live, desktop
+    Each check goes on from where the one before it ended.
+    """
+
+    def __init__(
+        self,
+        live: LiveEffect,
+        params: Mapping[str, Any],
+        desktop: Desktop,
+    ) -> None:
+        self.live = live
+        self.desktop = desktop
         self.effect = Effect(live.kind, dict(params))
         self.applied: Applied | None = None
-        self.claim: Record = {}
+        self.claim: EffectRecord = {}
 
     def apply(self) -> Applied:
         """Apply it (again)."""
@@ -81,7 +92,10 @@ def check_record(trial: Trial) -> None:
 
 
 def check_apply_twice(trial: Trial) -> None:
-    """Applying twice does no harm: the probe stays true, and one undo for each apply puts everything back."""
+    """Applying twice does no harm.
+
+    The probe stays true, and one undo for each apply puts everything back.
+    """
     if not trial.live.lasting:
         return
     again = trial.apply()
@@ -92,7 +106,10 @@ def check_apply_twice(trial: Trial) -> None:
 
 
 def check_undo(trial: Trial) -> None:
-    """Undo puts everything back: it says so, and the probe is false then; a second undo does no harm."""
+    """Undo puts everything back.
+
+    It reports so, and the probe is false then; a second undo does no harm.
+    """
     for time in ("", " a second time"):
         undone = trial.done.undo()
         expect(undone.ok, f"undo{time} fails: {undone.problem or 'no problem is given'}")
@@ -104,15 +121,18 @@ def check_undo(trial: Trial) -> None:
 
 
 def check_sabotage(trial: Trial) -> None:
-    """Where apply did nothing the probe is false: a fresh desktop, and a record that claims that it was applied."""
+    """On a desktop where apply did nothing the probe is false.
+
+    It is shown a fresh desktop, and a record that claims that the effect was applied.
+    """
     expect(trial.claim, "no record: see above")
     found = resume(trial.claim, trial.desktop).probe()
     expect(not found.ok, "the probe believes the record: it must look at the machine itself")
     expect(found.problem, "a probe that is false must give its problem")
 
 
-Check: TypeAlias = Callable[[Trial], None]
-LIVE: tuple[Check, ...] = (
+EffectCheck: TypeAlias = Callable[[Trial], None]
+LIVE: tuple[EffectCheck, ...] = (
     check_undo_without_apply,
     check_apply_and_probe,
     check_record,
@@ -122,23 +142,30 @@ LIVE: tuple[Check, ...] = (
 
 
 def run_declared(kind: str) -> Result:
-    """What can be checked without a desktop."""
+    """Run the check that needs no desktop."""
     return _run_one(check_declared, find(kind))
 
 
-def run_live(kind: str, params: Mapping[str, Any], start: Callable[[], Any]) -> Iterator[Result]:
-    """All checks that need a desktop.
+def run_live(
+    kind: str,
+    params: Mapping[str, Any] | ParamsFor,
+    start: Callable[[], Any],
+) -> Iterator[Result]:
+    """Run all checks that need a desktop.
+
+    Passes on `MissingCapabilityError` (the desktop lacks what the effect needs; nothing was
+    checked).
 
     Args:
         kind: the effect.
-        params: of the effect.
-        start: starts a desktop, a context manager: one to try it on, and a fresh one that it never saw.
-
-    Raises `MissingCapabilityError` where the desktop lacks what the effect needs: nothing was checked then.
+        params: of the effect, or what gives them for a desktop.
+        start: starts a desktop, a context manager: one to try it on, and a fresh one that it never
+            saw.
     """
     live = find(kind)
     with start() as desktop:
-        trial = Trial(live, params, desktop)
+        chosen = params(desktop) if callable(params) else params
+        trial = Trial(live, chosen, desktop)
         for check in LIVE:
             yield _run_one(check, trial)
     with start() as desktop:
@@ -147,7 +174,8 @@ def run_live(kind: str, params: Mapping[str, Any], start: Callable[[], Any]) -> 
 
 
 def _run_one(check: Callable[[Any], None], subject: Any) -> Result:
-    name, about = check.__name__.removeprefix("check_"), (check.__doc__ or "").strip().split("\n")[0]
+    name = check.__name__.removeprefix("check_")
+    about = (check.__doc__ or "").strip().split("\n")[0]
     try:
         check(subject)
     except CheckFailed as error:
@@ -161,10 +189,10 @@ def _run_one(check: Callable[[Any], None], subject: Any) -> Result:
     return Result(name, about, "")
 
 
-def _as_json(data: Record, what: str) -> Record:
-    """The data as another process reads it."""
+def _as_json(data: EffectRecord, what: str) -> EffectRecord:
+    """Return the data as another process reads it."""
     try:
-        again: Record = json.loads(json.dumps(data, allow_nan=False))
+        again: EffectRecord = json.loads(json.dumps(data, allow_nan=False))
     except (TypeError, ValueError, RecursionError) as error:
         fail(f"{what} is not JSON: {error}")
     changed = f"{what} changes in JSON (tuples, or keys that are no texts)"
@@ -172,6 +200,6 @@ def _as_json(data: Record, what: str) -> Record:
     return again
 
 
-def _difference(one: Record, other: Record) -> str:
+def _difference(one: EffectRecord, other: EffectRecord) -> str:
     changed = [key for key in one if one[key] != other.get(key)]
     return ", ".join(map(str, changed)) or "its keys"

@@ -1,29 +1,40 @@
-"""The interactive elements that are on the screen now, each with its application, from the accessibility tree."""
+"""The interactive elements on the screen, from the accessibility tree, with their applications."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from itertools import groupby
 from typing import Any
 
-from hijack_data import extras
-from hijack_data.elements import boxes_from_tree
+from hijack_data.elements import AccessibleNode, interactive_elements, nodes_from_tree
 from hijack_data.errors import ElementsError
 from hijack_data.types import Box, Point, Size
 
-from .. import extra
 from ..errors import DesktopError
 
-# Panels, docks and the icons on the desktop: what lies there launches or brings up other applications.
+# Panels, docks and the icons on the desktop: what lies there launches or brings up other
+# applications.
 LAUNCHERS = frozenset(
     {
-        "xfce4-panel", "wrapper-1.0", "wrapper-2.0", "xfdesktop", "mate-panel", "lxpanel", "gnome-shell", "plasmashell",
-        "cinnamon", "nemo-desktop", "caja-desktop", "tint2", "plank", "ding", "gjs", "desktop-icons",
+        "xfce4-panel",
+        "wrapper-1.0",
+        "wrapper-2.0",
+        "xfdesktop",
+        "mate-panel",
+        "lxpanel",
+        "gnome-shell",
+        "plasmashell",
+        "cinnamon",
+        "nemo-desktop",
+        "caja-desktop",
+        "tint2",
+        "plank",
+        "ding",
+        "gjs",
+        "desktop-icons",
     }
-)  # fmt: skip
+)
 _ACTIONS = "/ns/action}"
 _ENABLED = "/ns/state}enabled"
-_PLACE = "/ns/component}screencoord"
-# Nothing is fetched and no entity is expanded.
-_OPTIONS = {"resolve_entities": False, "no_network": True, "huge_tree": True}
 
 
 @dataclass(frozen=True)
@@ -45,33 +56,47 @@ class Element:
         return {**asdict(self), "box": list(self.box)}
 
 
-def live_elements(xml: str, size: Size, without_app: bool) -> list[Element]:
-    """The interactive elements of a tree, in its order, as `hijack_data.elements` knows them; `size` is (H, W).
+def live_elements(
+    xml: str,
+    size: Size,
+    without_app: bool,
+) -> list[Element]:
+    """Return the interactive elements of a tree, in its order; `size` is (H, W).
 
-    Of an application that tells which of its elements are enabled or can be acted on, the others are left out; with
-    `without_app` also everything in panels and on the desktop. Raises `DesktopError` for what is no tree.
+    If an application reports which of its elements are enabled or can be acted on, the others are
+    left out; with `without_app` also everything in panels and on the desktop.
+
+    Raises:
+        DesktopError: it is no accessibility tree.
     """
-    parsing = extras.load("lxml.etree", "reading an accessibility tree", extra.EXTRA)
+    found: list[Element] = []
     try:
-        root = parsing.fromstring(xml.encode("utf-8", "replace"), parsing.XMLParser(**_OPTIONS))
-        apps = [(str(app.get("name", "")), app) for app in root if isinstance(app.tag, str)]
-        kept = [(name, app) for name, app in apps if not (without_app and name.lower() in LAUNCHERS)]
-        return [element for name, app in kept for element in _below(name, app, size, parsing)]
-    except (parsing.XMLSyntaxError, ElementsError) as error:
-        raise DesktopError(f"the accessibility tree of the desktop cannot be read: {error}") from None
+        nodes = nodes_from_tree(xml.encode("utf-8", "replace"))[1:]
+        for _, group in groupby(nodes, key=lambda node: node.application_index):
+            members = list(group)
+            if without_app and members[0].application.lower() in LAUNCHERS:
+                continue
+            found += _elements_of(members, size)
+    except ElementsError as error:
+        raise DesktopError(
+            f"the accessibility tree of the desktop cannot be read: {error}"
+        ) from None
+    return found
 
 
-def _below(name: str, app: Any, size: Size, parsing: Any) -> list[Element]:
-    nodes = [node for node in app.iter() if isinstance(node.tag, str)]
-    # Guests write states and actions only where they are there; an application without any just does not tell.
+def _elements_of(nodes: list[AccessibleNode], size: Size) -> list[Element]:
+    """Return the interactive elements of one application."""
+    able = nodes
+    # Guests write states and actions only for nodes that have them. If no node of an application
+    # has one, the application does not report them at all.
     for mark in (_ACTIONS, _ENABLED):
-        lacking = [node for node in nodes if not any(mark in key for key in node.attrib)]
-        for node in lacking if len(lacking) < len(nodes) else ():
-            for key in [key for key in node.attrib if key.endswith(_PLACE)]:
-                del node.attrib[key]
-    found = boxes_from_tree(parsing.tostring(app, encoding="utf-8"), size)
+        marked = {node.index for node in nodes if any(mark in key for key in node.attributes)}
+        if marked:
+            able = [node for node in able if node.index in marked]
+    found = interactive_elements(able, size)
+    app = nodes[0].application
     rows = zip(found.roles, found.names, found.boxes.tolist(), strict=True)
-    return [Element(name, role, text, tuple(box)) for role, text, box in rows]
+    return [Element(app, role, name, tuple(box)) for role, name, box in rows]
 
 
 def window_at(point: Point, state: Mapping[str, Any]) -> dict[str, Any] | None:

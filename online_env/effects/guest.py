@@ -1,7 +1,10 @@
-"""The inside of a desktop as effects use it: only `Desktop.execute` is needed, so any OSWorld-like guest will do.
+"""The inside of a desktop as effects use it.
 
-What proves an effect must not run in a Python that the agent can change. Our own guest server carries it out in its own
-process (`Desktop.tool`); elsewhere the system's Python does, isolated from the home, its packages and its variables.
+Only `Desktop.execute` is needed, so any OSWorld-like guest will do.
+
+What proves an effect must not run in a Python that the agent can change. Our own guest server
+carries it out in its own process (`Desktop.tool`); elsewhere the system's Python does, isolated
+from the home, its packages and its variables.
 """
 
 import json
@@ -9,17 +12,15 @@ import os
 import shlex
 import shutil
 import subprocess
-from functools import cache
 from pathlib import Path
 from typing import Any, cast
 
 from hijack_data.rng import Stream
 
 from ..desktops.protocol import Desktop, RunResult
+from ..embedded.guest import inside
 from ..errors import DesktopError, MissingCapabilityError
-from ..guest import inside
 
-TOOLS = Path(inside.__file__).parent
 TIMEOUT = 60.0
 # Not the session's: a folder of the user's may come first there.
 SYSTEM_PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
@@ -28,7 +29,8 @@ _ISOLATED = (
     'cd / && exec /usr/bin/env -i PATH="$1" LC_ALL=C.UTF-8 HOME="$HOME" DISPLAY="$DISPLAY" '
     'XAUTHORITY="${XAUTHORITY:-$HOME/.Xauthority}" /usr/bin/python3 -I -c "$2" "$3" "$4"'
 )
-# pip puts python-xlib into the home on some guests; last, so that nothing there comes before what the system has.
+# pip puts python-xlib into the home on some guests; last, so that nothing there comes before what
+# the system has.
 _PRELUDE = "import site, sys\nsys.path.append(site.getusersitepackages())\n"
 ROOT_TIMEOUT = 60.0
 NOT_FOUND = 127  # what a shell returns for a program that is not there
@@ -43,10 +45,22 @@ class Guest:
         stream: random draws, where an effect has some to make.
     """
 
-    def __init__(self, desktop: Desktop, password: str, stream: Stream | None) -> None:
-        self.desktop, self.password, self.stream = desktop, password, stream
+    def __init__(
+        self,
+        desktop: Desktop,
+        password: str,
+        stream: Stream | None,
+    ) -> None:
+        self.desktop = desktop
+        self.password = password
+        self.stream = stream
 
-    def x(self, operation: str, patience: float = 0.0, **fields: Any) -> dict[str, Any]:
+    def x(
+        self,
+        operation: str,
+        patience: float = 0.0,
+        **fields: Any,
+    ) -> dict[str, Any]:
         """Do something with windows or pointer (`guest/inside/xtool.py`).
 
         It waits for what it asked for at most `patience` seconds.
@@ -55,23 +69,41 @@ class Guest:
         return self._tool("xtool", operation, fields, TIMEOUT + patience)
 
     def keys(self, operation: str, **fields: Any) -> dict[str, Any]:
-        """Type, or look who holds the keyboard and the top of the screen (`guest/inside/locktool.py`)."""
+        """Type, or look who holds the keyboard and the top of the screen (`inside/locktool.py`)."""
         return self._tool("locktool", operation, fields, TIMEOUT)
 
-    def net(self, operation: str, patience: float = 0.0, **fields: Any) -> dict[str, Any]:
+    def net(
+        self,
+        operation: str,
+        patience: float = 0.0,
+        **fields: Any,
+    ) -> dict[str, Any]:
         """Look at the network (`guest/inside/nettool.py`)."""
         fields |= {"patience": patience} if patience else {}
         return self._tool("nettool", operation, fields, TIMEOUT + patience)
 
-    def shell(self, script: str, *words: str, timeout: float = TIMEOUT) -> RunResult:
+    def shell(
+        self,
+        script: str,
+        *words: str,
+        timeout: float = TIMEOUT,
+    ) -> RunResult:
         """Run a shell script as the desktop's user; `words` are its `$1`, `$2` ..."""
         return self.desktop.execute(["sh", "-c", script, "sh", *words], timeout)
 
     def pyautogui(self, code: str) -> None:
-        """Run pyautogui code that must succeed; in the user's Python, so nothing that an effect depends on."""
+        """Run pyautogui code that must succeed.
+
+        It runs in the user's Python, so no proof may depend on it.
+
+        Raises:
+            DesktopError: the desktop does not do it.
+        """
         result = self.desktop.run(code)
         if not result.ok:
-            raise DesktopError(f"pyautogui failed in the guest: {(result.error or result.output).strip()[-300:]}")
+            raise DesktopError(
+                f"pyautogui failed in the guest: {(result.error or result.output).strip()[-300:]}"
+            )
 
     def installed(self, *commands: str) -> set[str]:
         """Those of `commands` that the guest has."""
@@ -86,20 +118,31 @@ class Guest:
     def root(self, script: str) -> RunResult:
         """Run a shell script with root's rights over the guest's network.
 
-        Through sudo inside. Root inside an embedded desktop has no such rights, on purpose (nor would an agent that
-        knows the password): there, the script runs on this machine in the desktop's network namespace.
+        Through sudo inside. Root inside an embedded desktop has no such rights, on purpose (nor
+        would an agent that knows the password): there, the script runs on this machine in the
+        desktop's network namespace.
         """
         namespace = getattr(self.desktop, "namespace", None)
         if isinstance(namespace, Path):
             return _in_namespace(namespace, script)
         wrapped = 'printf "%s\\n" "$1" | sudo -S -p "" -- sh -c "$2"'
-        return self.shell(wrapped, self.password, f"PATH=$PATH:/usr/sbin:/sbin; {script}", timeout=ROOT_TIMEOUT)
+        return self.shell(
+            wrapped, self.password, f"PATH=$PATH:/usr/sbin:/sbin; {script}", timeout=ROOT_TIMEOUT
+        )
 
-    def _tool(self, name: str, operation: str, fields: dict[str, Any], timeout: float) -> dict[str, Any]:
+    def _tool(
+        self,
+        name: str,
+        operation: str,
+        fields: dict[str, Any],
+        timeout: float,
+    ) -> dict[str, Any]:
         ask = getattr(self.desktop, "tool", None)
         if ask is not None and getattr(self.desktop, "is_ours", True):
             return cast("dict[str, Any]", ask(name, operation, fields, timeout))
-        result = self.desktop.execute(isolated(_source(name), operation, json.dumps(fields)), timeout)
+        result = self.desktop.execute(
+            isolated(_source(name), operation, json.dumps(fields)), timeout
+        )
         if result.ok:
             try:
                 return cast("dict[str, Any]", json.loads(result.output))
@@ -117,28 +160,47 @@ class Guest:
         raise DesktopError(f"{name} {operation} failed in the guest: {result.error.strip()[-400:]}")
 
 
-def isolated(source: str, operation: str, data: str) -> list[str]:
+def isolated(
+    source: str,
+    operation: str,
+    data: str,
+) -> list[str]:
     """The command that runs a tool in the system's Python, apart from all that is the user's."""
     return ["/bin/sh", "-c", _ISOLATED, "sh", SYSTEM_PATH, f"{_PRELUDE}{source}", operation, data]
 
 
-@cache
 def _source(name: str) -> str:
-    return (TOOLS / f"{name}.py").read_text(encoding="utf-8")
+    return inside.source(name)
 
 
 def _in_namespace(namespace: Path, script: str) -> RunResult:
     if not namespace.exists():
-        raise DesktopError(f"the desktop's network namespace {namespace} is gone, and the desktop with it")
+        raise DesktopError(
+            f"the desktop's network namespace {namespace} is gone, and the desktop with it"
+        )
     path = f"{os.environ.get('PATH', os.defpath)}:/usr/sbin:/sbin"
     program = shutil.which("nsenter", path=path)
     if program is None or os.geteuid() != 0:
-        lacking = "root's rights on this machine" if program else "nsenter (apt-get install util-linux)"
+        lacking = (
+            "root's rights on this machine" if program else "nsenter (apt-get install util-linux)"
+        )
         raise MissingCapabilityError(f"changing the network of an embedded desktop needs {lacking}")
     argv = [program, f"--net={namespace}", "sh", "-c", script]
     try:
-        done = subprocess.run(argv, capture_output=True, text=True, timeout=ROOT_TIMEOUT, check=False,
-                              env={**os.environ, "PATH": path, "LC_ALL": "C"})  # fmt: skip
+        done = subprocess.run(
+            argv,
+            capture_output=True,
+            text=True,
+            timeout=ROOT_TIMEOUT,
+            check=False,
+            env={
+                **os.environ,
+                "PATH": path,
+                "LC_ALL": "C",
+            },
+        )
     except subprocess.TimeoutExpired:
-        raise DesktopError(f"`{shlex.join(argv)[:200]}` did not end within {ROOT_TIMEOUT:g} s") from None
+        raise DesktopError(
+            f"`{shlex.join(argv)[:200]}` did not end within {ROOT_TIMEOUT:g} s"
+        ) from None
     return RunResult("success", done.stdout, done.stderr, done.returncode)

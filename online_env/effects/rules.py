@@ -1,7 +1,7 @@
-"""The rules that close a guest's network: one text for nft, one for iptables; chains of our own only.
+"""The rules that close a guest's network, for nft and for iptables; in chains of our own only.
 
-As the paper's Algorithm "Network Error", on the interfaces that are really there: loopback, the controlling host and
-established connections pass, everything else is dropped.
+As the paper's Algorithm "Network Error", on the interfaces that are really there: loopback, the
+controlling host and established connections pass, everything else is dropped.
 """
 
 import re
@@ -14,7 +14,7 @@ FAMILIES = ("iptables", "ip6tables")
 
 
 def nft_close(interfaces: Sequence[str], hosts: Sequence[str]) -> str:
-    """A shell script that closes the network with nft, in one transaction."""
+    """Return a shell script that closes the network with nft, in one transaction."""
     chains = [
         _nft_chain("out", "output", "oifname", "daddr", interfaces, hosts),
         _nft_chain("in", "input", "iifname", "saddr", interfaces, hosts),
@@ -23,51 +23,74 @@ def nft_close(interfaces: Sequence[str], hosts: Sequence[str]) -> str:
     return f"nft -f - <<'RULES'\n{text}\nRULES"
 
 
-def _nft_chain(name: str, hook: str, device: str, address: str, interfaces: Sequence[str], hosts: Sequence[str]) -> str:
+def _nft_chain(
+    name: str,
+    hook: str,
+    device: str,
+    address: str,
+    interfaces: Sequence[str],
+    hosts: Sequence[str],
+) -> str:
     names = ", ".join(f'"{interface}"' for interface in interfaces)
-    allowed = [f"  {'ip6' if ':' in host else 'ip'} {address} {host} accept\n" for host in hosts]
+    allowed = [f"  {_nft_family(host)} {address} {host} accept\n" for host in hosts]
     # Without its neighbours a host that controls the guest over IPv6 would be lost.
     neighbours = "  icmpv6 type { nd-neighbor-solicit, nd-neighbor-advert } accept\n"
     return (
         f" chain {name} {{\n  type filter hook {hook} priority -5; policy accept;\n"
-        f'  {device} "lo" accept\n{"".join(allowed)}{neighbours}  ct state established,related accept\n'
+        f'  {device} "lo" accept\n{"".join(allowed)}{neighbours}  ct state established,related'
+        " accept\n"
         f"  {device} {{ {names} }} counter drop\n }}\n"
     )
 
 
+def _nft_family(host: str) -> str:
+    return "ip6" if ":" in host else "ip"
+
+
 def nft_open() -> str:
-    """A shell script that removes our table; none is fine."""
+    """Return a shell script that removes our table; none is fine."""
     return f"nft delete table {TABLE} 2>/dev/null; ! nft list table {TABLE} >/dev/null 2>&1"
 
 
 def nft_count() -> str:
-    """A shell script that prints our rules with the packets that each has dropped."""
+    """Return a shell script that prints our rules with the packets that each has dropped."""
     return f"nft list table {TABLE}"
 
 
 def iptables_close(interfaces: Sequence[str], hosts: Sequence[str]) -> str:
-    """A shell script that closes the network with iptables, and with ip6tables where it works."""
-    return "\n".join([iptables_open(), *(_iptables_family(tool, interfaces, hosts) for tool in FAMILIES)])
+    """Return a shell script that closes the network with iptables, and ip6tables if it works."""
+    families = [_iptables_family(tool, interfaces, hosts) for tool in FAMILIES]
+    return "\n".join([iptables_open(), *families])
 
 
-def _iptables_family(tool: str, interfaces: Sequence[str], hosts: Sequence[str]) -> str:
-    mine = [host for host in hosts if (":" in host) == (tool == "ip6tables")]
+def _iptables_family(
+    tool: str,
+    interfaces: Sequence[str],
+    hosts: Sequence[str],
+) -> str:
+    is_6 = tool == "ip6tables"
+    mine = [host for host in hosts if (":" in host) == is_6]
     lines: list[str] = []
     for hook, device, address in (("OUTPUT", "-o", "-d"), ("INPUT", "-i", "-s")):
         chain = CHAINS[hook]
-        lines += [f"{tool} -w -N {chain}", f"{tool} -w -A {chain} {device} lo -j ACCEPT"]
-        lines += [f"{tool} -w -A {chain} {address} {host} -j ACCEPT" for host in mine]
-        if tool == "ip6tables":
-            lines += [f"{tool} -w -A {chain} -p icmpv6 --icmpv6-type {kind} -j ACCEPT" for kind in (135, 136)]
-        lines += [f"{tool} -w -A {chain} -m conntrack --ctstate ESTABLISHED,RELATED -j ACCEPT"]
-        lines += [f"{tool} -w -A {chain} {device} {name} -j DROP" for name in interfaces]
-        lines += [f"{tool} -w -I {hook} 1 -j {chain}"]
+        add = f"{tool} -w -A {chain}"
+        lines.append(f"{tool} -w -N {chain}")
+        lines.append(f"{add} {device} lo -j ACCEPT")
+        lines += [f"{add} {address} {host} -j ACCEPT" for host in mine]
+        if is_6:
+            kinds = (135, 136)  # without its neighbours no address is found
+            lines += [f"{add} -p icmpv6 --icmpv6-type {kind} -j ACCEPT" for kind in kinds]
+        lines.append(f"{add} -m conntrack --ctstate ESTABLISHED,RELATED -j ACCEPT")
+        lines += [f"{add} {device} {name} -j DROP" for name in interfaces]
+        lines.append(f"{tool} -w -I {hook} 1 -j {chain}")
     script = " &&\n".join(lines)
-    return script if tool == "iptables" else f"if {tool} -w -S >/dev/null 2>&1; then\n{script}\nfi"
+    if is_6:
+        return f"if {tool} -w -S >/dev/null 2>&1; then\n{script}\nfi"
+    return script
 
 
 def iptables_open() -> str:
-    """A shell script that removes our chains; none is fine."""
+    """Return a shell script that removes our chains; none is fine."""
     lines: list[str] = []
     for tool in FAMILIES:
         for hook, chain in CHAINS.items():
@@ -77,12 +100,14 @@ def iptables_open() -> str:
 
 
 def iptables_count() -> str:
-    """A shell script that prints our chains with the packets that each rule has dropped."""
+    """Return a shell script that prints our chains with the packets that each rule has dropped."""
     names = " && ".join(f"{FAMILIES[0]} -w -L {chain} -v -x -n" for chain in CHAINS.values())
     return names
 
 
 def dropped(listing: str) -> int:
-    """How many packets our rules have dropped, from what `nft_count` or `iptables_count` printed."""
-    found = re.findall(r"counter packets (\d+) bytes \d+ drop|^\s*(\d+)\s+\d+\s+DROP\b", listing, re.MULTILINE)
+    """Return how many packets our rules have dropped, from the output of a count script."""
+    found = re.findall(
+        r"counter packets (\d+) bytes \d+ drop|^\s*(\d+)\s+\d+\s+DROP\b", listing, re.MULTILINE
+    )
     return sum(int(one or other) for one, other in found)

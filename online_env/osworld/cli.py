@@ -1,4 +1,4 @@
-"""`hijack tasks`, `hijack prefetch` and `hijack osworld`."""
+"""`hijack prefetch` and `hijack osworld`."""
 
 import json
 from pathlib import Path
@@ -8,31 +8,42 @@ import click
 from hijack_data.files import write_atomic
 
 from . import table, venv
-from .tasks import load
-
-
-@click.command()
-@click.argument("source", metavar="OSWORLD_EXAMPLES", type=click.Path(path_type=Path))
-@click.option("--out", required=True, metavar="TASKS.jsonl", type=click.Path(path_type=Path), help="The file to write.")
-@click.option("--clean", is_flag=True, help="Also one row a task without corruption.")
-def tasks(source: Path, out: Path, clean: bool) -> None:
-    """Write one row for every OSWorld task and corruption (369 x 9 = 3321)."""
-    found = load(source)
-    count = table.write(found, out, clean)
-    click.echo(f"{out}: {count} rows, {len(found)} tasks, revision {found.revision}")
 
 
 @click.command()
 @click.argument("source", metavar="TASKS", type=click.Path(path_type=Path))
-@click.option("--out", required=True, metavar="CACHE", type=click.Path(path_type=Path), help="OSWorld's cache folder.")
-@click.option("--only", multiple=True, metavar="ID", help="Only this task (an id or its beginning); may be repeated.")
-@click.option("--list", "list_", is_flag=True, help="Print what would be fetched, and fetch nothing.")
-@click.option("--check", "check_", is_flag=True, help="Fetch nothing; hash again what the manifest lists.")
+@click.option(
+    "--out",
+    required=True,
+    metavar="CACHE",
+    type=click.Path(path_type=Path),
+    help="OSWorld's cache folder.",
+)
+@click.option(
+    "--only",
+    multiple=True,
+    metavar="ID",
+    help="Only this task (an id or its beginning); may be repeated.",
+)
+@click.option(
+    "--list", "list_", is_flag=True, help="Print what would be fetched, and fetch nothing."
+)
+@click.option(
+    "--check", "check_", is_flag=True, help="Fetch nothing; hash again what the manifest lists."
+)
 @click.option("--json", "json_", is_flag=True, help="Print the result as JSON.")
-def prefetch(source: Path, out: Path, only: tuple[str, ...], list_: bool, check_: bool, json_: bool) -> int:
+def prefetch(
+    source: Path,
+    out: Path,
+    only: tuple[str, ...],
+    list_: bool,
+    check_: bool,
+    json_: bool,
+) -> int:
     """Fill OSWorld's file cache, so that runs need no network.
 
-    TASKS is a folder of OSWorld's task files or a tasks.jsonl. Run it again to go on after an interruption.
+    TASKS is a folder of OSWorld's task files or a tasks.jsonl. Run it again to go on after an
+    interruption.
     """
     from . import prefetch as module
     from .wanted import wanted
@@ -41,19 +52,36 @@ def prefetch(source: Path, out: Path, only: tuple[str, ...], list_: bool, check_
     files = [item for task in (chosen.only(only) if only else chosen) for item in wanted(task)]
     if list_:
         rows = [{"path": item.path, "url": item.url} for item in files]
-        click.echo(json.dumps(rows, indent=1) if json_ else "\n".join(f"{row['path']}  {row['url']}" for row in rows))
+        click.echo(
+            json.dumps(rows, indent=1)
+            if json_
+            else "\n".join(f"{row['path']}  {row['url']}" for row in rows)
+        )
         return 0
     if check_:
         wrong = module.check(out)
         _say(
-            json_, {"wrong": wrong}, [f"{path}: {why}" for path, why in wrong.items()] or ["all files are as recorded"]
+            json_,
+            {"wrong": wrong},
+            [f"{path}: {why}" for path, why in wrong.items()] or ["all files are as recorded"],
         )
         return 1 if wrong else 0
     report = module.prefetch(files, out, tell=_meter(json_))
     lines = [f"failed: {path}: {why}" for path, why in report.failed.items()]
-    lines.append(f"{len(report.fetched)} fetched ({report.bytes / 1e6:.1f} MB), {len(report.kept)} were there, "
-                 f"{len(report.failed)} failed")  # fmt: skip
-    _say(json_, {"fetched": report.fetched, "kept": report.kept, "failed": report.failed, "bytes": report.bytes}, lines)
+    lines.append(
+        f"{len(report.fetched)} fetched ({report.bytes / 1e6:.1f} MB), {len(report.kept)} were"
+        f" there, {len(report.failed)} failed"
+    )
+    _say(
+        json_,
+        {
+            "fetched": report.fetched,
+            "kept": report.kept,
+            "failed": report.failed,
+            "bytes": report.bytes,
+        },
+        lines,
+    )
     return 1 if report.failed else 0
 
 
@@ -63,40 +91,98 @@ def osworld() -> None:
 
 
 @osworld.command()
-@click.option("--tier", type=click.Choice(venv.TIERS), default="tiny", show_default=True, help="How many packages.")
-@click.option("--venv", "folder", metavar="DIR", type=click.Path(path_type=Path), default=venv.DEFAULT,
-              show_default=True, help="Where.")  # fmt: skip
+@click.option(
+    "--tier",
+    type=click.Choice(venv.TIERS),
+    default="tiny",
+    show_default=True,
+    help="How many packages.",
+)
+@click.option(
+    "--venv",
+    "folder",
+    metavar="DIR",
+    type=click.Path(path_type=Path),
+    default=venv.DEFAULT,
+    show_default=True,
+    help="Where.",
+)
 def setup(tier: str, folder: Path) -> None:
-    """Make the Python environment that OSWorld runs in; a second call finds it and installs nothing."""
+    """Make the Python environment that OSWorld runs in.
+
+    A second call finds it and installs nothing.
+    """
     made = venv.make(folder, tier)
-    click.echo(f"{made.folder}: {made.tier}, {made.megabytes:.0f} MB" + ("" if made.fresh else " (was there)"))
+    click.echo(
+        f"{made.folder}: {made.tier}, {made.megabytes:.0f} MB"
+        + ("" if made.fresh else " (was there)")
+    )
 
 
 @osworld.command()
 @click.argument("source", metavar="TASKS", type=click.Path(path_type=Path))
 @click.option(
-    "--out", required=True, metavar="RESULTS.json", type=click.Path(path_type=Path), help="The file to write."
+    "--out",
+    required=True,
+    metavar="RESULTS.json",
+    type=click.Path(path_type=Path),
+    help="The file to write.",
 )
-@click.option("--markdown", metavar="FILE.md", type=click.Path(path_type=Path), help="Also a table for people.")
-@click.option("--only", multiple=True, metavar="ID|GROUP", help="These tasks: ids, their beginnings, or group names.")
-@click.option("--feasibility", metavar="JSON", type=click.Path(path_type=Path), help="Groups of tasks by need.")
-@click.option("--cache", metavar="DIR", type=click.Path(path_type=Path), help="OSWorld's file cache.")
 @click.option(
-    "--venv", "folder", metavar="DIR", type=click.Path(path_type=Path), default=venv.DEFAULT, show_default=True
+    "--markdown",
+    metavar="FILE.md",
+    type=click.Path(path_type=Path),
+    help="Also a table for people.",
+)
+@click.option(
+    "--only",
+    multiple=True,
+    metavar="ID|GROUP",
+    help="These tasks: ids, their beginnings, or group names.",
+)
+@click.option(
+    "--feasibility",
+    metavar="JSON",
+    type=click.Path(path_type=Path),
+    help="Groups of tasks by need.",
+)
+@click.option(
+    "--cache",
+    metavar="DIR",
+    type=click.Path(path_type=Path),
+    help="OSWorld's file cache.",
+)
+@click.option(
+    "--venv",
+    "folder",
+    metavar="DIR",
+    type=click.Path(path_type=Path),
+    default=venv.DEFAULT,
+    show_default=True,
 )
 def selftest(
-    source: Path, out: Path, markdown: Path | None, only: tuple[str, ...], feasibility: Path | None,
-    cache: Path | None, folder: Path,
-) -> int:  # fmt: skip
-    """Evaluate tasks untouched (must be 0) and solved by script or FAIL (must be 1), on the embedded desktop."""
+    source: Path,
+    out: Path,
+    markdown: Path | None,
+    only: tuple[str, ...],
+    feasibility: Path | None,
+    cache: Path | None,
+    folder: Path,
+) -> int:
+    """Test whether tasks can be scored on the embedded desktop.
+
+    Untouched they must score 0; solved, by a script or FAIL, 1.
+    """
     from . import run
     from . import selftest as module
 
     groups = module.read_groups(feasibility) if feasibility else {}
     chosen = module.choose(table.read(source), groups, only)
 
-    def keep(row: module.Row, results: module.Results) -> None:
-        click.echo(f"{row.domain} {row.id[:8]}  {row.status:8} {row.seconds:5.1f} s  {row.reason}".rstrip())
+    def keep(row: module.SelfTestRow, results: module.Results) -> None:
+        click.echo(
+            f"{row.domain} {row.id[:8]}  {row.status:8} {row.seconds:5.1f} s  {row.reason}".rstrip()
+        )
         write_atomic(out, json.dumps(results.as_json(), indent=1) + "\n")
 
     results = run.on_embedded(chosen, groups, folder, cache or out.parent / "cache", keep)
@@ -106,12 +192,20 @@ def selftest(
     return 0 if results.sound else 1
 
 
-def _say(as_json: bool, value: object, lines: list[str]) -> None:
+def _say(
+    as_json: bool,
+    value: object,
+    lines: list[str],
+) -> None:
     click.echo(json.dumps(value, indent=1) if as_json else "\n".join(lines))
 
 
 def _meter(quiet: bool):
-    def tell(done: int, total: int, path: str) -> None:
+    def tell(
+        done: int,
+        total: int,
+        path: str,
+    ) -> None:
         if not quiet and (done == total or done % 20 == 0):
             click.echo(f"{done} of {total} files ({path})", err=True)
 

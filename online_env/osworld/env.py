@@ -1,4 +1,4 @@
-"""OSWorld's `DesktopEnv` as an object of ours: it runs in its own Python, in a process that is driven by JSON lines."""
+"""OSWorld's `DesktopEnv` in a process with a Python of its own, driven by JSON lines."""
 
 import base64
 import contextlib
@@ -17,7 +17,8 @@ from ..errors import DesktopTimeoutError
 from .errors import EvaluatorError, OsworldError, TaskRefusedError
 
 BRIDGE = Path(__file__).resolve().parent / "bridge"
-# Loaded by place, under a name of its own, so that nothing else of this folder can be imported over there.
+# The bridge is loaded by its path, under a name of its own, so that the process can import nothing
+# else from this folder.
 _LOADER = """
 import importlib.util, sys
 spec = importlib.util.spec_from_file_location(
@@ -27,13 +28,20 @@ spec.loader.exec_module(package)
 from agenthijack_bridge.worker import main
 main()
 """
-TIMEOUTS = {"start": 120.0, "check": 60.0, "reset": 900.0, "step": 300.0, "evaluate": 600.0, "controller": 200.0}
+TIMEOUTS = {
+    "start": 120.0,
+    "check": 60.0,
+    "reset": 900.0,
+    "step": 300.0,
+    "evaluate": 600.0,
+    "controller": 200.0,
+}
 TAIL = 2000
 
 
 @dataclass(frozen=True)
 class Address:
-    """Where a guest listens, and the token that its server asks for (empty: none)."""
+    """Where a guest listens, and the token of its server (empty: none)."""
 
     host: str
     port: int = 5000
@@ -44,9 +52,15 @@ class Address:
 
 
 @dataclass(frozen=True)
-class Settings:
-    """How `DesktopEnv` is made. `screen` is (width, height) in pixels, as OSWorld has it; `tree`: observations hold
-    the accessibility tree; `cache` is OSWorld's folder of files, `password` that of the guest's user."""
+class OSWorldSettings:
+    """How `DesktopEnv` is made.
+
+    Args:
+        cache: OSWorld's folder of files.
+        screen: (width, height) in pixels, as in OSWorld.
+        tree: Whether observations have the accessibility tree.
+        password: The password of the guest's user.
+    """
 
     cache: Path
     screen: tuple[int, int] = (1920, 1080)
@@ -61,15 +75,15 @@ class Controller:
         self._env = env
 
     def get_screenshot(self) -> bytes | None:
-        """The screen as PNG."""
+        """Return the screen as PNG."""
         return self._env.call("controller", "get_screenshot", [])
 
     def get_accessibility_tree(self) -> str | None:
-        """The tree in OSWorld's dialect."""
+        """Return the accessibility tree in OSWorld's dialect."""
         return self._env.call("controller", "get_accessibility_tree", [])
 
     def get_file(self, file_path: str) -> bytes | None:
-        """A file of the guest; `None` where it can't be read (after 15 s)."""
+        """Return a file of the guest, or `None` if it cannot be read (after 15 s)."""
         return self._env.call("controller", "get_file", [file_path])
 
     def execute_python_command(self, command: str) -> dict[str, Any] | None:
@@ -78,65 +92,103 @@ class Controller:
 
 
 class OsworldEnv:
-    """`reset, step, evaluate, close, controller, action_history`, as `DesktopEnv` has them.
+    """An environment with the interface of `DesktopEnv`.
+
+    It has `reset`, `step`, `evaluate`, `close`, `controller` and `action_history`. `OsworldError`
+    is raised if the process does not start.
 
     Args:
-        python: the interpreter of OSWorld's environment (`venv.python_of`).
-        fresh: gives the address of a pristine guest; called once now and once for every reset but the first.
-        settings: see `Settings`.
-        log: a file that gets what OSWorld logs and prints.
-
-    Raises `OsworldError` where the process does not start.
+        python: The interpreter of OSWorld's environment (`venv.python_of`).
+        fresh: Returns the address of a pristine guest; called once now and once for every reset
+            but the first.
+        settings: How the environment is made.
+        log: The file for what OSWorld logs and prints.
     """
 
-    def __init__(self, python: Path, fresh: Callable[[], Address], settings: Settings, log: Path) -> None:
+    def __init__(
+        self,
+        python: Path,
+        fresh: Callable[[], Address],
+        settings: OSWorldSettings,
+        log: Path,
+    ) -> None:
         self._fresh = fresh
         self._log = log
         self.warnings: list[str] = []
         self.action_history: list[Any] = []
         self.controller = Controller(self)
         self.instruction: str | None = None
-        environment = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "PYTHONHOME")}
+        environment = dict(os.environ)
+        for name in ("PYTHONPATH", "PYTHONHOME"):
+            environment.pop(name, None)
         settings.cache.mkdir(parents=True, exist_ok=True)
         with log.open("ab") as errors:
             self._process: subprocess.Popen[bytes] = subprocess.Popen(
-                [str(python), "-I", "-c", _LOADER, str(BRIDGE)], env=environment, cwd=settings.cache,
-                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors, start_new_session=True,
-            )  # fmt: skip
+                [str(python), "-I", "-c", _LOADER, str(BRIDGE)],
+                env=environment,
+                cwd=settings.cache,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=errors,
+                start_new_session=True,
+            )
         self._buffer = b""
         try:
-            told = {"address": asdict(fresh()), "cache": str(settings.cache.resolve()), "screen": settings.screen,
-                    "tree": settings.tree, "password": settings.password}  # fmt: skip
-            self.about: dict[str, Any] = self.call("start", told)
+            start = {
+                "address": asdict(fresh()),
+                "cache": str(settings.cache.resolve()),
+                "screen": settings.screen,
+                "tree": settings.tree,
+                "password": settings.password,
+            }
+            self.about: dict[str, Any] = self.call("start", start)
         except BaseException:
             self.close()
             raise
 
     def check(self, task: Mapping[str, Any]) -> list[str]:
-        """Why `task` can't be evaluated in this environment; empty where it can. Touches no desktop."""
+        """Return why a task cannot be evaluated here; nothing if it can. No desktop is touched."""
         return self.call("check", dict(task))
 
     def reset(self, task_config: Mapping[str, Any] | None = None, **_: Any) -> dict[str, Any]:
-        """A pristine desktop with the task set up; returns OSWorld's observation (`screenshot` as PNG bytes).
+        """Set up a task on a pristine desktop.
 
-        Raises `TaskRefusedError` where the task could not be evaluated afterwards, `EvaluatorError` where OSWorld's
-        setup raised.
+        `EvaluatorError` is raised if OSWorld's setup raises.
+
+        Returns:
+            OSWorld's observation; `screenshot` is PNG bytes.
+
+        Raises:
+            TaskRefusedError: The task could not be evaluated afterwards.
         """
-        if task_config is not None and (reasons := self.check(task_config)):
-            raise TaskRefusedError(str(task_config.get("id")), reasons)
+        config = None if task_config is None else dict(task_config)
+        if config is not None:
+            reasons = self.check(config)
+            if reasons:
+                raise TaskRefusedError(str(config.get("id")), reasons)
         self.action_history.clear()
-        observation: dict[str, Any] = self.call("reset", None if task_config is None else dict(task_config))
+        observation: dict[str, Any] = self.call("reset", config)
         self.instruction = observation.get("instruction")
         return observation
 
-    def step(self, action: Any, pause: float = 2.0) -> tuple[dict[str, Any], float, bool, dict[str, Any]]:
-        """One action of the agent: pyautogui code, or `WAIT`, `DONE`, `FAIL`; then `pause` seconds of sleep."""
+    def step(
+        self, action: Any, pause: float = 2.0
+    ) -> tuple[dict[str, Any], float, bool, dict[str, Any]]:
+        """Take one action of the agent, then sleep for `pause` seconds.
+
+        Args:
+            action: pyautogui code, `WAIT`, `DONE` or `FAIL`.
+            pause: Seconds.
+
+        Returns:
+            Observation, reward, done and info, as OSWorld's.
+        """
         self.action_history.append(action)
         observation, reward, done, info = self.call("step", action, pause)
         return observation, reward, done, info
 
     def evaluate(self) -> float:
-        """OSWorld's score. Raises `EvaluatorError` where the evaluator raised: that is no 0."""
+        """Return OSWorld's score; if the evaluator raises, `EvaluatorError`, which is no 0."""
         return self.call("evaluate")
 
     def close(self) -> None:
@@ -152,7 +204,11 @@ class OsworldEnv:
             self._process.wait()
 
     def call(self, name: str, *arguments: Any) -> Any:
-        """One call of the worker. What OSWorld logged as a warning meanwhile is in `warnings`."""
+        """Call the worker; what OSWorld logged as a warning meanwhile is in `warnings`.
+
+        Raises:
+            EvaluatorError: OSWorld's code raised.
+        """
         self._send({"call": name, "arguments": arguments})
         deadline = time.monotonic() + TIMEOUTS[name]
         while True:
@@ -162,17 +218,16 @@ class OsworldEnv:
                 continue
             self.warnings = list(answer.get("log", ()))
             if "error" in answer:
-                raise EvaluatorError(
-                    f"OSWorld's {name} raised {answer['kind']}: {answer['error']} (at {answer['place']})",
-                    answer["kind"], self.warnings,
-                )  # fmt: skip
+                problem = f"{answer['kind']}: {answer['error']} (at {answer['place']})"
+                message = f"OSWorld's {name} raised {problem}"
+                raise EvaluatorError(message, answer["kind"], self.warnings)
             return _bytes(answer.get("value"))
 
     def _pristine(self) -> dict[str, Any]:
         try:
             return asdict(self._fresh())
         except BaseException:
-            self.close()  # it waits for an answer that won't come
+            self.close()  # the process waits for an answer that will not come
             raise
 
     def _send(self, message: dict[str, Any]) -> None:
@@ -189,7 +244,9 @@ class OsworldEnv:
             left = deadline - time.monotonic()
             if left <= 0 or not select.select([stream], [], [], left)[0]:
                 self.close()
-                raise DesktopTimeoutError(f"OSWorld's {name} took over {TIMEOUTS[name]:.0f} s; see {self._log}")
+                raise DesktopTimeoutError(
+                    f"OSWorld's {name} took over {TIMEOUTS[name]:.0f} s; see {self._log}"
+                )
             block = os.read(stream.fileno(), 1 << 20)
             if not block:
                 raise self._ended()
@@ -199,9 +256,10 @@ class OsworldEnv:
 
     def _ended(self) -> OsworldError:
         self.close()
-        tail = self._log.read_bytes()[-TAIL:].decode("utf-8", "replace").strip().splitlines()[-3:]
+        text = self._log.read_bytes()[-TAIL:].decode("utf-8", "replace")
+        tail = " | ".join(text.strip().splitlines()[-3:])
         code = self._process.returncode
-        return OsworldError(f"OSWorld's process ended with exit code {code}; {self._log}: {' | '.join(tail)}")
+        return OsworldError(f"OSWorld's process ended with exit code {code}; {self._log}: {tail}")
 
 
 def _bytes(value: Any) -> Any:

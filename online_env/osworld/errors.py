@@ -4,7 +4,7 @@ from ..errors import DesktopError
 
 
 class OsworldError(DesktopError):
-    """OSWorld's environment is absent, broken, or its process ended."""
+    """OSWorld's environment is missing or broken, or its process ended."""
 
 
 class TaskRefusedError(OsworldError):
@@ -12,13 +12,19 @@ class TaskRefusedError(OsworldError):
 
     def __init__(self, task: str, reasons: list[str]) -> None:
         self.reasons = reasons
-        super().__init__(f"task {task} can't be evaluated here: {'; '.join(reasons)}")
+        listed = "; ".join(reasons)
+        super().__init__(f"task {task} can't be evaluated here: {listed}")
 
 
 class EvaluatorError(OsworldError):
     """OSWorld's own code raised an exception; `kind` is its type. This is no score."""
 
-    def __init__(self, message: str, kind: str = "", log: "list[str] | None" = None) -> None:
+    def __init__(
+        self,
+        message: str,
+        kind: str = "",
+        log: "list[str] | None" = None,
+    ) -> None:
         self.kind = kind
         self.log = log or []
         super().__init__(message)

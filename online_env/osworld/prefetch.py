@@ -1,23 +1,27 @@
-"""Fill OSWorld's file cache where there is a network, so that runs need none.
+"""Fill OSWorld's file cache while there is a network, so that runs need none.
 
-A file that is complete is never fetched again, one that was cut off goes on where it stopped, and none appears under
-its own name before it is whole. `manifest.json` in the cache holds size and SHA-256 of each.
+A complete file is never fetched again, a download that was cut off resumes where it stopped, and no
+file appears under its own name before it is complete. `manifest.json` in the cache holds size and
+SHA-256 of each.
+
+Neither pooch nor `hf_hub_download` fits: the hashes are not known beforehand, the addresses are of
+several hosts, and a file must get OSWorld's own name. pooch starts a broken download over from its
+first byte, and the hub client speaks the hub's API only.
 """
 
-import contextlib
-import fcntl
 import hashlib
 import json
 import os
 import shutil
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from hijack_data.errors import ConfigError, HijackError
 from hijack_data.files import replace_atomic, write_atomic
+from hijack_data.locking import Lock, LockedError, lock
 
 from .. import extra
 from .wanted import Wanted
@@ -32,7 +36,7 @@ PARTS = ".parts"
 LOCK = ".lock"
 TRIES = 5
 WAITS = (1.0, 2.0, 4.0, 8.0)  # seconds between tries
-# Answers that another try may change.
+# HTTP codes after which another try may succeed.
 PASSING = frozenset({408, 425, 429, 500, 502, 503, 504})
 
 
@@ -40,9 +44,20 @@ class _CutOffError(HijackError):
     """The connection ended before the file did."""
 
 
+class _PassingError(HijackError):
+    """A failure that another try may not have."""
+
+
 @dataclass
 class Report:
-    """What `prefetch` did: paths in the cache, and failures as `{path: reason}`."""
+    """The result of `prefetch`.
+
+    Args:
+        fetched: Paths in the cache of the files that were fetched.
+        kept: Paths of the files that were there already.
+        failed: Files that could not be had, as `{path: reason}`.
+        bytes: How much was fetched.
+    """
 
     fetched: list[str] = field(default_factory=list)
     kept: list[str] = field(default_factory=list)
@@ -51,21 +66,38 @@ class Report:
 
 
 def prefetch(
-    files: Iterable[Wanted], cache: Path, client: httpx.Client | None = None,
-    tell: Callable[[int, int, str], object] = lambda *_: None, sleep: Callable[[float], object] = time.sleep,
-) -> Report:  # fmt: skip
-    """Fetch what `cache` lacks. Each address is fetched once, however many tasks want it.
+    files: Iterable[Wanted],
+    cache: Path,
+    client: httpx.Client | None = None,
+    tell: Callable[[int, int, str], object] = lambda *_: None,
+    sleep: Callable[[float], object] = time.sleep,
+) -> Report:
+    """Fetch the files that `cache` lacks; the others go on if one cannot be had.
 
-    `tell(done, total, path)` hears of every file. A file that can't be had is in `report.failed`; the others go on.
-    Raises `HijackError` where the cache can't be written, `ConfigError` where its manifest is damaged.
+    Each address is fetched once, however many tasks need it. A damaged manifest raises
+    `ConfigError`.
+
+    Args:
+        files: What is to be there.
+        cache: OSWorld's cache folder; it is made if it is missing.
+        client: The HTTP client; one of our own if omitted.
+        tell: Called after each file with how many are done, how many there are, and its path.
+        sleep: Called with the seconds between two tries.
+
+    Raises:
+        HijackError: The cache cannot be written, or another prefetch fills it.
     """
     ordered = sorted(set(files), key=lambda item: (item.path, item.url))
     report = Report()
+    if client is None:
+        timeout = httpx.Timeout(30, read=120)
+        client = httpx.Client(follow_redirects=True, timeout=timeout)
     try:
-        with _locked(cache), client or httpx.Client(follow_redirects=True, timeout=httpx.Timeout(30, read=120)) as web:
+        with _locked(cache), client:
             record = read_manifest(cache)
+            download = _Download(cache, record, client, sleep)
             for number, item in enumerate(ordered, 1):
-                _one(item, cache, record, report, web, sleep)
+                download.one(item, report)
                 tell(number, len(ordered), item.path)
             if not report.failed:
                 shutil.rmtree(cache / PARTS, ignore_errors=True)
@@ -74,30 +106,34 @@ def prefetch(
     return report
 
 
-@contextlib.contextmanager
-def _locked(cache: Path) -> Iterator[None]:
+def _locked(cache: Path) -> Lock:
     cache.mkdir(parents=True, exist_ok=True)
-    with (cache / LOCK).open("w") as handle:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise HijackError(f"{cache}: another `hijack prefetch` is filling it; wait for that one") from None
-        yield
+    try:
+        return lock(cache / LOCK)
+    except LockedError:
+        problem = "another `hijack prefetch` is filling it; wait for that one"
+        raise HijackError(f"{cache}: {problem}") from None
 
 
 def check(cache: Path) -> dict[str, str]:
-    """Hash every file of the manifest again; what is missing or differs, as `{path: reason}`."""
+    """Hash every file of the manifest again; return the wrong ones as `{path: reason}`."""
     wrong: dict[str, str] = {}
     for path, entry in read_manifest(cache).items():
         if not (cache / path).is_file():
             wrong[path] = "missing"
-        elif (found := sha256(cache / path)) != entry["sha256"]:
+            continue
+        found = sha256(cache / path)
+        if found != entry["sha256"]:
             wrong[path] = f"SHA-256 is {found}, the manifest says {entry['sha256']}"
     return wrong
 
 
 def read_manifest(cache: Path) -> dict[str, Any]:
-    """`{path: {"url", "size", "sha256"}}`; empty where there is none."""
+    """Return `{path: {"url", "size", "sha256"}}`, which is empty if there is no manifest.
+
+    Raises:
+        ConfigError: The manifest is damaged.
+    """
     path = cache / MANIFEST
     if not path.exists():
         return {}
@@ -105,9 +141,10 @@ def read_manifest(cache: Path) -> dict[str, Any]:
         record: Any = json.loads(path.read_text(encoding="utf-8"))
         if all({"url", "size", "sha256"} <= entry.keys() for entry in record.values()):
             return record
-        raise ValueError("an entry lacks url, size or sha256")
+        problem: object = "an entry lacks url, size or sha256"
     except (OSError, ValueError, AttributeError, TypeError, RecursionError) as error:
-        raise ConfigError([f"{path}: damaged ({error}); remove it, and the files are hashed again"]) from None
+        problem = error
+    raise ConfigError([f"{path}: damaged ({problem}); remove it, and the files are hashed again"])
 
 
 def sha256(path: Path) -> str:
@@ -116,63 +153,111 @@ def sha256(path: Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-def _one(
-    item: Wanted, cache: Path, record: dict[str, Any], report: Report, client: httpx.Client,
-    sleep: Callable[[float], object],
-) -> None:  # fmt: skip
-    target = cache / item.path
-    entry = record.get(item.path)
-    if entry and entry["url"] == item.url and target.is_file() and target.stat().st_size == entry["size"]:
-        report.kept.append(item.path)
-        return
-    try:
-        source = _elsewhere(item, cache, record) or _fetch(item.url, cache, client, sleep)
-    except (HijackError, httpx.HTTPError, httpx.InvalidURL) as error:
-        report.failed[item.path] = f"{item.url}: {error or type(error).__name__}"
-        return
-    target.parent.mkdir(parents=True, exist_ok=True)
-    # A copy, never a hard link: OSWorld opens files of its cache for writing.
-    replace_atomic(target, lambda path: shutil.copyfile(source, path))
-    size = target.stat().st_size
-    record[item.path] = {"url": item.url, "size": size, "sha256": sha256(target)}
-    write_atomic(cache / MANIFEST, json.dumps(record, indent=1, sort_keys=True) + "\n")
-    report.fetched.append(item.path)
-    report.bytes += size
+class _Download:
+    """Fetches files into one cache; `record` is the content of its manifest."""
 
+    def __init__(
+        self,
+        cache: Path,
+        record: dict[str, Any],
+        client: httpx.Client,
+        sleep: Callable[[float], object],
+    ) -> None:
+        self._cache = cache
+        self._record = record
+        self._client = client
+        self._sleep = sleep
 
-def _elsewhere(item: Wanted, cache: Path, record: dict[str, Any]) -> Path | None:
-    """The same address under another name, if that file is still what was fetched."""
-    for path, entry in record.items():
-        if entry["url"] == item.url and (cache / path).is_file() and sha256(cache / path) == entry["sha256"]:
-            return cache / path
-    return None
-
-
-def _fetch(url: str, cache: Path, client: httpx.Client, sleep: Callable[[float], object]) -> Path:
-    """Fetch `url` into the folder of parts, in at most `TRIES` tries."""
-    (cache / PARTS).mkdir(exist_ok=True)
-    part = cache / PARTS / hashlib.sha256(url.encode()).hexdigest()[:32]
-    for wait in (*WAITS[: TRIES - 1], None):
+    def one(self, item: Wanted, report: Report) -> None:
+        """Fetch a file, unless it is there, and note in the report what came of it."""
+        target = self._cache / item.path
+        if self._is_there(item, target):
+            report.kept.append(item.path)
+            return
         try:
-            return _continue(url, part, client)
+            source = self._same_address(item) or self._fetched(item.url)
+        except (HijackError, httpx.HTTPError, httpx.InvalidURL) as error:
+            report.failed[item.path] = f"{item.url}: {error or type(error).__name__}"
+            return
+        target.parent.mkdir(parents=True, exist_ok=True)
+        # A copy, never a hard link: OSWorld opens files of its cache for writing.
+        replace_atomic(target, lambda path: shutil.copyfile(source, path))
+        size = target.stat().st_size
+        self._record[item.path] = {
+            "url": item.url,
+            "size": size,
+            "sha256": sha256(target),
+        }
+        manifest = json.dumps(self._record, indent=1, sort_keys=True)
+        write_atomic(self._cache / MANIFEST, manifest + "\n")
+        report.fetched.append(item.path)
+        report.bytes += size
+
+    def _is_there(self, item: Wanted, target: Path) -> bool:
+        entry = self._record.get(item.path)
+        if entry is None or entry["url"] != item.url or not target.is_file():
+            return False
+        return target.stat().st_size == entry["size"]
+
+    def _same_address(self, item: Wanted) -> Path | None:
+        """Return a file of the same address under another name, if it is still as fetched."""
+        for name, entry in self._record.items():
+            path = self._cache / name
+            if entry["url"] != item.url or not path.is_file():
+                continue
+            if sha256(path) == entry["sha256"]:
+                return path
+        return None
+
+    def _fetched(self, url: str) -> Path:
+        """Fetch an address into the folder of parts, in at most `TRIES` tries.
+
+        Raises:
+            HijackError: No try succeeded.
+        """
+        parts = self._cache / PARTS
+        parts.mkdir(exist_ok=True)
+        part = parts / hashlib.sha256(url.encode()).hexdigest()[:32]
+        for wait in WAITS[: TRIES - 1]:
+            try:
+                return self._try(url, part)
+            except _PassingError:
+                self._sleep(wait)
+        try:
+            return self._try(url, part)
+        except _PassingError as error:
+            raise HijackError(str(error)) from None
+
+    def _try(self, url: str, part: Path) -> Path:
+        try:
+            return _resumed(url, part, self._client)
         except httpx.HTTPStatusError as error:
-            if error.response.status_code not in PASSING or wait is None:
-                raise HijackError(f"the server answers {error.response.status_code}") from None
+            code = error.response.status_code
+            problem = f"the server answers {code}"
+            if code in PASSING:
+                raise _PassingError(problem) from None
+            raise HijackError(problem) from None
         except (httpx.TransportError, _CutOffError) as error:
-            if wait is None:
-                raise HijackError(f"{error or type(error).__name__} ({TRIES} tries)") from None
-        sleep(wait)
-    raise AssertionError("the last try returns or raises")
+            raise _PassingError(f"{error or type(error).__name__} ({TRIES} tries)") from None
 
 
-def _continue(url: str, part: Path, client: httpx.Client) -> Path:
-    """Fetch the rest of `part`; the server is asked to start over where the file has changed since."""
+def _resumed(
+    url: str,
+    part: Path,
+    client: httpx.Client,
+) -> Path:
+    """Fetch the rest of `part`, or all of it if the file has changed since.
+
+    Raises:
+        _CutOffError: The transfer does not fit the stored part.
+    """
     mark = part.with_suffix(".etag")
     have = part.stat().st_size if part.is_file() and mark.is_file() else 0
-    # Stored sizes are those of the file itself, not of a compressed transfer.
+    # Sizes in the manifest are those of the file itself, not of a compressed transfer.
     headers = {"Accept-Encoding": "identity"}
     if have:
-        headers |= {"Range": f"bytes={have}-", "If-Range": mark.read_text(encoding="utf-8")}
+        headers["Range"] = f"bytes={have}-"
+        headers["If-Range"] = mark.read_text(encoding="utf-8")
     with client.stream("GET", url, headers=headers) as answer:
         if answer.status_code == 416:  # the part is as long as the file, or longer
             if answer.headers.get("Content-Range", "") == f"bytes */{have}":
@@ -181,9 +266,11 @@ def _continue(url: str, part: Path, client: httpx.Client) -> Path:
             mark.unlink(missing_ok=True)
             raise _CutOffError("the stored part no longer fits the file")
         answer.raise_for_status()
-        resumed = answer.status_code == 206 and _starts_at(answer, have)
+        resumes = answer.status_code == 206
+        if resumes:
+            _check_start(answer, have)
         _remember(mark, answer)
-        with part.open("ab" if resumed else "wb") as stream:
+        with part.open("ab" if resumes else "wb") as stream:
             for block in answer.iter_bytes():
                 stream.write(block)
             os.fsync(stream.fileno())
@@ -191,15 +278,17 @@ def _continue(url: str, part: Path, client: httpx.Client) -> Path:
 
 
 def _remember(mark: Path, answer: httpx.Response) -> None:
+    """Store the validator of a file, which allows to resume it."""
     validator = answer.headers.get("ETag") or answer.headers.get("Last-Modified") or ""
-    if validator and not validator.startswith("W/") and "Content-Encoding" not in answer.headers:
+    is_strong = bool(validator) and not validator.startswith("W/")
+    if is_strong and "Content-Encoding" not in answer.headers:
         mark.write_text(validator, encoding="utf-8")
     else:
-        mark.unlink(missing_ok=True)  # nothing tells whether the rest still fits: start over next time
+        # Nothing shows whether the rest still fits: start over next time.
+        mark.unlink(missing_ok=True)
 
 
-def _starts_at(answer: httpx.Response, have: int) -> bool:
+def _check_start(answer: httpx.Response, have: int) -> None:
     start = answer.headers.get("Content-Range", "").removeprefix("bytes ").partition("-")[0]
     if start != str(have):
         raise _CutOffError(f"the server sent from byte {start or '?'} where {have} was asked for")
-    return True

@@ -5,19 +5,24 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from ..desktops.embedded import handle, network
-from ..desktops.embedded.pool import Supply
 from ..desktops.http import HttpDesktop
+from ..embedded import handle
+from ..embedded.pool import Supply
+from ..embedded.runtime import network
 from . import history, venv
-from .env import Address, OsworldEnv, Settings
-from .selftest import Groups, Results, Row, run_all
+from .env import Address, OsworldEnv, OSWorldSettings
+from .selftest import Groups, Results, SelfTestRow, run_all
 from .tasks import TaskSet
 
 LOG = "osworld.log"
 
 
 def address_of(record: Mapping[str, Any]) -> Address:
-    """Where the guest server of an embedded desktop listens, with its token; `record` is the registry's."""
+    """Return where the guest server of an embedded desktop listens, with its token.
+
+    Args:
+        record: The desktop's record in the registry.
+    """
     ports = record["ports"]
     return Address(
         record["address"],
@@ -31,7 +36,13 @@ def address_of(record: Mapping[str, Any]) -> Address:
 class EmbeddedEnv(OsworldEnv):
     """OSWorld's environment on an embedded desktop of this machine."""
 
-    def __init__(self, python: Path, supply: Supply, settings: Settings, log: Path) -> None:
+    def __init__(
+        self,
+        python: Path,
+        supply: Supply,
+        settings: OSWorldSettings,
+        log: Path,
+    ) -> None:
         self._record: Mapping[str, Any] = {}
         self._client: HttpDesktop | None = None
         self._supply = supply
@@ -44,9 +55,10 @@ class EmbeddedEnv(OsworldEnv):
 
     @property
     def client(self) -> HttpDesktop:
-        """A client of the present guest server, past OSWorld's controller, which runs the user's Python."""
+        """A client of the present guest server, which needs no Python of the guest's user."""
         if self._client is None:
-            address, source = address_of(self._record), self._record["source"]
+            address = address_of(self._record)
+            source = self._record["source"]
             self._client = HttpDesktop(self._record["guest"], address.token, source=source)
         return self._client
 
@@ -68,26 +80,30 @@ class EmbeddedEnv(OsworldEnv):
 
 @contextlib.contextmanager
 def embedded_env(
-    folder: Path = venv.DEFAULT, cache: Path = Path("cache"), *, size: tuple[int, int] = (1080, 1920),
-    tree: bool = False, standby: bool = True,
-) -> Iterator[EmbeddedEnv]:  # fmt: skip
-    """OSWorld's `DesktopEnv` on an embedded desktop, which every reset replaces by a pristine one.
+    folder: Path = venv.DEFAULT,
+    cache: Path = Path("cache"),
+    *,
+    size: tuple[int, int] = (1080, 1920),
+    tree: bool = False,
+    standby: bool = True,
+) -> Iterator[EmbeddedEnv]:
+    """Yield OSWorld's `DesktopEnv` on an embedded desktop; every reset gets a pristine one.
+
+    `OsworldError` is raised if the environment is not made, `DesktopError` if no desktop starts.
 
     Args:
         folder: OSWorld's Python environment (`hijack osworld setup`).
         cache: OSWorld's file cache (`hijack prefetch`); its log goes there too.
         size: `(height, width)` of the screen in pixels.
-        tree: whether observations hold the accessibility tree.
-        standby: keep the next desktop ready while one is used.
-
-    Raises `OsworldError` where the environment is not made, `DesktopError` where no desktop starts.
+        tree: Whether observations have the accessibility tree.
+        standby: Whether the next desktop is kept ready while one is used.
     """
     python = venv.python_of(folder)
     cache.mkdir(parents=True, exist_ok=True)
     supply = Supply(handle.make_order(size, osworld=True), standby=standby)
     height, width = size
     try:
-        settings = Settings(cache, (width, height), tree)
+        settings = OSWorldSettings(cache, (width, height), tree)
         with contextlib.closing(EmbeddedEnv(python, supply, settings, cache / LOG)) as env:
             yield env
     finally:
@@ -95,11 +111,19 @@ def embedded_env(
 
 
 def on_embedded(
-    tasks: TaskSet, groups: Groups, folder: Path, cache: Path,
-    tell: Callable[[Row, Results], object] = lambda *_: None,
-) -> Results:  # fmt: skip
-    """The self-test of `tasks` on an embedded desktop."""
-    with embedded_env(folder, cache, standby=False) as env:  # a desktop that starts beside it slows a task down
+    tasks: TaskSet,
+    groups: Groups,
+    folder: Path,
+    cache: Path,
+    tell: Callable[[SelfTestRow, Results], object] = lambda *_: None,
+) -> Results:
+    """Run the self-test of `tasks` on an embedded desktop."""
+    # No standby: a desktop that starts meanwhile slows a task down.
+    with embedded_env(folder, cache, standby=False) as env:
         history.provide(env, tasks, cache)
-        about = {**env.about, "tier": venv.tier_of(folder), "desktop_env": venv.PACKAGE}
+        about = {
+            **env.about,
+            "tier": venv.tier_of(folder),
+            "desktop_env": venv.PACKAGE,
+        }
         return run_all(env, tasks, groups, about, tell)

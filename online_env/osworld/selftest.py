@@ -1,11 +1,14 @@
-"""Is a task fit to be scored here? Evaluated untouched it must score 0; solved, 1; an evaluator's error is neither."""
+"""Test whether tasks can be scored here: 0 if evaluated untouched, 1 once solved.
+
+An error of the evaluator is neither.
+"""
 
 import json
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from hijack_data.errors import ConfigError, HijackError, suggest
 
@@ -18,18 +21,30 @@ from .tasks import OsworldTask, Revision, TaskSet
 Status = Literal["works", "untried", "excluded", "error"]
 Groups = Mapping[str, frozenset[str]]
 NO_GROUP = "-"
-# Seconds of doing nothing before the second evaluation of an untouched task, and before that of a solved one.
+# Seconds of doing nothing before the second evaluation of an untouched task, and before that of a
+# solved one.
 IDLE = 6.0
 SETTLE = 10.0
 
 
 @dataclass
-class Row:
-    """What became of one task.
+class SelfTestRow:
+    """The result of one task.
 
-    `status`: `works` (0 untouched, 1 solved by script or by `FAIL`), `untried` (0 untouched, no script here),
-    `excluded` (with the reason), `error` (OSWorld's own code raised). `untouched` and `solved` are scores, `None` where
-    there is none; `log` is what OSWorld logged as an error while it set the task up or judged it.
+    Args:
+        id: The task's id.
+        domain: Its domain.
+        group: Its group by need, or `NO_GROUP`.
+        revision: The revision of the task set.
+        instruction: The instruction that the agent gets.
+        status: `works` (0 untouched, 1 solved by script or by `FAIL`), `untried` (0 untouched, no
+            script here), `excluded` (with the reason), `error` (OSWorld's own code raised).
+        reason: Why it is excluded or failed.
+        untouched: The score without any action, or `None`.
+        solved: The score after the solution, or `None`.
+        how: What solved it.
+        seconds: How long the test took.
+        log: Errors that OSWorld logged while it set the task up or judged it.
     """
 
     id: str
@@ -45,34 +60,49 @@ class Row:
     seconds: float = 0.0
     log: list[str] = field(default_factory=list)
 
+    def end(self, status: Status, reason: str) -> None:
+        """Set how the test ended, and why."""
+        self.status = status
+        self.reason = reason
+
 
 class _Excluded(HijackError):
     """The reason why a task is not counted."""
 
 
-def run(env: OsworldEnv, task: OsworldTask, revision: Revision, group: str = NO_GROUP) -> Row:
+def run(
+    env: OsworldEnv,
+    task: OsworldTask,
+    revision: Revision,
+    group: str = NO_GROUP,
+) -> SelfTestRow:
     """Test one task on `env`.
 
-    An error of OSWorld's own code, and of a scripted solution, is on record in the row; the desktop's go on.
+    Errors of OSWorld's own code and of a scripted solution are recorded in the row; the desktop's
+    are raised.
     """
-    row = Row(task.id, task.domain, group, str(revision), task.instruction)
+    row = SelfTestRow(task.id, task.domain, group, str(revision), task.instruction)
     start = time.monotonic()
     try:
         _judge(env, task, row)
     except TaskRefusedError as error:
-        row.status, row.reason = "excluded", "; ".join(error.reasons)
+        row.end("excluded", "; ".join(error.reasons))
     except _Excluded as error:
-        row.status, row.reason = "excluded", str(error)
+        row.end("excluded", str(error))
     except PlayError as error:
-        row.status, row.reason = "error", f"its scripted solution failed: {error}"
+        row.end("error", f"its scripted solution failed: {error}")
     except EvaluatorError as error:
-        row.status, row.reason = "error", str(error)
+        row.end("error", str(error))
         row.log += error.log
     row.seconds = round(time.monotonic() - start, 1)
     return row
 
 
-def _judge(env: OsworldEnv, task: OsworldTask, row: Row) -> None:
+def _judge(
+    env: OsworldEnv,
+    task: OsworldTask,
+    row: SelfTestRow,
+) -> None:
     row.untouched = _untouched(env, task, row)
     if row.untouched != 0:
         raise _Excluded(f"scores {row.untouched:g} untouched")
@@ -81,21 +111,26 @@ def _judge(env: OsworldEnv, task: OsworldTask, row: Row) -> None:
         row.how = "FAIL"
         env.step("FAIL", pause=0)
     elif solution is None:
-        row.status, row.reason = "untried", "no scripted solution here"
+        row.end("untried", "no scripted solution here")
         return
     else:
         row.how = solution.how
         _reset(env, task, row)
         solution.play(Player(env))
-        env.step("WAIT", pause=SETTLE / 2)  # OSWorld sleeps twice; its own runs wait 20 s before they evaluate
+        # OSWorld sleeps twice; its own runs wait 20 s before they evaluate
+        env.step("WAIT", pause=SETTLE / 2)
     row.solved = _evaluate(env, row)
     if row.solved != 1:
         raise _Excluded(f"scores {row.solved:g} after its solution ({row.how})")
     row.status = "works"
 
 
-def _untouched(env: OsworldEnv, task: OsworldTask, row: Row) -> float:
-    """The score right after the reset, and where that is 0, once more after doing nothing for a while.
+def _untouched(
+    env: OsworldEnv,
+    task: OsworldTask,
+    row: SelfTestRow,
+) -> float:
+    """Return the score without any action: after the reset and, if that is 0, some seconds later.
 
     Applications write their files late: chrome 99146c54 scores 0 at once and 1 some seconds later.
     """
@@ -107,7 +142,11 @@ def _untouched(env: OsworldEnv, task: OsworldTask, row: Row) -> float:
     return score
 
 
-def _reset(env: OsworldEnv, task: OsworldTask, row: Row) -> None:
+def _reset(
+    env: OsworldEnv,
+    task: OsworldTask,
+    row: SelfTestRow,
+) -> None:
     env.reset(task.config)
     failed = [line for line in env.warnings if line.startswith("ERROR")]
     row.log += failed
@@ -115,7 +154,7 @@ def _reset(env: OsworldEnv, task: OsworldTask, row: Row) -> None:
         raise _Excluded(f"its setup fails here: {failed[0]}")
 
 
-def _evaluate(env: OsworldEnv, row: Row) -> float:
+def _evaluate(env: OsworldEnv, row: SelfTestRow) -> float:
     score = env.evaluate()
     row.log += env.warnings
     return score
@@ -127,7 +166,7 @@ class Results:
 
     revision: Revision
     about: dict[str, Any]
-    rows: list[Row] = field(default_factory=list)
+    rows: list[SelfTestRow] = field(default_factory=list)
 
     @property
     def sound(self) -> bool:
@@ -135,36 +174,53 @@ class Results:
         return not any(row.status == "error" for row in self.rows)
 
     def count(self, status: Status) -> int:
-        """How many tasks ended so."""
+        """Return how many tasks have a status."""
         return sum(row.status == status for row in self.rows)
 
     def summary(self) -> str:
-        """One line."""
-        parts = ", ".join(f"{self.count(status)} {status}" for status in ("works", "untried", "excluded", "error"))
+        """Return one line."""
+        parts = ", ".join(f"{self.count(status)} {status}" for status in get_args(Status))
         return f"{len(self.rows)} tasks of {self.revision}: {parts}"
 
     def as_json(self) -> dict[str, Any]:
-        """All of it, for machines."""
-        return {"revision": str(self.revision), "about": self.about, "tasks": [asdict(row) for row in self.rows]}
+        """Return all of it as JSON data."""
+        return {
+            "revision": str(self.revision),
+            "about": self.about,
+            "tasks": [asdict(row) for row in self.rows],
+        }
 
     def as_markdown(self) -> str:
-        """A table, one row a task."""
+        """Return a table, one row a task."""
         head = "| group | task | untouched | solved | by | status |\n|---|---|---|---|---|---|\n"
         return head + "".join(f"{_line(row)}\n" for row in self.rows)
 
 
-def _line(row: Row) -> str:
-    scores = ["-" if score is None else f"{score:g}" for score in (row.untouched, row.solved)]
-    reason = f": {row.reason}" if row.reason else ""
-    text = f"{row.status}{reason}".replace("|", "/").replace("\n", " ")
-    return f"| {row.group} | {row.domain} {row.id[:8]} | {scores[0]} | {scores[1]} | {row.how or '-'} | {text} |"
+def _line(row: SelfTestRow) -> str:
+    text = f"{row.status}: {row.reason}" if row.reason else row.status
+    cells = (
+        row.group,
+        f"{row.domain} {row.id[:8]}",
+        _score(row.untouched),
+        _score(row.solved),
+        row.how or "-",
+        text.replace("|", "/").replace("\n", " "),
+    )
+    return f"| {' | '.join(cells)} |"
+
+
+def _score(score: float | None) -> str:
+    return "-" if score is None else f"{score:g}"
 
 
 def run_all(
-    env: OsworldEnv, tasks: TaskSet, groups: Groups, about: Mapping[str, Any],
-    tell: Callable[[Row, Results], object] = lambda *_: None,
-) -> Results:  # fmt: skip
-    """Test all `tasks`, one after the other; `tell` hears of each row, and of all so far."""
+    env: OsworldEnv,
+    tasks: TaskSet,
+    groups: Groups,
+    about: Mapping[str, Any],
+    tell: Callable[[SelfTestRow, Results], object] = lambda *_: None,
+) -> Results:
+    """Test all tasks, one after the other; `tell` is called with each row, and all so far."""
     results = Results(tasks.revision, dict(about))
     for task in tasks:
         row = run(env, task, tasks.revision, _group_of(task.id, groups))
@@ -174,19 +230,42 @@ def run_all(
 
 
 def read_groups(path: Path) -> Groups:
-    """`{group: ids}` from a file such as `feasibility.json`: `{group: [[domain, id], ...]}`.
+    """Read groups of tasks from a file such as `feasibility.json`.
 
-    Raises `ConfigError` that names the file.
+    Args:
+        path: The file; it holds `{group: [[domain, id], ...]}`.
+
+    Returns:
+        `{group: ids}`.
+
+    Raises:
+        ConfigError: The file cannot be read, or holds something else.
     """
+    groups: dict[str, frozenset[str]] = {}
     try:
         value = json.loads(path.read_text(encoding="utf-8"))
-        return {str(name): frozenset(str(id_) for _, id_ in pairs) for name, pairs in value.items()}
+        for name, pairs in value.items():
+            groups[str(name)] = frozenset(str(task) for _, task in pairs)
+        return groups
     except (OSError, ValueError, AttributeError, TypeError, RecursionError) as error:
         raise ConfigError([f"{path}: must hold {{group: [[domain, id], ...]}} ({error})"]) from None
 
 
-def choose(tasks: TaskSet, groups: Groups, wanted: Iterable[str]) -> TaskSet:
-    """The tasks that `wanted` names, by group, id or the beginning of an id; all where it is empty."""
+def choose(
+    tasks: TaskSet,
+    groups: Groups,
+    wanted: Iterable[str],
+) -> TaskSet:
+    """Return the tasks that `wanted` names, or all if it is empty.
+
+    Args:
+        tasks: The task set.
+        groups: Groups of tasks.
+        wanted: Names of groups, ids, or beginnings of ids.
+
+    Raises:
+        ConfigError: A name is neither.
+    """
     ids: list[str] = []
     for name in wanted:
         if name in groups:
@@ -195,7 +274,9 @@ def choose(tasks: TaskSet, groups: Groups, wanted: Iterable[str]) -> TaskSet:
             ids.append(name)
         else:
             raise ConfigError([f"{name!r} is neither a group nor a task{suggest(name, groups)}"])
-    return tasks.only(ids) if ids else tasks
+    if not ids:
+        return tasks
+    return tasks.only(ids)
 
 
 def _group_of(task: str, groups: Groups) -> str:

@@ -1,6 +1,7 @@
 """Scripted solutions of OSWorld's tasks that need no download, by the id of the task.
 
-Each acts as an agent could: through the application's own windows, or through the shell of the desktop's user.
+Each acts as an agent could: through the application's own windows, or through the shell of the
+desktop's user.
 """
 
 from collections.abc import Callable
@@ -38,7 +39,8 @@ def bookmark_folder(player: Player) -> None:
     player.visit("chrome://bookmarks")
     player.click("Organize", "push-button")
     player.do("time.sleep(0.5)")
-    player.do("pyautogui.press(['down', 'down', 'enter'], interval=0.1)", pause=1.0)  # Add new folder
+    # Add new folder
+    player.do("pyautogui.press(['down', 'down', 'enter'], interval=0.1)", pause=1.0)
     player.type("Favorites")
     player.press("enter", pause=1.0)
 
@@ -53,7 +55,10 @@ def profile_name(player: Player) -> None:
 
 
 def clear_youtube(player: Player) -> None:
-    """Chrome 44ee5668: its history holds addresses more than once, and Chromium removes one of each at a time."""
+    """Chrome 44ee5668.
+
+    The history has addresses more than once, and Chromium removes one of each at a time.
+    """
     for _ in range(6):
         player.visit("chrome://history/?q=youtube")
         player.find("Search history")
@@ -93,7 +98,7 @@ def slide_panel(player: Player) -> None:
 
 
 def _shell(*commands: str, after: str = "") -> Solution:
-    """A script of shell commands; it waits for something named `after` to be on the screen first."""
+    """Return a script of shell commands; it first waits for an element named `after`."""
 
     def play(player: Player) -> None:
         if after:
@@ -119,8 +124,8 @@ def _gsettings(*settings: str) -> Solution:
 
 
 _AUTO_SAVE = (
-    '<item oor:path="/org.openoffice.Office.Common/Save/Document"><prop oor:name="{}" oor:op="fuse"><value>{}</value>'
-    "</prop></item>"
+    '<item oor:path="/org.openoffice.Office.Common/Save/Document"><prop oor:name="{}"'
+    ' oor:op="fuse"><value>{}</value></prop></item>'
 )
 _LIBRE = "~/.config/libreoffice/4/user/registrymodifications.xcu"
 _AUTO_SAVE_LINES = "".join(
@@ -161,7 +166,9 @@ SOLUTIONS: dict[str, Solution] = {
     "8ba5ae7a-5ae5-4eab-9fcc-5dd4fe3abf89": _vlc("input-record-path=/home/user/Desktop"),
     "9195653c-f4aa-453d-aa95-787f6ccfaae9": _vlc("qt-max-volume=200"),
     "a5bbbcd5-b398-4c91-83d4-55e1e31bbb81": _vlc("qt-minimal-view=1"),
-    "d06f0d4d-2cd5-4ede-8de9-598629438c6e": _vlc("qt-slider-colours=20;20;20;30;30;30;40;40;40;50;50;50"),
+    "d06f0d4d-2cd5-4ede-8de9-598629438c6e": _vlc(
+        "qt-slider-colours=20;20;20;30;30;30;40;40;40;50;50;50"
+    ),
     "f3977615-2b45-4ac5-8bba-80c17dbe2a37": _vlc("one-instance-when-started-from-file=0"),
     # GNOME's settings, which can be written here though nothing on an Xfce desktop shows them.
     "3ce045a0-877b-42aa-8d2c-b4a863336ab8": _gsettings("desktop.interface text-scaling-factor 1.5"),

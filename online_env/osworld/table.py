@@ -1,4 +1,4 @@
-"""`tasks.jsonl`: one row a task and corruption, with all that a run needs, so that it travels without the folder."""
+"""`tasks.jsonl`: one row a task and corruption, complete without the folder of task files."""
 
 import json
 from collections.abc import Iterator
@@ -16,25 +16,44 @@ CLEAN = "clean"
 
 
 def paper_nine() -> list[str]:
-    """The names of the corruptions of the paper, in its order."""
-    return [name for name in hj.names() if find(name).__module__.startswith("hijack_data.corruptions.")]
+    """Return the names of the corruptions of the paper, in its order."""
+    home = "hijack_data.corruptions."
+    return [name for name in hj.names() if find(name).__module__.startswith(home)]
 
 
 def rows(tasks: TaskSet, corruptions: list[str]) -> Iterator[dict[str, Any]]:
-    """The rows: tasks in order, for each the corruptions in the order given."""
+    """Yield the rows: the tasks in order, for each the corruptions in the order given."""
     for task in tasks:
         for corruption in corruptions:
             yield {
-                "id": f"{task.id}/{corruption}", "task_id": task.id, "domain": task.domain, "corruption": corruption,
-                "revision": str(tasks.revision), "feasible": task.feasible, "instruction": task.instruction,
-                "apps": list(task.apps), "task": task.config,
-            }  # fmt: skip
+                "id": f"{task.id}/{corruption}",
+                "task_id": task.id,
+                "domain": task.domain,
+                "corruption": corruption,
+                "revision": str(tasks.revision),
+                "feasible": task.feasible,
+                "instruction": task.instruction,
+                "apps": list(task.apps),
+                "task": task.config,
+            }
 
 
-def write(tasks: TaskSet, out: Path, clean: bool = False) -> int:
-    """Write the rows of all nine corruptions, `clean` ones first where asked for; returns how many.
+def write(
+    tasks: TaskSet,
+    out: Path,
+    clean: bool = False,
+) -> int:
+    """Write the rows of all nine corruptions; the same tasks give the same bytes.
 
-    The same tasks give the same bytes. Raises `HijackError` where `out` can't be written; then nothing is left.
+    `HijackError` is raised if `out` cannot be written; then nothing is left.
+
+    Args:
+        tasks: The tasks.
+        out: The file.
+        clean: Whether each task gets a row without a corruption first.
+
+    Returns:
+        How many rows were written.
     """
     names = [CLEAN, *paper_nine()] if clean else paper_nine()
     lines = [json.dumps(row, ensure_ascii=False) for row in rows(tasks, names)]
@@ -43,11 +62,13 @@ def write(tasks: TaskSet, out: Path, clean: bool = False) -> int:
 
 
 def read(path: Path) -> TaskSet:
-    """A task set from a folder, or the tasks of a `tasks.jsonl`.
+    """Return a task set from a folder, or the tasks of a `tasks.jsonl`.
 
-    Raises `ConfigError` that names file, line and field.
+    Mistakes raise `ConfigError`, which names file, line and field.
     """
-    return load(path) if path.is_dir() else _read_rows(path)
+    if path.is_dir():
+        return load(path)
+    return _read_rows(path)
 
 
 def _read_rows(path: Path) -> TaskSet:
@@ -61,9 +82,8 @@ def _read_rows(path: Path) -> TaskSet:
             revisions.add(row["revision"])
             tasks[row["task_id"]] = OsworldTask(row["task_id"], row["domain"], row["task"], path)
     if not problems and len(revisions) != 1:
-        problems.append(
-            f"{path}: rows of {len(revisions)} revisions ({', '.join(sorted(revisions))}); there must be one"
-        )
+        listed = ", ".join(sorted(revisions))
+        problems.append(f"{path}: rows of {len(revisions)} revisions ({listed}); there must be one")
     if problems:
         raise ConfigError(problems)
     name, _, digest = revisions.pop().rpartition("@")
@@ -88,6 +108,9 @@ def _row(line: str) -> tuple[dict[str, Any], list[str]]:
     if not isinstance(value, dict):
         return {}, [f"a row must be an object, not {type(value).__name__}"]
     row = cast("dict[str, Any]", value)
-    wrong = [f"{field}: must be a text, got {row.get(field)!r}" for field in ("task_id", "domain", "revision")
-             if not isinstance(row.get(field), str)]  # fmt: skip
-    return row, wrong or [f"task.{text}" for text in mistakes(row.get("task"), row["task_id"])]
+    names = ("task_id", "domain", "revision")
+    fields = [name for name in names if not isinstance(row.get(name), str)]
+    wrong = [f"{name}: must be a text, got {row.get(name)!r}" for name in fields]
+    if not wrong:
+        wrong = [f"task.{text}" for text in mistakes(row.get("task"), row["task_id"])]
+    return row, wrong

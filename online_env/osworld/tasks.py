@@ -1,7 +1,7 @@
 """OSWorld's task files: 369 JSON files in a folder by domain, in one revision or another.
 
-The revisions differ in instructions and evaluators while the ids are the same, so every result names its revision: the
-name where the files are those of a known one, and always a digest of the files themselves.
+The revisions differ in instructions and evaluators while the ids are the same, so every result
+names its revision: always by a digest of the files, and by a name if that is known.
 """
 
 import hashlib
@@ -21,7 +21,7 @@ DIGITS = 12
 
 @dataclass(frozen=True)
 class Revision:
-    """Which set of task files: `name` is `"unknown"` where `digest` is not that of a known set."""
+    """A set of task files; `name` is `"unknown"` if `digest` is not that of a known set."""
 
     name: str
     digest: str
@@ -41,17 +41,17 @@ class OsworldTask:
 
     @property
     def instruction(self) -> str:
-        """What the agent is told."""
+        """The instruction that the agent gets."""
         return self.config["instruction"]
 
     @property
     def apps(self) -> tuple[str, ...]:
-        """Applications that the task names, in its order."""
+        """The applications that the task names, in its order."""
         return tuple(self.config.get("related_apps", ()))
 
     @property
     def feasible(self) -> bool:
-        """Whether it can be done; the others want `FAIL` as the last action."""
+        """Whether it can be done; if not, the right last action is `FAIL`."""
         return self.config["evaluator"].get("func") != "infeasible"
 
 
@@ -69,32 +69,46 @@ class TaskSet:
         return len(self.tasks)
 
     def only(self, ids: Iterable[str]) -> "TaskSet":
-        """The tasks with these ids (or unique beginnings of ids). Raises `ParameterError` for one that is not here."""
-        chosen: set[str] = set()
-        for wanted in ids:
-            found = [task.id for task in self.tasks if task.id.startswith(wanted)] if wanted else []
-            if len(found) != 1:
-                what = f"fits {len(found)} tasks; write more of it" if found else "is not in this set"
-                raise ParameterError(f"task {wanted!r} {what}")
-            chosen.add(found[0])
+        """Return the tasks with these ids, or unique beginnings of ids.
+
+        Raises:
+            ParameterError: One fits no task, or several.
+        """
+        chosen = {self._id_of(wanted) for wanted in ids}
         return TaskSet(self.revision, tuple(task for task in self.tasks if task.id in chosen))
+
+    def _id_of(self, wanted: str) -> str:
+        found = [task.id for task in self.tasks if task.id.startswith(wanted)] if wanted else []
+        if len(found) == 1:
+            return found[0]
+        if found:
+            raise ParameterError(f"task {wanted!r} fits {len(found)} tasks; write more of it")
+        raise ParameterError(f"task {wanted!r} is not in this set")
 
 
 def load(folder: Path) -> TaskSet:
-    """Read a task set: `folder` holds `examples/<domain>/<id>.json`, or `<domain>/<id>.json` itself.
+    """Read a task set.
 
-    Raises `ConfigError` that lists every file and field that is wrong.
+    Args:
+        folder: It holds `examples/<domain>/<id>.json`, or `<domain>/<id>.json` itself.
+
+    Raises:
+        ConfigError: Lists every file and field that is wrong.
     """
     root = folder / "examples" if (folder / "examples").is_dir() else folder
     paths = sorted(root.glob("*/*.json")) if root.is_dir() else []
     if not paths:
-        raise ConfigError([f"{folder}: no task files; expected examples/<domain>/<id>.json as in OSWorld"])
+        raise ConfigError(
+            [f"{folder}: no task files; expected examples/<domain>/<id>.json as in OSWorld"]
+        )
     problems: list[str] = []
     hasher = hashlib.sha256()
     tasks: list[OsworldTask] = []
     for path in paths:
         data = _read(path, problems)
-        hasher.update(f"{path.relative_to(root).as_posix()}\0{hashlib.sha256(data).hexdigest()}\n".encode())
+        name = path.relative_to(root).as_posix()
+        content = hashlib.sha256(data).hexdigest()
+        hasher.update(f"{name}\0{content}\n".encode())
         config = _parse(data, path, problems)
         if config is not None:
             tasks.append(OsworldTask(config["id"], path.parent.name, config, path))
@@ -102,7 +116,8 @@ def load(folder: Path) -> TaskSet:
     if problems:
         raise ConfigError(problems)
     digest = hasher.hexdigest()[:DIGITS]
-    return TaskSet(Revision(KNOWN.get(digest, "unknown"), digest), tuple(tasks))
+    revision = Revision(KNOWN.get(digest, "unknown"), digest)
+    return TaskSet(revision, tuple(tasks))
 
 
 def _read(path: Path, problems: list[str]) -> bytes:
@@ -113,7 +128,11 @@ def _read(path: Path, problems: list[str]) -> bytes:
         return b""
 
 
-def _parse(data: bytes, path: Path, problems: list[str]) -> Task | None:
+def _parse(
+    data: bytes,
+    path: Path,
+    problems: list[str],
+) -> Task | None:
     try:
         config: object = json.loads(data.decode("utf-8"))
     except (ValueError, RecursionError) as error:  # UnicodeDecodeError is a ValueError
@@ -126,37 +145,41 @@ def _parse(data: bytes, path: Path, problems: list[str]) -> Task | None:
 
 
 def mistakes(config: object, name: str | None = None) -> Iterator[str]:
-    """What is wrong with one task's content, field by field; `name` is what its id has to be, where that is known."""
+    """Yield the mistakes in one task's content, field by field.
+
+    Args:
+        config: The content of a task file.
+        name: What its id has to be, if that is known.
+    """
     if not isinstance(config, Mapping):
         yield f"the file must hold an object, not {type(config).__name__}"
         return
     task = cast(Mapping[str, Any], config)
     for field in ("id", "instruction"):
-        if not isinstance(task.get(field), str) or not task[field]:
-            yield f"{field}: must be a text that is not empty, got {task.get(field)!r}"
+        value = task.get(field)
+        if not isinstance(value, str) or not value:
+            yield f"{field}: must be a text that is not empty, got {value!r}"
     if name is not None and isinstance(task.get("id"), str) and task["id"] != name:
         yield f"id: is {task['id']!r}, the file's name says {name!r}"
     apps = task.get("related_apps", [])
-    if not isinstance(apps, list) or not all(isinstance(app, str) for app in cast(list[Any], apps)):
+    if not _is_list_of_texts(apps):
         yield f"related_apps: must be a list of texts, got {apps!r}"
     yield from _bad_steps(task.get("config", []), "config")
     evaluator = task.get("evaluator")
-    if not isinstance(evaluator, Mapping):
+    if isinstance(evaluator, Mapping):
+        yield from _bad_evaluator(cast(Mapping[str, Any], evaluator))
+    else:
         yield f"evaluator: must be an object, got {evaluator!r}"
-        return
-    yield from _bad_evaluator(cast(Mapping[str, Any], evaluator))
 
 
 def _bad_evaluator(evaluator: Mapping[str, Any]) -> Iterator[str]:
     func = evaluator.get("func")
-    names = cast(list[Any], func) if isinstance(func, list) else [func]
+    names = _as_list(func)
     if not names or not all(isinstance(item, str) and item for item in names):
         yield f"evaluator.func: must be a name or a list of names, got {func!r}"
     for field in ("result", "expected"):
-        value = evaluator.get(field)
-        rows = cast(list[Any], value) if isinstance(value, list) else [value]
-        for place, row in enumerate(rows):
-            if row and (not isinstance(row, Mapping) or not isinstance(cast(Task, row).get("type"), str)):
+        for place, row in enumerate(_as_list(evaluator.get(field))):
+            if row and not isinstance(_object(row).get("type"), str):
                 yield f"evaluator.{field}[{place}]: must be an object with a `type`, got {row!r}"
     yield from _bad_steps(evaluator.get("postconfig", []), "evaluator.postconfig")
 
@@ -166,9 +189,25 @@ def _bad_steps(steps: object, field: str) -> Iterator[str]:
         yield f"{field}: must be a list of steps, got {steps!r}"
         return
     for place, step in enumerate(cast(list[Any], steps)):
-        known = cast(Task, step) if isinstance(step, Mapping) else {}
-        if not isinstance(known.get("type"), str) or not isinstance(known.get("parameters"), Mapping):
+        kind = _object(step).get("type")
+        parameters = _object(step).get("parameters")
+        if not isinstance(kind, str) or not isinstance(parameters, Mapping):
             yield f"{field}[{place}]: must be an object with `type` and `parameters`, got {step!r}"
+
+
+def _is_list_of_texts(value: object) -> bool:
+    if not isinstance(value, list):
+        return False
+    return all(isinstance(item, str) for item in cast(list[Any], value))
+
+
+def _as_list(value: object) -> list[Any]:
+    return cast(list[Any], value) if isinstance(value, list) else [value]
+
+
+def _object(value: object) -> Mapping[str, Any]:
+    """Return an object of JSON as it is, and anything else as an empty one."""
+    return cast(Mapping[str, Any], value) if isinstance(value, Mapping) else {}
 
 
 def _doubles(tasks: list[OsworldTask]) -> Iterator[str]:

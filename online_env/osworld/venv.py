@@ -1,4 +1,4 @@
-"""OSWorld's own Python environment: made by one command, apart from ours, as small as the tasks allow."""
+"""OSWorld's own Python environment: made by one command, and as small as the tasks allow."""
 
 import json
 import os
@@ -14,13 +14,21 @@ from .errors import OsworldError
 HERE = Path(__file__).resolve().parent
 PACKAGE = "desktop-env==1.0.2"
 TIERS = ("tiny", "lean", "mid")
-DEFAULT = Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local/share") / "agenthijack" / "osworld"
+_DATA = Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local/share")
+DEFAULT = _DATA / "agenthijack" / "osworld"
 STAMP = "agenthijack.json"
 
 
 @dataclass(frozen=True)
-class Made:
-    """What `make` did: the folder, the tier, MB on disk (10**6 bytes) and whether anything was installed now."""
+class VenvReport:
+    """The result of `make`.
+
+    Args:
+        folder: The environment's folder.
+        tier: Its tier.
+        megabytes: Its size on disk, in 10**6 bytes.
+        fresh: Whether anything was installed now.
+    """
 
     folder: Path
     tier: str
@@ -29,65 +37,104 @@ class Made:
 
 
 def python_of(folder: Path) -> Path:
-    """The interpreter of an environment made by `make`. Raises `OsworldError` with the command that makes it."""
+    """Return the interpreter of an environment made by `make`.
+
+    Raises:
+        OsworldError: There is none; the message has the command that makes it.
+    """
     python = folder / "bin" / "python"
     if not (folder / STAMP).is_file() or not python.exists():
-        raise OsworldError(f"no OSWorld environment in {folder}; make it with: hijack osworld setup --venv {folder}")
+        command = f"hijack osworld setup --venv {folder}"
+        raise OsworldError(f"no OSWorld environment in {folder}; make it with: {command}")
     return python
 
 
 def tier_of(folder: Path) -> str | None:
-    """The tier installed in `folder`; `None` where there is none or it was not finished."""
+    """Return the tier installed in `folder`, or `None` if there is none or it is incomplete."""
     try:
         record = json.loads((folder / STAMP).read_text(encoding="utf-8"))
-        return record["tier"] if record["requirements"] == _requirements(record["tier"]) else None
+        tier = record["tier"]
+        return tier if record["requirements"] == _requirements(tier) else None
     except (OSError, ValueError, KeyError, TypeError, ParameterError):
         return None
 
 
-def make(folder: Path = DEFAULT, tier: str = "tiny", python: str = sys.executable) -> Made:
+def make(
+    folder: Path = DEFAULT,
+    tier: str = "tiny",
+    python: str = sys.executable,
+) -> VenvReport:
     """Make the environment, or bring it to `tier`; a second call finds it and installs nothing.
 
-    `desktop-env` goes in without its own pins (they conflict with NumPy 2 and bring 7 GB), then the tier's packages.
-    Raises `OsworldError` where pip fails.
+    `desktop-env` goes in without its own pins (they conflict with NumPy 2 and bring 7 GB), then the
+    tier's packages.
+
+    Args:
+        folder: Where.
+        tier: One of `TIERS`.
+        python: The interpreter that it is made with.
+
+    Raises:
+        OsworldError: pip fails, or the folder cannot be written.
     """
     requirements = _requirements(tier)
     if tier_of(folder) == tier:
-        return Made(folder, tier, size_mb(folder), False)
+        return VenvReport(folder, tier, size_mb(folder), False)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / STAMP).unlink(missing_ok=True)  # written last: an interrupted install is not taken for a whole one
+        # Written last, so that an interrupted install does not count as complete.
+        (folder / STAMP).unlink(missing_ok=True)
         _install(folder, tier, python)
-        (folder / STAMP).write_text(json.dumps({"tier": tier, "requirements": requirements}) + "\n", encoding="utf-8")
+        record = json.dumps({"tier": tier, "requirements": requirements})
+        (folder / STAMP).write_text(f"{record}\n", encoding="utf-8")
     except OSError as error:
-        raise OsworldError(f"{folder}: the environment can't be made there ({error.strerror or error})") from None
-    return Made(folder, tier, size_mb(folder), True)
+        raise OsworldError(
+            f"{folder}: the environment can't be made there ({error.strerror or error})"
+        ) from None
+    return VenvReport(folder, tier, size_mb(folder), True)
 
 
-def _install(folder: Path, tier: str, python: str) -> None:
+def _install(
+    folder: Path,
+    tier: str,
+    python: str,
+) -> None:
     if not (folder / "bin" / "python").exists():
         _call([python, "-m", "venv", str(folder)])
-    pip = [str(folder / "bin" / "python"), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+    own = str(folder / "bin" / "python")
+    pip = [own, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
     _call([*pip, "--no-deps", PACKAGE])
     _call([*pip, "-r", str(HERE / f"requirements-{tier}.txt")])
 
 
 def size_mb(folder: Path) -> float:
-    """Size of a folder in MB (10**6 bytes), links not followed."""
-    files = (path.lstat() for path in folder.rglob("*") if not path.is_dir() or path.is_symlink())
-    return sum(entry.st_size for entry in files) / 1e6
+    """Return the size of a folder in MB (10**6 bytes), links not followed."""
+    size = 0
+    for path in folder.rglob("*"):
+        if path.is_symlink() or not path.is_dir():
+            size += path.lstat().st_size
+    return size / 1e6
 
 
 def _requirements(tier: str) -> str:
     if tier not in TIERS:
         raise ParameterError(f"no tier {tier!r}{suggest(tier, TIERS)}")
     text = (HERE / f"requirements-{tier}.txt").read_text(encoding="utf-8")
-    included = [line.partition("requirements-")[2].removesuffix(".txt") for line in text.splitlines() if "-r " in line]
-    return "".join(_requirements(name) for name in included) + text
+    included = ""
+    for line in text.splitlines():
+        if "-r " in line:
+            included += _requirements(line.partition("requirements-")[2].removesuffix(".txt"))
+    return included + text
 
 
 def _call(command: list[str]) -> None:
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     if done.returncode != 0:
-        lines = (done.stderr or done.stdout).strip().splitlines()[-5:]
-        raise OsworldError(f"`{' '.join(command)}` failed with exit code {done.returncode}: " + " | ".join(lines))
+        tail = " | ".join((done.stderr or done.stdout).strip().splitlines()[-5:])
+        line = " ".join(command)
+        raise OsworldError(f"`{line}` failed with exit code {done.returncode}: {tail}")

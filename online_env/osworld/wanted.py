@@ -1,4 +1,4 @@
-"""Which files OSWorld would download for a task, and under which name it looks for them in its cache."""
+"""The files that OSWorld would download for a task, and their names in its cache."""
 
 import uuid
 from collections.abc import Iterator
@@ -10,7 +10,7 @@ from hijack_data.errors import ConfigError
 
 from .tasks import OsworldTask
 
-# desktop-env 1.0.2 has this one in its code (setup step update_browse_history), not in the task.
+# This one is in desktop-env 1.0.2 itself (setup step update_browse_history), not in the task.
 HISTORY_URL = (
     "https://huggingface.co/datasets/xlangai/ubuntu_osworld_file_cache/resolve/main/chrome/"
     "44ee5668-ecd5-4366-a6ce-c1c9b8d4e938/history_empty.sqlite?download=true"
@@ -27,14 +27,21 @@ class Wanted:
 
 
 def wanted(task: OsworldTask) -> list[Wanted]:
-    """The files of `task`, each once. Raises `ConfigError` that names the field of a bad address or name."""
+    """Return the files of a task, each once.
+
+    Raises:
+        ConfigError: An address or a name is bad; the message names its field.
+    """
     problems: list[str] = []
     found: dict[Wanted, None] = {}
     for url, name, field in _pairs(task):
+        place = f"{task.path}: {field}"
         if not isinstance(url, str) or not url.startswith(("http://", "https://")):
-            problems.append(f"{task.path}: {field}: the address must start with http:// or https://, got {url!r}")
+            rule = "the address must start with http:// or https://"
+            problems.append(f"{place}: {rule}, got {url!r}")
         elif not _plain(name):
-            problems.append(f"{task.path}: {field}: the file's name must stay in the task's folder, got {name!r}")
+            rule = "the file's name must stay in the task's folder"
+            problems.append(f"{place}: {rule}, got {name!r}")
         else:
             found[Wanted(url, f"{task.id}/{name}")] = None
     if not _plain(task.id) or "/" in task.id:
@@ -52,24 +59,32 @@ def _plain(name: object) -> bool:
 
 
 def _pairs(task: OsworldTask) -> Iterator[tuple[Any, Any, str]]:
+    """Yield address, name and field of each file."""
     evaluator = task.config["evaluator"]
-    for field, steps in (
-        ("config", task.config.get("config", [])),
-        ("evaluator.postconfig", evaluator.get("postconfig", [])),
-    ):
-        for place, step in enumerate(steps):
+    steps = {
+        "config": task.config.get("config", []),
+        "evaluator.postconfig": evaluator.get("postconfig", []),
+    }
+    for field, listed in steps.items():
+        for place, step in enumerate(listed):
             yield from _of_step(step, f"{field}[{place}]")
-    yield from _of_getters({key: evaluator.get(key) for key in ("result", "expected")}, "evaluator")
+    for key in ("result", "expected"):
+        yield from _of_getters(evaluator.get(key), f"evaluator.{key}")
 
 
 def _of_step(step: dict[str, Any], field: str) -> Iterator[tuple[Any, Any, str]]:
     if step["type"] == "update_browse_history":
         yield HISTORY_URL, HISTORY_NAME, field
-    files = step["parameters"].get("files", []) if step["type"] == "download" else []
-    for place, entry in enumerate(cast("list[dict[str, Any]]", files)):
-        url, path = entry.get("url"), entry.get("path")
-        known = isinstance(url, str) and isinstance(path, str)
-        name = f"{uuid.uuid5(uuid.NAMESPACE_URL, str(url))}_{str(path).rpartition('/')[2]}" if known else None
+    if step["type"] != "download":
+        return
+    files = cast("list[dict[str, Any]]", step["parameters"].get("files", []))
+    for place, entry in enumerate(files):
+        url = entry.get("url")
+        path = entry.get("path")
+        name = None
+        if isinstance(url, str) and isinstance(path, str):
+            number = uuid.uuid5(uuid.NAMESPACE_URL, url)
+            name = f"{number}_{path.rpartition('/')[2]}"
         yield url, name, f"{field}.parameters.files[{place}]"
 
 
@@ -81,18 +96,19 @@ def _of_getters(value: Any, field: str) -> Iterator[tuple[Any, Any, str]]:
         getter = cast("dict[str, Any]", value)
         if getter.get("type") == "cloud_file":
             yield from _of_cloud_file(getter, field)
-        else:
-            for key, item in getter.items():
-                yield from _of_getters(item, f"{field}.{key}")
+            return
+        for key, item in getter.items():
+            yield from _of_getters(item, f"{field}.{key}")
 
 
 def _of_cloud_file(getter: dict[str, Any], field: str) -> Iterator[tuple[Any, Any, str]]:
-    urls, names = getter.get("path"), getter.get("dest")
+    urls: Any = getter.get("path")
+    names: Any = getter.get("dest")
     if not getter.get("multi", False):
         yield urls, names, field
-        return
-    if not isinstance(urls, list) or not isinstance(names, list) or len(urls) != len(names):  # type: ignore[arg-type]
+    elif not isinstance(urls, list) or not isinstance(names, list) or len(urls) != len(names):  # type: ignore[arg-type]
         yield None, None, field
-        return
-    for place, (url, name) in enumerate(zip(cast("list[Any]", urls), cast("list[Any]", names), strict=True)):
-        yield url, name, f"{field}.path[{place}]"
+    else:
+        pairs = zip(cast("list[Any]", urls), cast("list[Any]", names), strict=True)
+        for place, (url, name) in enumerate(pairs):
+            yield url, name, f"{field}.path[{place}]"

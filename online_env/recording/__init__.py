@@ -1,1 +1,1 @@
-"""Recordings of a real desktop: the pictures that offline corruptions paste (the asset pack), and trajectories."""
+"""Recordings of a real desktop: the asset pack that offline corruptions paste, and trajectories."""

@@ -1,4 +1,4 @@
-"""Records the whole asset pack: one desktop after the other, a size each."""
+"""Record the asset pack: one desktop after the other, for each size and look."""
 
 import itertools
 import os
@@ -10,53 +10,74 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from hijack_data.errors import UnknownNameError, suggest
-from hijack_data.pack import KINDS
+from hijack_data.pack import picture_kinds
 from hijack_data.types import Size
 
-from ..desktops.embedded.desktop import EmbeddedDesktop
+from ..embedded.desktop import EmbeddedDesktop
 from ..errors import DesktopError
 from .looks import GOLDEN, LOOKS, Look
 from .pack import Pack
 from .picture import Picture
-from .scenes import Refused, apps, desktops, error_pages, lock_screens, parts, strays, windows
-from .stage import Stage
+from .scenes import Refused, apps, desktops, error_pages, lock_screens, menus, parts, windows
+from .stage import RecordingStage
 from .wallpapers import SIZE as LARGE
 
 SIZES: tuple[Size, ...] = ((1080, 1920), (768, 1366), (720, 1280), (1440, 2560))
 EVERY_SIZE: tuple[Size, ...] = (*SIZES, LARGE)
 LOOK_NAMES = (GOLDEN, *(look.name for look in LOOKS))
-Scene: TypeAlias = Callable[[Stage], Iterator[Picture | Refused]]
+AssetScene: TypeAlias = Callable[[RecordingStage], Iterator[Picture | Refused]]
 Where: TypeAlias = Callable[[Size, str], bool]
 
 
 def _golden(size: Size, look: str) -> bool:
-    """The usual size in the golden look only."""
+    """Return whether it is the usual size, in the golden look."""
     return size == SIZES[0] and look == GOLDEN
 
 
 def _golden_everywhere(size: Size, look: str) -> bool:
-    """Every size in the golden look but that of the wallpapers; the usual one in others."""
-    return size != LARGE and (look == GOLDEN or size == SIZES[0])
+    """Return whether it is any size but the wallpapers' in the golden look, or the usual one."""
+    if size == LARGE:
+        return False
+    return look == GOLDEN or size == SIZES[0]
 
 
 def _large(size: Size, look: str) -> bool:
-    """The size of the wallpapers, once."""
+    """Return whether it is the size of the wallpapers, in the golden look."""
     return size == LARGE and look == GOLDEN
 
 
-# Each scene, the kinds that it makes, and on which sizes and in which looks it is recorded.
-SCENES: tuple[tuple[Scene, frozenset[str], Where], ...] = (
+# Each scene, the kinds that it makes, and the sizes and looks in which it is recorded.
+SCENES: tuple[tuple[AssetScene, frozenset[str], Where], ...] = (
     (lock_screens.record, frozenset({"lock_screen", "lock_dialog"}), _golden_everywhere),
     (desktops.record, frozenset({"desktop"}), _golden_everywhere),
     (error_pages.record, frozenset({"error_page", "error_view", "panel"}), _golden_everywhere),
-    (strays.record, frozenset({"menu", "dialog"}), _golden),
+    (menus.record, frozenset({"menu", "dialog"}), _golden),
     (windows.record, frozenset({"window"}), _golden_everywhere),
     (parts.record_icons, frozenset({"icon"}), _golden),
     (parts.record_wallpapers, frozenset({"wallpaper"}), _large),
 )
-SHOWN = ("xfwm4", "xfce4-panel", "xfdesktop4", "mate-screensaver", "greybird-gtk-theme", "elementary-xfce-icon-theme",
-         "chromium", "geany", "mousepad", "thunar", "xfce4-terminal", "libreoffice-writer", "libreoffice-calc", "vlc",
-         "gimp", "ristretto", "evince", "xfce4-settings", "xfce4-appfinder", "libreoffice-impress")  # fmt: skip
+SHOWN = (
+    "xfwm4",
+    "xfce4-panel",
+    "xfdesktop4",
+    "mate-screensaver",
+    "greybird-gtk-theme",
+    "elementary-xfce-icon-theme",
+    "chromium",
+    "geany",
+    "mousepad",
+    "thunar",
+    "xfce4-terminal",
+    "libreoffice-writer",
+    "libreoffice-calc",
+    "vlc",
+    "gimp",
+    "ristretto",
+    "evince",
+    "xfce4-settings",
+    "xfce4-appfinder",
+    "libreoffice-impress",
+)
 _number = itertools.count(1)
 
 
@@ -67,20 +88,27 @@ def record_assets(
     say: Callable[[str], object] = print,
     looks: Iterable[str] = (GOLDEN,),
 ) -> list[Refused]:
-    """Record the pack into `folder`; `say` is told of each picture.
+    """Record the pack into `folder`.
+
+    A kind or a look that does not exist raises `UnknownNameError`; `DesktopError` is raised if no
+    desktop can be had at all.
 
     Args:
-        folder: the pack's folder; what is not recorded now stays as it is.
-        only: kinds to record; all where it is empty.
-        sizes: of the screens, `(height, width)`; those that are not the usual one show less.
-        say: progress, a line each.
-        looks: of the desktop, of `LOOK_NAMES`.
+        folder: The pack's folder; pictures that are not recorded now stay.
+        only: Kinds to record; all if empty.
+        sizes: Sizes of the screens, `(height, width)`; fewer pictures are made on other than the
+            usual one.
+        say: Called with a line for each picture.
+        looks: Looks of the desktop, from `LOOK_NAMES`.
 
-    Returns what could not be recorded. Raises `UnknownNameError` for a kind or a look that does not exist,
-    `DesktopError` where there can be no desktop at all.
+    Returns:
+        What could not be recorded.
     """
-    wanted, screens, styles = _known(only, KINDS, "kind of picture"), list(sizes), _looks(looks)
-    pack, lost = Pack(folder, wanted, screens, styles), list[Refused]()
+    wanted = _known(only, picture_kinds(), "kind of picture")
+    screens = list(sizes)
+    styles = _looks(looks)
+    pack = Pack(folder, wanted, screens, styles)
+    lost: list[Refused] = []
     for look, size in itertools.product(styles, screens):
         scenes = [scene for scene, kinds, where in SCENES if kinds & wanted and where(size, look)]
         for found in _all(scenes, size, styles[look]):
@@ -88,15 +116,35 @@ def record_assets(
                 lost.append(found)
                 say(f"NOT recorded at {size[1]}x{size[0]}, {look}: {found.what}: {found.why}")
             elif found.kind in wanted:
-                entry = pack.add(found, size, look)
-                say(f"{entry['id']}: {found.made_by}" if entry else f"the same again: {found.kind}, {found.made_by}")
+                say(_added(pack, found, size, look))
     total = pack.finish(_about())
     say(f"{len(pack.entries)} pictures, {total / 1e6:.1f} MB in {folder}")
     return lost
 
 
-def _known(names: Iterable[str], there: Sequence[str], what: str) -> set[str]:
-    """Those of `there` that are named, all where none is."""
+def _added(
+    pack: Pack,
+    picture: Picture,
+    size: Size,
+    look: str,
+) -> str:
+    """Add a picture to the pack; return a line about it."""
+    entry = pack.add(picture, size, look)
+    if entry is None:
+        return f"the same again: {picture.kind}, {picture.made_by}"
+    return f"{entry['id']}: {picture.made_by}"
+
+
+def _known(
+    names: Iterable[str],
+    there: Sequence[str],
+    what: str,
+) -> set[str]:
+    """Return the names, or all of `there` if none is given.
+
+    Raises:
+        UnknownNameError: A name is not one of them.
+    """
     chosen = set(names) or set(there)
     for name in chosen:
         if name not in there:
@@ -105,18 +153,28 @@ def _known(names: Iterable[str], there: Sequence[str], what: str) -> set[str]:
 
 
 def _looks(names: Iterable[str]) -> dict[str, Look | None]:
-    """The looks of these names, in the order of the table; `None` is the golden home as it is."""
+    """Return the looks of these names in the table's order; `None` is the golden home as it is."""
     chosen = _known(names, LOOK_NAMES, "look")
-    looks: dict[str, Look | None] = {GOLDEN: None, **{look.name: look for look in LOOKS}}
+    looks: dict[str, Look | None] = {GOLDEN: None}
+    looks |= {look.name: look for look in LOOKS}
     return {name: look for name, look in looks.items() if name in chosen}
 
 
-def _all(scenes: Iterable[Scene], size: Size, look: Look | None) -> Iterator[Picture | Refused]:
-    """What the scenes give, each on a pristine desktop of that size and look."""
+def _all(
+    scenes: Iterable[AssetScene],
+    size: Size,
+    look: Look | None,
+) -> Iterator[Picture | Refused]:
+    """Yield the scenes' pictures, each on a pristine desktop of that size and look."""
     for scene in scenes:
+        name = f"rec-{os.getpid()}-{next(_number)}"
         try:
-            with EmbeddedDesktop.up(size=size, name=f"rec-{os.getpid()}-{next(_number)}", time_out=60.0) as desktop:
-                stage = Stage(desktop, look.name if look else GOLDEN)
+            with EmbeddedDesktop.up(
+                size=size,
+                name=name,
+                time_out=60.0,
+            ) as desktop:
+                stage = RecordingStage(desktop, look.name if look else GOLDEN)
                 apps.put_files(stage)
                 if look is not None:
                     look.put_on(stage)
@@ -126,10 +184,18 @@ def _all(scenes: Iterable[Scene], size: Size, look: Look | None) -> Iterator[Pic
 
 
 def _about() -> dict[str, Any]:
-    """The day, and the versions of what can be seen in the pictures."""
+    """Return the day, and the versions of what can be seen in the pictures."""
     found: dict[str, str] = {}
     if shutil.which("dpkg-query"):
         command = ["dpkg-query", "-W", "-f=${Package} ${Version}\n", *SHOWN]
-        lines = subprocess.run(command, capture_output=True, text=True, check=False).stdout.splitlines()
-        found = {name: version for name, _, version in (line.partition(" ") for line in lines) if version}
+        result = subprocess.run(
+            command,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        for line in result.stdout.splitlines():
+            name, _, version = line.partition(" ")
+            if version:
+                found[name] = version
     return {"date": time.strftime("%Y-%m-%d", time.gmtime()), "packages": found}

@@ -2,6 +2,7 @@
 
 import contextlib
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,43 +11,95 @@ import click
 from hijack_data.errors import ParameterError
 from hijack_data.types import Size
 
-from ..desktops.embedded.desktop import EmbeddedDesktop
+from ..embedded.desktop import EmbeddedDesktop
 
 VIDEO = Path("desktop.mp4")
 
 
-def run(
-    name: str | None, output: Path | None, seconds: float | None, assets: Path | None, only: str | None,
-    sizes: Sequence[Size], task: str | None, seed: int, person: bool, instruction: str | None, size: Size, port: int,
-    looks: str | None = None,
-) -> int:  # fmt: skip
-    """Do what the options ask; returns the exit code. Raises `ParameterError` for options that do not go together."""
-    if assets is not None:
-        _refuse("--assets makes its own desktops and folder", NAME=name, output=output, seconds=seconds, task=task,
-                person=person, instruction=instruction)  # fmt: skip
-        return _assets(assets, only, sizes, looks)
-    _refuse("it is for --assets", only=only, sizes=sizes, looks=looks)
-    if task is None and not person:
-        _refuse("it is for --person", instruction=instruction)
-        return _video(name, output or VIDEO, seconds)
-    _refuse("it is for videos", seconds=seconds)
-    if output is None:
+@dataclass(frozen=True, kw_only=True)
+class RecordOptions:
+    """The options of `hijack desktop record`.
+
+    Args:
+        name: The desktop; the only one, or one of our own, if omitted.
+        output: The video's file, or the folder that a trajectory is added to.
+        seconds: How long a video is; until Ctrl-C if omitted.
+        assets: The asset pack's folder.
+        only: Kinds of pictures for the pack, separated by commas.
+        sizes: Sizes of screens for the pack, (height, width).
+        looks: Looks of the desktop for the pack, separated by commas.
+        task: The task of a trajectory.
+        seed: The seed of its variant.
+        person: Whether a person acts instead of the task's oracle.
+        instruction: What the person is to do, without a task.
+        size: (height, width) of a desktop of our own.
+        port: Where the person's page is served; 0 picks a free port.
+    """
+
+    name: str | None = None
+    output: Path | None = None
+    seconds: float | None = None
+    assets: Path | None = None
+    only: str | None = None
+    sizes: Sequence[Size] = ()
+    looks: str | None = None
+    task: str | None = None
+    seed: int = 0
+    person: bool = False
+    instruction: str | None = None
+    size: Size = (1080, 1920)
+    port: int = 0
+
+
+def run(options: RecordOptions) -> int:
+    """Record what the options ask for, and return the exit code.
+
+    Raises:
+        ParameterError: Options do not go together, or `-o` is missing.
+    """
+    if options.assets is not None:
+        _refuse(
+            "--assets makes its own desktops and folder",
+            NAME=options.name,
+            output=options.output,
+            seconds=options.seconds,
+            task=options.task,
+            person=options.person,
+            instruction=options.instruction,
+        )
+        return _assets(options.assets, options)
+    _refuse(
+        "it is for --assets",
+        only=options.only,
+        sizes=options.sizes,
+        looks=options.looks,
+    )
+    if options.task is None and not options.person:
+        _refuse("it is for --person", instruction=options.instruction)
+        return _video(options.name, options.output or VIDEO, options.seconds)
+    _refuse("it is for videos", seconds=options.seconds)
+    if options.output is None:
         raise ParameterError("-o is missing: the folder that the trajectory is added to")
-    if person:
-        return _person(name, output, task, seed, instruction, size, port)
-    _refuse("it is for --person", instruction=instruction)
-    return _oracle(name, output, str(task), seed, size)
+    if options.person:
+        return _person(options.output, options)
+    _refuse("it is for --person", instruction=options.instruction)
+    return _oracle(options.output, options)
 
 
 def _refuse(why: str, **given: object) -> None:
     for option, value in given.items():
         if value:
-            raise ParameterError(f"{option if option.isupper() else f'--{option}'} does not go with the rest: {why}")
+            name = option if option.isupper() else f"--{option}"
+            raise ParameterError(f"{name} does not go with the rest: {why}")
 
 
-def _video(name: str | None, output: Path, seconds: float | None) -> int:
-    from ..desktops.embedded.recording import record
-    from ..desktops.embedded.running import attach
+def _video(
+    name: str | None,
+    output: Path,
+    seconds: float | None,
+) -> int:
+    from ..embedded.recording import record
+    from ..embedded.running import attach
 
     if not output.parent.is_dir() or output.is_dir():
         raise ParameterError(f"-o {output}: the video is a file, in a folder that exists")
@@ -56,11 +109,13 @@ def _video(name: str | None, output: Path, seconds: float | None) -> int:
     return 0
 
 
-def _assets(folder: Path, only: str | None, sizes: Sequence[Size], looks: str | None) -> int:
+def _assets(folder: Path, options: RecordOptions) -> int:
     from .assets import EVERY_SIZE, LOOK_NAMES, record_assets
 
-    kinds, chosen = _words(only), _words(looks)
-    lost = record_assets(folder, kinds, sizes or EVERY_SIZE, click.echo, chosen or LOOK_NAMES)
+    kinds = _words(options.only)
+    sizes = options.sizes or EVERY_SIZE
+    looks = _words(options.looks) or LOOK_NAMES
+    lost = record_assets(folder, kinds, sizes, click.echo, looks)
     return 1 if lost else 0
 
 
@@ -68,47 +123,55 @@ def _words(text: str | None) -> list[str]:
     return [word.strip() for word in (text or "").split(",") if word.strip()]
 
 
-def _oracle(name: str | None, folder: Path, task: str, seed: int, size: Size) -> int:
+def _oracle(folder: Path, options: RecordOptions) -> int:
     from .oracle import record_task
 
-    with _desktop(name, size) as desktop:
-        record_task(task, seed, folder, desktop, click.echo)
+    with _desktop(options) as desktop:
+        record_task(str(options.task), options.seed, folder, desktop, click.echo)
     return 0
 
 
-def _person(
-    name: str | None, folder: Path, task: str | None, seed: int, instruction: str | None, size: Size, port: int
-) -> int:
+def _person(folder: Path, options: RecordOptions) -> int:
     from .. import tasks
     from .person import record_person
-    from .trajectory import Trajectory, save
+    from .trajectory import EpisodeRecording, save
 
-    if bool(task) == bool(instruction):
-        raise ParameterError("--person needs either --task NAME or --instruction TEXT, which says what is to be done")
-    chosen = tasks.get(task, seed) if task else None
-    with _desktop(name, size) as desktop:
-        trajectory = Trajectory("person", str(instruction), ())
-        if chosen is not None:
-            chosen.setup(desktop, _sites(desktop))
-            trajectory = Trajectory(f"{chosen.id}-person", chosen.instruction, chosen.apps)
+    if bool(options.task) == bool(options.instruction):
+        raise ParameterError(
+            "--person needs either --task NAME or --instruction TEXT, which says what is to be done"
+        )
+    verdict = None
+    with _desktop(options) as desktop:
+        if options.task:
+            task = tasks.get(options.task, options.seed)
+            machine = tasks.Machine(desktop, _sites(desktop))
+            task.setup(machine)
+            trajectory = EpisodeRecording(f"{task.id}-person", task.instruction, task.apps)
+        else:
+            task = None
+            machine = None
+            trajectory = EpisodeRecording("person", str(options.instruction), ())
         click.echo(f"to do: {trajectory.instruction}")
-        record_person(desktop, trajectory, port, click.echo)
-        verdict = chosen.validate(desktop, _sites(desktop)) if chosen else None
+        record_person(desktop, trajectory, options.port, click.echo)
+        if task is not None and machine is not None:
+            verdict = task.validate(machine)
     saved = save(trajectory, folder)
-    click.echo(f"{saved}: {len(trajectory.steps)} steps in {folder}{f', {verdict.reason}' if verdict else ''}")
+    judged = f", {verdict.reason}" if verdict else ""
+    click.echo(f"{saved}: {len(trajectory.steps)} steps in {folder}{judged}")
     return 0 if verdict is None or verdict.passed else 1
 
 
 @contextlib.contextmanager
-def _desktop(name: str | None, size: Size) -> Iterator[EmbeddedDesktop]:
-    """Desktop `name`, or one of our own."""
-    from ..desktops.embedded.running import attach
+def _desktop(options: RecordOptions) -> Iterator[EmbeddedDesktop]:
+    """Yield the desktop of that name, or one of our own."""
+    from ..embedded.running import attach
 
-    with attach(name) if name else EmbeddedDesktop.up(size=size) as desktop:
+    chosen = attach(options.name) if options.name else EmbeddedDesktop.up(size=options.size)
+    with chosen as desktop:
         yield desktop
 
 
 def _sites(desktop: EmbeddedDesktop) -> Any:
-    from ..sites.state import SiteState
+    from ..embedded.sites.state import SiteState
 
     return SiteState(desktop.record["sites"])

@@ -1,7 +1,9 @@
-"""Writes the asset pack: lossless pictures, and `index.json` last, so that a broken recording never passes for one."""
+"""Write the asset pack: lossless pictures, and `index.json` last.
+
+A recording that breaks off leaves no valid pack.
+"""
 
 import io
-import itertools
 import json
 from collections.abc import Container
 from pathlib import Path
@@ -20,94 +22,180 @@ from .looks import GOLDEN
 from .picture import Picture
 
 LICENCE = (
-    "Apache-2.0. Recorded by `hijack desktop record --assets` on AgentHijack's own desktop, with its own wallpaper, "
-    "web sites and documents; themes, icons, fonts and what applications draw belong to their projects."
+    "Apache-2.0. Recorded by `hijack desktop record --assets` on AgentHijack's own desktop, with"
+    " its own wallpaper, web sites and documents; themes, icons, fonts and what applications draw"
+    " belong to their projects."
 )
 
 
 class Pack:
     """A pack that is being recorded; nothing of the folder changes before `finish`.
 
-    Args:
-        folder: where it goes.
-        kinds, screens, looks: what is recorded anew, screens as (height, width); all else that the folder has is
-            taken over.
+    Entries of the folder that are not recorded anew are kept.
 
-    Raises `HijackError` where the folder cannot be written, or holds something that is no pack.
+    Args:
+        folder: The pack's folder.
+        kinds: The kinds that are recorded anew.
+        screens: The screens on which they are, as (height, width).
+        looks: The looks in which they are.
+
+    Raises:
+        HijackError: The folder cannot be written, or holds something that is no pack.
     """
 
     def __init__(
-        self, folder: Path, kinds: Container[str], screens: Container[Size], looks: Container[str] = (GOLDEN,)
+        self,
+        folder: Path,
+        kinds: Container[str],
+        screens: Container[Size],
+        looks: Container[str] = (GOLDEN,),
     ) -> None:
-        def anew(entry: dict[str, Any]) -> bool:
-            screen = tuple(entry["screen"][::-1])
-            return entry["kind"] in kinds and screen in screens and entry.get("look", GOLDEN) in looks
+        def is_kept(entry: dict[str, Any]) -> bool:
+            width, height = entry["screen"]
+            if entry["kind"] not in kinds or (height, width) not in screens:
+                return True
+            return entry.get("look", GOLDEN) not in looks
 
         self.folder = folder
-        self.entries = [entry for entry in _present(folder) if not anew(entry)]
+        self.entries = [entry for entry in _present(folder) if is_kept(entry)]
         self._data: dict[str, bytes] = {}
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise HijackError(f"cannot write to {folder}: {error.strerror}; give another folder") from None
+            problem = f"cannot write to {folder}: {error.strerror}"
+            raise HijackError(f"{problem}; give another folder") from None
 
-    def add(self, picture: Picture, screen: Size, look: str = GOLDEN) -> dict[str, Any] | None:
-        """Take in one picture; returns its entry, or `None` where the pack has these very pixels already."""
+    def add(
+        self,
+        picture: Picture,
+        screen: Size,
+        look: str = GOLDEN,
+    ) -> dict[str, Any] | None:
+        """Add a picture.
+
+        Args:
+            picture: The picture.
+            screen: (height, width) of the screen it was made on.
+            look: The look of the desktop.
+
+        Returns:
+            Its entry, or `None` if the pack has the same pixels of that kind already.
+        """
         digest = sha256_of(picture.pixels)
-        if any(e["sha256"] == digest and e["kind"] == picture.kind for e in self.entries):
-            return None
+        for entry in self.entries:
+            if entry["sha256"] == digest and entry["kind"] == picture.kind:
+                return None
         name = self._name(picture)
         self._data[f"{name}.webp"] = _encoded(picture.pixels, name)
+        height, width = screen
         entry = {
-            "id": name, "file": f"{name}.webp", **picture.entry(), "screen": [screen[1], screen[0]], "sha256": digest,
-        }  # fmt: skip
+            "id": name,
+            "file": f"{name}.webp",
+            **picture.entry(),
+            "screen": [width, height],
+            "sha256": digest,
+        }
         if look != GOLDEN:
             entry["look"] = look
         self.entries.append(entry)
         return entry
 
     def finish(self, desktop: dict[str, Any]) -> int:
-        """Write pictures, then the index, then remove what it does not name; returns the pack's size in bytes."""
+        """Write the pictures, then the index, then remove pictures that the index does not name.
+
+        Args:
+            desktop: What the pictures show, for the index.
+
+        Returns:
+            The pack's size in bytes.
+        """
         for file, data in self._data.items():
             write_atomic(self.folder / file, data)
-        entries = sorted(self.entries, key=lambda e: e["id"])
-        head = json.dumps({"format": FORMAT, "version": VERSION, "desktop": desktop, "licence": LICENCE})
-        lines = ",\n".join(json.dumps(entry, ensure_ascii=False) for entry in entries)  # one a line, for people
-        write_atomic(self.folder / INDEX, f'{head[:-1]}, "pictures": [\n{lines}\n]}}\n')
-        named = {e["file"] for e in entries}
+        entries = sorted(self.entries, key=lambda entry: entry["id"])
+        write_atomic(self.folder / INDEX, _index(entries, desktop))
+        named = {entry["file"] for entry in entries}
+        total = (self.folder / INDEX).stat().st_size
         for path in self.folder.glob("*.webp"):
-            if path.name not in named:
+            if path.name in named:
+                total += path.stat().st_size
+            else:
                 path.unlink()
-        return sum(path.stat().st_size for path in (*self.folder.glob("*.webp"), self.folder / INDEX))
+        return total
 
     def _name(self, picture: Picture) -> str:
         x1, y1, x2, y2 = picture.box
-        stem = "-".join(filter(None, (picture.kind, picture.app, f"{x2 - x1}x{y2 - y1}")))
+        parts = (picture.kind, picture.app, f"{x2 - x1}x{y2 - y1}")
+        stem = "-".join(part for part in parts if part)
         taken = {entry["id"] for entry in self.entries}
-        return next(name for n in itertools.count(1) if (name := f"{stem}-{n}") not in taken)
+        number = 1
+        while f"{stem}-{number}" in taken:
+            number += 1
+        return f"{stem}-{number}"
+
+
+def _index(entries: list[dict[str, Any]], desktop: dict[str, Any]) -> str:
+    """Return the index as JSON, an entry a line, for people."""
+    about = {
+        "format": FORMAT,
+        "version": VERSION,
+        "desktop": desktop,
+        "licence": LICENCE,
+    }
+    head = json.dumps(about)
+    lines = ",\n".join(json.dumps(entry, ensure_ascii=False) for entry in entries)
+    return f'{head[:-1]}, "pictures": [\n{lines}\n]}}\n'
 
 
 def _encoded(pixels: UInt8Array, name: str) -> bytes:
-    """Lossless WebP of RGB or RGBA pixels, read back to make sure."""
-    image, buffer = Image.fromarray(pixels), io.BytesIO()
-    image.save(buffer, "WEBP", lossless=True, quality=100, method=6, exact=True)
+    """Return RGB or RGBA pixels as lossless WebP, which is decoded again as a check.
+
+    Raises:
+        DesktopError: The decoded pixels differ.
+    """
+    image = Image.fromarray(pixels)
+    buffer = io.BytesIO()
+    image.save(
+        buffer,
+        "WEBP",
+        lossless=True,
+        quality=100,
+        method=6,
+        exact=True,
+    )
     with Image.open(io.BytesIO(buffer.getvalue()), formats=("WEBP",)) as again:
         if again.mode != image.mode or not np.array_equal(np.asarray(again), pixels):
-            raise DesktopError(f"{name}: WebP did not keep the pixels; is this Pillow's own build of libwebp?")
+            raise DesktopError(
+                f"{name}: WebP did not keep the pixels; is this Pillow's own build of libwebp?"
+            )
     return buffer.getvalue()
 
 
 def _present(folder: Path) -> list[dict[str, Any]]:
-    """The pictures of the folder's index; none where there is no index."""
+    """Return the entries of the folder's index; none if there is no index.
+
+    Raises:
+        HijackError: The folder holds no pack, or a damaged one.
+    """
     path = folder / INDEX
     if not path.exists():
-        if folder.is_dir() and any(folder.iterdir()) and not any(folder.glob("*.webp")):
-            raise HijackError(f"{folder} holds something, but no {INDEX}: it is no asset pack; give another folder")
+        _check_no_other_files(folder)
         return []
     try:
         index = json.loads(path.read_text(encoding="utf-8"))
-        if index["format"] != FORMAT or index["version"] != VERSION:
-            raise HijackError(f"{path} is of format {index['format']} {index['version']}, not {FORMAT} {VERSION}")
+        form = index["format"]
+        version = index["version"]
+        if form != FORMAT or version != VERSION:
+            raise HijackError(f"{path} is of format {form} {version}, not {FORMAT} {VERSION}")
         return [dict(entry) for entry in index["pictures"]]
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise HijackError(f"{path} cannot be read ({type(error).__name__}: {error}); remove it or mend it") from None
+        raise HijackError(
+            f"{path} cannot be read ({type(error).__name__}: {error}); remove it or mend it"
+        ) from None
+
+
+def _check_no_other_files(folder: Path) -> None:
+    if not folder.is_dir() or not any(folder.iterdir()) or any(folder.glob("*.webp")):
+        return
+    raise HijackError(
+        f"{folder} holds something, but no {INDEX}: it is no asset pack; give another folder"
+    )

@@ -1,4 +1,7 @@
-"""Trajectories of people: the page of `hijack desktop view`, whose every input is noted before it is passed on."""
+"""Trajectories of people, from the page of `hijack desktop view`.
+
+Each input is recorded before it is passed on.
+"""
 
 import json
 import threading
@@ -9,77 +12,98 @@ from hijack_data.actions import parse_pyautogui
 from hijack_data.errors import ActionError
 from hijack_data.types import Action
 
-from ..desktops.embedded.desktop import EmbeddedDesktop
-from ..desktops.embedded.view import Viewer
-from .deeds import Deeds
-from .stage import Stage
-from .trajectory import Trajectory, View, visible_boxes
+from ..embedded.desktop import EmbeddedDesktop
+from ..embedded.view import Viewer
+from .actions import ActionRecognizer
+from .stage import RecordingStage
+from .trajectory import EpisodeRecording, RecordedView, visible_boxes
 
 INPUT = "/ah/input"
 
 
 class _Passing:
-    """The guest's HTTP client of the viewer, which shows each event to `deeds` before it goes on."""
+    """The viewer's HTTP client, which gives each event to `actions` before it passes it on."""
 
-    def __init__(self, client: Any, deeds: Deeds[View]) -> None:
-        self._client, self._deeds, self._lock = client, deeds, threading.Lock()
+    def __init__(self, client: Any, actions: ActionRecognizer[RecordedView]) -> None:
+        self._client = client
+        self._actions = actions
+        self._lock = threading.Lock()
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._client, name)
 
-    def post(self, path: str, content: bytes, **options: Any) -> Any:
-        """Pass input on, one event at a time, so that each action begins on a screen that was kept."""
-        if path != INPUT:
+    def post(
+        self,
+        path: str,
+        content: bytes,
+        **options: Any,
+    ) -> Any:
+        """Pass input on, one event at a time: a screen is kept before each action begins."""
+        events = _events_in(content) if path == INPUT else []
+        if not events:
+            # Not input, or no valid one: the guest answers what is wrong with it.
             return self._client.post(path, content=content, **options)
-        try:
-            events = [event for event in json.loads(content)["events"] if isinstance(event, dict)]
-        except (ValueError, KeyError, TypeError):
-            return self._client.post(path, content=content, **options)  # the guest says what is wrong
+        answer: Any = None
         with self._lock:
-            answer = None
             for event in events:
-                self._note(event)
-                answer = self._client.post(path, content=json.dumps({"events": [event]}).encode(), **options)
+                self._record(event)
+                single = json.dumps({"events": [event]}).encode()
+                answer = self._client.post(path, content=single, **options)
                 if answer.status_code != 200:
                     break
-        return answer or self._client.post(path, content=content, **options)
+        return answer
 
-    def _note(self, event: dict[str, Any]) -> None:
+    def _record(self, event: dict[str, Any]) -> None:
         try:
-            self._deeds.event(event)
+            self._actions.event(event)
         except (KeyError, TypeError):
-            return  # not what our page sends: the guest refuses it
+            return  # our page does not send such an event, and the guest refuses it
+
+
+def _events_in(content: bytes) -> list[dict[str, Any]]:
+    try:
+        events = json.loads(content)["events"]
+        return [event for event in events if isinstance(event, dict)]
+    except (ValueError, KeyError, TypeError):
+        return []
 
 
 class PersonViewer(Viewer):
-    """The page of one desktop, whose visitor's actions are added to a trajectory.
+    """The page of one desktop; the visitor's actions are added to a trajectory.
 
     Args:
-        desktop: where the person acts.
-        trajectory: what the actions are added to.
-        port: where to listen; 0 picks a free port.
-        say: told of each action.
+        desktop: Where the person acts.
+        trajectory: The actions are added to it.
+        port: Where to listen; 0 picks a free port.
+        say: Called with a line for each action.
     """
 
     def __init__(
-        self, desktop: EmbeddedDesktop, trajectory: Trajectory, port: int = 0, say: Callable[[str], object] = print
+        self,
+        desktop: EmbeddedDesktop,
+        trajectory: EpisodeRecording,
+        port: int = 0,
+        say: Callable[[str], object] = print,
     ) -> None:
         super().__init__(desktop.record, port)
-        self._stage, self._trajectory, self._say = Stage(desktop), trajectory, say
-        self.deeds = Deeds(self._look, self._done)
-        self.guest: Any = _Passing(self.guest, self.deeds)
+        self._stage = RecordingStage(desktop)
+        self._trajectory = trajectory
+        self._say = say
+        self.actions = ActionRecognizer(self._look, self._done)
+        self.guest: Any = _Passing(self.guest, self.actions)
 
     def finish(self) -> None:
         """End the action under way, and add the last screen."""
-        self.deeds.flush()
-        self._trajectory.add(View.of(self._stage), Action("done"), "DONE")
+        self.actions.flush()
+        self._trajectory.add(RecordedView.of(self._stage), Action("done"), "DONE")
 
-    def _look(self) -> View:
-        """The screen at this moment, moving or not: it is what the person acts upon."""
-        frame = self._stage.desktop.screenshot()
-        return View(frame, visible_boxes(self._stage, self._stage.desktop.accessibility()))
+    def _look(self) -> RecordedView:
+        """Return the screen now, moving or not: the person acts upon it."""
+        desktop = self._stage.desktop
+        frame = desktop.screenshot()
+        return RecordedView(frame, visible_boxes(self._stage, desktop.accessibility()))
 
-    def _done(self, view: View, code: str) -> None:
+    def _done(self, view: RecordedView, code: str) -> None:
         try:
             action = parse_pyautogui(code, self._stage.desktop.size)
         except ActionError as error:
@@ -90,9 +114,12 @@ class PersonViewer(Viewer):
 
 
 def record_person(
-    desktop: EmbeddedDesktop, trajectory: Trajectory, port: int = 0, say: Callable[[str], object] = print
+    desktop: EmbeddedDesktop,
+    trajectory: EpisodeRecording,
+    port: int = 0,
+    say: Callable[[str], object] = print,
 ) -> None:
-    """Serve the page until Ctrl-C, and note what its visitor does."""
+    """Serve the page until Ctrl-C, and record what its visitor does."""
     with PersonViewer(desktop, trajectory, port, say) as viewer:
         say(f"act on desktop {desktop.id} at {viewer.url}  (Ctrl-C when it is done)")
         try:

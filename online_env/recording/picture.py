@@ -1,4 +1,4 @@
-"""One picture of the asset pack before it is written: pixels, where they were, what can be clicked, what undoes it."""
+"""A picture of the asset pack before it is written: pixels, place, targets and the way back."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -8,7 +8,7 @@ from hijack_data.types import Box, UInt8Array
 
 
 @dataclass(frozen=True)
-class Target:
+class ClickTarget:
     """Something that can be clicked: its name, role, and box `xyxy` in pixels of the screen."""
 
     name: str
@@ -21,14 +21,15 @@ class Picture:
     """A part of a screen.
 
     Args:
-        kind: one of `hijack_data.pack.KINDS`.
-        app: the application that drew it (for a desktop, the one that `recover` brings back), as its program is called.
+        kind: One of `hijack_data.pack.picture_kinds()`.
+        app: The program of the application that drew it (for a desktop, of the one that `recover`
+            brings back).
         box: `xyxy` on the screen.
-        pixels: uint8 RGB `[h, w, 3]`, or RGBA where the window's corners are not part of it.
-        made_by: what was done to get it, one line.
-        targets: in pixels of the screen.
-        recover: the action that really undoes it, in pixels of the screen, or `None`.
-        opened_by: the click that opened it, in pixels of the screen, where a click did.
+        pixels: uint8 RGB `[h, w, 3]`, or RGBA if the window's corners are not part of it.
+        made_by: How it was made, one line.
+        targets: What can be clicked, in pixels of the screen.
+        recover: The action that undoes it, in pixels of the screen, or `None`.
+        opened_by: The click that opened it, in pixels of the screen, or `None`.
     """
 
     kind: str
@@ -36,38 +37,81 @@ class Picture:
     box: Box
     pixels: UInt8Array
     made_by: str
-    targets: Sequence[Target] = ()
+    targets: Sequence[ClickTarget] = ()
     recover: Mapping[str, Any] | None = None
     opened_by: Mapping[str, Any] | None = None
 
-    def part(self, kind: str, box: Box, **changes: Any) -> "Picture":
-        """What of it lies in `box` (pixels of the screen), with the targets that are wholly inside."""
+    def part(
+        self,
+        kind: str,
+        box: Box,
+        **changes: Any,
+    ) -> "Picture":
+        """Return the part of it in `box` (pixels of the screen).
+
+        Args:
+            kind: The kind of the part.
+            box: `xyxy` on the screen; it is clipped to the picture.
+            **changes: Other fields of the part. Its targets are those that lie wholly inside.
+        """
         left, above, right, below = self.box
-        x1, y1, x2, y2 = max(box[0], left), max(box[1], above), min(box[2], right), min(box[3], below)
+        x1 = max(box[0], left)
+        y1 = max(box[1], above)
+        x2 = min(box[2], right)
+        y2 = min(box[3], below)
+        clipped: Box = (x1, y1, x2, y2)
         pixels = self.pixels[y1 - above : y2 - above, x1 - left : x2 - left, :3].copy()
-        inside = [t for t in self.targets if x1 <= t.box[0] and y1 <= t.box[1] and t.box[2] <= x2 and t.box[3] <= y2]
-        return replace(self, kind=kind, box=(x1, y1, x2, y2), pixels=pixels, targets=inside, **changes)
+        inside = [target for target in self.targets if _contains(clipped, target.box)]
+        return replace(self, kind=kind, box=clipped, pixels=pixels, targets=inside, **changes)
 
     def entry(self) -> dict[str, Any]:
-        """The picture as JSON, without its file; all places in pixels of the picture."""
-        moved = [{"name": t.name, "role": t.role, "box": self._inside(t.box)} for t in self.targets]
-        entry = {
-            "kind": self.kind, "app": self.app, "box": list(self.box), "targets": moved,
-            "recover": self._moved(self.recover), "made_by": self.made_by,
-        }  # fmt: skip
-        return entry if self.opened_by is None else {**entry, "opened_by": self._moved(self.opened_by)}
+        """Return the picture as JSON, without its file; places are in pixels of the picture."""
+        targets = [
+            {
+                "name": target.name,
+                "role": target.role,
+                "box": self._clipped(target.box),
+            }
+            for target in self.targets
+        ]
+        entry: dict[str, Any] = {
+            "kind": self.kind,
+            "app": self.app,
+            "box": list(self.box),
+            "targets": targets,
+            "recover": self._moved(self.recover),
+            "made_by": self.made_by,
+        }
+        if self.opened_by is not None:
+            entry["opened_by"] = self._moved(self.opened_by)
+        return entry
 
-    def _inside(self, box: Sequence[int]) -> list[int]:
+    def _clipped(self, box: Sequence[int]) -> list[int]:
+        """Return a box in pixels of the picture, clipped to it."""
         left, top, right, bottom = self.box
-        wide, high = right - left, bottom - top
-        x1, y1, x2, y2 = (v - (left, top)[i % 2] for i, v in enumerate(box))
-        return [min(max(x1, 0), wide), min(max(y1, 0), high), min(max(x2, 0), wide), min(max(y2, 0), high)]
+        limits = (right - left, bottom - top) * 2
+        moved = self._moved_box(box)
+        return [min(max(value, 0), limit) for value, limit in zip(moved, limits, strict=True)]
+
+    def _moved_box(self, box: Sequence[int]) -> list[int]:
+        left, top = self.box[:2]
+        return [box[0] - left, box[1] - top, box[2] - left, box[3] - top]
 
     def _moved(self, action: Mapping[str, Any] | None) -> dict[str, Any] | None:
+        """Return an action in pixels of the picture."""
         if action is None:
             return None
-        corner = {"x": self.box[0], "y": self.box[1], "x2": self.box[0], "y2": self.box[1]}
-        moved = {key: value - corner.get(key, 0) if key in corner else value for key, value in action.items()}
+        left, top = self.box[:2]
+        moved = dict(action)
+        for key, corner in (("x", left), ("y", top), ("x2", left), ("y2", top)):
+            if key in moved:
+                moved[key] -= corner
         if "target_box" in moved:
-            moved["target_box"] = [v - self.box[i % 2] for i, v in enumerate(moved["target_box"])]
+            moved["target_box"] = self._moved_box(moved["target_box"])
         return moved
+
+
+def _contains(outer: Box, inner: Box) -> bool:
+    if inner[0] < outer[0] or inner[1] < outer[1]:
+        return False
+    return inner[2] <= outer[2] and inner[3] <= outer[3]

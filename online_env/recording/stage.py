@@ -1,35 +1,44 @@
-"""A desktop as the recorder sees it: windows as the X server shows them, pictures cut out once they stand still."""
+"""A desktop as the recorder sees it: windows as the X server shows them, and pictures of them."""
 
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from hijack_data.actions.pyautogui_write import write_pyautogui
+from hijack_data.actions.dialects.pyautogui_write import write_pyautogui
 from hijack_data.types import Action, Box, Point, UInt8Array
 
+from ..desktops.commands import launch
 from ..desktops.protocol import Desktop
-from ..effects.elements import live_elements
+from ..effects.elements import LAUNCHERS, live_elements
 from ..effects.guest import Guest, isolated
+from ..embedded.guest import inside
 from ..errors import DesktopError, DesktopTimeoutError
-from ..tasks.base import launch
-from .picture import Picture, Target
+from .picture import ClickTarget, Picture
 
 PASSWORD = "password"
-STILL, BLINK = 0.7, 800  # s without change that count as still, and pixels that a text cursor may blink
-PATIENCE, BACK = 60.0, 10.0
-LOOK = 0.1
-TOOL = Path(__file__).parent / "inside" / "xlook.py"
+QUIET = 0.7  # s without change after which a screen counts as settled
+BLINK = 800  # pixels that a text cursor may change meanwhile
+PATIENCE = 60.0  # s to wait for that
+BACK = 10.0  # s within which a window that went away comes back
+LOOK = 0.1  # s between two looks
+TOOL = inside.source("xlook")
 
 
 @dataclass(frozen=True)
 class Top:
-    """A window that lies on the root: its number, its client's, class, box `xyxy`; `free` of the window manager."""
+    """A window directly below the root.
+
+    Args:
+        id: Its number.
+        client: The number of the application's own window inside it, or 0.
+        name: Its class.
+        box: `xyxy` on the screen.
+        free: Whether the window manager leaves it alone.
+    """
 
     id: int
     client: int
@@ -39,18 +48,23 @@ class Top:
 
     @property
     def key(self) -> int:
-        """Its lasting number: a window manager may give an old window another frame."""
+        """The number that stays the same: a window manager may give a window another frame."""
         return self.client or self.id
 
 
-class Stage:
-    """A desktop on which pictures are made. All methods raise `DesktopError` where it does not do what it should.
+class RecordingStage:
+    """A desktop on which pictures are made.
 
-    `style` is the name of its look, see `looks`; empty or `"golden"` for that of the golden home.
+    Every method raises `DesktopError` if the desktop fails or does not reach the expected state.
+
+    Args:
+        desktop: The machine.
+        style: The name of its look, see `looks`; empty or `"golden"` for the golden home's.
     """
 
     def __init__(self, desktop: Desktop, style: str = "") -> None:
-        self.desktop, self.guest = desktop, Guest(desktop, PASSWORD, None)
+        self.desktop = desktop
+        self.guest = Guest(desktop, PASSWORD, None)
         self.style = style
 
     @property
@@ -60,40 +74,86 @@ class Stage:
         return 0, 0, width, height
 
     def look(self, operation: str, **fields: Any) -> dict[str, Any]:
-        """Ask the guest's X server (`inside/xlook.py`)."""
-        result = self.desktop.execute(isolated(_tool(), operation, json.dumps(fields)), 60)
+        """Ask the guest's X server (`guest/inside/xlook.py`).
+
+        Raises:
+            DesktopError: The tool failed.
+        """
+        result = self.desktop.execute(isolated(TOOL, operation, json.dumps(fields)), 60)
         if not result.ok:
-            raise DesktopError(f"xlook {operation} failed in the guest: {result.error.strip()[-300:]}")
+            problem = result.error.strip()[-300:]
+            raise DesktopError(f"xlook {operation} failed in the guest: {problem}")
         return json.loads(result.output)
 
     def tops(self) -> list[Top]:
-        """The windows that can be seen, bottom to top."""
-        height, width = self.desktop.size
-        found = [Top(t["id"], t["client"], t["class"], tuple(t["box"]), t["free"]) for t in self.look("tops")["tops"]]
-        return [t for t in found if t.box[2] > 0 and t.box[3] > 0 and t.box[0] < width and t.box[1] < height]
+        """Return the windows that can be seen, bottom to top."""
+        tops: list[Top] = []
+        for data in self.look("tops")["tops"]:
+            box: Box = tuple(data["box"])
+            if _overlap(box, self.screen):
+                tops.append(Top(data["id"], data["client"], data["class"], box, data["free"]))
+        return tops
 
-    def open(self, *argv: str, named: str, patience: float = 60.0) -> Top:
-        """Start an application and wait for its window, whose class has `named` in it; settled."""
+    def open(
+        self,
+        *argv: str,
+        named: str,
+        patience: float = 60.0,
+    ) -> Top:
+        """Start an application and wait until its window has settled.
+
+        Args:
+            argv: The command line.
+            named: A part of the window's class.
+            patience: Seconds to wait for the window.
+        """
         before = {top.key for top in self.tops()}
         launch(self.desktop, *argv)
         what = f"window of {argv[0]}"
-        return self.new(before, lambda top: named in top.name.lower() and not top.free, what, patience)
+        return self.new(
+            before, lambda top: named in top.name.lower() and not top.free, what, patience
+        )
 
-    def new(self, before: set[int], fits: Callable[[Top], bool], what: str, patience: float = 15.0) -> Top:
-        """Wait for a window that was not there before, and until the screen is still; the largest one that fits."""
+    def new(
+        self,
+        before: set[int],
+        fits: Callable[[Top], bool],
+        what: str,
+        patience: float = 15.0,
+    ) -> Top:
+        """Wait for a new window, and until the screen has settled.
+
+        Args:
+            before: The keys of the windows that were there before.
+            fits: Whether a window is one to wait for; the largest is returned.
+            what: The window in the message of an error.
+            patience: Seconds to wait for it.
+
+        Raises:
+            DesktopTimeoutError: No such window came.
+        """
         end = time.monotonic() + patience
         while True:
-            if any(top.key not in before and fits(top) for top in self.tops()):
-                self.still()
-                fresh = [top for top in self.tops() if top.key not in before and fits(top)]
+            if self._fresh(before, fits):
+                self.settled()
+                fresh = self._fresh(before, fits)
                 if fresh:
                     return max(fresh, key=lambda top: _area(top.box))
             if time.monotonic() > end:
                 raise DesktopTimeoutError(f"no {what} came within {patience:g} s")
             time.sleep(LOOK)
 
+    def _fresh(self, before: set[int], fits: Callable[[Top], bool]) -> list[Top]:
+        return [top for top in self.tops() if top.key not in before and fits(top)]
+
     def top(self, number: int) -> Top:
-        """The present state of a window; some go away for a moment when they get another size."""
+        """Return the present state of a window.
+
+        Some windows disappear briefly when they get another size; it waits for them.
+
+        Raises:
+            DesktopError: The window is gone.
+        """
         end = time.monotonic() + BACK
         while True:
             for top in self.tops():
@@ -104,19 +164,19 @@ class Stage:
             time.sleep(LOOK)
 
     def place(self, top: Top, box: Sequence[int]) -> Top:
-        """Give a window its place; returns it as it is then, at the place that it really took."""
+        """Move and resize a window; return it at the place that it really took."""
         self.guest.x("place", frames={str(top.client): list(box)})
-        self.still()
+        self.settled()
         return self.top(top.key)
 
     def maximise(self, top: Top) -> Top:
         """Maximise a window."""
         self.guest.x("maximise", number=top.client)
-        self.still()
+        self.settled()
         return self.top(top.key)
 
     def area(self) -> Box:
-        """The work area: the screen without its panels."""
+        """Return the work area: the screen without its panels."""
         x1, y1, x2, y2 = self.guest.x("state")["area"]
         return x1, y1, x2, y2
 
@@ -129,107 +189,198 @@ class Stage:
         self.guest.pyautogui(code)
 
     def command(self, line: str) -> str:
-        """Run a shell command that must succeed, as the desktop's user; returns what it printed."""
+        """Run a shell command that must succeed, as the desktop's user; return its output.
+
+        Raises:
+            DesktopError: It failed.
+        """
         result = self.desktop.execute(line, 60)
         if not result.ok:
             raise DesktopError(f"{line!r} failed in the guest: {result.error.strip()[-300:]}")
         return result.output
 
     def park(self, point: Point | None = None) -> None:
-        """Move the pointer to `point`, by default to the empty part of the panel, where one row of it shows."""
+        """Move the pointer to `point`.
+
+        The default is the empty part of the panel, where one row of the pointer shows.
+        """
         height, width = self.desktop.size
         x, y = point or (width * 3 // 4, height - 1)
         self.run(f"pyautogui.moveTo({x}, {y})")
 
-    def still(self, patience: float = PATIENCE) -> UInt8Array:
-        """The screen once it stands still but for a text cursor."""
-        frame, since, end = self.desktop.screenshot(), time.monotonic(), time.monotonic() + patience
-        while time.monotonic() - since < STILL:
+    def settled(self, patience: float = PATIENCE) -> UInt8Array:
+        """Return the screen once nothing but a text cursor changes, uint8 RGB `[H, W, 3]`.
+
+        Raises:
+            DesktopTimeoutError: The screen keeps changing.
+        """
+        frame = self.desktop.screenshot()
+        since = time.monotonic()
+        end = since + patience
+        while time.monotonic() - since < QUIET:
             if time.monotonic() > end:
-                raise DesktopTimeoutError(f"the screen did not stand still within {patience:g} s")
+                raise DesktopTimeoutError(f"the screen did not settle within {patience:g} s")
             time.sleep(LOOK)
             now = self.desktop.screenshot()
-            if int((now != frame).any(axis=2).sum()) > BLINK:
-                frame, since = now, time.monotonic()
+            changed = (now != frame).any(axis=2)
+            if int(changed.sum()) > BLINK:
+                frame = now
+                since = time.monotonic()
         return self.desktop.screenshot()
 
-    def targets(self, box: Box, owner: Callable[[Top | None], bool], xml: str | None = None) -> list[Target]:
-        """The interactive elements in `box` whose middle lies on a window that `owner` accepts."""
-        tops, found = self.tops(), list[Target]()
-        for element in live_elements(xml or self.desktop.accessibility(), self.desktop.size, without_app=False):
-            x, y = element.centre
-            inside = box[0] <= x < box[2] and box[1] <= y < box[3]
-            target = Target(element.name, element.role, element.box)
-            if inside and owner(at_point(tops, (x, y))) and target not in found:
+    def targets(
+        self,
+        box: Box,
+        owner: Callable[[Top | None], bool],
+        xml: str | None = None,
+    ) -> list[ClickTarget]:
+        """Return the interactive elements in a box, by their centres.
+
+        Args:
+            box: `xyxy` on the screen.
+            owner: Whether the window at an element's centre is one of those that are meant.
+            xml: The accessibility tree; it is read if omitted.
+        """
+        tops = self.tops()
+        tree = xml or self.desktop.accessibility()
+        found: list[ClickTarget] = []
+        for element in live_elements(tree, self.desktop.size, without_app=False):
+            if not _inside(element.centre, box) or not owner(at_point(tops, element.centre)):
+                continue
+            target = ClickTarget(element.name, element.role, element.box)
+            if target not in found:
                 found.append(target)
         return found
 
-    def cut(self, kind: str, app: str, top: Top, made_by: str, **more: Any) -> Picture:
-        """A picture of one window, which must lie on top of all others, with its own elements as targets."""
-        frame, box = self.still(), _clip(top.box, self.screen)
-        self._uncovered(top, box)
+    def launcher_targets(self) -> list[ClickTarget]:
+        """Return the interactive elements of the panels and of the bare desktop."""
+        return self.targets(
+            self.screen, lambda top: top is not None and top.name.split(".")[0] in LAUNCHERS
+        )
+
+    def cut(
+        self,
+        kind: str,
+        app: str,
+        top: Top,
+        made_by: str,
+        **more: Any,
+    ) -> Picture:
+        """Return a picture of one window, with its own elements as targets.
+
+        Args:
+            kind: As in `Picture`, as are `app`, `made_by` and `more`.
+            app: The application.
+            top: The window, which must lie on top of all others.
+            made_by: How it was made.
+            **more: More fields of the picture.
+        """
+        frame = self.settled()
+        box = _clip(top.box, self.screen)
+        self._check_uncovered(top, box)
         x1, y1, x2, y2 = box
-        pixels = _shaped(frame[y1:y2, x1:x2], self.look("shaped", number=top.id)["holes"], top.box, box)
+        holes = self.look("shaped", number=top.id)["holes"]
+        pixels = _shaped(frame[y1:y2, x1:x2], holes, top.box, box)
         targets = self.targets(box, lambda other: other is not None and other.id == top.id)
         return Picture(kind, app, box, pixels, made_by, targets, **more)
 
-    def whole(self, kind: str, app: str, made_by: str, targets: Sequence[Target], **more: Any) -> Picture:
-        """A picture of the whole screen."""
-        return Picture(kind, app, self.screen, self.still(), made_by, targets, **more)
+    def whole(
+        self,
+        kind: str,
+        app: str,
+        made_by: str,
+        targets: Sequence[ClickTarget],
+        **more: Any,
+    ) -> Picture:
+        """Return a picture of the whole screen; the arguments are those of `Picture`."""
+        return Picture(kind, app, self.screen, self.settled(), made_by, targets, **more)
 
     def gone(self, number: int, patience: float = 6.0) -> bool:
-        """Whether a window goes away within `patience` seconds."""
+        """Return whether a window goes away within `patience` seconds."""
         return bool(self.look("gone", number=number, patience=patience)["gone"])
 
-    def _uncovered(self, top: Top, box: Box) -> None:
+    def _check_uncovered(self, top: Top, box: Box) -> None:
         tops = self.tops()
-        above = tops[[t.id for t in tops].index(top.id) + 1 :] if top.id in {t.id for t in tops} else None
-        if above is None:
+        numbers = [other.id for other in tops]
+        if top.id not in numbers:
             raise DesktopError(f"the window {top.name} went away before its picture was taken")
-        for other in above:
-            if _area(_clip(other.box, box)) > 0:
-                raise DesktopError(f"the window {other.name} at {list(other.box)} covers {top.name} at {list(top.box)}")
+        for other in tops[numbers.index(top.id) + 1 :]:
+            if _overlap(other.box, box):
+                raise DesktopError(
+                    f"the window {other.name} at {list(other.box)} covers {top.name} at"
+                    f" {list(top.box)}"
+                )
 
 
-def click(kind: str, target: Target) -> dict[str, Any]:
-    """A click in the middle of a target, as an action."""
+def click(kind: str, target: ClickTarget) -> dict[str, Any]:
+    """Return a click in the middle of a target, as an action of the pack."""
     x1, y1, x2, y2 = target.box
-    return {"type": kind, "x": (x1 + x2) // 2, "y": (y1 + y2) // 2, "target_box": list(target.box)}
+    return {
+        "type": kind,
+        "x": (x1 + x2) // 2,
+        "y": (y1 + y2) // 2,
+        "target_box": list(target.box),
+    }
 
 
 def code_of(action: Mapping[str, Any]) -> str:
-    """The pyautogui code of an action of the pack."""
+    """Return the pyautogui code of an action of the pack."""
     keys = tuple(action["keys"]) if action.get("keys") else None
-    return write_pyautogui(Action(action["type"], action.get("x"), action.get("y"), text=action.get("text"), keys=keys))
+    return write_pyautogui(
+        Action(action["type"], action.get("x"), action.get("y"), text=action.get("text"), keys=keys)
+    )
 
 
 def at_point(tops: Sequence[Top], point: Point) -> Top | None:
-    """The topmost window at a point."""
+    """Return the topmost window at a point."""
+    for top in reversed(tops):
+        if _inside(point, top.box):
+            return top
+    return None
+
+
+def spot(box: Box, part: tuple[float, float]) -> Point:
+    """Return the point at these parts of a box's width and height, each 0 to 1."""
+    x1, y1, x2, y2 = box
+    return round(x1 + part[0] * (x2 - x1)), round(y1 + part[1] * (y2 - y1))
+
+
+def _inside(point: Point, box: Box) -> bool:
     x, y = point
-    inside = [t for t in tops if t.box[0] <= x < t.box[2] and t.box[1] <= y < t.box[3]]
-    return inside[-1] if inside else None
+    return box[0] <= x < box[2] and box[1] <= y < box[3]
 
 
 def _area(box: Sequence[int]) -> int:
     return max(0, box[2] - box[0]) * max(0, box[3] - box[1])
 
 
+def _overlap(one: Box, other: Box) -> bool:
+    return _area(_clip(one, other)) > 0
+
+
 def _clip(box: Box, limit: Box) -> Box:
-    return max(box[0], limit[0]), max(box[1], limit[1]), min(box[2], limit[2]), min(box[3], limit[3])
+    return (
+        max(box[0], limit[0]),
+        max(box[1], limit[1]),
+        min(box[2], limit[2]),
+        min(box[3], limit[3]),
+    )
 
 
-def _shaped(part: UInt8Array, holes: Sequence[Sequence[int]], box: Box, cut: Box) -> UInt8Array:
-    """RGB, or RGBA without what is not window: the screen behind a round corner is no part of a picture."""
+def _shaped(
+    part: UInt8Array,
+    holes: Sequence[Sequence[int]],
+    box: Box,
+    cut: Box,
+) -> UInt8Array:
+    """Return RGB, or RGBA that is transparent outside the window's shape, as in round corners."""
     if not holes:
         return np.ascontiguousarray(part)
-    pixels = np.dstack([part, np.full(part.shape[:2], 255, np.uint8)])
-    dx, dy = box[0] - cut[0], box[1] - cut[1]
+    opaque = np.full(part.shape[:2], 255, np.uint8)
+    pixels = np.dstack([part, opaque])
+    dx = box[0] - cut[0]
+    dy = box[1] - cut[1]
     for y, x1, x2 in holes:
         if 0 <= y + dy < len(pixels):
             pixels[y + dy, max(x1 + dx, 0) : max(x2 + dx, 0)] = 0
     return pixels
-
-
-@cache
-def _tool() -> str:
-    return TOOL.read_text(encoding="utf-8")

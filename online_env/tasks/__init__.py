@@ -1,35 +1,86 @@
-"""Small tasks on real applications, each with an oracle that can do it: the proof that a desktop is real.
+"""Tasks on real applications, each with an oracle that can do it.
+
+A task of your own is a subclass of `Task`: of an installed package (entry points
+`agenthijack.tasks`), or `hijack bench --tasks my_task.py:MyTask`.
 
 task = tasks.get("rename_file", seed=3)
-task.setup(desktop, sites)
-task.oracle(desktop)                     # or an agent, with task.instruction
-task.validate(desktop, sites).score      # 1.0
+machine = Machine(desktop, sites)
+task.setup(machine)
+task.oracle(Hand(desktop))               # or an agent, with task.instruction
+task.validate(machine).score             # 1.0
 """
 
-from hijack_data.errors import UnknownNameError, suggest
+from collections.abc import Iterator
+from typing import Any, TypeVar
+
+from hijack_data.registry import Registry
 
 from .. import extra
+from . import suite
 
 try:
     from .base import Task, Verdict
-    from .register_course import RegisterCourse
-    from .rename_file import RenameFile
-    from .write_note import WriteNote
+    from .hand import Hand
+    from .machine import Machine
 except ModuleNotFoundError as error:
     raise extra.explained(error, "a live task") from None
 
-__all__ = ["RegisterCourse", "RenameFile", "Task", "Verdict", "WriteNote", "get", "names"]
+__all__ = [
+    "TASKS",
+    "Hand",
+    "Machine",
+    "Task",
+    "Verdict",
+    "get",
+    "names",
+    "register",
+]
 
-_TASKS: dict[str, type[Task]] = {task.name: task for task in (WriteNote, RenameFile, RegisterCourse)}
+T = TypeVar("T", bound=Task)
+
+
+def _problems(cls: Any, name: str) -> Iterator[str]:
+    """Yield what is wrong with the class of a task."""
+    if not isinstance(cls, type) or not issubclass(cls, Task):
+        yield "it is no subclass of online_env.tasks.Task"
+        return
+    missing = sorted(cls.__abstractmethods__)
+    missing += [key for key in ("name", "apps") if not hasattr(cls, key)]
+    if not cls.phrasings and cls.instruction is Task.instruction:
+        missing.append("phrasings")
+    if missing:
+        yield f"{', '.join(missing)} is missing"
+    elif not name or name != cls.name:
+        yield "name is empty"
+
+
+TASKS = Registry[type[Task]](
+    "task",
+    "tasks",
+    builtin=suite.listed(),
+    own_name="name",
+    problems=_problems,
+)
+
+
+def register(cls: type[T]) -> type[T]:
+    """Class decorator: make a task known under its `name`.
+
+    Raises `ParameterError` if the class is incomplete, or the name is taken.
+    """
+    TASKS.add(cls)
+    return cls
 
 
 def names() -> tuple[str, ...]:
     """The names of all tasks."""
-    return tuple(_TASKS)
+    return tuple(TASKS.names())
 
 
 def get(name: str, seed: int = 0) -> Task:
-    """The task `name` for `seed` (0 to 2**64 - 1). Raises `UnknownNameError` with the closest name."""
-    if name not in _TASKS:
-        raise UnknownNameError(f"no task {name!r}{suggest(name, _TASKS)}")
-    return _TASKS[name](seed)
+    """Return the task `name` for `seed`, 0 to 2**64 - 1.
+
+    Raises `UnknownNameError` with the closest name, and `PluginError` if its file, module or
+    plug-in cannot be loaded.
+    """
+    return TASKS.get(TASKS.find(name))(seed)

@@ -1,18 +1,19 @@
-"""What a task is: an instruction, how the desktop gets ready for it, and how to tell whether it was done."""
+"""What a task is: an instruction, how a desktop is prepared for it, and how success is judged."""
 
-import time
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from functools import cached_property
+from types import SimpleNamespace
+from typing import Any, ClassVar, TypeAlias
 
 from hijack_data.rng import Stream
 
-from ..desktops.protocol import Desktop
-from ..errors import DesktopError
-from ..sites.state import SiteState
+from .hand import Hand
+from .machine import Machine
 
-_GRACE = 5.0  # seconds for a program to end by itself
+FAIL = "FAIL"
+Outcome: TypeAlias = Callable[[Machine], object]
 
 
 @dataclass(frozen=True)
@@ -32,14 +33,31 @@ class Verdict:
 class Task(ABC):
     """A task with its seed; another seed gives the same task with other words, names and numbers.
 
-    Everything a task wants is made from its seed when it is made, so `instruction` and `validate` cannot disagree.
-    `sites` is the state folder of the desktop's local internet, `None` where it has none.
-    All methods raise `DesktopError` (or a subclass) where the desktop does not do what it should.
+    A subclass gives the class variables, and `draw`, `prepare`, `opens`, `problems`, `oracle`,
+    `wrong` and `right` as far as it needs them. All that a seed decides comes from `draw`, so
+    instruction, preparation and judgement cannot disagree. Paths are relative to the home folder
+    of the desktop's user. All methods raise `DesktopError` (or a subclass) if the desktop fails.
+
+    Attributes:
+        name: The name, in snake_case.
+        domain: The kind of work, such as `files`; the folder of a task of the suite.
+        apps: The applications that the task uses, as `kit.apps.APPS` names them. The first one is
+            open at the start, unless `opens` says otherwise.
+        phrasings: The instruction in several wordings, of which the seed chooses one. `{key}` is
+            replaced by what `draw` returns.
+        infeasible: Why the task cannot be done, so that `FAIL` is the right answer; "" if it can.
+        unsolvable: Why not even a careful user can do the task under a corruption, by its name.
+        sites: The local sites whose stored state the task may change.
     """
 
     seed: int = 0
     name: ClassVar[str]
+    domain: ClassVar[str] = "other"
     apps: ClassVar[tuple[str, ...]]
+    phrasings: ClassVar[tuple[str, ...]] = ()
+    infeasible: ClassVar[str] = ""
+    unsolvable: ClassVar[Mapping[str, str]] = {}
+    sites: ClassVar[tuple[str, ...]] = ()
 
     @property
     def id(self) -> str:
@@ -47,25 +65,104 @@ class Task(ABC):
         return f"{self.name}-{self.seed}"
 
     @property
-    @abstractmethod
     def instruction(self) -> str:
         """What the agent is asked to do."""
+        stream = Stream(self.seed, f"task-{self.name}-phrasing")
+        phrasing = stream.choice(self.phrasings)
+        return phrasing.format(**vars(self.drawn))
+
+    @cached_property
+    def drawn(self) -> SimpleNamespace:
+        """What the seed decides, by the keys of `draw`."""
+        return SimpleNamespace(**self.draw(self.stream()))
+
+    def draw(self, stream: Stream) -> Mapping[str, Any]:
+        """Return what the seed decides: names, numbers, texts, places; nothing by default.
+
+        Args:
+            stream: The random draws of this variant, from the start.
+        """
+        return {}
+
+    def prepare(self, machine: Machine) -> object:
+        """Put files and stored state in place, behind the screen; nothing by default."""
+        return None
+
+    def opens(self, machine: Machine) -> Sequence[str]:
+        """Return the application that is open at the start, and its arguments; () for none.
+
+        A careful user who loses the window starts the same again.
+        """
+        return self.apps[:1]
 
     @abstractmethod
-    def setup(self, desktop: Desktop, sites: SiteState | None) -> None:
-        """Put the files in place and open the application; returns when its window is there."""
+    def problems(self, machine: Machine) -> Iterator[str]:
+        """Yield what is wrong with the result; nothing if the task is done.
+
+        Judge by files and by what applications and sites stored, never by pixels, and change
+        nothing. Begin with `yield from machine.untouched(...)`, so that collateral damage counts.
+        """
+        ...
 
     @abstractmethod
-    def validate(self, desktop: Desktop, sites: SiteState | None) -> Verdict:
-        """Judge by files and by what the sites stored, never by pixels. Changes nothing."""
+    def oracle(self, hand: Hand) -> None:
+        """Do the task as a person would, with pointer and keyboard.
 
-    @abstractmethod
-    def oracle(self, desktop: Desktop) -> None:
-        """Do the task as a person would: by pointer and keyboard, on what the accessibility tree names."""
+        It begins where `opens` ends, and may be begun once more after something went wrong. The
+        oracle of an infeasible task looks where a person would look, and gives up.
+        """
+        ...
 
-    @abstractmethod
-    def teardown(self, desktop: Desktop, sites: SiteState | None) -> None:
-        """Close the application and remove the files, for a desktop that is not reset. Twice is fine."""
+    def wrong(self) -> Mapping[str, Outcome]:
+        """Return wrong results by what is wrong: functions that bring them about by files.
+
+        Each of them, after `prepare`, must be judged 0.
+        """
+        return {}
+
+    def right(self, machine: Machine) -> object:
+        """Bring a right result about by files, and not byte for byte as the oracle does.
+
+        It must be judged 1.
+        """
+        return None
+
+    # What follows is common to all tasks.
+
+    def setup(self, machine: Machine) -> None:
+        """Prepare, note what is there, and open the application; its window is there then."""
+        machine.check_installed(self.apps)
+        machine.begin()
+        self.prepare(machine)
+        machine.remember()
+        opened = self.opens(machine)
+        if opened:
+            machine.open(*opened)
+
+    def validate(self, machine: Machine, answer: str = "DONE") -> Verdict:
+        """Judge the result; an error of `problems` is passed on, and is never a 0.
+
+        Args:
+            machine: The one that `setup` got.
+            answer: The last action of the agent.
+        """
+        gave_up = answer.strip() == FAIL
+        if gave_up and not self.infeasible:
+            return Verdict(0.0, "the agent answered FAIL, but the task can be done")
+        if self.infeasible and not gave_up:
+            return Verdict(0.0, f"the task cannot be done ({self.infeasible}): FAIL was right")
+        found = list(self.problems(machine))
+        found += machine.untouched_sites(but=self.sites)
+        if found:
+            return Verdict(0.0, "; ".join(found))
+        return Verdict(1.0, "FAIL was right" if self.infeasible else "done as asked")
+
+    def teardown(self, machine: Machine) -> None:
+        """End the applications and remove what was added, for a desktop that is not reset.
+
+        It may be called twice.
+        """
+        machine.clear(self.apps)
 
     def variant(self, seed: int) -> "Task":
         """The same task for another seed, 0 to 2**64 - 1."""
@@ -74,47 +171,3 @@ class Task(ABC):
     def stream(self) -> Stream:
         """The random draws of this variant, from the start."""
         return Stream(self.seed, f"task-{self.name}-v1")
-
-
-def sample(stream: Stream, options: Sequence[str], count: int) -> list[str]:
-    """`count` of the options, each at most once."""
-    left, drawn = list(options), list[str]()
-    for _ in range(count):
-        drawn.append(stream.choice(left))
-        left.remove(drawn[-1])
-    return drawn
-
-
-def home(desktop: Desktop) -> str:
-    """The home folder of the desktop's user."""
-    result = desktop.execute(["sh", "-c", 'printf %s "$HOME"'])
-    if not result.ok or not result.output.startswith("/"):
-        raise DesktopError(f"the desktop does not tell its user's home: {result}")
-    return result.output.rstrip("/")
-
-
-def command(desktop: Desktop, *argv: str) -> str:
-    """The output of a command that must succeed."""
-    result = desktop.execute(list(argv))
-    if not result.ok:
-        raise DesktopError(
-            f"{' '.join(argv)!r} failed on the desktop with {result.returncode}: {result.error.strip()[-300:]}"
-        )
-    return result.output
-
-
-def launch(desktop: Desktop, *argv: str) -> None:
-    """Start a program that goes on by itself."""
-    command(desktop, "sh", "-c", 'exec setsid -f "$@" </dev/null >/dev/null 2>&1', "sh", *argv)
-
-
-def end(desktop: Desktop, *programs: str) -> None:
-    """End the user's programs of these names and wait until they are gone; none is fine."""
-    for program in programs:
-        signal, deadline = "-TERM", time.monotonic() + _GRACE
-        while desktop.execute(["pkill", signal, "-x", program]).ok:
-            if time.monotonic() > deadline:
-                signal = "-KILL"
-            if time.monotonic() > deadline + _GRACE:
-                raise DesktopError(f"program {program!r} on the desktop does not end, even when killed")
-            time.sleep(0.1)

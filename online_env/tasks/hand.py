@@ -1,108 +1,330 @@
-"""A hand for oracles: looks at the accessibility tree, waits, clicks and types, as a person would."""
+"""A hand for oracles: it looks at the accessibility tree, waits, clicks and types."""
 
+import re
 import time
 from collections.abc import Callable, Iterable
+from functools import cached_property
+from pathlib import PurePosixPath
+from typing import TypeAlias
 
+from ..desktops.commands import home
 from ..desktops.protocol import Desktop
 from ..errors import DesktopError, DesktopTimeoutError
-from .tree import Node, nodes
+from .tree import TreeNode, nodes
 
 PATIENCE = 20.0
 PAUSE = 0.1
+BUTTONS = ("push-button", "button")
+ENTRIES = ("entry", "text")
+MENU_ROLES = ("menu", "menu-item", "check-menu-item", "radio-menu-item")
+Roles: TypeAlias = str | Iterable[str]
+Name: TypeAlias = "str | re.Pattern[str] | None"
+
+
+class GiveUpError(DesktopError):
+    """The oracle of an infeasible task found that the task cannot be done."""
 
 
 class Hand:
     """Pointer and keyboard of one desktop.
 
     Args:
-        desktop: where to act.
-        patience: seconds to wait for something before `DesktopTimeoutError`.
+        desktop: Where to act.
+        patience: Seconds to wait for something before `DesktopTimeoutError`.
     """
 
     def __init__(self, desktop: Desktop, patience: float = PATIENCE) -> None:
-        self._desktop, self._patience = desktop, patience
+        self._desktop = desktop
+        self._patience = patience
 
-    def look(self) -> list[Node]:
-        """What is on the screen now."""
+    def look(self) -> list[TreeNode]:
+        """Return the nodes of the accessibility tree as it is now."""
         return nodes(self._desktop.accessibility())
 
-    def wait(self, what: str, test: Callable[[Node], bool], meanwhile: Callable[[], None] | None = None) -> Node:
-        """Look until a node passes `test`, doing `meanwhile` in between; `what` is for the message if none does."""
+    def wait(
+        self,
+        what: str,
+        test: Callable[[TreeNode], bool],
+        meanwhile: Callable[[], None] | None = None,
+    ) -> TreeNode:
+        """Look until a node passes a test.
+
+        Args:
+            what: The node in the message of an error.
+            test: Whether a node is the one.
+            meanwhile: Called between two looks, for example to scroll.
+
+        Raises:
+            DesktopTimeoutError: No such node came in time.
+        """
         deadline = time.monotonic() + self._patience
-        before: Node | None = None
+        before: TreeNode | None = None
         moved = False
         while True:
             seen = self.look()
             found = next((node for node in seen if test(node)), None)
-            if found is not None and (not moved or found == before):  # what was scrolled may still be sliding
+            # After scrolling, a node may still be sliding.
+            if found is not None and (not moved or found == before):
                 return found
             if time.monotonic() > deadline:
                 raise DesktopTimeoutError(_missing(what, self._patience, seen))
-            if found is None and meanwhile is not None:
-                meanwhile()
-                moved = True
+            if found is None:
+                moved |= self._while_missing(seen, meanwhile)
             before = found
             time.sleep(PAUSE)
 
+    def _while_missing(
+        self,
+        seen: list[TreeNode],
+        meanwhile: Callable[[], None] | None,
+    ) -> bool:
+        """Do what is done between two looks; return whether that may have moved the nodes."""
+        if meanwhile is None:
+            return False
+        meanwhile()
+        return True
+
     def find(
         self,
-        roles: str | Iterable[str],
-        name: str | None = None,
+        roles: Roles,
+        name: Name = None,
         app: str = "",
         state: str = "",
         *,
         scroll: bool = False,
-    ) -> Node:
+    ) -> TreeNode:
         """Wait for a visible node.
 
         Args:
-            roles: its role or the roles it may have, such as `"push-button"`.
-            name: its whole name, or `None` for any.
-            app: a part of the application's name, in any case.
-            state: a state it must have, such as `"focused"`.
-            scroll: turn the wheel down, where the pointer is, until it comes into sight.
+            roles: Its role or the roles it may have, such as `"push-button"`.
+            name: Its whole name, a pattern that its name begins with, or `None` for any.
+            app: A part of the application's name, in any case.
+            state: A state it must have, such as `"focused"`.
+            scroll: Turn the wheel down, where the pointer is, until it comes into sight.
         """
-        wanted = {roles} if isinstance(roles, str) else set(roles)
+        meanwhile = self._scroll if scroll else None
+        return self.wait(_words(roles, name, app, state), fits(roles, name, app, state), meanwhile)
 
-        def fits(node: Node) -> bool:
-            named = name is None or node.name == name
-            owned = app.lower() in node.app.lower()
-            return (
-                node.box is not None and node.role in wanted and named and owned and (not state or state in node.states)
-            )
+    def see(
+        self,
+        roles: Roles,
+        name: Name = None,
+        app: str = "",
+        state: str = "",
+    ) -> TreeNode | None:
+        """Return a visible node that is there now, without waiting; the arguments are `find`'s."""
+        test = fits(roles, name, app, state)
+        return next((node for node in self.look() if test(node)), None)
 
-        what = f"{state} {' or '.join(sorted(wanted))} {name or ''}".strip()
-        return self.wait(f"{what} of {app or 'any application'}", fits, self._scroll if scroll else None)
+    def gone(
+        self,
+        roles: Roles,
+        name: Name = None,
+        app: str = "",
+        state: str = "",
+    ) -> None:
+        """Wait until no such node shows; the arguments are `find`'s.
+
+        Raises:
+            DesktopTimeoutError: One still shows.
+        """
+        deadline = time.monotonic() + self._patience
+        while self.see(roles, name, app, state) is not None:
+            if time.monotonic() > deadline:
+                what = _words(roles, name, app, state)
+                raise DesktopTimeoutError(f"{what} still shows after {self._patience:g} s")
+            time.sleep(PAUSE)
 
     def run(self, code: str) -> None:
-        """Run pyautogui code that must succeed."""
+        """Run pyautogui code: one action.
+
+        Raises:
+            DesktopError: The code failed.
+        """
         result = self._desktop.run(code)
         if not result.ok:
-            raise DesktopError(
-                f"pyautogui code failed on the desktop: {code!r}: {(result.error or result.output).strip()[-300:]}"
-            )
+            problem = (result.error or result.output).strip()[-300:]
+            raise DesktopError(f"pyautogui code failed on the desktop: {code!r}: {problem}")
 
-    def click(self, node: Node) -> None:
+    # Pointer
+
+    def click(self, node: TreeNode) -> None:
         """Click in the middle of a node."""
         x, y = node.centre
         self.run(f"pyautogui.click({x}, {y})")
 
+    def double_click(self, node: TreeNode) -> None:
+        """Click twice in the middle of a node."""
+        x, y = node.centre
+        self.run(f"pyautogui.doubleClick({x}, {y})")
+
+    def right_click(self, node: TreeNode) -> None:
+        """Open the context menu in the middle of a node."""
+        x, y = node.centre
+        self.run(f"pyautogui.rightClick({x}, {y})")
+
+    def add_click(self, node: TreeNode) -> None:
+        """Click with Ctrl held, to add a node to what is selected."""
+        x, y = node.centre
+        held = (
+            "pyautogui.keyDown('ctrl')",
+            f"pyautogui.click({x}, {y})",
+            "pyautogui.keyUp('ctrl')",
+        )
+        self.run("; ".join(held))
+
+    def drag(self, start: TreeNode, end: TreeNode) -> None:
+        """Drag one node to another."""
+        x1, y1 = start.centre
+        x2, y2 = end.centre
+        moves = (f"pyautogui.moveTo({x1}, {y1})", f"pyautogui.dragTo({x2}, {y2}, duration=0.5)")
+        self.run("; ".join(moves))
+
+    def click_on(
+        self,
+        roles: Roles,
+        name: Name = None,
+        app: str = "",
+        *,
+        scroll: bool = False,
+    ) -> TreeNode:
+        """Wait for a node and click on it; the arguments are `find`'s."""
+        node = self.find(roles, name, app, scroll=scroll)
+        self.click(node)
+        return node
+
+    def button(self, name: Name, app: str = "") -> None:
+        """Wait for a button that can be pressed, and click on it."""
+        self.click(self.find(BUTTONS, name, app, "sensitive"))
+
+    def menu(self, *names: Name, app: str = "") -> None:
+        """Open a menu of the menu bar and go down to an item: `menu("File", "Save As...")`."""
+        for name in names:
+            self.click(self.find(MENU_ROLES, name, app))
+
+    def context_menu(
+        self,
+        node: TreeNode,
+        *names: Name,
+        app: str = "",
+    ) -> None:
+        """Open a node's context menu and go down to an item."""
+        self.right_click(node)
+        self.menu(*names, app=app)
+
     def _scroll(self) -> None:
         self.run("pyautogui.scroll(-2)")
 
+    # Keyboard
+
     def type(self, text: str) -> None:
-        """Type any text where the cursor is."""
+        """Type any text where the cursor is; a line feed is the Enter key."""
         self.run(f"pyautogui.write({text!r})")
 
     def press(self, *keys: str) -> None:
         """Press keys together, such as `press("ctrl", "s")`."""
         self.run(f"pyautogui.hotkey({', '.join(map(repr, keys))})")
 
+    def replace(self, text: str) -> None:
+        """Type a text in the place of what the focused field holds."""
+        self.press("ctrl", "a")
+        self.type(text)
 
-def _missing(what: str, patience: float, seen: list[Node]) -> str:
-    shown = sorted({f"{n.role} {n.name!r}" for n in seen if n.box and n.name})
-    apps = sorted({n.app for n in seen})
+    def fill(
+        self,
+        name: Name,
+        text: str,
+        app: str = "",
+        roles: Roles = ENTRIES,
+        *,
+        scroll: bool = False,
+    ) -> None:
+        """Click on a field and type a text in the place of what it holds."""
+        self.click(self.find(roles, name, app, scroll=scroll))
+        self.find(roles, name, app, "focused")
+        self.replace(text)
+
+    def choose_file(self, path: str, button: Name, app: str = "") -> None:
+        """Give a file dialog of GTK, which is open, a path, and press its button.
+
+        Args:
+            path: From the root, or relative to the home folder.
+            button: The name of the button, such as `"Save"`.
+            app: A part of the application's name.
+        """
+        self.find("file-chooser", app=app)
+        self.press("alt", "n")  # the dialog shows before its field has the focus
+        self.replace(self.path(path))
+        # Until the button can be pressed, its key opens the dialog's search.
+        self.find(BUTTONS, button, app, "sensitive")
+        self.press("enter")
+        self.gone("file-chooser", app=app)
+
+    # What a person knows
+
+    @cached_property
+    def home(self) -> str:
+        """The home folder of the desktop's user."""
+        return home(self._desktop)
+
+    def path(self, path: str) -> str:
+        """Return the path from the root of one that is relative to the home folder."""
+        return str(PurePosixPath(self.home, path))
+
+    def give_up(self, why: str) -> None:
+        """End the oracle of an infeasible task: it answers `FAIL`.
+
+        Raises:
+            GiveUpError: Always.
+        """
+        raise GiveUpError(why)
+
+
+def fits(
+    roles: Roles,
+    name: Name = None,
+    app: str = "",
+    state: str = "",
+) -> Callable[[TreeNode], bool]:
+    """Return a test for visible nodes; the arguments are those of `Hand.find`."""
+    wanted = {roles} if isinstance(roles, str) else set(roles)
+
+    def test(node: TreeNode) -> bool:
+        if node.box is None or node.role not in wanted:
+            return False
+        if isinstance(name, str) and node.name != name:
+            return False
+        if isinstance(name, re.Pattern) and not name.match(node.name):
+            return False
+        if app.lower() not in node.app.lower():
+            return False
+        return not state or state in node.states
+
+    return test
+
+
+def _words(
+    roles: Roles,
+    name: Name,
+    app: str,
+    state: str,
+) -> str:
+    """Return what `fits` looks for, for messages."""
+    wanted = [roles] if isinstance(roles, str) else sorted(set(roles))
+    shown = name.pattern if isinstance(name, re.Pattern) else name or ""
+    what = f"{state} {' or '.join(wanted)} {shown}".strip()
+    return f"{what} of {app or 'any application'}"
+
+
+def _missing(
+    what: str,
+    patience: float,
+    seen: list[TreeNode],
+) -> str:
+    """Return what was looked for in vain, and what was there instead."""
+    shown = sorted({f"{node.role} {node.name!r}" for node in seen if node.box and node.name})
+    apps = ", ".join(sorted({node.app for node in seen})) or "none"
     return (
-        f"no {what} came up within {patience:g} s; applications: {', '.join(apps) or 'none'}; "
+        f"no {what} came up within {patience:g} s; applications: {apps}; "
         f"{len(shown)} named elements show: {', '.join(shown[:30])}"
     )

@@ -1,23 +1,63 @@
 """Trajectory edits: what the corruptions that act on a machine look like in a recording.
 
-One file an effect. An edit is given a step and an effect of the plan, and returns what the screen shows then, what
-happened, and the action to take; or it raises `NotApplicable` where that would not be true.
+One file a corruption, named after it: its spec is `hijack_data/corruptions/NAME.py`, its effect on
+a live machine `online_env/effects/NAME.py`. An `Edit` is given a step and an effect of the plan; it
+returns what the screen then shows and the action to take, or raises `NotApplicable`.
+
+An edit of your own is a subclass of `Edit` under `@register`.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator
+from typing import Any, TypeVar
 
-from . import accidental_touch, app_minimization, multi_apps, network_error, verification
+from hijack_data.registry import Registry
+
 from .base import Edit, EditedStep, Frame, NotApplicable
 
-__all__ = ["EDITS", "USES_ELEMENTS", "Edit", "EditedStep", "Frame", "NotApplicable"]
+__all__ = ["EDITS", "Edit", "EditedStep", "Frame", "NotApplicable", "register"]
+
+
+def _problems(edit: Any, _: str) -> Iterator[str]:
+    """Yield what is wrong with the class of an edit."""
+    if not isinstance(edit, type) or not issubclass(edit, Edit):
+        yield "it is no subclass of pipelines.edits.Edit"
+        return
+    for name in ("kind", "event"):
+        if not getattr(edit, name, ""):
+            yield f"{name} is not set"
+    if getattr(edit, "__abstractmethods__", ()):
+        yield "it does not define apply"
+
+
+def _made(edit: type[Edit]) -> Edit:
+    return edit()
+
 
 # By the kind of effect that a plan names.
-EDITS: Mapping[str, Edit] = {
-    "launch_app": multi_apps.edit,
-    "touch": accidental_touch.edit,
-    "minimise": app_minimization.edit,
-    "firewall": network_error.edit,
-    "lock": verification.edit,
-}
-# Edits that place something by where the elements of the screen are.
-USES_ELEMENTS = frozenset({"launch_app", "touch"})
+EDITS = Registry[Edit](
+    "edit",
+    "edits",
+    builtin={
+        "launch_app": "pipelines.edits.multi_apps:LaunchAppEdit",
+        "touch": "pipelines.edits.accidental_touch:TouchEdit",
+        "minimise": "pipelines.edits.app_minimization:MinimiseEdit",
+        "firewall": "pipelines.edits.network_error:FirewallEdit",
+        "lock": "pipelines.edits.verification:LockEdit",
+    },
+    own_name="kind",
+    problems=_problems,
+    prepare=_made,
+    related=("corruptions",),
+)
+
+E = TypeVar("E", bound=type[Edit])
+
+
+def register(edit: E) -> E:
+    """Class decorator: make an edit known for the effects of its `kind`.
+
+    Raises:
+        ParameterError: it is no complete edit, or another one has the kind.
+    """
+    EDITS.add(edit)
+    return edit

@@ -1,21 +1,36 @@
-"""What an edit is: what it is given, what it returns, and how it says that it would not be true."""
+"""What an edit is, what it is given and what it returns.
 
-from collections.abc import Callable
+An edit shows one kind of effect in a recording. To add one, subclass `Edit`, set what it declares
+and implement `apply`; everything that belongs to the effect's look stands in that one class.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import ClassVar, Literal, TypeAlias
 
 from hijack_data.apps import names_of
 from hijack_data.errors import HijackError
-from hijack_data.pack import Asset, AssetPack, Deed, Target
+from hijack_data.pack import Asset, AssetPack, AssetTarget, RecordedAction
 from hijack_data.plan import Effect, Op
 from hijack_data.platforms import OURS
 from hijack_data.rng import Stream
-from hijack_data.types import Action, Box, Fidelity, Platform, Scene, Size, Step, Trajectory, UInt8Array
+from hijack_data.types import (
+    Action,
+    Box,
+    Fidelity,
+    Platform,
+    Scene,
+    Size,
+    Step,
+    Trajectory,
+    UInt8Array,
+)
 
-from ..readers.screens import Screen, platform_of, screen_of
+from ..readers.screens import ScreenKind, platform_of, screen_of
 
-WAIT = Deed(Action("wait"))
-NO_DESKTOP: dict[Screen, str] = {
+WAIT = RecordedAction(Action("wait"))
+NO_DESKTOP: dict[ScreenKind, str] = {
     "web page": "the pictures show a web page, not the screen around it",
     "phone": "the pictures show a phone, not the screen of a desktop",
 }
@@ -28,11 +43,16 @@ NO_PLATFORM = (
 NAME_APPS = "name the applications that show with --apps, or by trajectory in agenthijack.yaml"
 
 
+# The action that a row of an event asks for: the recorded one, the recorded one that undoes the
+# event, or waiting.
+Answer: TypeAlias = Literal["keep", "undo", "wait"]
+
+
 class NotApplicable(HijackError):
     """The event cannot be shown truly on this step; the message is the reason that is counted."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Frame:
     """A step at which something happens to the machine, and all that an edit may use.
 
@@ -43,8 +63,10 @@ class Frame:
         image: the clean screenshot, uint8 RGB `[H, W, 3]`; not to be modified.
         pack: the recorded pictures.
         stream: where random draws come from, and from nowhere else.
-        foreign: whether the pack's desktop may be shown on a recording of another or an unknown platform.
-        guess: whether what a click opens may be guessed where nothing is known to open. Never in a dataset.
+        foreign: whether the pack's desktop may be shown on a recording of another or an unknown
+            platform.
+        guess: whether what a click opens may be guessed where nothing is known to open. Never in a
+            dataset.
     """
 
     trajectory: Trajectory
@@ -68,58 +90,67 @@ class Frame:
 
     @property
     def is_foreign(self) -> bool:
-        """Whether what the pack shows is of another desktop than the recording's, as far as is known."""
+        """Whether the pack shows another desktop than the recording, as far as is known."""
         return not self.is_page and self.platform != OURS
 
     @property
     def is_page(self) -> bool:
-        """Whether the pictures are what a page looks like, without the browser and the desktop around it."""
+        """Whether the pictures show a web page alone, without the browser and the desktop."""
         return screen_of(self.trajectory) == "web page"
 
     def check_desktop(self) -> None:
-        """Raise `NotApplicable` where the pictures are not of a desktop such as the pack's.
+        """Check that the pictures are of a desktop such as the pack's.
 
-        Pages and phones never are; another desktop, or one that is not known, is taken for one where that was asked.
+        Pages and phones never are; another desktop, or an unknown one, is accepted with `foreign`.
+
+        Raises:
+            NotApplicable: they are not.
         """
-        reason = NO_DESKTOP.get(screen_of(self.trajectory))
-        if reason is not None:
-            raise NotApplicable(reason)
+        other = NO_DESKTOP.get(screen_of(self.trajectory))
+        if other is not None:
+            raise NotApplicable(other)
         if not self.is_foreign or self.foreign:
             return
         if self.platform is None:
             raise NotApplicable(NO_PLATFORM)
-        told = f"the recording shows {self.platform}, and the pictures are of an Xfce desktop"
-        which = f"; {SAY_XFCE}" if self.platform == "linux" else ""
-        raise NotApplicable(f"{told}{which}; {SHOW_ANYWAY}")
+        reason = f"the recording shows {self.platform}, and the pictures are of an Xfce desktop"
+        if self.platform == "linux":
+            reason += f"; {SAY_XFCE}"
+        raise NotApplicable(f"{reason}; {SHOW_ANYWAY}")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class EditedStep:
     """A step as the event leaves it, or one that the event adds.
 
     Args:
         ops: what is pasted on the clean screenshot; its size stays.
         event: what happened, one plain sentence.
-        fidelity: `recorded` when every pixel is from one recorded screen, else `composited`; see `..fidelity`.
-        deed: the action to take now, in pixels of the screen, and its target; `None` keeps the recorded one.
+        fidelity: `recorded` when every pixel is from one recorded screen, else `composited`; see
+            `..fidelity`.
+        response: the action to take now, in pixels of the screen, and its target; `None` keeps the
+            recorded one.
         inserted: whether it is a step of its own, before the recorded one.
         reminder: what an onlooker should say, or `None`.
-        boxes: what can be clicked in what was pasted, `xyxy`; with a `deed`, all that can be clicked.
+        boxes: what can be clicked in what was pasted, `xyxy`; with a `response`, all that can be
+            clicked.
         notes: what a reader of the plan should know.
     """
 
     ops: tuple[Op, ...]
     event: str
     fidelity: Fidelity
-    deed: Deed | None = None
+    response: RecordedAction | None = None
     inserted: bool = False
     reminder: str | None = None
     boxes: tuple[Box, ...] = ()
     notes: tuple[str, ...] = ()
 
 
-# Shares of the height at the top and the bottom of a screen where panels, menu bars and task bars are.
-TOP_BAR, BOTTOM_BAR = 0.03, 0.05
+# Shares of the height at the top and the bottom of a screen where panels, menu bars and task bars
+# are.
+TOP_BAR = 0.03
+BOTTOM_BAR = 0.05
 
 
 def between_bars(size: Size) -> tuple[int, int]:
@@ -127,14 +158,95 @@ def between_bars(size: Size) -> tuple[int, int]:
     return int(TOP_BAR * size[0]), size[0] - int(BOTTOM_BAR * size[0])
 
 
-# What a button of a window list is to the accessibility tree, and what stands between a window's name and its
-# application's.
-BUTTON, DASH = "toggle-button", " - "
+# What a button of a window list is to the accessibility tree, and what stands between a window's
+# name and its application's.
+BUTTON = "toggle-button"
+DASH = " - "
 
 
-def window_buttons(desktop: Asset) -> list[Target]:
+def window_buttons(desktop: Asset) -> list[AssetTarget]:
     """Return the buttons of the windows in the panel of a recorded desktop."""
     return [target for target in desktop.targets if target.role == BUTTON and DASH in target.name]
 
 
-Edit: TypeAlias = Callable[[Frame, Effect], EditedStep]
+class Edit(ABC):
+    """What one kind of effect looks like in a recording.
+
+    Class attributes:
+        kind: of the effect, as plans name it.
+        event: what happened, one plain sentence; `{}` stands for what depends on the picture.
+        answer: the action that the row asks for.
+        inserted: whether the row is a step of its own, before the recorded one.
+        reminder: what an onlooker should say, or `None`.
+        uses_elements: whether it places something by where the elements of the screen are.
+        version: raised when the same random draws come to mean something else.
+    """
+
+    kind: ClassVar[str]
+    event: ClassVar[str]
+    answer: ClassVar[Answer] = "keep"
+    inserted: ClassVar[bool] = False
+    reminder: ClassVar[str | None] = None
+    uses_elements: ClassVar[bool] = False
+    version: ClassVar[int] = 1
+
+    @abstractmethod
+    def apply(self, frame: Frame, effect: Effect) -> EditedStep:
+        """Return what the screen shows and what to do then; see `made`.
+
+        Args:
+            frame: the step at which it happens.
+            effect: of the plan, of this edit's kind.
+
+        Raises:
+            NotApplicable: the event cannot be shown truly on this step.
+        """
+
+    def assumed_apps(self, pack: AssetPack, stream: Stream) -> Iterator[tuple[str, ...]]:
+        """Yield applications that a screenshot may show of which none are known.
+
+        The edit is tried with each of them in turn.
+        """
+        yield ()
+
+    def made(
+        self,
+        *,
+        ops: Sequence[Op],
+        fidelity: Fidelity,
+        response: RecordedAction | None = None,
+        boxes: Sequence[Box] = (),
+        notes: Sequence[str] = (),
+        shown: str = "",
+    ) -> EditedStep:
+        """Return a step of this event.
+
+        Args:
+            ops: what is pasted.
+            fidelity: see `EditedStep`.
+            response: what undoes the event, for the answer `"undo"`.
+            boxes: what can be clicked.
+            notes: for a reader of the plan.
+            shown: what stands for `{}` in `event`.
+        """
+        return EditedStep(
+            ops=tuple(ops),
+            event=self.event.format(shown),
+            fidelity=fidelity,
+            response=WAIT if self.answer == "wait" else response,
+            inserted=self.inserted,
+            reminder=self.reminder,
+            boxes=tuple(boxes),
+            notes=tuple(notes),
+        )
+
+
+def recorded_apps(
+    pack: AssetPack,
+    kinds: Sequence[str],
+    stream: Stream,
+) -> Iterator[tuple[str, ...]]:
+    """Yield the applications of the pack's pictures of these kinds, one at a time, at random."""
+    names = sorted({asset.app for kind in kinds for asset in pack.pictures(kind)})
+    while names:
+        yield (names.pop(stream.integer(0, len(names) - 1)),)

@@ -1,7 +1,7 @@
 """Whether a menu is open on a recorded screen, as far as elements and actions tell.
 
-A second menu does not open over an open one: the first click closes it. So what a stray click opens is shown only
-where no menu is open.
+A second menu does not open over an open one: the first click closes it. So what a stray click opens
+is shown only where no menu is open.
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,6 +15,7 @@ State: TypeAlias = Literal["open", "closed", "not known"]
 # After these actions no menu is open; a click may have opened one.
 CLOSING = frozenset({"type", "scroll", "drag", "double_click", "triple_click"})
 CLOSING_KEYS = frozenset({"esc", "escape", "enter", "return", "ctrl", "control"})
+ESCAPE = frozenset({"esc", "escape"})
 # Pixels by which sides of one menu's items differ.
 ALIKE = 2
 # Items of a menu; fewer may be anything.
@@ -32,16 +33,18 @@ def menu_state(frame: Frame) -> State:
         return "open" if has_menu(frame.step.elements) else "closed"
     if last is None or last.type in CLOSING:
         return "closed"
-    keys = {key.lower() for key in last.keys or ()} if last.type == "hotkey" else set[str]()
-    return "closed" if keys & CLOSING_KEYS else "not known"
+    if last.type == "hotkey" and _keys(last) & CLOSING_KEYS:
+        return "closed"
+    return "not known"
 
 
 def has_menu(elements: Sequence[Box]) -> bool:
-    """Return whether elements look like an open menu: items in a column that lies over other elements.
+    """Return whether elements look like an open menu: a column that lies over other elements.
 
     The column of a side bar or a table lies over nothing.
     """
-    return any(_covers_others(column, elements) for column in _columns(sorted(set(elements))))
+    columns = _columns(sorted(set(elements)))
+    return any(_covers_others(column, elements) for column in columns)
 
 
 def _last_action(frame: Frame) -> Action | None:
@@ -51,20 +54,20 @@ def _last_action(frame: Frame) -> Action | None:
         if step.index == frame.step.index:
             break
         before.append(step)
-    acting = (step.action for step in reversed(before) if getattr(step, "acts", True) and step.action.type != "wait")
-    return next(acting, None)
+    for step in reversed(before):
+        if getattr(step, "acts", True) and step.action.type != "wait":
+            return step.action
+    return None
 
 
 def _is_escape(action: Action) -> bool:
-    return (
-        action.type == "hotkey"
-        and action.keys is not None
-        and {key.lower() for key in action.keys}
-        <= {
-            "esc",
-            "escape",
-        }
-    )
+    if action.type != "hotkey" or action.keys is None:
+        return False
+    return _keys(action) <= ESCAPE
+
+
+def _keys(action: Action) -> set[str]:
+    return {key.lower() for key in action.keys or ()}
 
 
 def _columns(boxes: Sequence[Box]) -> Iterator[list[Box]]:
@@ -72,9 +75,15 @@ def _columns(boxes: Sequence[Box]) -> Iterator[list[Box]]:
     left = list(boxes)
     while left:
         first = left[0]
-        same = [box for box in left if all(abs(box[k] - first[k]) <= ALIKE for k in (0, 2))]
+        same = [box for box in left if _is_below(box, first)]
         left = [box for box in left if box not in same]
-        yield from _runs(sorted(same, key=lambda box: box[1]))
+        same.sort(key=lambda box: box[1])
+        yield from _runs(same)
+
+
+def _is_below(one: Box, other: Box) -> bool:
+    """Return whether two boxes begin and end at the same columns."""
+    return abs(one[0] - other[0]) <= ALIKE and abs(one[2] - other[2]) <= ALIKE
 
 
 def _runs(column: Sequence[Box]) -> Iterator[list[Box]]:
@@ -91,20 +100,28 @@ def _runs(column: Sequence[Box]) -> Iterator[list[Box]]:
 
 def _follows(above: Box, below: Box) -> bool:
     height = above[3] - above[1]
-    alike = abs(below[3] - below[1] - height) <= ALIKE
-    return alike and -ALIKE <= below[1] - above[3] <= GAP * height
+    difference = below[3] - below[1] - height
+    gap = below[1] - above[3]
+    return abs(difference) <= ALIKE and -ALIKE <= gap <= GAP * height
 
 
 def _covers_others(column: Sequence[Box], elements: Sequence[Box]) -> bool:
     others = [box for box in elements if box not in column]
-    return any(_overlap(item, box) and not _holds(item, box) for item in column for box in others)
+    for item in column:
+        for box in others:
+            if _overlap(item, box) and not _holds(item, box):
+                return True
+    return False
 
 
 def _overlap(one: Box, other: Box) -> bool:
     """Return whether two boxes share more than an edge."""
-    width, height = min(one[2], other[2]) - max(one[0], other[0]), min(one[3], other[3]) - max(one[1], other[1])
+    width = min(one[2], other[2]) - max(one[0], other[0])
+    height = min(one[3], other[3]) - max(one[1], other[1])
     return width > ALIKE and height > ALIKE
 
 
 def _holds(outer: Box, inner: Box) -> bool:
-    return outer[0] <= inner[0] and outer[1] <= inner[1] and inner[2] <= outer[2] and inner[3] <= outer[3]
+    begins = outer[0] <= inner[0] and outer[1] <= inner[1]
+    ends = inner[2] <= outer[2] and inner[3] <= outer[3]
+    return begins and ends

@@ -1,42 +1,36 @@
 """Pictures of the pack that take the place of a whole screenshot: a screen, or a web page."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import TypeAlias
 
 from hijack_data.coords import CoordMap
-from hijack_data.pack import Asset, AssetPack, Deed
+from hijack_data.pack import Asset, AssetPack, RecordedAction
 from hijack_data.plan import Op, Paste, Resample
 from hijack_data.rng import Stream
-from hijack_data.types import Box, Fidelity, Size
+from hijack_data.types import Box, Fidelity, Size, size_text
 
-from . import layout
 from .base import Frame, NotApplicable
-from .layout import Layout
-from .pages import error_page, fitted
+from .layout import ScreenLayout
+from .pages import fitted
 
-# Sides of two screens of one shape may differ by this share once they are scaled: 1366x768 is not quite 16:9.
+# Sides of two screens of one shape may differ by this share once they are scaled: 1366x768 is not
+# quite 16:9.
 SHAPE = 0.01
 
-LayOut: TypeAlias = Callable[[AssetPack, Size, Stream, frozenset[str]], Layout | None]
-# How a screen of each kind is laid out where none of that size was recorded.
-LAYOUTS: Mapping[str, LayOut] = {
-    "lock_screen": layout.lock_screen,
-    "desktop": layout.desktop,
-    "error_page": error_page,
-}
+LayOut: TypeAlias = Callable[[AssetPack, Size, Stream, frozenset[str]], ScreenLayout | None]
 
 
-@dataclass(frozen=True)
-class Shown:
+@dataclass(frozen=True, kw_only=True)
+class ShownAsset:
     """A recorded picture, or several, as they fill a screenshot.
 
     Args:
         asset: the picture.
         ops: what draws it.
         fidelity: `recorded`, or `composited` where it was laid out or scaled.
-        deed: gives an action on `asset` as one on the screenshot.
+        mapped: gives an action on `asset` as one on the screenshot.
         boxes: what can be clicked, in pixels of the screenshot.
         notes: what was done to it.
     """
@@ -44,66 +38,109 @@ class Shown:
     asset: Asset
     ops: tuple[Op, ...]
     fidelity: Fidelity
-    deed: Callable[[Deed], Deed]
+    mapped: Callable[[RecordedAction], RecordedAction]
     boxes: tuple[Box, ...] = ()
     notes: tuple[str, ...] = ()
 
 
-def whole_screen(frame: Frame, kind: str, what: str, apps: frozenset[str] = frozenset()) -> Shown:
+def whole_screen(
+    frame: Frame,
+    kind: str,
+    what: str,
+    lay_out: LayOut,
+    apps: frozenset[str] = frozenset(),
+) -> ShownAsset:
     """Return a recorded screen that fills the screenshot, one of `apps` if there is any.
 
-    It was recorded at this very size, else it is laid out from recorded parts, else scaled down from a larger one of
-    the same shape: recordings are often stored smaller than the screen was. A window that was recorded at full width
-    is laid out at any size, or stands on a recorded desktop, where both really were. Raises `NotApplicable` when none
-    of it can be done; `what` names it in the reason.
+    It was recorded at this very size; otherwise it is laid out from recorded parts, or scaled down
+    from a larger one of the same shape: recordings are often stored smaller than the screen was. A
+    window that was recorded at full width is laid out at any size, or stands on a recorded desktop,
+    where both really were.
+
+    Args:
+        frame: the step.
+        kind: of the pictures to take.
+        what: names it in the reason why it cannot be shown.
+        lay_out: makes such a screen of recorded parts if none of that size was recorded.
+        apps: applications to prefer.
+
+    Raises:
+        NotApplicable: none of it can be done.
     """
     frame.check_desktop()
-    size, pack = frame.scene.size, frame.pack
+    size = frame.scene.size
+    pack = frame.pack
     recorded = [asset for asset in pack.pictures(kind, screen=size) if asset.size == size]
     if recorded:
         own = [asset for asset in recorded if asset.app in apps]
         return _shown([frame.stream.choice(own or recorded)], size)
-    made = LAYOUTS[kind](pack, size, frame.stream, apps)
+    made = lay_out(pack, size, frame.stream, apps)
     if made is not None:
-        return Shown(made.asset, made.ops, "composited", made.deed, made.boxes, made.notes)
-    layers = [_layers(pack, asset) for asset in pack.pictures(kind) if _fits(asset.screen, size)]
+        return ShownAsset(
+            asset=made.asset,
+            ops=made.ops,
+            fidelity="composited",
+            mapped=made.mapped,
+            boxes=made.boxes,
+            notes=made.notes,
+        )
+    large = [asset for asset in pack.pictures(kind) if _fits(asset.screen, size)]
+    layers = [_layers(pack, asset) for asset in large]
     fitting = _nearest([found for found in layers if found])
     if not fitting:
         raise NotApplicable(
-            f"no {what} was recorded on a screen of this size, and what was recorded cannot be laid out on it; "
-            f"`hijack desktop record --assets DIR --only {kind} --sizes {_text(size)}` records one"
+            f"no {what} was recorded on a screen of this size, and what was recorded cannot be laid"
+            f" out on it; `hijack desktop record --assets DIR --only {kind} --sizes"
+            f" {size_text(size)}` records one"
         )
-    return _shown(frame.stream.choice([found for found in fitting if found[-1].app in apps] or fitting), size)
+    preferred = [found for found in fitting if found[-1].app in apps]
+    return _shown(frame.stream.choice(preferred or fitting), size)
 
 
 def _layers(pack: AssetPack, asset: Asset) -> list[Asset]:
-    """Return pictures that make a whole screen, from below; none for a window that is not as wide."""
+    """Return pictures that make a whole screen, from below; none for a narrower window."""
     if asset.size == asset.screen:
         return [asset]
     if asset.size[1] != asset.screen[1]:
         return []
-    desktops = [below for below in pack.pictures("desktop", screen=asset.screen) if below.size == below.screen]
+    there = pack.pictures("desktop", screen=asset.screen)
+    desktops = [below for below in there if below.size == below.screen]
+    if not desktops:
+        return []
     own = [below for below in desktops if below.app == asset.app]
-    return [*(own or desktops)[:1], asset] if desktops else []
+    below = (own or desktops)[0]
+    return [below, asset]
 
 
-def _shown(layers: list[Asset], size: Size) -> Shown:
+def _shown(layers: list[Asset], size: Size) -> ShownAsset:
     asset = layers[-1]
     ops: tuple[Op, ...] = tuple(Paste(layer.recipe(), (layer.box[:2],)) for layer in layers)
     coords = CoordMap(observation=asset.screen, screen=size)
-    notes = tuple(f"{asset.id} stands on {layer.id}" for layer in layers[:-1])
-    fidelity: Fidelity = "composited" if notes else "recorded"
+    notes = [f"{asset.id} stands on {layer.id}" for layer in layers[:-1]]
     if asset.screen != size:
-        ops, fidelity = (Resample(asset.screen), *ops, Resample(size)), "composited"
-        notes = (*notes, f"{asset.id} was scaled from {_text(asset.screen)} to {_text(size)}")
-    return Shown(asset, ops, fidelity, partial(_deed, asset, coords), _targets(asset, coords), notes)
+        ops = (Resample(asset.screen), *ops, Resample(size))
+        was = size_text(asset.screen)
+        now = size_text(size)
+        notes.append(f"{asset.id} was scaled from {was} to {now}")
+    return ShownAsset(
+        asset=asset,
+        ops=ops,
+        fidelity="composited" if notes else "recorded",
+        mapped=partial(_mapped, asset, coords),
+        boxes=_targets(asset, coords),
+        notes=tuple(notes),
+    )
 
 
-def _deed(asset: Asset, coords: CoordMap, deed: Deed) -> Deed:
+def _mapped(
+    asset: Asset,
+    coords: CoordMap,
+    recorded: RecordedAction,
+) -> RecordedAction:
     """Return an action on a recorded screen as one on the screenshot."""
-    there = deed.moved(*asset.box[:2])
+    there = recorded.moved(*asset.box[:2])
     box = None if there.target_box is None else _boxes(coords, [there.target_box])[0]
-    return Deed(coords.action_to_screen(there.action), box)
+    return RecordedAction(coords.action_to_screen(there.action), box)
 
 
 def _targets(asset: Asset, coords: CoordMap) -> tuple[Box, ...]:
@@ -113,14 +150,27 @@ def _targets(asset: Asset, coords: CoordMap) -> tuple[Box, ...]:
     return _boxes(coords, [(x1 + x, y1 + y, x2 + x, y2 + y) for x1, y1, x2, y2 in inside])
 
 
-def page_view(frame: Frame, kind: str, what: str) -> tuple[tuple[Op, ...], Asset]:
-    """Return what fills a screenshot of a page with a recorded one: cut, or continued by its own plain background.
+def page_view(
+    frame: Frame,
+    kind: str,
+    what: str,
+) -> tuple[tuple[Op, ...], Asset]:
+    """Return what fills a screenshot of a page with a recorded one: cut, or continued.
 
-    A page's content stands in the middle of the window, from the top; only plain background is cut off. Raises
-    `NotApplicable` when nothing recorded can be fitted so; `what` names it in the reason.
+    A page's content stands in the middle of the window, from the top; only plain background is cut
+    off or added.
+
+    Args:
+        frame: the step.
+        kind: of the pictures to take.
+        what: names it in the reason why it cannot be shown.
+
+    Raises:
+        NotApplicable: nothing recorded can be fitted so.
     """
     size = frame.scene.size
-    views = sorted(frame.pack.pictures(kind), key=lambda asset: (abs(asset.size[1] - size[1]), asset.id))
+    views = frame.pack.pictures(kind)
+    views.sort(key=lambda asset: (abs(asset.size[1] - size[1]), asset.id))
     for asset in views:
         ops = fitted(asset, size)
         if ops is not None:
@@ -140,7 +190,3 @@ def _nearest(layers: list[list[Asset]]) -> list[list[Asset]]:
 
 def _boxes(coords: CoordMap, boxes: list[Box]) -> tuple[Box, ...]:
     return tuple((x1, y1, x2, y2) for x1, y1, x2, y2 in coords.boxes_to_screen(boxes).tolist())
-
-
-def _text(size: Size) -> str:
-    return f"{size[1]}x{size[0]}"

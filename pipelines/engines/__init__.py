@@ -1,36 +1,60 @@
 """Engines: where the shards of a build are made. Every engine makes the same files."""
 
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
-from hijack_data.errors import UnknownNameError, suggest
+from hijack_data.registry import Registry
 
+from ..building.rows import RowSettings
+from ..building.shards import ShardTask
+from ..dataset.shard import ShardRecord
 from ..errors import BuildError
-from ..rows import Settings
-from ..shards import ShardRecord, ShardTask
 
-ENGINES = ("local", "ray")
 Tick: TypeAlias = Callable[[int], None]
-Engine: TypeAlias = Callable[[Iterable[ShardTask], Settings, Path, int, Tick], Generator[ShardRecord]]
+# Called with tasks, settings, output folder, workers and `tick`; yields the record of each task, in
+# any order. `tick` is to be called with the number of rows that were looked at.
+Engine: TypeAlias = Callable[
+    [Iterable[ShardTask], RowSettings, Path, int, Tick], Generator[ShardRecord]
+]
+LOCAL = "local"
+RAY = "ray"
+
+
+def _problems(engine: Any, _: str) -> Iterator[str]:
+    """Yield what is wrong with an engine."""
+    if not callable(engine):
+        yield "an engine is a function of (tasks, settings, folder, workers, tick)"
+
+
+ENGINES = Registry[Engine](
+    "engine",
+    "engines",
+    builtin={LOCAL: "pipelines.engines.local:run", RAY: "pipelines.engines.ray:run"},
+    problems=_problems,
+)
+register = ENGINES.register
 
 
 def get_engine(name: str, ray_address: str | None = None) -> Engine:
-    """Return the engine of a name: a function of tasks, settings, output folder, workers and `tick` that yields the
-    record of each task, in any order.
+    """Return the engine of a name.
 
-    `ray_address` names a running Ray cluster; see `pipelines.engines.ray`. Raises `UnknownNameError`, and `BuildError`
-    for an address without Ray.
+    Raises `UnknownNameError` with the closest name, and `PluginError` if its plug-in cannot be
+    loaded.
+
+    Args:
+        name: `"local"`, `"ray"`, or that of a plug-in.
+        ray_address: names a running Ray cluster; see `pipelines.engines.ray`.
+
+    Raises:
+        BuildError: an address without Ray.
     """
-    if name == "ray":
-        from . import ray
-
-        return partial(ray.run, address=ray_address)
-    if name != "local":
-        raise UnknownNameError(f"engine {name!r} is not known{suggest(name, ENGINES)}")
+    run: Any = ENGINES.get(name)
+    if name == RAY:
+        return partial(run, address=ray_address)
     if ray_address is not None:
-        raise BuildError(f"ray_address {ray_address!r} is for engine='ray' (--engine ray), not for 'local'")
-    from . import local
-
-    return local.run
+        raise BuildError(
+            f"ray_address {ray_address!r} is for engine='ray' (--engine ray), not for {name!r}"
+        )
+    return run

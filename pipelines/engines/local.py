@@ -14,20 +14,35 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
+from ..building.rows import RowSettings
+from ..building.shards import ONE_THREAD, ShardTask, build_shard
+from ..dataset.shard import ShardRecord
 from ..errors import RESUME, BuildError
-from ..rows import Settings
-from ..shards import ONE_THREAD, ShardRecord, ShardTask, build_shard
 
-# Tasks that wait for each worker: enough that none idles, few enough that the source is not read into memory.
+# Tasks that wait for each worker: enough that none idles, few enough that the source is not read
+# into memory.
 QUEUED = 2
 
 
 def run(
-    tasks: Iterable[ShardTask], settings: Settings, out: Path, workers: int, tick: Callable[[int], None]
+    tasks: Iterable[ShardTask],
+    settings: RowSettings,
+    out: Path,
+    workers: int,
+    tick: Callable[[int], None],
 ) -> Generator[ShardRecord]:
-    """Yield the record of each task, in any order; `tick` is told how many rows were looked at.
+    """Yield the record of each task, in any order.
 
-    Raises `BuildError` when the corruptions cannot be sent to a worker or a worker dies.
+    Args:
+        tasks: the shards, taken from the source as they are needed.
+        settings: those of the build. Corruptions that cannot be sent to a worker are a
+            `BuildError`.
+        out: the folder of the dataset.
+        workers: number of processes; 1 is this one.
+        tick: called with the number of rows that were looked at.
+
+    Raises:
+        BuildError: a worker died.
     """
     if workers == 1:
         for task in tasks:
@@ -43,14 +58,18 @@ def run(
                 yield record
         except BrokenProcessPool:
             raise BuildError(
-                "a worker process died (out of memory, killed, or a script that builds without "
-                f"`if __name__ == '__main__':`); finished shards are kept: build again with {RESUME}"
+                "a worker process died (out of memory, killed, or a script that builds without `if"
+                f" __name__ == '__main__':`); finished shards are kept: build again with {RESUME}"
             ) from None
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
 
 
-def _bounded(submit: Callable[[ShardTask], "Future[Any]"], tasks: Iterator[ShardTask], limit: int) -> Iterator[Any]:
+def _bounded(
+    submit: Callable[[ShardTask], "Future[Any]"],
+    tasks: Iterator[ShardTask],
+    limit: int,
+) -> Iterator[Any]:
     """Keep at most `limit` tasks in flight; yield each with its result when it is done."""
     pending = {submit(task): task for task in islice(tasks, limit)}
     while pending:
@@ -60,13 +79,13 @@ def _bounded(submit: Callable[[ShardTask], "Future[Any]"], tasks: Iterator[Shard
             pending.update((submit(task), task) for task in islice(tasks, 1))
 
 
-def _check_picklable(settings: Settings) -> None:
+def _check_picklable(settings: RowSettings) -> None:
     try:
         pickle.dumps(settings)
     except (pickle.PicklingError, AttributeError, TypeError) as error:
         raise BuildError(
-            f"the corruptions cannot be sent to worker processes ({error}); use workers=1, or functions that a module "
-            "defines instead of lambdas"
+            f"the corruptions cannot be sent to worker processes ({error}); use workers=1, or"
+            " functions that a module defines instead of lambdas"
         ) from None
 
 

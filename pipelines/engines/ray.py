@@ -1,10 +1,11 @@
 """Make shards on a Ray cluster, with Ray Data.
 
-Ray Data wants to know all its items before it starts, and a source may be larger than memory. So shards go through it
-in waves, and the next wave is read from the source while the present one is made. Waves grow from `FIRST` to `MOST`
-shards a worker, enough that the end of a wave, where workers idle, does not matter. Nothing but tasks and records
-passes through Ray: a worker writes its file itself, into a folder that all machines share, by rename. So it does no
-harm when Ray makes a shard twice, as it does when a process or a machine dies.
+Ray Data wants to know all its items before it starts, and a source may be larger than memory. So
+shards go through it in waves, and the next wave is read from the source while the present one is
+made. Waves grow from `FIRST` to `MOST` shards a worker, enough that the end of a wave, where
+workers idle, does not matter. Nothing but tasks and records passes through Ray: a worker writes its
+file itself, into a folder that all machines share, by rename. So it does no harm when Ray makes a
+shard twice, as it does when a process or a machine dies.
 """
 
 import os
@@ -20,43 +21,45 @@ from hijack_data.errors import HijackError
 from hijack_data.files import write_atomic
 from hijack_data.pack import VARIABLE
 
+from ..building.folder import STATE
+from ..building.rows import RowSettings
+from ..building.settings import assets_of
+from ..building.shards import ONE_THREAD, ShardTask
+from ..dataset.manifest import libraries
+from ..dataset.shard import ShardRecord
 from ..errors import RESUME, BuildError
-from ..folder import STATE
-from ..manifest import libraries
-from ..options import assets_of
-from ..rows import Settings
-from ..shards import ONE_THREAD, ShardRecord, ShardTask
 from .ray_session import data_options, session, without_warnings
 from .remote import GUIDE, TOKEN, Errand, make, soon
 
-FIRST, MOST = 4, 32
+FIRST = 4
+MOST = 32
 # How often a shard is made again after its process or machine died, or ran out of memory.
 RETRIES = 4
 
 
 def run(
     tasks: Iterable[ShardTask],
-    settings: Settings,
+    settings: RowSettings,
     out: Path,
     workers: int,
     tick: Callable[[int], None],
     address: str | None = None,
 ) -> Generator[ShardRecord]:
-    """Yield the record of each task, in any order; `tick` is told how many rows were looked at.
+    """Yield the record of each task, in any order.
+
+    Without Ray this is a `MissingDependencyError`. It is a `BuildError` if there is no cluster, if
+    a node does not share the folders or has other libraries, or if a shard ended its process again
+    and again.
 
     Args:
         tasks: the shards, taken from the source as they are needed.
-        settings: what decides the rows.
+        settings: those of the build.
         out: the output folder, which every node must see under this path.
         workers: shards that are made at the same time, each on one CPU of the cluster.
-        tick: called when a shard is done.
-        address: a running cluster, `"auto"` for that of this machine. By default that of `RAY_ADDRESS`, or a cluster of
-            `workers` CPUs on this machine, started and ended here. Ray that the caller started is used as it is.
-
-    Raises:
-        MissingDependencyError: Ray is not installed.
-        BuildError: no cluster is there, a node does not share the folders or has other libraries, or a shard ended its
-            process again and again.
+        tick: called with the number of rows of each shard when it is done.
+        address: a running cluster, `"auto"` for that of this machine. By default that of
+            `RAY_ADDRESS`, or a cluster of `workers` CPUs on this machine, started and ended here.
+            Ray that the caller started is used as it is.
     """
     source = iter(tasks)
     wave = list(islice(source, FIRST * workers))
@@ -77,27 +80,38 @@ def run(
             wave = following
 
 
-def _errand(settings: Settings, out: Path) -> Errand:
+def _errand(settings: RowSettings, out: Path) -> Errand:
     token = secrets.token_hex(16)
     write_atomic(out / STATE / TOKEN, token)
-    environment = ONE_THREAD | {name: os.environ[name] for name in (VARIABLE,) if name in os.environ}
-    return Errand(settings, out, token, libraries(settings.detect), assets_of(settings), environment)
+    environment = ONE_THREAD | {
+        name: os.environ[name] for name in (VARIABLE,) if name in os.environ
+    }
+    return Errand(
+        settings, out, token, libraries(settings.detect), assets_of(settings), environment
+    )
 
 
-def _check_sendable(ray: Any, settings: Settings) -> None:
+def _check_sendable(ray: Any, settings: RowSettings) -> None:
     try:
         ray.cloudpickle.dumps(settings)
     except (pickle.PicklingError, AttributeError, TypeError, RecursionError) as error:
         raise BuildError(
-            f"the corruptions cannot be sent to other processes ({error}); use planners that hold no open files, locks "
-            "or the like"
+            f"the corruptions cannot be sent to other processes ({error}); use planners that hold"
+            " no open files, locks or the like"
         ) from None
 
 
-def _made(ray: Any, wave: list[ShardTask], errand: Errand, workers: int) -> Generator[ShardRecord]:
-    """Make the shards of a wave with Ray Data, and yield their records as they come."""
+def _made(
+    ray: Any,
+    wave: list[ShardTask],
+    errand: Errand,
+    workers: int,
+) -> Generator[ShardRecord]:
+    # make the shards of a wave with Ray Data, and yield their records as they come
     with data_options(ray):
-        items = ray.data.from_items([{"task": task} for task in wave], override_num_blocks=len(wave))
+        items = ray.data.from_items(
+            [{"task": task} for task in wave], override_num_blocks=len(wave)
+        )
         shards = items.map(
             make,
             fn_kwargs={"errand": errand},
@@ -112,15 +126,19 @@ def _made(ray: Any, wave: list[ShardTask], errand: Errand, workers: int) -> Gene
         raise BuildError(_failure(ray, error)) from None
 
 
-def _record(made: ShardRecord | HijackError, node: str, out: Path) -> ShardRecord:
-    """Return the record of a shard whose file has arrived here."""
+def _record(
+    made: ShardRecord | HijackError,
+    node: str,
+    out: Path,
+) -> ShardRecord:
+    # return the record of a shard whose file has arrived here
     if isinstance(made, HijackError):
         raise made
     file = out / made.file
     if not soon(lambda: file.is_file() and file.stat().st_size == made.bytes):
         raise BuildError(
-            f"{file}: the node {node} wrote this file, but it is not here; the output must lie in a folder that all "
-            f"nodes share under one path ({GUIDE})"
+            f"{file}: the node {node} wrote this file, but it is not here; the output must lie in a"
+            f" folder that all nodes share under one path ({GUIDE})"
         )
     return made
 
@@ -131,5 +149,8 @@ def _failure(ray: Any, error: BaseException) -> str:
     if isinstance(error, ray.exceptions.RayTaskError):
         what = f"a worker failed with an error ({reason})"
     else:
-        what = f"a shard was given up after {RETRIES + 1} workers died over it ({type(error).__name__}: {reason})"
+        what = (
+            f"a shard was given up after {RETRIES + 1} workers died over it"
+            f" ({type(error).__name__}: {reason})"
+        )
     return f"{what}; finished shards are kept: build again with {RESUME}"

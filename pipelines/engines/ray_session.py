@@ -23,15 +23,23 @@ TIMEOUT = 10.0
 STORE_BYTES = 200 * 2**20
 ENVIRONMENT = {
     "RAY_USAGE_STATS_ENABLED": "0",
-    "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0",  # its change in later versions is announced by a warning
+    # its change in later versions is announced by a warning
+    "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0",
 }
 # Ray Data plans for blocks of 128 MB a task, which a small store has no room for; ours are some kB.
-OPTIONS = {"enable_progress_bars": False, "print_on_execution_start": False, "target_max_block_size": 2**20}
+OPTIONS = {
+    "enable_progress_bars": False,
+    "print_on_execution_start": False,
+    "target_max_block_size": 2**20,
+}
 
 
 @contextmanager
 def session(workers: int, address: str | None = None) -> Iterator[Any]:
-    """Connect to a Ray cluster, or start one, and yield the module `ray`; see `pipelines.engines.ray.run`."""
+    """Connect to a Ray cluster, or start one, and yield the module `ray`.
+
+    The arguments are those of `pipelines.engines.ray.run`.
+    """
     ray = _ray()
     with _quiet():
         if ray.is_initialized():
@@ -51,7 +59,8 @@ def session(workers: int, address: str | None = None) -> Iterator[Any]:
 def data_options(ray: Any) -> Iterator[None]:
     """Set the options of datasets that are made inside, and set them back."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # Ray's own defaults call Ray's deprecated names
+        # Ray's own defaults call Ray's deprecated names
+        warnings.simplefilter("ignore", DeprecationWarning)
         context = ray.data.DataContext.get_current()
         before = {name: getattr(context, name) for name in OPTIONS if hasattr(context, name)}
         _set(context, {name: OPTIONS[name] for name in before})
@@ -90,11 +99,19 @@ def _ray() -> Any:
     return ray
 
 
-def _init(ray: Any, workers: int, address: str) -> str:
-    """Connect to a cluster, or start one, and return its folder of logs."""
+def _init(
+    ray: Any,
+    workers: int,
+    address: str,
+) -> str:
+    # connect to a cluster, or start one, and return its folder of logs
     options: dict[str, Any] = {"log_to_driver": False, "logging_level": logging.CRITICAL}
     if address == LOCAL:
-        options |= {"num_cpus": workers, "include_dashboard": False, "object_store_memory": STORE_BYTES}
+        options |= {
+            "num_cpus": workers,
+            "include_dashboard": False,
+            "object_store_memory": STORE_BYTES,
+        }
     try:
         _check_address(address)
         return ray.init(address=address, **options).address_info["session_dir"]
@@ -104,9 +121,12 @@ def _init(ray: Any, workers: int, address: str) -> str:
 
 
 def _check_address(address: str) -> None:
-    """Raise `ValueError` or `OSError` where Ray itself would try for minutes."""
+    # raise `ValueError` or `OSError` where Ray itself would try for minutes
     if address.startswith("ray://"):
-        raise ValueError("Ray clients are not served; build on a machine of the cluster, with 'auto' or HOST:PORT")
+        raise ValueError(
+            "Ray clients are not served; build on a machine of the cluster, with 'auto' or"
+            " HOST:PORT"
+        )
     host, _, port = address.rpartition(":")
     if host and port.isdecimal():
         socket.create_connection((host, int(port)), TIMEOUT).close()
@@ -132,9 +152,9 @@ def _quiet() -> Iterator[None]:
 
 
 class _Output:
-    """Standard output without Ray's messages from its own threads, which become one line each on standard error.
+    """Standard output without the messages of Ray's own threads.
 
-    Whoever reads the output of `hijack build --json` expects JSON alone.
+    They become one line each on standard error: the output of `hijack build --json` is JSON alone.
     """
 
     def __init__(self, stream: IO[str]) -> None:

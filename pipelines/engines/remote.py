@@ -1,4 +1,4 @@
-"""What a process on another machine does with a shard: check that it sees the same files, then make it."""
+"""The work of a process on another machine: check that it sees the same files, make a shard."""
 
 import os
 import socket
@@ -10,12 +10,13 @@ from typing import Any
 
 from hijack_data.errors import HijackError
 
+from ..building.folder import STATE
+from ..building.rows import RowSettings
+from ..building.settings import assets_of
+from ..building.shards import ShardTask, build_shard, records_hash
+from ..dataset.manifest import libraries
+from ..dataset.shard import ShardRecord
 from ..errors import BuildError
-from ..folder import STATE
-from ..manifest import libraries
-from ..options import assets_of
-from ..rows import Settings
-from ..shards import ShardRecord, ShardTask, build_shard, records_hash
 
 TOKEN = "token"
 GUIDE = "docs/clusters.md says how to set up a cluster"
@@ -25,13 +26,18 @@ PATIENCE = 5.0
 
 @dataclass(frozen=True)
 class Errand:
-    """What every shard of a build needs to know.
+    """The data that every shard of a build needs.
 
-    `out` is an absolute path, `token` is what `out/.build/token` holds, `libraries` are the versions that decide bytes,
-    `assets` names the recorded pictures, `environment` are variables to set.
+    Args:
+        settings: those of the build.
+        out: the folder of the dataset, an absolute path.
+        token: the content of `out/.build/token`.
+        libraries: the versions that decide bytes.
+        assets: digest and licence of the recorded pictures.
+        environment: variables to set.
     """
 
-    settings: Settings
+    settings: RowSettings
     out: Path
     token: str
     libraries: Mapping[str, str]
@@ -40,7 +46,11 @@ class Errand:
 
 
 def make(row: Mapping[str, Any], errand: Errand) -> dict[str, Any]:
-    """Make the shard `row["task"]`; `made` of the result is its record, or the error that a user should see."""
+    """Make the shard `row["task"]`.
+
+    Returns:
+        `made`, its record or the error for the user, and `node`, the name of this machine.
+    """
     os.environ.update(errand.environment)
     task: ShardTask = row["task"]
     try:
@@ -52,24 +62,39 @@ def make(row: Mapping[str, Any], errand: Errand) -> dict[str, Any]:
 
 
 def check_node(task: ShardTask, errand: Errand) -> None:
-    """Raise `BuildError` unless this machine shares the folders of the build and has the same libraries."""
+    """Check that this machine shares the folders of the build and has the same libraries.
+
+    Raises:
+        BuildError: it does not.
+    """
     host = socket.gethostname()
     if not soon(lambda: _read(errand.out / STATE / TOKEN) == errand.token):
         raise BuildError(
-            f"{errand.out}: the node {host} does not see this folder as the machine that started the build does; the "
-            f"output must lie in a folder that all nodes share under one path ({GUIDE})"
+            f"{errand.out}: the node {host} does not see this folder as the machine that started"
+            " the build does; the output must lie in a folder that all nodes share under one path"
+            f" ({GUIDE})"
         )
     here = libraries(errand.settings.detect)
-    other = [f"{name} {here.get(name)} instead of {v}" for name, v in errand.libraries.items() if here.get(name) != v]
+    other = [
+        f"{name} {here.get(name)} instead of {v}"
+        for name, v in errand.libraries.items()
+        if here.get(name) != v
+    ]
     if other:
-        raise BuildError(f"the node {host} has {', '.join(other)}, and would make other bytes; install the same")
+        raise BuildError(
+            f"the node {host} has {', '.join(other)}, and would make other bytes; install the same"
+        )
     if assets_of(errand.settings) != errand.assets:
-        raise BuildError(f"the node {host} has other recorded pictures, and would make other bytes; install the same")
+        raise BuildError(
+            f"the node {host} has other recorded pictures, and would make other bytes; install the"
+            " same"
+        )
     root = Path(task.root)
     if not soon(lambda: records_hash(task.trajectories, root) == task.records):
         raise BuildError(
-            f"{root}: the node {host} does not see the pictures in this folder that the machine that started the build "
-            f"sees, or they are being changed; the source must lie in a folder that all nodes share ({GUIDE})"
+            f"{root}: the node {host} does not see the pictures in this folder that the machine"
+            " that started the build sees, or they are being changed; the source must lie in a"
+            f" folder that all nodes share ({GUIDE})"
         )
 
 

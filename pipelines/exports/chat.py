@@ -1,7 +1,8 @@
-"""Chat rows for supervised fine-tuning: `messages` and `images`, as LLaMA-Factory reads them (format `sharegpt`).
+"""Chat rows for supervised fine-tuning, as LLaMA-Factory reads them (format `sharegpt`).
 
-`train.jsonl` holds a line an example, `images/SHARD/NUMBER.png` its screenshot, and `dataset_info.json` tells
-LLaMA-Factory what is where: `dataset_dir: OUT`, `media_dir: OUT`, `dataset: agenthijack`.
+`train.jsonl` has a line an example with `messages` and `images`, `images/SHARD/NUMBER.png` its
+screenshot, and `dataset_info.json` describes both to LLaMA-Factory: `dataset_dir: OUT`,
+`media_dir: OUT`, `dataset: agenthijack`.
 """
 
 import json
@@ -19,7 +20,12 @@ _INFO = {
         "file_name": ROWS,
         "formatting": "sharegpt",
         "columns": {"messages": "messages", "images": "images"},
-        "tags": {"role_tag": "role", "content_tag": "content", "user_tag": "user", "assistant_tag": "assistant"},
+        "tags": {
+            "role_tag": "role",
+            "content_tag": "content",
+            "user_tag": "user",
+            "assistant_tag": "assistant",
+        },
     }
 }
 
@@ -50,5 +56,9 @@ class ChatWriter:
             {"role": "user", "content": example.question},
             {"role": "assistant", "content": example.answer},
         ]
-        row = {"messages": messages, "images": [name], **example.about}
+        row = {
+            "messages": messages,
+            "images": [name],
+            **example.about,
+        }
         file.write(json.dumps(row, ensure_ascii=False) + "\n")

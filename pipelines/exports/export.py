@@ -1,30 +1,29 @@
-"""Export a dataset: rows become examples, one writer for each format puts them into a new folder."""
+"""Export a dataset: rows become examples, and the writer of a format puts them into a folder."""
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
-from hijack_data.errors import ActionError, ParameterError, UnknownNameError, suggest
+from hijack_data.errors import ActionError, ParameterError
+from hijack_data.registry import Registry
 
-from ..dataset import open_dataset
+from ..building.options import Progress
+from ..dataset.manifest import is_lazy
+from ..dataset.opening import open_dataset
 from ..errors import BuildError
-from ..manifest import is_lazy
 from ..prompts import PROMPTS
-from .chat import ChatWriter
 from .dialects import action_text, check_dialect
 from .example import Example, Row, check_task, checked_answer, is_hidden
 from .onlooker import OnlookerReport, export_onlooker
-from .place import Progress, new_folder, write_report
+from .place import new_folder, write_report
 from .stored import stored_rows
-from .verl import VerlWriter
-from .webdataset import WebDatasetWriter
 
 
 class Writer(Protocol):
-    """Writes one format into a folder."""
+    """Writes one format; it is made with the folder to write into."""
 
     def shard(self, index: int, examples: Iterator[Example]) -> None:
         """Write the examples of one shard; shards come in order."""
@@ -35,12 +34,33 @@ class Writer(Protocol):
         ...
 
 
-FORMATS: Mapping[str, Callable[[Path], Writer]] = {
-    "chat": ChatWriter,
-    "verl": VerlWriter,
-    "webdataset": WebDatasetWriter,
-}
 ONLOOKER = "onlooker"  # three tables, not one: a function of its own makes them
+
+
+def _problems(writer: Any, _: str) -> Iterator[str]:
+    """Yield what is wrong with a writer."""
+    if not callable(writer):
+        yield "a writer is a class that is called with the folder to write into"
+        return
+    if not isinstance(writer, type):
+        return  # a function that returns a writer
+    for method, arguments in (("shard", "index, examples"), ("finish", "")):
+        if not callable(getattr(writer, method, None)):
+            yield f"it has no {method}({arguments})"
+
+
+FORMATS = Registry[Callable[[Path], Writer]](
+    "export format",
+    "exports",
+    builtin={
+        "chat": "pipelines.exports.chat:ChatWriter",
+        "verl": "pipelines.exports.verl:VerlWriter",
+        "webdataset": "pipelines.exports.webdataset:WebDatasetWriter",
+    },
+    problems=_problems,
+    reserved={ONLOOKER: "pipelines.exports.onlooker:export_onlooker"},
+)
+register = FORMATS.register
 
 
 @dataclass
@@ -53,8 +73,8 @@ class ExportReport:
         dialect: how actions are written.
         examples: examples by corruption.
         hidden: rows that were left out because their target does not show, by corruption.
-        unsaid: rows that were left out because the dialect cannot say their action, by reason.
-        untold: rows that were left out because nothing says what the task is, by reason.
+        unsaid: rows that were left out because the dialect cannot express their action, by reason.
+        untold: rows that were left out because their task is not known, by reason.
     """
 
     out: str
@@ -77,14 +97,25 @@ class ExportReport:
 
     def to_data(self) -> dict[str, Any]:
         """JSON data of the report."""
-        counts = {name: dict(getattr(self, name)) for name in ("examples", "hidden", "unsaid", "untold")}
-        return {"out": self.out, "to": self.to, "dialect": self.dialect, "total": self.total, **counts}
+        counts = {
+            name: dict(getattr(self, name)) for name in ("examples", "hidden", "unsaid", "untold")
+        }
+        return {
+            "out": self.out,
+            "to": self.to,
+            "dialect": self.dialect,
+            "total": self.total,
+            **counts,
+        }
 
     def lines(self) -> list[str]:
         """The report as lines of text."""
         text = [f"{self.out}: {self.total} examples ({self.to}, actions in {self.dialect})"]
         text += [f"  {label}: {count}" for label, count in self.examples.items()]
-        text += [f"  {label}: {count} left out, their target is hidden" for label, count in self.hidden.items()]
+        text += [
+            f"  {label}: {count} left out, their target is hidden"
+            for label, count in self.hidden.items()
+        ]
         left_out = [*self.unsaid.items(), *self.untold.items()]
         return text + [f"  left out {count}: {reason}" for reason, count in left_out]
 
@@ -101,35 +132,45 @@ def export(
 ) -> ExportReport | OnlookerReport:
     """Export a dataset for training. The same dataset and arguments give the same bytes.
 
+    Raises `DatasetError` if the folder is no finished dataset or a row is damaged, `ParameterError`
+    if `balance` is out of range, `UnknownNameError` for another format or dialect, and
+    `PluginError` if the file, module or plug-in of the writer cannot be loaded.
+
     Args:
         folder: a dataset that `build` made, materialised or lazy.
         out: the folder to make; it must not be there, or be empty.
-        to: `chat` (messages and image files, JSON lines), `verl` (Parquet), `webdataset` (tar files) or
-            `onlooker` (Parquet: reminders, summaries and recovery steps).
+        to: `chat` (messages and image files, JSON lines), `verl` (Parquet), `webdataset` (tar
+            files), `onlooker` (Parquet: reminders, summaries and recovery steps), the name of a
+            plug-in's writer, or `package.module:Writer` or `path/to/file.py:Writer`, see `Writer`.
         dialect: how actions are written: `pyautogui`, `ui_tars` or `ui_tars_1.5`.
-        keep_hidden: export rows of which less than half of the target shows too; they teach clicks on hidden targets.
-        balance: with `onlooker` only: frames without a reminder for each that has one, 0 to 1000; 1 by default.
+        keep_hidden: export rows of which less than half of the target shows too; they teach clicks
+            on hidden targets.
+        balance: with `onlooker` only: frames without a reminder for each that has one, 0 to 1000; 1
+            by default.
         progress: called with rows done, rows in all, and a text.
 
     Raises:
-        DatasetError: the folder is no finished dataset, or a row is damaged.
-        BuildError: `out` is in the way or cannot be written, no row has a reminder (`onlooker`), or `balance` is given
-            with another format.
-        ParameterError: `balance` is out of range.
-        UnknownNameError: another format or dialect.
+        BuildError: `out` is in the way or cannot be written, no row has a reminder (`onlooker`), or
+            `balance` is given with another format.
     """
-    if to not in (*FORMATS, ONLOOKER):
-        raise UnknownNameError(f"unknown export format {to!r}{suggest(to, (*FORMATS, ONLOOKER))}")
+    make_writer = None if to == ONLOOKER else FORMATS.get(FORMATS.find(to))
     check_dialect(dialect)
-    if to == ONLOOKER:
+    if make_writer is None:
         ratio = 1.0 if balance is None else balance
-        return export_onlooker(folder, out, dialect=dialect, keep_hidden=keep_hidden, balance=ratio, progress=progress)
+        return export_onlooker(
+            folder,
+            out,
+            dialect=dialect,
+            keep_hidden=keep_hidden,
+            balance=ratio,
+            progress=progress,
+        )
     if balance is not None:
         raise BuildError(f"balance is for the format {ONLOOKER!r}; leave it out for {to!r}")
     rows = open_dataset(folder)
     report = ExportReport(os.fspath(out), to, dialect)
     with new_folder(Path(out), Path(folder)) as place:
-        writer = FORMATS[to](place)
+        writer = make_writer(place)
         done = 0
         for index, shard in enumerate(rows.manifest["shards"]):
             stored = stored_rows(rows.folder / shard["file"], is_lazy(rows.manifest))
@@ -138,12 +179,22 @@ def export(
             if progress is not None:
                 progress(done, len(rows), "rows")
         writer.finish()
-        write_report(place, {**report.to_data(), "keep_hidden": keep_hidden, "content": rows.fingerprint})
+        write_report(
+            place,
+            {
+                **report.to_data(),
+                "keep_hidden": keep_hidden,
+                "content": rows.fingerprint,
+            },
+        )
     return report
 
 
 def _examples(
-    rows: Iterator[tuple[Row, Callable[[], bytes]]], shard: int, report: ExportReport, keep_hidden: bool
+    rows: Iterator[tuple[Row, Callable[[], bytes]]],
+    shard: int,
+    report: ExportReport,
+    keep_hidden: bool,
 ) -> Iterator[Example]:
     number = 0
     for row, png in rows:

@@ -1,4 +1,4 @@
-"""The way to the Hugging Face hub."""
+"""Upload of a dataset to the Hugging Face hub."""
 
 import os
 from pathlib import Path
@@ -6,8 +6,8 @@ from typing import Any, cast
 
 from hijack_data import extras
 
+from ..dataset.manifest import read_manifest
 from ..errors import BuildError
-from ..manifest import read_manifest
 
 
 def push_to_hub(
@@ -22,25 +22,35 @@ def push_to_hub(
 ) -> str:
     """Upload a finished dataset as it is, card and manifest included, and return its address.
 
-    Check the licence of the source recordings first (the card says where they are from); a new repository is private
-    unless told otherwise. The upload itself is `huggingface_hub`'s, which finds its token as usual.
+    Check the licence of the source recordings first (the card says where they are from); a new
+    repository is private unless told otherwise. The upload itself is `huggingface_hub`'s, which
+    finds its token as usual.
 
     Args:
         folder: a dataset that `build` made.
         repo_id: `name` or `owner/name`.
-        token, private, revision, endpoint: as `huggingface_hub.HfApi` has them.
-        message: of the commit.
+        token: as `huggingface_hub.HfApi` has it.
+        private: whether a new repository is private.
+        revision: the branch, as `huggingface_hub.HfApi` has it.
+        endpoint: the address of the hub, as `huggingface_hub.HfApi` has it.
+        message: message of the commit.
 
     Raises:
-        DatasetError: the folder is no finished dataset.
         BuildError: the hub cannot be reached, or refuses.
-        MissingDependencyError: huggingface_hub is not installed.
+
+    A folder that is no finished dataset is a `DatasetError`, and without `huggingface_hub` it is a
+    `MissingDependencyError`.
     """
     read_manifest(Path(folder))
     hub = _hub()
     api = hub.HfApi(endpoint=endpoint, token=token)
     try:
-        api.create_repo(repo_id, repo_type="dataset", private=private, exist_ok=True)
+        api.create_repo(
+            repo_id,
+            repo_type="dataset",
+            private=private,
+            exist_ok=True,
+        )
         done = api.upload_folder(
             repo_id=repo_id,
             repo_type="dataset",
@@ -63,7 +73,7 @@ def _hub() -> Any:
 
 
 def _network_errors() -> tuple[type[Exception], ...]:
-    """What the HTTP client raises: `requests`, httpx or httpx2, by the version of huggingface_hub."""
+    """Return the errors of the HTTP client, which depends on the version of huggingface_hub."""
     from huggingface_hub.errors import HfHubHTTPError
 
     return cast("tuple[type[Exception], ...]", HfHubHTTPError.__bases__)

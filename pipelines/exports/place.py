@@ -1,32 +1,32 @@
 """The folder of an export: it appears whole or not at all.
 
-It is written under another name beside it and renamed at the end. An export that was killed leaves that other folder
-behind, which the next one to the same place removes.
+It is written under another name beside it and renamed at the end. An export that was killed leaves
+that other folder behind, which the next one to the same place removes.
 """
 
-import fcntl
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 from hijack_data.errors import HijackError
 from hijack_data.files import write_atomic
+from hijack_data.locking import LockedError, lock
 
 from ..errors import BuildError
 
 REPORT = "export.json"
-Progress: TypeAlias = Callable[[int, int, str], object]
 
 
 @contextmanager
 def new_folder(out: Path, source: Path) -> Iterator[Path]:
-    """Give a folder to write to that becomes `out` when all went well, and is removed when not.
+    """Give a folder to write to that becomes `out` on success and is removed on failure.
 
-    Raises `BuildError` when `out` is in the way, lies in `source` (the dataset) or cannot be written.
+    Raises:
+        BuildError: `out` is in the way, lies in `source` (the dataset) or cannot be written.
     """
     out = Path(os.path.abspath(out))
     try:
@@ -41,32 +41,40 @@ def new_folder(out: Path, source: Path) -> Iterator[Path]:
             if out.exists():
                 out.rmdir()
             place.rename(out)
+    except HijackError:
+        raise
     except (OSError, ValueError) as error:
-        if isinstance(error, HijackError):
-            raise
-        raise BuildError(f"{out}: cannot be written ({getattr(error, 'strerror', None) or error})") from None
+        reason = getattr(error, "strerror", None) or error
+        raise BuildError(f"{out}: cannot be written ({reason})") from None
 
 
 def write_report(place: Path, data: Mapping[str, Any]) -> None:
-    """Write what the export did beside its files, without the name of the folder: equal exports are equal bytes."""
+    """Write the report beside the files, without the folder's name: equal exports, equal bytes."""
     about = {key: value for key, value in data.items() if key != "out"}
     write_atomic(place / REPORT, json.dumps(about, indent=1, ensure_ascii=False) + "\n")
 
 
 @contextmanager
 def _held(place: Path) -> Iterator[None]:
-    """Make an empty folder that no other export writes to; remove it unless it was renamed."""
+    """Make an empty folder that no other export writes to; remove it unless it was renamed.
+
+    Raises:
+        BuildError: another export writes to it.
+    """
     place.mkdir(exist_ok=True)
-    handle = os.open(place, os.O_RDONLY | os.O_DIRECTORY)
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(handle)
-        raise BuildError(f"{place}: another export is writing to this folder; wait for it") from None
+        held = lock(place)
+    except LockedError:
+        raise BuildError(
+            f"{place}: another export is writing to this folder; wait for it"
+        ) from None
     try:
         for entry in place.iterdir():
-            shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
+            if entry.is_dir():
+                shutil.rmtree(entry)
+            else:
+                entry.unlink()
         yield
     finally:
         shutil.rmtree(place, ignore_errors=True)
-        os.close(handle)
+        held.release()

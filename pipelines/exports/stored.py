@@ -3,14 +3,14 @@
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from ..dataset import shard_pictures, shard_rows
-from ..images import encode
-from ..lazy import picture_bytes
+from ..dataset.images import encode
+from ..dataset.lazy import picture_bytes
+from ..dataset.opening import shard_pictures, shard_rows
 from .example import Row
 
 
 def stored_rows(file: Path, lazy: bool) -> Iterator[tuple[Row, Callable[[], bytes]]]:
-    """Yield rows, each with a function that gives the bytes of its screenshot: as stored, or drawn and encoded."""
+    """Yield rows, each with a function that returns the PNG of its screenshot."""
     if not lazy:
         for row in shard_rows(file):
             data = picture_bytes(row.pop("screenshot"))

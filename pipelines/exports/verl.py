@@ -1,7 +1,9 @@
-"""Parquet for verl: `data_source, prompt, images, ability, reward_model, extra_info`, images as bytes.
+"""Parquet for verl, with images as bytes.
 
-`reward_model.ground_truth` is JSON: the answer, the action and the target's box, in pixels of the screenshot, for a
-reward function of one's own (`custom_reward_function.path` of verl).
+Columns are `data_source, prompt, images, ability, reward_model, extra_info`.
+
+`reward_model.ground_truth` is JSON: the answer, the action and the target's box, in pixels of the
+screenshot, for a reward function of one's own (`custom_reward_function.path` of verl).
 """
 
 import json
@@ -9,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from ..columns import Kind, pyarrow, schema_of
+from ..dataset.columns import Kind, pyarrow, schema_of
 from .example import Example, truth
 
 GROUP = 16
@@ -49,9 +51,11 @@ class VerlWriter:
         """Write the examples of one shard."""
         pa = pyarrow()
         schema = schema_of(KINDS)
-        with pa.parquet.ParquetWriter(self.folder / f"train-{index:05d}.parquet", schema, version="2.6") as writer:
+        path = self.folder / f"train-{index:05d}.parquet"
+        with pa.parquet.ParquetWriter(path, schema, version="2.6") as writer:
             for group in _groups(examples):
-                writer.write_table(pa.Table.from_pylist([self._row(example) for example in group], schema=schema))
+                rows = [self._row(example) for example in group]
+                writer.write_table(pa.Table.from_pylist(rows, schema=schema))
 
     def finish(self) -> None:
         """Nothing goes beside the shards."""
@@ -59,13 +63,17 @@ class VerlWriter:
     def _row(self, example: Example) -> dict[str, Any]:
         row = example.row
         extra = {name: row[name] for name in KINDS["extra_info"] if name in row}
-        index, self.count = self.count, self.count + 1
+        index = self.count
+        self.count += 1
         return {
             "data_source": "agenthijack",
             "prompt": [{"role": "user", "content": example.question}],
             "images": [{"bytes": example.png, "path": None}],
             "ability": "computer_use",
-            "reward_model": {"style": "rule", "ground_truth": json.dumps(truth(example), ensure_ascii=False)},
+            "reward_model": {
+                "style": "rule",
+                "ground_truth": json.dumps(truth(example), ensure_ascii=False),
+            },
             "extra_info": {
                 **extra,
                 "split": "train",

@@ -1,4 +1,4 @@
-"""WebDataset: `train-NNNNN.tar`, and in it for each example KEY.png, KEY.json (the row) and KEY.txt (the answer)."""
+"""WebDataset: `train-NNNNN.tar` with KEY.png, KEY.json (the row) and KEY.txt (the answer)."""
 
 import io
 import json
@@ -10,7 +10,10 @@ from .example import Example
 
 
 class WebDatasetWriter:
-    """Writes one tar file a shard. Headers hold no time, owner or user, so that the same rows give the same bytes."""
+    """Writes one tar file a shard.
+
+    Headers contain no time, owner or user, so that the same rows give the same bytes.
+    """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -20,16 +23,25 @@ class WebDatasetWriter:
         path = self.folder / f"train-{index:05d}.tar"
         with tarfile.open(path, "w", format=tarfile.USTAR_FORMAT) as tar:
             for example in examples:
-                row = {**example.row, "answer": example.answer, "question": example.question}
+                row = {
+                    **example.row,
+                    "answer": example.answer,
+                    "question": example.question,
+                }
+                text = json.dumps(row, ensure_ascii=False)
                 _add(tar, f"{example.key}.png", example.png)
-                _add(tar, f"{example.key}.json", json.dumps(row, ensure_ascii=False).encode())
+                _add(tar, f"{example.key}.json", text.encode())
                 _add(tar, f"{example.key}.txt", example.answer.encode())
 
     def finish(self) -> None:
         """Nothing goes beside the shards."""
 
 
-def _add(tar: tarfile.TarFile, name: str, data: bytes) -> None:
+def _add(
+    tar: tarfile.TarFile,
+    name: str,
+    data: bytes,
+) -> None:
     info = tarfile.TarInfo(name)
     info.size = len(data)
     info.mode = 0o644

@@ -1,21 +1,20 @@
-"""A dataset for Grain: what `grain.MapDataset.source` and `grain.DataLoader(data_source=...)` take."""
+"""A dataset for Grain's `MapDataset.source` and `DataLoader(data_source=...)`."""
 
 import os
 from typing import Any, SupportsIndex
 
-from ..dataset import open_dataset
+from ..dataset.opening import open_dataset
 
 
 class GrainSource:
-    """Grain's `RandomAccessDataSource` protocol: `len`, rows by number, and a `repr` that names the data.
+    """A dataset with Grain's `RandomAccessDataSource` protocol.
 
-    A row has the columns of the dataset, `screenshot` as uint8 RGB `[H, W, 3]`. It can be pickled, read by Grain's
-    worker processes and by its reading threads. Reading one row reads its row group, not a file.
+    A row has the columns of the dataset, `screenshot` as uint8 RGB `[H, W, 3]`. It can be pickled,
+    read by Grain's worker processes and by its reading threads. Reading one row reads its row
+    group, not a file.
 
     Args:
-        folder: a dataset that `build` made.
-
-    Raises `DatasetError` when the folder is no finished dataset.
+        folder: a dataset that `build` made; another folder is a `DatasetError`.
     """
 
     def __init__(self, folder: str | os.PathLike[str]) -> None:
@@ -29,5 +28,9 @@ class GrainSource:
         return {**row, "screenshot": picture}
 
     def __repr__(self) -> str:
-        # Grain compares it when an iterator is restored, so that a checkpoint is never resumed on other data.
-        return f"GrainSource({self.rows.folder.name!r}, rows={len(self)}, content={self.rows.fingerprint[:16]})"
+        # Grain compares it when an iterator is restored, so that a checkpoint is never resumed on
+        # other data.
+        return (
+            f"GrainSource({self.rows.folder.name!r}, rows={len(self)},"
+            f" content={self.rows.fingerprint[:16]})"
+        )

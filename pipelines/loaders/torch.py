@@ -7,7 +7,7 @@ from typing import Any
 from hijack_data import extras
 from hijack_data.types import as_boxes
 
-from ..dataset import open_dataset
+from ..dataset.opening import open_dataset
 
 try:
     import torch
@@ -19,20 +19,21 @@ Item = dict[str, Any]
 
 
 class TorchDataset(Dataset[Any]):
-    """Rows as dictionaries of tensors and plain values, by number; reading one reads a row group, not a file.
+    """Rows as dictionaries of tensors and plain values, by number.
 
-    An item has the columns of the dataset with two changes: `screenshot` is a uint8 tensor `[3, H, W]` (RGB, of the
-    strides that the picture was decoded with: `channels_last`), and `boxes` is an int32 tensor `[N, 4]` (`xyxy`): the
-    target's box, or none. Values that are not known are `None`, so batches need `collate`.
+    Reading one reads its row group, not a file. An item has the columns of the dataset with two
+    changes: `screenshot` is a uint8 tensor `[3, H, W]` (RGB, with the strides of the decoded
+    picture: `channels_last`), and `boxes` is an int32 tensor `[N, 4]` (`xyxy`): the target's box,
+    or none. Unknown values are `None`, so batches need `collate`.
 
     Args:
-        folder: a dataset that `build` made.
-        transform: called with each item; what it returns is the item.
-
-    Raises `DatasetError` when the folder is no finished dataset.
+        folder: a dataset that `build` made; another folder is a `DatasetError`.
+        transform: called with each item; its result takes the place of the item.
     """
 
-    def __init__(self, folder: str | os.PathLike[str], transform: Callable[[Item], Any] | None = None) -> None:
+    def __init__(
+        self, folder: str | os.PathLike[str], transform: Callable[[Item], Any] | None = None
+    ) -> None:
         self.rows = open_dataset(folder)
         self.transform = transform
 
@@ -43,15 +44,19 @@ class TorchDataset(Dataset[Any]):
         row, picture = self.rows.pixels(int(index))
         box = row["target_box"]
         boxes = torch.from_numpy(as_boxes([box] if box else None))
-        item = {**row, "screenshot": torch.from_numpy(picture).permute(2, 0, 1), "boxes": boxes}
+        item = {
+            **row,
+            "screenshot": torch.from_numpy(picture).permute(2, 0, 1),
+            "boxes": boxes,
+        }
         return item if self.transform is None else self.transform(item)
 
 
 def collate(items: Sequence[Item]) -> Item:
     """Join items to a batch, for `DataLoader(..., collate_fn=collate)`.
 
-    `screenshot` becomes one tensor `[B, 3, H, W]` where all are of one size, else a list; every other value becomes a
-    list, with one entry an item.
+    `screenshot` becomes one tensor `[B, 3, H, W]` if all are of one size, and a list otherwise;
+    every other value becomes a list with one entry for each item.
     """
     batch: Item = {name: [item[name] for item in items] for name in items[0]}
     pictures = batch["screenshot"]

@@ -1,88 +1,95 @@
-"""Rows of what happens to the machine, as far as their plan and the asset pack tell what they must say.
+"""Rows of events on the machine, as far as they follow from their plan and the asset pack.
 
-Which recorded picture an edit chooses depends on what the recording says of its applications and
-elements, which a dataset does not hold. But the plan names the picture and its place, and the pack
-knows what undoes it.
+Which recorded picture an edit chooses depends on the applications and elements of the recording,
+which a dataset does not contain. But the plan names the picture and its place, and the pack
+contains the action that undoes it.
 """
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from hijack_data.coords import CoordMap
 from hijack_data.errors import shown
-from hijack_data.pack import Deed, find_asset
+from hijack_data.pack import RecordedAction, find_asset
 from hijack_data.plan import Op, Paste, Plan, Resample
+from hijack_data.registry import is_ours
 from hijack_data.types import Size
 
-from ..edits import accidental_touch, app_minimization, multi_apps, network_error, verification
-from ..edits.base import WAIT, EditedStep
+from ..dataset.sample import Sample
+from ..edits import EDITS
+from ..edits.base import WAIT, Edit, EditedStep
 from ..edits.variants import Variant, step_after
 from ..errors import DatasetError
-from ..sample import Sample
-
-KEEP, UNDO = "keep", "undo"
 
 
-@dataclass(frozen=True)
-class _Told:
-    """What the rows of an effect say.
-
-    Args:
-        event: the sentence, with `{}` for what depends on the picture.
-        answer: the action: the recorded one, what undoes the picture, or one that is always the same.
-        reminder: what an onlooker should say.
-        inserted: whether the row is a step of its own.
-    """
-
-    event: str
-    answer: str | Deed
-    reminder: str | None = None
-    inserted: bool = False
-
-
-TOLD: Mapping[str, _Told] = {
-    "launch_app": _Told(multi_apps.EVENT, KEEP),
-    "touch": _Told(accidental_touch.EVENT, UNDO, inserted=True),
-    "minimise": _Told(app_minimization.EVENT, UNDO, inserted=True),
-    "firewall": _Told(network_error.EVENT, WAIT, network_error.REMINDER),
-    "lock": _Told(verification.EVENT, WAIT, verification.REMINDER),
-}
-
-
-def told(row: Mapping[str, Any], plan: Plan, sample: Sample) -> Variant | None:
+def told(
+    row: Mapping[str, Any],
+    plan: Plan,
+    sample: Sample,
+) -> Variant | None:
     """Return the variant that a row of an event must be.
 
-    `None` where the pack does not tell what undoes its picture. Raises `DatasetError` for what the
-    row cannot say, and `AssetError` where the pack does not hold the picture.
+    Args:
+        row: as it is stored.
+        plan: its plan. A picture that the pack does not contain is an `AssetError`.
+        sample: its step.
+
+    Returns:
+        The variant, or `None` if the pack has no action that undoes the picture.
+
+    Raises:
+        DatasetError: the labels of the row contradict its plan.
     """
     kinds = [effect.kind for effect in plan.effects]
-    if len(kinds) != 1 or kinds[0] not in TOLD:
-        raise DatasetError(f"event is {shown(row['event'])}, and its plan does {kinds or 'nothing'} to the machine")
-    known = TOLD[kinds[0]]
+    if len(kinds) != 1 or kinds[0] not in EDITS:
+        raise DatasetError(
+            f"event is {shown(row['event'])}, and its plan does {kinds or 'nothing'} to the machine"
+        )
+    known = EDITS[kinds[0]]
+    if not is_ours(known):
+        return None  # the edit of a plug-in: it alone decides what it shows
+    _check_labels(row, known)
+    pasted, drawn = _parts(plan)
+    if row["fidelity"] == "recorded" and len(pasted) != 1:
+        raise DatasetError(
+            "fidelity is 'recorded', and its screen is put together: it should be 'composited'"
+        )
+    response = _response(known, row, plan, pasted)
+    if response is None and known.answer != "keep":
+        return None
+    edit = EditedStep(
+        ops=pasted,
+        event=row["event"],
+        fidelity=row["fidelity"],
+        response=response,
+        inserted=known.inserted,
+        reminder=known.reminder,
+    )
+    over = replace(plan, effects=())
+    if response is not None:
+        over = replace(over, ops=drawn)
+    return Variant(step_after(sample, edit), plan, over, edit)
+
+
+def _check_labels(row: Mapping[str, Any], known: Edit) -> None:
     pattern = re.escape(known.event).replace(re.escape("{}"), ".+")
     if not re.fullmatch(pattern, row["event"]):
         raise DatasetError(f"event is {shown(row['event'])}, it should be {shown(known.event)}")
     for name in ("reminder", "inserted"):
-        if row[name] != getattr(known, name):
-            raise DatasetError(f"{name} is {shown(row[name])}, it should be {shown(getattr(known, name))}")
-    pasted, drawn = _parts(plan)
-    if row["fidelity"] == "recorded" and len(pasted) != 1:
-        raise DatasetError("fidelity is 'recorded', and its screen is put together: it should be 'composited'")
-    deed = _deed(known.answer, row, plan, pasted)
-    if deed is None and known.answer is not KEEP:
-        return None
-    edit = EditedStep(pasted, row["event"], row["fidelity"], deed, known.inserted, known.reminder)
-    over = plan if deed is None else replace(plan, ops=drawn)
-    return Variant(step_after(sample, edit), plan, replace(over, effects=()), edit)
+        wanted = getattr(known, name)
+        if row[name] != wanted:
+            raise DatasetError(f"{name} is {shown(row[name])}, it should be {shown(wanted)}")
 
 
 def _parts(plan: Plan) -> tuple[tuple[Op, ...], tuple[Op, ...]]:
-    """Return what an edit pasted, and what was drawn over it; an edit leaves the size as it was."""
-    end, size = 0, plan.size
+    """Return the part that an edit pasted and the part drawn over it; an edit keeps the size."""
+    end = 0
+    size = plan.size
     for number, op in enumerate(plan.ops, 1):
-        size = op.size if isinstance(op, Resample) else size
+        if isinstance(op, Resample):
+            size = op.size
         if _is_asset(op):
             end = number if size == plan.size else number + 1
     return plan.ops[:end], plan.ops[end:]
@@ -92,40 +99,50 @@ def _is_asset(op: Op) -> bool:
     return isinstance(op, Paste) and op.sprite.get("draw") == "asset"
 
 
-def _deed(answer: str | Deed, row: Mapping[str, Any], plan: Plan, pasted: tuple[Op, ...]) -> Deed | None:
+def _response(
+    edit: Edit,
+    row: Mapping[str, Any],
+    plan: Plan,
+    pasted: tuple[Op, ...],
+) -> RecordedAction | None:
     """Return the action that a row must have: of several recorded ones, the one that it has."""
-    if isinstance(answer, Deed):
-        return answer
-    if answer == KEEP:
+    if edit.answer == "wait":
+        return WAIT
+    if edit.answer == "keep":
         return None
     known = list(_recoveries(plan.size, pasted))
-    shown_box = row["target_box"]
-    alike = [deed for deed in known if _box_in(plan, deed) == shown_box]
-    return next(iter(alike or known), None)
+    for response in known:
+        if _box_in(plan, response) == row["target_box"]:
+            return response
+    return known[0] if known else None
 
 
-def _box_in(plan: Plan, deed: Deed) -> list[int] | None:
-    box = deed.target_box
-    return None if box is None else plan.coords.boxes_to_observation([box])[0].tolist()
+def _box_in(plan: Plan, response: RecordedAction) -> list[int] | None:
+    if response.target_box is None:
+        return None
+    return plan.coords.boxes_to_observation([response.target_box])[0].tolist()
 
 
-def _recoveries(screen: Size, pasted: tuple[Op, ...]) -> Iterator[Deed]:
-    """Yield what undoes the pasted pictures, in pixels of the screen."""
+def _recoveries(screen: Size, pasted: tuple[Op, ...]) -> Iterator[RecordedAction]:
+    """Yield the actions that undo the pasted pictures, in pixels of the screen."""
     size = screen
     for op in pasted:
         if isinstance(op, Resample):
             size = op.size
-        elif _is_asset(op):
-            asset = find_asset(str(op.sprite["id"]), str(op.sprite["sha256"]))
-            left, top = tuple(op.sprite.get("crop", (0, 0)))[:2]
-            coords = CoordMap(observation=size, screen=screen)
-            if asset.recover is not None:
-                yield from (_scaled(asset.recover.moved(x - left, y - top), coords) for x, y in op.at)
+        if not isinstance(op, Paste) or not _is_asset(op):
+            continue
+        asset = find_asset(str(op.sprite["id"]), str(op.sprite["sha256"]))
+        if asset.recover is None:
+            continue
+        left, top = tuple(op.sprite.get("crop", (0, 0)))[:2]
+        coords = CoordMap(observation=size, screen=screen)
+        for x, y in op.at:
+            yield _scaled(asset.recover.moved(x - left, y - top), coords)
 
 
-def _scaled(deed: Deed, coords: CoordMap) -> Deed:
-    box = deed.target_box
+def _scaled(response: RecordedAction, coords: CoordMap) -> RecordedAction:
+    box = response.target_box
     if box is not None:
         x1, y1, x2, y2 = coords.boxes_to_screen([box])[0].tolist()
         box = (x1, y1, x2, y2)
-    return Deed(coords.action_to_screen(deed.action), box)
+    return RecordedAction(coords.action_to_screen(response.action), box)

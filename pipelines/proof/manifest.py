@@ -1,4 +1,4 @@
-"""The files of a dataset against its manifest, and the manifest against what it can be derived from."""
+"""The files of a dataset against its manifest, and the manifest against its own content."""
 
 import json
 from collections import Counter, deque
@@ -8,8 +8,10 @@ from typing import Any
 
 from hijack_data.errors import shown
 
-from ..errors import RESUME, DatasetError
-from ..manifest import (
+from ..building.rows import RowSettings
+from ..building.settings import config_of, in_order
+from ..building.splits import Splits
+from ..dataset.manifest import (
     DIGEST,
     FILE_HASHES,
     FILES,
@@ -19,18 +21,20 @@ from ..manifest import (
     libraries,
     make_manifest,
 )
-from ..options import config_of, in_order
-from ..rows import Settings
-from ..shards import ShardRecord, file_sha256, record_from
-from ..splits import Splits
+from ..dataset.shard import ShardRecord, file_sha256, record_from
+from ..errors import RESUME, DatasetError
 
 _CARD, _CONFIG, _QUARANTINE = FILES
-# What people put beside a dataset, and `load_dataset` never takes for rows.
+# Files that people put beside a dataset, and that `load_dataset` never reads as rows.
 HARMLESS = ("", ".md", ".html", ".yaml", ".yml", ".cff", ".bib")
 
 
 def records_in(manifest: Mapping[str, Any], folder: Path) -> list[ShardRecord]:
-    """Return what a manifest says about its shards. Raises `DatasetError`."""
+    """Return the records of the shards in a manifest.
+
+    Raises:
+        DatasetError: a record is damaged, or names a file outside the dataset.
+    """
     try:
         records = [record_from(shard) for shard in manifest["shards"]]
     except TypeError as error:
@@ -43,26 +47,28 @@ def records_in(manifest: Mapping[str, Any], folder: Path) -> list[ShardRecord]:
 
 
 def strays(folder: Path, records: list[ShardRecord]) -> Iterator[str]:
-    """Yield the files of a dataset's folder that are no part of it and that could be read as rows.
+    """Yield the files in the folder of a dataset that are not part of it and may be read as rows.
 
-    Hidden files and folders are the tools' that keep or upload a dataset; loaders pass them over.
+    Hidden files and folders belong to tools that keep or upload a dataset; loaders skip them.
     """
     known = {MANIFEST, *FILES, *(record.file for record in records)}
     data = {str(Path(record.file).parent) for record in records}
     for path in sorted(folder.rglob("*")):
         name = path.relative_to(folder)
-        if any(part.startswith(".") for part in name.parts) or str(name) in known:
-            continue
-        if path.is_dir() and not path.is_symlink():
+        is_hidden = any(part.startswith(".") for part in name.parts)
+        is_folder = path.is_dir() and not path.is_symlink()
+        if is_hidden or is_folder or str(name) in known:
             continue
         if str(name.parent) in data:
             yield f"{name}: not in the manifest"
         elif path.suffix.lower() not in HARMLESS:
-            yield f"{name}: not in the manifest; load_dataset may read it as rows: move it elsewhere"
+            yield (
+                f"{name}: not in the manifest; load_dataset may read it as rows: move it elsewhere"
+            )
 
 
 def beside(folder: Path, manifest: Mapping[str, Any]) -> Iterator[str]:
-    """Yield what is wrong with the files beside the shards, and with the digest of the manifest."""
+    """Yield the problems of the files beside the shards, and of the digest of the manifest."""
     hashes = manifest.get(FILE_HASHES)
     if not isinstance(hashes, dict) or DIGEST not in manifest:
         yield (
@@ -71,9 +77,12 @@ def beside(folder: Path, manifest: Mapping[str, Any]) -> Iterator[str]:
         )
         return
     if manifest[DIGEST] != digest_of(manifest):
-        yield f"{MANIFEST}: {DIGEST} is not that of what it says; the manifest was changed or damaged"
+        yield (
+            f"{MANIFEST}: {DIGEST} is not that of what it says; the manifest was changed or damaged"
+        )
     for name in FILES:
-        path, wanted = folder / name, hashes.get(name)
+        path = folder / name
+        wanted = hashes.get(name)
         found = file_sha256(path) if path.is_file() else None
         if found != wanted:
             yield f"{name}: {_difference(found, wanted)}"
@@ -84,13 +93,19 @@ def _difference(found: str | None, wanted: object) -> str:
         return "missing"
     if wanted is None:
         return "not in the manifest"
-    return f"its SHA-256 is {found[:12]}, the manifest says {shown(wanted)[:13]}; the file was changed or damaged"
+    return (
+        f"its SHA-256 is {found[:12]}, the manifest says {shown(wanted)[:13]}; the file was changed"
+        " or damaged"
+    )
 
 
 def derived(
-    folder: Path, manifest: Mapping[str, Any], records: list[ShardRecord], settings: Settings | None
+    folder: Path,
+    manifest: Mapping[str, Any],
+    records: list[ShardRecord],
+    settings: RowSettings | None,
 ) -> Iterator[str]:
-    """Yield the fields of a manifest that are not what the rest of it and the files beside it give."""
+    """Yield the fields of a manifest that differ from its other fields and the files beside it."""
     parameters = manifest["parameters"]
     splits = Splits(parameters.get("splits"))
     config = manifest.get("config") if settings is None else config_of(settings, splits)
@@ -104,25 +119,37 @@ def derived(
         yield f"{_CONFIG}: is not the configuration of the manifest's parameters"
     late = [rejected for record in records for rejected in record.rejected]
     if late and [json.loads(line) for line in deque(_lines(folder), len(late))] != late:
-        yield f"{_QUARANTINE}: its end is not what was rejected while the rows were made (manifest: shards)"
+        yield (
+            f"{_QUARANTINE}: its end is not what was rejected while the rows were made (manifest:"
+            " shards)"
+        )
 
 
-def _unequal(where: str, stored: Any, expected: Any) -> Iterator[tuple[str, Any, Any]]:
-    """Yield the places at which JSON data differs from what was derived, which may hold less at the top."""
+def _unequal(
+    where: str,
+    stored: Any,
+    expected: Any,
+) -> Iterator[tuple[str, Any, Any]]:
+    """Yield the places at which JSON data differs; at the top, `stored` may have more keys."""
     if isinstance(expected, dict) and isinstance(stored, dict):
-        keys = [*expected, *(key for key in stored if where and key not in expected)]
+        keys = list(expected)
+        if where:
+            keys += [key for key in stored if key not in expected]
         for key in keys:
-            yield from _unequal(f"{where}.{key}" if where else key, stored.get(key), expected.get(key))
+            place = f"{where}.{key}" if where else key
+            yield from _unequal(place, stored.get(key), expected.get(key))
     elif stored != expected:
         yield where, stored, expected
 
 
 def library_notes(parameters: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the libraries that are not of the version that a dataset was built with."""
+    """Yield the libraries whose version is not the one of the build."""
     built_with = parameters.get("libraries", {})
     here = libraries(parameters.get("elements") == "picture")
     for name in (*LIBRARIES, "freetype"):
-        if name in built_with and built_with[name] != here[name] and name not in ("pyarrow", "isal"):
+        if name in ("pyarrow", "isal") or name not in built_with:
+            continue
+        if built_with[name] != here[name]:
             yield (
                 f"built with {name} {built_with[name]}, here is {here[name]}: "
                 "plans and pictures may come out differently"
@@ -130,22 +157,27 @@ def library_notes(parameters: Mapping[str, Any]) -> Iterator[str]:
 
 
 def shard_problems(file: Path, record: ShardRecord) -> Iterator[str]:
-    """Yield what is wrong with a file as a whole."""
+    """Yield the problems of a file as a whole."""
     size = file.stat().st_size
     if file_sha256(file) != record.sha256:
-        yield f"{record.file}: its SHA-256 is not that of the manifest; the file was changed or damaged"
+        yield (
+            f"{record.file}: its SHA-256 is not that of the manifest; the file was changed or"
+            " damaged"
+        )
     elif size != record.bytes:
         yield f"{record.file}: {size} bytes, the manifest says {record.bytes}"
 
 
 def _rejected(folder: Path) -> Counter[str]:
-    """Return how many inputs `quarantine.jsonl` names, by field."""
+    # return the number of inputs in `quarantine.jsonl`, by field
     found = Counter[str]()
     for number, line in enumerate(_lines(folder), 1):
         try:
             found[json.loads(line)["field"] or "(record)"] += 1
         except (ValueError, KeyError, TypeError) as error:
-            raise DatasetError(f"{folder / _QUARANTINE}: line {number} is no rejected input ({error})") from None
+            raise DatasetError(
+                f"{folder / _QUARANTINE}: line {number} is no rejected input ({error})"
+            ) from None
     return found
 
 

@@ -1,4 +1,4 @@
-"""Rows among each other: ids, the order of trajectories and steps, what a trajectory says of itself, counts."""
+"""Rows among each other: ids, counts, and the order of trajectories and steps."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -9,23 +9,23 @@ from hijack_data import Corruption
 from hijack_data.errors import shown
 from hijack_data.plan import CLEAN
 
+from ..building.rows import RowSettings
+from ..dataset.shard import ShardRecord
 from ..edits.variants import acts
-from ..rows import Settings
-from ..shards import ShardRecord
 
 Row = Mapping[str, Any]
-# What every row of a trajectory says alike.
+# Columns that are the same in every row of a trajectory.
 ABOUT = ("source", "domain", "instruction")
-# What is rejected with these fields leaves out a whole step.
+# An input that is rejected for one of these fields leaves out a whole step.
 WHOLE_STEP = ("image", "target_box")
 
 
 @dataclass
-class Order:
+class RowOrder:
     """Follows the rows of a dataset, step by step, over all its files.
 
     Args:
-        labels: the order of the corruptions, `None` where it is not known.
+        labels: the rank of each corruption in the order of the build.
         clean: whether each step has a clean row.
     """
 
@@ -37,11 +37,25 @@ class Order:
     _about: dict[str, Any] = field(default_factory=dict[str, Any])
 
     def problems(self, rows: list[dict[str, Any]]) -> Iterator[str]:
-        """Yield what is wrong with the place of a step's rows; each names a row."""
+        """Yield what is wrong with the place of a step's rows; each problem names a row."""
         first = rows[0]
         yield from self._place(first)
+        yield from self._alike(rows)
+        for name, count in Counter(row["id"] for row in rows).items():
+            if count > 1:
+                yield f"row {name}: its id stands at {count} rows"
+        yield from self._labels(rows)
+        has_clean = any(row["corruption"] == CLEAN for row in rows)
+        if self.clean and not has_clean:
+            yield (
+                f"row {first['id']}: its step has no clean row, and the build writes one for each"
+                " step"
+            )
+
+    def _alike(self, rows: list[dict[str, Any]]) -> Iterator[str]:
+        """Yield the first row of each column that differs from the rest of its trajectory."""
         for name in ABOUT:
-            wanted = self._about.setdefault(name, first[name])
+            wanted = self._about.setdefault(name, rows[0][name])
             for row in rows:
                 if row[name] != wanted:
                     yield (
@@ -49,26 +63,36 @@ class Order:
                         f"in the first row of its trajectory it is {shown(wanted)}"
                     )
                     break
-        for name, count in Counter(row["id"] for row in rows).items():
-            if count > 1:
-                yield f"row {name}: its id stands at {count} rows"
-        unknown = [row for row in rows if row["corruption"] not in self.labels]
-        for row in unknown:
+
+    def _labels(self, rows: list[dict[str, Any]]) -> Iterator[str]:
+        """Yield unknown labels, and labels in another order than that of the build."""
+        ranks: list[int] = []
+        for row in rows:
+            label = row["corruption"]
+            if label in self.labels:
+                ranks.append(self.labels[label])
+                continue
             known = ", ".join(self.labels)
-            yield f"row {row['id']}: corruption is {shown(row['corruption'])}, the build has {known}"
-        ranks = [self.labels[row["corruption"]] for row in rows if row not in unknown]
+            yield f"row {row['id']}: corruption is {shown(label)}, the build has {known}"
         if ranks != sorted(ranks):
-            yield f"row {first['id']}: the rows of its step stand in another order than the build writes"
-        if self.clean and not any(row["corruption"] == CLEAN for row in rows):
-            yield f"row {first['id']}: its step has no clean row, and the build writes one for each step"
+            yield (
+                f"row {rows[0]['id']}: the rows of its step stand in another order than the build"
+                " writes"
+            )
 
     def _place(self, row: Row) -> Iterator[str]:
-        trajectory, step = row["trajectory_id"], row["step"]
+        trajectory = row["trajectory_id"]
+        step = row["step"]
         if trajectory != self._trajectory:
             if trajectory in self._done:
-                yield f"row {row['id']}: trajectory {trajectory!r} was there before, apart from this row"
+                yield (
+                    f"row {row['id']}: trajectory {trajectory!r} was there before, apart from"
+                    " this row"
+                )
             self._done.add(trajectory)
-            self._trajectory, self._step, self._about = trajectory, -1, {}
+            self._trajectory = trajectory
+            self._step = -1
+            self._about = {}
         if step <= self._step:
             yield f"row {row['id']}: step {step} stands after step {self._step} of its trajectory"
         self._step = step
@@ -76,7 +100,7 @@ class Order:
 
 @dataclass
 class Tallied:
-    """What was counted in the rows of one file."""
+    """The numbers of rows, steps and trajectories in one file."""
 
     rows: Counter[str] = field(default_factory=Counter[str])
     inserted: Counter[str] = field(default_factory=Counter[str])
@@ -92,12 +116,13 @@ class Tallied:
         self.trajectories += rows[0]["trajectory_id"] != self._trajectory
         self._trajectory = rows[0]["trajectory_id"]
 
-    def problems(self, record: ShardRecord, settings: Settings | None) -> Iterator[str]:
-        """Yield the counts of the manifest that the rows of a file do not bear out."""
+    def problems(self, record: ShardRecord, settings: RowSettings | None) -> Iterator[str]:
+        """Yield the counts of the manifest that differ from the rows of a file."""
         counted = record.counts["rows"]
         for label in {**counted, **self.rows}:
-            if counted.get(label, 0) != self.rows[label]:
-                yield f"the manifest counts {counted.get(label, 0)} rows of {label}, there are {self.rows[label]}"
+            number = counted.get(label, 0)
+            if number != self.rows[label]:
+                yield f"the manifest counts {number} rows of {label}, there are {self.rows[label]}"
         rejected = sum(entry.get("field") in WHOLE_STEP for entry in record.rejected)
         wanted = record.steps - rejected
         if settings is None or not settings.clean:
@@ -105,17 +130,27 @@ class Tallied:
         if self.steps != wanted:
             yield f"the manifest counts {wanted} steps with rows, there are {self.steps}"
         if not rejected and self.trajectories != record.trajectories:
-            yield f"the manifest counts {record.trajectories} trajectories, there are {self.trajectories}"
+            yield (
+                f"the manifest counts {record.trajectories} trajectories, there are"
+                f" {self.trajectories}"
+            )
         for label, planner in settings.planners:
             if isinstance(planner, Corruption) and planner.steps is None and not acts(planner):
                 yield from _sum(label, self.rows[label], record, wanted)
 
 
-def _sum(label: str, rows: int, record: ShardRecord, steps: int) -> Iterator[str]:
-    """Yield a problem where a corruption that acts at every step did not come to an end at each."""
-    left = sum(record.counts["not_applicable"].get(label, {}).values()) + record.counts["dropped"].get(label, 0)
+def _sum(
+    label: str,
+    rows: int,
+    record: ShardRecord,
+    steps: int,
+) -> Iterator[str]:
+    """Yield a problem if a corruption that acts at every step has no result for some of them."""
+    reasons = record.counts["not_applicable"].get(label, {})
+    left = sum(reasons.values()) + record.counts["dropped"].get(label, 0)
     broken = sum(entry.get("where", "").endswith(f", {label}") for entry in record.rejected)
     if rows + left + broken != steps:
         yield (
-            f"{label}: {rows} rows, {left} without a row and {broken} rejected are not the {steps} steps of the file"
+            f"{label}: {rows} rows, {left} without a row and {broken} rejected are not the {steps}"
+            " steps of the file"
         )

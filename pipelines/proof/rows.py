@@ -1,4 +1,4 @@
-"""Each row of a step against what the build's own code makes of the step."""
+"""Each row of a step against the row that the build's own code makes of the step."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -8,52 +8,55 @@ from typing import Any
 import numpy as np
 
 from hijack_data import apply
+from hijack_data.corruption import Corruption
 from hijack_data.errors import HijackError, shown
 from hijack_data.files import sha256_of
 from hijack_data.labels.rows import params_json
 from hijack_data.plan import CLEAN, Plan
-from hijack_data.safety import Planner, changed_pixels
+from hijack_data.planner import Planner, leaves
+from hijack_data.safety import changed_pixels
 from hijack_data.types import UInt8Array
 
-from ..columns import BASE
-from ..edits.variants import AVOIDING, Chooser, Variant
+from ..building.rows import MadeRow, digest_of, keeps, labels_of, lazy_plan, made_of
+from ..dataset.columns import BASE
+from ..dataset.images import decode
+from ..dataset.lazy import picture_bytes
+from ..edits.variants import AVOIDING, Variant, VariantPlanner
 from ..errors import DatasetError
-from ..images import decode
-from ..lazy import picture_bytes
-from ..rows import Made, digest_of, keeps, labels_of, lazy_plan, made_of
-from ..selection import leaves
 from .events import told
-from .recorded import Known, damaged, stored_plan_of
+from .recorded import RecordedFacts, damaged, stored_plan_of
 
-# Of a plan, what elements that are off the screen add to its notes: a dataset does not hold them.
+# The note of a plan on elements that are off the screen, which a dataset does not contain.
 _ELEMENTS = re.compile(r"\d+ of \d+ boxes are empty or off the screen and were ignored")
 OTHER_PICTURE = "the plan makes another picture of the clean row than the one stored"
 
 
 @dataclass(frozen=True)
 class Stored:
-    """A row that holds together by itself: its picture, uint8 RGB `[H, W, 3]`, and its plan."""
+    """A row that is consistent in itself: its picture, uint8 RGB `[H, W, 3]`, and its plan."""
 
     row: Mapping[str, Any]
     picture: UInt8Array
     plan: Plan
 
 
-@dataclass
+@dataclass(kw_only=True)
 class StepProof:
     """Compares the rows of one step.
 
     Args:
         rows: as they are stored, in order.
-        known: what is known of the step, `None` if nothing is.
-        every: the planners of the build by label, `None` where the manifest does not hold them.
+        known: the recorded step, `None` if nothing is known of it.
+        every: the planners of the build by label, `None` if the manifest does not contain them.
         ranks: the order of the labels.
-        seed, label_policy: of the build.
-        rejected: where the build rejected rows whose code it could not map.
+        seed: that of the build.
+        label_policy: that of the build.
+        rejected: the places at which the build rejected rows whose code it could not map.
+        regenerated: number of corrupted rows whose picture was made again.
     """
 
     rows: list[dict[str, Any]]
-    known: Known | None
+    known: RecordedFacts | None
     every: Mapping[str, Planner] | None
     ranks: Mapping[str, int]
     seed: int
@@ -64,7 +67,7 @@ class StepProof:
     _same: bool = False
 
     def problems(self) -> Iterator[str]:
-        """Yield what is wrong, each with the row."""
+        """Yield what is wrong; each problem names a row."""
         made = self._made()
         following = next(made, None)
         for row in sorted(self.rows, key=self._rank):
@@ -73,7 +76,8 @@ class StepProof:
                 following = next(made, None)
             expected = None
             if following is not None and following.label == row["corruption"]:
-                expected, following = following, next(made, None)
+                expected = following
+                following = next(made, None)
             problem = self._problem(row, expected)
             if problem:
                 yield f"row {row['id']}: {problem}"
@@ -81,12 +85,16 @@ class StepProof:
             yield from self._missing(following)
             following = next(made, None)
 
-    def _missing(self, made: Made) -> Iterator[str]:
+    def _missing(self, made: MadeRow) -> Iterator[str]:
         sample = made.variant.sample
-        if f"{sample.trajectory.id}, step {sample.step.index}, {made.label}" not in self.rejected:
-            yield f"row {made.labels['id']}: is missing; its step and the parameters of the build give it"
+        place = f"{sample.trajectory.id}, step {sample.step.index}, {made.label}"
+        if place not in self.rejected:
+            yield (
+                f"row {made.labels['id']}: is missing; its step and the parameters of the build"
+                " give it"
+            )
 
-    def _made(self) -> Iterator[Made]:
+    def _made(self) -> Iterator[MadeRow]:
         known = self.known
         if known is not None and known.picture:
             yield from made_of(known.sample, known.where, known.settings, known.tally)
@@ -94,7 +102,7 @@ class StepProof:
     def _rank(self, row: Mapping[str, Any]) -> int:
         return self.ranks.get(row["corruption"], len(self.ranks))
 
-    def _problem(self, row: dict[str, Any], expected: Made | None) -> str:
+    def _problem(self, row: dict[str, Any], expected: MadeRow | None) -> str:
         try:
             stored = self._stored(row, expected)
             if self.known is not None:
@@ -109,45 +117,67 @@ class StepProof:
 
     # --- a row by itself
 
-    def _stored(self, row: dict[str, Any], expected: Made | None) -> Stored:
-        lazy = BASE in row
-        before = self._base(row) if lazy else decode(picture_bytes(row["screenshot"]), "screenshot")
-        plan = stored_plan_of(row, before if lazy else None)
-        if lazy and row["corruption"] == CLEAN and plan.ops:
+    def _stored(self, row: dict[str, Any], expected: MadeRow | None) -> Stored:
+        if BASE in row:
+            stored = self._lazy(row, expected)
+        else:
+            picture = decode(picture_bytes(row["screenshot"]), "screenshot")
+            stored = Stored(row, picture, stored_plan_of(row, None))
+            if sha256_of(picture) != row["image_sha256"]:
+                raise DatasetError("screenshot does not decode to image_sha256")
+        _check_plan(row, stored.picture, stored.plan)
+        return stored
+
+    def _lazy(self, row: dict[str, Any], expected: MadeRow | None) -> Stored:
+        # return a lazy row with its picture drawn
+        before = self._base(row)
+        plan = stored_plan_of(row, before)
+        if row["corruption"] == CLEAN and plan.ops:
             raise DatasetError("a clean row whose plan changes the picture")
         picture = before
-        if lazy and plan.ops:
-            same = self._same and expected is not None and expected.variant.plan == plan
-            picture = expected.picture if expected is not None and same else apply(plan, before)
-        if self._digest(row, picture, plan) != row["image_sha256"]:
-            what = f"{BASE} and the plan do not make the picture of" if lazy else "screenshot does not decode to"
-            raise DatasetError(f"{what} image_sha256")
-        if lazy and self.known is not None and not self._same:
+        if plan.ops and self._same and expected is not None and expected.variant.plan == plan:
+            picture = expected.picture
+        elif plan.ops:
+            picture = apply(plan, before)
+        if self._digest(picture, plan) != row["image_sha256"]:
+            raise DatasetError(f"{BASE} and the plan do not make the picture of image_sha256")
+        if self.known is not None and not self._same:
             raise DatasetError(f"{BASE} is not the picture of its step")
-        _check_plan(row, picture, plan)
         return Stored(row, picture, plan)
 
     def _base(self, row: Mapping[str, Any]) -> UInt8Array:
-        """Return the picture of a lazy row before its corruption; rows of a step that share it decode it once."""
-        data = picture_bytes(row[BASE])
-        if self._last is None or self._last[0] != data:
-            self._last = data, decode(data, BASE)
-            known = self.known
-            self._same = known is not None and np.array_equal(self._last[1], known.sample.image)
-        return self._last[1]
+        """Return the picture of a lazy row before its corruption, uint8 RGB `[H, W, 3]`.
 
-    def _digest(self, row: Mapping[str, Any], picture: UInt8Array, plan: Plan) -> str:
-        """Return the SHA-256 of a picture; what a lazy row shows begins as its step's does."""
-        if BASE in row and self._same and self.known is not None:
+        Rows of a step that share it decode it once.
+        """
+        data = picture_bytes(row[BASE])
+        if self._last is not None and self._last[0] == data:
+            return self._last[1]
+        picture = decode(data, BASE)
+        self._last = data, picture
+        known = self.known
+        self._same = known is not None and np.array_equal(picture, known.sample.image)
+        return picture
+
+    def _digest(self, picture: UInt8Array, plan: Plan) -> str:
+        """Return the SHA-256 of the picture of a lazy row, which begins as that of its step."""
+        if self._same and self.known is not None:
             return digest_of(self.known.sample.base, picture, plan)
         return sha256_of(picture)
 
     # --- and with its step
 
-    def _compare(self, stored: Stored, expected: Made | None, known: Known) -> None:
-        row, plan = stored.row, stored.plan
+    def _compare(
+        self,
+        stored: Stored,
+        expected: MadeRow | None,
+        known: RecordedFacts,
+    ) -> None:
+        row = stored.row
         if expected is None and known.picture and row["corruption"] in self._proved(known):
-            raise DatasetError("its step, the seed and the parameters of the build give no such row")
+            raise DatasetError(
+                "its step, the seed and the parameters of the build give no such row"
+            )
         if expected is not None:
             self._check_seed(stored, [expected.variant], known)
         if known.picture:
@@ -155,106 +185,176 @@ class StepProof:
         variant = expected.variant if expected is not None else self._assumed(stored, known)
         if variant is None:
             return
-        labels = labels_of(replace(variant, plan=plan), row["corruption"], self.seed)
-        if known.picture:
-            before = known.sample.image
-            labels["changed_pixels"] = changed_pixels(before, stored.picture, plan) if plan.ops else 0
-            self._check_kept(row, plan, labels)
-        if BASE in row:
-            del labels["plan"]
-        if expected is not None and BASE in row:
-            made = replace(expected, variant=replace(variant, plan=plan))
-            labels["plan"] = lazy_plan(made, {**row, **labels}, known.settings)
-        if not known.code and not plan.coords.is_identity:
-            del labels["action_code"]
+        labels = self._labels(stored, expected, variant, known)
         for name, value in labels.items():
             if row[name] != value:
                 raise DatasetError(f"{name} is {shown(row[name])}, it should be {shown(value)}")
 
-    def _proved(self, known: Known) -> list[str]:
-        clean = [CLEAN] if known.settings.clean else []
-        return clean + [label for label, _ in known.settings.planners]
+    def _labels(
+        self,
+        stored: Stored,
+        expected: MadeRow | None,
+        variant: Variant,
+        known: RecordedFacts,
+    ) -> dict[str, Any]:
+        """Return the values that the columns of a row must have."""
+        row = stored.row
+        plan = stored.plan
+        variant = replace(variant, plan=plan)
+        labels = labels_of(variant, row["corruption"], self.seed)
+        if known.picture:
+            changed = 0
+            if plan.ops:
+                changed = changed_pixels(known.sample.image, stored.picture, plan)
+            labels["changed_pixels"] = changed
+            self._check_kept(row, plan, labels)
+        if BASE in row:
+            del labels["plan"]
+        if BASE in row and expected is not None:
+            made = replace(expected, variant=variant)
+            labels["plan"] = lazy_plan(made, {**row, **labels}, known.settings)
+        if not known.code and not plan.coords.is_identity:
+            del labels["action_code"]
+        return labels
 
-    def _check_made(self, stored: Stored, expected: Made | None, known: Known) -> None:
+    def _proved(self, known: RecordedFacts) -> list[str]:
+        labels = [label for label, _ in known.settings.planners]
+        if known.settings.clean:
+            labels.append(CLEAN)
+        return labels
+
+    def _check_made(
+        self,
+        stored: Stored,
+        expected: MadeRow | None,
+        known: RecordedFacts,
+    ) -> None:
         plan = stored.plan
         if BASE not in stored.row:
-            same = expected is not None and expected.variant.plan == plan
-            made = expected.picture if expected is not None and same else known.sample.image
-            made = apply(plan, made) if plan.ops and not same else made
+            if expected is not None and expected.variant.plan == plan:
+                made = expected.picture
+            else:
+                made = _drawn(plan, known.sample.image)
             if not np.array_equal(made, stored.picture):
                 raise DatasetError(OTHER_PICTURE)
         self.regenerated += bool(plan.ops)
 
-    def _check_seed(self, stored: Stored, variants: list[Variant], known: Known) -> None:
-        """Raise `DatasetError` where a plan is none of those that were made again."""
+    def _check_seed(
+        self,
+        stored: Stored,
+        variants: list[Variant],
+        known: RecordedFacts,
+    ) -> None:
+        # check that a plan is one of those that were made again
         plan = stored.plan
-        if any(variant.plan == plan or _alike(variant.plan, plan) for variant in variants):
-            return
+        for variant in variants:
+            if variant.plan == plan or _alike(variant.plan, plan):
+                return
         if known.picture and BASE not in stored.row:
-            made = apply(plan, known.sample.image) if plan.ops else known.sample.image
+            made = _drawn(plan, known.sample.image)
             if not np.array_equal(made, stored.picture):
                 raise DatasetError(OTHER_PICTURE)
         again = variants[0].plan.digest()[:12] if variants else "none"
         raise DatasetError(
-            f"plan is {plan.digest()[:12]}, seed {self.seed} and the parameters of the build give {again}"
+            f"plan is {plan.digest()[:12]}, seed {self.seed} and the parameters of the build give"
+            f" {again}"
         )
 
-    def _assumed(self, stored: Stored, known: Known) -> Variant | None:
-        """Return the variant of a row whose plan cannot be made again, or only without the picture."""
-        row, plan = stored.row, stored.plan
-        planner = None if self.every is None else self.every.get(row["corruption"])
-        if row["corruption"] in self._proved(known) and planner is not None:
-            chooser = Chooser(self.seed, known.settings.label_policy, None)
-            self._check_seed(stored, [v for v in chooser.variants(known.sample, planner) if v], known)
+    def _assumed(self, stored: Stored, known: RecordedFacts) -> Variant | None:
+        # return the variant of a row whose plan cannot be made again with its picture
+        row = stored.row
+        plan = stored.plan
+        label = row["corruption"]
+        planner = None if self.every is None else self.every.get(label)
+        if planner is not None and label in self._proved(known):
+            chooser = VariantPlanner(self.seed, known.settings.label_policy, None)
+            variants = chooser.variants(known.sample, planner)
+            self._check_seed(stored, [variant for variant in variants if variant], known)
         elif planner is not None:
             _check_params(plan, planner)
         if row["event"] is not None:
             return told(row, plan, known.sample)
         if plan.effects:
-            raise DatasetError(f"event is None, its plan does {plan.effects[0].kind} to the machine")
+            kind = plan.effects[0].kind
+            raise DatasetError(f"event is None, its plan does {kind} to the machine")
         return Variant(known.sample, plan, plan)
 
-    def _check_kept(self, row: Mapping[str, Any], plan: Plan, labels: Mapping[str, Any]) -> None:
-        """Raise `DatasetError` for a row that the build leaves out."""
-        policy, seen = self.label_policy, labels["target_visible"]
+    def _check_kept(
+        self,
+        row: Mapping[str, Any],
+        plan: Plan,
+        labels: Mapping[str, Any],
+    ) -> None:
+        # check that the build keeps such a row
+        policy = self.label_policy
+        seen = labels["target_visible"]
         if plan.ops and not labels["changed_pixels"]:
-            raise DatasetError("no pixel differs from the clean picture, and the build leaves such rows out")
+            raise DatasetError(
+                "no pixel differs from the clean picture, and the build leaves such rows out"
+            )
         if not keeps(policy, plan, seen):
-            raise DatasetError(f"{seen:.0%} of its target shows, and the label policy {policy!r} drops such rows")
-        if policy in AVOIDING and row["event"] is None and plan.ops and seen is not None and seen < 1:
-            raise DatasetError(f"{seen:.0%} of its target shows, and the label policy {policy!r} keeps it free")
+            raise DatasetError(
+                f"{seen:.0%} of its target shows, and the label policy {policy!r} drops such rows"
+            )
+        is_drawn_over = bool(plan.ops) and row["event"] is None
+        if is_drawn_over and policy in AVOIDING and seen is not None and seen < 1:
+            raise DatasetError(
+                f"{seen:.0%} of its target shows, and the label policy {policy!r} keeps it free"
+            )
 
 
-def _check_plan(row: Mapping[str, Any], picture: UInt8Array, plan: Plan) -> None:
-    """Raise `DatasetError` where the columns about a plan contradict it, or each other."""
-    if picture.shape[:2] != (row["height"], row["width"]):
-        raise DatasetError(f"screenshot is {picture.shape[1]}x{picture.shape[0]}, the row says otherwise")
+def _drawn(plan: Plan, image: UInt8Array) -> UInt8Array:
+    """Return the picture that a plan makes, uint8 RGB `[H, W, 3]`."""
+    return apply(plan, image) if plan.ops else image
+
+
+def _check_plan(
+    row: Mapping[str, Any],
+    picture: UInt8Array,
+    plan: Plan,
+) -> None:
+    # check that the columns about a plan agree with it, and with each other
+    height, width = picture.shape[:2]
+    if (height, width) != (row["height"], row["width"]):
+        raise DatasetError(f"screenshot is {width}x{height}, the row says otherwise")
     if plan.digest() != row["plan_digest"]:
         raise DatasetError("plan does not match plan_digest")
     if params_json(plan) != row["params"]:
         raise DatasetError("params are not those of the plan")
-    if (row["inserted"] and not row["event"]) or (row["event"] is None) != (row["fidelity"] == "exact"):
+    is_exact = row["fidelity"] == "exact"
+    has_event = row["event"] is not None
+    if (row["inserted"] and not row["event"]) or has_event == is_exact:
         raise DatasetError("event, inserted and fidelity contradict each other")
-    if plan.out_size != picture.shape[:2]:
+    if plan.out_size != (height, width):
         raise DatasetError("plan gives a picture of another size")
 
 
 def _alike(made: Plan, stored: Plan) -> bool:
-    """Return whether plans differ only in what they note about elements that are off the screen."""
-    plans = (replace(plan, notes=tuple(n for n in plan.notes if not _ELEMENTS.fullmatch(n))) for plan in (made, stored))
-    return len({plan.digest() for plan in plans}) == 1
+    """Return whether plans differ only in their notes on elements that are off the screen."""
+    return _without_elements(made).digest() == _without_elements(stored).digest()
 
 
-def _check_params(plan: Plan, planner: object) -> None:
-    """Raise `DatasetError` where a plan is not of the corruptions of its label, with their parameters."""
+def _without_elements(plan: Plan) -> Plan:
+    notes = [note for note in plan.notes if not _ELEMENTS.fullmatch(note)]
+    return replace(plan, notes=tuple(notes))
+
+
+def _check_params(plan: Plan, planner: Planner) -> None:
+    # check that a plan is of the corruptions of its label, with their parameters
     known: dict[str, list[dict[str, Any]]] = {}
-    for leaf in leaves(planner):
+    parts = list(leaves(planner))
+    if not all(isinstance(part, Corruption) for part in parts):
+        return  # a planner of somebody else may put any parameters into its plans
+    for leaf in parts:
         known.setdefault(leaf.id, []).append(leaf.params())
+    if not known:
+        return
     names = plan.corruption.split("+")
     data = plan.to_data()["params"]
-    for name in names if known else ():
-        params = data.get(name) if len(names) > 1 else data
+    for name in names:
         if name not in known:
             raise DatasetError(f"plan is one of {name}, its label has {', '.join(known)}")
+        params = data.get(name) if len(names) > 1 else data
         if params not in known[name]:
-            raise DatasetError(f"params of {name} are {shown(params)}, the build has {shown(known[name][0])}")
+            wanted = shown(known[name][0])
+            raise DatasetError(f"params of {name} are {shown(params)}, the build has {wanted}")

@@ -1,6 +1,7 @@
 """Readers: recorded trajectories in, one `Trajectory` at a time.
 
-A new format is one file in this folder that registers a class; see `base.Reader`.
+A new format is one file that registers a class: in this folder, in an installed package (entry
+points `agenthijack.readers`), or `--format my_reader.py:MyReader`. See `base.Reader`.
 """
 
 import importlib

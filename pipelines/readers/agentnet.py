@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, cast
@@ -14,8 +14,18 @@ from hijack_data.types import Action, Box, Platform, Size, Step, Trajectory
 
 from . import fields
 from .base import Rejected, files_below, register
-from .fields import FieldError
-from .files import Part, Source, first_records, inside, lines, parse_file, relative_name, root_of, size_of
+from .fields import FieldError, JsonObject
+from .files import (
+    Part,
+    Source,
+    first_records,
+    inside,
+    lines,
+    parse_file,
+    relative_name,
+    root_of,
+    size_of,
+)
 
 SNIFFED_FILES = 50
 # Beside the file, and as the Hub has them: unpacked there, or into a folder of their own.
@@ -28,27 +38,29 @@ BROWSER = "browser"
 class AgentNet:
     """Reads AgentNet and AgentNetBench.
 
-    A source is a file, or a folder with any number of them; screenshots lie beside the file, in `images/`, or
-    in the Hub's `ubuntu_images/` and `win_mac_images/`, unpacked. A line of
-    an AgentNet `.jsonl` file is a trajectory: `task_id, instruction, traj: [{index, image, value: {code}}]`. An
-    AgentNetBench `.json` file is one: `task_id, high_level_task_description, steps: [{step_num, image, action,
-    ground_truth_actions}]`; the first labelled box of a step's ground truth is its target. `meta_info`, where there is
-    one, tells domain, applications, the platform (`system`) and, by `websites`, that there is a browser.
+    A source is a file, or a folder with any number of them; screenshots lie beside the file, in
+    `images/`, or in the Hub's `ubuntu_images/` and `win_mac_images/`, unpacked. A line of an
+    AgentNet `.jsonl` file is a trajectory: `task_id, instruction, traj: [{index, image, value:
+    {code}}]`. An AgentNetBench `.json` file is one: `task_id, high_level_task_description, steps:
+    [{step_num, image, action, ground_truth_actions}]`; the first labelled box of a step's ground
+    truth is its target. `meta_info`, where there is one, tells domain, applications, the platform
+    (`system`) and, by `websites`, that there is a browser.
 
-    Coordinates: fractions 0..1 of the screenshot, in code as well as in `rel_bbox` (x, y, width, height); `abs_bbox`,
-    which says the same in pixels, is not read.
+    Coordinates: fractions 0..1 of the screenshot, in code as well as in `rel_bbox` (x, y, width,
+    height); `abs_bbox`, which says the same in pixels, is not read.
     """
 
     name = "agentnet"
     adopts = True
 
     def detect(self, path: Path) -> bool:
-        """Any of the first files holds a record with `traj`, or with `steps` and `task_id`."""
+        """Return whether one of the first files has the records of a trajectory or a task."""
         return any(_is_recording(file) for file in _record_files(path)[:SNIFFED_FILES])
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories, files by name, lines in order."""
-        root, seen = root_of(path), set[str]()
+        root = root_of(path)
+        seen: set[str] = set()
         for file in files_below(path):
             if isinstance(file, Rejected):
                 yield file
@@ -62,8 +74,9 @@ class AgentNet:
                     yield from _record(parse_file(file), name, "", file.parent, seen)
                     continue
                 for line in lines(file):
+                    where = f"line {line.number}"
                     try:
-                        yield from _record(line.record(), name, f"line {line.number}", file.parent, seen)
+                        yield from _record(line.record(), name, where, file.parent, seen)
                     except FieldError as error:
                         yield Rejected(name, f"line {line.number}", error.field, error.reason)
             except FieldError as error:
@@ -77,7 +90,7 @@ def _record_files(path: Path) -> list[Path]:
 
 
 def _is_read(file: Path, source: Source) -> bool:
-    """Whether a file holds records; of a folder, only those at its top are taken for them unasked."""
+    """Return whether a file may have records; of a folder, only those at its top may."""
     at_top = isinstance(source, Part) or file.parent == root_of(source)
     return at_top and file.suffix in (".json", ".jsonl")
 
@@ -92,7 +105,13 @@ def _is_recording(file: Path) -> bool:
     return "task_id" in record and ("steps" in record or "traj" in record)
 
 
-def _record(record: Mapping[str, Any], file: str, where: str, root: Path, seen: set[str]) -> Iterator[Any]:
+def _record(
+    record: JsonObject,
+    file: str,
+    where: str,
+    root: Path,
+    seen: set[str],
+) -> Iterator[Any]:
     name = fields.text(record, "task_id")
     if name in seen:
         raise FieldError("task_id", f"{name!r} was there before")
@@ -104,12 +123,15 @@ def _record(record: Mapping[str, Any], file: str, where: str, root: Path, seen: 
     steps: dict[int, Step] = {}
     for place, entry in enumerate(entries):
         try:
-            step = (_bench_step if is_bench else _step)(fields.mapping(entry, ""), root)
+            data = fields.mapping(entry, "")
+            step = _bench_step(data, root) if is_bench else _step(data, root)
             if step.index in steps:
-                raise FieldError("step_num" if is_bench else "index", f"step {step.index} was there before")
+                field = "step_num" if is_bench else "index"
+                raise FieldError(field, f"step {step.index} was there before")
             steps[step.index] = step
         except FieldError as error:
-            yield Rejected(file, ", ".join(p for p in (where, name, f"entry {place}") if p), error.field, error.reason)
+            parts = (where, name, f"entry {place}")
+            yield Rejected(file, ", ".join(filter(None, parts)), error.field, error.reason)
     if not entries:
         raise FieldError("steps" if is_bench else "traj", "is empty")
     if steps:
@@ -117,30 +139,35 @@ def _record(record: Mapping[str, Any], file: str, where: str, root: Path, seen: 
         yield Trajectory(name, AgentNet.name, instruction, ordered, **about)
 
 
-def _instruction_key(record: Mapping[str, Any]) -> str:
+def _instruction_key(record: JsonObject) -> str:
     # The benchmark gives its models the high-level text; some tasks have only the annotator's own.
-    keys = ("high_level_task_description", "user_task_description")
-    return next((key for key in keys if record.get(key)), keys[0])
+    high_level = "high_level_task_description"
+    own = "user_task_description"
+    if record.get(own) and not record.get(high_level):
+        return own
+    return high_level
 
 
-def _about(record: Mapping[str, Any], file: str) -> dict[str, Any]:
+def _about(record: JsonObject, file: str) -> dict[str, Any]:
     meta: object = record.get("meta_info")
-    known = cast("Mapping[str, Any]", meta) if isinstance(meta, dict) else {}
+    known = cast("JsonObject", meta) if isinstance(meta, dict) else {}
+    apps = fields.strings(known.get("applications"))
     # Websites are looked at in some browser, which is not always named among the applications.
-    browser = (BROWSER,) if fields.strings(known.get("websites")) else ()
+    if fields.strings(known.get("websites")):
+        apps = (*apps, BROWSER)
     return {
         "domain": fields.text(known, "domain", "meta_info.domain", default=""),
-        "apps": (*fields.strings(known.get("applications")), *browser),
+        "apps": apps,
         "platform": find_platform(known.get("system")) or _platform(file),
     }
 
 
 def _platform(file: str) -> Platform | None:
-    """Return the platform that a file is named after: `agentnet_ubuntu_5k.jsonl`; its sister mixes two."""
+    """Return the platform in the name of a file, such as `agentnet_ubuntu_5k.jsonl`."""
     return "linux" if "ubuntu" in file.lower() else None
 
 
-def _step(entry: Mapping[str, Any], root: Path) -> Step:
+def _step(entry: JsonObject, root: Path) -> Step:
     value = fields.mapping(entry.get("value"), "value")
     index = fields.step_number(entry, "index")
     image, size = _image(entry, root)
@@ -148,31 +175,40 @@ def _step(entry: Mapping[str, Any], root: Path) -> Step:
     return Step(index, os.fspath(image), action, code)
 
 
-def _bench_step(entry: Mapping[str, Any], root: Path) -> Step:
+def _bench_step(entry: JsonObject, root: Path) -> Step:
     index = fields.step_number(entry, "step_num")
     image, size = _image(entry, root)
     action, code = _action(fields.text(entry, "action"), size, "action")
-    return Step(index, os.fspath(image), action, code, _target(entry.get("ground_truth_actions"), size))
+    target = _target(entry.get("ground_truth_actions"), size)
+    return Step(index, os.fspath(image), action, code, target)
 
 
-def _image(entry: Mapping[str, Any], root: Path) -> tuple[Path, Size]:
+def _image(entry: JsonObject, root: Path) -> tuple[Path, Size]:
     name = fields.text(entry, "image")
     image = inside(root, _place(name, root))
     return image, size_of(image)
 
 
 def _place(name: str, root: Path) -> str:
-    """Return where a picture is, seen from the source; a name that says it itself comes first."""
+    """Return the path of a picture in the source: the name itself, or one in a known folder.
+
+    Raises:
+        FieldError: the picture is in several folders, or still packed.
+    """
     if os.path.isabs(name) or (root / name).is_file():
         return name
     folders = [folder for folder in IMAGES if (root / folder).is_dir()]
     places = [os.path.join(folder, inner, name) for folder in folders for inner in _UNPACKED]
     found = [place for place in places if (root / place).is_file()]
     if len(found) > 1:
-        raise FieldError("image", f"{name!r} is in {' and in '.join(map(os.path.dirname, found))}; keep one")
-    if not found and any(_packed(root / folder) for folder in folders):
+        several = " and in ".join(map(os.path.dirname, found))
+        raise FieldError("image", f"{name!r} is in {several}; keep one")
+    if found:
+        return found[0]
+    if any(_packed(root / folder) for folder in folders):
         raise FieldError("image", f"{name!r} is not there: unpack the zip files into their folder")
-    return found[0] if found else os.path.join(folders[0] if folders else "", name)
+    first = folders[0] if folders else ""
+    return os.path.join(first, name)
 
 
 @lru_cache(maxsize=8)
@@ -180,20 +216,27 @@ def _packed(folder: Path) -> bool:
     return any(re.search(r"\.z(ip|\d\d)$", file.name) for file in folder.iterdir())
 
 
-def _action(code: str, size: Size, field: str) -> tuple[Action, str]:
+def _action(
+    code: str,
+    size: Size,
+    field: str,
+) -> tuple[Action, str]:
     """Return the action, and its code, in pixels of the screenshot."""
     try:
-        action, pixels = parse_pyautogui(code, size, normalized=True), scale_normalized(code, size)
+        action = parse_pyautogui(code, size, normalized=True)
+        pixels = scale_normalized(code, size)
     except HijackError as error:
         raise FieldError(field, str(error)) from None
     return fields.on_screen(action, size, field), pixels
 
 
 def _target(ground_truth: object, size: Size) -> Box | None:
-    for i, entry in enumerate(cast("list[object]", ground_truth) if isinstance(ground_truth, list) else []):
-        field = f"ground_truth_actions[{i}]"
-        found = fields.boxes(fields.mapping(entry, field).get("metadata") or {}, size, f"{field}.metadata")
-        shown = [(x1, y1, x2, y2) for x1, y1, x2, y2 in found if x2 > x1 and y2 > y1]
-        if shown:
-            return shown[0]
+    """Return the first labelled box that shows, if there is one."""
+    for index, entry in enumerate(fields.listed(ground_truth)):
+        field = f"ground_truth_actions[{index}]"
+        labels = fields.mapping(entry, field).get("metadata") or {}
+        for box in fields.boxes(labels, size, f"{field}.metadata"):
+            x1, y1, x2, y2 = box
+            if x2 > x1 and y2 > y1:
+                return box
     return None

@@ -1,17 +1,16 @@
 """Logs of Anthropic's computer use: messages of the Messages API."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, cast
 
 from hijack_data.types import Trajectory
 
 from . import fields
 from .base import Rejected, register
 from .dialects import ANTHROPIC
-from .fields import FieldError
+from .fields import FieldError, FieldTypeError, JsonObject
 from .files import Source
-from .logs import Conversation, Entry, Pointer, first_entries, parts_of, read_logs
+from .logs import Conversation, LogEntry, Pointer, first_entries, parts_of, read_logs
 
 TOOL = "computer"
 _LOOKS = ("screenshot", "zoom", "cursor_position")
@@ -21,17 +20,20 @@ _LOOKS = ("screenshot", "zoom", "cursor_position")
 class Anthropic:
     """Reads logs of Anthropic's computer use.
 
-    A source is a `.json` or `.jsonl` file, or a folder with them; each file is a trajectory, whose id is its path
-    without the suffix. A `.jsonl` line is a message or a body, a `.json` file a list of messages or a body; a body is
-    an object with a list `messages`. Of the blocks (Messages API, "computer use tool") these are read:
+    A source is a `.json` or `.jsonl` file, or a folder with them; each file is a trajectory, whose
+    id is its path without the suffix. A `.jsonl` line is a message or a body, a `.json` file a list
+    of messages or a body; a body is an object with a list `messages`. Of the blocks (Messages API,
+    "computer use tool") these are read:
 
     - `text` of the user: the first is the instruction;
-    - `image` with a `source` of type `base64`, of the user or in a `tool_result`: the screen for the next action;
-    - `tool_use` with the name `computer`, or with `toolset_name` `computer` (its name is then the action): a step;
-      `action_code` keeps its `input` as JSON.
+    - `image` with a `source` of type `base64`, of the user or in a `tool_result`: the screen for
+      the next action;
+    - `tool_use` with the name `computer`, or with `toolset_name` `computer` (its name is then the
+      action): a step; `action_code` keeps its `input` as JSON.
 
-    `screenshot`, `zoom` and `cursor_position` are no steps, and the cut-out that `zoom` returns is not a screen. Of
-    several actions in one turn only those with a screenshot of their own are steps, the others are rejected.
+    `screenshot`, `zoom` and `cursor_position` are no steps, and the cut-out that `zoom` returns is
+    not a screen. Of several actions in one turn only those with a screenshot of their own are
+    steps, the others are rejected.
 
     Coordinates: pixels of the screenshot that the action answers; a point outside is rejected.
     """
@@ -40,7 +42,7 @@ class Anthropic:
     adopts = True
 
     def detect(self, path: Path) -> bool:
-        """One of the first messages uses the tool `computer`."""
+        """Return whether one of the first messages uses the tool `computer`."""
         return any(_is_use(part) for entry in first_entries(path) for part in _safe_parts(entry))
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
@@ -49,23 +51,31 @@ class Anthropic:
 
 
 class _Taker:
-    """Takes in messages; knows which uses of the tool in a file did not ask for the whole screen."""
+    """Takes in messages, and notes the uses of the tool that asked for a part of the screen."""
 
     def __init__(self) -> None:
         self.file: Path | None = None
         self.zooms: set[object] = set()
 
-    def __call__(self, talk: Conversation, entry: Entry) -> Iterator[FieldError]:
+    def __call__(self, talk: Conversation, entry: LogEntry) -> Iterator[FieldError]:
         if self.file != talk.file:
-            self.file, self.zooms = talk.file, set()
+            self.file = talk.file
+            self.zooms = set()
         for pointer, part in parts_of(entry):
             try:
                 self._part(talk, entry, pointer, part)
             except FieldError as error:
                 yield error
 
-    def _part(self, talk: Conversation, entry: Entry, pointer: Pointer, part: Mapping[str, Any]) -> None:
-        kind, is_user = part.get("type"), entry.data.get("role") == "user"
+    def _part(
+        self,
+        talk: Conversation,
+        entry: LogEntry,
+        pointer: Pointer,
+        part: JsonObject,
+    ) -> None:
+        kind = part.get("type")
+        is_user = entry.data.get("role") == "user"
         if _is_use(part):
             self._use(talk, part)
         elif kind == "text" and is_user:
@@ -73,33 +83,49 @@ class _Taker:
         elif kind == "image" and is_user:
             _look(talk, entry, pointer, part)
         elif kind == "tool_result" and str(part.get("tool_use_id")) not in self.zooms:
-            content: object = part.get("content")
-            for index, inner in enumerate(cast("list[object]", content) if isinstance(content, list) else []):
-                block = fields.mapping(inner, f"content[{index}]")
-                if block.get("type") == "image":
-                    _look(talk, entry, (*pointer, "content", index), block)
+            _result(talk, entry, pointer, part)
 
-    def _use(self, talk: Conversation, part: Mapping[str, Any]) -> None:
+    def _use(self, talk: Conversation, part: JsonObject) -> None:
         given = fields.mapping(part.get("input"), "input")
-        action = given if part.get("name") == TOOL else {"action": part.get("name"), **given}
-        if action.get("action") == "zoom":
+        name = part.get("name")
+        action = given if name == TOOL else {"action": name, **given}
+        kind = action.get("action")
+        if kind == "zoom":
             self.zooms.add(str(part.get("id")))
-        if action.get("action") not in _LOOKS:
+        if kind not in _LOOKS:
             talk.act(action, ANTHROPIC, "input")
 
 
-def _look(talk: Conversation, entry: Entry, pointer: Pointer, block: Mapping[str, Any]) -> None:
+def _result(
+    talk: Conversation,
+    entry: LogEntry,
+    pointer: Pointer,
+    part: JsonObject,
+) -> None:
+    """Take the pictures that a use of the tool returned as the screen."""
+    for index, inner in enumerate(fields.listed(part.get("content"))):
+        block = fields.mapping(inner, f"content[{index}]")
+        if block.get("type") == "image":
+            _look(talk, entry, (*pointer, "content", index), block)
+
+
+def _look(
+    talk: Conversation,
+    entry: LogEntry,
+    pointer: Pointer,
+    block: JsonObject,
+) -> None:
     source = fields.mapping(block.get("source"), "source")
     if source.get("type") != "base64":
-        raise FieldError("source.type", f"must be base64, got {fields.shown(source.get('type'))}")
+        raise FieldTypeError("source.type", "base64", source.get("type"))
     talk.look(source.get("data"), entry, (*pointer, "source", "data"))
 
 
-def _is_use(part: Mapping[str, Any]) -> bool:
+def _is_use(part: JsonObject) -> bool:
     return part.get("type") == "tool_use" and TOOL in (part.get("name"), part.get("toolset_name"))
 
 
-def _safe_parts(entry: Entry) -> list[Mapping[str, Any]]:
+def _safe_parts(entry: LogEntry) -> list[JsonObject]:
     try:
         return [part for _, part in parts_of(entry)]
     except FieldError:

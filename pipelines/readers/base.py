@@ -4,9 +4,10 @@ import os
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
-from hijack_data.errors import ParameterError, UnknownNameError, suggest
+from hijack_data.loading import source_of
+from hijack_data.registry import Registry, is_ours
 from hijack_data.types import Trajectory
 
 from ..errors import SourceError
@@ -40,24 +41,25 @@ class Rejected:
 class Reader(Protocol):
     """Reads one format of recordings.
 
-    `read` streams: it never holds more than one trajectory. What is broken comes out as `Rejected`, the rest goes on.
-    Coordinates of what it yields are pixels of the screenshot; its docstring says what they are in the recording.
-    Pictures that are no desktop's screen come in a `RecordedTrajectory`, which says so.
+    `read` streams: it never holds more than one trajectory. Broken input comes out as `Rejected`,
+    and reading continues. Coordinates of what it yields are pixels of the screenshot; its docstring
+    names the space that the recording uses. Pictures that do not show a desktop come in a
+    `RecordedTrajectory`, which names what they show.
 
-    A folder may hold several formats. Every record file is shown to `detect` by itself, and `read` is
-    given a `Part` with the files that it said yes to: `root_of` and `files_below` take a `Part` as
-    they take a folder. A reader may also have
+    A folder may hold several formats. Every record file is passed to `detect` by itself, and `read`
+    gets a `Part` of the files that it accepted: `root_of` and `files_below` take a `Part` as they
+    take a folder. A reader may also have
 
-    - `adopts = True`: a file that no format takes goes to this reader where its neighbour does (same
-      folder and suffix, or same name), and is rejected by it with a reason;
-    - `beside(file) -> bool`: whether it reads this file beside its own records;
-    - `fallback = True`: it is asked about a whole source, and only where no reader takes a file.
+    - `adopts = True`: a file that no format takes goes to this reader if its neighbour does (same
+      folder and suffix, or same name), and this reader rejects it with a reason;
+    - `beside(file) -> bool`: whether it reads this file in addition to its own records;
+    - `fallback = True`: it is asked about a whole source, and only if no reader takes a file.
     """
 
     name: str
 
     def detect(self, path: Path) -> bool:
-        """Return whether `path` (a file or folder) is of this format; look at the beginning only."""
+        """Return whether `path` (a file or folder) is of this format, from its beginning alone."""
         ...
 
     def read(self, path: Source, /) -> Iterator[Trajectory | Rejected]:
@@ -66,34 +68,67 @@ class Reader(Protocol):
 
 
 R = TypeVar("R", bound=Reader)
-_registry: dict[str, Reader] = {}
+
+
+def _problems(cls: Any, name: str) -> Iterator[str]:
+    """Yield what is wrong with the class of a reader."""
+    if not isinstance(cls, type):
+        yield "it is no class"
+        return
+    if not name:
+        yield "name is not set"
+    for method, arguments in (("detect", "path"), ("read", "source")):
+        if not callable(getattr(cls, method, None)):
+            yield f"it has no {method}({arguments})"
+
+
+READERS = Registry[Reader](
+    "format",
+    "readers",
+    package="pipelines.readers",
+    own_name="name",
+    problems=_problems,
+    prepare=lambda cls: cls(),
+)
 
 
 def register(cls: type[R]) -> type[R]:
-    """Class decorator: make a reader known under its `name`. Raises `ParameterError` when the name is taken."""
-    other = _registry.get(cls.name)
-    if other is not None and type(other).__qualname__ != cls.__qualname__:
-        raise ParameterError(f"cannot register {cls.__qualname__}: {cls.name!r} is taken by {type(other).__qualname__}")
-    _registry[cls.name] = cls()
+    """Class decorator: make a reader known under its `name`.
+
+    Raises `ParameterError` if it lacks a method or a name, or the name is taken.
+    """
+    READERS.add(cls)
     return cls
 
 
 def names() -> list[str]:
     """Names of all formats that can be read."""
-    return sorted(_registry)
+    return sorted(READERS.names())
 
 
 def get_reader(name: str) -> Reader:
-    """Return the reader of a format. Raises `UnknownNameError` with the nearest name."""
-    if name not in _registry:
-        raise UnknownNameError(f"unknown format {name!r}{suggest(name, _registry)}")
-    return _registry[name]
+    """Return the reader of a format.
+
+    Raises `UnknownNameError` with the nearest name, `PluginError` if the file, module or plug-in
+    cannot be loaded, and `ParameterError` if it does not hold a reader, or its name is taken.
+
+    Args:
+        name: of a format, or `package.module:Reader`, or `path/to/file.py:Reader`.
+    """
+    return READERS.get(READERS.find(name))
+
+
+def source_of_reader(name: str) -> dict[str, str]:
+    """Return what names the file of a reader that is not ours, as parameters of a build."""
+    reader = get_reader(name)
+    source = None if is_ours(reader) else source_of(type(reader))
+    return {} if source is None else {"format_sha256": source["sha256"]}
 
 
 def files_below(source: Source) -> Iterator[Path | Rejected]:
     """Yield the files of a source in the order of their names, and what is not opened, with why.
 
-    Of a `Part` all files are yielded, and nothing else: whoever made it has told the rest.
+    Of a `Part`, only its files are yielded: whoever made it has reported the others.
     """
     if isinstance(source, Part):
         yield from source.files
@@ -107,7 +142,11 @@ def files_below(source: Source) -> Iterator[Path | Rejected]:
 
 
 def existing(path: str | os.PathLike[str]) -> Path:
-    """Return `path` if it is a file or folder that is there; raise `SourceError` otherwise."""
+    """Return `path` if it is a file or folder that exists.
+
+    Raises:
+        SourceError: it does not exist, or its name is not UTF-8.
+    """
     try:
         source = Path(path)
         there = source.is_file() or source.is_dir()
@@ -116,7 +155,8 @@ def existing(path: str | os.PathLike[str]) -> Path:
         source = Path()
     if not there:
         raise SourceError(
-            f"{os.fspath(path)!r}: no such file or folder; give a recording (formats: {', '.join(names())})"
+            f"{os.fspath(path)!r}: no such file or folder; give a recording (formats:"
+            f" {', '.join(names())})"
         )
     if not is_utf8(os.path.abspath(source)):
         raise SourceError(f"{os.fspath(path)!r}: this name is not UTF-8; rename it")

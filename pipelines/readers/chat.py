@@ -1,25 +1,32 @@
-"""Training sets of chat rows in JSON: `messages` or `conversations`, and the pictures beside them."""
+"""Training sets of chat rows in JSON: `messages` or `conversations`, and their pictures."""
 
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import islice
 from pathlib import Path
 from typing import Any, cast
 
 from hijack_data.types import Size, Trajectory
 
 from . import fields
-from .base import Rejected, files_below, register
-from .choices import NO_CHOICES, Choices
-from .fields import FieldError, once
+from .base import Rejected, register
+from .choices import NO_CHOICES, ReaderOptions
+from .fields import FieldError, JsonObject, once
 from .files import Source, relative_name, root_of
-from .json_rows import SUFFIXES, JsonRow, beginning, json_rows, picture_at, picture_inside, read_tables
+from .folders import one_of_first
+from .json_rows import (
+    JsonRow,
+    beginning,
+    is_json,
+    json_rows,
+    picture_at,
+    picture_inside,
+    read_tables,
+)
 from .parquet_rows import platform_of
 from .talk import Talk, messages_in
 
-SNIFFED_FILES = 50
 CLEAN = "clean"
 _MESSAGES = re.compile(rb'"(?:messages|conversations)"\s*:\s*\[')
 _PICTURES = re.compile(rb'"images?"\s*:\s*(?:\[\s*)?"')
@@ -29,7 +36,7 @@ _BESIDE = ("dataset_info.json", "export.json")
 
 
 def is_chat(file: Path) -> bool:
-    """Return whether a JSON file begins with a chat row that names pictures; only the beginning is read."""
+    """Return whether a JSON file begins with a chat row that names pictures."""
     start = beginning(file)
     return bool(_MESSAGES.search(start) and _PICTURES.search(start))
 
@@ -37,40 +44,47 @@ def is_chat(file: Path) -> bool:
 @register
 @dataclass(frozen=True)
 class Chat:
-    """Reads training sets for vision models: those of LLaMA-Factory, ScaleCUA, Aguvis, OS-Atlas, UI-TARS and our own.
+    """Reads training sets of chat rows for vision models.
 
-    A source is a `.jsonl` file with a row a line, a `.json` file with a list of rows, or a folder with them anywhere
-    below. A row has `messages` (`role`, `content`) or `conversations` (`from`, `value`), and `images` or `image`: paths
-    seen from the file or the source, or from `images/` in either, or base64. A row is a trajectory, whose id is its
-    `id`, or else the file and its number. A picture is shown by `<image>` in the text of the user; each reply that is
-    an action (see `replies`) is a step on the picture shown last. The instruction is the first text of the user, or
-    what the prompts of the recipes call the task.
+    Known sets are those of LLaMA-Factory, ScaleCUA, Aguvis, OS-Atlas, UI-TARS and our own. A source
+    is a `.jsonl` file with a row a line, a `.json` file with a list of rows, or a folder with them
+    anywhere below. A row has `messages` (`role`, `content`) or `conversations` (`from`, `value`),
+    and `images` or `image`: paths seen from the file or the source, or from `images/` in either, or
+    base64. A row is a trajectory, whose id is its `id`, or else the file and its number. A picture
+    is shown by `<image>` in the text of the user; each reply that is an action (see `replies`) is a
+    step on the picture shown last. The instruction is the first text of the user, or what the
+    prompts of the recipes call the task.
 
-    Rows of our own export come back with their target; those with a corrupted picture are rejected, as they are no
-    clean screens.
+    Rows of our own export come back with their target; those with a corrupted picture are rejected,
+    as they are no clean screens.
 
     Coordinates: see `replies`; what cannot be told needs the choice `coordinates`.
     """
 
-    choices: Choices = NO_CHOICES
+    choices: ReaderOptions = NO_CHOICES
     name = "chat"
     takes = ("coordinates",)
 
     def detect(self, path: Path) -> bool:
-        """One of the first JSON files begins with a row of messages that names pictures."""
-        files = (file for file in files_below(path) if isinstance(file, Path) and file.suffix in SUFFIXES)
-        return any(is_chat(file) for file in islice(files, SNIFFED_FILES))
+        """Return whether one of the first JSON files has rows of messages with pictures."""
+        return one_of_first(path, is_json, is_chat)
 
     def beside(self, file: Path) -> bool:
-        """What LLaMA-Factory and our own export write about their rows."""
+        """Return whether a file describes the rows of LLaMA-Factory or of our own export."""
         return file.name in _BESIDE
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories, files by name, rows in order."""
-        root, seen = root_of(path), set[str]()
+        root = root_of(path)
+        seen: set[str] = set()
         yield from read_tables(path, lambda file: self._file(file, root, seen), _BESIDE)
 
-    def _file(self, file: Path, root: Path, seen: set[str]) -> Iterator[Trajectory | Rejected]:
+    def _file(
+        self,
+        file: Path,
+        root: Path,
+        seen: set[str],
+    ) -> Iterator[Trajectory | Rejected]:
         name = relative_name(file, root)
         is_empty = True
         for row in json_rows(file):
@@ -91,11 +105,20 @@ class _Row:
 
     file: Path
     root: Path
-    choices: Choices
+    choices: ReaderOptions
     row: JsonRow
 
-    def picture(self, pictures: list[Any], column: str, index: int) -> tuple[str, Size]:
-        """Return the path or reference of a picture, and its (height, width). Raises `FieldError`."""
+    def picture(
+        self,
+        pictures: list[Any],
+        column: str,
+        index: int,
+    ) -> tuple[str, Size]:
+        """Return the path or reference of a picture, and its (height, width).
+
+        Raises:
+            FieldError: the row has no such picture.
+        """
         field = f"{column}[{index}]"
         if index >= len(pictures):
             raise FieldError(field, f"is not there: the row has {len(pictures)}")
@@ -127,10 +150,12 @@ class _Row:
         if talk.steps:
             yield self._made(talk, record)
 
-    def _made(self, talk: Talk, record: Mapping[str, Any]) -> Trajectory:
+    def _made(self, talk: Talk, record: JsonObject) -> Trajectory:
         own = record.get("id")
         stem = os.path.splitext(relative_name(self.file, self.root))[0]
-        name = str(own) if isinstance(own, str | int) and str(own) else f"{stem}/{self.row.number:06d}"
+        name = (
+            str(own) if isinstance(own, str | int) and str(own) else f"{stem}/{self.row.number:06d}"
+        )
         steps = list(talk.steps)
         target: object = record.get("target_box")
         if target is not None and all(key in record for key in _OWN):
@@ -138,14 +163,20 @@ class _Row:
             box = fields.boxes([target], size, "target_box")[0]
             steps = [replace(step, target_box=box) for step in steps]
         domain = record.get("domain") or record.get("platform")
-        return Trajectory(fields.storable(name, "id"), Chat.name, talk.instruction, tuple(steps), platform_of(domain))
+        return Trajectory(
+            fields.storable(name, "id"),
+            Chat.name,
+            talk.instruction,
+            tuple(steps),
+            platform_of(domain),
+        )
 
 
-def _check_clean(record: Mapping[str, Any]) -> None:
+def _check_clean(record: JsonObject) -> None:
     """Refuse a row of our own export whose picture is corrupted. Raises `FieldError`."""
     if all(key in record for key in _OWN) and record["corruption"] != CLEAN:
         raise FieldError(
             "corruption",
-            f"{fields.shown(record['corruption'])} is in the picture already: only the clean rows of an "
-            "export are screens",
+            f"{fields.shown(record['corruption'])} is in the picture already: only the clean rows"
+            " of an export are screens",
         )

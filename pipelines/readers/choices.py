@@ -1,8 +1,8 @@
-"""What the user says about a source where the source itself does not: coordinates and boxes.
+"""Choices of the user that a source does not state: the space of coordinates, and boxes.
 
 Coordinates are in one of these spaces:
 
-| space | what the numbers are |
+| space | the numbers are |
 |---|---|
 | `pixels` | pixels of the picture |
 | `fractions` | 0..1 of the picture's width and height |
@@ -24,72 +24,82 @@ from ..errors import BuildError
 from .base import Reader
 from .fields import FieldError
 
-PIXELS, FRACTIONS, THOUSAND, RESIZED = "pixels", "fractions", "thousand", "resized"
+PIXELS = "pixels"
+FRACTIONS = "fractions"
+THOUSAND = "thousand"
+RESIZED = "resized"
 COORDINATES = (PIXELS, FRACTIONS, THOUSAND, RESIZED)
-XYWH, XYXY = "xywh", "xyxy"
+XYWH = "xywh"
+XYXY = "xyxy"
 BOXES = (XYWH, XYXY)
 Space: TypeAlias = str | Size
 
 
 @dataclass(frozen=True)
-class Choices:
-    """The choices of a build; `None` is what the user did not say.
+class ReaderOptions:
+    """The choices of a build; `None` leaves them to the recording.
 
     Args:
         coordinates: one of `COORDINATES`.
         boxes: one of `BOXES`: x, y, width, height, or the two corners.
 
-    Raises `BuildError` for another word.
+    Raises:
+        BuildError: a choice is not known.
     """
 
     coordinates: str | None = None
     boxes: str | None = None
 
     def __post_init__(self) -> None:
-        for name, value, known in (
-            ("coordinates", self.coordinates, COORDINATES),
-            ("boxes", self.boxes, BOXES),
-        ):
-            if value is not None and value not in known:
-                raise BuildError(f"{name} {value!r} is not known{suggest(value, known)}")
+        known = {"coordinates": COORDINATES, "boxes": BOXES}
+        for name, value in self.to_data().items():
+            if value not in known[name]:
+                raise BuildError(f"{name} {value!r} is not known{suggest(value, known[name])}")
 
     def to_data(self) -> dict[str, str]:
-        """What was said, as JSON data."""
+        """Return the choices that were made, as JSON data."""
         said = {"coordinates": self.coordinates, "boxes": self.boxes}
         return {name: value for name, value in said.items() if value is not None}
 
-    def of(self, reader: Reader) -> "Choices":
-        """Return those of the choices that a reader takes."""
+    def of(self, reader: Reader) -> "ReaderOptions":
+        """Return the choices that a reader takes."""
         takes: tuple[str, ...] = getattr(reader, "takes", ())
         said = {name: value for name, value in self.to_data().items() if name in takes}
-        return Choices(**said)
+        return ReaderOptions(**said)
 
 
-NO_CHOICES = Choices()
+NO_CHOICES = ReaderOptions()
 
 
-def with_choices(reader: Reader, choices: Choices) -> Reader:
-    """Return a reader that keeps to the choices; `reader` itself where nothing was said.
+def with_choices(reader: Reader, choices: ReaderOptions) -> Reader:
+    """Return a reader that follows the choices; `reader` itself if there are none.
 
     A reader that takes choices is a dataclass with a field `choices`; `takes` names those that it
-    takes. Raises `BuildError` for a choice that the format leaves no room for.
+    takes.
+
+    Raises:
+        BuildError: the format states itself what was chosen.
     """
     said = choices.to_data()
     takes: tuple[str, ...] = getattr(reader, "takes", ())
-    refused = next((name for name in said if name not in takes), None)
-    if refused is not None:
-        raise BuildError(
-            f"{refused} {said[refused]!r}: format {reader.name!r} says itself what its {refused} "
-            f"are; leave the choice out"
-        )
-    return cast("Reader", replace(cast("Any", reader), choices=choices)) if said else reader
+    for name, value in said.items():
+        if name not in takes:
+            raise BuildError(
+                f"{name} {value!r}: format {reader.name!r} says itself what its {name} are; leave"
+                " the choice out"
+            )
+    if not said:
+        return reader
+    return cast("Reader", replace(cast("Any", reader), choices=choices))
 
 
 def scaling_of(space: Space, size: Size) -> Scaling:
     """Return the scaling from a space to pixels of a picture of `size`, (height, width).
 
-    What is outside a picture is never moved into it by more than the slack of the space.
-    Raises `FieldError` for a picture that the model behind `resized` does not take.
+    A point outside the picture is never moved into it by more than the slack of the space.
+
+    Raises:
+        FieldError: the model behind `resized` does not take such a picture.
     """
     if space == PIXELS:
         return Scaling.pixels(None)

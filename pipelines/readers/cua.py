@@ -1,9 +1,9 @@
-"""Trajectory folders of cua's agent: turns with the calls of the computer, and the screenshots after them."""
+"""Trajectory folders of cua's agent: turns with computer calls, and the screenshots after them."""
 
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
@@ -11,50 +11,49 @@ from typing import Any, cast
 from hijack_data.types import Step, Trajectory
 
 from . import fields
-from .base import Rejected, files_below, register
+from .base import Rejected, register
 from .dialects import OPENAI, RecordedStep, code_of, first_action
-from .fields import FieldError
-from .files import Source, inside, parse_file, relative_name, root_of, size_of
+from .fields import FieldError, JsonObject
+from .files import inside, parse_file, relative_name, size_of
+from .folders import FolderReader, folder_id, readable_files
 
 METADATA = "metadata.json"
 _TURN = re.compile(r"turn_\d+")
 _ARTIFACT = re.compile(r"(\d+)_(\w+)\.(json|png)")
 _CALLS = ("computer_call_result", "function_call_result")
-_AFTER, _MARKED = "screenshot_after", "screenshot_action"
+_AFTER = "screenshot_after"
+_MARKED = "screenshot_action"
 
 
 @register
-class Cua:
-    """Reads what `TrajectorySaverCallback` of cua's agent writes: `<id>/metadata.json`, `<id>/turn_000/0001_*.json`.
+class Cua(FolderReader):
+    """Reads the folders that `TrajectorySaverCallback` of cua's agent writes.
 
-    A source is such a folder, its `metadata.json`, or a folder above. A `computer_call_result` is an action of OpenAI's
-    computer tool. cua takes a screenshot after each action and saves it before the result
-    (`screenshot_after`), so an action is given the one of the action before, and the first needs a look
-    (`screenshot`) before it. `screenshot_action` has a cross drawn on it and is not read. The
-    instruction is the first text of the user in the metadata. Function calls do not say what their
-    coordinates count and are rejected.
+    A source is a folder `<id>` with `metadata.json` and `turn_000/0001_*.json`, that
+    `metadata.json`, or a folder above. A `computer_call_result` is an action of OpenAI's computer
+    tool. cua takes a screenshot after each action and saves it before the result
+    (`screenshot_after`), so an action is given the one of the action before, and the first needs a
+    screenshot (`screenshot`) before it. `screenshot_action` has a cross drawn on it and is not
+    read. The instruction is the first text of the user in the metadata. Function calls do not state
+    the space of their coordinates and are rejected.
 
     Coordinates: pixels of the screenshot; a point outside is rejected.
     """
 
     name = "cua"
+    records = METADATA
 
     def detect(self, path: Path) -> bool:
-        """A `metadata.json` beside folders of turns, or a folder with one anywhere below."""
-        return any(isinstance(file, Path) and _is_run(file) for file in files_below(path))
+        """Return whether `path` is a `metadata.json` beside turns, or a folder above one."""
+        return any(_is_run(file) for file in readable_files(path))
 
     def beside(self, file: Path) -> bool:
-        """The artifacts of the turns."""
+        """Return whether a file is an artifact of a turn."""
         return _is_turn(file.parent)
 
-    def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
-        """Yield trajectories in the order of their paths."""
-        root = root_of(path)
-        for file in files_below(path):
-            if isinstance(file, Rejected):
-                yield file
-            elif file.name == METADATA:
-                yield from _Run(root, file.parent, list(_artifacts(file.parent))).read()
+    def episode(self, file: Path, root: Path) -> Iterator[Trajectory | Rejected]:
+        """Yield the trajectory of one folder, and everything rejected of it."""
+        return _Run(root, file.parent, list(_artifacts(file.parent))).read()
 
 
 def _is_run(file: Path) -> bool:
@@ -63,40 +62,59 @@ def _is_run(file: Path) -> bool:
 
 def _artifacts(folder: Path) -> Iterator[Path]:
     for turn in sorted(filter(_is_turn, folder.iterdir())):
-        if turn.is_dir() and not turn.is_symlink():
-            yield from (file for file in sorted(turn.iterdir()) if _ARTIFACT.fullmatch(file.name))
+        if not turn.is_dir() or turn.is_symlink():
+            continue
+        for file in sorted(turn.iterdir()):
+            if _ARTIFACT.fullmatch(file.name):
+                yield file
+
+
+def _order(file: Path) -> tuple[int, str]:
+    """Return the key that sorts artifacts by number, and those of one number by name."""
+    number, _, _ = file.name.partition("_")
+    return int(number), file.name
 
 
 @dataclass
 class _Run:
-    """One trajectory folder, while it is read."""
+    """One trajectory folder, while it is read.
+
+    Args:
+        root: the folder of the source.
+        folder: the trajectory's folder.
+        files: the artifacts of its turns.
+        steps: the steps so far.
+        screen: the picture on which the next action is taken.
+        after: the picture after the action whose result comes next.
+        actions: actions so far, rejected ones included.
+    """
 
     root: Path
     folder: Path
     files: list[Path]
     steps: list[Step] = field(default_factory=list[Step])
-    screen: Path | None = None  # what the next action is taken on
-    after: Path | None = None  # what the action shows whose result comes next
+    screen: Path | None = None
+    after: Path | None = None
     actions: int = 0
 
     def read(self) -> Iterator[Trajectory | Rejected]:
         """Yield what is broken, then the trajectory."""
-        name = relative_name(self.folder, self.root)
+        name = f"{relative_name(self.folder, self.root)}/{METADATA}"
         try:
             metadata = inside(self.root, relative_name(self.folder / METADATA, self.root), "")
             instruction = _instruction(parse_file(metadata))
         except FieldError as error:
-            yield Rejected(f"{name}/{METADATA}", "", error.field, error.reason)
+            yield Rejected(name, "", error.field, error.reason)
             return
-        for file in sorted(self.files, key=lambda file: (int(file.name.split("_")[0]), file.name)):
+        for file in sorted(self.files, key=_order):
             try:
                 self._take(file)
             except FieldError as error:
                 yield Rejected(relative_name(file, self.root), "", error.field, error.reason)
         if not self.actions:
-            yield Rejected(f"{name}/{METADATA}", "", "", "there is no action in the turns beside it")
+            yield Rejected(name, "", "", "there is no action in the turns beside it")
         elif self.steps:
-            own = name if name != "." else self.folder.resolve().name
+            own = folder_id(self.folder, self.root)
             yield Trajectory(own, Cua.name, instruction, tuple(self.steps))
 
     def _take(self, file: Path) -> None:
@@ -104,8 +122,11 @@ class _Run:
         if file.suffix == ".png":
             self._look(file, kind)
         elif kind in _CALLS:
-            before, self.screen, self.after = self.screen, self.after, None
-            self._call(parse_file(inside(self.root, relative_name(file, self.root), "")), kind, before)
+            before = self.screen
+            self.screen = self.after
+            self.after = None
+            path = inside(self.root, relative_name(file, self.root), "")
+            self._call(parse_file(path), kind, before)
 
     def _look(self, file: Path, kind: str) -> None:
         if kind == _AFTER:
@@ -113,9 +134,14 @@ class _Run:
         elif kind != _MARKED:
             self.screen = file
 
-    def _call(self, record: Mapping[str, Any], kind: str, screen: Path | None) -> None:
+    def _call(
+        self,
+        record: JsonObject,
+        kind: str,
+        screen: Path | None,
+    ) -> None:
         item = fields.mapping(record.get("item"), "item")
-        action = item.get("action")
+        action: object = item.get("action")
         if isinstance(action, dict) and cast("dict[str, Any]", action).get("type") == "screenshot":
             return
         self.actions += 1
@@ -131,18 +157,25 @@ class _Run:
         self.steps.append(RecordedStep(self.actions, os.fspath(image), said, code, dialect=OPENAI))
 
 
-def _instruction(metadata: Mapping[str, Any]) -> str:
-    """Return the first text of the user. Raises `FieldError`."""
+def _instruction(metadata: JsonObject) -> str:
+    """Return the first text of the user."""
     kwargs = fields.mapping(metadata.get("kwargs"), "kwargs")
     for entry in fields.items(kwargs, "messages"):
         message = fields.mapping(entry, "kwargs.messages")
-        content: object = message.get("content")
-        parts = cast("list[object]", content) if isinstance(content, list) else [{"text": content}]
-        texts = [cast("dict[str, Any]", part).get("text") for part in parts if isinstance(part, dict)]
-        found = next((text for text in texts if isinstance(text, str) and text.strip()), None)
+        found = next(_texts(message.get("content")), None)
         if message.get("role") == "user" and found:
             return fields.storable(found.strip(), "kwargs.messages")
-    raise FieldError("kwargs.messages", f"hold no text of the user: {fields.shown(json.dumps(kwargs, default=str))}")
+    held = fields.shown(json.dumps(kwargs, default=str))
+    raise FieldError("kwargs.messages", f"hold no text of the user: {held}")
+
+
+def _texts(content: object) -> Iterator[str]:
+    """Yield the texts of a message that are not blank; its content is a list of parts or text."""
+    parts = fields.objects(content) if isinstance(content, list) else [{"text": content}]
+    for part in parts:
+        text: object = part.get("text")
+        if isinstance(text, str) and text.strip():
+            yield text
 
 
 def _is_turn(folder: Path) -> bool:

@@ -1,6 +1,7 @@
-"""Recorded actions in the way their agent wrote them: how they are read, and how they follow a corrupted picture.
+"""Recorded actions in their agents' dialects: reading them, and mapping them to corrupted pictures.
 
-`Step.action_code` keeps what was recorded, word for word (dicts as JSON). A `RecordedStep` says in which dialect.
+`Step.action_code` keeps what was recorded, word for word (dicts as JSON). A `RecordedStep` names
+the dialect.
 """
 
 import json
@@ -15,10 +16,10 @@ from hijack_data.actions import (
     map_code,
     parse_pyautogui,
 )
-from hijack_data.actions.computer_13 import parse_computer_13
-from hijack_data.actions.pyautogui_write import write_pyautogui
+from hijack_data.actions.dialects.computer_13 import parse_computer_13
+from hijack_data.actions.dialects.pyautogui_write import write_pyautogui
+from hijack_data.actions.dialects.tool_calls import parse_anthropic, parse_openai
 from hijack_data.actions.recorded import map_recorded
-from hijack_data.actions.tool_calls import parse_anthropic, parse_openai
 from hijack_data.coords import CoordMap, smart_resize
 from hijack_data.errors import ActionError, HijackError, ParameterError
 from hijack_data.types import Action, Size, Step
@@ -27,11 +28,21 @@ from . import fields
 from .choices import COORDINATES, PIXELS, RESIZED, THOUSAND, Space, scaling_of
 from .fields import FieldError
 
-PYAUTOGUI, COMPUTER_13, UI_TARS, UI_TARS_15 = "pyautogui", "computer_13", "ui_tars", "ui_tars_1.5"
-OPENAI, ANTHROPIC = "openai", "anthropic"
-QWEN_25, QWEN_3 = "qwen2.5_vl", "qwen3_vl"
-# What a dialect counts in by itself; all others count in pixels.
-OWN_SPACES = {UI_TARS: THOUSAND, UI_TARS_15: RESIZED, QWEN_25: RESIZED, QWEN_3: THOUSAND}
+PYAUTOGUI = "pyautogui"
+COMPUTER_13 = "computer_13"
+UI_TARS = "ui_tars"
+UI_TARS_15 = "ui_tars_1.5"
+OPENAI = "openai"
+ANTHROPIC = "anthropic"
+QWEN_25 = "qwen2.5_vl"
+QWEN_3 = "qwen3_vl"
+# The own space of a dialect; all others are in pixels.
+OWN_SPACES = {
+    UI_TARS: THOUSAND,
+    UI_TARS_15: RESIZED,
+    QWEN_25: RESIZED,
+    QWEN_3: THOUSAND,
+}
 _VERSIONS: Mapping[str, Mapping[Space, str]] = {
     UI_TARS: {THOUSAND: UI_TARS, RESIZED: UI_TARS_15},
     QWEN_3: {THOUSAND: QWEN_3, RESIZED: QWEN_25},
@@ -40,8 +51,12 @@ _VERSIONS: Mapping[str, Mapping[Space, str]] = {
 
 @dataclass(frozen=True)
 class RecordedStep(Step):
-    """A step whose `action_code` may be in another dialect than pyautogui: one of `hijack_data.actions.DIALECTS`,
-    `SCREENAGENT` or `SIZELESS`. `acts` is false where nothing is done on the screen, as by a plan or a thought."""
+    """A step whose `action_code` may be in another dialect than pyautogui.
+
+    Args:
+        dialect: one of `hijack_data.actions.DIALECTS`, `SCREENAGENT` or `SIZELESS`.
+        acts: false if nothing is done on the screen, as by a plan or a thought.
+    """
 
     dialect: str = PYAUTOGUI
     acts: bool = True
@@ -49,33 +64,64 @@ class RecordedStep(Step):
 
 @dataclass(frozen=True)
 class Recorded:
-    """An action as it was recorded: what a step keeps of it, and in which dialect."""
+    """An action as it was recorded: the text that a step keeps, and its dialect."""
 
     action: Action
     code: str
     dialect: str
 
 
-def first_action(raw: object, dialect: str, size: Size, field: str, space: Space | None = None) -> Action:
-    """Return the action (the first, where one reply holds several) in pixels of a picture of `size`, (height, width).
+def first_action(
+    raw: object,
+    dialect: str,
+    size: Size,
+    field: str,
+    space: Space | None = None,
+) -> Action:
+    """Return the action, or the first of several, in pixels of a picture.
 
-    `space` says what the coordinates are where that is not the dialect's own. Raises `FieldError` for what is not an
-    action of the dialect, and for a point outside the picture.
+    Args:
+        raw: text or a dict in the dialect.
+        dialect: name of the dialect.
+        size: (height, width) of the picture.
+        field: name of the field in errors.
+        space: the space of the coordinates, if that is not the dialect's own.
+
+    Raises:
+        FieldError: it is not an action of the dialect, or points outside the picture.
     """
+    own = OWN_SPACES.get(dialect, PIXELS)
     try:
-        action = _parsed(raw, dialect, scaling_of(space or OWN_SPACES.get(dialect, PIXELS), size))
+        action = _parsed(raw, dialect, scaling_of(space or own, size))
     except HijackError as error:
         raise FieldError(field, str(error)) from None
     return fields.on_screen(action, size, field)
 
 
-def recorded(raw: object, dialect: str, size: Size, field: str, choice: str | None, default: Space | None) -> Recorded:
-    """Return an action whose coordinates are in the space that the user chose, or else the `default`.
+def recorded(
+    raw: object,
+    dialect: str,
+    size: Size,
+    field: str,
+    choice: str | None,
+    default: Space | None,
+) -> Recorded:
+    """Return an action whose coordinates are in the chosen space, or else in the default one.
 
-    Of the two versions of a family of models, the one is right that counts in that space. Where
-    none does, and where pyautogui code or a dictionary is not in pixels, the code is rewritten in
-    pixels, as rows don't name their space. Without choice and default, an action that points
-    somewhere is refused. Raises `FieldError`, which names the spaces that the numbers fit.
+    Of the two versions of a family of models, the one with that space is taken. If there is none,
+    or if pyautogui code or a dictionary is not in pixels, the code is rewritten in pixels, as rows
+    do not name their space. Without choice and default, an action at a point is refused.
+
+    Args:
+        raw: text or a dict in the dialect.
+        dialect: name of the dialect.
+        size: (height, width) of the picture.
+        field: name of the field in errors.
+        choice: the space that the user chose.
+        default: the space without a choice.
+
+    Raises:
+        FieldError: the action cannot be read; the message names the spaces that the numbers fit.
     """
     space = choice or default
     if space is None:
@@ -88,10 +134,16 @@ def recorded(raw: object, dialect: str, size: Size, field: str, choice: str | No
     version = _VERSIONS.get(dialect, {PIXELS: dialect}).get(space)
     if version is not None:
         return Recorded(action, code_of(raw, field), version)
-    return Recorded(action, _in_pixels(raw, dialect, action, scaling_of(space, size)), PYAUTOGUI)
+    code = _in_pixels(raw, dialect, action, scaling_of(space, size))
+    return Recorded(action, code, PYAUTOGUI)
 
 
-def _pointless(raw: object, dialect: str, size: Size, field: str) -> Recorded:
+def _pointless(
+    raw: object,
+    dialect: str,
+    size: Size,
+    field: str,
+) -> Recorded:
     try:
         action = _parsed(raw, dialect, Scaling((1, 1), (1, 1), clamp=False))
     except HijackError as error:
@@ -102,8 +154,13 @@ def _pointless(raw: object, dialect: str, size: Size, field: str) -> Recorded:
     return Recorded(fields.on_screen(action, size, field), code_of(raw, field), dialect)
 
 
-def _in_pixels(raw: object, dialect: str, action: Action, scaling: Scaling) -> str:
-    """Return the code of an action in pixels; what pyautogui cannot say has none."""
+def _in_pixels(
+    raw: object,
+    dialect: str,
+    action: Action,
+    scaling: Scaling,
+) -> str:
+    """Return the code of an action in pixels; `""` if pyautogui cannot express it."""
     if dialect == PYAUTOGUI:
         return map_code(cast("str", raw), scaling, None)
     try:
@@ -112,31 +169,47 @@ def _in_pixels(raw: object, dialect: str, action: Action, scaling: Scaling) -> s
         return ""
 
 
-def _hint(raw: object, dialect: str, size: Size, known: Space | None) -> str:
+def _hint(
+    raw: object,
+    dialect: str,
+    size: Size,
+    known: Space | None,
+) -> str:
     """Return the spaces that an action fits, other than the one that is known, as a remedy."""
     fit: list[str] = []
     for space in COORDINATES:
+        if space == known:
+            continue
         try:
-            action = first_action(raw, dialect, size, "", space) if space != known else None
+            action = first_action(raw, dialect, size, "", space)
         except FieldError:
             continue
-        fit += [space] if action and (action.point or action.end) else []
-    return f"; it fits {' or '.join(fit)}: say which with --coordinates" if fit else ""
+        if action.point or action.end:
+            fit.append(space)
+    if not fit:
+        return ""
+    return f"; it fits {' or '.join(fit)}: say which with --coordinates"
 
 
 def code_of(raw: object, field: str) -> str:
-    """Return the text that `action_code` keeps of a recorded action. Raises `FieldError` for what is not storable."""
+    """Return the text that `action_code` keeps of a recorded action.
+
+    Raises:
+        FieldError: a dataset cannot store it.
+    """
+    if isinstance(raw, str):
+        return fields.storable(raw, field)
     try:
-        text = raw if isinstance(raw, str) else json.dumps(raw, ensure_ascii=False, allow_nan=False)
+        text = json.dumps(raw, ensure_ascii=False, allow_nan=False)
     except (TypeError, ValueError, RecursionError) as error:
         raise FieldError(field, f"cannot be kept as JSON ({error})") from None
     return fields.storable(text, field)
 
 
 def observed_code(coords: CoordMap, step: Step) -> str:
-    """Return the `action_code` of a step in pixels of the observation of `coords`, in its own dialect.
+    """Return the `action_code` of a step in pixels of the observation of `coords`.
 
-    Raises `ActionError` for what cannot be mapped.
+    It stays in its own dialect; code that cannot be mapped is an `ActionError`.
     """
     dialect = step.dialect if isinstance(step, RecordedStep) else PYAUTOGUI
     if coords.is_identity:
@@ -146,7 +219,11 @@ def observed_code(coords: CoordMap, step: Step) -> str:
     return map_recorded(step.action_code, dialect, scaling, model)
 
 
-def _parsed(raw: object, dialect: str, scaling: Scaling) -> Action:
+def _parsed(
+    raw: object,
+    dialect: str,
+    scaling: Scaling,
+) -> Action:
     # Pixels are not clamped, so that a point outside can be told from one at the edge.
     if dialect == PYAUTOGUI:
         code = cast("str", raw)
@@ -157,7 +234,11 @@ def _parsed(raw: object, dialect: str, scaling: Scaling) -> Action:
     return _DICTS[dialect](raw, scaling)
 
 
-_DICTS = {COMPUTER_13: parse_computer_13, OPENAI: parse_openai, ANTHROPIC: parse_anthropic}
+_DICTS = {
+    COMPUTER_13: parse_computer_13,
+    OPENAI: parse_openai,
+    ANTHROPIC: parse_anthropic,
+}
 
 
 def _between_models(coords: CoordMap) -> Scaling:

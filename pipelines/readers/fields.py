@@ -1,8 +1,12 @@
-"""Checked access to the fields of a parsed record: what is wrong comes out as one error that names the field."""
+"""Checked access to the fields of a parsed record; every error names its field.
+
+The checks are our own and not msgspec's or pydantic's: those convert before they check, and their
+messages and limits are not ours, which hostile input is tested against.
+"""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any, cast
+from typing import Any, TypeAlias, cast
 
 from hijack_data.elements import boxes_from_labels
 from hijack_data.errors import HijackError, suggest
@@ -25,52 +29,105 @@ MAX_STEP = 2**31 - 1
 MAX_PIXEL = 2**24
 MAX_AMOUNT = 1e15
 ACTION_FIELDS = ("type", "x", "y", "x2", "y2", "text", "keys", "amount")
+_POINTS = (("x", "y"), ("x2", "y2"))
+# One parsed record, or an object inside one.
+JsonObject: TypeAlias = Mapping[str, Any]
 
 
 class FieldError(SourceError):
     """One field of one record is missing or wrong; readers turn it into a `Rejected`."""
 
     def __init__(self, field: str, reason: str) -> None:
-        self.field, self.reason = field, reason
+        self.field = field
+        self.reason = reason
         super().__init__(f"{field}: {reason}" if field else reason)
 
 
-def mapping(value: object, field: str) -> Mapping[str, Any]:
-    """Return `value` if it is a JSON object."""
+class FieldTypeError(FieldError):
+    """A field has a value of another kind than expected, which the message shows."""
+
+    def __init__(
+        self,
+        field: str,
+        expected: str,
+        value: object,
+    ) -> None:
+        super().__init__(field, f"must be {expected}, got {shown(value)}")
+
+
+def mapping(value: object, field: str) -> JsonObject:
+    """Return `value` if it is a JSON object.
+
+    Raises:
+        FieldTypeError: it is something else.
+    """
     if not isinstance(value, dict):
-        raise FieldError(field, f"must be an object, got {shown(value)}")
+        raise FieldTypeError(field, "an object", value)
     return cast("dict[str, Any]", value)
 
 
-def items(record: Mapping[str, Any], key: str) -> list[Any]:
-    """Return a required list."""
+def mappings(values: Iterable[object], field: str) -> list[JsonObject]:
+    """Return values that must all be JSON objects; another one is a `FieldTypeError`."""
+    return [mapping(value, field) for value in values]
+
+
+def items(record: JsonObject, key: str) -> list[Any]:
+    """Return a required list.
+
+    Raises:
+        FieldTypeError: it is something else; a missing one is a `FieldError`.
+    """
     value = _required(record, key, key)
     if not isinstance(value, list):
-        raise FieldError(key, f"must be a list, got {shown(value)}")
+        raise FieldTypeError(key, "a list", value)
     return cast("list[Any]", value)
 
 
-def text(record: Mapping[str, Any], key: str, field: str | None = None, *, default: str | None = None) -> str:
-    """Return a string; without a `default` it is required and must not be empty."""
+def listed(value: object) -> list[object]:
+    """Return the entries of an optional list; none if it is something else."""
+    return cast("list[object]", value) if isinstance(value, list) else []
+
+
+def objects(value: object) -> list[JsonObject]:
+    """Return the JSON objects of an optional list; other entries are left out."""
+    return [cast("dict[str, Any]", one) for one in listed(value) if isinstance(one, dict)]
+
+
+def text(
+    record: JsonObject,
+    key: str,
+    field: str | None = None,
+    *,
+    default: str | None = None,
+) -> str:
+    """Return a string; without a `default` it is required and must not be empty.
+
+    Raises:
+        FieldError: it is missing, empty, or no text that a dataset can store.
+        FieldTypeError: it is something else.
+    """
     field = field or key
     if default is not None and record.get(key) is None:
         return default
     value = _required(record, key, field)
     if not isinstance(value, str):
-        raise FieldError(field, f"must be a string, got {shown(value)}")
+        raise FieldTypeError(field, "a string", value)
     if default is None and not value.strip():
         raise FieldError(field, "is empty")
     return storable(value, field)
 
 
 def strings(value: object) -> tuple[str, ...]:
-    """Return the strings of an optional list that a dataset can hold; whatever else is there is left out."""
-    listed = cast("list[object]", value) if isinstance(value, list) else []
-    return tuple(name for name in listed if isinstance(name, str) and is_storable(name))
+    """Return the strings of an optional list that a dataset can store; the rest is left out."""
+    return tuple(name for name in listed(value) if isinstance(name, str) and is_storable(name))
 
 
 def platform(value: object, field: str) -> Platform | None:
-    """Return an optional platform. Raises `FieldError` for a name that is none."""
+    """Return an optional platform.
+
+    Raises:
+        FieldError: it is not the name of one.
+    """
     if value is None:
         return None
     try:
@@ -79,48 +136,69 @@ def platform(value: object, field: str) -> Platform | None:
         raise FieldError(field, str(error).removeprefix(f"{field}: ")) from None
 
 
-def step_number(record: Mapping[str, Any], key: str) -> int:
-    """Return a required step: an integer >= 0."""
+def step_number(record: JsonObject, key: str) -> int:
+    """Return a required step, an integer in 0..`MAX_STEP`.
+
+    Raises:
+        FieldTypeError: it is something else; a missing one is a `FieldError`.
+    """
     value = _required(record, key, key)
-    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= MAX_STEP:
-        raise FieldError(key, f"must be an integer in 0..{MAX_STEP}, got {shown(value)}")
-    return value
+    is_integer = isinstance(value, int) and not isinstance(value, bool)
+    if not is_integer or not 0 <= cast("int", value) <= MAX_STEP:
+        raise FieldTypeError(key, f"an integer in 0..{MAX_STEP}", value)
+    return cast("int", value)
 
 
 def action(value: object, size: Size) -> Action:
-    """Return an action given in pixels of a picture of `size` (height, width)."""
+    """Return an action given in pixels of a picture of `size`, (height, width).
+
+    Raises:
+        FieldError: a field is unknown, broken or outside the picture, or half a point is given.
+    """
     data = mapping(value, "action")
-    unknown = next((key for key in data if key not in ACTION_FIELDS), None)
-    if unknown is not None:
-        raise FieldError(f"action.{unknown}", f"is not a field of an action{suggest(unknown, ACTION_FIELDS)}")
+    for key in data:
+        if key not in ACTION_FIELDS:
+            reason = f"is not a field of an action{suggest(key, ACTION_FIELDS)}"
+            raise FieldError(f"action.{key}", reason)
     kind = text(data, "type", "action.type")
     if kind not in ACTION_TYPES:
-        raise FieldError("action.type", f"{kind!r} is not a type of action{suggest(kind, ACTION_TYPES)}")
-    pixels = {
-        key: _pixel(data.get(key), f"action.{key}", size[1 - i % 2]) for i, key in enumerate(("x", "y", "x2", "y2"))
-    }
-    for one, other in (("x", "y"), ("x2", "y2")):
-        _check_space(data, one, other)
-    for one, other in (("x", "y"), ("y", "x"), ("x2", "y2"), ("y2", "x2")):
-        if pixels[one] is None and pixels[other] is not None:
-            raise FieldError(f"action.{one}", f"is missing, though {other} is given")
-    typed = None if data.get("text") is None else text(data, "text", "action.text", default="")
-    return Action(kind, **pixels, text=typed, keys=_keys(data.get("keys")), amount=_amount(data.get("amount")))
+        reason = f"{kind!r} is not a type of action{suggest(kind, ACTION_TYPES)}"
+        raise FieldError("action.type", reason)
+    pixels = _points(data, size)
+    typed = None
+    if data.get("text") is not None:
+        typed = text(data, "text", "action.text", default="")
+    keys = _keys(data.get("keys"))
+    return Action(kind, **pixels, text=typed, keys=keys, amount=_amount(data.get("amount")))
 
 
-def boxes(labels: object, size: Size, field: str) -> tuple[Box, ...]:
-    """Return recorded boxes clipped to the picture; a target must show. Raises `FieldError`."""
+def boxes(
+    labels: object,
+    size: Size,
+    field: str,
+) -> tuple[Box, ...]:
+    """Return recorded boxes clipped to a picture of `size`, (height, width).
+
+    Raises:
+        FieldError: they are no boxes, or the field is `target_box` and nothing of one shows.
+    """
     try:
         found = clip_boxes(boxes_from_labels(labels, size=size).boxes, size)
     except HijackError as error:
         raise FieldError(field, str(error)) from None
-    if field == "target_box" and ((found[:, 2] <= found[:, 0]) | (found[:, 3] <= found[:, 1])).any():
-        raise FieldError(field, f"{shown(labels)} is empty or outside the {size[1]}x{size[0]} screenshot")
+    is_empty = (found[:, 2] <= found[:, 0]) | (found[:, 3] <= found[:, 1])
+    if field == "target_box" and is_empty.any():
+        screen = f"{size[1]}x{size[0]} screenshot"
+        raise FieldError(field, f"{shown(labels)} is empty or outside the {screen}")
     return tuple((x1, y1, x2, y2) for x1, y1, x2, y2 in found.tolist())
 
 
 def storable(value: str, field: str) -> str:
-    """Return text that a dataset can hold. Raises `FieldError` when it is too long or holds half a surrogate pair."""
+    """Return text that a dataset can store.
+
+    Raises:
+        FieldError: it is too long, or contains half of a surrogate pair.
+    """
     if len(value) > MAX_TEXT:
         raise FieldError(field, f"has {len(value)} characters; the limit is {MAX_TEXT}")
     if not is_storable(value):
@@ -129,7 +207,7 @@ def storable(value: str, field: str) -> str:
 
 
 def is_storable(value: str) -> bool:
-    """Whether text can be written as UTF-8, which half of a surrogate pair cannot."""
+    """Return whether text can be written as UTF-8, which half of a surrogate pair cannot."""
     try:
         value.encode()
     except UnicodeEncodeError:
@@ -137,14 +215,22 @@ def is_storable(value: str) -> bool:
     return True
 
 
-def on_screen(action: Action, size: Size, field: str) -> Action:
-    """Return an action whose points lie in a picture of `size` and whose values a dataset can hold.
+def on_screen(
+    action: Action,
+    size: Size,
+    field: str,
+) -> Action:
+    """Return an action whose points lie in a picture of `size`, (height, width).
 
-    Raises `FieldError`: a point outside is never clamped, since it may be in another space or on another screen.
+    Raises:
+        FieldError: a point is outside, or a value cannot be stored. A point is never clamped, since
+            it may be in another space or on another screen.
     """
     height, width = size
     for x, y in ((action.x, action.y), (action.x2, action.y2)):
-        if not (x is None or 0 <= x < width) or not (y is None or 0 <= y < height):
+        across = x is None or 0 <= x < width
+        down = y is None or 0 <= y < height
+        if not (across and down):
             raise FieldError(field, f"({x}, {y}) is outside the {width}x{height} screenshot")
     for text_value in (action.text or "", *(action.keys or ())):
         storable(text_value, field)
@@ -154,7 +240,7 @@ def on_screen(action: Action, size: Size, field: str) -> Action:
 
 
 def shown(value: object) -> str:
-    """Return a value for an error message: short, whatever it is."""
+    """Return a value for an error message: at most 60 characters, whatever the value is."""
     try:
         representation = repr(value)
     except (ValueError, RecursionError):  # Python refuses to print integers of thousands of digits
@@ -162,59 +248,102 @@ def shown(value: object) -> str:
     return representation if len(representation) <= 60 else f"{representation[:57]}..."
 
 
-def _required(record: Mapping[str, Any], key: str, field: str) -> object:
+def once(
+    items: Iterable[Trajectory | FieldError], seen: set[str]
+) -> Iterator[Trajectory | FieldError]:
+    """Yield each trajectory under its id once.
+
+    A trajectory whose id is in `seen`, and an error that ends the reading, are yielded as errors;
+    nothing is read after either.
+    """
+    try:
+        for item in items:
+            if isinstance(item, Trajectory) and item.id in seen:
+                yield FieldError("id", f"{item.id!r} was there before")
+                return
+            if isinstance(item, Trajectory):
+                seen.add(item.id)
+            yield item
+    except FieldError as error:
+        yield error
+
+
+def _required(
+    record: JsonObject,
+    key: str,
+    field: str,
+) -> object:
     if record.get(key) is None:
         raise FieldError(field, "is missing")
     return record[key]
 
 
-def _number(value: object, field: str, limit: float) -> float:
+def _number(
+    value: object,
+    field: str,
+    limit: float,
+) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise FieldError(field, f"must be a number, got {shown(value)}")
-    if not (abs(value) <= limit and math.isfinite(value)):  # the first is false for NaN, and safe for giant integers
-        raise FieldError(field, f"must be a finite number, at most {limit:g}, got {shown(value)}")
+        raise FieldTypeError(field, "a number", value)
+    # the first is false for NaN, and safe for giant integers
+    if not (abs(value) <= limit and math.isfinite(value)):
+        raise FieldTypeError(field, f"a finite number, at most {limit:g}", value)
     return float(value)
 
 
-def _check_space(data: Mapping[str, Any], one: str, other: str) -> None:
-    """Raise `FieldError` for a point in fractions of the picture: as pixels it would be its corner."""
-    point = [value for value in (data.get(one), data.get(other)) if value is not None]
-    if point and are_fractions([cast("float", value) for value in point]):
+def _points(data: JsonObject, size: Size) -> dict[str, int | None]:
+    # A point is given whole or not at all.
+    height, width = size
+    pixels: dict[str, int | None] = {}
+    for x, y in _POINTS:
+        pixels[x] = _pixel(data.get(x), f"action.{x}", width)
+        pixels[y] = _pixel(data.get(y), f"action.{y}", height)
+    for x, y in _POINTS:
+        _check_space(data, x, y)
+    for x, y in _POINTS:
+        for one, other in ((x, y), (y, x)):
+            if pixels[one] is None and pixels[other] is not None:
+                raise FieldError(f"action.{one}", f"is missing, though {other} is given")
+    return pixels
+
+
+def _check_space(
+    data: JsonObject,
+    x: str,
+    y: str,
+) -> None:
+    # As pixels, a point in fractions would be the corner of the picture.
+    point = [data[side] for side in (x, y) if data.get(side) is not None]
+    if point and are_fractions(point):
         raise FieldError(
-            f"action.{one}",
-            f"{shown(point)} are fractions of the picture, not pixels; multiply x by its width and y by its height",
+            f"action.{x}",
+            f"{shown(point)} are fractions of the picture, not pixels; multiply x by its width and"
+            " y by its height",
         )
 
 
-def _pixel(value: object, field: str, side: int) -> int | None:
+def _pixel(
+    value: object,
+    field: str,
+    side: int,
+) -> int | None:
     if value is None:
         return None
     pixel = math.floor(_number(value, field, MAX_PIXEL) + 0.5)
     if not 0 <= pixel < side:
-        raise FieldError(field, f"{shown(value)} is outside the screenshot, whose side is {side} pixels")
+        reason = f"{shown(value)} is outside the screenshot, whose side is {side} pixels"
+        raise FieldError(field, reason)
     return pixel
 
 
 def _keys(value: object) -> tuple[str, ...] | None:
     if value is None:
         return None
-    if not isinstance(value, list) or not all(isinstance(key, str) for key in cast("list[Any]", value)):
-        raise FieldError("action.keys", f"must be a list of strings, got {shown(value)}")
-    return tuple(storable(key, "action.keys") for key in cast("list[str]", value))
+    keys = [key for key in listed(value) if isinstance(key, str)]
+    if not isinstance(value, list) or len(keys) != len(listed(value)):
+        raise FieldTypeError("action.keys", "a list of strings", value)
+    return tuple(storable(key, "action.keys") for key in keys)
 
 
 def _amount(value: object) -> float | None:
     return None if value is None else _number(value, "action.amount", MAX_AMOUNT)
-
-
-def once(items: Iterable[Trajectory | FieldError], seen: set[str]) -> Iterator[Trajectory | FieldError]:
-    """Yield what was read; a trajectory whose id is in `seen`, and an error that ends the reading, come as errors."""
-    try:
-        for item in items:
-            if isinstance(item, Trajectory):
-                if item.id in seen:
-                    raise FieldError("id", f"{item.id!r} was there before")
-                seen.add(item.id)
-            yield item
-    except FieldError as error:
-        yield error

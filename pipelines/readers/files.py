@@ -1,8 +1,8 @@
-"""Reading record files and finding screenshots, so that no input can lead astray.
+"""Safe reading of untrusted recordings: no path outside the source, no pickles, bounded sizes.
 
 Nothing outside the source folder is opened, links to folders are not followed, only regular files
-are opened and pickles not at all, lines and files over `MAX_RECORD` bytes are not taken into memory,
-and whatever is not JSON comes out as a `FieldError`.
+are opened and pickles never, lines and files over `MAX_RECORD` bytes are not taken into memory, and
+anything that is not JSON is a `FieldError`.
 
 A snapshot in the cache of the Hugging Face Hub is a folder of links into the `blobs` of its
 repository: those links are followed, and no others that leave the source.
@@ -15,7 +15,7 @@ import stat
 import struct
 import warnings
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import islice
@@ -27,18 +27,31 @@ from PIL import Image
 from hijack_data.files import FORMATS
 from hijack_data.types import Size
 
-from .fields import FieldError, mapping
+from .fields import FieldError, JsonObject, mapping
 
 MAX_RECORD = 50 * 2**20
 SNIFFED = 20
 PICKLES = (".pkl", ".pickle", ".pkl.xz", ".pkl.gz", ".pt", ".pth", ".joblib", ".npy", ".npz")
-PICKLE = "a pickle (or a file that may hold one) is never opened: reading it would run what is in it"
+PICKLE = (
+    "a pickle (or a file that may hold one) is never opened: reading it would run what is in it"
+)
 SCREENS = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".gif", ".tif", ".tiff")
 NOT_UTF8 = "its name is not UTF-8; rename it"
 CACHED = ("datasets--", "models--", "spaces--")
-BLOBS, SNAPSHOTS, REFS = "blobs", "snapshots", "refs"
+BLOBS = "blobs"
+SNAPSHOTS = "snapshots"
+REFS = "refs"
 _CHUNK = 1 << 20
-_BROKEN = (OSError, SyntaxError, ValueError, EOFError, IndexError, KeyError, struct.error, zlib.error)
+_BROKEN = (
+    OSError,
+    SyntaxError,
+    ValueError,
+    EOFError,
+    IndexError,
+    KeyError,
+    struct.error,
+    zlib.error,
+)
 
 
 @dataclass(frozen=True)
@@ -57,21 +70,31 @@ Source: TypeAlias = Path | Part
 
 
 @dataclass(frozen=True)
-class Line:
-    """One line that is not blank; `data` is `None` when it is longer than `MAX_RECORD`. `number` counts from 1."""
+class RecordLine:
+    """One line that is not blank.
+
+    Args:
+        number: its number in the file, from 1.
+        offset: where it begins, in bytes.
+        data: its bytes; `None` if there are more than `MAX_RECORD`.
+    """
 
     number: int
     offset: int
     data: bytes | None
 
-    def record(self) -> Mapping[str, Any]:
-        """Parse the line as a JSON object. Raises `FieldError`."""
+    def record(self) -> JsonObject:
+        """Return the JSON object in the line.
+
+        Raises:
+            FieldError: the line is too long; other text is one, too.
+        """
         if self.data is None:
             raise FieldError("", f"longer than {MAX_RECORD // 2**20} MiB")
         return mapping(parse(self.data), "")
 
 
-def lines(path: Path, limit: int | None = None) -> Iterator[Line]:
+def lines(path: Path, limit: int | None = None) -> Iterator[RecordLine]:
     """Yield the lines of a file, never holding more than one of at most `limit` bytes."""
     limit = MAX_RECORD if limit is None else limit
     number = 0
@@ -83,10 +106,10 @@ def lines(path: Path, limit: int | None = None) -> Iterator[Line]:
                 return
             number += 1
             if len(data) > limit:
-                yield Line(number, offset, None)
+                yield RecordLine(number, offset, None)
                 _skip_line(file, data)  # whoever wants no more does not read on
             elif data.strip(b" \t\r\n\xef\xbb\xbf"):
-                yield Line(number, offset, data)
+                yield RecordLine(number, offset, data)
 
 
 def line_at(file: Any, offset: int) -> bytes:
@@ -96,7 +119,11 @@ def line_at(file: Any, offset: int) -> bytes:
 
 
 def parse(data: bytes) -> object:
-    """Parse JSON. Raises `FieldError` for other encodings than UTF-8, other syntax and endless nesting."""
+    """Parse JSON.
+
+    Raises:
+        FieldError: the text is not UTF-8 or not JSON, or nested too deeply.
+    """
     try:
         return json.loads(data.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
@@ -107,13 +134,31 @@ def parse(data: bytes) -> object:
         raise FieldError("", f"not JSON ({error})") from None
 
 
-def parse_file(path: Path) -> Mapping[str, Any]:
-    """Parse a whole file as a JSON object. Raises `FieldError`."""
+def parsed(value: object, field: str) -> object:
+    """Return a value that may be given as JSON text.
+
+    Raises:
+        FieldError: the text is not JSON.
+    """
+    if not isinstance(value, str):
+        return value
+    try:
+        return parse(value.encode())
+    except FieldError as error:
+        raise FieldError(field, error.reason) from None
+
+
+def parse_file(path: Path) -> JsonObject:
+    """Parse a whole file as a JSON object; anything else is a `FieldError`."""
     return mapping(parse_any(path), "")
 
 
 def parse_any(path: Path) -> object:
-    """Parse a whole file as JSON. Raises `FieldError`."""
+    """Parse a whole file as JSON.
+
+    Raises:
+        FieldError: the file is unreadable, empty, too large or not JSON.
+    """
     try:
         with path.open("rb") as file:
             data = file.read(MAX_RECORD + 1)
@@ -126,9 +171,9 @@ def parse_any(path: Path) -> object:
     return parse(data)
 
 
-def first_records(path: Path) -> list[Mapping[str, Any]]:
-    """Return what is readable of the first lines of a file, for telling formats apart."""
-    found: list[Mapping[str, Any]] = []
+def first_records(path: Path) -> list[JsonObject]:
+    """Return the readable ones of the first records of a file, to find its format."""
+    found: list[JsonObject] = []
     try:
         for line in islice(lines(path), SNIFFED):
             if line.data is None or line.offset > MAX_RECORD:
@@ -149,19 +194,31 @@ def root_of(source: Source) -> Path:
     return source if source.is_dir() else source.parent
 
 
-def inside(root: Path, name: str, field: str = "image") -> Path:
-    """Return the path of a file below `root`. Raises `FieldError` when it leaves `root` or is no file."""
+def inside(
+    root: Path,
+    name: str,
+    field: str = "image",
+) -> Path:
+    """Return the path of a file below `root`.
+
+    Raises:
+        FieldError: it leaves `root`, or is not a file.
+    """
     relative = Path(name)
     if relative.is_absolute():
-        raise FieldError(field, f"{name!r} is an absolute path; give a path inside the source folder")
+        raise FieldError(
+            field, f"{name!r} is an absolute path; give a path inside the source folder"
+        )
     path = root / relative
     try:
         below = _stays(path, root)
         is_file = path.is_file()
     except FileNotFoundError:
         raise FieldError(field, _missing(root, name)) from None
-    except (OSError, RuntimeError) as error:  # loops of links, names too long, folders that cannot be entered
-        raise FieldError(field, f"{name!r} cannot be opened ({getattr(error, 'strerror', None) or error})") from None
+    # loops of links, names too long, folders that cannot be entered
+    except (OSError, RuntimeError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise FieldError(field, f"{name!r} cannot be opened ({reason})") from None
     except ValueError:
         raise FieldError(field, f"{name!r} is not a path") from None
     if not below:
@@ -172,8 +229,18 @@ def inside(root: Path, name: str, field: str = "image") -> Path:
 
 
 def size_of(picture: Path | bytes, field: str = "image") -> Size:
-    """Return `(height, width)` from the header of a picture, given as a file or as bytes. Raises `FieldError`."""
-    name, source = ("the picture", io.BytesIO(picture)) if isinstance(picture, bytes) else (picture.name, picture)
+    """Return `(height, width)` from the header of a picture, given as a file or as bytes.
+
+    Raises:
+        FieldError: it is not a readable picture, or has far too many pixels.
+    """
+    name = "the picture"
+    source: Path | io.BytesIO
+    if isinstance(picture, bytes):
+        source = io.BytesIO(picture)
+    else:
+        name = picture.name
+        source = picture
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the size is checked when the picture is decoded
@@ -182,18 +249,18 @@ def size_of(picture: Path | bytes, field: str = "image") -> Size:
     except Image.DecompressionBombError:
         raise FieldError(field, f"{name}: far too many pixels") from None
     except _BROKEN as error:
-        raise FieldError(field, f"{name}: not a readable {'/'.join(FORMATS)} picture ({error})") from None
+        raise FieldError(
+            field, f"{name}: not a readable {'/'.join(FORMATS)} picture ({error})"
+        ) from None
 
 
 def walk(path: Path, *, pictures: bool = False) -> Iterator[Path | tuple[Path, str]]:
-    """Yield the files below a folder (or the file itself) in the order of their names, and what is
-    refused with why.
+    """Yield the files below a folder (or the file itself) in the order of their names.
 
-    Of refused pictures nothing is said unless `pictures`: the record that names one says it.
-
-    Refused are links to folders, which may run in a circle, links that leave the source, what is no
-    regular file (reading a pipe or a device may never end), names that are not UTF-8, and pickles,
-    which run code when they are read.
+    A file that is refused is yielded with the reason; refused pictures only with `pictures`, since
+    the record that names one is rejected anyway. Refused are links to folders, which may run in a
+    circle, links that leave the source, files that are not regular (reading a pipe or a device may
+    never end), names that are not UTF-8, and pickles, which run code when they are read.
     """
     root = root_of(path)
     if path.is_file():
@@ -224,12 +291,12 @@ def _entered(folder: str, folders: list[str]) -> list[str]:
 
 
 def is_picture(path: Path) -> bool:
-    """Whether the name of a file is that of a picture."""
+    """Return whether the name of a file is that of a picture."""
     return path.name.lower().endswith(SCREENS)
 
 
 def _looked_at(file: Path, root: Path) -> Path | tuple[Path, str]:
-    """Return a file, or with it why it is not opened."""
+    """Return a file, with the reason if it is not opened."""
     if not is_utf8(file.name):
         return file, NOT_UTF8
     if is_pickle(file):
@@ -239,7 +306,7 @@ def _looked_at(file: Path, root: Path) -> Path | tuple[Path, str]:
 
 
 def _closed(file: Path, root: Path) -> str:
-    """Return why a file is not opened, or nothing."""
+    """Return the reason why a file is not opened, or `""`."""
     try:
         mode = file.lstat().st_mode
         if stat.S_ISLNK(mode):
@@ -254,9 +321,9 @@ def _closed(file: Path, root: Path) -> str:
 
 
 def _stays(path: Path, root: Path) -> bool:
-    """Return whether a path leads to something below `root`, or to a blob of the same snapshot.
+    """Return whether a path leads to a file below `root`, or to a blob of the same snapshot.
 
-    Raises `OSError` or `RuntimeError` where it leads nowhere.
+    A path that leads nowhere is an `OSError` or a `RuntimeError`.
     """
     target = path.resolve(strict=True)
     if target.is_relative_to(root.resolve(strict=True)):
@@ -267,7 +334,7 @@ def _stays(path: Path, root: Path) -> bool:
 
 @lru_cache(maxsize=4)
 def _blobs(root: Path) -> Path | None:
-    """Return the folder of blobs when `root` is in a snapshot of the Hub's cache, else `None`."""
+    """Return the folder of blobs if `root` is in a snapshot of the Hub's cache."""
     for snapshots in (folder for folder in (root, *root.parents) if folder.name == SNAPSHOTS):
         repository = snapshots.parent
         blobs = repository / BLOBS
@@ -278,7 +345,7 @@ def _blobs(root: Path) -> Path | None:
 
 
 def is_utf8(name: str) -> bool:
-    """Whether the name of a file, as the system gives it, is UTF-8."""
+    """Return whether the name of a file, as the system gives it, is UTF-8."""
     try:
         name.encode()
     except UnicodeEncodeError:
@@ -287,20 +354,22 @@ def is_utf8(name: str) -> bool:
 
 
 def is_pickle(path: Path) -> bool:
-    """Whether the name of a file is that of a pickle, or of a format that may hold one."""
+    """Return whether a file is a pickle by its name, or of a format that may contain one."""
     return path.name.lower().endswith(PICKLES)
 
 
 def relative_name(path: Path, root: Path) -> str:
-    """Return how a report names a file: relative to the source, bytes that are no text escaped."""
+    """Return the name of a file in reports: relative to the source, non-text bytes escaped."""
     name = Path(os.path.relpath(path, root)).as_posix()
     return name.encode(errors="surrogateescape").decode(errors="backslashreplace")
 
 
 def _missing(root: Path, name: str) -> str:
     # A name such as ../../etc/x must not tell whether the file is there.
-    outside = not Path(os.path.abspath(root / name)).is_relative_to(os.path.abspath(root))
-    return f"{name!r} leaves the source folder" if outside else f"{name!r} is not in the source folder"
+    target = Path(os.path.abspath(root / name))
+    if target.is_relative_to(os.path.abspath(root)):
+        return f"{name!r} is not in the source folder"
+    return f"{name!r} leaves the source folder"
 
 
 def _skip_line(file: Any, data: bytes) -> None:

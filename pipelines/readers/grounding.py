@@ -2,29 +2,37 @@
 
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from hijack_data.types import Action, Box, Size, Step, Trajectory
 
 from . import fields
-from .base import Rejected, files_below, register
-from .boxes import Form, box_in, form_of
-from .choices import FRACTIONS, NO_CHOICES, PIXELS, XYWH, XYXY, Choices
-from .fields import FieldError
+from .base import Rejected, register
+from .boxes import Form, box_in, form_of, middle_of
+from .choices import FRACTIONS, NO_CHOICES, PIXELS, XYWH, XYXY, ReaderOptions
+from .fields import FieldError, JsonObject
 from .files import Source, relative_name, root_of
-from .json_rows import FOLDERS, SUFFIXES, JsonRow, beginning, json_rows, picture_at, read_tables
+from .folders import one_of_first
+from .json_rows import (
+    FOLDERS,
+    JsonRow,
+    beginning,
+    is_json,
+    json_rows,
+    picture_at,
+    read_tables,
+)
 from .parquet_rows import platform_of
 
-SNIFFED_FILES = 50
 PICTURES = ("img_filename", "image_path", "img_path")
 BOXES = ("bbox", "box_coordinates")
 TEXTS = ("prompt_to_evaluate", "instruction", "text")
 _PICTURE = re.compile(rb'"(?:img_filename|image_path|img_path)"\s*:\s*"')
 _BOX = re.compile(rb'"(?:bbox|box_coordinates)"\s*:\s*\[')
+_WAY_OUT = "--format osworld_g reads OSWorld-G whole"
 # Folders of the pictures, as they are published.
 _FOLDERS = (*FOLDERS, "screenspotv2_image", "screenspot_imgs")
 
@@ -38,28 +46,28 @@ def is_grounding(file: Path) -> bool:
 @register
 @dataclass(frozen=True)
 class Grounding:
-    """Reads the JSON of ScreenSpot, ScreenSpot-v2, ScreenSpot-Pro, OSWorld-G, UI-Vision, GroundCUA, MMBench-GUI and
-    OS-Atlas.
+    """Reads grounding sets in JSON.
 
-    A source is a `.json` file with a list of rows, a `.jsonl` file, or a folder with them anywhere below. A row has
-    `img_filename` or `image_path` (seen from the file or the source, or from `images/` in either), `bbox` or
-    `box_coordinates`, and `instruction`, `prompt_to_evaluate` or `text`. It is a trajectory of one click at the middle
-    of the box; rows with `elements` are one for each. The id is the file and the row's number. The other boxes of the
-    picture in the same file are its elements.
+    Known sets are ScreenSpot, ScreenSpot-v2, ScreenSpot-Pro, OSWorld-G, UI-Vision, GroundCUA,
+    MMBench-GUI and OS-Atlas. A source is a `.json` file with a list of rows, a `.jsonl` file, or a
+    folder with them anywhere below. A row has `img_filename` or `image_path` (seen from the file or
+    the source, or from `images/` in either), `bbox` or `box_coordinates`, and `instruction`,
+    `prompt_to_evaluate` or `text`. It is a trajectory of one click at the middle of the box; rows
+    with `elements` are one for each. The id is the file and the row's number. The other boxes of
+    the picture in the same file are its elements.
 
-    Coordinates: decided for the whole file, see `boxes`. Where the rows leave several forms, the set's own layout
-    counts: x, y, width, height in pixels (ScreenSpot, OSWorld-G), two corners in pixels (ScreenSpot-Pro, UI-Vision,
-    GroundCUA), two corners in fractions (OS-Atlas, MMBench-GUI).
+    Coordinates: decided for the whole file, see `boxes`. If the rows leave several forms, the set's
+    own layout counts: x, y, width, height in pixels (ScreenSpot, OSWorld-G), two corners in pixels
+    (ScreenSpot-Pro, UI-Vision, GroundCUA), two corners in fractions (OS-Atlas, MMBench-GUI).
     """
 
-    choices: Choices = NO_CHOICES
+    choices: ReaderOptions = NO_CHOICES
     name = "grounding"
     takes = ("coordinates", "boxes")
 
     def detect(self, path: Path) -> bool:
-        """One of the first JSON files begins with rows that name a picture and a box."""
-        files = (file for file in files_below(path) if isinstance(file, Path) and file.suffix in SUFFIXES)
-        return any(is_grounding(file) for file in islice(files, SNIFFED_FILES))
+        """Return whether one of the first JSON files has rows with a picture and a box."""
+        return one_of_first(path, is_json, is_grounding)
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories, files by name, rows in order."""
@@ -72,7 +80,7 @@ class _Entry:
     """One box of a row."""
 
     row: JsonRow
-    part: Mapping[str, Any]
+    part: JsonObject
     name: str
 
     @property
@@ -83,20 +91,34 @@ class _Entry:
 class _Table:
     """One file, while it is read."""
 
-    def __init__(self, file: Path, root: Path, choices: Choices) -> None:
-        self.file, self.root, self.choices = file, root, choices
+    def __init__(
+        self,
+        file: Path,
+        root: Path,
+        choices: ReaderOptions,
+    ) -> None:
+        self.file = file
+        self.root = root
+        self.choices = choices
         self.name = relative_name(file, root)
         self.sizes: dict[str, tuple[str, Size]] = {}
 
     def read(self) -> Iterator[Trajectory | Rejected]:
-        """Yield the trajectories and what is broken. Raises `FieldError` when the boxes are not clear."""
+        """Yield the broken rows and the trajectories.
+
+        Boxes whose form is not clear are a `FieldError`.
+        """
         entries, broken = self._entries()
         yield from broken
         if not entries:
             yield Rejected(self.name, "", "", "holds no row with a picture and a box")
             return
-        form = form_of([e.box for e in entries], lambda i: self._size(entries[i]), self.choices,
-                       _published([entry.row.record for entry in entries]))  # fmt: skip
+        form = form_of(
+            [entry.box for entry in entries],
+            lambda index: self._size(entries[index]),
+            self.choices,
+            _published(entries[0].row.record),
+        )
         elements = self._elements(entries, form)
         for entry in entries:
             try:
@@ -110,15 +132,7 @@ class _Table:
         stem = os.path.splitext(self.name)[0]
         for row in json_rows(self.file):
             try:
-                record = row.record
-                _check_kind(record)
-                own = f"{stem}/{row.number:06d}"
-                parts: object = record.get("elements")
-                if not isinstance(parts, list):
-                    found.append(_Entry(row, record, own))
-                    continue
-                listed = [fields.mapping(part, "elements") for part in cast("list[object]", parts)]
-                found += [_Entry(row, part, f"{own}-{i}") for i, part in enumerate(listed)]
+                found += _entries_of(row, f"{stem}/{row.number:06d}")
             except FieldError as error:
                 broken.append(Rejected(self.name, row.where, error.field, error.reason))
         return found, broken
@@ -128,14 +142,18 @@ class _Table:
         key = _key(record, PICTURES)
         value: Any = record.get(key)
         platform = record.get("platform")
-        folders = (*_FOLDERS, platform) if isinstance(platform, str) and platform else _FOLDERS
-        known = self.sizes.get(value) if isinstance(value, str) else None
-        found = known or picture_at(value, self.file, self.root, key, folders)
+        folders = _FOLDERS
+        if isinstance(platform, str) and platform:
+            folders = (*folders, platform)
+        found = self.sizes.get(value) if isinstance(value, str) else None
+        if found is None:
+            found = picture_at(value, self.file, self.root, key, folders)
         self.sizes[value] = found
         stated: object = record.get("img_size", record.get("image_size"))
         height, width = found[1]
         if isinstance(stated, list) and stated != [width, height]:
-            raise FieldError("img_size", f"is {fields.shown(stated)}, but the picture is {width}x{height}")
+            reason = f"is {fields.shown(stated)}, but the picture is {width}x{height}"
+            raise FieldError("img_size", reason)
         return found
 
     def _size(self, entry: _Entry) -> Size | None:
@@ -155,33 +173,68 @@ class _Table:
                 continue
         return found
 
-    def _trajectory(self, entry: _Entry, form: Form, elements: dict[str, list[Box]]) -> Trajectory:
+    def _trajectory(
+        self,
+        entry: _Entry,
+        form: Form,
+        elements: dict[str, list[Box]],
+    ) -> Trajectory:
         record = entry.row.record
         image, size = self._picture(entry)
         box = box_in(form, entry.box, size, _key(entry.part, BOXES))
-        action = Action("click", (box[0] + box[2]) // 2, (box[1] + box[3]) // 2)
+        x, y = middle_of(box)
         around = tuple(dict.fromkeys(elements[image]))
+        if len(around) == 1:
+            around = ()
         text = fields.text(entry.part, _key(entry.part, TEXTS))
-        step = Step(0, image, action, target_box=box, elements=around if len(around) > 1 else ())
-        # UI-Vision and GroundCUA call the program a platform.
-        is_program = "prompt_to_evaluate" in record or "category" in record
-        program = record.get("platform") if is_program else record.get("application")
-        platform = record.get("data_source") if is_program else record.get("platform", record.get("data_source"))
-        return Trajectory(entry.name, Grounding.name, text, (step,), platform_of(platform), fields.strings([program]))
+        step = Step(0, image, Action("click", x, y), target_box=box, elements=around)
+        program, platform = machine_of(record)
+        return Trajectory(
+            id=entry.name,
+            source=Grounding.name,
+            instruction=text,
+            steps=(step,),
+            domain=platform_of(platform),
+            apps=fields.strings([program]),
+        )
 
 
-def _check_kind(record: Mapping[str, Any]) -> None:
-    """Refuse what OSWorld-G has beside boxes. Raises `FieldError`."""
+def machine_of(record: JsonObject) -> tuple[object, object]:
+    """Return the program and the platform that a row names."""
+    source = record.get("data_source")
+    # UI-Vision and GroundCUA call the program a platform.
+    if "prompt_to_evaluate" in record or "category" in record:
+        return record.get("platform"), source
+    return record.get("application"), record.get("platform", source)
+
+
+def _entries_of(row: JsonRow, name: str) -> Iterator[_Entry]:
+    """Yield the boxes of a row: its own, or those of its elements."""
+    record = row.record
+    _check_kind(record)
+    parts: object = record.get("elements")
+    if not isinstance(parts, list):
+        yield _Entry(row, record, name)
+        return
+    elements = fields.mappings(fields.listed(parts), "elements")
+    for index, part in enumerate(elements):
+        yield _Entry(row, part, f"{name}-{index}")
+
+
+def _check_kind(record: JsonObject) -> None:
+    # OSWorld-G has other labels beside boxes.
     kind = record.get("box_type", "bbox")
     if kind == "refusal":
-        raise FieldError("box_type", "'refusal': nothing on the picture is meant, so there is no action")
+        reason = f"'refusal': nothing on the picture is meant, so there is no action; {_WAY_OUT}"
+        raise FieldError("box_type", reason)
     if kind != "bbox":
-        raise FieldError("box_type", f"{fields.shown(kind)} is not read, only boxes are")
+        reason = f"{fields.shown(kind)} is not read, only boxes are; {_WAY_OUT}"
+        raise FieldError("box_type", reason)
 
 
-def _published(records: list[Mapping[str, Any]]) -> tuple[Form, ...]:
+def _published(record: JsonObject) -> tuple[Form, ...]:
     """Return the forms in which a set with these fields is published, the likelier first."""
-    keys = set(records[0])
+    keys = set(record)
     if "box_type" in keys:
         return ((PIXELS, XYWH),)
     if {"prompt_to_evaluate", "img_size", "category"} & keys:
@@ -191,5 +244,5 @@ def _published(records: list[Mapping[str, Any]]) -> tuple[Form, ...]:
     return ((FRACTIONS, XYXY),)
 
 
-def _key(record: Mapping[str, Any], names: tuple[str, ...]) -> str:
+def _key(record: JsonObject, names: tuple[str, ...]) -> str:
     return next((name for name in names if record.get(name) is not None), names[0])

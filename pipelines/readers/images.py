@@ -1,19 +1,18 @@
 """Folders of pictures: each is a trajectory of one step, without an action."""
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from hijack_data.types import Action, Step, Trajectory
 
 from . import fields
 from .base import Rejected, register
-from .fields import FieldError
+from .fields import FieldError, JsonObject
 from .files import (
-    Line,
     Part,
+    RecordLine,
     Source,
     inside,
     is_picture,
@@ -26,10 +25,11 @@ from .files import (
     size_of,
     walk,
 )
-from .plain import FIELDS, Problems, action_of, apps_of, boxes_of, check_names, extra_of
+from .plain import FIELDS, LineProblems, action_of, apps_of, boxes_of, check_names, extra_of
 
-METADATA, FILE_NAME = "metadata.jsonl", "file_name"
-# A picture says by its place which trajectory and step it is.
+METADATA = "metadata.jsonl"
+FILE_NAME = "file_name"
+# The place of a picture decides its trajectory and step.
 KNOWN = (FILE_NAME, *(name for name in FIELDS if name not in ("trajectory_id", "step", "image")))
 RECORDS = (".json", ".jsonl", ".parquet", ".csv", ".tar", ".zip", ".arrow", ".tfrecord")
 
@@ -38,11 +38,12 @@ RECORDS = (".json", ".jsonl", ".parquet", ".csv", ".tar", ".zip", ".arrow", ".tf
 class Images:
     """Reads a folder of pictures, or one picture.
 
-    A picture is a trajectory of one step whose action is `"other"`, with nothing to say; the id is its path in the
-    source. What is known about it stands in a `metadata.jsonl` in its folder or one above, a line a picture with its
-    `file_name` (as `datasets` has it for an image folder), or in a JSON object of the same name beside it
-    (`a.png`, `a.json`): `instruction`, `action`, `action_code`, `target_box`, `elements`, `domain`, `apps` and `id`,
-    as in the plain format, all optional. Other fields are kept as `extra`.
+    A picture is a trajectory of one step whose action is `"other"`, with nothing to say; the id is
+    its path in the source. What is known about it stands in a `metadata.jsonl` in its folder or one
+    above, a line a picture with its `file_name` (as `datasets` has it for an image folder), or in a
+    JSON object of the same name beside it (`a.png`, `a.json`): `instruction`, `action`,
+    `action_code`, `target_box`, `elements`, `domain`, `apps` and `id`, as in the plain format, all
+    optional. Other fields are kept as `extra`.
 
     Coordinates: pixels of the picture, origin top-left.
     """
@@ -51,7 +52,7 @@ class Images:
     fallback = True
 
     def detect(self, path: Path) -> bool:
-        """A picture, or a folder with pictures and no records but those that say something about them."""
+        """Return whether `path` is a picture, or a folder with no records but those of pictures."""
         if path.is_file():
             return is_picture(path)
         pictures = 0
@@ -81,14 +82,14 @@ def _files(source: Source) -> Iterable[Path | tuple[Path, str]]:
 
 
 def _is_other(file: Path) -> bool:
-    """Whether a file holds records of something else than the pictures."""
+    """Return whether a file has records of something else than the pictures."""
     if file.suffix.lower() not in RECORDS or file.name == METADATA:
         return False
     return file.suffix != ".json" or not any(_beside(file))
 
 
 def _beside(file: Path) -> Iterator[Path]:
-    """Yield the pictures that a JSON file may say something about."""
+    """Yield the pictures that a JSON file may describe."""
     for suffix in (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".gif", ".tif", ".tiff"):
         for picture in (file.with_suffix(suffix), file.with_suffix(suffix.upper())):
             if picture.is_file():
@@ -97,10 +98,12 @@ def _beside(file: Path) -> Iterator[Path]:
 
 @dataclass
 class _Metadata:
-    """Where the line of each picture stands, so that memory stays small."""
+    """The place of each picture's line, so that memory stays small."""
 
     root: Path
-    places: dict[Path, tuple[Path, int, int]] = field(default_factory=dict[Path, tuple[Path, int, int]])
+    places: dict[Path, tuple[Path, int, int]] = field(
+        default_factory=dict[Path, tuple[Path, int, int]]
+    )
 
     def add(self, file: Path) -> Iterator[Rejected]:
         """Take in a file of metadata; yield the lines that cannot be read."""
@@ -111,7 +114,7 @@ class _Metadata:
                 shown = relative_name(file, self.root)
                 yield Rejected(shown, f"line {line.number}", error.field, error.reason)
 
-    def _line(self, file: Path, line: Line) -> None:
+    def _line(self, file: Path, line: RecordLine) -> None:
         name = fields.text(line.record(), FILE_NAME)
         picture = inside(self.root, relative_name(file.parent / name, self.root), FILE_NAME)
         if self.places.setdefault(picture, (file, line.offset, line.number))[1:] != (
@@ -120,8 +123,8 @@ class _Metadata:
         ):
             raise FieldError(FILE_NAME, f"{name!r} was there before")
 
-    def of(self, picture: Path) -> Mapping[str, Any]:
-        """Return what is known about a picture. Raises `FieldError`."""
+    def of(self, picture: Path) -> JsonObject:
+        """Return the metadata of a picture."""
         place = self.places.pop(picture, None)
         if place is not None:
             with place[0].open("rb") as file:
@@ -130,14 +133,18 @@ class _Metadata:
         return parse_file(beside) if beside.is_file() else {}
 
     def unused(self) -> Iterator[Rejected]:
-        """Yield the lines whose file is no picture."""
+        """Yield the lines whose file is not a picture."""
         for picture, (file, _, number) in self.places.items():
             name = relative_name(picture, self.root)
             reason = f"{name!r} is not a picture by its name"
             yield Rejected(relative_name(file, self.root), f"line {number}", FILE_NAME, reason)
 
 
-def _picture(file: Path, root: Path, known: _Metadata) -> Iterator[Trajectory | Rejected]:
+def _picture(
+    file: Path,
+    root: Path,
+    known: _Metadata,
+) -> Iterator[Trajectory | Rejected]:
     name = relative_name(file, root)
     try:
         yield _trajectory(name, file, known.of(file))
@@ -145,8 +152,12 @@ def _picture(file: Path, root: Path, known: _Metadata) -> Iterator[Trajectory | 
         yield Rejected(name, "", error.field, error.reason)
 
 
-def _trajectory(name: str, file: Path, record: Mapping[str, Any]) -> Trajectory:
-    problems = Problems()
+def _trajectory(
+    name: str,
+    file: Path,
+    record: JsonObject,
+) -> Trajectory:
+    problems = LineProblems()
     size = problems.of(lambda: size_of(file))
     problems.check()
     check_names(record, problems, KNOWN)

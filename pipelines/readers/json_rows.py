@@ -1,16 +1,15 @@
-"""Tables in JSON: a list of rows in a `.json` file, or a row a line in a `.jsonl` file; and their pictures."""
+"""Tables in JSON, a list in a `.json` file or lines of a `.jsonl` file, and their pictures."""
 
 import os
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
 
 from hijack_data.types import Size, Trajectory
 
 from . import fields
 from .base import Rejected, files_below
-from .fields import FieldError
+from .fields import FieldError, FieldTypeError, JsonObject
 from .files import MAX_RECORD, Source, inside, lines, parse_any, relative_name, root_of, size_of
 from .pictures import decoded, in_json
 
@@ -22,25 +21,33 @@ FOLDERS = ("", "images", "image")
 
 @dataclass(frozen=True)
 class JsonRow:
-    """One row and where it stands; `offset` is that of its line (`None` in a `.json` file), `pointer` leads to it."""
+    """One row and its place.
+
+    Args:
+        number: index of the row in the file.
+        where: the place in reports, such as `"line 3"`.
+        values: values by field, or the error of a broken row.
+        offset: where its line begins; `None` in a `.json` file.
+        pointer: keys and indices from the file's value to the row.
+    """
 
     number: int
     where: str
-    values: Mapping[str, Any] | FieldError
+    values: JsonObject | FieldError
     offset: int | None = None
     pointer: tuple[str | int, ...] = ()
 
     @property
-    def record(self) -> Mapping[str, Any]:
-        """The values. Raises `FieldError` when they are broken."""
+    def record(self) -> JsonObject:
+        """The values of the row; a broken one raises its `FieldError`."""
         if isinstance(self.values, FieldError):
             raise self.values
         return self.values
 
 
 def beginning(file: Path) -> bytes:
-    """Return the first bytes of a JSON file, for telling formats apart; nothing of any other file."""
-    if file.suffix not in SUFFIXES or not file.is_file():
+    """Return the first bytes of a JSON file, to find its format; `b""` for any other file."""
+    if not is_json(file) or not file.is_file():
         return b""
     try:
         with file.open("rb") as opened:
@@ -49,8 +56,17 @@ def beginning(file: Path) -> bytes:
         return b""
 
 
+def is_json(file: Path) -> bool:
+    """Return whether the name of a file is that of a JSON file or of JSON lines."""
+    return file.suffix in SUFFIXES
+
+
 def json_rows(file: Path) -> Iterator[JsonRow]:
-    """Yield the rows of a table. Raises `FieldError` when the file as a whole cannot be read."""
+    """Yield the rows of a table.
+
+    Raises:
+        FieldError: the file is too large; other errors of the whole file are one, too.
+    """
     if file.suffix == ".jsonl":
         for number, line in enumerate(lines(file)):
             try:
@@ -63,12 +79,14 @@ def json_rows(file: Path) -> Iterator[JsonRow]:
         limit = MAX_RECORD // 2**20
         raise FieldError("", f"larger than {limit} MiB: write it as .jsonl, a row a line")
     data = parse_any(file)
-    for number, value in enumerate(cast("list[object]", data) if isinstance(data, list) else [data]):
+    is_list = isinstance(data, list)
+    rows = fields.listed(data) if is_list else [data]
+    for number, value in enumerate(rows):
         try:
             values = fields.mapping(value, "")
         except FieldError as error:
             values = error
-        pointer = (number,) if isinstance(data, list) else ()
+        pointer = (number,) if is_list else ()
         yield JsonRow(number, f"row {number}", values, None, pointer)
 
 
@@ -77,16 +95,21 @@ def read_tables(
     read: Callable[[Path], Iterable[Trajectory | Rejected]],
     left_out: Collection[str] = (),
 ) -> Iterator[Trajectory | Rejected]:
-    """Yield what `read` gives for each JSON file of a source, files by name, but for names `left_out`.
+    """Yield the results of `read` for each JSON file of a source, files by name.
 
-    A file that cannot be read is rejected with the reason, and the others go on.
+    A file that cannot be read is rejected with the reason, and the others are read.
+
+    Args:
+        path: the source.
+        read: yields the trajectories of one file, and everything rejected of it.
+        left_out: names of files that are not read.
     """
     root = root_of(path)
     for file in files_below(path):
         if isinstance(file, Rejected):
             yield file
             continue
-        if file.suffix not in SUFFIXES or file.name in left_out:
+        if not is_json(file) or file.name in left_out:
             continue
         name = relative_name(file, root)
         try:
@@ -98,22 +121,53 @@ def read_tables(
             yield Rejected(name, "", "", f"cannot be read ({error.strerror or error})")
 
 
-def picture_at(value: object, file: Path, root: Path, field: str, folders: Iterable[str] = FOLDERS) -> tuple[str, Size]:
-    """Return the path of a picture that a row names, and its (height, width). Raises `FieldError`."""
+def picture_at(
+    value: object,
+    file: Path,
+    root: Path,
+    field: str,
+    folders: Iterable[str] = FOLDERS,
+) -> tuple[str, Size]:
+    """Return the path of a picture that a row names, and its (height, width).
+
+    Args:
+        value: the path in the row.
+        file: the file of the row; paths are seen from its folder, or one above in the source.
+        root: the folder of the source.
+        field: name of the field in errors.
+        folders: folders in which pictures may lie, seen from those.
+
+    Raises:
+        FieldError: the picture is on the web, or not there.
+        FieldTypeError: `value` is not a path.
+    """
     if not isinstance(value, str) or not value:
-        raise FieldError(field, f"must be a path, got {fields.shown(value)}")
+        raise FieldTypeError(field, "a path", value)
     if value.startswith(("http:", "https:")):
         raise FieldError(field, "is on the web; only files in the folder are read")
     path = _found(value, file.parent, root, field, folders)
     return os.fspath(path), size_of(path, field)
 
 
-def picture_inside(value: str, file: Path, row: JsonRow, place: tuple[str | int, ...], field: str) -> tuple[str, Size]:
-    """Return the reference of a `data:` URL at `place` in a row, and its (height, width). Raises `FieldError`."""
-    return in_json(file, row.offset, (*row.pointer, *place)), size_of(decoded(value), field)
+def picture_inside(
+    value: str,
+    file: Path,
+    row: JsonRow,
+    place: tuple[str | int, ...],
+    field: str,
+) -> tuple[str, Size]:
+    """Return the reference of a `data:` URL at `place` in a row, and its (height, width)."""
+    reference = in_json(file, row.offset, (*row.pointer, *place))
+    return reference, size_of(decoded(value), field)
 
 
-def _found(name: str, folder: Path, root: Path, field: str, folders: Iterable[str]) -> Path:
+def _found(
+    name: str,
+    folder: Path,
+    root: Path,
+    field: str,
+    folders: Iterable[str],
+) -> Path:
     if not Path(name).is_absolute():
         above = [parent for parent in folder.parents if parent.is_relative_to(root)]
         for start in (folder, *above):

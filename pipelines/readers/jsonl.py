@@ -1,7 +1,7 @@
 """Our plain format: `trajectories.jsonl` with one step a line, and the screenshots beside it."""
 
 from array import array
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,26 +10,37 @@ from hijack_data.types import Step, Trajectory
 
 from . import fields
 from .base import Rejected, files_below, register
-from .fields import FieldError
-from .files import Line, Part, Source, first_records, inside, line_at, lines, parse, relative_name, root_of
-from .plain import Problems, apps_of, step_of
+from .fields import FieldError, JsonObject
+from .files import (
+    Part,
+    RecordLine,
+    Source,
+    first_records,
+    inside,
+    line_at,
+    lines,
+    parse,
+    relative_name,
+    root_of,
+)
+from .plain import LineProblems, apps_of, step_of
 
 RECORDS = "trajectories.jsonl"
 
 
 @dataclass
 class _Index:
-    """Where the lines of each trajectory are: triples of step, offset and line number, so that memory stays small."""
+    """The places of each trajectory's lines: triples of step, offset and line number."""
 
     root: Path
     folder: Path
     places: "dict[str, array[int]]" = field(default_factory=dict)
     ids: set[str] = field(default_factory=set[str])
 
-    def add(self, line: Line) -> None:
-        """Take in a line. Raises `FieldError` when it is broken or its id was there before."""
+    def add(self, line: RecordLine) -> None:
+        """Take in a line; one that is broken or repeats an id is a `FieldError`."""
         record = line.record()
-        problems = Problems()
+        problems = LineProblems()
         name = problems.of(lambda: fields.text(record, "trajectory_id"))
         step = problems.of(lambda: fields.step_number(record, "step"))
         own = problems.of(lambda: fields.text(record, "id", default=""))
@@ -44,29 +55,33 @@ class _Index:
     def lines_of(self, name: str) -> list[tuple[int, int, int]]:
         """Return the triples of one trajectory in the order of its steps."""
         flat = self.places[name]
-        return sorted(zip(flat[0::3], flat[1::3], flat[2::3], strict=True))
+        steps = flat[0::3]
+        return sorted(zip(steps, flat[1::3], flat[2::3], strict=True))
 
 
 @register
 class Jsonl:
     """Reads our plain format, which docs/input_format.md describes.
 
-    A source is a folder with `trajectories.jsonl`, there or anywhere below, or such a file. Each line is an object with
-    `trajectory_id`, `step` (>= 0), `instruction`, `image` (path from the file's folder, inside the source), `action`
-    {type, x, y, x2, y2, text, keys, amount} and, if known, `id`, `action_code`, `target_box` (x1, y1, x2, y2),
-    `elements` (boxes), `domain`, `apps` and `platform` (see `hijack_data.types.Platform`). Lines of one trajectory may
-    stand anywhere in the file; steps come out in order. Other fields are kept as `extra`, unless their name is a slip
+    A source is a folder with `trajectories.jsonl`, there or anywhere below, or such a file. Each
+    line is an object with `trajectory_id`, `step` (>= 0), `instruction`, `image` (path from the
+    file's folder, inside the source), `action` {type, x, y, x2, y2, text, keys, amount} and, if
+    known, `id`, `action_code`, `target_box` (x1, y1, x2, y2), `elements` (boxes), `domain`, `apps`
+    and `platform` (see `hijack_data.types.Platform`). Lines of one trajectory may stand anywhere in
+    the file; steps come out in order. Other fields are kept as `extra`, unless their name is a slip
     for one of these.
 
-    Of two files that name a trajectory alike, the later one's gets the folder of its file before the name.
+    Of two files that name a trajectory alike, the later one's gets the folder of its file before
+    the name.
 
-    Coordinates: pixels of the image, origin top-left. Points outside the image are rejected; boxes are clipped to it.
+    Coordinates: pixels of the image, origin top-left. Points outside the image are rejected; boxes
+    are clipped to it.
     """
 
     name = "jsonl"
 
     def detect(self, path: Path) -> bool:
-        """A folder that holds `trajectories.jsonl`, or a file whose first lines have a `trajectory_id` and a `step`."""
+        """Return whether `path` is of our format, by its name or its first lines."""
         if path.is_dir():
             return (path / RECORDS).is_file()
         if path.name == RECORDS:
@@ -76,7 +91,8 @@ class Jsonl:
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories, files by name, in the order in which they begin."""
-        root, taken = root_of(path), set[str]()
+        root = root_of(path)
+        taken: set[str] = set()
         yield from (item for item in files_below(path) if isinstance(item, Rejected))
         for file in _record_files(path):
             records = relative_name(file, root)
@@ -90,16 +106,23 @@ class Jsonl:
 
 
 def _record_files(source: Source) -> list[Path]:
-    """Return the files to read; that a folder has none is told by opening the one that it should have."""
+    """Return the files to read; of a folder without any, the one that it should have."""
     if isinstance(source, Part):
         return list(source.files)
     if source.is_file():
         return [source]
-    found = [file for file in files_below(source) if isinstance(file, Path) and file.name == RECORDS]
+    found = [
+        file for file in files_below(source) if isinstance(file, Path) and file.name == RECORDS
+    ]
     return found or [source / RECORDS]
 
 
-def _file(records: Path, shown: str, root: Path, taken: set[str]) -> Iterator[Trajectory | Rejected]:
+def _file(
+    records: Path,
+    shown: str,
+    root: Path,
+    taken: set[str],
+) -> Iterator[Trajectory | Rejected]:
     index = _Index(root, records.parent)
     yield from _index(records, shown, index)
     with records.open("rb") as file:
@@ -107,8 +130,12 @@ def _file(records: Path, shown: str, root: Path, taken: set[str]) -> Iterator[Tr
             yield from _trajectory(file, shown, name, _free(name, shown, taken), index)
 
 
-def _free(name: str, records: str, taken: set[str]) -> str:
-    """Return the id of a trajectory: its name, with the folder of the file where another file has it."""
+def _free(
+    name: str,
+    records: str,
+    taken: set[str],
+) -> str:
+    """Return the id of a trajectory: its name, after the file's folder if the name is taken."""
     folder = Path(records).parent.as_posix()
     place = Path(records).stem if folder == "." else folder
     own = name if name not in taken else f"{place}/{name}"
@@ -116,7 +143,11 @@ def _free(name: str, records: str, taken: set[str]) -> str:
     return own
 
 
-def _index(records: Path, shown: str, index: _Index) -> Iterator[Rejected]:
+def _index(
+    records: Path,
+    shown: str,
+    index: _Index,
+) -> Iterator[Rejected]:
     for line in lines(records):
         try:
             index.add(line)
@@ -124,7 +155,13 @@ def _index(records: Path, shown: str, index: _Index) -> Iterator[Rejected]:
             yield Rejected(shown, f"line {line.number}", error.field, error.reason)
 
 
-def _trajectory(file: Any, records: str, name: str, own: str, index: _Index) -> Iterator[Trajectory | Rejected]:
+def _trajectory(
+    file: Any,
+    records: str,
+    name: str,
+    own: str,
+    index: _Index,
+) -> Iterator[Trajectory | Rejected]:
     steps: list[Step] = []
     about: dict[str, Any] = {}
     for _, offset, number in index.lines_of(name):
@@ -141,8 +178,8 @@ def _trajectory(file: Any, records: str, name: str, own: str, index: _Index) -> 
         yield Trajectory(source=Jsonl.name, id=own, steps=tuple(steps), **about)
 
 
-def _agree(about: dict[str, Any], record: Mapping[str, Any]) -> None:
-    """Keep what holds for the whole trajectory; a step that says otherwise is rejected."""
+def _agree(about: dict[str, Any], record: JsonObject) -> None:
+    # A step must agree with the first one about the whole trajectory.
     own = {
         "instruction": fields.text(record, "instruction"),
         "domain": fields.text(record, "domain", default=""),
@@ -151,4 +188,5 @@ def _agree(about: dict[str, Any], record: Mapping[str, Any]) -> None:
     }
     for key, value in own.items():
         if about.setdefault(key, value) != value:
-            raise FieldError(key, f"differs from that of the trajectory's first step, {fields.shown(about[key])}")
+            first = fields.shown(about[key])
+            raise FieldError(key, f"differs from that of the trajectory's first step, {first}")

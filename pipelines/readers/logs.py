@@ -1,35 +1,42 @@
-"""What readers of conversation logs share: the entries of a file, and the screen that each action goes with."""
+"""Logs of conversations: the entries of a file, and the screen that each action goes with."""
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import islice
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, TypeAlias, cast
 
 from hijack_data.types import Platform, Size, Step, Trajectory
 
 from . import fields
 from .base import Rejected, files_below
 from .dialects import RecordedStep, code_of, first_action
-from .fields import FieldError
+from .fields import FieldError, FieldTypeError, JsonObject
 from .files import SNIFFED, Source, inside, lines, parse_any, relative_name, root_of, size_of
+from .folders import SNIFFED_FILES, readable_files
+from .json_rows import is_json
 from .pictures import decoded, in_json
 
-SUFFIXES = (".json", ".jsonl")
 LISTS = ("messages", "items", "input", "output")
-SNIFFED_FILES = 50
 LONG_TEXT = 4096  # the end is kept: an action follows the thought
 PICTURES = (".png", ".jpg", ".jpeg", ".webp")
 Pointer = tuple[str | int, ...]
 
 
 @dataclass(frozen=True)
-class Entry:
-    """One message or item of a log, and where it stands: `offset` of its line (`None` in a `.json` file), `pointer`."""
+class LogEntry:
+    """One message or item of a log, and its place.
 
-    data: Mapping[str, Any]
+    Args:
+        data: the message or item.
+        where: the place in reports.
+        offset: where its line begins; `None` in a `.json` file.
+        pointer: keys and indices from the file's value, or the line's, to the entry.
+    """
+
+    data: JsonObject
     where: str
     offset: int | None
     pointer: Pointer
@@ -55,32 +62,62 @@ class Conversation:
     apps: tuple[str, ...] = ()
     platform: Platform | None = None
 
-    def look(self, value: object, entry: Entry, pointer: Pointer) -> None:
-        """Take in a screenshot: a `data:` URL, bare base64, or the path of a file beside the log. Raises `FieldError`.
+    def look(
+        self,
+        value: object,
+        entry: LogEntry,
+        pointer: Pointer,
+    ) -> None:
+        """Take in a screenshot.
 
-        `pointer` leads to it from the entry.
+        Args:
+            value: a `data:` URL, bare base64, or the path of a file beside the log.
+            entry: the entry that contains it.
+            pointer: keys and indices from the entry to it.
+
+        Raises:
+            FieldError: it is on the web, or cannot be read.
+            FieldTypeError: it is not text.
         """
-        self.image, self.why = "", "the screenshot before this action cannot be read"
+        self.image = ""
+        self.why = "the screenshot before this action cannot be read"
         if not isinstance(value, str) or not value:
-            raise FieldError("image", f"must be a data: URL or a path, got {fields.shown(value)}")
+            raise FieldTypeError("image", "a data: URL or a path", value)
         if value.startswith(("http:", "https:")):
-            raise FieldError("image", "is on the web; only data: URLs and files in the folder are read")
+            reason = "is on the web; only data: URLs and files in the folder are read"
+            raise FieldError("image", reason)
         if _is_path(value):
             folder = relative_name(self.file.parent, self.root)
             path = inside(self.root, os.path.join(folder, value))
-            self.size, self.image = size_of(path), os.fspath(path)
+            self.size = size_of(path)
+            self.image = os.fspath(path)
         else:
             self.size = size_of(decoded(value))
             self.image = in_json(self.file, entry.offset, (*entry.pointer, *pointer))
 
-    def act(self, raw: object, dialect: str, where: str, code: object = None) -> None:
-        """Take in an action, given as its dialect has it; `code` is what to keep of it if not `raw` itself.
+    def act(
+        self,
+        raw: object,
+        dialect: str,
+        where: str,
+        code: object = None,
+    ) -> None:
+        """Take in an action.
 
-        Raises `FieldError`, too, when there is no screenshot between this action and the one before.
+        Args:
+            raw: the action in its dialect.
+            dialect: name of the dialect.
+            where: the field of the action.
+            code: the text to keep of it, if that is not `raw` itself.
+
+        Raises:
+            FieldError: it is broken, or there is no screenshot between it and the one before.
         """
         self.actions += 1
-        image, self.image = self.image, ""
-        why, self.why = self.why, "no screenshot was taken between this action and the one before"
+        image = self.image
+        why = self.why
+        self.image = ""
+        self.why = "no screenshot was taken between this action and the one before"
         if not image:
             raise FieldError("screenshot", why)
         action = first_action(raw, dialect, self.size, where)
@@ -88,12 +125,12 @@ class Conversation:
         self.steps.append(RecordedStep(self.actions, image, action, text, dialect=dialect))
 
     def ask(self, text: object) -> None:
-        """Take in what the user says: the first text is the instruction. Raises `FieldError`."""
+        """Take in a text of the user: the first is the instruction."""
         if not self.instruction and isinstance(text, str) and text.strip():
             self.instruction = fields.storable(text.strip(), "instruction")
 
     def trajectory(self, name: str) -> Iterator[Trajectory | Rejected]:
-        """Yield the trajectory, or why there is none."""
+        """Yield the trajectory, or the reason why there is none."""
         file = relative_name(self.file, self.root)
         if not self.actions:
             yield Rejected(file, "", "", f"holds no action of format {self.source}")
@@ -101,24 +138,43 @@ class Conversation:
             yield Rejected(file, "", "instruction", "no message of the user holds text")
         elif self.steps:
             yield Trajectory(
-                name, self.source, self.instruction, tuple(self.steps), apps=self.apps, platform=self.platform
+                id=name,
+                source=self.source,
+                instruction=self.instruction,
+                steps=tuple(self.steps),
+                apps=self.apps,
+                platform=self.platform,
             )
 
 
+TakeEntry: TypeAlias = Callable[[Conversation, LogEntry], Iterator[FieldError]]
+
+
 def read_logs(
-    path: Source, source: str, take: Callable[[Conversation, Entry], Iterator[FieldError]]
+    path: Source,
+    source: str,
+    take: TakeEntry,
 ) -> Iterator[Trajectory | Rejected]:
-    """Read every log of a source, a trajectory a file; `take` takes in an entry and yields what is broken in it."""
-    root, seen = root_of(path), set[str]()
+    """Read every log of a source, a trajectory a file.
+
+    Args:
+        path: the source.
+        source: name of the format.
+        take: takes in an entry, and yields the errors in it.
+    """
+    root = root_of(path)
+    seen: set[str] = set()
     for file in files_below(path):
         if isinstance(file, Rejected):
             yield file
-        elif file.suffix in SUFFIXES:
+        elif is_json(file):
             yield from _conversation(Conversation(file, root, source), take, seen)
 
 
 def _conversation(
-    talk: Conversation, take: Callable[[Conversation, Entry], Iterator[FieldError]], seen: set[str]
+    talk: Conversation,
+    take: TakeEntry,
+    seen: set[str],
 ) -> Iterator[Trajectory | Rejected]:
     file = relative_name(talk.file, talk.root)
     name = os.path.splitext(file)[0]
@@ -141,7 +197,9 @@ def _conversation(
 
 
 def _taken(
-    talk: Conversation, entry: Entry, take: Callable[[Conversation, Entry], Iterator[FieldError]]
+    talk: Conversation,
+    entry: LogEntry,
+    take: TakeEntry,
 ) -> Iterator[FieldError]:
     try:
         yield from take(talk, entry)
@@ -151,10 +209,11 @@ def _taken(
         yield error
 
 
-def entries(file: Path) -> Iterator[Entry | Rejected]:
-    """Yield the entries of a log: lines of a `.jsonl`, or a list in a `.json`; bodies with `LISTS` are spread out.
+def entries(file: Path) -> Iterator[LogEntry | Rejected]:
+    """Yield the entries of a log: lines of a `.jsonl`, or a list in a `.json`.
 
-    Raises `FieldError` when a `.json` file cannot be read; a line that cannot comes out as `Rejected`, without file.
+    Bodies with one of the `LISTS` are spread out. A line that cannot be read is a `Rejected`
+    without file; a `.json` file that cannot be read is a `FieldError`.
     """
     if file.suffix == ".jsonl":
         for line in lines(file):
@@ -171,8 +230,8 @@ def entries(file: Path) -> Iterator[Entry | Rejected]:
         yield from _spread(fields.mapping(data, ""), "", None, ())
 
 
-def parts_of(entry: Entry) -> Iterator[tuple[Pointer, Mapping[str, Any]]]:
-    """Yield the parts of a message's `content`, with the pointer to each; plain text is one part."""
+def parts_of(entry: LogEntry) -> Iterator[tuple[Pointer, JsonObject]]:
+    """Yield the parts of a message's `content`, with the pointer to each; text is one part."""
     content: object = entry.data.get("content")
     if isinstance(content, str):
         yield ("content",), {"type": "text", "text": content}
@@ -181,9 +240,14 @@ def parts_of(entry: Entry) -> Iterator[tuple[Pointer, Mapping[str, Any]]]:
             yield ("content", index), fields.mapping(part, f"content[{index}]")
 
 
-def first_entries(path: Path, skip: Callable[[Path], bool] | None = None) -> Iterator[Entry]:
-    """Yield the first entries of the first logs of a source, for telling formats apart; `skip` leaves files out."""
-    files = (file for file in files_below(path) if isinstance(file, Path) and file.suffix in SUFFIXES)
+def first_entries(path: Path, skip: Callable[[Path], bool] | None = None) -> Iterator[LogEntry]:
+    """Yield the first entries of the first logs of a source, to find its format.
+
+    Args:
+        path: the source.
+        skip: returns whether to leave a file out.
+    """
+    files = filter(is_json, readable_files(path))
     for file in islice(files, SNIFFED_FILES):
         try:
             if skip is not None and skip(file):
@@ -195,13 +259,24 @@ def first_entries(path: Path, skip: Callable[[Path], bool] | None = None) -> Ite
 
 
 @lru_cache(maxsize=SNIFFED_FILES)
-def _sniffed(file: Path, changed: int, size: int) -> tuple[Entry, ...]:
-    """The first entries of a file without their pictures, kept since every reader asks; the rest is part of the key."""
+def _sniffed(
+    file: Path,
+    changed: int,
+    size: int,
+) -> tuple[LogEntry, ...]:
+    """Return the first entries of a file without their pictures.
+
+    They are kept, since every reader asks for them; `changed` and `size` are part of the key.
+    """
     try:
-        found = [entry for entry in islice(entries(file), SNIFFED) if isinstance(entry, Entry)]
-        return tuple(replace(entry, data=cast("Mapping[str, Any]", _short(entry.data))) for entry in found)
+        found = [entry for entry in islice(entries(file), SNIFFED) if isinstance(entry, LogEntry)]
+        return tuple(_shortened(entry) for entry in found)
     except (FieldError, OSError, RecursionError):
         return ()
+
+
+def _shortened(entry: LogEntry) -> LogEntry:
+    return replace(entry, data=cast("JsonObject", _short(entry.data)))
 
 
 def _short(value: object) -> object:
@@ -212,24 +287,37 @@ def _short(value: object) -> object:
     return value[-LONG_TEXT:] if isinstance(value, str) else value
 
 
-def _spread(record: Mapping[str, Any], where: str, offset: int | None, pointer: Pointer) -> Iterator[Entry | Rejected]:
+def _spread(
+    record: JsonObject,
+    where: str,
+    offset: int | None,
+    pointer: Pointer,
+) -> Iterator[LogEntry | Rejected]:
     inner = [key for key in LISTS if isinstance(record.get(key), list)]
     if not inner or "role" in record:
-        yield Entry(record, where, offset, pointer)
+        yield LogEntry(record, where, offset, pointer)
         return
-    yield Entry({key: value for key, value in record.items() if key not in inner}, where, offset, pointer)
+    outer = {key: value for key, value in record.items() if key not in inner}
+    yield LogEntry(outer, where, offset, pointer)
     for key in inner:
-        yield from _items(record[key], f"{where}, {key}" if where else key, offset, (*pointer, key))
+        place = f"{where}, {key}" if where else key
+        yield from _items(record[key], place, offset, (*pointer, key))
 
 
-def _items(values: list[Any], where: str, offset: int | None, pointer: Pointer) -> Iterator[Entry | Rejected]:
+def _items(
+    values: list[Any],
+    where: str,
+    offset: int | None,
+    pointer: Pointer,
+) -> Iterator[LogEntry | Rejected]:
     for index, value in enumerate(values):
         place = f"{where} {index}"
         if isinstance(value, dict):
-            yield Entry(cast("dict[str, Any]", value), place, offset, (*pointer, index))
+            yield LogEntry(cast("dict[str, Any]", value), place, offset, (*pointer, index))
         else:
             yield Rejected("", place, "", f"must be an object, got {fields.shown(value)}")
 
 
 def _is_path(value: str) -> bool:
-    return not value.startswith("data:") and value[-5:].lower().endswith(PICTURES)  # base64 text has no dot
+    # base64 text has no dot
+    return not value.startswith("data:") and value[-5:].lower().endswith(PICTURES)

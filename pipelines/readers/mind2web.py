@@ -1,59 +1,83 @@
 """Multimodal-Mind2Web: one row of a Parquet table is one action on a page."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 from hijack_data.types import Action, Box, Size, Trajectory
 
 from . import fields
-from .boxes import box_in
+from .boxes import box_in, middle_of
 from .choices import PIXELS, XYWH
 from .dialects import PYAUTOGUI, RecordedStep, first_action
-from .fields import FieldError
-from .files import parse
-from .parquet_rows import SOURCE, Row
+from .fields import FieldError, JsonObject
+from .files import parsed
+from .parquet_rows import SOURCE, ParquetRow
 
 COLUMNS = (
-    "annotation_id", "action_uid", "confirmed_task", "operation", "pos_candidates", "screenshot",
-)  # fmt: skip
+    "annotation_id",
+    "action_uid",
+    "confirmed_task",
+    "operation",
+    "pos_candidates",
+    "screenshot",
+)
 _OPERATIONS = ("CLICK", "TYPE", "SELECT")
 _NOWHERE = "-1,-1,-1,-1"
 
 
-def mind2web(row: Row) -> Iterator[Trajectory | FieldError]:
-    """Read a row: the operation at the middle of its target, `bounding_box_rect` x, y, width, height in pixels.
+def mind2web(row: ParquetRow) -> Iterator[Trajectory | FieldError]:
+    """Read a row: the operation at the middle of its target.
 
-    `TYPE` is a click and the text; `SELECT` has no code, since the list that it opens does not show.
+    `bounding_box_rect` is x, y, width, height in pixels. `TYPE` is a click and the text; `SELECT`
+    has no code, since the list that it opens does not show.
+
+    Raises:
+        FieldError: the row is broken.
     """
     record = row.record
-    name = "/".join(fields.text(record, key) for key in ("annotation_id", "action_uid"))
+    annotation = fields.text(record, "annotation_id")
+    name = f"{annotation}/{fields.text(record, 'action_uid')}"
     image, size = row.picture("screenshot")
     operation = _object(record.get("operation"), "operation")
     kind = fields.text(operation, "op", "operation.op")
     if kind not in _OPERATIONS:
-        raise FieldError("operation.op", f"{fields.shown(kind)} is not one of {', '.join(_OPERATIONS)}")
+        known = ", ".join(_OPERATIONS)
+        raise FieldError("operation.op", f"{fields.shown(kind)} is not one of {known}")
     box = _target(fields.items(record, "pos_candidates"), size)
-    x, y = (box[0] + box[2]) // 2, (box[1] + box[3]) // 2
+    x, y = middle_of(box)
     value = fields.text(operation, "value", "operation.value", default="")
     code = _code(kind, x, y, value)
-    action = first_action(code, PYAUTOGUI, size, "operation") if code else Action("other", x, y)
+    action = Action("other", x, y)
+    if code:
+        action = first_action(code, PYAUTOGUI, size, "operation")
     step = RecordedStep(0, image, action, code, box)
-    task, site = fields.text(record, "confirmed_task"), fields.text(record, "website", default="")
+    task = fields.text(record, "confirmed_task")
+    site = fields.text(record, "website", default="")
     yield Trajectory(name, SOURCE, task, (step,), domain=site or "web page", platform="web")
 
 
-def _code(kind: str, x: int, y: int, value: str) -> str:
+def _code(
+    kind: str,
+    x: int,
+    y: int,
+    value: str,
+) -> str:
     if kind == "SELECT":
         return ""
-    typed = f"\npyautogui.write({value!r})" if kind == "TYPE" else ""
-    return f"pyautogui.click({x}, {y}){typed}"
+    click = f"pyautogui.click({x}, {y})"
+    if kind == "TYPE":
+        return f"{click}\npyautogui.write({value!r})"
+    return click
 
 
 def _target(candidates: list[Any], size: Size) -> Box:
-    """Return the box of the element that was acted on, the original one before others that would do."""
+    """Return the box of the original target, or else of another element that would do.
+
+    Raises:
+        FieldError: no element has a box.
+    """
     found = [_object(candidate, "pos_candidates") for candidate in candidates]
-    found.sort(key=lambda candidate: not candidate.get("is_original_target"))
-    for candidate in found:
+    for candidate in sorted(found, key=_is_other):
         attributes = _object(candidate.get("attributes"), "pos_candidates.attributes")
         rect = attributes.get("bounding_box_rect")
         if isinstance(rect, str) and rect != _NOWHERE:
@@ -61,16 +85,17 @@ def _target(candidates: list[Any], size: Size) -> Box:
     raise FieldError("pos_candidates", "name no element with a place on the page")
 
 
+def _is_other(candidate: JsonObject) -> bool:
+    return not candidate.get("is_original_target")
+
+
 def _numbers(rect: str) -> list[float]:
     try:
         return [float(part) for part in rect.split(",")]
     except ValueError:
-        raise FieldError("pos_candidates", f"{fields.shown(rect)} is not x,y,width,height") from None
+        reason = f"{fields.shown(rect)} is not x,y,width,height"
+        raise FieldError("pos_candidates", reason) from None
 
 
-def _object(value: object, field: str) -> Mapping[str, Any]:
-    """Return an object, given as one or as JSON text. Raises `FieldError`."""
-    try:
-        return fields.mapping(parse(value.encode()) if isinstance(value, str) else value, field)
-    except FieldError as error:
-        raise FieldError(field, error.reason) from None
+def _object(value: object, field: str) -> JsonObject:
+    return fields.mapping(parsed(value, field), field)

@@ -1,8 +1,7 @@
 """Logs of OpenAI's computer use: items of the Responses API."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, cast
 
 from hijack_data.platforms import find_platform
 from hijack_data.types import Trajectory
@@ -12,24 +11,28 @@ from .base import Rejected, register
 from .dialects import OPENAI
 from .fields import FieldError
 from .files import Source
-from .logs import Conversation, Entry, first_entries, parts_of, read_logs
+from .logs import Conversation, LogEntry, first_entries, parts_of, read_logs
 
-CALL, RESULT = "computer_call", "computer_call_output"
+CALL = "computer_call"
+RESULT = "computer_call_output"
 
 
 @register
 class OpenAI:
     """Reads logs of OpenAI's computer use.
 
-    A source is a `.json` or `.jsonl` file, or a folder with them; each file is a trajectory, whose id is its path
-    without the suffix. A `.jsonl` line is an item or a body, a `.json` file a list of items or a body; a body is an
-    object with a list `items`, `input` or `output`. Of the items (Responses API, "computer use") these are read:
+    A source is a `.json` or `.jsonl` file, or a folder with them; each file is a trajectory, whose
+    id is its path without the suffix. A `.jsonl` line is an item or a body, a `.json` file a list
+    of items or a body; a body is an object with a list `items`, `input` or `output`. Of the items
+    (Responses API, "computer use") these are read:
 
-    - `computer_call`: `action`, or the first that does something of `actions`; `action_code` keeps all as JSON;
+    - `computer_call`: `action`, or the first that does something of `actions`; `action_code` keeps
+      all as JSON;
     - `computer_call_output`: `output.image_url` is the screen for the next call.
 
-    A call repeated with the same `call_id` (a body that was sent again) is read once; calls for a screenshot alone are
-    no steps. Pictures are `data:` URLs or files in the folder, not web addresses or `file_id`s.
+    A call repeated with the same `call_id` (a body that was sent again) is read once; calls for a
+    screenshot alone are no steps. Pictures are `data:` URLs or files in the folder, not web
+    addresses or `file_id`s.
 
     Coordinates: pixels of the screenshot that the call answers; a point outside is rejected.
     """
@@ -38,7 +41,7 @@ class OpenAI:
     adopts = True
 
     def detect(self, path: Path) -> bool:
-        """One of the first items is a `computer_call` or its output."""
+        """Return whether one of the first items is a `computer_call` or its output."""
         return any(entry.data.get("type") in (CALL, RESULT) for entry in first_entries(path))
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
@@ -47,38 +50,48 @@ class OpenAI:
 
 
 class _Taker:
-    """Takes in items; knows which calls it has seen in which file."""
+    """Takes in items, each call of a file once."""
 
     def __init__(self) -> None:
         self.file: Path | None = None
         self.seen: set[tuple[str, str]] = set()
 
-    def __call__(self, talk: Conversation, entry: Entry) -> Iterator[FieldError]:
+    def __call__(self, talk: Conversation, entry: LogEntry) -> Iterator[FieldError]:
         if self.file != talk.file:
-            self.file, self.seen = talk.file, set()
+            self.file = talk.file
+            self.seen = set()
         kind = entry.data.get("type")
         _environment(talk, entry.data.get("tools"))
         if kind in (CALL, RESULT):
-            key = (str(kind), fields.text(entry.data, "call_id"))
-            if key not in self.seen:
-                self.seen.add(key)
-                (_call if kind == CALL else _result)(talk, entry)
+            self._once(talk, entry)
         elif entry.data.get("role") == "user" and not talk.actions:
             yield from _message(talk, entry)
         elif "role" not in entry.data:
             talk.ask(entry.data.get("input"))
 
+    def _once(self, talk: Conversation, entry: LogEntry) -> None:
+        """Take in a call or its output, unless it was there before."""
+        kind = str(entry.data.get("type"))
+        key = (kind, fields.text(entry.data, "call_id"))
+        if key in self.seen:
+            return
+        self.seen.add(key)
+        if kind == CALL:
+            _call(talk, entry)
+        else:
+            _result(talk, entry)
+
 
 def _environment(talk: Conversation, tools: object) -> None:
-    """Take in what a body's computer tool says of the machine: `environment` is a platform, or `"browser"`."""
-    for tool in cast("list[object]", tools) if isinstance(tools, list) else []:
-        said = cast("dict[str, Any]", tool).get("environment") if isinstance(tool, dict) else None
-        talk.platform = talk.platform or find_platform(said)
-        if said == "browser":
+    """Take in the `environment` of a body's computer tool: a platform, or `"browser"`."""
+    for tool in fields.objects(tools):
+        environment = tool.get("environment")
+        talk.platform = talk.platform or find_platform(environment)
+        if environment == "browser":
             talk.apps = ("browser",)
 
 
-def _message(talk: Conversation, entry: Entry) -> Iterator[FieldError]:
+def _message(talk: Conversation, entry: LogEntry) -> Iterator[FieldError]:
     for pointer, part in parts_of(entry):
         try:
             talk.ask(part.get("text"))
@@ -88,19 +101,21 @@ def _message(talk: Conversation, entry: Entry) -> Iterator[FieldError]:
             yield error
 
 
-def _call(talk: Conversation, entry: Entry) -> None:
-    several: object = entry.data.get("actions")
-    if several is None:
+def _call(talk: Conversation, entry: LogEntry) -> None:
+    if entry.data.get("actions") is None:
+        field = "action"
         raw: object = fields.mapping(entry.data.get("action"), "action")
-        actions = [cast("Mapping[str, Any]", raw)]
+        actions = [fields.mapping(raw, "action")]
     else:
+        field = "actions"
         raw = fields.items(entry.data, "actions")
-        actions = [fields.mapping(action, "actions") for action in fields.items(entry.data, "actions")]
-    done = [action for action in actions if action.get("type") != "screenshot"]
-    if done:
-        talk.act(done[0], OPENAI, "action" if several is None else "actions", code=raw)
+        actions = fields.mappings(raw, "actions")
+    for action in actions:
+        if action.get("type") != "screenshot":
+            talk.act(action, OPENAI, field, code=raw)
+            return
 
 
-def _result(talk: Conversation, entry: Entry) -> None:
+def _result(talk: Conversation, entry: LogEntry) -> None:
     output = fields.mapping(entry.data.get("output"), "output")
     talk.look(output.get("image_url"), entry, ("output", "image_url"))

@@ -1,9 +1,9 @@
-"""Result folders of OSWorld: the first release, OSWorld-Verified, and the fork of the paper's authors."""
+"""Result folders of OSWorld: the first release, OSWorld-Verified, and the paper authors' fork."""
 
 import os
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
@@ -11,10 +11,11 @@ from hijack_data.errors import HijackError
 from hijack_data.types import Platform, Step, Trajectory
 
 from . import fields
-from .base import Rejected, files_below, register
+from .base import Rejected, register
 from .dialects import COMPUTER_13, PYAUTOGUI, RecordedStep, code_of, first_action
-from .fields import FieldError
-from .files import Source, inside, lines, parse_file, relative_name, root_of, size_of
+from .fields import FieldError, FieldTypeError, JsonObject
+from .files import inside, parse_file, relative_name, size_of
+from .folders import EpisodeFolder, FolderReader, folder_id
 
 RECORDS = "traj.jsonl"
 FIRST_SCREENS = ("initial_state.png", "initial_screenshot.png", "step_0.png")
@@ -24,89 +25,90 @@ WINDOWS = frozenset({"windows", "examples_windows"})
 _WORDS = ("WAIT", "FAIL", "DONE")
 _FENCE = "```"
 _CODE = "import pyautogui"
+_LAST_CALL = re.compile(r"pyautogui\.\w+\([^\n]*\)\s*\Z")
+_NOT_SAVED = "the screen before the first action was not saved"
+_NOT_THERE = "the picture after the action before is not in the folder"
+_OBSERVED = "shows what the agent saw, with the run's own corruption"
 
 
 @register
-class OSWorld:
-    """Reads OSWorld's `<action space>/<observation>/<model>/[<trial>/]<domain>/<task id>/traj.jsonl` and its pictures.
+class OSWorld(FolderReader):
+    """Reads result folders of OSWorld.
 
-    A source is any folder above, or a `traj.jsonl`; a trajectory's id is its path in the source. Each line is an
-    action: `step_num, action, screenshot_file`. An action is pyautogui code, a word (WAIT, FAIL, DONE), a `computer_13`
-    dict, or a dict that holds the code which was run (`command`, or `action` beside `action_space: pyautogui`).
+    Their layout is `<action space>/<observation>/<model>/[<trial>/]<domain>/<task id>/traj.jsonl`
+    with the pictures beside it. A source is any folder above, or a `traj.jsonl`; a trajectory's id
+    is its path in the source. Each line is an action: `step_num, action, screenshot_file`. An
+    action is pyautogui code, a word (WAIT, FAIL, DONE), a `computer_13` dict, or a dict that holds
+    the code which was run (`command`, or `action` beside `action_space: pyautogui`).
 
-    OSWorld takes the screenshot AFTER the action, so each step gets the picture of the line before. The first has one
-    only if the initial screen was saved (`initial_state.png`, or a line that names it), and is rejected otherwise, as
-    is any step after a picture that is missing. Steps are numbered by lines, from 1, since `step_num` repeats where
-    one reply held several actions.
+    OSWorld takes the screenshot AFTER the action, so each step gets the picture of the line before.
+    The first has one only if the initial screen was saved (`initial_state.png`, or a line that
+    names it), and is rejected otherwise, as is any step after a picture that is missing. Steps are
+    numbered by lines, from 1, since `step_num` repeats where one reply held several actions.
 
-    The authors' fork writes `action` as the reply with the code after it, and saves pictures of its corrupted runs
-    BEFORE the action, as the agent saw them (`step_N_agent_observe.png`): those are not clean and are rejected.
+    The authors' fork writes `action` as the reply with the code after it, and saves pictures of its
+    corrupted runs BEFORE the action, as the agent saw them (`step_N_agent_observe.png`): those are
+    not clean and are rejected.
 
-    The folders do not hold the instruction: it is read from the task's JSON in the task folder, or in the source under
-    `examples/<domain>/<task id>.json`; without one it is empty, and reported once a trajectory.
+    The folders do not hold the instruction: it is read from the task's JSON in the task folder, or
+    in the source under `examples/<domain>/<task id>.json`; without one it is empty, and reported
+    once a trajectory.
 
     Coordinates: pixels of the screen, whose size the screenshots have; a point outside is rejected.
     """
 
     name = "osworld"
-
-    def detect(self, path: Path) -> bool:
-        """A `traj.jsonl`, or a folder with one anywhere below."""
-        return any(isinstance(file, Path) and file.name == RECORDS for file in files_below(path))
+    records = RECORDS
+    any_name = True
 
     def beside(self, file: Path) -> bool:
-        """The JSON of a task."""
+        """Return whether a file may be the JSON of a task."""
         names = (*TASK_FILES, f"{file.parent.name}.json")
         return file.suffix == ".json" and (file.name in names or "examples" in file.parts)
 
-    def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
-        """Yield trajectories in the order of their paths."""
-        root = root_of(path)
-        for file in files_below(path):
-            if isinstance(file, Rejected):
-                yield file
-            elif file.name == RECORDS or file == path:
-                yield from _Episode(root, file).read()
+    def episode(self, file: Path, root: Path) -> Iterator[Trajectory | Rejected]:
+        """Yield the trajectory of one task folder, and everything rejected of it."""
+        return _Episode(root, file).read()
 
 
 @dataclass
-class _Episode:
-    """One task folder, while it is read."""
+class _Episode(EpisodeFolder):
+    """One task folder, while it is read.
 
-    root: Path
-    file: Path
-    steps: list[Step] = field(default_factory=list[Step])
+    Args:
+        actions: actions so far, those without a step included.
+        screen: the picture on which the next action is taken; `""` if there is none.
+        why: why there is none.
+        instruction: the task, as the log or the task's JSON gives it.
+    """
+
     actions: int = 0
-    screen: str = ""  # what the next action is taken on
-    why: str = "the screen before the first action was not saved"
+    screen: str = ""
+    why: str = _NOT_SAVED
     instruction: str = ""
 
     def __post_init__(self) -> None:
-        self.folder = self.file.parent
-        self.records = relative_name(self.file, self.root)
-        self.screen = next((name for name in FIRST_SCREENS if (self.folder / name).is_file()), "")
+        super().__post_init__()
+        saved = (name for name in FIRST_SCREENS if (self.folder / name).is_file())
+        self.screen = next(saved, "")
 
     def read(self) -> Iterator[Trajectory | Rejected]:
         """Yield what is broken, then the trajectory."""
         try:
             inside(self.root, self.records, "")
-            for line in lines(self.file):
-                try:
-                    self.take(line.record())
-                except FieldError as error:
-                    yield Rejected(self.records, f"line {line.number}", error.field, error.reason)
+            yield from self.take_lines()
         except FieldError as error:
             yield Rejected(self.records, "", error.field, error.reason)
             return
         except OSError as error:
-            yield Rejected(self.records, "", "", f"cannot be read ({error.strerror or error})")
+            yield self.unreadable(error)
         if not self.actions:
             yield Rejected(self.records, "", "", "holds no step")
         elif self.steps:
             yield from self.trajectory()
 
     def trajectory(self) -> Iterator[Trajectory | Rejected]:
-        """Yield the trajectory, and what is missing about it."""
+        """Yield the trajectory, after a broken task file or a missing instruction."""
         parts = relative_name(self.folder, self.root).split("/")
         domain = parts[-2] if len(parts) > 1 else ""
         try:
@@ -116,16 +118,25 @@ class _Episode:
             task = {}
             yield Rejected(self.records, "", error.field, error.reason)
         if not self.instruction:
-            where = f"{TASK_FOLDERS[0]}/{domain or '<domain>'}/{self.folder.name}.json"
-            yield Rejected(self.records, "", "instruction", f"not recorded, left empty; put the task's JSON at {where}")
-        name = "/".join(parts) if parts != ["."] else self.folder.resolve().name
-        apps = fields.strings(task.get("related_apps")) or _snapshot(task)
+            place = f"{TASK_FOLDERS[0]}/{domain or '<domain>'}/{self.folder.name}.json"
+            reason = f"not recorded, left empty; put the task's JSON at {place}"
+            yield Rejected(self.records, "", "instruction", reason)
         yield Trajectory(
-            name, OSWorld.name, self.instruction, tuple(self.steps), domain, apps, platform=_platform(parts)
+            id=folder_id(self.folder, self.root),
+            source=OSWorld.name,
+            instruction=self.instruction,
+            steps=tuple(self.steps),
+            domain=domain,
+            apps=_apps(task),
+            platform=_platform(parts),
         )
 
-    def take(self, record: Mapping[str, Any]) -> None:
-        """Take in a line. Raises `FieldError`."""
+    def take(self, record: JsonObject) -> None:
+        """Add the step of one line.
+
+        Raises:
+            FieldError: the line is broken, or no clean screen goes with its action.
+        """
         if "Error" in record:
             raise FieldError("Error", fields.shown(record["Error"]))
         if "action" not in record and "initial_state" in record:
@@ -133,90 +144,127 @@ class _Episode:
             self.instruction = fields.text(record, "instruction", default="")
             return
         self.actions += 1
-        screen, why = self.screen, self.why
+        screen = self.screen
+        why = self.why
         self._advance(record)
         if self._observed(record):
-            raise FieldError("screenshot_file", "shows what the agent saw, with the run's own corruption")
+            raise FieldError("screenshot_file", _OBSERVED)
         if not screen:
             raise FieldError("screenshot_file", why)
         self.steps.append(self._step(record, screen))
 
-    def _step(self, record: Mapping[str, Any], screen: str) -> Step:
-        image = inside(self.root, relative_name(self.folder / screen, self.root), "screenshot_file")
+    def _step(self, record: JsonObject, screen: str) -> Step:
+        image = self.inside(screen, "screenshot_file")
         size = size_of(image, "screenshot_file")
         raw, dialect = _executed(record)
         action = first_action(raw, dialect, size, "action")
-        return RecordedStep(self.actions, os.fspath(image), action, code_of(raw, "action"), dialect=dialect)
+        code = code_of(raw, "action")
+        return RecordedStep(self.actions, os.fspath(image), action, code, dialect=dialect)
 
-    def _advance(self, record: Mapping[str, Any]) -> None:
+    def _advance(self, record: JsonObject) -> None:
         """Remember the picture after this action."""
         self.screen = ""
-        self.why = "the picture after the action before is not in the folder"
-        name = record.get("screenshot_file") or f"step_{record.get('step_num')}_{record.get('action_timestamp')}.png"
+        self.why = _NOT_THERE
+        name = record.get("screenshot_file")
+        if not name:
+            name = f"step_{record.get('step_num')}_{record.get('action_timestamp')}.png"
         try:
             if isinstance(name, str) and (self.folder / name).is_file():
                 self.screen = name
         except (OSError, ValueError):
             self.why = f"{name!r:.60} is not a path"
 
-    def _observed(self, record: Mapping[str, Any]) -> bool:
+    def _observed(self, record: JsonObject) -> bool:
+        """Return whether the fork saved the corrupted screen that the agent saw."""
         number = record.get("step_num")
-        return isinstance(number, int) and (self.folder / f"step_{number!s:.12}_agent_observe.png").is_file()
+        if not isinstance(number, int):
+            return False
+        return (self.folder / f"step_{number!s:.12}_agent_observe.png").is_file()
 
 
-def _executed(record: Mapping[str, Any]) -> tuple[Any, str]:
-    """Return the action of a line and its dialect. Raises `FieldError`."""
+def _executed(record: JsonObject) -> tuple[Any, str]:
+    """Return the action of a line and its dialect."""
     action: object = record.get("action")
     if isinstance(action, str):
-        return (_after_reply(action) if "summary" in record else action), PYAUTOGUI
+        code = _after_reply(action) if "summary" in record else action
+        return code, PYAUTOGUI
     if not isinstance(action, dict):
-        raise FieldError("action", f"must be code, a word or an object, got {fields.shown(action)}")
+        raise FieldTypeError("action", "code, a word or an object", action)
     parts = cast("dict[str, Any]", action)
-    if isinstance(parts.get("command"), str):
-        return parts["command"], PYAUTOGUI
-    if parts.get("action_space") == PYAUTOGUI and isinstance(parts.get("action"), str):
-        return parts["action"], PYAUTOGUI
+    command: object = parts.get("command")
+    if isinstance(command, str):
+        return command, PYAUTOGUI
+    code: object = parts.get("action")
+    if isinstance(code, str) and parts.get("action_space") == PYAUTOGUI:
+        return code, PYAUTOGUI
     if parts.get("action_type") == "tool_use":
-        raise FieldError("action.command", "is missing, so that the point in pixels of the screen is not known")
+        reason = "is missing, so that the point in pixels of the screen is not known"
+        raise FieldError("action.command", reason)
     return parts, COMPUTER_13
 
 
 def _after_reply(text: str) -> str:
-    """Return the action that the authors' fork writes after the model's reply, with nothing between."""
-    word = next((word for word in _WORDS if text.endswith(word)), None)
-    if word:
-        return word
-    start = text.rfind(_CODE)
-    if start < 0 and _FENCE in text:
-        start = text.rfind(_FENCE) + len(_FENCE)
-    if start < 0:
-        found = re.search(r"pyautogui\.\w+\([^\n]*\)\s*\Z", text)
-        start = found.start() if found else -1
-    if start < 0 or not text[start:].strip():
+    """Return the action that the fork writes right after the model's reply."""
+    for word in _WORDS:
+        if text.endswith(word):
+            return word
+    start = _code_start(text)
+    code = text[start:]
+    if start < 0 or not code.strip():
         raise FieldError("action", f"no code or word after the reply in {fields.shown(text)}")
-    return text[start:]
+    return code
 
 
-def _snapshot(task: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the machine state that a task begins with, which is named after its application."""
-    return fields.strings([task.get("snapshot")])
+def _code_start(text: str) -> int:
+    """Return where the code after a reply begins, or -1."""
+    start = text.rfind(_CODE)
+    if start >= 0:
+        return start
+    if _FENCE in text:
+        return text.rfind(_FENCE) + len(_FENCE)
+    call = _LAST_CALL.search(text)
+    return call.start() if call else -1
+
+
+def _apps(task: JsonObject) -> tuple[str, ...]:
+    """Return the applications of a task; its snapshot is named after its application."""
+    related = fields.strings(task.get("related_apps"))
+    return related or fields.strings([task.get("snapshot")])
 
 
 def _platform(parts: list[str]) -> Platform:
-    """Return the machine's platform: Ubuntu with GNOME, but for Windows tasks, whose folder says so."""
-    return "windows" if WINDOWS.intersection(part.lower() for part in parts) else "linux"
+    """Return the machine's platform: Ubuntu, unless a folder is one of the Windows tasks."""
+    folders = {part.lower() for part in parts}
+    return "windows" if WINDOWS & folders else "linux"
 
 
-def _task(root: Path, folder: Path, domain: str) -> Mapping[str, Any]:
-    """Return the task's JSON if the source has it. Raises `FieldError` when it is broken."""
-    name = f"{folder.resolve().name}.json"
-    beside = [folder / file for file in (*TASK_FILES, name)]
-    above = [base for base in (folder, *folder.parents) if base.is_relative_to(root)]
-    places = [base / place / domain / name for base in above for place in TASK_FOLDERS]
-    for file in [*beside, *places]:
-        if file.is_file():
-            try:
-                return parse_file(inside(root, relative_name(file, root), "instruction"))
-            except HijackError as error:
-                raise FieldError("instruction", f"{relative_name(file, root)}: {error}") from None
+def _task(
+    root: Path,
+    folder: Path,
+    domain: str,
+) -> JsonObject:
+    """Return the task's JSON, or an empty mapping if the source does not have it."""
+    for file in _task_files(root, folder, domain):
+        if not file.is_file():
+            continue
+        name = relative_name(file, root)
+        try:
+            return parse_file(inside(root, name, "instruction"))
+        except HijackError as error:
+            raise FieldError("instruction", f"{name}: {error}") from None
     return {}
+
+
+def _task_files(
+    root: Path,
+    folder: Path,
+    domain: str,
+) -> Iterator[Path]:
+    """Yield the places where a task's JSON may be, the nearest first."""
+    name = f"{folder.resolve().name}.json"
+    for beside in (*TASK_FILES, name):
+        yield folder / beside
+    for base in (folder, *folder.parents):
+        if base.is_relative_to(root):
+            for place in TASK_FOLDERS:
+                yield base / place / domain / name

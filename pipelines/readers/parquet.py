@@ -1,6 +1,6 @@
-"""Hugging Face data sets in Parquet: trajectories, chat rows and grounding rows, told apart by their columns."""
+"""Hugging Face data sets in Parquet: trajectories, chats and grounding, found by their columns."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,12 +10,13 @@ from hijack_data.types import Size, Trajectory
 from . import fields
 from .base import Rejected, files_below, register
 from .boxes import Form, form_of
-from .choices import FRACTIONS, NO_CHOICES, PIXELS, XYXY, Choices
-from .fields import FieldError, once
+from .choices import FRACTIONS, NO_CHOICES, PIXELS, XYXY, ReaderOptions
+from .fields import FieldError, JsonObject, once
 from .files import Source, inside, relative_name, root_of
+from .folders import readable_files
 from .mind2web import COLUMNS as MIND2WEB
 from .mind2web import mind2web
-from .parquet_rows import Row, chat, grounding, trajectory
+from .parquet_rows import ParquetRow, chat, grounding, trajectory
 from .pictures import GroupRows, open_parquet
 
 SUFFIX = ".parquet"
@@ -23,11 +24,17 @@ SUFFIX = ".parquet"
 
 @dataclass(frozen=True)
 class _Shape:
-    """One kind of table: columns that it must have, others that are read, and how a row becomes a trajectory."""
+    """One kind of table.
+
+    Args:
+        needs: columns that it must have.
+        takes: other columns that are read.
+        read: yields the trajectory of a row, and the errors in it.
+    """
 
     needs: tuple[str, ...]
     takes: tuple[str, ...]
-    read: Callable[[Row], Iterator[Trajectory | FieldError]]
+    read: Callable[[ParquetRow], Iterator[Trajectory | FieldError]]
 
 
 SHAPES = (
@@ -47,50 +54,58 @@ SHAPES = (
 class Parquet:
     """Reads Hugging Face data sets in Parquet.
 
-    A source is a `.parquet` file, or a folder with them anywhere below. Pictures are structs of `bytes` and `path`, or
-    bytes; a `path` without bytes is a file beside the table. What a table holds is seen from its columns:
+    A source is a `.parquet` file, or a folder with them anywhere below. Pictures are structs of
+    `bytes` and `path`, or bytes; a `path` without bytes is a file beside the table. What a table
+    holds is seen from its columns:
 
-    - `task_id, instruction, actions, screenshots` (`markov-ai/computer-use`): a row is a trajectory. Actions are
-      pyautogui code or `computer_13` JSON. The card does not say whether a screenshot is from before or after its
-      action; it is taken to be from before, as the reply beside it was given on it.
-    - `messages` or `conversations`, `images` or `image` (chat rows, cua-lite): a row is a trajectory; the messages are
-      JSON text or a list. An image is shown by a part of type `image` (with its `index`, or the next one) or by
-      `<image>` in the text. A reply with `tool_calls` is a step, its first action that does something; so is a reply
-      in one of the languages of `replies`, and the last reply of a row with tool calls (`"done"`).
-    - `image, bbox, instruction` (ScreenSpot): a row is a trajectory of one click at the middle of the box.
-    - `annotation_id, action_uid, operation, pos_candidates, screenshot` (Multimodal-Mind2Web), see `mind2web`.
+    - `task_id, instruction, actions, screenshots` (`markov-ai/computer-use`): a row is a
+      trajectory. Actions are pyautogui code or `computer_13` JSON. The card does not say whether a
+      screenshot is from before or after its action; it is taken to be from before, as the reply
+      beside it was given on it.
+    - `messages` or `conversations`, `images` or `image` (chat rows, cua-lite): a row is a
+      trajectory; the messages are JSON text or a list. An image is shown by a part of type `image`
+      (with its `index`, or the next one) or by `<image>` in the text. A reply with `tool_calls` is
+      a step, its first action that does something; so is a reply in one of the languages of
+      `replies`, and the last reply of a row with tool calls (`"done"`).
+    - `image, bbox, instruction` (ScreenSpot): a row is a trajectory of one click at the middle of
+      the box.
+    - `annotation_id, action_uid, operation, pos_candidates, screenshot` (Multimodal-Mind2Web), see
+      `mind2web`.
 
-    Rows are read one at a time. The id is `task_id`, or else the file and the row's number. The domain is `domain`, the
-    `platform` in `metadata`, or `data_source`: `desktop`, `mobile`, `ios`, ..., with `web page` for the web ones.
+    Rows are read one at a time. The id is `task_id`, or else the file and the row's number. The
+    domain is `domain`, the `platform` in `metadata`, or `data_source`: `desktop`, `mobile`, `ios`,
+    ..., with `web page` for the web ones.
 
-    Coordinates: pixels of the screenshot in trajectories and in code; 0..1000 of the picture in `tool_calls`; text of
-    Qwen-VL and UI-TARS needs the choice `coordinates`, unless the prompt states the resolution. What the numbers of a
-    `bbox` are is decided for the whole table, see `boxes`.
+    Coordinates: pixels of the screenshot in trajectories and in code; 0..1000 of the picture in
+    `tool_calls`; text of Qwen-VL and UI-TARS needs the choice `coordinates`, unless the prompt
+    states the resolution. What the numbers of a `bbox` are is decided for the whole table, see
+    `boxes`.
     """
 
-    choices: Choices = NO_CHOICES
+    choices: ReaderOptions = NO_CHOICES
     name = "parquet"
     takes = ("coordinates", "boxes")
 
     def detect(self, path: Path) -> bool:
-        """A `.parquet` file, or a folder with one anywhere below, whatever its columns."""
-        return any(isinstance(file, Path) and file.suffix == SUFFIX for file in files_below(path))
+        """Return whether `path` is a `.parquet` file, or a folder with one anywhere below."""
+        return any(file.suffix == SUFFIX for file in readable_files(path))
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories, files by name, rows in order."""
-        root, seen = root_of(path), set[str]()
+        root = root_of(path)
+        seen: set[str] = set()
         for file in files_below(path):
             if isinstance(file, Rejected):
                 yield file
             elif file.suffix == SUFFIX:
                 try:
                     inside(root, relative_name(file, root), "")
-                    yield from _table(Row(file, root, 0, 0, 0, choices=self.choices), seen)
+                    yield from _table(ParquetRow(file, root, 0, 0, 0, choices=self.choices), seen)
                 except FieldError as error:
                     yield Rejected(relative_name(file, root), "", error.field, error.reason)
 
 
-def _table(first: Row, seen: set[str]) -> Iterator[Trajectory | Rejected]:
+def _table(first: ParquetRow, seen: set[str]) -> Iterator[Trajectory | Rejected]:
     name = relative_name(first.file, first.root)
     table = open_parquet(first.file)
     try:
@@ -99,7 +114,13 @@ def _table(first: Row, seen: set[str]) -> Iterator[Trajectory | Rejected]:
         count = 0
         for group in range(table.num_row_groups):
             for number, record in enumerate(GroupRows(table, group, columns)):
-                row = replace(first, group=group, number=number, count=count, form=form)
+                row = replace(
+                    first,
+                    group=group,
+                    number=number,
+                    count=count,
+                    form=form,
+                )
                 for item in _row(record, row, shape, seen):
                     if isinstance(item, Trajectory):
                         yield item
@@ -112,8 +133,8 @@ def _table(first: Row, seen: set[str]) -> Iterator[Trajectory | Rejected]:
         table.close()
 
 
-def _form(table: Any, first: Row) -> Form:
-    """Return what the boxes of a table are. Raises `FieldError`."""
+def _form(table: Any, first: ParquetRow) -> Form:
+    """Return the form of the boxes of a table."""
     rows = list(_rows(table, ["bbox"]))
     boxes = [None if isinstance(record, FieldError) else record["bbox"] for _, _, record in rows]
     pictures = _rows(table, ["image"])
@@ -124,13 +145,20 @@ def _form(table: Any, first: Row) -> Form:
         group, number, record = next(pictures)
         if isinstance(record, FieldError):
             return None
-        row = replace(first, group=group, number=number, count=index).holding(record)
+        row = replace(
+            first,
+            group=group,
+            number=number,
+            count=index,
+        ).holding(record)
         try:
             return row.picture("image")[1]
         except FieldError:
             return None
 
-    return form_of(boxes, size, first.choices, known) if any(boxes) else (PIXELS, XYXY)
+    if not any(boxes):
+        return PIXELS, XYXY
+    return form_of(boxes, size, first.choices, known)
 
 
 def _rows(table: Any, columns: list[str]) -> Iterator[tuple[int, int, Any]]:
@@ -140,7 +168,10 @@ def _rows(table: Any, columns: list[str]) -> Iterator[tuple[int, int, Any]]:
 
 
 def _row(
-    record: Mapping[str, Any] | FieldError, row: Row, shape: _Shape, seen: set[str]
+    record: JsonObject | FieldError,
+    row: ParquetRow,
+    shape: _Shape,
+    seen: set[str],
 ) -> Iterator[Trajectory | FieldError]:
     if isinstance(record, FieldError):
         yield record

@@ -1,7 +1,7 @@
-"""What one row of a Parquet table means: a trajectory, a chat, or a box on a picture."""
+"""One row of a Parquet table as a trajectory, a chat, or a box on a picture."""
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
@@ -9,24 +9,33 @@ from typing import Any, cast
 from hijack_data.types import Action, Size, Step, Trajectory
 
 from . import fields
-from .boxes import Form, box_in
-from .choices import NO_CHOICES, PIXELS, XYXY, Choices
+from .boxes import Form, box_in, middle_of
+from .choices import NO_CHOICES, PIXELS, XYXY, ReaderOptions
 from .dialects import COMPUTER_13, PYAUTOGUI, RecordedStep, recorded
-from .fields import FieldError
-from .files import inside, parse, relative_name, size_of
+from .fields import FieldError, JsonObject
+from .files import inside, parse, parsed, relative_name, size_of
 from .pictures import as_bytes, in_parquet
-from .talk import Talk, messages_in
+from .talk import Picture, Talk, messages_in
 
 SOURCE = "parquet"
-# What cua-lite (`platform`) and ScreenSpot (`data_source`, by site) call pages without a browser around them.
+# The names of pages without a browser around them, in cua-lite (`platform`) and ScreenSpot
+# (`data_source`, by site).
 WEB = ("web", "gitlab", "shop", "forum", "tool")
 
 
 @dataclass(frozen=True)
-class Row:
-    """One row: its values by column, and where it stands. `number` counts in the row group, `count` in the file.
+class ParquetRow:
+    """One row of a table, and its place.
 
-    `choices` are the user's, `form` that of the boxes of its table.
+    Args:
+        file: the table.
+        root: the folder of the source.
+        group: index of the row group.
+        number: index of the row in its group.
+        count: index of the row in the file.
+        values: values by column.
+        choices: the choices of the user.
+        form: the form of the boxes of the table.
     """
 
     file: Path
@@ -34,90 +43,132 @@ class Row:
     group: int
     number: int
     count: int
-    values: Mapping[str, Any] | None = None
-    choices: Choices = NO_CHOICES
+    values: JsonObject | None = None
+    choices: ReaderOptions = NO_CHOICES
     form: Form = (PIXELS, XYXY)
 
-    def holding(self, values: Mapping[str, Any]) -> "Row":
-        """The same row with its values."""
+    def holding(self, values: JsonObject) -> "ParquetRow":
+        """Return the same row with its values."""
         return replace(self, values=values)
 
     @property
-    def record(self) -> Mapping[str, Any]:
+    def record(self) -> JsonObject:
         """The values."""
         return self.values or {}
 
     @property
     def name(self) -> str:
         """An id for rows that have none: the file without its suffix, and the row."""
-        return f"{os.path.splitext(relative_name(self.file, self.root))[0]}/{self.count:06d}"
+        stem, _ = os.path.splitext(relative_name(self.file, self.root))
+        return f"{stem}/{self.count:06d}"
 
     def picture(self, column: str, item: int | None = None) -> tuple[str, Size]:
-        """Return the path or reference of a picture in the row, and its (height, width). Raises `FieldError`."""
+        """Return the path or reference of a picture in the row, and its (height, width).
+
+        Args:
+            column: the column of the picture.
+            item: its index, if the column is a list.
+
+        Raises:
+            FieldError: there is no such picture, or it cannot be read.
+        """
         field = column if item is None else f"{column}[{item}]"
         value: Any = self.record.get(column)
-        try:
-            value = value if item is None else value[item]
-        except (IndexError, TypeError):
-            raise FieldError(field, "is not there") from None
+        if item is not None:
+            try:
+                value = value[item]
+            except (IndexError, TypeError):
+                raise FieldError(field, "is not there") from None
         entry = cast("dict[str, Any]", value) if isinstance(value, dict) else {"path": value}
         path = entry.get("path")
         if not entry.get("bytes") and isinstance(path, str):
-            image = inside(self.root, os.path.join(relative_name(self.file.parent, self.root), path), field)
+            folder = relative_name(self.file.parent, self.root)
+            image = inside(self.root, os.path.join(folder, path), field)
             return os.fspath(image), size_of(image, field)
         try:
-            return in_parquet(self.file, self.group, self.number, column, item), size_of(as_bytes(value), field)
+            size = size_of(as_bytes(value), field)
         except FieldError as error:
             raise FieldError(field, error.reason) from None
+        return in_parquet(self.file, self.group, self.number, column, item), size
 
 
-def trajectory(row: Row) -> Iterator[Trajectory | FieldError]:
-    """Read a row of parallel lists `actions` and `screenshots`."""
+def trajectory(row: ParquetRow) -> Iterator[Trajectory | FieldError]:
+    """Read a row of parallel lists `actions` and `screenshots`.
+
+    Raises:
+        FieldError: the row as a whole is broken; broken steps are yielded.
+    """
     record = row.record
-    name, instruction = fields.text(record, "task_id"), fields.text(record, "instruction")
-    actions, pictures = fields.items(record, "actions"), fields.items(record, "screenshots")
+    name = fields.text(record, "task_id")
+    instruction = fields.text(record, "instruction")
+    actions = fields.items(record, "actions")
+    pictures = fields.items(record, "screenshots")
     if len(actions) != len(pictures):
-        raise FieldError("screenshots", f"are {len(pictures)}, but there are {len(actions)} actions")
+        reason = f"are {len(pictures)}, but there are {len(actions)} actions"
+        raise FieldError("screenshots", reason)
     if not actions:
         raise FieldError("actions", "is empty")
     steps: list[Step] = []
     for index, given in enumerate(actions):
         field = f"actions[{index}]"
         try:
-            image, size = row.picture("screenshots", index)
-            text = fields.text({"action": given}, "action", field)
-            raw, dialect = _code_or_dict(text)
-            said = recorded(raw, dialect, size, field, row.choices.coordinates, PIXELS)
-            kept = text if said.dialect == dialect == COMPUTER_13 else said.code
-            steps.append(RecordedStep(index, image, said.action, kept, dialect=said.dialect))
+            steps.append(_step(row, index, given, field))
         except FieldError as error:
             yield FieldError(error.field or field, error.reason)
     if steps:
-        yield Trajectory(name, SOURCE, instruction, tuple(steps), fields.text(record, "domain", default=""))
+        domain = fields.text(record, "domain", default="")
+        yield Trajectory(name, SOURCE, instruction, tuple(steps), domain)
 
 
-def grounding(row: Row) -> Iterator[Trajectory | FieldError]:
+def _step(
+    row: ParquetRow,
+    index: int,
+    given: object,
+    field: str,
+) -> Step:
+    image, size = row.picture("screenshots", index)
+    text = fields.text({"action": given}, "action", field)
+    raw: object = text
+    dialect = PYAUTOGUI
+    if text.lstrip().startswith("{"):
+        raw = parse(text.encode())
+        dialect = COMPUTER_13
+    said = recorded(raw, dialect, size, field, row.choices.coordinates, PIXELS)
+    code = said.code
+    if said.dialect == dialect == COMPUTER_13:
+        code = text
+    return RecordedStep(index, image, said.action, code, dialect=said.dialect)
+
+
+def grounding(row: ParquetRow) -> Iterator[Trajectory | FieldError]:
     """Read a row with a box on a picture: one click at its middle."""
+    record = row.record
     image, size = row.picture("image")
-    left, top, right, bottom = box = box_in(row.form, row.record.get("bbox"), size, "bbox")
-    action = Action("click", x=(left + right) // 2, y=(top + bottom) // 2)
-    step = Step(0, image, action, target_box=box)
-    domain = platform_of(row.record.get("data_source"))
-    yield Trajectory(row.name, SOURCE, fields.text(row.record, "instruction"), (step,), domain)
+    box = box_in(row.form, record.get("bbox"), size, "bbox")
+    x, y = middle_of(box)
+    step = Step(0, image, Action("click", x, y), target_box=box)
+    domain = platform_of(record.get("data_source"))
+    instruction = fields.text(record, "instruction")
+    yield Trajectory(row.name, SOURCE, instruction, (step,), domain)
 
 
-def chat(row: Row) -> Iterator[Trajectory | FieldError]:
+def chat(row: ParquetRow) -> Iterator[Trajectory | FieldError]:
     """Read a row of chat messages and the images that they show."""
     record = row.record
     key = "messages" if "messages" in record else "conversations"
     messages = messages_in(record.get(key), key)
     many = "images" in record
     count = len(fields.items(record, "images")) if many else 1
-    talk = Talk(
-        lambda index: row.picture("images", index) if many else row.picture("image", _only(index)),
-        count,
-        row.choices.coordinates,
-    )
+
+    def picture(index: int) -> Picture:
+        if many:
+            return row.picture("images", index)
+        if index:
+            reason = f"there is one picture, but the messages show {index + 1}"
+            raise FieldError("image", reason)
+        return row.picture("image")
+
+    talk = Talk(picture, count, row.choices.coordinates)
     talk.hear(fields.text(record, "system", default=""), "system")
     yield from talk.read(messages, key)
     name = fields.text(record, "id", default="") or row.name
@@ -126,24 +177,17 @@ def chat(row: Row) -> Iterator[Trajectory | FieldError]:
         yield Trajectory(name, SOURCE, talk.instruction, tuple(talk.steps), platform)
 
 
-def _only(index: int) -> None:
-    if index:
-        raise FieldError("image", f"there is one picture, but the messages show {index + 1}")
-
-
-def _metadata(value: object) -> Mapping[str, Any]:
-    """Return the metadata of a chat row, JSON text or a struct; nothing where it is neither."""
+def _metadata(value: object) -> JsonObject:
+    """Return the metadata of a chat row, JSON text or a struct; nothing if it is neither."""
     try:
-        return fields.mapping(parse(value.encode()) if isinstance(value, str) else value, "metadata")
+        return fields.mapping(parsed(value, "metadata"), "metadata")
     except FieldError:
         return {}
 
 
 def platform_of(value: object) -> str:
-    """Return what the pictures show as a domain: `web page`, or the word as it is; `""` where there is none."""
-    word = value.strip().lower() if isinstance(value, str) and fields.is_storable(value) else ""
+    """Return the domain of a platform's name: `web page`, or the name itself; `""` without one."""
+    if not isinstance(value, str) or not fields.is_storable(value):
+        return ""
+    word = value.strip().lower()
     return "web page" if word in WEB else word
-
-
-def _code_or_dict(text: str) -> tuple[Any, str]:
-    return (parse(text.encode()), COMPUTER_13) if text.lstrip().startswith("{") else (text, PYAUTOGUI)

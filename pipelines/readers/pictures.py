@@ -1,7 +1,8 @@
-"""Screenshots that lie inside another file: a Parquet column, or base64 text in a log.
+"""Screenshots inside another file: a Parquet column, or base64 text in a log.
 
-`Step.image` is then not a path but a reference, made by `in_parquet` or `in_json`; `read_picture` reads both kinds. A
-reference starts with a NUL, which no path can hold, so that no file name passes for one.
+`Step.image` is then not a path but a reference, made by `in_parquet` or `in_json`; `read_picture`
+reads both kinds. A reference starts with a NUL, which no path can hold, so that no file name passes
+for one.
 """
 
 import base64
@@ -15,29 +16,61 @@ from typing import Any, cast
 
 from hijack_data.errors import ImageError
 
-from ..columns import pyarrow
+from ..dataset.columns import pyarrow
 from .fields import FieldError, mapping
 from .files import MAX_RECORD, line_at, parse, parse_any, relative_name
 
 _MARK = "\0inside:"
 _WHOLE_FILE = -1
+_CHANGED = "is no longer there: the file has changed since it was read"
 
 
-def in_parquet(file: Path, group: int, row: int, column: str, item: int | None = None) -> str:
-    """Reference the picture in a column (the `item`-th of a list) of a row, counted in its row group."""
+def in_parquet(
+    file: Path,
+    group: int,
+    row: int,
+    column: str,
+    item: int | None = None,
+) -> str:
+    """Return the reference of a picture in a Parquet file.
+
+    Args:
+        file: the file.
+        group: index of the row group.
+        row: index of the row in its group.
+        column: name of the column.
+        item: index of the picture, if the column is a list.
+    """
     return _MARK + json.dumps({"file": os.fspath(file), "parquet": [group, row, column, item]})
 
 
-def in_json(file: Path, offset: int | None, pointer: tuple[str | int, ...]) -> str:
-    """Reference base64 text in a JSON file, or in the line that begins at `offset`; `pointer` are keys and indices."""
-    return _MARK + json.dumps({"file": os.fspath(file), "json": [_WHOLE_FILE if offset is None else offset, *pointer]})
+def in_json(
+    file: Path,
+    offset: int | None,
+    pointer: tuple[str | int, ...],
+) -> str:
+    """Return the reference of base64 text in a JSON file.
+
+    Args:
+        file: the file.
+        offset: where its line begins; `None` for a file that is one JSON value.
+        pointer: keys and indices from that value to the text.
+    """
+    start = _WHOLE_FILE if offset is None else offset
+    return _MARK + json.dumps({"file": os.fspath(file), "json": [start, *pointer]})
 
 
 def read_picture(image: str, name: str) -> bytes:
     """Return the bytes of a picture file, given its path or a reference.
 
     They are decoded by `images.decode`, which refuses a picture that its EXIF orientation turns.
-    Raises `ImageError`, which says `name`.
+
+    Args:
+        image: the path or reference.
+        name: name of the picture in errors.
+
+    Raises:
+        ImageError: the picture cannot be read.
     """
     try:
         if not image.startswith(_MARK):
@@ -61,7 +94,8 @@ def picture_name(image: str, root: Path) -> str:
     name = relative_name(picture_file(image), root)
     if "parquet" in place:
         group, row, column, item = place["parquet"]
-        return f"{name}: row group {group}, row {row}, {column}" + ("" if item is None else f"[{item}]")
+        index = "" if item is None else f"[{item}]"
+        return f"{name}: row group {group}, row {row}, {column}{index}"
     if "json" in place:
         offset, *pointer = place["json"]
         line = "" if offset == _WHOLE_FILE else f" at byte {offset}"
@@ -75,10 +109,16 @@ def picture_file(image: str) -> Path:
 
 
 def decoded(value: object) -> bytes:
-    """Decode base64 text, with or without `data:image/...;base64,` before it. Raises `FieldError`."""
+    """Decode base64 text, with or without `data:image/...;base64,` before it.
+
+    Raises:
+        FieldError: it is no base64 text, or empty.
+    """
     if not isinstance(value, str):
         raise FieldError("image", "is not base64 text")
-    text = value.partition(";base64,")[2] if value.startswith("data:") else value
+    text = value
+    if value.startswith("data:"):
+        _, _, text = value.partition(";base64,")
     try:
         data = base64.b64decode(text, validate=True)
     except (binascii.Error, ValueError) as error:
@@ -89,15 +129,23 @@ def decoded(value: object) -> bytes:
 
 
 def as_bytes(value: object) -> bytes:
-    """Return the bytes of a Parquet picture: bytes, or a struct with `bytes`. Raises `FieldError`."""
-    data: object = cast("dict[str, object]", value).get("bytes") if isinstance(value, dict) else value
+    """Return the bytes of a Parquet picture: bytes, or a struct with `bytes`.
+
+    Raises:
+        FieldError: there are none.
+    """
+    data = value
+    if isinstance(value, dict):
+        data = cast("dict[str, object]", value).get("bytes")
     if not isinstance(data, bytes) or not data:
         raise FieldError("image", "holds no bytes")
     return data
 
 
 def _place(image: str) -> dict[str, Any]:
-    return json.loads(image.removeprefix(_MARK)) if image.startswith(_MARK) else {}
+    if not image.startswith(_MARK):
+        return {}
+    return json.loads(image.removeprefix(_MARK))
 
 
 def _at(record: object, pointer: list[str | int]) -> object:
@@ -105,33 +153,45 @@ def _at(record: object, pointer: list[str | int]) -> object:
         try:
             record = cast("Any", record)[key]
         except (KeyError, IndexError, TypeError):
-            raise FieldError("image", "is no longer there: the file has changed since it was read") from None
+            raise FieldError("image", _CHANGED) from None
     return record
 
 
 def _stamp(file: str) -> tuple[Any, ...]:
     stat = os.stat(file)
-    return os.getpid(), file, stat.st_mtime_ns, stat.st_size, stat.st_ino  # a forked process opens its own
+    # a forked process opens its own
+    return os.getpid(), file, stat.st_mtime_ns, stat.st_size, stat.st_ino
 
 
 @dataclass
 class _Kept:
-    """The record or column read last: pictures are asked for in order, and a record may hold hundreds."""
+    """The record or column read last.
+
+    Pictures are asked for in order, and a record may contain hundreds.
+    """
 
     key: tuple[Any, ...] = ()
     value: Any = None
 
+    def clear(self) -> None:
+        """Forget the value, before the next one is read or if that fails."""
+        self.key = ()
+        self.value = None
 
-_record_kept, _column_kept = _Kept(), _Kept()
+
+_record_kept = _Kept()
+_column_kept = _Kept()
 
 
 def _record(file: str, offset: int) -> object:
     key = (*_stamp(file), offset)
-    if _record_kept.key != key:
-        _record_kept.key, _record_kept.value = (), None
-        _record_kept.value = parse_any(Path(file)) if offset == _WHOLE_FILE else _line(file, offset)
-        _record_kept.key = key
-    return _record_kept.value
+    kept = _record_kept
+    if kept.key != key:
+        kept.clear()
+        is_whole = offset == _WHOLE_FILE
+        kept.value = parse_any(Path(file)) if is_whole else _line(file, offset)
+        kept.key = key
+    return kept.value
 
 
 def _line(file: str, offset: int) -> object:
@@ -144,7 +204,7 @@ def _line(file: str, offset: int) -> object:
 
 @dataclass
 class _Column:
-    """One column of a row group, read forwards a row at a time; neither the group nor the column is ever held whole."""
+    """One column of a row group, read forwards; only one row is held at a time."""
 
     file: str
     group: int
@@ -157,29 +217,45 @@ class _Column:
         self.rows = GroupRows(open_parquet(Path(self.file)), self.group, [self.name])
 
     def at(self, row: int) -> object:
-        """Return the value of a row, which must not come before the last one asked for."""
+        """Return the value of a row, which must not come before the last one asked for.
+
+        Raises:
+            FieldError: the file has changed, or the row is damaged.
+        """
         while self.row < row:
             found: Any = next(self.rows, None)
             if found is None:
-                raise FieldError("image", "is no longer there: the file has changed since it was read")
-            self.row, self.value = self.row + 1, found
+                raise FieldError("image", _CHANGED)
+            self.row += 1
+            self.value = found
         if isinstance(self.value, FieldError):
             raise self.value
         return self.value[self.name]
 
 
-def _parquet_value(file: str, group: int, row: int, column: str, item: int | None) -> object:
+def _parquet_value(
+    file: str,
+    group: int,
+    row: int,
+    column: str,
+    item: int | None,
+) -> object:
     key = (*_stamp(file), group, column)
     kept = _column_kept
     if kept.key != key or kept.value.row > row:
-        kept.key, kept.value = (), None
-        kept.value, kept.key = _Column(file, group, column), key
+        kept.clear()
+        kept.value = _Column(file, group, column)
+        kept.key = key
     value = kept.value.at(row)
     return value if item is None else _at(value, [item])
 
 
 def open_parquet(file: Path) -> Any:
-    """Open a Parquet file for reading in small pieces. Raises `FieldError` when it is none."""
+    """Open a Parquet file for reading in small pieces.
+
+    Raises:
+        FieldError: it is not a readable Parquet file.
+    """
     pa = pyarrow()
     try:
         return pa.parquet.ParquetFile(os.fspath(file), pre_buffer=False, buffer_size=1 << 16)
@@ -188,12 +264,30 @@ def open_parquet(file: Path) -> Any:
 
 
 class GroupRows:
-    """Iterates over the rows of a row group as dicts, one held at a time; one that cannot be read is a `FieldError`."""
+    """Iterates over the rows of a row group as dicts, and holds one at a time.
 
-    def __init__(self, parquet: Any, group: int, columns: list[str]) -> None:
+    A row that cannot be read is a `FieldError`.
+
+    Args:
+        parquet: the open file.
+        group: index of the row group.
+        columns: the columns to read.
+    """
+
+    def __init__(
+        self,
+        parquet: Any,
+        group: int,
+        columns: list[str],
+    ) -> None:
         self._errors = (pyarrow().ArrowException, OSError)
         self._group = group
-        self._batches = parquet.iter_batches(batch_size=1, row_groups=[group], columns=columns, use_threads=False)
+        self._batches = parquet.iter_batches(
+            batch_size=1,
+            row_groups=[group],
+            columns=columns,
+            use_threads=False,
+        )
 
     def __iter__(self) -> Iterator[dict[str, Any] | FieldError]:
         return self
@@ -205,9 +299,13 @@ class GroupRows:
             return FieldError("", f"row group {self._group} is damaged ({_first_line(error)})")
         try:
             return batch.to_pylist()[0]
-        except (ValueError, OverflowError) as error:  # text that is not UTF-8, times that Python cannot hold
+        # text that is not UTF-8, times that Python cannot hold
+        except (ValueError, OverflowError) as error:
             return FieldError("", f"cannot be read ({_first_line(error)})")
 
 
 def _first_line(error: BaseException) -> str:
-    return str(error).splitlines()[0][:200] if str(error) else type(error).__name__
+    text = str(error)
+    if not text:
+        return type(error).__name__
+    return text.splitlines()[0][:200]

@@ -1,8 +1,8 @@
-"""The fields of the plain format: what they are called, and everything that is wrong with one line."""
+"""The fields of the plain format: their names, and all mistakes in one line at once."""
 
 import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -10,36 +10,60 @@ from typing import Any, TypeVar, cast
 from hijack_data.types import Action, Size, Step
 
 from . import fields
-from .fields import ACTION_FIELDS, FieldError
+from .fields import ACTION_FIELDS, FieldError, FieldTypeError, JsonObject
 from .files import inside, relative_name, size_of
 
 FIELDS = (
-    "trajectory_id", "step", "instruction", "image", "action", "id", "action_code", "target_box",
-    "elements", "domain", "apps", "platform",
-)  # fmt: skip
-# What others call these fields, and is too far from our names to be taken for a slip.
+    "trajectory_id",
+    "step",
+    "instruction",
+    "image",
+    "action",
+    "id",
+    "action_code",
+    "target_box",
+    "elements",
+    "domain",
+    "apps",
+    "platform",
+)
+# Other names of these fields, too far from ours to be taken for typing errors.
 OTHER_NAMES = {
-    "bbox": "target_box", "box": "target_box", "target": "target_box", "boxes": "elements",
-    "bboxes": "elements", "task": "instruction", "goal": "instruction", "prompt": "instruction",
-    "screenshot": "image", "image_path": "image", "file_name": "image", "code": "action_code",
-    "app": "apps", "applications": "apps", "os": "platform", "system": "platform",
-    "episode_id": "trajectory_id", "episode": "trajectory_id",
-    "step_id": "step", "step_num": "step",
-}  # fmt: skip
+    "bbox": "target_box",
+    "box": "target_box",
+    "target": "target_box",
+    "boxes": "elements",
+    "bboxes": "elements",
+    "task": "instruction",
+    "goal": "instruction",
+    "prompt": "instruction",
+    "screenshot": "image",
+    "image_path": "image",
+    "file_name": "image",
+    "code": "action_code",
+    "app": "apps",
+    "applications": "apps",
+    "os": "platform",
+    "system": "platform",
+    "episode_id": "trajectory_id",
+    "episode": "trajectory_id",
+    "step_id": "step",
+    "step_num": "step",
+}
 SCHEMA = Path(__file__).with_name("trajectories.schema.json")
-# What the points of an action are checked against where the picture cannot be read.
+# The size against which points are checked if the picture cannot be read.
 ANY_SIZE = (fields.MAX_PIXEL, fields.MAX_PIXEL)
 T = TypeVar("T")
 
 
-class Problems:
-    """Collects what is wrong with one line, so that it can be said at once."""
+class LineProblems:
+    """Collects the mistakes in one line, so that they can be reported at once."""
 
     def __init__(self) -> None:
         self.found: list[FieldError] = []
 
     def of(self, read: Callable[[], T]) -> T | None:
-        """Return what `read` returns; note the error that it raises and return `None`."""
+        """Return the result of `read`; if it fails, note the error and return `None`."""
         try:
             return read()
         except FieldError as error:
@@ -47,7 +71,11 @@ class Problems:
             return None
 
     def check(self) -> None:
-        """Raise one `FieldError` that says all that was noted, if anything was."""
+        """Report all noted mistakes.
+
+        Raises:
+            FieldError: there are some; the message names them all.
+        """
         if not self.found:
             return
         first, *others = self.found
@@ -55,18 +83,23 @@ class Problems:
         raise FieldError(first.field, f"{first.reason}{more}")
 
 
-def check_names(record: Mapping[str, Any], problems: Problems, known: tuple[str, ...] = FIELDS) -> None:
-    """Note each name that is near a known one which the record lacks: it is taken for a slip."""
+def check_names(
+    record: JsonObject,
+    problems: LineProblems,
+    known: tuple[str, ...] = FIELDS,
+) -> None:
+    """Note each name that is close to a known one which the record lacks."""
     for name in record:
         meant = _meant(name, known)
         if name not in known and meant and record.get(meant) is None:
             problems.found.append(FieldError(name, f"is not a field; did you mean {meant!r}?"))
 
 
-def extra_of(record: Mapping[str, Any], known: tuple[str, ...] = FIELDS) -> str:
-    """Return what the record says beyond the known fields, as a JSON object, or empty.
+def extra_of(record: JsonObject, known: tuple[str, ...] = FIELDS) -> str:
+    """Return the fields of a record that are not known, as JSON; `""` if there are none.
 
-    Raises `FieldError` for what a dataset cannot hold.
+    Raises:
+        FieldError: a dataset cannot store them.
     """
     more = {name: value for name, value in record.items() if name not in known}
     if not more:
@@ -80,17 +113,21 @@ def extra_of(record: Mapping[str, Any], known: tuple[str, ...] = FIELDS) -> str:
 
 
 def step_of(
-    record: Mapping[str, Any],
+    record: JsonObject,
     root: Path,
     folder: Path,
     *,
-    problems: Problems | None = None,
+    problems: LineProblems | None = None,
 ) -> Step:
-    """Return the step of a line; pictures are named from `folder`, and must lie below `root`.
+    """Return the step of a line; mistakes in it are one `FieldError` that names them all.
 
-    Raises `FieldError` that says everything that is wrong, after what `problems` holds already.
+    Args:
+        record: the line.
+        root: the folder of the source, which pictures must not leave.
+        folder: the folder from which pictures are named.
+        problems: mistakes that were found already.
     """
-    problems = problems or Problems()
+    problems = problems or LineProblems()
     check_names(record, problems)
     if not any(error.field == "step" for error in problems.found):
         problems.of(lambda: fields.step_number(record, "step"))
@@ -117,26 +154,42 @@ def step_of(
     )
 
 
-def picture_of(record: Mapping[str, Any], root: Path, folder: Path) -> tuple[str, Size]:
-    """Return the path of the picture of a line, and its size. Raises `FieldError`."""
+def picture_of(
+    record: JsonObject,
+    root: Path,
+    folder: Path,
+) -> tuple[str, Size]:
+    """Return the path of the picture of a line, and its (height, width)."""
     name = fields.text(record, "image")
     below = "" if folder == root else relative_name(folder, root)
     image = inside(root, os.path.join(below, name))
     return os.fspath(image), size_of(image)
 
 
-def boxes_of(record: Mapping[str, Any], size: Size | None, problems: Problems) -> tuple[Any, tuple[Any, ...]]:
-    """Return the target and the elements; without the size of the picture they are not looked at."""
+def boxes_of(
+    record: JsonObject,
+    size: Size | None,
+    problems: LineProblems,
+) -> tuple[Any, tuple[Any, ...]]:
+    """Return the target and the elements; none if the size of the picture is not known."""
     if size is None:
         return None, ()
+    target = None
     given = record.get("target_box")
-    one = None if given is None else problems.of(lambda: fields.boxes([given], size, "target_box"))
-    elements = problems.of(lambda: fields.boxes(record.get("elements") or [], size, "elements"))
-    return (one[0] if one else None), elements or ()
+    if given is not None:
+        found = problems.of(lambda: fields.boxes([given], size, "target_box"))
+        target = found[0] if found else None
+    labels = record.get("elements") or []
+    elements = problems.of(lambda: fields.boxes(labels, size, "elements"))
+    return target, elements or ()
 
 
-def action_of(value: object, size: Size, problems: Problems) -> Action | None:
-    """Return the action of a line; everything that is wrong with it is noted."""
+def action_of(
+    value: object,
+    size: Size,
+    problems: LineProblems,
+) -> Action | None:
+    """Return the action of a line; all mistakes in it are noted."""
     if value is None:
         problems.found.append(FieldError("action", "is missing"))
         return None
@@ -155,13 +208,18 @@ def action_of(value: object, size: Size, problems: Problems) -> Action | None:
 
 
 def _without(action: dict[str, Any], field: str) -> bool:
-    """Take the field at fault out of an action, so that the next mistake shows; whether it went."""
+    """Remove the field at fault, so that the next mistake shows; return whether it was there."""
     name = field.partition(".")[2]
     if name == "type":
         repeated = action.get("type") == "other"
         action["type"] = "other"
         return not repeated
-    pairs = {"x": "y", "y": "x", "x2": "y2", "y2": "x2"}
+    pairs = {
+        "x": "y",
+        "y": "x",
+        "x2": "y2",
+        "y2": "x2",
+    }
     was_there = name in action or pairs.get(name) in action
     action.pop(name, None)
     # The other half of a point is looked at by itself, with the half at fault put right.
@@ -170,14 +228,19 @@ def _without(action: dict[str, Any], field: str) -> bool:
     return was_there
 
 
-def apps_of(record: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the applications of a line. Raises `FieldError`."""
+def apps_of(record: JsonObject) -> tuple[str, ...]:
+    """Return the applications of a line.
+
+    Raises:
+        FieldTypeError: they are not a list of strings.
+    """
     value: object = record.get("apps")
     if value is None:
         return ()
-    if not isinstance(value, list) or not all(isinstance(app, str) for app in cast("list[Any]", value)):
-        raise FieldError("apps", f"must be a list of strings, got {fields.shown(value)}")
-    return tuple(fields.storable(app, "apps") for app in cast("list[str]", value))
+    names = [name for name in fields.listed(value) if isinstance(name, str)]
+    if not isinstance(value, list) or len(names) != len(fields.listed(value)):
+        raise FieldTypeError("apps", "a list of strings", value)
+    return tuple(fields.storable(name, "apps") for name in names)
 
 
 def _meant(name: str, known: tuple[str, ...]) -> str | None:

@@ -1,134 +1,144 @@
-"""Runs of the live benchmark: the log that `CorruptedEnv` writes."""
+"""Runs of the live benchmark: the logs that `CorruptedEnv` writes."""
 
 import os
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
 from hijack_data.actions.recorded import SIZELESS
-from hijack_data.run_log import EPISODE, EPISODES, RECORDS, REINIT, RUN, STEPS
+from hijack_data.runs.run_log import EPISODE, EPISODES, RECORDS, REINIT, RUN, STEPS
 from hijack_data.types import Action, Platform, Step, Trajectory
 
 from . import fields
-from .base import Rejected, files_below, register
+from .base import Rejected, register
 from .dialects import PYAUTOGUI, RecordedStep, code_of, first_action
-from .fields import FieldError
-from .files import Source, first_records, inside, lines, parse_file, relative_name, root_of, size_of
+from .fields import FieldError, JsonObject
+from .files import first_records, inside, parse_file, relative_name, size_of
+from .folders import EpisodeFolder, FolderReader
 
 # By the class of the desktop, as the log names it.
 _PROVIDERS: dict[str, Platform] = {"EmbeddedDesktop": "linux-xfce", "OsworldDesktop": "linux"}
 
 
 @register
-class Runs:
-    """Reads the folder of a run (`episodes/<id>/{episode.json, steps.jsonl, frames/}`), or that of one episode.
+class Runs(FolderReader):
+    """Reads the folder of a run, or that of one of its episodes.
 
-    A trajectory's id is the episode's; its draws are keyed by the task, as they were live, so a corruption that is
-    planned again for it, with the same seed, gives the plan that the agent met. Each step is a clean screen and the
-    action that the agent took on seeing it, as it was run: after the corruption's coordinates were mapped back.
+    A run has `episodes/<id>/{episode.json, steps.jsonl, frames/}`. A trajectory's id is the
+    episode's; its draws are keyed by the task, as they were live, so a corruption that is planned
+    again for it, with the same seed, gives the plan that the agent met.
+    Each step is a clean screen and the action that the agent took on seeing it, as it was run:
+    after the corruption's coordinates were mapped back.
 
-    Left out, with the reason: episodes that were broken off, are invalid or ended in an error; actions that were
-    refused; and whatever comes after an effect, since those screens show what was done to the machine.
+    Left out, with the reason: episodes that were broken off, are invalid or ended in an error;
+    actions that were refused; and whatever comes after an effect, since those screens show what was
+    done to the machine.
 
-    Coordinates: pixels of the screen, whose size the clean screenshots have; a point outside is rejected.
+    Coordinates: pixels of the screen, whose size the clean screenshots have; a point outside is
+    rejected.
     """
 
     name = "runs"
+    records = STEPS
     adopts = True
 
     def detect(self, path: Path) -> bool:
-        """A `steps.jsonl` of ours, or a folder with one, or with one in the folders below its `episodes`."""
+        """Return whether `path` is our `steps.jsonl`, or the folder of an episode or a run."""
         if path.is_file():
-            return path.name == STEPS and any(
-                {"raw", "code", "image"} <= record.keys() for record in first_records(path)
-            )
+            return path.name == STEPS and _is_log(path)
         return (path / STEPS).is_file() or any(path.glob(f"{EPISODES}/*/{STEPS}"))
 
     def beside(self, file: Path) -> bool:
-        """What a run says about itself and its episodes."""
+        """Return whether a file describes a run or an episode."""
         return file.name in (EPISODE, RECORDS, RUN)
 
-    def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
-        """Yield trajectories in the order of their ids."""
-        root = root_of(path)
-        for file in files_below(path):
-            if isinstance(file, Rejected):
-                yield file
-            elif file.name == STEPS:
-                yield from _Episode(root, file).read()
+    def episode(self, file: Path, root: Path) -> Iterator[Trajectory | Rejected]:
+        """Yield the trajectory of one episode, and everything rejected of it."""
+        return _Episode(root, file).read()
+
+
+def _is_log(file: Path) -> bool:
+    signs = {"raw", "code", "image"}
+    return any(signs <= record.keys() for record in first_records(file))
 
 
 @dataclass
-class _Episode:
-    """One episode, while it is read."""
+class _Episode(EpisodeFolder):
+    """One episode, while it is read; after the effect `touched`, no screen is clean."""
 
-    root: Path
-    file: Path
-    steps: list[Step] = field(default_factory=list[Step])
-    touched: str = ""  # the effect after which no screen is clean
-
-    def __post_init__(self) -> None:
-        self.folder = self.file.parent
-        self.records = relative_name(self.file, self.root)
+    touched: str = ""
 
     def read(self) -> Iterator[Trajectory | Rejected]:
-        """Yield what is left out, then the trajectory."""
+        """Yield what is rejected, then the trajectory."""
         try:
             record = self._record()
-            for line in lines(self.file):
-                try:
-                    self._take(line.record())
-                except FieldError as error:
-                    yield Rejected(self.records, f"line {line.number}", error.field, error.reason)
+            yield from self.take_lines()
             about = _about(record)
         except FieldError as error:
-            yield Rejected(relative_name(self.folder / EPISODE, self.root), "", error.field, error.reason)
+            name = relative_name(self.folder / EPISODE, self.root)
+            yield Rejected(name, "", error.field, error.reason)
             return
         except OSError as error:
-            yield Rejected(self.records, "", "", f"cannot be read ({error.strerror or error})")
+            yield self.unreadable(error)
             return
         if self.touched:
-            reason = f"the screens after {self.touched} show what it did to the machine, so none of them is clean"
+            reason = (
+                f"the screens after {self.touched} show what it did to the machine, so none of them"
+                " is clean"
+            )
             yield Rejected(self.records, "", "events", reason)
         if self.steps:
             yield Trajectory(steps=tuple(self.steps), source=Runs.name, **about)
 
-    def _record(self) -> Mapping[str, Any]:
+    def _record(self) -> JsonObject:
         if not (self.folder / EPISODE).is_file():
             raise FieldError("", f"there is no {EPISODE}: the episode was broken off")
-        record = parse_file(inside(self.root, relative_name(self.folder / EPISODE, self.root), ""))
+        record = parse_file(self.inside(EPISODE, ""))
         status = fields.text(record, "status")
         if status != "ok":
-            raise FieldError("status", f"the episode is {status}: {fields.text(record, 'problem', default='')}")
+            problem = fields.text(record, "problem", default="")
+            raise FieldError("status", f"the episode is {status}: {problem}")
         return record
 
-    def _take(self, line: Mapping[str, Any]) -> None:
-        """Take in a line. Raises `FieldError`."""
-        events = fields.items(line, "events")
-        if events and not self.touched:
-            self.touched = fields.text(fields.mapping(events[0], "events[0]"), "effect", "events[0].effect")
-        if self.touched or line.get("raw") is None:  # the last observation was followed by nothing
-            return
-        if line.get("code") is None:
-            raise FieldError("code", f"the action was refused: {fields.text(line, 'error', default='')}")
-        self.steps.append(self._step(line, fields.text(line, "code")))
+    def take(self, record: JsonObject) -> None:
+        """Add the step of one line, unless an effect came before it.
 
-    def _step(self, line: Mapping[str, Any], code: str) -> Step:
-        image = inside(self.folder, fields.text(line, "image"))
+        Raises:
+            FieldError: the line is broken, or its action was refused.
+        """
+        events = fields.items(record, "events")
+        if events and not self.touched:
+            event = fields.mapping(events[0], "events[0]")
+            self.touched = fields.text(event, "effect", "events[0].effect")
+        is_last = record.get("raw") is None  # an observation that no action followed
+        if self.touched or is_last:
+            return
+        if record.get("code") is None:
+            error = fields.text(record, "error", default="")
+            raise FieldError("code", f"the action was refused: {error}")
+        self.steps.append(self._step(record, fields.text(record, "code")))
+
+    def _step(self, record: JsonObject, code: str) -> Step:
+        image = inside(self.folder, fields.text(record, "image"))
         size = size_of(image)
-        special = code == REINIT
+        index = fields.step_number(record, "step")
+        action = Action("other")
+        dialect = SIZELESS
+        if code != REINIT:
+            action = first_action(code, PYAUTOGUI, size, "code")
+            dialect = PYAUTOGUI
         return RecordedStep(
-            index=fields.step_number(line, "step"),
+            index=index,
             image=os.fspath(image),
-            action=Action("other") if special else first_action(code, PYAUTOGUI, size, "code"),
+            action=action,
             action_code=code_of(code, "code"),
-            elements=fields.boxes(line.get("boxes") or [], size, "boxes"),
-            dialect=SIZELESS if special else PYAUTOGUI,
+            elements=fields.boxes(record.get("boxes") or [], size, "boxes"),
+            dialect=dialect,
         )
 
 
-def _about(record: Mapping[str, Any]) -> dict[str, Any]:
+def _about(record: JsonObject) -> dict[str, Any]:
     return {
         "id": fields.text(record, "id"),
         "instruction": fields.text(record, "instruction"),
@@ -139,6 +149,8 @@ def _about(record: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _platform(desktop: object) -> Platform | None:
-    """Return the platform of the desktop that a run was on: ours is known, a machine that a user brought is not."""
-    provider = cast("dict[str, Any]", desktop).get("provider") if isinstance(desktop, dict) else None
+    """Return the platform of a run's desktop; that of a machine which a user brought is unknown."""
+    if not isinstance(desktop, dict):
+        return None
+    provider: object = cast("dict[str, Any]", desktop).get("provider")
     return _PROVIDERS.get(provider) if isinstance(provider, str) else None

@@ -3,13 +3,12 @@
 import math
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from itertools import islice
 from pathlib import Path
 from typing import Any, cast
 
-from hijack_data.actions.fields import at, click_type, key_names, number, text
+from hijack_data.actions.dialects.fields import at, click_type, key_names, number, text
 from hijack_data.actions.recorded import SCREENAGENT
 from hijack_data.errors import HijackError
 from hijack_data.platforms import find_platform
@@ -18,14 +17,18 @@ from hijack_data.types import Action, Size, Step, Trajectory, are_fractions
 from . import fields
 from .base import Rejected, files_below, register
 from .dialects import RecordedStep, code_of
-from .fields import FieldError
+from .fields import FieldError, JsonObject
 from .files import Source, inside, parse_file, relative_name, root_of, size_of
+from .folders import one_of_first
 
 IMAGES = "images"
-SNIFFED_FILES = 50
 _SIGNS = ("session_id", "saved_image_name", "actions")
 _BUTTONS = {"click": 1, "double_click": 2}
-_PLAIN = {"move": "move", "down": "mouse_down", "up": "mouse_up"}
+_PLAIN = {
+    "move": "move",
+    "down": "mouse_down",
+    "up": "mouse_up",
+}
 _SCROLLS = {"scroll_up": 1, "scroll_down": -1}
 _ON_SCREEN = ("MouseAction", "KeyboardAction", "WaitAction")
 _TALK = ("PlanAction", "EvaluateSubTaskAction")
@@ -36,28 +39,31 @@ _SYSTEM = re.compile(r"\b(\w+) operating system")
 class ScreenAgent:
     """Reads ScreenAgent.
 
-    A source is a folder with sessions anywhere below, or one JSON file. A step is a file: `session_id, task_prompt,
-    saved_image_name` (in `images/` or beside it), `video_width, video_height, actions`. Steps are in the order of the
-    file names, which are times, and numbered from 0. `task_prompt` is the instruction, in the language of the session.
+    A source is a folder with sessions anywhere below, or one JSON file. A step is a file:
+    `session_id, task_prompt, saved_image_name` (in `images/` or beside it), `video_width,
+    video_height, actions`. Steps are in the order of the file names, which are times, and numbered
+    from 0. `task_prompt` is the instruction, in the language of the session.
 
-    One file may hold several actions on one picture. The step's action is the first that does something on the screen
-    (the picture is stale for the others); plans and evaluations alone are `"other"`. `action_code` keeps all of them.
-    The platform is that which the English prompt names; the applications are not recorded.
+    One file may hold several actions on one picture. The step's action is the first that does
+    something on the screen (the picture is stale for the others); plans and evaluations alone are
+    `"other"`. `action_code` keeps all of them. The platform is that which the English prompt names;
+    the applications are not recorded.
 
-    Coordinates: pixels of the picture; in `mouse_position`, `width` is x and `height` is y. A drag gives its end only.
+    Coordinates: pixels of the picture; in `mouse_position`, `width` is x and `height` is y. A drag
+    gives its end only.
     """
 
     name = "screenagent"
     adopts = True
 
     def detect(self, path: Path) -> bool:
-        """Any of the first JSON files has `session_id`, `saved_image_name` and `actions`."""
-        files = (file for file in files_below(path) if isinstance(file, Path) and file.suffix == ".json")
-        return any(_is_step(file) for file in islice(files, SNIFFED_FILES))
+        """Return whether one of the first JSON files has the fields of a step."""
+        return one_of_first(path, lambda file: file.suffix == ".json", _is_step)
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories in the order of their folders."""
-        root, seen = root_of(path), set[str]()
+        root = root_of(path)
+        seen: set[str] = set()
         session = _Session(root, root)
         for file in files_below(path):
             if isinstance(file, Rejected):
@@ -89,15 +95,23 @@ class _Session:
     system: str = ""  # what the session's prompts say the machine runs
 
     def take(self, file: Path) -> None:
-        """Take in a file. Raises `FieldError`."""
-        number_of, self.count = self.count, self.count + 1
+        """Take in a file.
+
+        Raises:
+            FieldError: it is broken, or of another session than the folder's first step.
+        """
+        number_of = self.count
+        self.count += 1
         record = parse_file(inside(self.root, relative_name(file, self.root), ""))
-        name, session = fields.text(record, "saved_image_name"), fields.text(record, "session_id")
+        name = fields.text(record, "saved_image_name")
+        session = fields.text(record, "session_id")
         if name in self.pictures:
             raise FieldError("saved_image_name", f"{name!r} was there before")
         self.pictures.add(name)
         if self.id and session != self.id:
-            raise FieldError("session_id", f"{session!r} is not that of the folder's first step, {self.id!r}")
+            raise FieldError(
+                "session_id", f"{session!r} is not that of the folder's first step, {self.id!r}"
+            )
         step = self._step(record, name, number_of)
         self.id = session
         self.instruction = self.instruction or fields.text(record, "task_prompt")
@@ -107,26 +121,49 @@ class _Session:
     def trajectory(self, seen: set[str]) -> Iterator[Trajectory | Rejected]:
         """Yield the trajectory, if there is one."""
         if self.id in seen:
-            yield Rejected(relative_name(self.folder, self.root), "", "session_id", f"{self.id!r} was there before")
+            yield Rejected(
+                relative_name(self.folder, self.root),
+                "",
+                "session_id",
+                f"{self.id!r} was there before",
+            )
         elif self.steps:
             seen.add(self.id)
             yield Trajectory(
-                self.id, ScreenAgent.name, self.instruction, tuple(self.steps), platform=find_platform(self.system)
+                self.id,
+                ScreenAgent.name,
+                self.instruction,
+                tuple(self.steps),
+                platform=find_platform(self.system),
             )
 
-    def _step(self, record: Mapping[str, Any], name: str, index: int) -> Step:
+    def _step(
+        self,
+        record: JsonObject,
+        name: str,
+        index: int,
+    ) -> Step:
         folder = relative_name(self.folder, self.root)
         place = IMAGES if (self.folder / IMAGES).is_dir() else ""
         image = inside(self.root, os.path.join(folder, place, name), "saved_image_name")
         size = _checked_size(record, size_of(image, "saved_image_name"))
-        entries = [fields.mapping(entry, f"actions[{i}]") for i, entry in enumerate(fields.items(record, "actions"))]
+        listed = fields.items(record, "actions")
+        entries = [fields.mapping(entry, f"actions[{i}]") for i, entry in enumerate(listed)]
         action = _action(entries, size)
-        code, talk = code_of(entries, "actions"), all(entry.get("action_type") in _TALK for entry in entries)
-        return RecordedStep(index, os.fspath(image), action, code, dialect=SCREENAGENT, acts=not talk)
+        code = code_of(entries, "actions")
+        is_talk = all(entry.get("action_type") in _TALK for entry in entries)
+        return RecordedStep(
+            index=index,
+            image=os.fspath(image),
+            action=action,
+            action_code=code,
+            dialect=SCREENAGENT,
+            acts=not is_talk,
+        )
 
 
-def _system(record: Mapping[str, Any]) -> str:
-    """Return the operating system that a prompt names ("You are familiar with the Linux operating system")."""
+def _system(record: JsonObject) -> str:
+    """Return the operating system in a prompt ("familiar with the Linux operating system")."""
     prompt: object = record.get("send_prompt_en")
     found = _SYSTEM.search(prompt) if isinstance(prompt, str) else None
     return found[1] if found else ""
@@ -139,14 +176,16 @@ def _is_step(file: Path) -> bool:
         return False
 
 
-def _checked_size(record: Mapping[str, Any], size: Size) -> Size:
+def _checked_size(record: JsonObject, size: Size) -> Size:
     for key, side in (("video_width", size[1]), ("video_height", size[0])):
         if record.get(key, side) != side:
-            raise FieldError(key, f"is {fields.shown(record[key])}, but the picture is {size[1]}x{size[0]}")
+            raise FieldError(
+                key, f"is {fields.shown(record[key])}, but the picture is {size[1]}x{size[0]}"
+            )
     return size
 
 
-def _action(entries: list[Mapping[str, Any]], size: Size) -> Action:
+def _action(entries: list[JsonObject], size: Size) -> Action:
     if not entries:
         raise FieldError("actions", "is empty")
     for index, entry in enumerate(entries):
@@ -160,11 +199,14 @@ def _action(entries: list[Mapping[str, Any]], size: Size) -> Action:
             except HijackError as error:
                 raise FieldError(where, str(error)) from None
         if kind not in _TALK:
-            raise FieldError(f"actions[{index}].action_type", f"{fields.shown(kind)} is not an action of ScreenAgent")
+            raise FieldError(
+                f"actions[{index}].action_type",
+                f"{fields.shown(kind)} is not an action of ScreenAgent",
+            )
     return Action("other")
 
 
-def _read(entry: Mapping[str, Any], kind: str) -> Action:
+def _read(entry: JsonObject, kind: str) -> Action:
     if kind == "WaitAction":
         return Action("wait", amount=number(entry.get("wait_time"), "wait_time"))
     if kind == "MouseAction":
@@ -177,17 +219,20 @@ def _read(entry: Mapping[str, Any], kind: str) -> Action:
     raise FieldError("actions.keyboard_action_type", f"{fields.shown(name)} is not text or press")
 
 
-def _mouse(entry: Mapping[str, Any]) -> Action:
-    name, place = str(entry.get("mouse_action_type")), _point(entry.get("mouse_position"))
+def _mouse(entry: JsonObject) -> Action:
+    name = str(entry.get("mouse_action_type"))
+    place = _point(entry.get("mouse_position"))
     if name in _BUTTONS:
         return at(click_type(entry.get("mouse_button", "left"), _BUTTONS[name]), place)
     if name in _SCROLLS:
-        return at("scroll", place, amount=_SCROLLS[name] * number(entry.get("scroll_repeat", 1), "scroll_repeat"))
+        notches = number(entry.get("scroll_repeat", 1), "scroll_repeat")
+        return at("scroll", place, amount=_SCROLLS[name] * notches)
     if name in _PLAIN:
         return at(_PLAIN[name], place)
     if name == "drag" and place is not None:
         return Action("drag", x2=place[0], y2=place[1])
-    raise FieldError("actions.mouse_action_type", f"{fields.shown(name)} is not an action of the mouse")
+    reason = f"{fields.shown(name)} is not an action of the mouse"
+    raise FieldError("actions.mouse_action_type", reason)
 
 
 def _point(value: object) -> tuple[int, int] | None:
@@ -198,5 +243,7 @@ def _point(value: object) -> tuple[int, int] | None:
     if max(abs(x), abs(y)) > fields.MAX_PIXEL:
         raise FieldError("actions.mouse_position", f"{fields.shown(value)} is beyond any screen")
     if are_fractions((x, y)):
-        raise FieldError("actions.mouse_position", f"{fields.shown(value)} are fractions, not pixels")
+        raise FieldError(
+            "actions.mouse_position", f"{fields.shown(value)} are fractions, not pixels"
+        )
     return math.floor(x + 0.5), math.floor(y + 0.5)

@@ -1,7 +1,7 @@
-"""What the pictures of a recording show: which platform, and whether it is the screen of a desktop, a page or a phone.
+"""The platform of a recording, and whether its pictures show a desktop, a page or a phone.
 
-A reader that knows says it in each trajectory, and not by its own name: where rows are made, in a worker that may be on
-another machine, a reader from elsewhere is not registered.
+A reader that knows states it in each trajectory, and not by its own name: where rows are made, in a
+worker that may be on another machine, a reader from elsewhere is not registered.
 """
 
 from dataclasses import dataclass
@@ -12,35 +12,49 @@ from hijack_data.errors import ParameterError, suggest
 from hijack_data.platforms import find_platform
 from hijack_data.types import Platform, Trajectory
 
-Screen: TypeAlias = Literal["desktop", "web page", "phone"]
-SCREENS: dict[Platform, Screen] = {"web": "web page", "android": "phone", "ios": "phone"}
+ScreenKind: TypeAlias = Literal["desktop", "web page", "phone"]
+SCREENS: dict[Platform, ScreenKind] = {
+    "web": "web page",
+    "android": "phone",
+    "ios": "phone",
+}
 
 
 @dataclass(frozen=True)
 class RecordedTrajectory(Trajectory):
     """A trajectory whose reader knows what its pictures show.
 
-    `screen` is `"desktop"`, `"web page"` or `"phone"`; `None` leaves it to the platform and the domain. Raises
-    `ParameterError` for anything else.
+    Args:
+        screen: `"desktop"`, `"web page"` or `"phone"`; `None` leaves it to the platform and the
+            domain.
+
+    Raises:
+        ParameterError: `screen` is something else.
     """
 
-    screen: Screen | None = None
+    screen: ScreenKind | None = None
 
     def __post_init__(self) -> None:
-        known = get_args(Screen)
+        known = get_args(ScreenKind)
         if self.screen is not None and self.screen not in known:
-            raise ParameterError(f"trajectory {self.id!r}: unknown screen {self.screen!r}{suggest(self.screen, known)}")
+            raise ParameterError(
+                f"trajectory {self.id!r}: unknown screen"
+                f" {self.screen!r}{suggest(self.screen, known)}"
+            )
 
 
 def platform_of(trajectory: Trajectory) -> Platform | None:
-    """Return the machine's platform: what the reader says, else the domain where it is one, else `None`."""
+    """Return the machine's platform: the trajectory's, or its domain if that names one."""
+    if trajectory.platform:
+        return trajectory.platform
     # As a domain, "web" is what a task is about; pictures of pages have the domain "web page".
-    about = None if normalize_app(trajectory.domain) == "browser" else find_platform(trajectory.domain)
-    return trajectory.platform or about
+    if normalize_app(trajectory.domain) == "browser":
+        return None
+    return find_platform(trajectory.domain)
 
 
-def screen_of(trajectory: Trajectory) -> Screen:
-    """Return what the pictures show: what the reader says, else the platform or the domain, else a desktop."""
+def screen_of(trajectory: Trajectory) -> ScreenKind:
+    """Return what the pictures show, by the reader, the platform or the domain."""
     if isinstance(trajectory, RecordedTrajectory) and trajectory.screen is not None:
         return trajectory.screen
     platform = platform_of(trajectory)

@@ -1,40 +1,59 @@
-"""What a source holds: which file is of which format, told file by file."""
+"""The formats in a source: the reader of each file, and the files that have none."""
 
 import os
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from hijack_data.types import Trajectory
 
 from ..errors import SourceError
 from .base import Reader, Rejected, existing, files_below, get_reader, names
-from .choices import NO_CHOICES, Choices, with_choices
+from .choices import NO_CHOICES, ReaderOptions, with_choices
 from .files import SCREENS, Part, Source, relative_name, root_of
 
-# What never holds records of a format that is read, and may be large: no reader is asked about it.
+# Files that never hold records of a known format and may be large: no reader is asked about them.
 OPAQUE = (*SCREENS, ".mp4", ".webm", ".mkv", ".mov", ".avi", ".html", ".pdf", ".log", ".md")
-# What may hold records: a file of these that no reader takes is named in the report.
+# Files that may hold records: one that no reader takes is named in the report.
 TABLES = (
-    ".json", ".jsonl", ".ndjson", ".parquet", ".arrow", ".csv", ".tsv", ".tfrecord", ".tar", ".tgz",
-    ".zip", ".7z", ".gz", ".xz", ".bz2", ".zst", ".eval", ".lance", ".db", ".sqlite", ".h5", ".hdf5",
-)  # fmt: skip
+    ".json",
+    ".jsonl",
+    ".ndjson",
+    ".parquet",
+    ".arrow",
+    ".csv",
+    ".tsv",
+    ".tfrecord",
+    ".tar",
+    ".tgz",
+    ".zip",
+    ".7z",
+    ".gz",
+    ".xz",
+    ".bz2",
+    ".zst",
+    ".eval",
+    ".lance",
+    ".db",
+    ".sqlite",
+    ".h5",
+    ".hdf5",
+)
 WAY_OUT = (
-    "write it in the plain format (docs/input_format.md), or take the pictures alone: --format images "
-    "(in Python: format='images')"
+    "write it in the plain format (docs/input_format.md), or take the pictures alone: --format"
+    " images (in Python: format='images')"
 )
 
 
 @dataclass
 class Survey:
-    """What one source holds.
+    """The files of one source by format.
 
     Args:
         root: its folder.
-        parts: what each reader reads, by the name of the format, in the order of the names.
-        refused: what is not opened, with why.
+        parts: the files of each format, by its name, in the order of the names.
+        refused: files that are not opened, with the reason.
         unread: files that may hold records and are of no known format, relative to `root`.
     """
 
@@ -43,10 +62,10 @@ class Survey:
     refused: list[Rejected] = field(default_factory=list[Rejected])
     unread: list[str] = field(default_factory=list[str])
 
-    def read(self, choices: Choices = NO_CHOICES) -> Iterator[Trajectory | Rejected]:
-        """Yield what is not opened, then the trajectories of each format.
+    def read(self, choices: ReaderOptions = NO_CHOICES) -> Iterator[Trajectory | Rejected]:
+        """Yield the files that are not opened, then the trajectories of each format.
 
-        Each reader keeps to those of the choices that its format leaves room for.
+        Each reader follows those of the choices that its format leaves open.
         """
         yield from self.refused
         for name, part in self.parts.items():
@@ -55,10 +74,10 @@ class Survey:
 
 
 def survey(path: str | os.PathLike[str], format: str | None = None) -> Survey:
-    """Find out which reader reads which files of a source; with `format`, all are read by that one.
+    """Find the reader of each file of a source; with `format`, that one reads them all.
 
-    Raises `SourceError` when there is nothing, when no file is of a known format, and when a file
-    could be of several, which it names.
+    `SourceError` if there is nothing, if no file is of a known format, and if a file could be of
+    several, which the message names.
     """
     source = existing(path)
     root = root_of(source)
@@ -92,7 +111,9 @@ def _part(root: Path, files: list[Path]) -> Part:
 
     def place(file: Path) -> list[tuple[bool, str]]:
         *folders, name = file.relative_to(root).parts
-        return [*((True, folder) for folder in folders), (False, name)]
+        key = [(True, folder) for folder in folders]
+        key.append((False, name))
+        return key
 
     return Part(root, tuple(sorted(files, key=place)))
 
@@ -100,74 +121,109 @@ def _part(root: Path, files: list[Path]) -> Part:
 def detect_format(path: str | os.PathLike[str]) -> str:
     """Return the name of the one format of a file or folder.
 
-    Raises `SourceError` when there is nothing, or it is of no known format, or of several.
+    Raises:
+        SourceError: there is nothing, or it is of no known format, or of several.
     """
     found = list(survey(path).parts)
     if len(found) > 1:
-        raise SourceError(f"{path}: could be of format {' or '.join(found)}: {_say_which(found)}")
+        named = " or ".join(found)
+        raise SourceError(f"{path}: could be of format {named}: {_say_which(found)}")
     return found[0]
 
 
 def _format_of(file: Path, root: Path) -> str:
-    """Return the format of one file, or nothing. Raises `SourceError` when it could be of several."""
-    found = [name for name, reader in _readers() if reader.detect(file)]
+    """Return the format of one file, or `""`.
+
+    Raises:
+        SourceError: it could be of several.
+    """
+    found = [reader.name for reader in _readers(fallback=False) if reader.detect(file)]
     if len(found) > 1:
+        named = " or ".join(found)
         raise SourceError(
-            f"{relative_name(file, root)}: could be of format {' or '.join(found)}; {_say_which(found)}; "
-            f"known formats: {', '.join(names())}"
+            f"{relative_name(file, root)}: could be of format {named};"
+            f" {_say_which(found)}; {_known_formats()}"
         )
     return found[0] if found else ""
 
 
-def _readers() -> Iterator[tuple[str, Reader]]:
+def _readers(*, fallback: bool) -> Iterator[Reader]:
+    """Yield the readers of single files, or those that are only asked about a whole source."""
     for name in names():
         reader = get_reader(name)
-        if not getattr(reader, "fallback", False):
-            yield name, reader
+        if getattr(reader, "fallback", False) == fallback:
+            yield reader
+
+
+def _known_formats() -> str:
+    return f"known formats: {', '.join(names())}"
 
 
 def _say_which(found: list[str]) -> str:
     return f"say which: --format {found[0]} (in Python: format={found[0]!r})"
 
 
-def _fallback(source: Path, root: Path, left: list[Path], refused: list[Rejected]) -> dict[str, Source]:
-    """Return the reader that takes the source as a whole. Raises `SourceError` when none does."""
-    for name in names():
-        reader = get_reader(name)
-        if getattr(reader, "fallback", False) and reader.detect(source):
-            return {name: source}
-    raise SourceError(f"{source}: {_unknown(source, root, left, refused)}")
+def _fallback(
+    source: Path,
+    root: Path,
+    left: list[Path],
+    refused: list[Rejected],
+) -> dict[str, Source]:
+    """Return the reader that takes the source as a whole.
+
+    Raises:
+        SourceError: no reader does.
+    """
+    for reader in _readers(fallback=True):
+        if reader.detect(source):
+            return {reader.name: source}
+    if _is_empty(source):
+        raise SourceError(f"{source}: is empty; {_known_formats()}")
+    examples = ", ".join(_examples(root, left, refused))
+    looked = f" ({examples})" if examples else ""
+    raise SourceError(
+        f"{source}: is not a recording of a known format{looked}; {_known_formats()}; {WAY_OUT}"
+    )
 
 
-def _unknown(source: Path, root: Path, left: list[Path], refused: list[Rejected]) -> str:
-    known = f"known formats: {', '.join(names())}"
-    empty = not any(source.iterdir()) if source.is_dir() else source.stat().st_size == 0
-    if empty:
-        return f"is empty; {known}"
+def _is_empty(source: Path) -> bool:
+    if source.is_dir():
+        return not any(source.iterdir())
+    return source.stat().st_size == 0
+
+
+def _examples(
+    root: Path,
+    left: list[Path],
+    refused: list[Rejected],
+) -> Iterator[str]:
+    """Yield an example of the files without a reader, and one of those that are not opened."""
     records = [file for file in left if file.suffix.lower() in TABLES]
-    seen = [relative_name(file, root) for file in records]
-    about = [f"{relative_name(file, root)} is of none" for file in records[:1]]
-    about += [f"and {len(seen) - 1} more"] if len(seen) > 1 else []
-    about += [str(item) for item in refused[:1]]
-    about += [f"{len(refused) - 1} more not opened"] if len(refused) > 1 else []
-    looked = f" ({', '.join(about)})" if about else ""
-    return f"is not a recording of a known format{looked}; {known}; {WAY_OUT}"
+    if records:
+        yield f"{relative_name(records[0], root)} is of none"
+    if len(records) > 1:
+        yield f"and {len(records) - 1} more"
+    if refused:
+        yield str(refused[0])
+    if len(refused) > 1:
+        yield f"{len(refused) - 1} more not opened"
 
 
 def _adopted(taken: Mapping[str, list[Path]], left: list[Path]) -> list[Path]:
     """Give files that no format takes to the reader of their neighbours; return the others."""
-    near: dict[tuple[Any, ...], set[str]] = {}
-    for name in taken:
+    near: defaultdict[object, set[str]] = defaultdict(set)
+    for name, files in taken.items():
         if not getattr(get_reader(name), "adopts", False):
             continue
-        for file in taken[name]:
-            near.setdefault((file.parent, file.suffix), set()).add(name)
-            near.setdefault((file.name,), set()).add(name)
+        for file in files:
+            near[file.parent, file.suffix].add(name)
+            near[file.name].add(name)
     rest: list[Path] = []
     for file in left:
-        found = near.get((file.name,), set()) | near.get((file.parent, file.suffix), set())
+        found = near[file.name] | near[file.parent, file.suffix]
         if len(found) == 1 and not _is_beside(file, taken):
-            taken[next(iter(found))].append(file)
+            (name,) = found
+            taken[name].append(file)
         else:
             rest.append(file)
     return rest
@@ -178,17 +234,19 @@ def _may_hold_records(file: Path, taken: Mapping[str, list[Path]]) -> bool:
 
 
 def _is_beside(file: Path, taken: Mapping[str, list[Path]]) -> bool:
-    """Whether a reader of this source reads the file beside its records."""
-    return any(getattr(get_reader(name), "beside", _never)(file) for name in taken)
-
-
-def _never(_: Path) -> bool:
+    """Return whether a reader of this source reads the file beside its records."""
+    for name in taken:
+        beside = getattr(get_reader(name), "beside", None)
+        if beside is not None and beside(file):
+            return True
     return False
 
 
 def summary(names: list[str], shown: int = 3) -> str:
     """Return some names and how many more there are, with the kinds of files."""
     kinds = Counter(Path(name).suffix or "no suffix" for name in names)
+    counts = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common(4))
     first = ", ".join(names[:shown])
-    more = f" and {len(names) - shown} more" if len(names) > shown else ""
-    return f"{first}{more} ({', '.join(f'{count} {kind}' for kind, count in kinds.most_common(4))})"
+    if len(names) > shown:
+        first += f" and {len(names) - shown} more"
+    return f"{first} ({counts})"

@@ -1,7 +1,7 @@
 """Logs of UI-TARS: chat messages with screenshots, and replies in its action text."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, cast
 
@@ -11,9 +11,9 @@ from . import fields
 from .base import Rejected, register
 from .chat import is_chat
 from .dialects import UI_TARS, UI_TARS_15
-from .fields import FieldError
+from .fields import FieldError, JsonObject
 from .files import Source
-from .logs import Conversation, Entry, WrongFile, first_entries, parts_of, read_logs
+from .logs import Conversation, LogEntry, WrongFile, first_entries, parts_of, read_logs
 
 _ACTION = re.compile(
     r"\b(?:click|left_double|right_single|drag|scroll)\(start_box=|\b(?:hotkey\(key=|type\(content=|wait\(\)|finished\()"
@@ -29,22 +29,26 @@ class _UITars:
     adopts = True
 
     def detect(self, path: Path) -> bool:
-        """One of the first replies holds UI-TARS actions, and the model, if it is named, is not one of the others."""
+        """Return whether one of the first replies has UI-TARS actions of this version."""
         models: set[str] = set()
         found = False
         for entry in first_entries(path, skip=is_chat):
             models.add(_version(entry.data.get("model")))
-            found = found or (entry.data.get("role") == "assistant" and bool(_ACTION.search(_text(entry))))
+            if entry.data.get("role") == "assistant" and _ACTION.search(_text(entry)):
+                found = True
         return found and (self.name in models or models <= {""})
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories in the order of the files."""
         return read_logs(path, self.name, self._take)
 
-    def _take(self, talk: Conversation, entry: Entry) -> Iterator[FieldError]:
+    def _take(self, talk: Conversation, entry: LogEntry) -> Iterator[FieldError]:
         version = _version(entry.data.get("model"))
         if version not in ("", self.name):
-            raise WrongFile("model", f"{fields.shown(entry.data['model'])} writes {version}; read it with that format")
+            raise WrongFile(
+                "model",
+                f"{fields.shown(entry.data['model'])} writes {version}; read it with that format",
+            )
         talk.ask(entry.data.get("instruction"))
         if entry.data.get("role") == "assistant":
             text = _text(entry)
@@ -57,17 +61,19 @@ class _UITars:
 class UITars(_UITars):
     """Reads logs of UI-TARS 1.0 (and of Doubao-UI-TARS, which counts alike).
 
-    A source is a `.json` or `.jsonl` file, or a folder with them; each file is a trajectory, whose id is its path
-    without the suffix. A `.jsonl` line is a chat message, a `.json` file a list of them or an object with `messages`;
-    `model` and `instruction` may stand beside them. A message has a `role` and `content`, text or parts as the chat
-    completions API has them: `text`, and `image_url` with a `data:` URL or a file in the folder. Without an
-    `instruction`, it is what stands under "User Instruction" in the first text of the user, or all of it.
+    A source is a `.json` or `.jsonl` file, or a folder with them; each file is a trajectory, whose
+    id is its path without the suffix. A `.jsonl` line is a chat message, a `.json` file a list of
+    them or an object with `messages`; `model` and `instruction` may stand beside them. A message
+    has a `role` and `content`, text or parts as the chat completions API has them: `text`, and
+    `image_url` with a `data:` URL or a file in the folder. Without an `instruction`, it is what
+    stands under "User Instruction" in the first text of the user, or all of it.
 
-    A step is a reply; `action_code` is all of it. Where it holds several actions the step's is the first, since there
-    is no picture of the screen between them.
+    A step is a reply; `action_code` is all of it. Where it holds several actions the step's is the
+    first, since there is no picture of the screen between them.
 
-    Coordinates: 0..1000 of the picture. Version 1.5 writes the same text in pixels of the smart-resized picture, so
-    which of the two it is must be said, by `model` in the log or by the name of the format: it is never guessed.
+    Coordinates: 0..1000 of the picture. Version 1.5 writes the same text in pixels of the
+    smart-resized picture, so which of the two it is must be said, by `model` in the log or by the
+    name of the format: it is never guessed.
     """
 
     name = UI_TARS
@@ -77,14 +83,14 @@ class UITars(_UITars):
 class UITars15(_UITars):
     """Reads logs of UI-TARS 1.5, laid out as those of `UITars`.
 
-    Coordinates: pixels of the smart-resized picture (`hijack_data.coords.smart_resize`), mapped to the picture with one
-    rounding. What is more than 5 % outside is rejected.
+    Coordinates: pixels of the smart-resized picture (`hijack_data.coords.smart_resize`), mapped to
+    the picture with one rounding. What is more than 5 % outside is rejected.
     """
 
     name = UI_TARS_15
 
 
-def _user(talk: Conversation, entry: Entry) -> Iterator[FieldError]:
+def _user(talk: Conversation, entry: LogEntry) -> Iterator[FieldError]:
     for pointer, part in parts_of(entry):
         try:
             if part.get("type") == "text":
@@ -95,7 +101,11 @@ def _user(talk: Conversation, entry: Entry) -> Iterator[FieldError]:
             yield error
 
 
-def _link(part: Mapping[str, Any], entry: Entry, pointer: tuple[str | int, ...]) -> tuple[Any, Entry, Any]:
+def _link(
+    part: JsonObject,
+    entry: LogEntry,
+    pointer: tuple[str | int, ...],
+) -> tuple[Any, LogEntry, Any]:
     link: object = part.get("image_url")
     if isinstance(link, dict):
         return cast("dict[str, object]", link).get("url"), entry, (*pointer, "image_url", "url")
@@ -103,14 +113,17 @@ def _link(part: Mapping[str, Any], entry: Entry, pointer: tuple[str | int, ...])
 
 
 def _version(model: object) -> str:
-    """Return the dialect that a model writes; `""` when its name does not say."""
+    """Return the dialect that a model writes; `""` if its name does not state it."""
     if not isinstance(model, str):
         return ""
-    return UI_TARS_15 if _PIXELS.search(model) else UI_TARS if _THOUSAND.search(model) else ""
+    if _PIXELS.search(model):
+        return UI_TARS_15
+    return UI_TARS if _THOUSAND.search(model) else ""
 
 
-def _text(entry: Entry) -> str:
+def _text(entry: LogEntry) -> str:
     try:
-        return "\n".join(str(part.get("text")) for _, part in parts_of(entry) if part.get("type") == "text")
+        parts = [part for _, part in parts_of(entry)]
     except FieldError:
         return ""
+    return "\n".join(str(part.get("text")) for part in parts if part.get("type") == "text")

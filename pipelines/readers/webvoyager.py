@@ -1,20 +1,21 @@
-"""Task folders of WebVoyager: the messages of an agent, and a set-of-mark screenshot for each of its replies."""
+"""Task folders of WebVoyager: an agent's messages, and a marked screenshot for each reply."""
 
 import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
+from hijack_data.actions.dialects.tool_calls import PIXELS_PER_NOTCH
 from hijack_data.actions.recorded import SIZELESS
-from hijack_data.actions.tool_calls import PIXELS_PER_NOTCH
 from hijack_data.types import Action, Size, Step, Trajectory
 
 from . import fields
-from .base import Rejected, files_below, register
+from .base import Rejected, register
 from .dialects import RecordedStep, code_of
-from .fields import FieldError
-from .files import Source, inside, parse_any, relative_name, root_of, size_of
+from .fields import FieldError, FieldTypeError
+from .files import inside, parse_any, relative_name, size_of
+from .folders import FolderReader, folder_id
 
 RECORDS = "interact_messages.json"
 WAIT_SECONDS = 5.0  # what WebVoyager's own code waits
@@ -29,36 +30,30 @@ _SCROLLED = 2 / 3
 
 
 @register
-class WebVoyager:
-    """Reads WebVoyager.
+class WebVoyager(FolderReader):
+    """Reads task folders of WebVoyager.
 
-    A source is a folder with `interact_messages.json` anywhere below, or such a file; a trajectory's id is the path of
-    its folder. The n-th reply of the agent was given on `screenshot<n>.png`. `action_code` is what stands after the
-    last `Action:` of the reply.
+    A source is a folder with `interact_messages.json` anywhere below, or such a file; a
+    trajectory's id is the path of its folder. The n-th reply of the agent was given on
+    `screenshot<n>.png`. `action_code` is what stands after the last `Action:` of the reply.
 
-    Coordinates: none. Actions name the number of a mark that is painted on the screenshot, and where the marks are is
-    not recorded; a click is therefore `"other"`, and so is typing, which clicks, clears, types and presses Enter (its
-    text ends in a newline), and scrolling inside a mark. Scrolling the window keeps its direction. The marks are part
-    of the picture: it is not a plain page. The browser and the desktop around the page do not show.
+    Coordinates: none. Actions name the number of a mark that is painted on the screenshot, and
+    where the marks are is not recorded; a click is therefore `"other"`, and so is typing, which
+    clicks, clears, types and presses Enter (its text ends in a newline), and scrolling inside a
+    mark. Scrolling the window keeps its direction. The marks are part of the picture: it is not a
+    plain page. The browser and the desktop around the page do not show.
     """
 
     name = "webvoyager"
+    records = RECORDS
+    any_name = True
 
-    def detect(self, path: Path) -> bool:
-        """An `interact_messages.json`, or a folder with one anywhere below."""
-        return any(isinstance(file, Path) and file.name == RECORDS for file in files_below(path))
-
-    def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
-        """Yield trajectories in the order of their paths."""
-        root = root_of(path)
-        for file in files_below(path):
-            if isinstance(file, Rejected):
-                yield file
-            elif file.name == RECORDS or file == path:
-                try:
-                    yield from _trajectory(file, root)
-                except FieldError as error:
-                    yield Rejected(relative_name(file, root), "", error.field, error.reason)
+    def episode(self, file: Path, root: Path) -> Iterator[Trajectory | Rejected]:
+        """Yield the trajectory of one task folder, and everything rejected of it."""
+        try:
+            yield from _trajectory(file, root)
+        except FieldError as error:
+            yield Rejected(relative_name(file, root), "", error.field, error.reason)
 
 
 def _trajectory(file: Path, root: Path) -> Iterator[Trajectory | Rejected]:
@@ -67,7 +62,8 @@ def _trajectory(file: Path, root: Path) -> Iterator[Trajectory | Rejected]:
     if not isinstance(messages, list):
         raise FieldError("", "must be a list of messages")
     steps: list[Step] = []
-    instruction, replies = "", 0
+    instruction = ""
+    replies = 0
     for number, message in enumerate(cast("list[object]", messages)):
         try:
             role, text = _read(message)
@@ -83,20 +79,26 @@ def _trajectory(file: Path, root: Path) -> Iterator[Trajectory | Rejected]:
     if not instruction:
         raise FieldError("instruction", "no message of the user holds text")
     if steps:
-        folder = relative_name(file.parent, root)
-        own = file.parent.resolve().name if folder == "." else folder
-        yield Trajectory(own, WebVoyager.name, instruction, tuple(steps), apps=("browser",), platform="web")
+        yield Trajectory(
+            id=folder_id(file.parent, root),
+            source=WebVoyager.name,
+            instruction=instruction,
+            steps=tuple(steps),
+            apps=("browser",),
+            platform="web",
+        )
 
 
 def _read(message: object) -> tuple[str, str]:
-    """Return the role and the text of a message. Raises `FieldError`."""
+    """Return the role and the text of a message."""
     record = fields.mapping(message, "")
-    role, content = fields.text(record, "role"), record.get("content")
+    role = fields.text(record, "role")
+    content: object = record.get("content")
     if isinstance(content, list):
-        parts = [cast("dict[str, Any]", part) for part in cast("list[object]", content) if isinstance(part, dict)]
+        parts = fields.objects(content)
         content = "\n".join(str(part.get("text")) for part in parts if part.get("type") == "text")
     if not isinstance(content, str):
-        raise FieldError("content", f"must be text or a list of parts, got {fields.shown(content)}")
+        raise FieldTypeError("content", "text or a list of parts", content)
     return role, fields.storable(content, "content")
 
 
@@ -105,7 +107,12 @@ def _instruction(text: str) -> str:
     return (found[1] if found else text).strip()
 
 
-def _step(text: str, number: int, folder: Path, root: Path) -> Step:
+def _step(
+    text: str,
+    number: int,
+    folder: Path,
+    root: Path,
+) -> Step:
     place = relative_name(folder / f"screenshot{number}.png", root)
     image = inside(root, place, "screenshot")
     size = size_of(image, "screenshot")
@@ -113,23 +120,36 @@ def _step(text: str, number: int, folder: Path, root: Path) -> Step:
     if not labels:
         raise FieldError("content", "the reply names no action")
     code = text[labels[-1].end() :].strip()
-    return RecordedStep(number, os.fspath(image), _action(code, size), code_of(code, "content"), dialect=SIZELESS)
+    action = _action(code, size)
+    kept = code_of(code, "content")
+    return RecordedStep(number, os.fspath(image), action, kept, dialect=SIZELESS)
 
 
 def _action(code: str, size: Size) -> Action:
-    typed, answer, scrolled = (pattern.fullmatch(code) for pattern in (_TYPE, _ANSWER, _SCROLL))
+    typed = _TYPE.fullmatch(code)
     if typed:
-        # A click on the mark, select all, the text, and Enter: where the click goes is not recorded.
+        # A click on the mark, select all, the text, and Enter: where the click goes is not
+        # recorded.
         return Action("other", text=f"{typed[1]}\n")
+    answer = _ANSWER.fullmatch(code)
     if answer:
         return Action("done", text=answer[1])
-    if scrolled and scrolled[1] == "WINDOW":
-        notches = round(size[0] * _SCROLLED / PIXELS_PER_NOTCH)
-        return Action("scroll", amount=notches if scrolled[2] == "up" else -notches)
+    scrolled = _SCROLL.fullmatch(code)
     if scrolled:
-        return Action("other")  # inside a mark: the pointer is not there
+        return _scroll(scrolled[1], scrolled[2], size)
     if code == "Wait":
         return Action("wait", amount=WAIT_SECONDS)
     if _OTHER.fullmatch(code):
         return Action("other")
     raise FieldError("content", f"{fields.shown(code)} is not an action of WebVoyager")
+
+
+def _scroll(
+    place: str,
+    direction: str,
+    size: Size,
+) -> Action:
+    if place != "WINDOW":
+        return Action("other")  # inside a mark: the pointer is not there
+    notches = round(size[0] * _SCROLLED / PIXELS_PER_NOTCH)
+    return Action("scroll", amount=notches if direction == "up" else -notches)

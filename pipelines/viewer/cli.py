@@ -8,7 +8,12 @@ from .server import serve
 
 @click.command()
 @click.argument("folder", metavar="DIR|RUNS")
-@click.option("--port", type=click.IntRange(0, 65535), default=0, help="Where to listen.  [default: a free port]")
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=0,
+    help="Where to listen.  [default: a free port]",
+)
 def view(folder: str, port: int) -> None:
     """Look through a dataset, or the episodes of a run, in a browser."""
     source = open_source(folder)

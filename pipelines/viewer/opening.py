@@ -1,23 +1,31 @@
-"""Finds out what a folder holds, and opens it."""
+"""Open a folder for the viewer: a dataset or a run."""
 
 import os
 from pathlib import Path
 
-from hijack_data.run_log import EPISODES, RUN
+from hijack_data.runs.run_log import EPISODES, RUN
 
 from ..errors import DatasetError
 from .datasets import DatasetSource
 from .runs import RunSource
-from .source import Source
+from .source import ViewerSource
 
 
-def open_source(folder: str | os.PathLike[str]) -> Source:
-    """Open a dataset or a run. Raises `DatasetError` when the folder is neither, or is not finished."""
+def open_source(folder: str | os.PathLike[str]) -> ViewerSource:
+    """Open a dataset or a run.
+
+    Raises:
+        DatasetError: the folder is neither, or is not finished.
+    """
     path = Path(folder)
     try:
         if not path.is_dir():
-            raise DatasetError(f"{path}: not a folder; give a dataset (hijack build) or a run (hijack bench)")
+            raise DatasetError(
+                f"{path}: not a folder; give a dataset (hijack build) or a run (hijack bench)"
+            )
         is_run = (path / RUN).exists() or (path / EPISODES).is_dir()
     except (OSError, ValueError) as error:
-        raise DatasetError(f"{path}: not a usable path ({getattr(error, 'strerror', None) or error})") from None
+        raise DatasetError(
+            f"{path}: not a usable path ({getattr(error, 'strerror', None) or error})"
+        ) from None
     return RunSource(path) if is_run else DatasetSource(path)

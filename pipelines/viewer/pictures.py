@@ -1,38 +1,39 @@
-"""Pictures as the page gets them: made on demand, and the last ones kept, up to a number of bytes."""
+"""Pictures as the page gets them: made on demand, the last ones kept up to a number of bytes."""
 
 import io
-from collections import OrderedDict
-from threading import Lock
 
 from PIL import Image
 
-from ..images import encode
-from .source import Source
+from hijack_data.cache import Cache
+
+from ..dataset.images import encode
+from .source import ViewerSource
 
 THUMB = 480
 BUDGET = 64 * 2**20
 
 
 class Pictures:
-    """The pictures of a source. `budget` is how many bytes of finished pictures are kept."""
+    """The encoded pictures of a source.
 
-    def __init__(self, source: Source, budget: int = BUDGET) -> None:
-        self.source, self.budget, self.held = source, budget, 0
-        self._kept: OrderedDict[tuple[str, int], bytes] = OrderedDict()
-        self._lock = Lock()
+    Args:
+        source: the dataset or the run.
+        budget: the most bytes of encoded pictures that are kept.
+    """
+
+    def __init__(self, source: ViewerSource, budget: int = BUDGET) -> None:
+        self.source = source
+        self.kept = Cache(budget)
 
     def get(self, kind: str, row: int) -> bytes:
-        """Return a `picture` or what was `before` it as PNG, or a `thumb` as JPEG. Raises `HijackError`."""
-        with self._lock:
-            if (kind, row) in self._kept:
-                self._kept.move_to_end((kind, row))
-                return self._kept[kind, row]
-        data = self._make(kind, row)
-        with self._lock:
-            self.held += len(data) - len(self._kept.pop((kind, row), b""))
-            self._kept[kind, row] = data
-            while self.held > self.budget:
-                self.held -= len(self._kept.popitem(last=False)[1])
+        """Return a `picture`, or the one `before` its corruption, as PNG, or a `thumb` as JPEG.
+
+        A row without that picture is a `HijackError`.
+        """
+        data = self.kept.get((kind, row))
+        if data is None:
+            data = self._make(kind, row)
+            self.kept.put((kind, row), data, len(data))
         return data
 
     def _make(self, kind: str, row: int) -> bytes:
@@ -40,7 +41,8 @@ class Pictures:
         if kind != "thumb":
             return encode(pixels)
         small = Image.fromarray(pixels)
-        small.thumbnail((THUMB, THUMB), Image.Resampling.BOX, reducing_gap=1.0)  # a tenth of the time of Lanczos
+        # a tenth of the time of Lanczos
+        small.thumbnail((THUMB, THUMB), Image.Resampling.BOX, reducing_gap=1.0)
         out = io.BytesIO()
         small.save(out, "JPEG", quality=85, subsampling=0)
         return out.getvalue()

@@ -1,19 +1,18 @@
 """A run of `hijack bench` for the page: every episode is a trajectory, every observation a row."""
 
 import json
-from collections import OrderedDict
 from collections.abc import Mapping
 from pathlib import Path
-from threading import Lock
 from typing import Any, cast
 
 from hijack_data.actions import parse_pyautogui
+from hijack_data.cache import Cache
 from hijack_data.errors import HijackError
-from hijack_data.run_log import EPISODE, EPISODES, FORMAT, RUN, STEPS, VERSION
+from hijack_data.runs.run_log import EPISODE, EPISODES, FORMAT, RUN, STEPS, VERSION
 from hijack_data.types import UInt8Array
 
+from ..dataset.images import decode
 from ..errors import DatasetError
-from ..images import decode
 from ..readers.fields import FieldError, mapping
 from ..readers.files import inside, line_at, lines, parse, parse_file, size_of
 from .index import Index
@@ -31,9 +30,9 @@ KEPT_LINES = 64
 
 
 class RunSource:
-    """A run log: that of `hijack bench`, or the folder that a `CorruptedEnv` was told to log to.
+    """The log of a run, of `hijack bench` or of a `CorruptedEnv`.
 
-    Raises `DatasetError` when the folder holds none; what of it cannot be read is in `problems`.
+    A folder without one is a `DatasetError`; episodes that cannot be read are in `problems`.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -42,33 +41,43 @@ class RunSource:
         self.problems: list[str] = []
         self.index = Index([name for name in LABELS if name != "corruption"])
         self.episodes: list[tuple[Path, Mapping[str, Any]]] = []
-        self._places: list[tuple[int, int]] = []  # of each row: its episode, and where its line begins
-        self._lines: OrderedDict[int, Mapping[str, Any]] = OrderedDict()
-        self._lock = Lock()
+        # the episode of each row, and the offset of its line
+        self._places: list[tuple[int, int]] = []
+        # bounded by their number: every line counts as one byte
+        self._lines = Cache(KEPT_LINES)
         if (folder / RUN).exists():
             _check(folder)
         for home in self._homes():
             self._add(home)
         self.index.finish()
-        self.labels = {name: title for name, title in LABELS.items() if any(self.index.columns[name].values)}
-        self.chips = tuple(name for name in ("corruption", "status", "score") if name in self.labels)
+        self.labels = {
+            name: title for name, title in LABELS.items() if any(self.index.columns[name].values)
+        }
+        self.chips = tuple(
+            name for name in ("corruption", "status", "score") if name in self.labels
+        )
         self.facts = f"run, {len(self.episodes)} episode{'s' if len(self.episodes) != 1 else ''}"
 
     def _homes(self) -> list[Path]:
-        """Return the folders of the finished episodes; the record is the last thing that is written of one."""
+        # the folders of the finished episodes: the record is written last
         try:
             found = sorted(path for path in (self.folder / EPISODES).iterdir() if path.is_dir())
         except FileNotFoundError:
             found = []
         except OSError as error:
-            raise DatasetError(f"{self.folder / EPISODES}: cannot be read ({error.strerror or error})") from None
+            raise DatasetError(
+                f"{self.folder / EPISODES}: cannot be read ({error.strerror or error})"
+            ) from None
         open_ones = [path.name for path in found if not (path / EPISODE).exists()]
         if open_ones:
-            self.problems.append(f"{len(open_ones)} episode(s) without a record (not finished), such as {open_ones[0]}")
+            self.problems.append(
+                f"{len(open_ones)} episode(s) without a record (not finished), such as"
+                f" {open_ones[0]}"
+            )
         return [path for path in found if (path / EPISODE).exists()]
 
     def _add(self, home: Path) -> None:
-        """Put the steps of an episode into the index, or say why they are not there."""
+        """Put the steps of an episode into the index, or note why they are missing."""
         name = home.name
         try:
             record = parse_file(home / EPISODE)
@@ -77,22 +86,35 @@ class RunSource:
             self.problems.append(f"{EPISODES}/{name}: {error}")
             return
         except OSError as error:
-            self.problems.append(f"{EPISODES}/{name}/{STEPS}: cannot be read ({error.strerror or error})")
+            self.problems.append(
+                f"{EPISODES}/{name}/{STEPS}: cannot be read ({error.strerror or error})"
+            )
             return
-        number, first = len(self.episodes), len(self._places)
+        number = len(self.episodes)
+        first = len(self._places)
         self.episodes.append((home, record))
         self._places += [(number, offset) for offset in steps]
-        words = {key: [_word(record.get(key))] * len(steps) for key in (*LABELS, "instruction") if key != "trajectory"}
-        group = json.dumps([record.get(key) for key in ("agent", "task", "task_seed", "seed", "attempt")])
+        words = {
+            key: [_word(record.get(key))] * len(steps)
+            for key in (*LABELS, "instruction")
+            if key != "trajectory"
+        }
+        group = json.dumps(
+            [record.get(key) for key in ("agent", "task", "task_seed", "seed", "attempt")]
+        )
         self.index.extend(
             range(first, first + len(steps)),
             [f"{name}/{k:04d}" for k in range(len(steps))],
             range(len(steps)),
-            {**words, "trajectory": [name] * len(steps), "group": [group] * len(steps)},
+            {
+                **words,
+                "trajectory": [name] * len(steps),
+                "group": [group] * len(steps),
+            },
         )
 
     def detail(self, row: int) -> Detail:
-        """Return a step and its episode. Raises `DatasetError`."""
+        """Return a step and its episode; a damaged line is a `DatasetError`."""
         home, record, step = self._step(row)
         detail = Detail(
             fields={"Step": _fields(step, "plan"), "Episode": _fields(record)},
@@ -110,33 +132,39 @@ class RunSource:
                 detail.action, detail.points = action_text(action), points_of(action)
         except FieldError as error:
             detail.problem = str(error)
-        except HijackError:  # the agent wrote something that is no action: the page shows it as it is
+        # the agent wrote something that is no action: the page shows it as it is
+        except HijackError:
             detail.action = "not a pyautogui action"
         return detail
 
     def glance(self, row: int) -> Detail:
-        """Return what a tile tells of a step. Raises `DatasetError`."""
+        """Return what a tile shows of a step; a damaged line is a `DatasetError`."""
         return self.detail(row)
 
     def picture(self, row: int, before: bool) -> UInt8Array:
-        """Return what the agent saw, or the clean screen. Raises `DatasetError`."""
+        """Return the picture that the agent saw, or the clean screen, uint8 RGB `[H, W, 3]`.
+
+        Raises:
+            DatasetError: the picture cannot be read.
+        """
         home, _, step = self._step(row)
         try:
             file = _image(home, step, before)
             return decode(file.read_bytes(), file.name)
         except OSError as error:
-            raise DatasetError(f"{self.index.ids[row]}: cannot be read ({error.strerror or error})") from None
+            raise DatasetError(
+                f"{self.index.ids[row]}: cannot be read ({error.strerror or error})"
+            ) from None
 
     def _step(self, row: int) -> tuple[Path, Mapping[str, Any], Mapping[str, Any]]:
-        """Return the folder and the record of an episode, and one line of it; the last few lines are kept."""
+        """Return the folder and the record of an episode, and one line of it."""
         number, offset = self._places[row]
         home, record = self.episodes[number]
-        with self._lock:
-            if row not in self._lines:
-                self._lines[row] = _line(home, offset)
-                while len(self._lines) > KEPT_LINES:
-                    self._lines.popitem(last=False)
-            return home, record, self._lines[row]
+        line = self._lines.get(row)
+        if line is None:
+            line = _line(home, offset)
+            self._lines.put(row, line, 1)
+        return home, record, line
 
 
 def _line(home: Path, offset: int) -> Mapping[str, Any]:
@@ -147,7 +175,11 @@ def _line(home: Path, offset: int) -> Mapping[str, Any]:
         raise DatasetError(f"{EPISODES}/{home.name}/{STEPS} at byte {offset}: {error}") from None
 
 
-def _image(home: Path, step: Mapping[str, Any], before: bool) -> Path:
+def _image(
+    home: Path,
+    step: Mapping[str, Any],
+    before: bool,
+) -> Path:
     seen = None if before else step.get("seen")
     return inside(home, str(seen or step.get("image")))
 
@@ -158,15 +190,22 @@ def _check(folder: Path) -> None:
     except FieldError as error:
         raise DatasetError(f"{folder / RUN}: {error}") from None
     if run.get("format") != FORMAT:
-        raise DatasetError(f"{folder / RUN}: not the log of a run of ours (field 'format' must be {FORMAT!r})")
+        raise DatasetError(
+            f"{folder / RUN}: not the log of a run of ours (field 'format' must be {FORMAT!r})"
+        )
     if not isinstance(run.get("version"), int) or run["version"] > VERSION:
         raise DatasetError(
-            f"{folder / RUN}: version {run.get('version')!r} is newer than this library reads ({VERSION})"
+            f"{folder / RUN}: version {run.get('version')!r} is newer than this library reads"
+            f" ({VERSION})"
         )
 
 
 def _word(value: object) -> str:
-    return "" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+    if value is None:
+        return ""
+    if isinstance(value, float):
+        return f"{value:g}"
+    return str(value)
 
 
 def _fields(record: Mapping[str, Any], *without: str) -> Fields:
@@ -174,14 +213,36 @@ def _fields(record: Mapping[str, Any], *without: str) -> Fields:
 
 
 def _notes(record: Mapping[str, Any], step: Mapping[str, Any]) -> Fields:
-    events = cast("list[object]", step["events"]) if isinstance(step.get("events"), list) else []
-    notes = [("Event", f"{e.get('effect')}: {text_of(e.get('record'))}") for e in events if isinstance(e, dict)]
-    notes += [("Said", str(step["said"]))] if step.get("said") else []
-    notes += [("Refused", str(step["error"]))] if step.get("error") else []
-    score = "no score" if record.get("score") is None else f"score {_word(record['score'])}"
-    why = record.get("problem") or record.get("reason")
-    notes.append(("Episode", f"{record.get('status')}, {score}" + (f": {why}" if why else "")))
+    notes = _events(step)
+    if step.get("said"):
+        notes.append(("Said", str(step["said"])))
+    if step.get("error"):
+        notes.append(("Refused", str(step["error"])))
+    notes.append(("Episode", _outcome(record)))
     frames = record.get("traceback")
     if isinstance(frames, list) and frames:
-        notes.append(("Traceback", "\n".join(str(frame) for frame in cast("list[object]", frames))))
+        lines = (str(frame) for frame in cast("list[object]", frames))
+        notes.append(("Traceback", "\n".join(lines)))
     return notes
+
+
+def _events(step: Mapping[str, Any]) -> Fields:
+    events = step.get("events")
+    if not isinstance(events, list):
+        return []
+    notes: Fields = []
+    for event in cast("list[object]", events):
+        if isinstance(event, dict):
+            told = cast("dict[str, object]", event)
+            notes.append(("Event", f"{told.get('effect')}: {text_of(told.get('record'))}"))
+    return notes
+
+
+def _outcome(record: Mapping[str, Any]) -> str:
+    """Return the status and the score of an episode, and why it ended."""
+    score = "no score"
+    if record.get("score") is not None:
+        score = f"score {_word(record['score'])}"
+    text = f"{record.get('status')}, {score}"
+    why = record.get("problem") or record.get("reason")
+    return f"{text}: {why}" if why else text

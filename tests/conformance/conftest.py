@@ -13,7 +13,7 @@ def load(tmp_path, monkeypatch):
     """Load a plug-in from a file: `load(slot=text)` returns the class; see `support.plugins`."""
     registry.names()
     monkeypatch.setenv(loading.VARIABLE, "")
-    monkeypatch.setattr(registry, "_registry", dict(registry._registry))
+    monkeypatch.setattr(registry.CORRUPTIONS, "entries", dict(registry.CORRUPTIONS.entries))
     monkeypatch.setattr(loading, "_files", {})
     monkeypatch.chdir(tmp_path)
 

@@ -7,7 +7,9 @@ from hijack_data import conformance
 from hijack_data.corruption import find
 
 
-@pytest.mark.parametrize("check", conformance.CHECKS, ids=lambda c: c.__name__.removeprefix("check_"))
+@pytest.mark.parametrize(
+    "check", conformance.CHECKS, ids=lambda c: c.__name__.removeprefix("check_")
+)
 @pytest.mark.parametrize("name", hj.names())
 def test_conformance(name, check):
     result = conformance.run_check(check, find(name))

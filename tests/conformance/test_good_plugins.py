@@ -8,6 +8,7 @@ from support.bad_declarations import LEVELS
 
 NEEDS = "@property\ndef needs_elements(self): return True"
 HALF = 'half: int = hj.param(9, "Radius", low=1)'
+LOCKS = 'effects: ClassVar[tuple[str, ...]] = ("lock",)'
 LOCK = 'hj.Draft(effects=(hj.Effect("lock", {}),))'
 GOOD = {
     "a disc": {},
@@ -44,14 +45,14 @@ GOOD = {
         "code": "b = scene.boxes.copy(); b.sort(axis=0); x = int(b[0][0]) if len(b) else 0",
     },
     "nothing, and says so": {"draft": 'hj.Draft(notes=("nothing to draw",))'},
-    "a state": {"scope": 'scope: ClassVar[str] = "state"', "draft": LOCK},
+    "a state": {"scope": f'scope: ClassVar[str] = "state"\n{LOCKS}', "draft": LOCK},
     "a transition": {
-        "scope": 'scope: ClassVar[str] = "transition"',
+        "scope": f'scope: ClassVar[str] = "transition"\n{LOCKS}',
         "fields": f'{HALF}\nstep: Any = hj.param(3, "When", kind="steps", low=0)',
         "draft": LOCK,
     },
     "a screen that is too small": {
-        "code": ("if width < 300:\n    raise hj.errors.ParameterError('bar needs a wider screen')"),
+        "code": "if width < 300:\n    raise hj.errors.ParameterError('bar needs a wider screen')",
         "top": "import hijack_data.errors",
     },
 }
@@ -66,7 +67,11 @@ DRAWS_IN_VAIN = {
 
 
 @pytest.mark.parametrize("kind", GOOD)
-def test_it_passes(kind, load, monkeypatch):
+def test_it_passes(
+    kind,
+    load,
+    monkeypatch,
+):
     monkeypatch.setattr(conformance.screens, "SIZES", ((1080, 1920), (333, 517), (64, 48), (1, 1)))
     results = conformance.run(load(**GOOD[kind]))
     assert [result.check for result in results] == [c.__name__[6:] for c in conformance.CHECKS]

@@ -1,20 +1,25 @@
-"""The conformance suite notices broken kernels: each mutant changes one thing and must be caught."""
+"""The conformance suite notices broken kernels: each mutant changes one thing and must be
+caught."""
 
 from functools import cache
 
 import numpy as np
 import pytest
 
-from hijack_data import conformance, raster
+from hijack_data import conformance
 from hijack_data import resample as weights_module
 from hijack_data.conformance import screens
 from hijack_data.corruptions import Marks, PopUps, Resolution, Subtitle
-from hijack_data.kernels import Stamp, blend, jit, resize
-from hijack_data.kernels import numpy as numpy_kernels
+from hijack_data.drawing import raster
+from hijack_data.kernels import Stamp
+from hijack_data.kernels.cpu import blend, jit, resize
+from hijack_data.kernels.cpu import pixels as numpy_kernels
 
-torch_kernels = pytest.importorskip("hijack_data.kernels.torch", exc_type=ImportError)
-jax_kernels = pytest.importorskip("hijack_data.kernels.jax", exc_type=ImportError)
-needs_numba = pytest.mark.skipif(not jit.available(), reason="needs Numba: pip install 'agenthijack[fast]'")
+torch_kernels = pytest.importorskip("hijack_data.kernels.torch_ops", exc_type=ImportError)
+jax_kernels = pytest.importorskip("hijack_data.kernels.jax_ops", exc_type=ImportError)
+needs_numba = pytest.mark.skipif(
+    not jit.available(), reason="needs Numba: pip install 'agenthijack[fast]'"
+)
 
 
 def caught(cls) -> str:
@@ -40,7 +45,13 @@ def shifted(stamps):
         (jax_kernels, "paste", "jax operations"),
     ],
 )
-def test_a_paste_one_pixel_off_is_caught(monkeypatch, cls, module, name, label):
+def test_a_paste_one_pixel_off_is_caught(
+    monkeypatch,
+    cls,
+    module,
+    name,
+    label,
+):
     assert caught(cls) == ""
     right = getattr(module, name)
     monkeypatch.setattr(module, name, lambda image, stamps: right(image, shifted(stamps)))
@@ -61,12 +72,15 @@ def test_a_wrong_rounding_in_numpy_is_caught(monkeypatch, numba):
         monkeypatch.setattr(jit, "available", lambda: False)
     monkeypatch.setattr(numpy_kernels, "_make_form", mutant)
     monkeypatch.setattr(raster, "_cache", raster._Cache(2**27))
-    assert caught(Subtitle).startswith("numpy, without Numba" if numba and jit.available() else "numpy:")
+    assert caught(Subtitle).startswith(
+        "numpy, without Numba" if numba and jit.available() else "numpy:"
+    )
 
 
 @needs_numba
 @pytest.mark.parametrize(
-    ("cls", "column"), [(Marks, 0), (Marks, 1), (Marks, 9), (PopUps, 9), (Subtitle, 9), (Subtitle, 10)]
+    ("cls", "column"),
+    [(Marks, 0), (Marks, 1), (Marks, 9), (PopUps, 9), (Subtitle, 9), (Subtitle, 10)],
 )
 def test_a_compiled_paste_that_reads_its_rows_wrongly_is_caught(monkeypatch, cls, column):
     """A place off by one pixel, a colour by one level of blue."""
@@ -86,13 +100,25 @@ def test_a_compiled_paste_that_reads_its_rows_wrongly_is_caught(monkeypatch, cls
     [
         ("mask", lambda line, base, at, _done: line.load(line.bytes, base, at)),
         ("spread", lambda line, mask: [line.builder.zext(mask, line.words)] * 3),
-        ("differs", lambda line, _mask, value: line.builder.icmp_unsigned("!=", line.i64(value), line.i64(255))),
+        (
+            "differs",
+            lambda line, _mask, value: line.builder.icmp_unsigned(
+                "!=", line.i64(value), line.i64(255)
+            ),
+        ),
     ],
 )
-def test_a_compiled_paste_with_a_wrong_instruction_is_caught(monkeypatch, method, mutant):
-    """The end of a line blended twice, masks that are not spread over the channels, any mask taken for opaque."""
+def test_a_compiled_paste_with_a_wrong_instruction_is_caught(
+    monkeypatch,
+    method,
+    mutant,
+):
+    """The end of a line blended twice, masks that are not spread over the channels, any mask taken
+    for opaque."""
     with monkeypatch.context() as patch:
-        patch.setattr(jit, "compile_now", lambda njit, function, signature: njit(signature)(function))
+        patch.setattr(
+            jit, "compile_now", lambda njit, function, signature: njit(signature)(function)
+        )
         patch.setattr(blend._Line, method, mutant)
         patch.setattr(blend, "_kernel", cache(blend._kernel.__wrapped__))
         assert caught(Subtitle if method == "mask" else Marks).startswith("numpy:")
@@ -112,7 +138,12 @@ def test_a_wrong_rounding_in_torch_is_caught(monkeypatch):
 def test_a_wrong_rounding_in_jax_is_caught(monkeypatch):
     right = jax_kernels._padded_pixels
 
-    def mutant(sprite, ys, xs, shape):
+    def mutant(
+        sprite,
+        ys,
+        xs,
+        shape,
+    ):
         index, keep, paint = right(sprite, ys, xs, shape)
         return index, np.maximum(keep, 1) - 1, paint
 

@@ -24,7 +24,12 @@ BAD = (
 
 def python(level, *words):
     command = [sys.executable, level, *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=300)
+    return subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
 
 
 @pytest.fixture(params=["-O", "-OO"])

@@ -21,10 +21,18 @@ class DeadPixels(hj.Corruption):
     side: int = hj.param(3, "Side of a dot in pixels", low=1, high=64)
     opacity: int = hj.param(200, "0 is invisible, 255 opaque", low=0, high=255)
 
-    def make_plan(self, scene, stream, step):
+    def make_plan(
+        self,
+        scene,
+        stream,
+        step,
+    ):
         """Draw a place for each dot."""
         height, width = scene.size
         rgba = np.zeros((self.side, self.side, 4), np.uint8)
         rgba[..., 1], rgba[..., 3] = 255, self.opacity
-        at = tuple((stream.integer(0, width - 1), stream.integer(0, height - 1)) for _ in range(self.number))
+        at = tuple(
+            (stream.integer(0, width - 1), stream.integer(0, height - 1))
+            for _ in range(self.number)
+        )
         return hj.Draft(ops=(hj.Paste(hj.png_recipe(rgba), at),))

@@ -1,6 +1,8 @@
-"""All nine at their defaults, from every format that can be read: real screens, and real recordings where there are.
+"""All nine at their defaults, from every format that can be read: real screens, and real recordings
+where there are.
 
-What each format gives and lacks is pinned, with the reason; so is where the labels lie, on the pixels of the rows.
+What each format gives and lacks is pinned, with the reason; so is where the labels lie, on the
+pixels of the rows.
 """
 
 import json
@@ -21,13 +23,21 @@ import hijack_data as hj
 from hijack_data.actions import parse_pyautogui
 from hijack_data.cli import hijack
 from pipelines import build, open_dataset, render, verify
+from pipelines.building.report import BuildReport
+from pipelines.dataset.stats import stats
 from pipelines.exports import export
 from pipelines.readers import names
-from pipelines.report import BuildReport
-from pipelines.stats import stats
 
 from support.formats import FORMATS, SETS, TABLES, Shots, parquet, write_table
-from support.labels import check_beside, check_inserted, check_inside, check_replaced, check_scaled, ends, pixels
+from support.labels import (
+    check_beside,
+    check_inserted,
+    check_inside,
+    check_replaced,
+    check_scaled,
+    ends,
+    pixels,
+)
 from support.rows import assert_same_rows, load
 
 pytest.importorskip("cv2", reason="which elements are found decides what happens to them")
@@ -38,16 +48,23 @@ INSERTED = ("accidental_touch", "app_minimization")
 REPLACED = ("network_error", "verification")
 
 # One session in a browser, in order: a search, its result, a book, a review.
-SESSION = [f"screenshots/{name}.png" for name in (
-    "014_OpenCUA_s_df0fd37049f470c2_3", "015_OpenCUA_s_df0fd37049f470c2_4", "017_OpenCUA_s_df0fd37049f470c2_7",
-    "018_OpenCUA_s_df0fd37049f470c2_9",
-)]  # fmt: skip
+SESSION = [
+    f"screenshots/{name}.png"
+    for name in (
+        "014_OpenCUA_s_df0fd37049f470c2_3",
+        "015_OpenCUA_s_df0fd37049f470c2_4",
+        "017_OpenCUA_s_df0fd37049f470c2_7",
+        "018_OpenCUA_s_df0fd37049f470c2_9",
+    )
+]
 CLICKS = ((15, 11), (21, 11), (28, 16))
 PIXELS = "screenshot"
 STEPS = 4  # the corruptions that insert a step do so at the fourth
 
 NEVER = "the recording ends before the step at which it acts"
-NO_BROWSER = "the recording names no browser among its applications: a missing network would not show"
+NO_BROWSER = (
+    "the recording names no browser among its applications: a missing network would not show"
+)
 PAGE = "the pictures show a web page, not the screen around it"
 PHONE = "the pictures show a phone, not the screen of a desktop"
 NO_ROOM = "no room beside the target"
@@ -85,7 +102,9 @@ class Case:
 
 
 def session(data: Path) -> Shots:
-    return Shots(lambda number: (data / SESSION[min(number, STEPS - 1)]).read_bytes(), (1280, 720), CLICKS)
+    return Shots(
+        lambda number: (data / SESSION[min(number, STEPS - 1)]).read_bytes(), (1280, 720), CLICKS
+    )
 
 
 POINTS = tuple(session(Path()).pixels)
@@ -93,17 +112,31 @@ WHOLE = {label: {"foreign": 1} for label in ("multi_apps", "app_minimization", "
 ONLINE = {**WHOLE, "network_error": {"foreign": 1}}
 
 
-def made(reader: str, maker: Callable[..., Path], **expected: Any) -> Case:
+def made(
+    reader: str,
+    maker: Callable[..., Path],
+    **expected: Any,
+) -> Case:
     """A recording that is made of the session's screens."""
-    lacks: Reasons = {"accidental_touch": {NO_MENU.format("gimp"): 1}, "network_error": {NO_BROWSER: 1}}
+    lacks: Reasons = {
+        "accidental_touch": {NO_MENU.format("gimp"): 1},
+        "network_error": {NO_BROWSER: 1},
+    }
     if "shown" in expected:
         lacks = {"accidental_touch": {NO_MENU.format("chrome"): 1}}
-    about = {"steps": STEPS, "shown": WHOLE, "lacks": lacks, "points": POINTS, **expected}
+    about = {
+        "steps": STEPS,
+        "shown": WHOLE,
+        "lacks": lacks,
+        "points": POINTS,
+        **expected,
+    }
     return Case(reader, lambda data, folder: maker(folder, shots=session(data)), **about)
 
 
 def first_steps(data: Path, folder: Path) -> Path:
-    """The first steps of real recordings; of ScreenAgent's sessions (a folder each) the first two."""
+    """The first steps of real recordings; of ScreenAgent's sessions (a folder each) the first
+    two."""
     shutil.copytree(data, folder, dirs_exist_ok=True)
     for file in sorted(folder.glob("*.json*")):
         record = json.loads(file.read_text())
@@ -117,56 +150,125 @@ def first_steps(data: Path, folder: Path) -> Path:
     return folder
 
 
-def real(reader: str, name: str, **expected: Any) -> Case:
-    return Case(reader, lambda data, folder: first_steps(data / "trajectories" / name, folder), **expected)
+def real(
+    reader: str,
+    name: str,
+    **expected: Any,
+) -> Case:
+    return Case(
+        reader, lambda data, folder: first_steps(data / "trajectories" / name, folder), **expected
+    )
 
 
 CASES = {
-    **{name: made(name, FORMATS[name]) for name in (
-        "anthropic", "chat", "cua", "jsonl", "openai", "osworld", "ui_tars", "ui_tars_1.5")},
-    "gui_odyssey": made("gui_odyssey", FORMATS["gui_odyssey"], shown={},
-                        lacks={label: {PHONE: 1} for label in MACHINE}),
-    "android_control": made("android_control", FORMATS["android_control"], shown={},
-                            lacks={**{label: {PHONE: 1} for label in MACHINE}, "network_error": {NO_BROWSER: 1}}),
+    **{
+        name: made(name, FORMATS[name])
+        for name in (
+            "anthropic",
+            "chat",
+            "cua",
+            "jsonl",
+            "openai",
+            "osworld",
+            "ui_tars",
+            "ui_tars_1.5",
+        )
+    },
+    "gui_odyssey": made(
+        "gui_odyssey",
+        FORMATS["gui_odyssey"],
+        shown={},
+        lacks={label: {PHONE: 1} for label in MACHINE},
+    ),
+    "android_control": made(
+        "android_control",
+        FORMATS["android_control"],
+        shown={},
+        lacks={**{label: {PHONE: 1} for label in MACHINE}, "network_error": {NO_BROWSER: 1}},
+    ),
     "grounding": made(
-        "grounding", SETS["grounding"], points=(*POINTS, (1216, 360)),
+        "grounding",
+        SETS["grounding"],
+        points=(*POINTS, (1216, 360)),
         shown={"multi_apps": {"foreign": 4}, "verification": {"foreign": 4}},
-        lacks={"accidental_touch": {NEVER: 4}, "app_minimization": {NEVER: 4}, "network_error": {NO_BROWSER: 4}},
+        lacks={
+            "accidental_touch": {NEVER: 4},
+            "app_minimization": {NEVER: 4},
+            "network_error": {NO_BROWSER: 4},
+        },
     ),
     "parquet": made("parquet", FORMATS["parquet"], shown=ONLINE),
     "runs": made("runs", FORMATS["runs"], shown=ONLINE),
     "chat_code": made("parquet", TABLES["chat_code"]),
     "chat_calls": made("parquet", TABLES["chat_calls"]),
     "boxes": made(
-        "parquet", TABLES["boxes"], steps=3,
+        "parquet",
+        TABLES["boxes"],
+        steps=3,
         shown={"multi_apps": {"foreign": 3}, "verification": {"foreign": 3}},
-        lacks={"accidental_touch": {NEVER: 3}, "app_minimization": {NEVER: 3}, "network_error": {NO_BROWSER: 3}},
+        lacks={
+            "accidental_touch": {NEVER: 3},
+            "app_minimization": {NEVER: 3},
+            "network_error": {NO_BROWSER: 3},
+        },
     ),
     "agentnet_raw": real(
-        "agentnet", "agentnet_raw", steps=4, shown=ONLINE, options=BROWSING,
-        lacks={"accidental_touch": {NO_MENU.format("chrome"): 1}}, points=((1241, 697), (1185, 380)),
+        "agentnet",
+        "agentnet_raw",
+        steps=4,
+        shown=ONLINE,
+        options=BROWSING,
+        lacks={"accidental_touch": {NO_MENU.format("chrome"): 1}},
+        points=((1241, 697), (1185, 380)),
     ),
     "agentnetbench": real(
-        "agentnet", "agentnetbench", steps=12, options=BROWSING,
-        shown={"multi_apps": {"foreign": 3}, "accidental_touch": {"foreign": 2}, "app_minimization": {"foreign": 3},
-               "network_error": {"foreign": 3}, "verification": {"foreign": 3}},
+        "agentnet",
+        "agentnetbench",
+        steps=12,
+        options=BROWSING,
+        shown={
+            "multi_apps": {"foreign": 3},
+            "accidental_touch": {"foreign": 2},
+            "app_minimization": {"foreign": 3},
+            "network_error": {"foreign": 3},
+            "verification": {"foreign": 3},
+        },
         lacks={"accidental_touch": {NO_MENU.format("chrome"): 1}},
-        points=((849, 715), (411, 478), (198, 487), (259, 185), (1207, 871), (1256, 448), (441, 469), (1206, 685)),
+        points=(
+            (849, 715),
+            (411, 478),
+            (198, 487),
+            (259, 185),
+            (1207, 871),
+            (1256, 448),
+            (441, 469),
+            (1206, 685),
+        ),
     ),
     "screenagent": real(
-        "screenagent", "screenagent", steps=8, options=BROWSING,
+        "screenagent",
+        "screenagent",
+        steps=8,
+        options=BROWSING,
         shown={label: {"foreign": 2} for label in MACHINE},
         lacks={},
         points=((487, 193), (368, 319)),
     ),
     "webvoyager": Case(
-        "webvoyager", lambda data, folder: shutil.copytree(
-            data / "trajectories" / "webvoyager", folder, dirs_exist_ok=True),
-        steps=9, shown={"network_error": {"composited": 2}},
-        lacks={"multi_apps": {PAGE: 2}, "accidental_touch": {PAGE: 1, NEVER: 1},
-               "app_minimization": {PAGE: 1, NEVER: 1}, "verification": {PAGE: 2}},
+        "webvoyager",
+        lambda data, folder: shutil.copytree(
+            data / "trajectories" / "webvoyager", folder, dirs_exist_ok=True
+        ),
+        steps=9,
+        shown={"network_error": {"composited": 2}},
+        lacks={
+            "multi_apps": {PAGE: 2},
+            "accidental_touch": {PAGE: 1, NEVER: 1},
+            "app_minimization": {PAGE: 1, NEVER: 1},
+            "verification": {PAGE: 2},
+        },
     ),
-}  # fmt: skip
+}
 
 
 @dataclass(frozen=True)
@@ -180,12 +282,20 @@ class Built:
 
     def about(self) -> list[dict[str, Any]]:
         """The rows without their pictures."""
-        names = [name for name in pq.read_schema(self.whole / "data" / "train-00000.parquet").names if name != PIXELS]
+        names = [
+            name
+            for name in pq.read_schema(self.whole / "data" / "train-00000.parquet").names
+            if name != PIXELS
+        ]
         return pq.read_table(self.whole / "data", columns=names).to_pylist()
 
 
 @pytest.fixture(scope="module", params=list(CASES))
-def built(request: Any, shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Built]:
+def built(
+    request: Any,
+    shared_data: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Iterator[Built]:
     case, folder = CASES[request.param], tmp_path_factory.mktemp(request.param)
     (folder / "source").mkdir()
     source = case.make(shared_data, folder / "source")
@@ -197,8 +307,10 @@ def built(request: Any, shared_data: Path, tmp_path_factory: pytest.TempPathFact
 
 
 def test_every_format_has_a_case() -> None:
-    # Of `images`, which says nothing but the picture, see test_readers_images.
-    assert {case.reader for case in CASES.values()} == set(names()) - {"images"}
+    # Of `images`, which says nothing but the picture, see test_readers_images; of the sets that are
+    # asked for by name, test_readers_grounding.
+    apart = {"images", "screenspot_v2", "screenspot_pro", "osworld_g"}
+    assert {case.reader for case in CASES.values()} == set(names()) - apart
     assert set(PICTURE + MACHINE) == set(hj.names())
 
 
@@ -207,19 +319,28 @@ def test_each_corruption_has_rows_or_a_reason(built: Built) -> None:
     manifest = json.loads((built.whole / "manifest.json").read_text())
     assert manifest["parameters"]["reader"] == case.reader
     assert manifest["source"]["steps"] == case.steps
-    assert (report.rejected, (built.whole / "quarantine.jsonl").read_text(), report.dropped) == (0, "", {})
+    assert (report.rejected, (built.whole / "quarantine.jsonl").read_text(), report.dropped) == (
+        0,
+        "",
+        {},
+    )
     assert report.not_applicable == case.lacks
     found: dict[str, Counter[str]] = {}
     for row in built.about():
         found.setdefault(row["corruption"], Counter())[row["fidelity"]] += 1
-    assert found == {**{label: {"exact": case.steps} for label in ("clean", *PICTURE)}, **case.shown}
+    assert found == {
+        **{label: {"exact": case.steps} for label in ("clean", *PICTURE)},
+        **case.shown,
+    }
     assert all(label in case.shown or case.lacks[label] for label in MACHINE)
 
 
 def test_stats_counts_the_same(built: Built) -> None:
     data = stats(built.whole).to_data()
     counted = Counter(row["corruption"] for row in built.about())
-    assert {label: found["rows"] for label, found in data["corruptions"].items()} == dict(built.report.rows)
+    assert {label: found["rows"] for label, found in data["corruptions"].items()} == dict(
+        built.report.rows
+    )
     assert +Counter(built.report.rows) == counted
     assert data["rows"] == counted.total() == len(open_dataset(built.lazy))
     assert (data["not_applicable"], data["dropped"], data["rejected"]) == (built.case.lacks, {}, {})
@@ -229,7 +350,10 @@ def test_stats_counts_the_same(built: Built) -> None:
     said = CliRunner().invoke(hijack, ["stats", str(built.lazy), "--json"])
     assert said.exit_code == 0, said.output
     shown = json.loads(said.output)
-    assert (shown["corruptions"], shown["not_applicable"]) == (data["corruptions"], data["not_applicable"])
+    assert (shown["corruptions"], shown["not_applicable"]) == (
+        data["corruptions"],
+        data["not_applicable"],
+    )
 
 
 def test_labels_lie_where_they_must(built: Built) -> None:
@@ -239,7 +363,11 @@ def test_labels_lie_where_they_must(built: Built) -> None:
         check_inside(row)
         if row["corruption"] == "clean":
             clean = row
-            clicks += [(row["action"]["x"], row["action"]["y"])] if row["action"]["type"] == "click" else []
+            clicks += (
+                [(row["action"]["x"], row["action"]["y"])]
+                if row["action"]["type"] == "click"
+                else []
+            )
         elif row["corruption"] in PICTURE:
             check_scaled(row, clean)
         elif row["corruption"] == "multi_apps":
@@ -261,7 +389,11 @@ def test_lazy_and_materialised_are_equal_and_verified(built: Built) -> None:
         assert found.regenerated == total - built.case.steps
 
 
-def test_datasets_loads_it(built: Built, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_datasets_loads_it(
+    built: Built,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     whole = load(built.whole, tmp_path / "cache", monkeypatch)
     lazy = load(built.lazy, tmp_path / "cache", monkeypatch).with_transform(render)
     assert whole["id"] == lazy["id"] == [row["id"] for row in built.about()]
@@ -281,8 +413,13 @@ def test_chat_rows_say_the_labels(built: Built, tmp_path: Path) -> None:
     assert kinds <= ({"other", "scroll"} if built.case.reader == "webvoyager" else {"other"})
     for line in map(json.loads, lines):
         row = rows[line["id"]]
-        said, action = parse_pyautogui(line["messages"][1]["content"], (row["height"], row["width"])), row["action"]
-        assert (said.type, said.x, said.y, said.x2, said.y2) == tuple(action[k] for k in ("type", "x", "y", "x2", "y2"))
+        said, action = (
+            parse_pyautogui(line["messages"][1]["content"], (row["height"], row["width"])),
+            row["action"],
+        )
+        assert (said.type, said.x, said.y, said.x2, said.y2) == tuple(
+            action[k] for k in ("type", "x", "y", "x2", "y2")
+        )
         with Image.open(tmp_path / "out" / line["images"][0]) as picture:
             assert picture.size == (row["width"], row["height"])
 
@@ -292,8 +429,9 @@ def test_chat_rows_say_the_labels(built: Built, tmp_path: Path) -> None:
 OF_PHONES: Reasons = {**{label: {PHONE: 3} for label in MACHINE}, "network_error": {NO_BROWSER: 3}}
 OF_PAGES: Reasons = {label: {PAGE: 3} for label in MACHINE if label != "network_error"}
 OF_DESKTOPS: Reasons = {
-    "accidental_touch": {NO_MENU.format("gimp"): 3}, "network_error": {NO_BROWSER: 3},
-}  # fmt: skip
+    "accidental_touch": {NO_MENU.format("gimp"): 3},
+    "network_error": {NO_BROWSER: 3},
+}
 
 
 @pytest.mark.parametrize(
@@ -309,17 +447,29 @@ OF_DESKTOPS: Reasons = {
     ],
 )
 def test_phones_and_pages_are_no_desktops(
-    maker: str, more: dict[str, Any], lacks: Reasons, shared_data: Path, tmp_path: Path
+    maker: str,
+    more: dict[str, Any],
+    lacks: Reasons,
+    shared_data: Path,
+    tmp_path: Path,
 ) -> None:
-    """A window of a desktop is never pasted on a phone, nor on a page that has no screen around it."""
+    """A window of a desktop is never pasted on a phone, nor on a page that has no screen around
+    it."""
     (file,) = TABLES[maker](tmp_path / "source", shots=session(shared_data)).glob("*.parquet")
     rows = [{**row, **more} for row in pq.read_table(file).to_pylist()]
     write_table(file, rows if maker == "boxes" else [{**rows[0], "id": name} for name in "abc"])
-    options: dict[str, Any] = {"corruptions": ",".join(MACHINE), "clean": False, "output": "lazy", **FOREIGN}
+    options: dict[str, Any] = {
+        "corruptions": ",".join(MACHINE),
+        "clean": False,
+        "output": "lazy",
+        **FOREIGN,
+    }
     report = build(tmp_path / "source", tmp_path / "out", **options)
     short = INSERTED if maker == "boxes" else ()
     assert report.not_applicable == {**lacks, **{label: {NEVER: 3} for label in short}}
-    assert {label for label, count in report.rows.items() if count} == set(MACHINE) - lacks.keys() - set(short)
+    assert {label for label, count in report.rows.items() if count} == set(
+        MACHINE
+    ) - lacks.keys() - set(short)
 
 
 @pytest.mark.parametrize(
@@ -329,13 +479,27 @@ def test_phones_and_pages_are_no_desktops(
         ("pyautogui.moveTo(620, 100); pyautogui.dragTo(60, 150)", ""),
         ("pyautogui.moveTo(100, 600); pyautogui.dragTo(1200, 60)", NO_ROOM),
         ("WAIT", ""),
-        *[(f"pyautogui.{name}()", NO_PLACE) for name in ("click", "rightClick", "doubleClick", "mouseDown", "mouseUp")],
+        *[
+            (f"pyautogui.{name}()", NO_PLACE)
+            for name in ("click", "rightClick", "doubleClick", "mouseDown", "mouseUp")
+        ],
     ],
 )
-def test_a_window_takes_no_part_of_an_action(code: str, reason: str, shared_data: Path, tmp_path: Path) -> None:
-    """Both ends of a drag and what is between stay as they were; a click that names no place goes to the pointer."""
+def test_a_window_takes_no_part_of_an_action(
+    code: str,
+    reason: str,
+    shared_data: Path,
+    tmp_path: Path,
+) -> None:
+    """Both ends of a drag and what is between stay as they were; a click that names no place goes
+    to the pointer."""
     picture = {"bytes": session(shared_data).picture(0), "path": None}
-    row = {"task_id": "t", "instruction": "do it", "actions": [code], "screenshots": [picture]}
+    row = {
+        "task_id": "t",
+        "instruction": "do it",
+        "actions": [code],
+        "screenshots": [picture],
+    }
     write_table(tmp_path / "source" / "a.parquet", [row])
     report = build(tmp_path / "source", tmp_path / "out", corruptions="multi_apps", **FOREIGN)
     assert report.not_applicable == ({"multi_apps": {reason: 1}} if reason else {})
@@ -355,7 +519,12 @@ def test_a_table_is_built_alike_by_one_worker_and_by_two(shared_data: Path, tmp_
     files = []
     for workers in (1, 2):
         out = tmp_path / f"out{workers}"
-        options: dict[str, Any] = {"workers": workers, "rows_per_shard": 25, "output": "lazy", **FOREIGN}
+        options: dict[str, Any] = {
+            "workers": workers,
+            "rows_per_shard": 25,
+            "output": "lazy",
+            **FOREIGN,
+        }
         build(folder, out, corruptions=",".join(MACHINE), **options)
         files.append({path.name: path.read_bytes() for path in (out / "data").iterdir()})
     assert len(files[0]) == 2

@@ -11,10 +11,10 @@ from PIL import Image
 import hijack_data as hj
 from hijack_data.files import load_image
 from pipelines import build, open_dataset, verify
-from pipelines.columns import COLUMNS
+from pipelines.building.rows import RowSettings
+from pipelines.dataset.columns import COLUMNS
 from pipelines.errors import BuildError
 from pipelines.readers import get_reader
-from pipelines.rows import Settings
 
 NAMES = """
 id trajectory_id step source domain instruction screenshot width height action action_code target_box corruption
@@ -24,7 +24,10 @@ image_sha256
 
 
 def data_hashes(out: Path) -> dict[str, str]:
-    return {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in sorted((out / "data").iterdir())}
+    return {
+        file.name: hashlib.sha256(file.read_bytes()).hexdigest()
+        for file in sorted((out / "data").iterdir())
+    }
 
 
 def quarantined(out: Path) -> list[dict[str, str]]:
@@ -43,23 +46,49 @@ def load(out: Path, cache: Path) -> Any:
     return datasets.load_dataset(str(out), cache_dir=str(cache))
 
 
-def test_rows_have_the_columns_of_the_contract(recording: Any, small: Any, tmp_path: Path) -> None:
+def test_rows_have_the_columns_of_the_contract(
+    recording: Any,
+    small: Any,
+    tmp_path: Path,
+) -> None:
     report = build(recording(), tmp_path / "out", corruptions=small, seed=3)
     rows = list(open_dataset(tmp_path / "out"))
     assert report.exit_code == 0
-    assert dict(report.rows) == {"clean": 6, "pop_ups": 6, "resolution": 6, "marks": 6, "subtitle": 6}
+    assert dict(report.rows) == {
+        "clean": 6,
+        "pop_ups": 6,
+        "resolution": 6,
+        "marks": 6,
+        "subtitle": 6,
+    }
     assert len(rows) == len(open_dataset(tmp_path / "out")) == report.total == 30
     assert list(COLUMNS) == NAMES
     assert all(list(row) == NAMES for row in rows)
-    assert [row["id"] for row in rows[:3]] == ["t0/0000/clean", "t0/0000/pop_ups", "t0/0000/resolution"]
+    assert [row["id"] for row in rows[:3]] == [
+        "t0/0000/clean",
+        "t0/0000/pop_ups",
+        "t0/0000/resolution",
+    ]
     assert len({row["id"] for row in rows}) == 30
     clean, marks = rows[0], rows[3]
     assert (clean["source"], clean["domain"], clean["instruction"]) == ("jsonl", "tests", "do t0")
     assert clean["action"] == {
-        "type": "click", "x": 100, "y": 50, "x2": None, "y2": None, "text": None, "keys": None, "amount": None,
-    }  # fmt: skip
+        "type": "click",
+        "x": 100,
+        "y": 50,
+        "x2": None,
+        "y2": None,
+        "text": None,
+        "keys": None,
+        "amount": None,
+    }
     assert (clean["width"], clean["height"], clean["target_box"]) == (320, 200, [90, 40, 130, 60])
-    assert (clean["severity"], clean["params"], clean["changed_pixels"], clean["target_visible"]) == (
+    assert (
+        clean["severity"],
+        clean["params"],
+        clean["changed_pixels"],
+        clean["target_visible"],
+    ) == (
         None,
         "{}",
         0,
@@ -71,33 +100,59 @@ def test_rows_have_the_columns_of_the_contract(recording: Any, small: Any, tmp_p
     assert all(row["changed_pixels"] > 0 for row in rows if row["corruption"] != "clean")
 
 
-def test_load_dataset_reads_it_without_our_code(recording: Any, small: Any, tmp_path: Path, offline: Path) -> None:
+def test_load_dataset_reads_it_without_our_code(
+    recording: Any,
+    small: Any,
+    tmp_path: Path,
+    offline: Path,
+) -> None:
     folder = recording()
-    build(folder, tmp_path / "out", corruptions=small, seed=2**64 - 1, rows_per_shard=15)
+    build(
+        folder,
+        tmp_path / "out",
+        corruptions=small,
+        seed=2**64 - 1,
+        rows_per_shard=15,
+    )
     loaded = load(tmp_path / "out", offline)
     assert list(loaded) == ["train"]
     features = loaded["train"].features
     assert list(features) == NAMES
     assert type(features["screenshot"]).__name__ == "Image"
     assert {name: features[name].dtype for name in ("step", "seed", "target_visible")} == {
-        "step": "int32", "seed": "uint64", "target_visible": "float64",
-    }  # fmt: skip
+        "step": "int32",
+        "seed": "uint64",
+        "target_visible": "float64",
+    }
     ours = list(open_dataset(tmp_path / "out"))
     assert len(loaded["train"]) == len(ours) == 30
     for theirs, row in zip(loaded["train"], ours, strict=True):
-        assert np.array_equal(np.asarray(theirs.pop("screenshot")), np.asarray(row.pop("screenshot")))
+        assert np.array_equal(
+            np.asarray(theirs.pop("screenshot")), np.asarray(row.pop("screenshot"))
+        )
         assert theirs == row
 
 
-def test_datasets_of_one_name_do_not_share_a_cache(recording: Any, small: Any, tmp_path: Path, offline: Path) -> None:
+def test_datasets_of_one_name_do_not_share_a_cache(
+    recording: Any,
+    small: Any,
+    tmp_path: Path,
+    offline: Path,
+) -> None:
     """A cache named by the card alone would give the rows of the first for both."""
     folder = recording()
     build(folder, tmp_path / "a" / "out", corruptions=small, seed=1)
     build(folder, tmp_path / "b" / "out", corruptions={}, seed=1)
-    assert len(load(tmp_path / "a" / "out", offline)["train"]) > len(load(tmp_path / "b" / "out", offline)["train"])
+    assert len(load(tmp_path / "a" / "out", offline)["train"]) > len(
+        load(tmp_path / "b" / "out", offline)["train"]
+    )
 
 
-def test_pictures_are_those_of_a_fresh_plan(recording: Any, small: Any, tmp_path: Path) -> None:
+def test_pictures_are_those_of_a_fresh_plan(
+    recording: Any,
+    small: Any,
+    tmp_path: Path,
+) -> None:
     folder = recording()
     build(folder, tmp_path / "out", corruptions=small, seed=5)
     steps = {(t.id, s.index): s for t in get_reader("jsonl").read(folder) for s in t.steps}  # type: ignore[union-attr]
@@ -107,23 +162,56 @@ def test_pictures_are_those_of_a_fresh_plan(recording: Any, small: Any, tmp_path
         scene = hj.Scene(image.shape[:2], step.elements, target=step.target_box)
         plan = hj.Plan.clean(scene.size)
         if row["corruption"] != "clean":
-            plan = small[row["corruption"]].plan(scene, seed=5, sample=row["trajectory_id"], step=row["step"])
+            plan = small[row["corruption"]].plan(
+                scene,
+                seed=5,
+                sample=row["trajectory_id"],
+                step=row["step"],
+            )
         expected = hj.apply(plan, image)
         stored = np.asarray(row["screenshot"])
         assert np.array_equal(stored, expected)
         assert row["image_sha256"] == hashlib.sha256(stored.tobytes()).hexdigest()
         assert hj.Plan.from_json(row["plan"]) == plan
         safety = hj.judge(plan, image, expected, target=step.target_box)
-        assert (row["target_visible"], row["changed_pixels"]) == (safety.target_visible, safety.changed_pixels)
+        assert (row["target_visible"], row["changed_pixels"]) == (
+            safety.target_visible,
+            safety.changed_pixels,
+        )
 
 
-def test_actions_follow_the_resolution(recording: Any, add_line: Any, good_line: Any, tmp_path: Path) -> None:
+def test_actions_follow_the_resolution(
+    recording: Any,
+    add_line: Any,
+    good_line: Any,
+    tmp_path: Path,
+) -> None:
     folder = recording(trajectories=1, steps=1)
-    action = {"type": "drag", "x": 20, "y": 40, "x2": 300, "y2": 180, "keys": ["shift"], "amount": 2}
-    code = "x = 20\npyautogui.moveTo(x, 40)\npyautogui.dragTo(x=300, y=180, button='left')\npyautogui.scroll(-3)"
-    changes = {"action": action, "action_code": code, "target_box": [10, 30, 30, 50], "image": "images/t0-0.png"}
+    action = {
+        "type": "drag",
+        "x": 20,
+        "y": 40,
+        "x2": 300,
+        "y2": 180,
+        "keys": ["shift"],
+        "amount": 2,
+    }
+    code = (
+        "x = 20\npyautogui.moveTo(x, 40)\npyautogui.dragTo(x=300, y=180,"
+        " button='left')\npyautogui.scroll(-3)"
+    )
+    changes = {
+        "action": action,
+        "action_code": code,
+        "target_box": [10, 30, 30, 50],
+        "image": "images/t0-0.png",
+    }
     add_line(folder, good_line("t1", 0, **changes))
-    build(folder, tmp_path / "out", corruptions={"half": hj.Resolution(scale=0.5), "3x": hj.Resolution(scale=3)})
+    build(
+        folder,
+        tmp_path / "out",
+        corruptions={"half": hj.Resolution(scale=0.5), "3x": hj.Resolution(scale=3)},
+    )
     rows = {row["id"]: row for row in open_dataset(tmp_path / "out")}
     half, triple = rows["t1/0000/half"], rows["t1/0000/3x"]
     assert (half["width"], half["height"], half["screenshot"].size) == (160, 100, (160, 100))
@@ -131,45 +219,95 @@ def test_actions_follow_the_resolution(recording: Any, add_line: Any, good_line:
     assert [triple["action"][k] for k in ("x", "y", "x2", "y2")] == [61, 121, 901, 541]
     assert (half["action"]["keys"], half["action"]["amount"]) == (["shift"], 2.0)
     assert half["target_box"] == [5, 15, 15, 25]
-    expected = "x = 20\npyautogui.moveTo(10, 20)\npyautogui.dragTo(x=150, y=90, button='left')\npyautogui.scroll(-3)"
+    expected = (
+        "x = 20\npyautogui.moveTo(10, 20)\npyautogui.dragTo(x=150, y=90,"
+        " button='left')\npyautogui.scroll(-3)"
+    )
     assert half["action_code"] == expected
     assert rows["t1/0000/clean"]["action_code"] == code
     assert rows["t0/0000/half"]["severity"] == 3
 
 
 def test_code_that_cannot_be_mapped_is_put_on_record(
-    recording: Any, add_line: Any, good_line: Any, small: Any, tmp_path: Path
+    recording: Any,
+    add_line: Any,
+    good_line: Any,
+    small: Any,
+    tmp_path: Path,
 ) -> None:
     folder = recording(trajectories=1, steps=1)
     code = "x, y = pyautogui.position()\npyautogui.click(x, y)"
     add_line(folder, good_line("t1", 0, action_code=code, image="images/t0-0.png"))
     report = build(folder, tmp_path / "out", corruptions=small)
     assert (report.rejected, report.exit_code) == (1, 1)
-    assert dict(report.rows) == {"clean": 2, "pop_ups": 2, "resolution": 1, "marks": 2, "subtitle": 2}
+    assert dict(report.rows) == {
+        "clean": 2,
+        "pop_ups": 2,
+        "resolution": 1,
+        "marks": 2,
+        "subtitle": 2,
+    }
     assert quarantined(tmp_path / "out")[0]["where"] == "t1, step 0, resolution"
     assert quarantined(tmp_path / "out")[0]["field"] == "action_code"
 
 
-def test_the_same_input_gives_the_same_bytes(recording: Any, small: Any, tmp_path: Path) -> None:
+def test_the_same_input_gives_the_same_bytes(
+    recording: Any,
+    small: Any,
+    tmp_path: Path,
+) -> None:
     folder = recording(trajectories=3, steps=2)
-    build(folder, tmp_path / "a", corruptions=small, seed=1, rows_per_shard=10)
-    build(folder, tmp_path / "b", corruptions=small, seed=1, rows_per_shard=10)
-    build(folder, tmp_path / "c", corruptions=small, seed=2, rows_per_shard=10)
+    build(
+        folder,
+        tmp_path / "a",
+        corruptions=small,
+        seed=1,
+        rows_per_shard=10,
+    )
+    build(
+        folder,
+        tmp_path / "b",
+        corruptions=small,
+        seed=1,
+        rows_per_shard=10,
+    )
+    build(
+        folder,
+        tmp_path / "c",
+        corruptions=small,
+        seed=2,
+        rows_per_shard=10,
+    )
     first = data_hashes(tmp_path / "a")
     assert list(first) == ["train-00000.parquet", "train-00001.parquet", "train-00002.parquet"]
     assert data_hashes(tmp_path / "b") == first
     assert not set(data_hashes(tmp_path / "c").values()) & set(first.values())
-    assert (tmp_path / "a" / "manifest.json").read_bytes() == (tmp_path / "b" / "manifest.json").read_bytes()
+    assert (tmp_path / "a" / "manifest.json").read_bytes() == (
+        tmp_path / "b" / "manifest.json"
+    ).read_bytes()
 
 
-def test_workers_change_nothing(recording: Any, small: Any, add_line: Any, tmp_path: Path) -> None:
+def test_workers_change_nothing(
+    recording: Any,
+    small: Any,
+    add_line: Any,
+    tmp_path: Path,
+) -> None:
     folder = recording(trajectories=8, steps=1)
     (folder / "images" / "t3-0.png").write_bytes(b"\x89PNG\r\n\x1a\n")
     add_line(folder, b"rubbish")
     image = (folder / "images" / "t2-0.png").read_bytes()
-    (folder / "images" / "t2-0.png").write_bytes(image[:-2000])  # the header is whole: a worker finds out
+    # the header is whole: a worker finds out
+    (folder / "images" / "t2-0.png").write_bytes(image[:-2000])
     reports = [
-        build(folder, tmp_path / f"out{n}", corruptions=small, rows_per_shard=5, workers=n, strict=False)
+        build(
+            folder,
+            tmp_path / f"out{n}",
+            corruptions=small,
+            rows_per_shard=5,
+            workers=n,
+            strict=False,
+        )
         for n in (1, 2)
     ]
     assert data_hashes(tmp_path / "out1") == data_hashes(tmp_path / "out2")
@@ -183,16 +321,29 @@ def test_workers_change_nothing(recording: Any, small: Any, add_line: Any, tmp_p
 
 
 def test_planners_that_cannot_be_sent_to_workers(recording: Any, tmp_path: Path) -> None:
-    planners = {"later": hj.Schedule(lambda epoch: hj.Marks(number=3, mark_size=5, avoid_elements=epoch == 0))}
+    planners = {
+        "later": hj.Schedule(
+            lambda epoch: hj.Marks(
+                number=3,
+                mark_size=5,
+                avoid_elements=epoch == 0,
+            )
+        )
+    }
     with pytest.raises(BuildError, match="workers=1"):
         build(recording(), tmp_path / "out", corruptions=planners, workers=2)
     build(recording("again"), tmp_path / "out2", corruptions=planners)
     manifest = json.loads((tmp_path / "out2" / "manifest.json").read_text())
-    assert manifest["parameters"]["elements"] == "picture"  # what the schedule gives for epoch 0 needs them
+    # what the schedule gives for epoch 0 needs them
+    assert manifest["parameters"]["elements"] == "picture"
     assert not (tmp_path / "out2" / "config.yaml").exists()
 
 
-def test_combinations(recording: Any, small: Any, tmp_path: Path) -> None:
+def test_combinations(
+    recording: Any,
+    small: Any,
+    tmp_path: Path,
+) -> None:
     planners = {
         "both": hj.Sequence([small["marks"], small["resolution"]]),
         "mix": hj.OneOf([hj.Marks.at(1, mark_size=5), small["subtitle"]], p_clean=0.4),
@@ -222,15 +373,22 @@ def test_what_cannot_be_placed_is_counted_and_gives_no_row(recording: Any, tmp_p
         "same": hj.Resolution(scale=1.0),
     }
     report = build(recording(trajectories=1, steps=2), tmp_path / "out", corruptions=planners)
-    assert dict(report.rows) == {"clean": 2, "wide": 0, "none": 0, "same": 0}
+    assert dict(report.rows) == {
+        "clean": 2,
+        "wide": 0,
+        "none": 0,
+        "same": 0,
+    }
     assert (report.exit_code, report.rejected) == (0, 0)
-    assert {label: sum(reasons.values()) for label, reasons in report.not_applicable.items()} == dict.fromkeys(
-        planners, 2
-    )
+    assert {
+        label: sum(reasons.values()) for label, reasons in report.not_applicable.items()
+    } == dict.fromkeys(planners, 2)
     (reason,) = report.not_applicable["wide"]
     assert "does not fit" in reason
     manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
-    assert manifest["counts"]["not_applicable"] == {k: dict(v) for k, v in sorted(report.not_applicable.items())}
+    assert manifest["counts"]["not_applicable"] == {
+        k: dict(v) for k, v in sorted(report.not_applicable.items())
+    }
     assert any("wide: not applicable to 2 step(s)" in line for line in report.lines())
 
 
@@ -242,15 +400,30 @@ def test_a_plan_that_changes_no_pixel_gives_no_row(recording: Any, tmp_path: Pat
     assert list(report.not_applicable["red"]) == ["no pixel differs from the clean picture"]
 
 
-COVER = hj.PopUps(width=320, height=200, avoid_elements=False)
+COVER = hj.PopUps(
+    width=320,
+    height=200,
+    avoid_elements=False,
+)
 
 
 def test_label_policies(recording: Any, tmp_path: Path) -> None:
     folder = recording(trajectories=4, steps=5)
-    marks = {"marks": hj.Marks(number=25, mark_size=12, mark_type="rectangle")}
+    marks = {
+        "marks": hj.Marks(
+            number=25,
+            mark_size=12,
+            mark_type="rectangle",
+        )
+    }
     out = {policy: tmp_path / policy for policy in ("keep", "drop", "avoid")}
-    reports = {policy: build(folder, out[policy], corruptions=marks, label_policy=policy) for policy in out}
-    seen = {p: [r["target_visible"] for r in open_dataset(out[p]) if r["corruption"] == "marks"] for p in out}
+    reports = {
+        policy: build(folder, out[policy], corruptions=marks, label_policy=policy) for policy in out
+    }
+    seen = {
+        p: [r["target_visible"] for r in open_dataset(out[p]) if r["corruption"] == "marks"]
+        for p in out
+    }
     assert len(seen["keep"]) == 20
     assert min(seen["keep"]) < 0.5
     assert seen["drop"] == [share for share in seen["keep"] if share >= 0.5]
@@ -260,38 +433,92 @@ def test_label_policies(recording: Any, tmp_path: Path) -> None:
     assert len(seen["avoid"]) > seen["keep"].count(1.0)
 
 
-def test_a_point_is_a_target_too(recording: Any, add_line: Any, good_line: Any, tmp_path: Path) -> None:
+def test_a_point_is_a_target_too(
+    recording: Any,
+    add_line: Any,
+    good_line: Any,
+    tmp_path: Path,
+) -> None:
     folder = recording(trajectories=1, steps=1)
-    point = {"action": {"type": "click", "x": 310, "y": 190}, "target_box": None, "image": "images/t0-0.png"}
+    point = {
+        "action": {
+            "type": "click",
+            "x": 310,
+            "y": 190,
+        },
+        "target_box": None,
+        "image": "images/t0-0.png",
+    }
     add_line(folder, good_line("t1", 0, **point))
     add_line(folder, good_line("t2", 0, **{**point, "action": {"type": "wait"}}))
     build(folder, tmp_path / "out", corruptions={"cover": COVER})
     rows = {row["id"]: row for row in open_dataset(tmp_path / "out")}
-    assert rows["t0/0000/cover"]["target_visible"] == 1.0  # the pop-up takes the lower right quarter
+    # the pop-up takes the lower right quarter
+    assert rows["t0/0000/cover"]["target_visible"] == 1.0
     assert rows["t1/0000/cover"]["target_visible"] == 0.0
     assert rows["t1/0000/clean"]["target_visible"] == 1.0
     assert rows["t2/0000/cover"]["target_visible"] is None
 
 
-def test_a_drag_shows_where_both_its_ends_do(recording: Any, add_line: Any, good_line: Any, tmp_path: Path) -> None:
+def test_a_drag_shows_where_both_its_ends_do(
+    recording: Any,
+    add_line: Any,
+    good_line: Any,
+    tmp_path: Path,
+) -> None:
     folder = recording(trajectories=1, steps=1)
-    for name, start, end in (("t1", (20, 20), (310, 190)), ("t2", (310, 190), (20, 20)), ("t3", (20, 20), (90, 30))):
-        drag = {"type": "drag", "x": start[0], "y": start[1], "x2": end[0], "y2": end[1]}
-        add_line(folder, good_line(name, 0, action=drag, target_box=None, image="images/t0-0.png"))
-    for policy, shown in {"keep": [0.0, 0.0, 1.0], "drop": [1.0], "avoid": [1.0]}.items():
-        build(folder, tmp_path / policy, corruptions={"cover": COVER}, clean=False, label_policy=policy)
+    for name, start, end in (
+        ("t1", (20, 20), (310, 190)),
+        ("t2", (310, 190), (20, 20)),
+        ("t3", (20, 20), (90, 30)),
+    ):
+        drag = {
+            "type": "drag",
+            "x": start[0],
+            "y": start[1],
+            "x2": end[0],
+            "y2": end[1],
+        }
+        add_line(
+            folder,
+            good_line(
+                name,
+                0,
+                action=drag,
+                target_box=None,
+                image="images/t0-0.png",
+            ),
+        )
+    for policy, shown in {
+        "keep": [0.0, 0.0, 1.0],
+        "drop": [1.0],
+        "avoid": [1.0],
+    }.items():
+        build(
+            folder,
+            tmp_path / policy,
+            corruptions={"cover": COVER},
+            clean=False,
+            label_policy=policy,
+        )
         rows = [row for row in open_dataset(tmp_path / policy) if row["trajectory_id"] != "t0"]
         assert [row["target_visible"] for row in rows] == shown
 
 
 def test_elements_of_the_recording_come_before_the_detector(
-    recording: Any, add_line: Any, good_line: Any, tmp_path: Path
+    recording: Any,
+    add_line: Any,
+    good_line: Any,
+    tmp_path: Path,
 ) -> None:
     pytest.importorskip("cv2")
     folder = recording(trajectories=1, steps=1)
     screen = Image.new("RGB", (320, 200), "white")
     screen.paste("black", (0, 0, 320, 90))
-    screen.paste(Image.fromarray(np.random.default_rng(0).integers(0, 256, (12, 60, 3), dtype=np.uint8)), (40, 150))
+    screen.paste(
+        Image.fromarray(np.random.default_rng(0).integers(0, 256, (12, 60, 3), dtype=np.uint8)),
+        (40, 150),
+    )
     screen.save(folder / "images" / "t0-0.png")
     add_line(folder, good_line("t1", 0, image="images/t0-0.png", elements=[]))
     planners = {"pop_ups": hj.PopUps(width=320, height=200)}
@@ -300,14 +527,32 @@ def test_elements_of_the_recording_come_before_the_detector(
     images = {row["id"]: np.asarray(row["screenshot"]) for row in open_dataset(tmp_path / "out")}
     clean = images["t0/0000/clean"]
     assert known["plan_digest"] != found["plan_digest"]
-    assert np.array_equal(images["t0/0000/pop_ups"][10:30, 10:60], clean[10:30, 10:60])  # a recorded element
-    assert np.array_equal(images["t1/0000/pop_ups"][150:162, 40:100], clean[150:162, 40:100])  # one in the picture
-    assert json.loads((tmp_path / "out" / "manifest.json").read_text())["parameters"]["elements"] == "picture"
+    # a recorded element
+    assert np.array_equal(images["t0/0000/pop_ups"][10:30, 10:60], clean[10:30, 10:60])
+    # one in the picture
+    assert np.array_equal(images["t1/0000/pop_ups"][150:162, 40:100], clean[150:162, 40:100])
+    assert (
+        json.loads((tmp_path / "out" / "manifest.json").read_text())["parameters"]["elements"]
+        == "picture"
+    )
 
 
-def test_planners_are_told_all_that_is_known(recording: Any, add_line: Any, good_line: Any, tmp_path: Path) -> None:
+def test_planners_are_told_all_that_is_known(
+    recording: Any,
+    add_line: Any,
+    good_line: Any,
+    tmp_path: Path,
+) -> None:
     folder = recording(trajectories=1, steps=1)
-    point = {"action": {"type": "click", "x": 8, "y": 9}, "target_box": None, "elements": None}
+    point = {
+        "action": {
+            "type": "click",
+            "x": 8,
+            "y": 9,
+        },
+        "target_box": None,
+        "elements": None,
+    }
     add_line(folder, good_line("t1", 0, **point, apps=["vlc"], image="images/t0-0.png"))
     seen: list[tuple[hj.Scene, dict[str, Any]]] = []
 
@@ -320,9 +565,20 @@ def test_planners_are_told_all_that_is_known(recording: Any, add_line: Any, good
     assert seen == [
         (
             hj.Scene((200, 320), [(90, 40, 130, 60), (10, 10, 60, 30)], target=(90, 40, 130, 60)),  # type: ignore[arg-type]
-            {"seed": 6, "sample": "t0", "step": 0},
+            {
+                "seed": 6,
+                "sample": "t0",
+                "step": 0,
+            },
         ),
-        (hj.Scene((200, 320), apps=("vlc",), target=(0, 1, 16, 17)), {"seed": 6, "sample": "t1", "step": 0}),
+        (
+            hj.Scene((200, 320), apps=("vlc",), target=(0, 1, 16, 17)),
+            {
+                "seed": 6,
+                "sample": "t1",
+                "step": 0,
+            },
+        ),
     ]
 
 
@@ -334,22 +590,36 @@ def test_the_fingerprint_covers_every_pixel_of_the_source(recording: Any, tmp_pa
         image.putpixel((7, 7), {"red": (255, 0, 0), "blue": (0, 0, 255)}[pixel])
         image.save(folder / "images" / "t0-1.png", compress_level=0)  # files of one size
         build(folder, tmp_path / f"out{n}", corruptions={}, label_policy="keep")
-        found.add(json.loads((tmp_path / f"out{n}" / "manifest.json").read_text())["source"]["fingerprint"])
+        found.add(
+            json.loads((tmp_path / f"out{n}" / "manifest.json").read_text())["source"][
+                "fingerprint"
+            ]
+        )
     assert len(found) == 2
 
 
-def test_row_groups_stay_small(recording: Any, small: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pipelines.writers.GROUP_ROWS", 4)
+def test_row_groups_stay_small(
+    recording: Any,
+    small: Any,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("pipelines.building.writers.GROUP_ROWS", 4)
     build(recording(), tmp_path / "rows", corruptions=small)
-    monkeypatch.setattr("pipelines.writers.GROUP_BYTES", 1)
+    monkeypatch.setattr("pipelines.building.writers.GROUP_BYTES", 1)
     build(tmp_path / "source", tmp_path / "bytes", corruptions=small)
     groups = [
-        pq.ParquetFile(tmp_path / name / "data" / "train-00000.parquet").num_row_groups for name in ("rows", "bytes")
+        pq.ParquetFile(tmp_path / name / "data" / "train-00000.parquet").num_row_groups
+        for name in ("rows", "bytes")
     ]
     assert groups == [8, 30]
 
 
-def test_the_card_says_how_to_build_it_again(recording: Any, small: Any, tmp_path: Path) -> None:
+def test_the_card_says_how_to_build_it_again(
+    recording: Any,
+    small: Any,
+    tmp_path: Path,
+) -> None:
     build(recording(), tmp_path / "out", corruptions=small, seed=4)
     card = (tmp_path / "out" / "README.md").read_text()
     assert card.startswith("---\n")
@@ -361,9 +631,21 @@ def test_the_card_says_how_to_build_it_again(recording: Any, small: Any, tmp_pat
 
 
 def test_the_real_recordings(shared_data: Path, tmp_path: Path) -> None:
-    report = build(shared_data / "trajectories" / "agentnet_raw", tmp_path / "out", corruptions="marks,resolution")
-    assert dict(report.rows) == {"clean": 15, "marks": 15, "resolution": 15}
-    half = next(row for row in open_dataset(tmp_path / "out") if row["id"] == "task_example_0/0000/resolution")
+    report = build(
+        shared_data / "trajectories" / "agentnet_raw",
+        tmp_path / "out",
+        corruptions="marks,resolution",
+    )
+    assert dict(report.rows) == {
+        "clean": 15,
+        "marks": 15,
+        "resolution": 15,
+    }
+    half = next(
+        row
+        for row in open_dataset(tmp_path / "out")
+        if row["id"] == "task_example_0/0000/resolution"
+    )
     assert (half["width"], half["height"]) == (638, 359)
     assert (half["action"]["x"], half["action"]["y"]) == (620, 348)
     assert half["action_code"] == "pyautogui.click(x=620, y=348)"
@@ -371,4 +653,4 @@ def test_the_real_recordings(shared_data: Path, tmp_path: Path) -> None:
 
 def test_settings_know_how_many_rows_a_step_has() -> None:
     planners = (("a", hj.Marks()), ("b", hj.Marks()))
-    assert (Settings(planners).variants, Settings(planners, clean=False).variants) == (3, 2)
+    assert (RowSettings(planners).variants, RowSettings(planners, clean=False).variants) == (3, 2)

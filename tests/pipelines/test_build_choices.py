@@ -1,4 +1,5 @@
-"""What a build is asked for beside its corruptions: splits, a limit, a trial, another dataset's place."""
+"""What a build is asked for beside its corruptions: splits, a limit, a trial, another dataset's
+place."""
 
 import json
 import shutil
@@ -10,9 +11,9 @@ import pytest
 
 import hijack_data as hj
 from pipelines import build, open_dataset, verify
+from pipelines.building.replacing import replaced
+from pipelines.building.splits import Splits, choose_splits
 from pipelines.errors import BuildError, SourceError
-from pipelines.replacing import replaced
-from pipelines.splits import Splits, choose_splits
 
 HALF = {"half": hj.Resolution(scale=0.5)}
 
@@ -21,9 +22,15 @@ def contents(out: Path) -> dict[str, bytes]:
     return {str(p.relative_to(out)): p.read_bytes() for p in sorted(out.rglob("*")) if p.is_file()}
 
 
-def test_a_split_holds_whole_trajectories_whatever_the_order_and_the_workers(recording: Any, tmp_path: Path) -> None:
+def test_a_split_holds_whole_trajectories_whatever_the_order_and_the_workers(
+    recording: Any, tmp_path: Path
+) -> None:
     folder = recording(trajectories=12, steps=1)
-    options: dict[str, Any] = {"corruptions": HALF, "splits": "train=0.5,test=0.5", "rows_per_shard": 4}
+    options: dict[str, Any] = {
+        "corruptions": HALF,
+        "splits": "train=0.5,test=0.5",
+        "rows_per_shard": 4,
+    }
     report = build(folder, tmp_path / "one", **options)
     build(folder, tmp_path / "two", **options, workers=2)
     assert contents(tmp_path / "one" / "data") == contents(tmp_path / "two" / "data")
@@ -38,7 +45,10 @@ def test_a_split_holds_whole_trajectories_whatever_the_order_and_the_workers(rec
     files = sorted(path.name for path in (tmp_path / "one" / "data").iterdir())
     trains = [name for name in files if name.startswith("train")]
     assert trains == [f"train-{n:05d}.parquet" for n in range(len(trains))]
-    assert f"| `test` | 0.5 | {Counter(first.values())['test']} |" in (tmp_path / "one" / "README.md").read_text()
+    assert (
+        f"| `test` | 0.5 | {Counter(first.values())['test']} |"
+        in (tmp_path / "one" / "README.md").read_text()
+    )
 
 
 def split_of(out: Path) -> dict[str, str]:
@@ -47,14 +57,24 @@ def split_of(out: Path) -> dict[str, str]:
     found: dict[str, str] = {}
     for file in (out / "data").iterdir():
         for name in pq.read_table(file, columns=["trajectory_id"])["trajectory_id"].to_pylist():
-            assert found.setdefault(name, file.name.partition("-")[0]) == file.name.partition("-")[0]
+            assert (
+                found.setdefault(name, file.name.partition("-")[0]) == file.name.partition("-")[0]
+            )
     return found
 
 
-def test_load_dataset_finds_the_splits(recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_load_dataset_finds_the_splits(
+    recording: Any,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     datasets = pytest.importorskip("datasets")
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
-    shares = {"train": 0.4, "validation": 0.3, "test": 0.3}
+    shares = {
+        "train": 0.4,
+        "validation": 0.3,
+        "test": 0.3,
+    }
     build(recording(trajectories=12, steps=1), tmp_path / "out", corruptions=HALF, splits=shares)
     loaded = datasets.load_dataset(str(tmp_path / "out"), cache_dir=str(tmp_path / "cache"))
     assert {name: len(part) for name, part in loaded.items()} == {
@@ -63,7 +83,9 @@ def test_load_dataset_finds_the_splits(recording: Any, tmp_path: Path, monkeypat
     assert set(loaded) == set(shares)
 
 
-def test_splits_in_a_configuration_make_the_same_dataset_again(recording: Any, tmp_path: Path) -> None:
+def test_splits_in_a_configuration_make_the_same_dataset_again(
+    recording: Any, tmp_path: Path
+) -> None:
     folder = recording(trajectories=6, steps=1)
     build(folder, tmp_path / "one", corruptions=HALF, splits={"train": 0.5, "test": 0.5})
     build(folder, tmp_path / "two", config=tmp_path / "one" / "config.yaml")
@@ -73,17 +95,27 @@ def test_splits_in_a_configuration_make_the_same_dataset_again(recording: Any, t
 
 
 def test_shares_are_kept_and_the_order_of_their_names_means_nothing() -> None:
-    one = choose_splits("test=0.2,train=0.8", None)
+    one = choose_splits("test=0.2,train=0.8")
     other = Splits({"train": 0.8, "test": 0.2})
     ids = [f"t{n}" for n in range(2000)]
     assert [one.of(name) for name in ids] == [other.of(name) for name in ids]
     assert 0.17 < sum(one.of(name) == "test" for name in ids) / len(ids) < 0.23
 
 
-def test_only_the_first_trajectories(recording: Any, add_line: Any, tmp_path: Path) -> None:
+def test_only_the_first_trajectories(
+    recording: Any,
+    add_line: Any,
+    tmp_path: Path,
+) -> None:
     folder = recording(trajectories=4)
     calls: list[tuple[int, int, str]] = []
-    report = build(folder, tmp_path / "out", corruptions={}, limit=2, progress=lambda *call: calls.append(call))
+    report = build(
+        folder,
+        tmp_path / "out",
+        corruptions={},
+        limit=2,
+        progress=lambda *call: calls.append(call),
+    )
     assert (report.total, calls[-1]) == (6, (6, 6, "steps"))
     assert "first 2 trajectories" in (tmp_path / "out" / "README.md").read_text()
     with pytest.raises(BuildError, match="limit was 2, is None"):
@@ -91,12 +123,21 @@ def test_only_the_first_trajectories(recording: Any, add_line: Any, tmp_path: Pa
 
 
 def test_a_trial_counts_as_the_build_does_and_writes_nothing(
-    recording: Any, add_line: Any, browsing: Path, assets: Path, nine: Any, tmp_path: Path
+    recording: Any,
+    add_line: Any,
+    browsing: Path,
+    assets: Path,
+    nine: Any,
+    tmp_path: Path,
 ) -> None:
     add_line(browsing, b"rubbish")
     image = browsing / "images" / "t1-1.png"
     image.write_bytes(image.read_bytes()[:-1000])
-    options: dict[str, Any] = {"corruptions": nine, "assets": assets, "label_policy": "drop"}
+    options: dict[str, Any] = {
+        "corruptions": nine,
+        "assets": assets,
+        "label_policy": "drop",
+    }
     tried = build(browsing, tmp_path / "out", **options, dry_run=True)
     assert not (tmp_path / "out").exists()
     made = build(browsing, tmp_path / "out", **options)
@@ -108,7 +149,9 @@ def test_a_trial_counts_as_the_build_does_and_writes_nothing(
         build(browsing, tmp_path / "x", **options, dry_run=True, strict=True)
 
 
-def test_overwriting_replaces_a_dataset_once_the_new_one_is_whole(recording: Any, tmp_path: Path) -> None:
+def test_overwriting_replaces_a_dataset_once_the_new_one_is_whole(
+    recording: Any, tmp_path: Path
+) -> None:
     folder, out = recording(trajectories=3), tmp_path / "out"
     build(folder, out, corruptions=HALF, rows_per_shard=1)
     old = contents(out)
@@ -120,16 +163,26 @@ def test_overwriting_replaces_a_dataset_once_the_new_one_is_whole(recording: Any
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        build(folder, out, corruptions={}, overwrite=True, progress=fail)
+        build(
+            folder,
+            out,
+            corruptions={},
+            overwrite=True,
+            progress=fail,
+        )
     assert contents(out) == old
     build(folder, out, corruptions={}, overwrite=True)
     build(folder, tmp_path / "fresh", corruptions={}, overwrite=True)
     data, fresh = contents(out), contents(tmp_path / "fresh")
-    assert {k: v for k, v in data.items() if k != "README.md"} == {k: v for k, v in fresh.items() if k != "README.md"}
+    assert {k: v for k, v in data.items() if k != "README.md"} == {
+        k: v for k, v in fresh.items() if k != "README.md"
+    }
     assert sorted(path.name for path in tmp_path.iterdir()) == ["fresh", "out", "source"]
 
 
-def test_a_new_dataset_that_was_killed_halfway_is_begun_anew(recording: Any, tmp_path: Path) -> None:
+def test_a_new_dataset_that_was_killed_halfway_is_begun_anew(
+    recording: Any, tmp_path: Path
+) -> None:
     folder, out = recording(), tmp_path / "out"
     build(folder, out, corruptions=HALF)
     shutil.copytree(out, tmp_path / ".out.new")
@@ -139,7 +192,11 @@ def test_a_new_dataset_that_was_killed_halfway_is_begun_anew(recording: Any, tmp
 
 
 @pytest.mark.parametrize("name", ["notes.txt", "data/mine.parquet"])
-def test_overwriting_spares_what_is_not_ours(name: str, recording: Any, tmp_path: Path) -> None:
+def test_overwriting_spares_what_is_not_ours(
+    name: str,
+    recording: Any,
+    tmp_path: Path,
+) -> None:
     folder, out = recording(), tmp_path / "out"
     build(folder, out, corruptions={})
     (out / name).write_text("mine")
@@ -157,7 +214,9 @@ def test_overwriting_wants_a_dataset_of_ours(recording: Any, tmp_path: Path) -> 
 
 
 def test_the_old_dataset_stays_where_renaming_fails(
-    recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    recording: Any,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     out = tmp_path / "out"
     build(recording(), out, corruptions={})
@@ -175,7 +234,11 @@ def test_the_old_dataset_stays_where_renaming_fails(
     assert contents(out) == old
 
 
-def test_a_failed_attempt_is_not_in_the_way_of_the_next(recording: Any, add_line: Any, tmp_path: Path) -> None:
+def test_a_failed_attempt_is_not_in_the_way_of_the_next(
+    recording: Any,
+    add_line: Any,
+    tmp_path: Path,
+) -> None:
     folder, out = recording(), tmp_path / "out"
     add_line(folder, b"rubbish")
     with pytest.raises(SourceError):

@@ -1,4 +1,5 @@
-"""Datasets with what happens to the machine: which rows there are, and what each of them teaches."""
+"""Datasets with what happens to the machine: which rows there are, and what each of them
+teaches."""
 
 import hashlib
 import json
@@ -15,7 +16,16 @@ from pipelines import build, open_dataset
 
 from support.events import COMBINED, FIVE, with_apps
 
-WAIT = {"type": "wait", "x": None, "y": None, "x2": None, "y2": None, "text": None, "keys": None, "amount": None}
+WAIT = {
+    "type": "wait",
+    "x": None,
+    "y": None,
+    "x2": None,
+    "y2": None,
+    "text": None,
+    "keys": None,
+    "amount": None,
+}
 
 
 def rows_by_label(folder: Path) -> dict[str, list[dict[str, Any]]]:
@@ -25,23 +35,42 @@ def rows_by_label(folder: Path) -> dict[str, list[dict[str, Any]]]:
     return found
 
 
-def test_all_nine(browsing: Path, nine: Any, assets: Path, tmp_path: Path) -> None:
-    report = build(browsing, tmp_path / "out", corruptions=nine, seed=3, assets=assets)
+def test_all_nine(
+    browsing: Path,
+    nine: Any,
+    assets: Path,
+    tmp_path: Path,
+) -> None:
+    report = build(
+        browsing,
+        tmp_path / "out",
+        corruptions=nine,
+        seed=3,
+        assets=assets,
+    )
     assert report.exit_code == 0
     assert dict(report.not_applicable) == {}
     visual = dict.fromkeys(("clean", "pop_ups", "resolution", "marks", "subtitle"), 10)
     assert dict(report.rows) == {**visual, **dict.fromkeys(FIVE, 2)}
     found = rows_by_label(tmp_path / "out")
     assert [row["id"] for label in FIVE for row in found[label][:1]] == [
-        "t0/0000/multi_apps", "t0/0003/accidental_touch+touch", "t0/0003/app_minimization+minimise",
-        "t0/0000/network_error", "t0/0000/verification",
-    ]  # fmt: skip
-    assert {(label, row["fidelity"], row["inserted"], row["reminder"] is not None) for label in FIVE
-            for row in found[label]} == {
-        ("multi_apps", "composited", False, False), ("accidental_touch", "composited", True, False),
-        ("app_minimization", "recorded", True, False), ("network_error", "recorded", False, True),
+        "t0/0000/multi_apps",
+        "t0/0003/accidental_touch+touch",
+        "t0/0003/app_minimization+minimise",
+        "t0/0000/network_error",
+        "t0/0000/verification",
+    ]
+    assert {
+        (label, row["fidelity"], row["inserted"], row["reminder"] is not None)
+        for label in FIVE
+        for row in found[label]
+    } == {
+        ("multi_apps", "composited", False, False),
+        ("accidental_touch", "composited", True, False),
+        ("app_minimization", "recorded", True, False),
+        ("network_error", "recorded", False, True),
         ("verification", "recorded", False, True),
-    }  # fmt: skip
+    }
     for label, rows in found.items():
         for row in rows:
             assert (row["event"] is None) == (label not in FIVE)
@@ -52,11 +81,19 @@ def test_all_nine(browsing: Path, nine: Any, assets: Path, tmp_path: Path) -> No
     assert len(set(every)) == len(every)
 
 
-def test_what_each_row_teaches(browsing: Path, assets: Path, tmp_path: Path) -> None:
+def test_what_each_row_teaches(
+    browsing: Path,
+    assets: Path,
+    tmp_path: Path,
+) -> None:
     build(browsing, tmp_path / "out", corruptions=",".join(FIVE), assets=assets)
     found = {label: rows[0] for label, rows in rows_by_label(tmp_path / "out").items()}
     pack = AssetPack.load(assets)
-    for label, name in (("network_error", "error"), ("verification", "lock-small"), ("app_minimization", "desktop")):
+    for label, name in (
+        ("network_error", "error"),
+        ("verification", "lock-small"),
+        ("app_minimization", "desktop"),
+    ):
         assert np.array_equal(np.asarray(found[label]["screenshot"]), pack.get(name).pixels())
     for label in ("network_error", "verification"):
         row = found[label]
@@ -67,40 +104,82 @@ def test_what_each_row_teaches(browsing: Path, assets: Path, tmp_path: Path) -> 
             None,
         )
     back = found["app_minimization"]
-    assert (back["step"], back["action"]["type"], back["action"]["x"], back["action"]["y"]) == (3, "click", 50, 190)
-    assert (back["action_code"], back["target_box"]) == ("pyautogui.click(50, 190)", [20, 180, 80, 200])
+    assert (back["step"], back["action"]["type"], back["action"]["x"], back["action"]["y"]) == (
+        3,
+        "click",
+        50,
+        190,
+    )
+    assert (back["action_code"], back["target_box"]) == (
+        "pyautogui.click(50, 190)",
+        [20, 180, 80, 200],
+    )
     assert back["target_visible"] == 1.0
     beside, clean = found["multi_apps"], found["clean"]
     for name in ("action", "action_code", "target_box", "target_visible", "step"):
         assert beside[name] == clean[name]
     assert beside["target_visible"] == 1.0
-    changed = (np.asarray(beside["screenshot"]) != np.asarray(clean["screenshot"])).any(axis=2).sum()
+    changed = (
+        (np.asarray(beside["screenshot"]) != np.asarray(clean["screenshot"])).any(axis=2).sum()
+    )
     assert beside["changed_pixels"] == changed <= 120 * 150
 
 
-def test_the_button_of_a_dialog_is_visible_although_it_was_pasted(browsing: Path, tmp_path: Path, assets: Path) -> None:
+def test_the_button_of_a_dialog_is_visible_although_it_was_pasted(
+    browsing: Path,
+    tmp_path: Path,
+    assets: Path,
+) -> None:
     """`keep`, `avoid` and `drop` agree: what an event shows does not hide its own target."""
     seen = {}
     for policy in ("keep", "avoid", "drop", "recover"):
-        report = build(browsing, tmp_path / policy, corruptions="accidental_touch,verification", assets=assets,
-                       label_policy=policy, seed=1)  # fmt: skip
+        report = build(
+            browsing,
+            tmp_path / policy,
+            corruptions="accidental_touch,verification",
+            assets=assets,
+            label_policy=policy,
+            seed=1,
+        )
         assert dict(report.dropped) == {}
         rows = rows_by_label(tmp_path / policy)["accidental_touch"]
-        seen[policy] = [(row["action_code"], row["target_box"], row["target_visible"]) for row in rows]
+        seen[policy] = [
+            (row["action_code"], row["target_box"], row["target_visible"]) for row in rows
+        ]
     assert seen["keep"] == seen["avoid"] == seen["drop"] == seen["recover"]
     dialogs = [entry for entry in seen["keep"] if entry[1]]
     assert all(entry[2] == 1.0 for entry in dialogs)
 
 
-def test_effects_together_with_pictures(browsing: Path, assets: Path, tmp_path: Path) -> None:
+def test_effects_together_with_pictures(
+    browsing: Path,
+    assets: Path,
+    tmp_path: Path,
+) -> None:
     report = build(browsing, tmp_path / "out", corruptions=COMBINED, assets=assets)
     found = rows_by_label(tmp_path / "out")
-    names = {label: [row["id"].partition("/")[2] for row in rows if row["trajectory_id"] == "t0"]
-             for label, rows in found.items()}  # fmt: skip
+    names = {
+        label: [row["id"].partition("/")[2] for row in rows if row["trajectory_id"] == "t0"]
+        for label, rows in found.items()
+    }
     assert names["locked"] == [f"000{k}/locked" for k in range(5)]
-    assert names["half"] == ["0000/half", "0001/half+minimise", "0001/half", "0002/half", "0003/half", "0004/half"]
-    assert names["dots"] == ["0000/dots", "0001/dots+touch", "0001/dots", "0002/dots+touch", "0002/dots", "0003/dots",
-                             "0004/dots"]  # fmt: skip
+    assert names["half"] == [
+        "0000/half",
+        "0001/half+minimise",
+        "0001/half",
+        "0002/half",
+        "0003/half",
+        "0004/half",
+    ]
+    assert names["dots"] == [
+        "0000/dots",
+        "0001/dots+touch",
+        "0001/dots",
+        "0002/dots+touch",
+        "0002/dots",
+        "0003/dots",
+        "0004/dots",
+    ]
     assert names["both"] == ["0002/both+touch", "0002/both+minimise", "0002/both"]
     assert names["late"] == ["0002/late"]
     assert "clash" not in names
@@ -109,7 +188,8 @@ def test_effects_together_with_pictures(browsing: Path, assets: Path, tmp_path: 
     ]
     assert {row["fidelity"] for row in found["mix"]} == {"exact", "recorded"}
     locked = found["locked"]
-    assert [row["fidelity"] for row in locked[:2]] == ["composited", "exact"]  # a subtitle lies over it
+    # a subtitle lies over it
+    assert [row["fidelity"] for row in locked[:2]] == ["composited", "exact"]
     assert locked[0]["action_code"] == "WAIT"
     assert locked[1]["action_code"] == "pyautogui.click(101, 50)"
     # The subtitle is drawn over the lock screen, as it would be on a live one.
@@ -117,24 +197,45 @@ def test_effects_together_with_pictures(browsing: Path, assets: Path, tmp_path: 
     assert [type(op).__name__ for op in plan.ops] == ["Paste", "Paste"]
     assert plan.ops[0].sprite["draw"] == "asset"  # type: ignore[union-attr]
     words = hj.Plan("x-v1", (200, 320), ops=plan.ops[1:])
-    assert np.array_equal(np.asarray(locked[0]["screenshot"]),
-                          hj.apply(words, AssetPack.load(assets).get("lock-small").pixels()))  # fmt: skip
+    assert np.array_equal(
+        np.asarray(locked[0]["screenshot"]),
+        hj.apply(words, AssetPack.load(assets).get("lock-small").pixels()),
+    )
 
 
-def test_what_is_done_follows_the_resolution(browsing: Path, assets: Path, tmp_path: Path) -> None:
+def test_what_is_done_follows_the_resolution(
+    browsing: Path,
+    assets: Path,
+    tmp_path: Path,
+) -> None:
     build(browsing, tmp_path / "out", corruptions={"half": COMBINED["half"]}, assets=assets)
     row = next(row for row in open_dataset(tmp_path / "out") if row["inserted"])
     assert (row["width"], row["height"], row["target_box"]) == (160, 100, [10, 90, 40, 100])
-    assert (row["action"]["x"], row["action"]["y"], row["action_code"]) == (25, 95, "pyautogui.click(25, 95)")
+    assert (row["action"]["x"], row["action"]["y"], row["action_code"]) == (
+        25,
+        95,
+        "pyautogui.click(25, 95)",
+    )
     assert row["target_visible"] == 1.0
 
 
-def test_pictures_over_an_event_avoid_its_target(browsing: Path, assets: Path, tmp_path: Path) -> None:
+def test_pictures_over_an_event_avoid_its_target(
+    browsing: Path,
+    assets: Path,
+    tmp_path: Path,
+) -> None:
     planner = hj.Sequence([hj.AppMinimization(step=1), hj.Marks(number=40, mark_size=12)])
     seen = {}
     for policy in ("keep", "avoid", "drop", "recover"):
-        report = build(browsing, tmp_path / policy, corruptions={"dots": planner}, assets=assets, label_policy=policy,
-                       clean=False, seed=5)  # fmt: skip
+        report = build(
+            browsing,
+            tmp_path / policy,
+            corruptions={"dots": planner},
+            assets=assets,
+            label_policy=policy,
+            clean=False,
+            seed=5,
+        )
         rows = [row for row in open_dataset(tmp_path / policy) if row["inserted"]]
         seen[policy] = [row["target_visible"] for row in rows]
         assert len(rows) + (report.dropped.get("dots", 0) > 0) >= 1
@@ -149,26 +250,49 @@ def test_pictures_over_an_event_avoid_its_target(browsing: Path, assets: Path, t
     [(0, [1]), (2, [4]), ((0, 4), [1, 8]), (hj.Every(2), [4, 8]), (-1, [1]), ((-1, 1), [1, 2])],
 )
 def test_steps_are_counted_from_0_whatever_their_numbers(
-    step: Any, expected: list[int], recording: Any, assets: Path, tmp_path: Path
+    step: Any,
+    expected: list[int],
+    recording: Any,
+    assets: Path,
+    tmp_path: Path,
 ) -> None:
     """The recording leaves step 3 out and begins at 1; the third step that was read is step 2."""
     numbers = [1, 2, 4, 7, 8]
-    folder = with_apps(recording(trajectories=1, steps=5), ["chrome"], step=lambda row: numbers[row["step"]])
+    folder = with_apps(
+        recording(trajectories=1, steps=5), ["chrome"], step=lambda row: numbers[row["step"]]
+    )
     kind = hj.Verification if not isinstance(step, hj.Every) else hj.AppMinimization
     build(folder, tmp_path / "out", corruptions={"x": kind(step=step)}, assets=assets)
     assert [row["step"] for row in rows_by_label(tmp_path / "out")["x"]] == expected
 
 
-def test_recordings_that_end_too_soon_are_counted(recording: Any, assets: Path, tmp_path: Path) -> None:
-    report = build(recording(trajectories=2, steps=3), tmp_path / "out", assets=assets,
-                   corruptions="accidental_touch,app_minimization,verification")  # fmt: skip
-    assert dict(report.rows) == {"clean": 6, "accidental_touch": 0, "app_minimization": 0, "verification": 2}
+def test_recordings_that_end_too_soon_are_counted(
+    recording: Any,
+    assets: Path,
+    tmp_path: Path,
+) -> None:
+    report = build(
+        recording(trajectories=2, steps=3),
+        tmp_path / "out",
+        assets=assets,
+        corruptions="accidental_touch,app_minimization,verification",
+    )
+    assert dict(report.rows) == {
+        "clean": 6,
+        "accidental_touch": 0,
+        "app_minimization": 0,
+        "verification": 2,
+    }
     ended = {"the recording ends before the step at which it acts": 2}
     assert report.not_applicable == {"accidental_touch": ended, "app_minimization": ended}
 
 
 def test_where_an_event_would_not_be_true_there_is_no_row(
-    recording: Any, add_line: Any, good_line: Any, assets: Path, tmp_path: Path
+    recording: Any,
+    add_line: Any,
+    good_line: Any,
+    assets: Path,
+    tmp_path: Path,
 ) -> None:
     folder = recording(trajectories=1, steps=1)
     Image.new("RGB", (300, 150), "white").save(folder / "images" / "other.png")
@@ -181,26 +305,32 @@ def test_where_an_event_would_not_be_true_there_is_no_row(
         "name the applications that show with --apps, or by trajectory in agenthijack.yaml"
     }
     assert reasons["verification"] == {
-        "no lock screen was recorded on a screen of this size, and what was recorded cannot be laid out on it; "
-        "`hijack desktop record --assets DIR --only lock_screen --sizes NxN` records one"
+        "no lock screen was recorded on a screen of this size, and what was recorded cannot be laid"
+        " out on it; `hijack desktop record --assets DIR --only lock_screen --sizes NxN`"
+        " records one"
     }
     assert report.rows["verification"] == 1
 
 
 def test_elements_are_looked_for_where_none_are_recorded(
-    recording: Any, assets: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    recording: Any,
+    assets: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     folder = with_apps(
-        recording(trajectories=1, steps=4), ["chrome"], elements=lambda row: None,
+        recording(trajectories=1, steps=4),
+        ["chrome"],
+        elements=lambda row: None,
         action=lambda row: {"type": "type", "text": "x"},
-    )  # fmt: skip
+    )
     looked: list[Any] = []
 
     def found(image: np.ndarray, **known: Any) -> hj.Scene:
         looked.append(image)
         return hj.Scene(image.shape[:2], [(200, 100, 250, 120)], **known)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("pipelines.rows.scene_from", found)
+    monkeypatch.setattr("pipelines.building.rows.scene_from", found)
     report = build(folder, tmp_path / "out", assets=assets, corruptions="accidental_touch")
     assert report.rows["accidental_touch"] == 1
     (row,) = rows_by_label(tmp_path / "out")["accidental_touch"]

@@ -12,18 +12,21 @@ from hijack_data import corruption as registry
 from hijack_data.cli import hijack
 from hijack_data.errors import AssetError
 from hijack_data.pack import AssetPack
-from pipelines import build
+from pipelines import build, verify
+from pipelines.dataset.stats import stats
+from pipelines.dataset.stats_page import page
 from pipelines.errors import BuildError
-from pipelines.stats import stats
-from pipelines.stats_page import page
 
 from support.events import FIVE
 
 
 def test_plug_ins_whose_look_is_not_known_are_refused(
-    browsing: Path, assets: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    browsing: Path,
+    assets: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(registry, "_registry", dict(registry._registry))
+    monkeypatch.setattr(registry.CORRUPTIONS, "entries", dict(registry.CORRUPTIONS.entries))
 
     @hj.register
     @dataclass(frozen=True)
@@ -33,30 +36,43 @@ def test_plug_ins_whose_look_is_not_known_are_refused(
         name: ClassVar[str] = "muted"
         category: ClassVar[Any] = "environment_error"
         scope: ClassVar[Any] = "state"
+        effects: ClassVar[tuple[str, ...]] = ("mute",)
 
-        def make_plan(self, scene: hj.Scene, stream: hj.Stream, step: int) -> hj.Draft:
+        def make_plan(
+            self,
+            scene: hj.Scene,
+            stream: hj.Stream,
+            step: int,
+        ) -> hj.Draft:
             return hj.Draft(effects=(hj.Effect("mute"),))
 
     for asked in ("all", "muted", {"x": hj.OneOf([hj.Sequence([Muted()])])}):
-        with pytest.raises(BuildError, match=r"muted does mute to the machine.*leave it out: pop_ups,.*,verification$"):
+        with pytest.raises(
+            BuildError,
+            match=r"muted does mute to the machine.*leave it out: pop_ups,.*,verification$",
+        ):
             build(browsing, tmp_path / "out", corruptions=asked, assets=assets)  # type: ignore[arg-type]
 
-    class Hidden:
+    class Hidden(hj.Planner):
         needs_elements = False
 
         def plan(self, scene: hj.Scene, **key: Any) -> hj.Plan:
             return Muted().plan(scene, **key)
 
     with pytest.raises(
-        BuildError, match="x: muted-v1 gave a plan with effects, from a planner that is not one of ours"
+        BuildError,
+        match=r"x: muted-v1 gave a plan with effects .*\(mute\), which Hidden.effects does not",
     ):
-        build(browsing, tmp_path / "out", corruptions={"x": Hidden()}, assets=assets)  # type: ignore[dict-item]
+        build(browsing, tmp_path / "out", corruptions={"x": Hidden()}, assets=assets)
 
 
 def test_plug_ins_with_a_known_effect_are_built(
-    browsing: Path, assets: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    browsing: Path,
+    assets: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(registry, "_registry", dict(registry._registry))
+    monkeypatch.setattr(registry.CORRUPTIONS, "entries", dict(registry.CORRUPTIONS.entries))
 
     @hj.register
     @dataclass(frozen=True)
@@ -66,19 +82,36 @@ def test_plug_ins_with_a_known_effect_are_built(
         name: ClassVar[str] = "locked_out"
         category: ClassVar[Any] = "environment_error"
         scope: ClassVar[Any] = "state"
+        effects: ClassVar[tuple[str, ...]] = ("lock",)
 
-        def make_plan(self, scene: hj.Scene, stream: hj.Stream, step: int) -> hj.Draft:
+        def make_plan(
+            self,
+            scene: hj.Scene,
+            stream: hj.Stream,
+            step: int,
+        ) -> hj.Draft:
             return hj.Draft(effects=(hj.Effect("lock"),))
 
     report = build(browsing, tmp_path / "out", corruptions="locked_out", assets=assets)
     assert dict(report.rows) == {"clean": 10, "locked_out": 10}
 
 
-def test_what_people_are_told(browsing: Path, nine: Any, assets: Path, tmp_path: Path) -> None:
+def test_what_people_are_told(
+    browsing: Path,
+    nine: Any,
+    assets: Path,
+    tmp_path: Path,
+) -> None:
     build(browsing, tmp_path / "out", corruptions=nine, assets=assets)
     card = (tmp_path / "out" / "README.md").read_text()
-    for text in ("* `exact`:", "* `composited`:", "* `recorded`:", "`reminder`", "made up for tests",
-                 AssetPack.load(assets).digest[:16]):  # fmt: skip
+    for text in (
+        "* `exact`:",
+        "* `composited`:",
+        "* `recorded`:",
+        "`reminder`",
+        "made up for tests",
+        AssetPack.load(assets).digest[:16],
+    ):
         assert text in card
     found = stats(tmp_path / "out")
     data = found.to_data()["corruptions"]
@@ -96,7 +129,11 @@ def test_what_people_are_told(browsing: Path, nine: Any, assets: Path, tmp_path:
     assert "Action: WAIT" in text
 
 
-def test_the_command(browsing: Path, assets: Path, tmp_path: Path) -> None:
+def test_the_command(
+    browsing: Path,
+    assets: Path,
+    tmp_path: Path,
+) -> None:
     command = ["build", str(browsing), "--label-policy", "recover", "--corruptions"]
     run = CliRunner().invoke(
         hijack, [*command, ",".join(FIVE), "--assets", str(assets), "--out", str(tmp_path / "out")]
@@ -104,6 +141,63 @@ def test_the_command(browsing: Path, assets: Path, tmp_path: Path) -> None:
     assert run.exit_code == 0, run.output
     assert "verification: 2" in run.output
     none = str(tmp_path / "none")
-    run = CliRunner().invoke(hijack, [*command, "all", "--assets", none, "--out", str(tmp_path / "x")])
+    run = CliRunner().invoke(
+        hijack, [*command, "all", "--assets", none, "--out", str(tmp_path / "x")]
+    )
     assert isinstance(run.exception, AssetError)
     assert not (tmp_path / "x").exists()
+
+
+class EveryOther(hj.Planner):
+    """A planner of somebody else: its part, at even steps."""
+
+    def __init__(self, part: hj.Planner) -> None:
+        self.part = part
+
+    @property
+    def parts(self) -> tuple[hj.Planner, ...]:
+        return (self.part,)
+
+    def is_due(self, step: int) -> bool:
+        return step % 2 == 0
+
+    def plan(
+        self,
+        scene: hj.Scene,
+        *,
+        step: int | None = None,
+        **key: Any,
+    ) -> hj.Plan:
+        if (step or 0) % 2:
+            return hj.Plan.clean(scene.size)
+        return self.part.plan(scene, step=step, **key)
+
+
+def test_a_planner_of_somebody_else_is_built(
+    browsing: Path,
+    assets: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    planners = {
+        "dots": EveryOther(hj.Marks(number=3, mark_size=8)),
+        "locked": EveryOther(hj.OneOf([hj.Verification(step=hj.Every(2))])),
+        "all": hj.Marks(number=3, mark_size=8),
+    }
+    monkeypatch.setenv("AGENTHIJACK_ASSETS", str(assets))
+    report = build(browsing, tmp_path / "out", corruptions=planners, assets=assets)
+    rows = dict(report.rows)
+    assert 0 < rows["dots"] < rows["all"]
+    assert rows["locked"] > 0
+    assert verify(tmp_path / "out").problems == []
+    found = stats(tmp_path / "out").to_data()["corruptions"]
+    assert found["locked"]["fidelity"] == {"recorded": rows["locked"]}
+
+
+def test_what_only_looks_like_a_planner_is_refused(browsing: Path, tmp_path: Path) -> None:
+    class Lookalike:
+        def plan(self, scene: hj.Scene, **key: Any) -> hj.Plan:
+            return hj.Plan.clean(scene.size)
+
+    with pytest.raises(BuildError, match=r"Lookalike must inherit from hijack_data\.Planner"):
+        build(browsing, tmp_path / "out", corruptions={"x": Lookalike()})  # type: ignore[dict-item]

@@ -14,7 +14,10 @@ from pipelines import build, open_dataset, verify
 RECORDINGS = Path(__file__).resolve().parents[2] / "examples" / "recordings"
 FIVE = "multi_apps,accidental_touch,app_minimization,network_error,verification"
 # At the fourth step, where it acts by default, two of our recordings show an open menu.
-OURS = {**{name: hj.get(name) for name in FIVE.split(",")}, "accidental_touch": hj.AccidentalTouch(step=2)}
+OURS = {
+    **{name: hj.get(name) for name in FIVE.split(",")},
+    "accidental_touch": hj.AccidentalTouch(step=2),
+}
 
 
 @pytest.fixture(scope="module")
@@ -22,17 +25,29 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Our own recordings under the five, both kinds."""
     folder = tmp_path_factory.mktemp("real")
     for output in ("lazy", "materialised"):
-        report = build(RECORDINGS, folder / output, corruptions=OURS, seed=2, output=output)
+        report = build(
+            RECORDINGS,
+            folder / output,
+            corruptions=OURS,
+            seed=2,
+            output=output,
+        )
     assert dict(report.rows) == {
-        "clean": 23, "multi_apps": 3, "accidental_touch": 2, "app_minimization": 2, "network_error": 0,
+        "clean": 23,
+        "multi_apps": 3,
+        "accidental_touch": 2,
+        "app_minimization": 2,
+        "network_error": 0,
         "verification": 3,
-    }  # fmt: skip
+    }
     return folder
 
 
 def test_our_recordings(built: Path) -> None:
     pictures = 0
-    for left, right in zip(open_dataset(built / "materialised"), open_dataset(built / "lazy"), strict=True):
+    for left, right in zip(
+        open_dataset(built / "materialised"), open_dataset(built / "lazy"), strict=True
+    ):
         if left["corruption"] != "clean":
             assert np.array_equal(np.asarray(left["screenshot"]), np.asarray(right["screenshot"]))
             pictures += 1
@@ -72,15 +87,22 @@ def test_targets_show_and_windows_keep_clear_of_them(built: Path) -> None:
 
 
 def test_where_a_menu_is_open_no_other_opens(tmp_path: Path) -> None:
-    """At the fourth step of two recordings the agent has a menu open; the calculator's were not recorded."""
-    report = build(RECORDINGS, tmp_path / "out", corruptions="accidental_touch,app_minimization", output="lazy")
+    """At the fourth step of two recordings the agent has a menu open; the calculator's were not
+    recorded."""
+    report = build(
+        RECORDINGS, tmp_path / "out", corruptions="accidental_touch,app_minimization", output="lazy"
+    )
     assert report.not_applicable == {
         "accidental_touch": {
             "a menu is open on this screen already, which a click would close": 2,
-            "no element of this screen is known to open a menu or dialog that was recorded of galculator": 1,
+            "no element of this screen is known to open a menu or dialog that was recorded of galculator": (
+                1
+            ),
         },
         "app_minimization": {
-            "no desktop was recorded with a minimised window of what the recording uses (galculator)": 1
+            "no desktop was recorded with a minimised window of what the recording uses (galculator)": (
+                1
+            )
         },
     }
 
@@ -107,12 +129,20 @@ def test_where_a_menu_is_open_no_other_opens(tmp_path: Path) -> None:
     ],
 )
 def test_real_recordings(
-    source: str, rows: dict[str, int], reasons: dict[str, str], shared_data: Path, tmp_path: Path
+    source: str,
+    rows: dict[str, int],
+    reasons: dict[str, str],
+    shared_data: Path,
+    tmp_path: Path,
 ) -> None:
     """What each kind of recording gives, and why it does not give the rest."""
     pytest.importorskip("cv2")
     report = build(
-        shared_data / "trajectories" / source, tmp_path / "out", corruptions=FIVE, clean=False, output="lazy"
+        shared_data / "trajectories" / source,
+        tmp_path / "out",
+        corruptions=FIVE,
+        clean=False,
+        output="lazy",
     )
     assert report.rejected == 0
     assert {label: count for label, count in report.rows.items() if count} == rows
@@ -128,24 +158,43 @@ def test_real_recordings_of_a_foreign_desktop(shared_data: Path, tmp_path: Path)
     """Asked for, and with the application named, they are made, and each says what it is."""
     pytest.importorskip("cv2")
     source, out = shared_data / "trajectories" / "agentnet_raw", tmp_path / "out"
-    build(source, out, corruptions=FIVE, clean=False, output="lazy", foreign=True, apps="chrome")
+    build(
+        source,
+        out,
+        corruptions=FIVE,
+        clean=False,
+        output="lazy",
+        foreign=True,
+        apps="chrome",
+    )
     found = {row["corruption"]: row["fidelity"] for row in open_dataset(out)}
     assert set(found.values()) == {"foreign"}
     assert found.keys() == set(FIVE.split(",")) - {"accidental_touch"}  # no menu of a browser there
 
 
 def test_osworld_in_a_browser(tmp_path: Path) -> None:
-    """A result folder whose task is Chrome's, with one of our own screens: the first of them has no page any more."""
+    """A result folder whose task is Chrome's, with one of our own screens: the first of them has no
+    page any more."""
     from support.formats import osworld, write_json
 
     folder = osworld(tmp_path / "results")
     screen = next((RECORDINGS / "images").glob("*.png")).read_bytes()
     for picture in folder.rglob("*.png"):
         picture.write_bytes(screen)
-    about: dict[str, Any] = {"id": "x", "instruction": "find it", "related_apps": ["chrome"]}
+    about: dict[str, Any] = {
+        "id": "x",
+        "instruction": "find it",
+        "related_apps": ["chrome"],
+    }
     (task,) = (folder / "examples" / "gimp").iterdir()
     write_json(task, about)
-    report = build(folder, tmp_path / "out", corruptions="network_error", clean=False, foreign=True)
+    report = build(
+        folder,
+        tmp_path / "out",
+        corruptions="network_error",
+        clean=False,
+        foreign=True,
+    )
     assert dict(report.rows) == {"network_error": 1}
     (row,) = open_dataset(tmp_path / "out")
     assert (row["fidelity"], row["action_code"], row["step"]) == ("foreign", "WAIT", 1)

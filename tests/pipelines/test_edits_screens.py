@@ -15,12 +15,20 @@ from pipelines.edits import EDITS, NotApplicable
 from support.assets import BACKGROUND, PackMaker, page, pixels
 from support.frames import drawn, frame_of
 
-SPARE = {"lock": "lock_screen", "minimise": "desktop", "firewall": "error_page"}
+SPARE = {
+    "lock": "lock_screen",
+    "minimise": "desktop",
+    "firewall": "error_page",
+}
 
 
-def edit(kind: str, pack: Path, **frame: Any) -> Any:
+def edit(
+    kind: str,
+    pack: Path,
+    **frame: Any,
+) -> Any:
     made = frame_of(pack, **frame)
-    found = EDITS[kind](made, Effect(kind))
+    found = EDITS[kind].apply(made, Effect(kind))
     return found, drawn(made, found)
 
 
@@ -28,13 +36,15 @@ def test_a_lock_screen_of_the_same_size_is_as_it_was_recorded(assets: Path) -> N
     found, picture = edit("lock", assets)
     assert np.array_equal(picture, pixels(1, 320, 200))
     assert (found.fidelity, found.inserted, found.notes) == ("recorded", False, ())
-    assert (found.deed.action, found.deed.target_box) == (Action("wait"), None)
+    assert (found.response.action, found.response.target_box) == (Action("wait"), None)
     assert "locked" in found.event
     assert "wait" in found.reminder
 
 
 @pytest.mark.parametrize("size", [(399, 639), (396, 638), (202, 322)])
-def test_a_screen_of_nearly_the_same_shape_is_scaled_down(size: tuple[int, int], assets: Path) -> None:
+def test_a_screen_of_nearly_the_same_shape_is_scaled_down(
+    size: tuple[int, int], assets: Path
+) -> None:
     found, picture = edit("lock", assets, size=size)
     scaled = hj.Plan("x-v1", (400, 640), ops=(hj.Resample(size),))
     assert np.array_equal(picture, hj.apply(scaled, pixels(2, 640, 400)))
@@ -44,7 +54,11 @@ def test_a_screen_of_nearly_the_same_shape_is_scaled_down(size: tuple[int, int],
 
 @pytest.mark.parametrize("size", [(401, 640), (400, 641), (190, 320), (200, 260), (1080, 1920)])
 @pytest.mark.parametrize("kind", list(SPARE))
-def test_nothing_is_scaled_up_or_out_of_shape(size: tuple[int, int], kind: str, assets: Path) -> None:
+def test_nothing_is_scaled_up_or_out_of_shape(
+    size: tuple[int, int],
+    kind: str,
+    assets: Path,
+) -> None:
     with pytest.raises(NotApplicable, match="was recorded on a screen of this size"):
         edit(kind, assets, size=size, apps=("chrome",))
 
@@ -53,14 +67,20 @@ def test_the_bare_desktop_is_left_by_a_click_on_the_panel(assets: Path) -> None:
     found, picture = edit("minimise", assets, apps=("chrome",))
     assert np.array_equal(picture, pixels(4, 320, 200))
     assert (found.fidelity, found.inserted, found.reminder) == ("recorded", True, None)
-    assert (found.deed.action, found.deed.target_box) == (Action("click", 50, 190), (20, 180, 80, 200))
+    assert (found.response.action, found.response.target_box) == (
+        Action("click", 50, 190),
+        (20, 180, 80, 200),
+    )
     assert found.boxes == ((20, 180, 80, 200),)
 
 
 def test_what_is_clicked_is_scaled_with_the_screen(assets: Path) -> None:
     found, _ = edit("minimise", assets, size=(100, 160), apps=("chrome",))
     assert found.fidelity == "composited"
-    assert (found.deed.action, found.deed.target_box) == (Action("click", 25, 95), (10, 90, 40, 100))
+    assert (found.response.action, found.response.target_box) == (
+        Action("click", 25, 95),
+        (10, 90, 40, 100),
+    )
     assert found.boxes == ((10, 90, 40, 100),)
 
 
@@ -69,24 +89,73 @@ def several(tmp_path: Path) -> Path:
     """A pack with desktops of two applications, and an error page that leaves a panel free."""
     made = PackMaker(tmp_path / "several")
     for number, app in enumerate(("thunar", "gimp", "chromium")):
-        made.add(f"desktop-{app}", "desktop", pixels(30 + number, 320, 200), app=app,
-                 recover={"type": "click", "x": number, "y": 190})  # fmt: skip
-    made.add("window", "error_page", pixels(40, 320, 180), app="chromium", screen=[320, 200], box=[0, 0, 320, 180],
-             targets=[{"name": "Reload", "role": "button", "box": [10, 20, 30, 40]}])  # fmt: skip
-    made.add("half", "error_page", pixels(41, 160, 180), app="chromium", screen=[320, 200], box=[160, 0, 320, 180])
+        made.add(
+            f"desktop-{app}",
+            "desktop",
+            pixels(30 + number, 320, 200),
+            app=app,
+            recover={
+                "type": "click",
+                "x": number,
+                "y": 190,
+            },
+        )
+    made.add(
+        "window",
+        "error_page",
+        pixels(40, 320, 180),
+        app="chromium",
+        screen=[320, 200],
+        box=[0, 0, 320, 180],
+        targets=[
+            {
+                "name": "Reload",
+                "role": "button",
+                "box": [10, 20, 30, 40],
+            }
+        ],
+    )
+    made.add(
+        "half",
+        "error_page",
+        pixels(41, 160, 180),
+        app="chromium",
+        screen=[320, 200],
+        box=[160, 0, 320, 180],
+    )
     return made.write()
 
 
 @pytest.mark.parametrize(("apps", "domain"), [(("GIMP", "vlc"), ""), ((), "gimp")])
-def test_only_windows_of_the_recording_are_brought_back(apps: tuple[str, ...], domain: str, several: Path) -> None:
+def test_only_windows_of_the_recording_are_brought_back(
+    apps: tuple[str, ...],
+    domain: str,
+    several: Path,
+) -> None:
     """Which other one to bring back, nobody could learn from a screen that does not show it."""
-    chosen = {edit("minimise", several, apps=apps, domain=domain, seed=k)[0].deed.action.x for k in range(8)}
+    chosen = {
+        edit(
+            "minimise",
+            several,
+            apps=apps,
+            domain=domain,
+            seed=k,
+        )[0].response.action.x
+        for k in range(8)
+    }
     assert chosen == {1}
-    two = {edit("minimise", several, apps=("gimp", "Chromium"), seed=k)[0].deed.action.x for k in range(30)}
+    two = {
+        edit("minimise", several, apps=("gimp", "Chromium"), seed=k)[0].response.action.x
+        for k in range(30)
+    }
     assert two == {1, 2}
-    with pytest.raises(NotApplicable, match=r"a minimised window of what the recording uses \(vlc\)"):
+    with pytest.raises(
+        NotApplicable, match=r"a minimised window of what the recording uses \(vlc\)"
+    ):
         edit("minimise", several, apps=("vlc",))
-    with pytest.raises(NotApplicable, match=r"does not say whose window would be minimised; name .* --apps"):
+    with pytest.raises(
+        NotApplicable, match=r"does not say whose window would be minimised; name .* --apps"
+    ):
         edit("minimise", several, apps=())
 
 
@@ -98,16 +167,39 @@ def test_where_no_window_is_open_none_is_minimised(assets: Path) -> None:
 
 
 @pytest.mark.parametrize(("count", "applies"), [(0, False), (1, True), (2, False)])
-def test_on_a_foreign_desktop_the_only_window_is_brought_back(count: int, applies: bool, tmp_path: Path) -> None:
+def test_on_a_foreign_desktop_the_only_window_is_brought_back(
+    count: int,
+    applies: bool,
+    tmp_path: Path,
+) -> None:
     made = PackMaker(tmp_path / "pack")
     names = ["Applications", *[f"{k}.txt - Editor" for k in range(count)]]
-    made.add("desktop", "desktop", pixels(4, 320, 200), app="mousepad",
-             recover={"type": "click", "x": 50, "y": 190},
-             targets=[{"name": name, "role": "toggle-button", "box": [20 * k, 180, 20 * k + 20, 200]}
-                      for k, name in enumerate(names)])  # fmt: skip
-    about: dict[str, Any] = {"platform": "windows", "foreign": True, "apps": ("excel",)}
+    made.add(
+        "desktop",
+        "desktop",
+        pixels(4, 320, 200),
+        app="mousepad",
+        recover={
+            "type": "click",
+            "x": 50,
+            "y": 190,
+        },
+        targets=[
+            {
+                "name": name,
+                "role": "toggle-button",
+                "box": [20 * k, 180, 20 * k + 20, 200],
+            }
+            for k, name in enumerate(names)
+        ],
+    )
+    about: dict[str, Any] = {
+        "platform": "windows",
+        "foreign": True,
+        "apps": ("excel",),
+    }
     if applies:
-        assert edit("minimise", made.write(), **about)[0].deed.action.x == 50
+        assert edit("minimise", made.write(), **about)[0].response.action.x == 50
         return
     with pytest.raises(NotApplicable, match="a minimised window of what the recording uses"):
         edit("minimise", made.write(), **about)
@@ -125,12 +217,17 @@ def test_an_error_page_stands_on_the_desktop_that_showed_it(several: Path) -> No
     assert np.array_equal(picture[:180], pixels(40, 320, 180))
     assert np.array_equal(picture[180:], pixels(32, 320, 200)[180:])
     assert (found.fidelity, found.notes) == ("composited", ("window stands on desktop-chromium",))
-    assert found.deed.action == Action("wait")
+    assert found.response.action == Action("wait")
     assert "network" in found.reminder
 
 
 def test_an_error_page_needs_a_browser(assets: Path) -> None:
-    for about in ({"apps": ("Google Chrome",)}, {"domain": "chrome"}, {"apps": ("vlc", "browser")}, {"domain": "web"}):
+    for about in (
+        {"apps": ("Google Chrome",)},
+        {"domain": "chrome"},
+        {"apps": ("vlc", "browser")},
+        {"domain": "web"},
+    ):
         found, picture = edit("firewall", assets, **about)  # type: ignore[arg-type]
         assert np.array_equal(picture, pixels(3, 320, 200))
         assert (found.fidelity, found.boxes) == ("recorded", ((200, 100, 240, 120),))
@@ -139,20 +236,47 @@ def test_an_error_page_needs_a_browser(assets: Path) -> None:
             edit("firewall", assets, **about)  # type: ignore[arg-type]
     with pytest.raises(NotApplicable, match="is Chromium's, and the recording shows firefox"):
         edit("firewall", assets, apps=("Mozilla Firefox",))
-    with pytest.raises(NotApplicable, match=r"names no browser.*; name .* --apps.*agenthijack\.yaml"):
+    with pytest.raises(
+        NotApplicable, match=r"names no browser.*; name .* --apps.*agenthijack\.yaml"
+    ):
         edit("firewall", assets, apps=())
 
 
 @pytest.mark.parametrize("title", ["news.test", "Search"])
-def test_the_panel_lists_no_window_but_the_one_with_the_error_page(title: str, tmp_path: Path) -> None:
+def test_the_panel_lists_no_window_but_the_one_with_the_error_page(
+    title: str, tmp_path: Path
+) -> None:
     """A button of another title is covered by the panel's own free part, to its right."""
     made = PackMaker(tmp_path / "pack")
     panel = pixels(30, 320, 200)
-    buttons = [{"name": "Search - Chromium", "role": "toggle-button", "box": [100, 180, 190, 200]},
-               {"name": "12:00", "role": "toggle-button", "box": [240, 180, 320, 200]}]  # fmt: skip
+    buttons = [
+        {
+            "name": "Search - Chromium",
+            "role": "toggle-button",
+            "box": [100, 180, 190, 200],
+        },
+        {
+            "name": "12:00",
+            "role": "toggle-button",
+            "box": [240, 180, 320, 200],
+        },
+    ]
     made.add("desktop", "desktop", panel, app="chromium", targets=buttons)
-    made.add("window", "error_page", pixels(40, 320, 180), app="chromium", screen=[320, 200], box=[0, 0, 320, 180],
-             targets=[{"name": f"{title} - Network error", "role": "page-tab", "box": [0, 0, 9, 9]}])  # fmt: skip
+    made.add(
+        "window",
+        "error_page",
+        pixels(40, 320, 180),
+        app="chromium",
+        screen=[320, 200],
+        box=[0, 0, 320, 180],
+        targets=[
+            {
+                "name": f"{title} - Network error",
+                "role": "page-tab",
+                "box": [0, 0, 9, 9],
+            }
+        ],
+    )
     _, picture = edit("firewall", made.write(), apps=("chrome",))
     if title == "news.test":  # 50 free pixels cover 90
         panel[180:, 100:150] = panel[180:, 190:240]
@@ -165,25 +289,33 @@ def test_the_panel_lists_no_window_but_the_one_with_the_error_page(title: str, t
 def test_pictures_of_a_page_show_nothing_of_the_screen(kind: str, assets: Path) -> None:
     frame = frame_of(assets, screen="web page", boxes=[(10, 10, 20, 20)])
     with pytest.raises(NotApplicable, match="a web page, not the screen"):
-        EDITS[kind](frame, Effect(kind, {"boxes": [[10, 10, 20, 20]], "app": "gimp"}))
+        EDITS[kind].apply(frame, Effect(kind, {"boxes": [[10, 10, 20, 20]], "app": "gimp"}))
 
 
-@pytest.mark.parametrize("size", [(260, 400), (200, 320), (260, 70), (60, 400), (330, 400), (400, 520), (300, 320)])
-def test_a_page_is_cut_or_continued_by_its_own_background(size: tuple[int, int], assets: Path) -> None:
+@pytest.mark.parametrize(
+    "size", [(260, 400), (200, 320), (260, 70), (60, 400), (330, 400), (400, 520), (300, 320)]
+)
+def test_a_page_is_cut_or_continued_by_its_own_background(
+    size: tuple[int, int], assets: Path
+) -> None:
     """A page of that size with the same content in its middle is what comes out, pixel by pixel."""
     found, picture = edit("firewall", assets, size=size, screen="web page")
     assert np.array_equal(picture, page(size[1], size[0]))
-    assert (found.fidelity, found.deed.action) == ("composited", Action("wait"))
+    assert (found.fidelity, found.response.action) == ("composited", Action("wait"))
 
 
 @pytest.mark.parametrize("size", [(40, 400), (260, 58)])
 def test_content_is_never_cut_off(size: tuple[int, int], assets: Path) -> None:
-    with pytest.raises(NotApplicable, match="no error page was recorded that a page of this size can show"):
+    with pytest.raises(
+        NotApplicable, match="no error page was recorded that a page of this size can show"
+    ):
         edit("firewall", assets, size=size, screen="web page")
 
 
 @pytest.mark.parametrize("spot", [(130, 0), (5, 0), (40, 99)])
-def test_a_page_whose_edge_is_not_plain_is_not_continued(spot: tuple[int, int], tmp_path: Path) -> None:
+def test_a_page_whose_edge_is_not_plain_is_not_continued(
+    spot: tuple[int, int], tmp_path: Path
+) -> None:
     made = PackMaker(tmp_path / "pack")
     picture = page(100, 140)
     picture[spot] = 200
@@ -203,7 +335,11 @@ def test_the_page_of_the_nearest_width_is_taken(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("kind", "spare"), SPARE.items())
-def test_a_pack_without_such_pictures(kind: str, spare: str, tmp_path: Path) -> None:
+def test_a_pack_without_such_pictures(
+    kind: str,
+    spare: str,
+    tmp_path: Path,
+) -> None:
     made = PackMaker(tmp_path / "pack")
     made.add("x", "window", pixels(1, 20, 20))
     folder = made.write()

@@ -1,5 +1,5 @@
-"""The five edits with the pack that ships, on screens of many sizes: laid out without scaling, or refused with a way
-out."""
+"""The five edits with the pack that ships, on screens of many sizes: laid out without scaling, or
+refused with a way out."""
 
 import re
 from dataclasses import replace
@@ -19,17 +19,48 @@ from support.frames import drawn, frame_of
 
 PACK = AssetPack.load(SHIPPED)
 NOBODY = frozenset[str]()
-# Width and height: 4:3, 5:4, 16:10, 3:2, 16:9, 21:9, 32:9, upright, HiDPI, and what recordings really have.
+# Width and height: 4:3, 5:4, 16:10, 3:2, 16:9, 21:9, 32:9, upright, HiDPI, and what recordings
+# really have.
 SIZES = (
-    (320, 480), (640, 360), (640, 480), (768, 1024), (768, 1366), (800, 600), (800, 1280), (1024, 768), (1080, 1920),
-    (1152, 864), (1212, 758), (1276, 718), (1280, 720), (1280, 800), (1280, 1024), (1366, 768), (1400, 1050),
-    (1440, 900), (1440, 2560), (1468, 956), (1600, 1200), (1680, 1050), (1919, 1079), (1920, 1080), (2160, 1440),
-    (2256, 1504), (2560, 1080), (2880, 1800), (3440, 1440), (3840, 1080), (3840, 2160),
-)  # fmt: skip
+    (320, 480),
+    (640, 360),
+    (640, 480),
+    (768, 1024),
+    (768, 1366),
+    (800, 600),
+    (800, 1280),
+    (1024, 768),
+    (1080, 1920),
+    (1152, 864),
+    (1212, 758),
+    (1276, 718),
+    (1280, 720),
+    (1280, 800),
+    (1280, 1024),
+    (1366, 768),
+    (1400, 1050),
+    (1440, 900),
+    (1440, 2560),
+    (1468, 956),
+    (1600, 1200),
+    (1680, 1050),
+    (1919, 1079),
+    (1920, 1080),
+    (2160, 1440),
+    (2256, 1504),
+    (2560, 1080),
+    (2880, 1800),
+    (3440, 1440),
+    (3840, 1080),
+    (3840, 2160),
+)
 PARAMS: dict[str, dict[str, Any]] = {
-    "lock": {}, "minimise": {}, "firewall": {}, "launch_app": {"app": "vscode"},
+    "lock": {},
+    "minimise": {},
+    "firewall": {},
+    "launch_app": {"app": "vscode"},
     "touch": {"boxes": [[40, 160, 100, 180]], "without_app": True},
-}  # fmt: skip
+}
 APPS = {"touch": ("mousepad",)}  # whose dialogs were recorded
 
 
@@ -56,20 +87,24 @@ def test_every_edit_is_made_at_any_size_or_says_why_not(kind: str) -> None:
         )
         frame = replace(frame, guess=True)  # nothing here is known to open a recorded menu
         try:
-            found = EDITS[kind](frame, Effect(kind, PARAMS[kind]))
+            found = EDITS[kind].apply(frame, Effect(kind, PARAMS[kind]))
         except NotApplicable as reason:
             refused[width, height] = str(reason)
             continue
         picture = drawn(frame, found)
         assert picture.shape == (height, width, 3)
         assert picture.any()
-        inside = [0 <= x1 < x2 <= width and 0 <= y1 < y2 <= height for x1, y1, x2, y2 in found.boxes]
+        inside = [
+            0 <= x1 < x2 <= width and 0 <= y1 < y2 <= height for x1, y1, x2, y2 in found.boxes
+        ]
         assert all(inside), (width, height, found.boxes)
-        if found.deed is not None and found.deed.target_box is not None:
-            assert found.deed.target_box in found.boxes
+        if found.response is not None and found.response.target_box is not None:
+            assert found.response.target_box in found.boxes
     assert refused.keys() <= {(320, 480), (640, 360), (640, 480)}, refused
     for (width, height), reason in refused.items():
-        assert re.search(rf"--sizes {width}x{height}|no room|this screen can hold|known to open", reason)
+        assert re.search(
+            rf"--sizes {width}x{height}|no room|this screen can hold|known to open", reason
+        )
 
 
 @pytest.mark.parametrize("size", [(759, 1213), (768, 1024), (1920, 1080), (1440, 3440)])
@@ -117,13 +152,15 @@ def test_what_brings_a_window_back_moves_with_the_panel() -> None:
     made = layout.desktop(PACK, (758, 1212), Stream(3, "t", "t"), NOBODY)
     assert made is not None
     assert made.asset.recover is not None
-    recorded, moved = made.asset.recover, made.deed(made.asset.recover)
+    recorded, moved = made.asset.recover, made.mapped(made.asset.recover)
     assert moved.target_box in made.boxes
     assert (moved.action.x, moved.action.y) == (recorded.action.x, recorded.action.y - 1080 + 758)
 
 
 @pytest.mark.parametrize("size", [(759, 1213), (1024, 768), (1440, 3440)])
-def test_a_browser_keeps_its_buttons_at_the_edge_and_its_page_in_the_middle(size: tuple[int, int]) -> None:
+def test_a_browser_keeps_its_buttons_at_the_edge_and_its_page_in_the_middle(
+    size: tuple[int, int],
+) -> None:
     width = size[1]
     seen = set()
     for seed in range(6):
@@ -141,5 +178,7 @@ def test_a_browser_keeps_its_buttons_at_the_edge_and_its_page_in_the_middle(size
         assert (address[0], address[1], address[2] + width - whole, address[3]) in made.boxes
         body = recorded[130:600, (whole - 560) // 2 : (whole + 560) // 2]
         left = (width - whole) // 2 + (whole - 560) // 2 if width < whole else (width - 560) // 2
-        assert any(np.array_equal(found[130:600, x : x + 560], body) for x in (left - 1, left, left + 1))
+        assert any(
+            np.array_equal(found[130:600, x : x + 560], body) for x in (left - 1, left, left + 1)
+        )
     assert seen == {"golden", "dark"}

@@ -1,4 +1,5 @@
-"""Edits that paste something beside or at an element: second windows, and what a stray click opens."""
+"""Edits that paste something beside or at an element: second windows, and what a stray click
+opens."""
 
 from pathlib import Path
 from typing import Any
@@ -17,14 +18,25 @@ from pipelines.edits.open_menus import menu_state
 from support.assets import PackMaker, pixels
 from support.frames import drawn, frame_of
 
-LAUNCH = Effect("launch_app", {"app": "vscode", "then": ["chrome", "gimp", "thunar"], "tile": True})
+LAUNCH = Effect(
+    "launch_app",
+    {
+        "app": "vscode",
+        "then": ["chrome", "gimp", "thunar"],
+        "tile": True,
+    },
+)
 ELEMENTS = [(5, 15, 45, 25), (280, 100, 310, 120), (5, 165, 45, 180)]
 BUTTON = (230, 100, 280, 120)  # of the size that opens what `assets` has
 
 
-def window(pack: Path, effect: Effect = LAUNCH, **frame: Any) -> tuple[Any, np.ndarray, Any]:
+def window(
+    pack: Path,
+    effect: Effect = LAUNCH,
+    **frame: Any,
+) -> tuple[Any, np.ndarray, Any]:
     made = frame_of(pack, **frame)
-    found = EDITS["launch_app"](made, effect)
+    found = EDITS["launch_app"].apply(made, effect)
     return found, drawn(made, found), made
 
 
@@ -39,7 +51,12 @@ def test_a_window_is_pasted_as_it_was_recorded(assets: Path) -> None:
     assert name == "gimp-90x70"
     assert np.array_equal(picture[y : y + 70, x : x + 90], pixels(10, 90, 70))
     assert found.boxes == ((x, y, x + 90, y + 70),)
-    assert (found.fidelity, found.deed, found.inserted, found.reminder) == ("composited", None, False, None)
+    assert (found.fidelity, found.response, found.inserted, found.reminder) == (
+        "composited",
+        None,
+        False,
+        None,
+    )
     assert found.notes == ("a window of gimp was recorded, and none of vscode that fits",)
     assert "application" in found.event
 
@@ -54,10 +71,14 @@ def test_a_window_is_pasted_as_it_was_recorded(assets: Path) -> None:
     ],
 )
 def test_an_application_of_the_recording_is_never_the_second(
-    about: dict[str, Any], expected: str, assets: Path
+    about: dict[str, Any],
+    expected: str,
+    assets: Path,
 ) -> None:
     assert pasted(window(assets, **about)[0])[0].startswith(expected)
-    with pytest.raises(NotApplicable, match="no window of an application that the recording does not use"):
+    with pytest.raises(
+        NotApplicable, match="no window of an application that the recording does not use"
+    ):
         window(assets, apps=("gimp", "Thunar"))
 
 
@@ -66,7 +87,9 @@ def test_browsers_are_one_family(tmp_path: Path) -> None:
     made.add("browser", "window", pixels(1, 60, 50), app="chromium", screen=[320, 200])
     folder = made.write()
     for app in ("Google Chrome", "firefox", "safari", "browser", "chromium"):
-        with pytest.raises(NotApplicable, match="no window of an application that the recording does not use"):
+        with pytest.raises(
+            NotApplicable, match="no window of an application that the recording does not use"
+        ):
             window(folder, apps=(app,))
     assert pasted(window(folder, apps=("gimp",))[0])[0] == "browser"
 
@@ -74,22 +97,46 @@ def test_browsers_are_one_family(tmp_path: Path) -> None:
 def test_without_known_applications_none_is_another(assets: Path, tmp_path: Path) -> None:
     with pytest.raises(NotApplicable, match=r"does not say which applications it uses.*--apps"):
         window(assets, apps=())
-    found = window(assets, apps=(), platform=None, foreign=True)[0]
+    found = window(
+        assets,
+        apps=(),
+        platform=None,
+        foreign=True,
+    )[0]
     assert found.notes[-1] == "which applications the recording uses is not known"
     made = PackMaker(tmp_path / "pack")
     made.add("browser", "window", pixels(1, 60, 50), app="chromium", screen=[320, 200])
     with pytest.raises(NotApplicable, match="no window of an application"):
-        window(made.write(), apps=(), platform="windows", foreign=True)
+        window(
+            made.write(),
+            apps=(),
+            platform="windows",
+            foreign=True,
+        )
 
 
 def test_the_plan_says_which_application_comes_first(assets: Path) -> None:
     for app in ("gimp", "thunar"):
-        found, _, _ = window(assets, Effect("launch_app", {"app": app, "then": ["gimp"], "tile": True}))
+        found, _, _ = window(
+            assets,
+            Effect(
+                "launch_app",
+                {
+                    "app": app,
+                    "then": ["gimp"],
+                    "tile": True,
+                },
+            ),
+        )
         assert pasted(found)[0].startswith(app)
         assert found.notes == ()
 
 
-@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=80,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
 @given(st.data())
 def test_the_target_and_the_screen_are_left_whole(assets: Path, data: st.DataObject) -> None:
     """Whatever the elements are: the window lies on the screen and covers nothing of the target."""
@@ -97,7 +144,12 @@ def test_the_target_and_the_screen_are_left_whole(assets: Path, data: st.DataObj
     boxes = [(x, y, x + w + 1, y + h + 1) for x, y, w, h in boxes]
     action = Action("click", data.draw(st.integers(0, 319)), data.draw(st.integers(0, 199)))
     try:
-        found, _, frame = window(assets, boxes=boxes, action=action, seed=data.draw(st.integers(0, 50)))
+        found, _, frame = window(
+            assets,
+            boxes=boxes,
+            action=action,
+            seed=data.draw(st.integers(0, 50)),
+        )
     except NotApplicable:
         assume(False)
     x1, y1, x2, y2 = found.boxes[0]
@@ -110,11 +162,17 @@ def test_the_target_and_the_screen_are_left_whole(assets: Path, data: st.DataObj
 
 
 def test_it_stands_where_it_covers_the_fewest_elements(assets: Path) -> None:
-    """The right half is full of buttons, the left is free: below the target there is room for the large window."""
+    """The right half is full of buttons, the left is free: below the target there is room for the
+    large window."""
     boxes = [(x, y, x + 18, y + 18) for x in range(160, 320, 20) for y in range(0, 200, 20)]
     for seed in range(6):
-        found, _, _ = window(assets, Effect("launch_app", {"app": "thunar"}), boxes=boxes, seed=seed,
-                             action=Action("click", 20, 12))  # fmt: skip
+        found, _, _ = window(
+            assets,
+            Effect("launch_app", {"app": "thunar"}),
+            boxes=boxes,
+            seed=seed,
+            action=Action("click", 20, 12),
+        )
         name, (x, _) = pasted(found)
         assert (name, x + 120 <= 160) == ("thunar-120x150", True)
 
@@ -144,28 +202,51 @@ def test_screens_without_room(size: tuple[int, int], assets: Path) -> None:
         window(assets, size=size, action=Action("click", size[1] // 2, size[0] // 2))
 
 
-def touch(pack: Path, boxes: Any, without_app: bool = True, **frame: Any) -> tuple[Any, np.ndarray]:
+def touch(
+    pack: Path,
+    boxes: Any,
+    without_app: bool = True,
+    **frame: Any,
+) -> tuple[Any, np.ndarray]:
     made = frame_of(pack, boxes=boxes, **frame)
-    found = EDITS["touch"](made, Effect("touch", {"boxes": [list(box) for box in boxes], "without_app": without_app}))
+    found = EDITS["touch"].apply(
+        made, Effect("touch", {"boxes": [list(box) for box in boxes], "without_app": without_app})
+    )
     return found, drawn(made, found)
 
 
-def only(kind: str, folder: Path, **more: Any) -> Path:
+def only(
+    kind: str,
+    folder: Path,
+    **more: Any,
+) -> Path:
     """A pack with one menu or dialog of 60x40, of the application of `frame_of`."""
     made = PackMaker(folder)
     about: dict[str, Any] = {
-        "app": "editor", "recover": {"type": "hotkey", "keys": ["esc"]},
-        "opened_by": clicked((0, 0, 40, 10)), **more,
-    }  # fmt: skip
+        "app": "editor",
+        "recover": {"type": "hotkey", "keys": ["esc"]},
+        "opened_by": clicked((0, 0, 40, 10)),
+        **more,
+    }
     made.add("opened", kind, pixels(5, 60, 40), **{"screen": [320, 200], **about})
     return made.write()
 
 
-def clicked(element: Any, x: int = 0, gap: int = 0) -> dict[str, Any]:
-    """A click on an element of this size, `gap` pixels above the menu and `x` to the right of its left side."""
+def clicked(
+    element: Any,
+    x: int = 0,
+    gap: int = 0,
+) -> dict[str, Any]:
+    """A click on an element of this size, `gap` pixels above the menu and `x` to the right of its
+    left side."""
     width, height = element[2] - element[0], element[3] - element[1]
     box = [x, -gap - height, x + width, -gap]
-    return {"type": "click", "x": x + 1, "y": -gap - 1, "target_box": box}
+    return {
+        "type": "click",
+        "x": x + 1,
+        "y": -gap - 1,
+        "target_box": box,
+    }
 
 
 @pytest.mark.parametrize(
@@ -180,28 +261,60 @@ def clicked(element: Any, x: int = 0, gap: int = 0) -> dict[str, Any]:
     ],
 )
 def test_a_menu_hangs_from_what_was_clicked(
-    element: Any, x: int, gap: int, corner: tuple[int, int], tmp_path: Path
+    element: Any,
+    x: int,
+    gap: int,
+    corner: tuple[int, int],
+    tmp_path: Path,
 ) -> None:
     folder = only("menu", tmp_path / "pack", opened_by=clicked(element, x, gap))
     found, picture = touch(folder, [element])
     x, y = corner
     assert np.array_equal(picture[y : y + 40, x : x + 60], pixels(5, 60, 40))
     picture[y : y + 40, x : x + 60] = 0
-    assert {tuple(place) for place in np.argwhere(picture.any(axis=2)).tolist()} <= {(element[1], element[0])}
+    assert {tuple(place) for place in np.argwhere(picture.any(axis=2)).tolist()} <= {
+        (element[1], element[0])
+    }
     assert (found.fidelity, found.inserted, found.reminder) == ("composited", True, None)
-    assert (found.deed.action, found.deed.target_box) == (Action("hotkey", keys=("esc",)), None)
+    assert (found.response.action, found.response.target_box) == (
+        Action("hotkey", keys=("esc",)),
+        None,
+    )
     assert found.notes == (f"the element at {list(element)} was clicked",)
     assert "menu opened" in found.event
 
 
 def test_a_dialog_comes_in_the_middle_with_its_button(tmp_path: Path) -> None:
-    recover = {"type": "click", "x": 25, "y": 30, "target_box": [10, 25, 40, 35]}
-    target = {"name": "Cancel", "role": "push-button", "box": [10, 25, 40, 35]}
-    opened_by = {"type": "click", "x": -20, "y": 5, "target_box": [-30, 0, 10, 10]}
-    folder = only("dialog", tmp_path / "pack", recover=recover, targets=[target], opened_by=opened_by)
+    recover = {
+        "type": "click",
+        "x": 25,
+        "y": 30,
+        "target_box": [10, 25, 40, 35],
+    }
+    target = {
+        "name": "Cancel",
+        "role": "push-button",
+        "box": [10, 25, 40, 35],
+    }
+    opened_by = {
+        "type": "click",
+        "x": -20,
+        "y": 5,
+        "target_box": [-30, 0, 10, 10],
+    }
+    folder = only(
+        "dialog",
+        tmp_path / "pack",
+        recover=recover,
+        targets=[target],
+        opened_by=opened_by,
+    )
     found, picture = touch(folder, ELEMENTS)
     assert np.array_equal(picture[80:120, 130:190], pixels(5, 60, 40))
-    assert (found.deed.action, found.deed.target_box) == (Action("click", 155, 110), (140, 105, 170, 115))
+    assert (found.response.action, found.response.target_box) == (
+        Action("click", 155, 110),
+        (140, 105, 170, 115),
+    )
     assert found.boxes == ((140, 105, 170, 115),)
     assert "dialog opened" in found.event
 
@@ -209,7 +322,9 @@ def test_a_dialog_comes_in_the_middle_with_its_button(tmp_path: Path) -> None:
 def test_the_first_element_that_is_not_the_target_is_clicked(assets: Path) -> None:
     """The one around the click is the target, and a large one is no button."""
     boxes = [(90, 40, 130, 60), (0, 0, 320, 90), BUTTON, ELEMENTS[0]]
-    assert touch(assets, boxes, apps=("chrome",))[0].notes == (f"the element at {list(BUTTON)} was clicked",)
+    assert touch(assets, boxes, apps=("chrome",))[0].notes == (
+        f"the element at {list(BUTTON)} was clicked",
+    )
     for few in ([], boxes[:2]):
         with pytest.raises(NotApplicable, match="no element but the target is known"):
             touch(assets, few, apps=("chrome",))
@@ -217,16 +332,25 @@ def test_the_first_element_that_is_not_the_target_is_clicked(assets: Path) -> No
 
 def test_launchers_are_left_out_as_they_are_live(assets: Path) -> None:
     bars, chrome = [(0, 0, 50, 8), (10, 182, 60, 200)], {"apps": ("chrome",)}
-    assert touch(assets, [*bars, BUTTON], **chrome)[0].notes == (f"the element at {list(BUTTON)} was clicked",)
+    assert touch(assets, [*bars, BUTTON], **chrome)[0].notes == (
+        f"the element at {list(BUTTON)} was clicked",
+    )
     found = touch(assets, [bars[1], BUTTON], without_app=False, **chrome)[0]
-    assert found.notes == (f"the element at {list(BUTTON)} was clicked",)  # the launcher opens no menu
+    # the launcher opens no menu
+    assert found.notes == (f"the element at {list(BUTTON)} was clicked",)
     with pytest.raises(NotApplicable, match="no element but the target"):
         touch(assets, bars, **chrome)
 
 
 def test_a_menu_of_the_panel_hangs_from_the_panel(tmp_path: Path) -> None:
-    """It opens upwards there, from nothing else, and whatever the applications are: that screen has it always."""
-    opened = {"type": "click", "x": 10, "y": 50, "target_box": [0, 42, 30, 54]}
+    """It opens upwards there, from nothing else, and whatever the applications are: that screen has
+    it always."""
+    opened = {
+        "type": "click",
+        "x": 10,
+        "y": 50,
+        "target_box": [0, 42, 30, 54],
+    }
     folder = only("menu", tmp_path / "pack", app="desktop", opened_by=opened)
     for apps in ((), ("gimp", "vlc"), ("editor",)):
         found, picture = touch(folder, [(40, 188, 73, 200)], without_app=False, apps=apps)
@@ -235,7 +359,14 @@ def test_a_menu_of_the_panel_hangs_from_the_panel(tmp_path: Path) -> None:
     with pytest.raises(NotApplicable, match="no element of this screen is known to open"):
         touch(folder, [(40, 88, 70, 100)], without_app=False)
     with pytest.raises(NotApplicable, match="names no application whose menus could open"):
-        touch(folder, [(40, 188, 73, 200)], without_app=False, apps=(), platform="linux", foreign=True)
+        touch(
+            folder,
+            [(40, 188, 73, 200)],
+            without_app=False,
+            apps=(),
+            platform="linux",
+            foreign=True,
+        )
 
 
 def test_without_a_target_any_element_will_do(assets: Path) -> None:
@@ -249,10 +380,24 @@ def test_without_a_target_any_element_will_do(assets: Path) -> None:
         {"recover": None},
         {"opened_by": {**clicked((0, 0, 40, 10)), "type": "right_click"}},
         {"opened_by": None},  # by more than a click
-        {"opened_by": {"type": "click", "x": 1, "y": 2}},
+        {
+            "opened_by": {
+                "type": "click",
+                "x": 1,
+                "y": 2,
+            }
+        },
         {"opened_by": clicked((0, 0, 44, 10))},  # by something else
         {"box": [0, 0, 600, 400]},
-        {"targets": [{"name": "harbour-walk.txt", "role": "menu-item", "box": [0, 0, 9, 9]}]},
+        {
+            "targets": [
+                {
+                    "name": "harbour-walk.txt",
+                    "role": "menu-item",
+                    "box": [0, 0, 9, 9],
+                }
+            ]
+        },
         {"made_by": "editor: click on Bookmark this tab"},
         {"app": "thunar"},
         {"app": "desktop"},
@@ -260,17 +405,27 @@ def test_without_a_target_any_element_will_do(assets: Path) -> None:
 )
 def test_what_such_a_click_does_not_open_is_not_used(about: dict[str, Any], tmp_path: Path) -> None:
     assert touch(only("menu", tmp_path / "fine"), ELEMENTS)[0].ops
-    with pytest.raises(NotApplicable, match=r"no element of this screen is known to open .* of editor"):
+    with pytest.raises(
+        NotApplicable, match=r"no element of this screen is known to open .* of editor"
+    ):
         touch(only("menu", tmp_path / "pack", **about), ELEMENTS)
 
 
 def test_menus_are_of_the_recordings_own_application(tmp_path: Path) -> None:
     made = PackMaker(tmp_path / "pack")
     for number, app in enumerate(("gimp", "thunar", "chromium")):
-        made.add(app, "menu", pixels(number, 30, 30), app=app, recover={"type": "hotkey", "keys": ["esc"]},
-                 opened_by=clicked((0, 0, 40, 10)))  # fmt: skip
+        made.add(
+            app,
+            "menu",
+            pixels(number, 30, 30),
+            app=app,
+            recover={"type": "hotkey", "keys": ["esc"]},
+            opened_by=clicked((0, 0, 40, 10)),
+        )
     folder = made.write()
-    names = {touch(folder, ELEMENTS, seed=k, apps=("Chrome",))[0].ops[0].sprite["id"] for k in range(9)}
+    names = {
+        touch(folder, ELEMENTS, seed=k, apps=("Chrome",))[0].ops[0].sprite["id"] for k in range(9)
+    }
     assert names == {"chromium"}
     for apps, reason in (
         ((), "names no application whose menus could open; .*--apps"),
@@ -279,7 +434,13 @@ def test_menus_are_of_the_recordings_own_application(tmp_path: Path) -> None:
     ):
         with pytest.raises(NotApplicable, match=reason):
             touch(folder, ELEMENTS, apps=apps)
-    found = touch(folder, [(280, 5, 318, 15), (2, 5, 42, 15)], apps=("firefox",), platform="windows", foreign=True)
+    found = touch(
+        folder,
+        [(280, 5, 318, 15), (2, 5, 42, 15)],
+        apps=("firefox",),
+        platform="windows",
+        foreign=True,
+    )
     assert found[0].ops[0].sprite["id"] == "chromium"
     assert found[0].ops[0].at == ((2, 15),)
 
@@ -291,9 +452,15 @@ def test_what_is_greyed_out_is_not_clicked(tmp_path: Path) -> None:
     made.image[...] = 200
     made.image[16:18, 6:40] = 140
     with pytest.raises(NotApplicable, match="no element but the target"):
-        EDITS["touch"](made, Effect("touch", {"boxes": [list(ELEMENTS[0])], "without_app": True}))
+        EDITS["touch"].apply(
+            made, Effect("touch", {"boxes": [list(ELEMENTS[0])], "without_app": True})
+        )
     made.image[16:18, 6:40] = 60
-    assert EDITS["touch"](made, Effect("touch", {"boxes": [list(ELEMENTS[0])], "without_app": True})).ops
+    assert (
+        EDITS["touch"]
+        .apply(made, Effect("touch", {"boxes": [list(ELEMENTS[0])], "without_app": True}))
+        .ops
+    )
 
 
 MENU = [(100, 60, 200, 80), (100, 80, 200, 100), (100, 110, 200, 130)]  # a separator above the last
@@ -321,8 +488,24 @@ CLICK, TYPED = Action("click", 1, 1), Action("type", text="x")
         ((), (Action("hotkey", keys=("alt", "f")),), CLICK, "not known"),
     ],
 )
-def test_whether_a_menu_is_open(boxes: Any, before: Any, action: Action, state: str, assets: Path) -> None:
-    assert menu_state(frame_of(assets, boxes=boxes, before=before, action=action)) == state
+def test_whether_a_menu_is_open(
+    boxes: Any,
+    before: Any,
+    action: Action,
+    state: str,
+    assets: Path,
+) -> None:
+    assert (
+        menu_state(
+            frame_of(
+                assets,
+                boxes=boxes,
+                before=before,
+                action=action,
+            )
+        )
+        == state
+    )
 
 
 def test_no_menu_opens_over_a_menu(tmp_path: Path) -> None:
@@ -336,5 +519,13 @@ def test_no_menu_opens_over_a_menu(tmp_path: Path) -> None:
     with pytest.raises(NotApplicable, match=r"a menu may be open.*the recording holds no elements"):
         touch(folder, ELEMENTS, before=(CLICK,), recorded=False, **at)
     assert touch(folder, ELEMENTS, before=(TYPED,), recorded=False, **at)[0].ops
-    foreign = touch(folder, [(2, 5, 42, 15)], before=(CLICK,), recorded=False, platform="macos", foreign=True, **at)
+    foreign = touch(
+        folder,
+        [(2, 5, 42, 15)],
+        before=(CLICK,),
+        recorded=False,
+        platform="macos",
+        foreign=True,
+        **at,
+    )
     assert foreign[0].notes[-1] == "whether a menu was open already is not recorded"

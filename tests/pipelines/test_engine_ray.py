@@ -17,10 +17,10 @@ import pytest
 
 import hijack_data as hj
 from pipelines import build, verify
+from pipelines.building.rows import RowSettings
+from pipelines.building.shards import ShardTask, shard_tasks
 from pipelines.engines import ray as engine
 from pipelines.errors import BuildError, SourceError
-from pipelines.rows import Settings
-from pipelines.shards import ShardTask, shard_tasks
 from pipelines.sources import Sources
 
 ray = pytest.importorskip("ray", reason="Ray is not installed: pip install 'agenthijack[ray]'")
@@ -66,8 +66,16 @@ def differences(out: Path, whole: Path) -> list[str]:
         if (out / name).read_bytes() != data:
             found.append(f"{name}: {(out / name).stat().st_size} bytes, not {len(data)}")
             if name.endswith(".parquet"):
-                pairs = zip(*(pq.read_table(folder / name).to_pylist() for folder in (out, whole)), strict=True)
-                found += [f"{b['id']}: {key} {str(a[key])[:80]}" for a, b in pairs for key in b if a[key] != b[key]]
+                pairs = zip(
+                    *(pq.read_table(folder / name).to_pylist() for folder in (out, whole)),
+                    strict=True,
+                )
+                found += [
+                    f"{b['id']}: {key} {str(a[key])[:80]}"
+                    for a, b in pairs
+                    for key in b
+                    if a[key] != b[key]
+                ]
     return found
 
 
@@ -80,7 +88,11 @@ def once(flag: Path) -> bool:
     return True
 
 
-def kill_self(flag: Path, sample: str, **_: Any) -> None:
+def kill_self(
+    flag: Path,
+    sample: str,
+    **_: Any,
+) -> None:
     if sample == "t3" and once(flag):
         os.kill(os.getpid(), signal.SIGKILL)
 
@@ -89,7 +101,11 @@ def kill_self_always(**_: Any) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-def kill_node(flag: Path, raylet: int, **_: Any) -> None:
+def kill_node(
+    flag: Path,
+    raylet: int,
+    **_: Any,
+) -> None:
     if os.getppid() == raylet and once(flag):
         os.kill(raylet, signal.SIGKILL)
         os.kill(os.getpid(), signal.SIGKILL)
@@ -107,12 +123,22 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
     os.chdir(tmp_path_factory.mktemp("elsewhere"))
-    options = {"num_cpus": 1, "object_store_memory": STORE, "include_dashboard": False}
-    nodes = cluster_utils.Cluster(initialize_head=True, head_node_args={**options, "_system_config": SOON})
+    options = {
+        "num_cpus": 1,
+        "object_store_memory": STORE,
+        "include_dashboard": False,
+    }
+    nodes = cluster_utils.Cluster(
+        initialize_head=True, head_node_args={**options, "_system_config": SOON}
+    )
     try:
         nodes.add_node(num_cpus=1, object_store_memory=STORE)
         os.chdir(before)
-        ray.init(address=nodes.address, log_to_driver=False, logging_level="CRITICAL")
+        ray.init(
+            address=nodes.address,
+            log_to_driver=False,
+            logging_level="CRITICAL",
+        )
         yield nodes
     finally:
         os.chdir(before)
@@ -124,10 +150,17 @@ def raylet(node: Any) -> int:
     return node.all_processes["raylet"][0].process.pid
 
 
-def on_ray(source: Path, out: Path, deed: Any = None, **options: Any) -> Any:
+def on_ray(
+    source: Path,
+    out: Path,
+    deed: Any = None,
+    **options: Any,
+) -> Any:
     """Build one shard a trajectory with two workers of the cluster."""
     planners = {"marks": Marks(deed)}
-    return build(source, out, corruptions=planners, rows_per_shard=1, engine="ray", workers=2, **options)
+    return build(
+        source, out, corruptions=planners, rows_per_shard=1, engine="ray", workers=2, **options
+    )
 
 
 def locally(source: Path, out: Path) -> dict[str, bytes]:
@@ -138,17 +171,35 @@ def locally(source: Path, out: Path) -> dict[str, bytes]:
 
 @pytest.mark.parametrize("output", ["materialised", "lazy"])
 def test_the_same_bytes_as_a_local_build(
-    output: str, recording: Any, cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Any
+    output: str,
+    recording: Any,
+    cluster: Any,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: Any,
 ) -> None:
-    source = recording(trajectories=12 if output == "lazy" else 3, steps=2)  # twelve are more than the first wave
+    # twelve are more than the first wave
+    source = recording(trajectories=12 if output == "lazy" else 3, steps=2)
     picture = source / "images" / "t1-1.png"
     picture.write_bytes(picture.read_bytes()[:-1000])
     planners = {"marks": hj.Marks(number=4, mark_size=8), "half": hj.Resolution()}
-    options: dict[str, Any] = {"corruptions": planners, "rows_per_shard": 1, "output": output}
-    monkeypatch.chdir(tmp_path)  # the nodes work in another folder: relative paths must not be theirs
+    options: dict[str, Any] = {
+        "corruptions": planners,
+        "rows_per_shard": 1,
+        "output": output,
+    }
+    # the nodes work in another folder: relative paths must not be theirs
+    monkeypatch.chdir(tmp_path)
     here = build("source", "here", **options)
     calls: list[tuple[int, int]] = []
-    there = build("source", "there", **options, engine="ray", workers=2, progress=lambda d, n, _: calls.append((d, n)))
+    there = build(
+        "source",
+        "there",
+        **options,
+        engine="ray",
+        workers=2,
+        progress=lambda d, n, _: calls.append((d, n)),
+    )
     assert contents(Path("here")) == contents(Path("there"))
     assert (there.rows, there.rejected, there.shards) == (here.rows, 1, here.shards)
     total = here.shards * 2
@@ -157,32 +208,53 @@ def test_the_same_bytes_as_a_local_build(
     assert capfd.readouterr().out == ""
 
 
-def test_a_worker_that_is_killed_in_the_middle_of_a_shard(recording: Any, cluster: Any, tmp_path: Path) -> None:
+def test_a_worker_that_is_killed_in_the_middle_of_a_shard(
+    recording: Any,
+    cluster: Any,
+    tmp_path: Path,
+) -> None:
     source = recording(trajectories=6, steps=2)
     report = on_ray(source, tmp_path / "out", partial(kill_self, tmp_path / "flag"))
     assert (tmp_path / "flag").exists()
     assert (report.shards, report.rejected) == (6, 0)
-    assert contents(tmp_path / "out") == locally(source, tmp_path / "whole")  # and no temporary file
+    # and no temporary file
+    assert contents(tmp_path / "out") == locally(source, tmp_path / "whole")
 
 
 def test_a_shard_that_kills_every_worker_is_given_up(
-    recording: Any, cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    recording: Any,
+    cluster: Any,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(engine, "RETRIES", 1)
     source, out = recording(trajectories=2, steps=1), tmp_path / "out"
-    with pytest.raises(BuildError, match=r"given up after 2 workers.*WorkerCrashedError.*resume=True"):
+    with pytest.raises(
+        BuildError, match=r"given up after 2 workers.*WorkerCrashedError.*resume=True"
+    ):
         on_ray(source, out, kill_self_always)
     assert not list(out.rglob("*.tmp"))
     assert on_ray(source, out, resume=True).shards == 2
     assert contents(out) == locally(source, tmp_path / "whole")
 
 
-def test_a_node_that_dies(recording: Any, cluster: Any, tmp_path: Path) -> None:
+def test_a_node_that_dies(
+    recording: Any,
+    cluster: Any,
+    tmp_path: Path,
+) -> None:
     source, out = recording(trajectories=8, steps=1), tmp_path / "out"
     node = cluster.add_node(num_cpus=1, object_store_memory=STORE)
     try:
         deed = partial(kill_node, tmp_path / "flag", raylet(node))
-        report = build(source, out, corruptions={"marks": Marks(deed)}, rows_per_shard=1, engine="ray", workers=3)
+        report = build(
+            source,
+            out,
+            corruptions={"marks": Marks(deed)},
+            rows_per_shard=1,
+            engine="ray",
+            workers=3,
+        )
     finally:
         cluster.remove_node(node, allow_graceful=False)
     assert (tmp_path / "flag").exists(), "the third node had no shard"
@@ -191,9 +263,16 @@ def test_a_node_that_dies(recording: Any, cluster: Any, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("deed", "reason"), [(stumble, r"ZeroDivisionError.*a mistake in a planner.*resume=True"), (None, "effects")]
+    ("deed", "reason"),
+    [(stumble, r"ZeroDivisionError.*a mistake in a planner.*resume=True"), (None, "effects")],
 )
-def test_mistakes_reach_the_caller(deed: Any, reason: str, recording: Any, cluster: Any, tmp_path: Path) -> None:
+def test_mistakes_reach_the_caller(
+    deed: Any,
+    reason: str,
+    recording: Any,
+    cluster: Any,
+    tmp_path: Path,
+) -> None:
     class Live(hj.Augmentation):
         def plan(self, scene: hj.Scene, **key: Any) -> hj.Plan:
             return hj.NetworkError().plan(scene, **{**key, "step": -1})
@@ -203,7 +282,11 @@ def test_mistakes_reach_the_caller(deed: Any, reason: str, recording: Any, clust
         build(recording(steps=1), tmp_path / "out", corruptions=planners, engine="ray")
 
 
-def test_strict_stops_at_the_first_bad_input(recording: Any, cluster: Any, tmp_path: Path) -> None:
+def test_strict_stops_at_the_first_bad_input(
+    recording: Any,
+    cluster: Any,
+    tmp_path: Path,
+) -> None:
     source = recording(trajectories=2, steps=1)
     picture = source / "images" / "t0-0.png"
     picture.write_bytes(picture.read_bytes()[:-1000])
@@ -217,7 +300,10 @@ def tasks_of(source: Path) -> list[ShardTask]:
 
 
 def test_the_source_is_read_as_shards_are_done(
-    recording: Any, cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    recording: Any,
+    cluster: Any,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(engine, "FIRST", 1)
     monkeypatch.setattr(engine, "MOST", 2)
@@ -230,7 +316,7 @@ def test_the_source_is_read_as_shards_are_done(
 
     (tmp_path / "out" / "data").mkdir(parents=True)
     (tmp_path / "out" / ".build").mkdir()
-    settings, ahead, done = Settings((("marks", Marks()),)), [], []
+    settings, ahead, done = RowSettings((("marks", Marks()),)), [], []
     for record in engine.run(source(), settings, tmp_path / "out", 1, lambda _: None):
         ahead.append(len(taken) - len(done))
         done.append(record.index)
@@ -245,25 +331,50 @@ mount -t tmpfs tmpfs "$1" && exec {python} -m ray.scripts.scripts start --addres
 """
 
 
-@pytest.mark.skipif(os.geteuid() != 0 or not shutil.which("unshare"), reason="only root can hide a folder from a node")
-def test_a_node_that_does_not_share_the_output(recording: Any, cluster: Any, tmp_path: Path) -> None:
+@pytest.mark.skipif(
+    os.geteuid() != 0 or not shutil.which("unshare"),
+    reason="only root can hide a folder from a node",
+)
+def test_a_node_that_does_not_share_the_output(
+    recording: Any,
+    cluster: Any,
+    tmp_path: Path,
+) -> None:
     """A real third node, in a mount namespace where the output folder is another one."""
     source, out = recording(trajectories=6, steps=1), tmp_path / "out"
     out.mkdir()
     if subprocess.run(["unshare", "-m", "true"], capture_output=True, check=False).returncode:
         pytest.skip("mount namespaces are not allowed here")
-    script = NAMESPACE.format(python=sys.executable, address=cluster.address, store=STORE)
+    script = NAMESPACE.format(
+        python=sys.executable,
+        address=cluster.address,
+        store=STORE,
+    )
     command = ["unshare", "-m", "sh", "-c", script, "sh", str(out)]
     known = {n["NodeID"] for n in ray.nodes()}  # dead ones, too: a cluster learns of a death late
-    node = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.STDOUT, start_new_session=True)
+    node = subprocess.Popen(
+        command,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.STDOUT,
+        start_new_session=True,
+    )
     try:
         deadline = time.monotonic() + 60
         while {n["NodeID"] for n in ray.nodes()} == known and time.monotonic() < deadline:
             assert node.poll() is None, "the node did not start"
             time.sleep(0.1)
         assert {n["NodeID"] for n in ray.nodes()} > known, "the node did not join"
-        with pytest.raises(BuildError, match=rf"{out}: the node .* does not see this folder.*all nodes share"):
-            build(source, out, corruptions={"marks": Marks()}, rows_per_shard=1, engine="ray", workers=3)
+        with pytest.raises(
+            BuildError, match=rf"{out}: the node .* does not see this folder.*all nodes share"
+        ):
+            build(
+                source,
+                out,
+                corruptions={"marks": Marks()},
+                rows_per_shard=1,
+                engine="ray",
+                workers=3,
+            )
     finally:
         node.send_signal(signal.SIGTERM)
         node.wait(timeout=30)
@@ -271,13 +382,24 @@ def test_a_node_that_does_not_share_the_output(recording: Any, cluster: Any, tmp
     assert contents(out) == locally(source, tmp_path / "whole")
 
 
-def test_a_cluster_that_runs_already(recording: Any, cluster: Any, tmp_path: Path) -> None:
+def test_a_cluster_that_runs_already(
+    recording: Any,
+    cluster: Any,
+    tmp_path: Path,
+) -> None:
     source, out = recording(trajectories=2, steps=1), tmp_path / "out"
     (tmp_path / "config.yaml").write_text(CONFIG)
     options = ["--config", str(tmp_path / "config.yaml"), "--engine", "ray", "--json"]
     command = [*COMMAND, str(source), "--out", str(out), *options]
     environment = {**os.environ, "RAY_ADDRESS": cluster.address}
-    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        command,
+        cwd=ROOT,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["rows"] == 4
     build(source, tmp_path / "whole", config=tmp_path / "config.yaml")
@@ -286,32 +408,54 @@ def test_a_cluster_that_runs_already(recording: Any, cluster: Any, tmp_path: Pat
 
 
 MARK = "AGENTHIJACK_TEST_RAY"
-# They write nothing; after a kill they wait 60 s for a cluster that is gone, as long as Ray's own time-out.
+# They write nothing; after a kill they wait 60 s for a cluster that is gone, as long as Ray's own
+# time-out.
 AGENTS = {"ray::DashboardAgent", "ray::RuntimeEnvAgent"}
 SHORT = """
 import sys
 from pipelines import cli
+from pipelines.building.options import BuildOptions
 
 if __name__ == "__main__":
-    cli.build_dataset.__kwdefaults__["rows_per_shard"] = 1
+    BuildOptions.__init__.__kwdefaults__["rows_per_shard"] = 1
     cli.build(sys.argv[1:])
 """
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
-def test_ctrl_c_and_kill_end_the_cluster_that_was_started(how: signal.Signals, recording: Any, tmp_path: Path) -> None:
+def test_ctrl_c_and_kill_end_the_cluster_that_was_started(
+    how: signal.Signals,
+    recording: Any,
+    tmp_path: Path,
+) -> None:
     source, out = recording(trajectories=60, steps=2), tmp_path / "out"
     (tmp_path / "config.yaml").write_text(CONFIG)
     (tmp_path / "run.py").write_text(SHORT)
     options = ["--config", str(tmp_path / "config.yaml"), "--engine", "ray", "--workers", "2"]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONWARNINGS": "error", MARK: str(tmp_path)}
+    environment = {
+        **os.environ,
+        "PYTHONPATH": str(ROOT),
+        "PYTHONWARNINGS": "error",
+        MARK: str(tmp_path),
+    }
     environment.pop("RAY_ADDRESS", None)
     command = [sys.executable, str(tmp_path / "run.py"), str(source), "--out", str(out), *options]
-    said = tmp_path / "stdout", tmp_path / "stderr"  # files: the agents of Ray would keep a pipe open
+    # files: the agents of Ray would keep a pipe open
+    said = tmp_path / "stdout", tmp_path / "stderr"
     with said[0].open("w") as first, said[1].open("w") as second:
-        process = subprocess.Popen(command, env=environment, stdout=first, stderr=second, start_new_session=True)
+        process = subprocess.Popen(
+            command,
+            env=environment,
+            stdout=first,
+            stderr=second,
+            start_new_session=True,
+        )
     deadline = time.monotonic() + 90
-    while process.poll() is None and not list(out.glob(".build/[0-9]*.json")) and time.monotonic() < deadline:
+    while (
+        process.poll() is None
+        and not list(out.glob(".build/[0-9]*.json"))
+        and time.monotonic() < deadline
+    ):
         time.sleep(0.002)
     assert len(marked(tmp_path)) > 4  # Ray's own processes, and the workers
     if how == signal.SIGINT:
@@ -332,7 +476,13 @@ def test_ctrl_c_and_kill_end_the_cluster_that_was_started(how: signal.Signals, r
         time.sleep(0.1)
     assert set(marked(tmp_path)) <= idle
     assert 1 <= len(list((out / "data").glob("train-*.parquet"))) < 60
-    report = build(source, out, config=tmp_path / "config.yaml", rows_per_shard=1, resume=True)
+    report = build(
+        source,
+        out,
+        config=tmp_path / "config.yaml",
+        rows_per_shard=1,
+        resume=True,
+    )
     assert report.kept >= 1
     build(source, tmp_path / "whole", config=tmp_path / "config.yaml", rows_per_shard=1)
     assert differences(out, tmp_path / "whole") == []
@@ -345,7 +495,9 @@ def marked(value: Path) -> list[str]:
     for process in Path("/proc").glob("[0-9]*"):
         try:
             if f"{MARK}={value}".encode() in (process / "environ").read_bytes().split(b"\0"):
-                found.append((process / "cmdline").read_bytes().partition(b"\0")[0].decode().strip())
+                found.append(
+                    (process / "cmdline").read_bytes().partition(b"\0")[0].decode().strip()
+                )
         except OSError:
             continue
     return found

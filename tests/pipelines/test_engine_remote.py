@@ -12,12 +12,12 @@ import pytest
 import hijack_data as hj
 from hijack_data.errors import MissingDependencyError, UnknownNameError
 from pipelines import build
+from pipelines.building.rows import RowSettings
+from pipelines.building.shards import ShardTask, build_shard, shard_tasks
+from pipelines.dataset.manifest import libraries
 from pipelines.engines import ray as engine
 from pipelines.engines import ray_session, remote
 from pipelines.errors import BuildError
-from pipelines.manifest import libraries
-from pipelines.rows import Settings
-from pipelines.shards import ShardTask, build_shard, shard_tasks
 from pipelines.sources import Sources
 
 MARKS = hj.Marks(number=4, mark_size=8)
@@ -34,11 +34,13 @@ def errand(tmp_path: Path) -> remote.Errand:
     (out / ".build").mkdir(parents=True)
     (out / "data").mkdir()
     (out / ".build" / "token").write_text("abc")
-    return remote.Errand(Settings((("marks", MARKS),)), out, "abc", libraries(False), None, {})
+    return remote.Errand(RowSettings((("marks", MARKS),)), out, "abc", libraries(False), None, {})
 
 
 def test_a_node_that_sees_other_files_or_has_other_libraries(
-    errand: remote.Errand, recording: Any, monkeypatch: pytest.MonkeyPatch
+    errand: remote.Errand,
+    recording: Any,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(remote, "PATIENCE", 0)
     task = task_of(recording(trajectories=1, steps=2))
@@ -63,13 +65,20 @@ def test_a_node_that_sees_other_files_or_has_other_libraries(
     assert not list(errand.out.rglob("*.parquet.*"))
 
 
-def test_a_shard_that_was_written_elsewhere(errand: remote.Errand, recording: Any, monkeypatch: Any) -> None:
+def test_a_shard_that_was_written_elsewhere(
+    errand: remote.Errand,
+    recording: Any,
+    monkeypatch: Any,
+) -> None:
     monkeypatch.setattr(remote, "PATIENCE", 0)
     task = task_of(recording(trajectories=1, steps=1))
     record = build_shard(task, errand.settings, errand.out)
     assert engine._record(record, "n1", errand.out) is record
     for other in (errand.out / "local", errand.out):
-        with pytest.raises(BuildError, match=rf"{other}/data/train-00000.parquet: the node n1 wrote.*all nodes share"):
+        with pytest.raises(
+            BuildError,
+            match=rf"{other}/data/train-00000.parquet: the node n1 wrote.*all nodes share",
+        ):
             engine._record(replace(record, bytes=record.bytes + 1), "n1", other)
 
 
@@ -89,14 +98,20 @@ def test_messages_of_ray_do_not_mix_with_the_output(capsys: Any) -> None:
     assert said.out.count("state-dump") == 2
 
 
-def test_without_ray(recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_ray(
+    recording: Any,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(MissingDependencyError, match=r"pip install 'agenthijack\[ray\]'"):
         build(recording(), tmp_path / "out", corruptions={"marks": MARKS}, engine="ray")
 
 
 def test_engines_and_clusters_that_are_not_there(
-    recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    recording: Any,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     ray = pytest.importorskip("ray")
     source, out = recording(), tmp_path / "out"
@@ -106,6 +121,10 @@ def test_engines_and_clusters_that_are_not_there(
         build(source, out, ray_address="auto")
     assert not out.exists()
     monkeypatch.setattr(ray, "is_initialized", lambda: False)
-    for address, reason in (("127.0.0.1:1", "refused"), ("ray://127.0.0.1:10001", "not served"), ("x", "Invalid")):
+    for address, reason in (
+        ("127.0.0.1:1", "refused"),
+        ("ray://127.0.0.1:10001", "not served"),
+        ("x", "Invalid"),
+    ):
         with pytest.raises(BuildError, match=f"Ray at '{address}' cannot be used.*{reason}"):
             build(source, tmp_path / address.replace("/", "-"), engine="ray", ray_address=address)

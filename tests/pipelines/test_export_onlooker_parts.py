@@ -9,19 +9,26 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hijack_data.types import ACTION_TYPES
-from pipelines.columns import ACTION
-from pipelines.exports.onlooker.change import TOLERANCE, Change, measure
-from pipelines.exports.onlooker.draw import KINDS, NEEDED, Chooser
+from pipelines.dataset.columns import ACTION
+from pipelines.exports.onlooker.change import TOLERANCE, ScreenChange, measure
+from pipelines.exports.onlooker.sampling import KINDS, NEEDED, OnlookerSampler
 from pipelines.exports.onlooker.words import QUOTED, did, summary_messages
 
 frames = st.lists(
-    st.tuples(st.integers(0, 3), st.sampled_from(["clean", "marks", "touch", "lock"])), unique=True, max_size=12
+    st.tuples(st.integers(0, 3), st.sampled_from(["clean", "marks", "touch", "lock"])),
+    unique=True,
+    max_size=12,
 )
 
 
 @given(st.lists(frames, max_size=5), st.integers(0, 40), st.integers(0, 2**64 - 1))
-def test_what_is_drawn(trajectories: list[list[tuple[int, str]]], tenths: int, seed: int) -> None:
-    """Everything with a reminder, nothing twice, and as many others as are owed so far or are there."""
+def test_what_is_drawn(
+    trajectories: list[list[tuple[int, str]]],
+    tenths: int,
+    seed: int,
+) -> None:
+    """Everything with a reminder, nothing twice, and as many others as are owed so far or are
+    there."""
     rows = [
         {
             "trajectory_id": f"t{name}",
@@ -33,9 +40,9 @@ def test_what_is_drawn(trajectories: list[list[tuple[int, str]]], tenths: int, s
         for name, steps in enumerate(trajectories)
         for step, label in sorted(steps)
     ]
-    chooser = Chooser(seed, tenths / 10)
+    chooser = OnlookerSampler(seed, tenths / 10)
     found = chooser.chosen(rows)
-    assert found == Chooser(seed, tenths / 10).chosen(rows)
+    assert found == OnlookerSampler(seed, tenths / 10).chosen(rows)
     needed = {number for number, row in enumerate(rows) if row["reminder"]}
     assert {number for number, kind in found.items() if kind == NEEDED} == needed
     assert {kind for number, kind in found.items() if number not in needed} <= set(KINDS)
@@ -45,18 +52,33 @@ def test_what_is_drawn(trajectories: list[list[tuple[int, str]]], tenths: int, s
         wanted += tenths * sum(label == "lock" for _, label in steps)
         owed[name] = min(wanted // 10, sum(label != "lock" for _, label in steps))
         wanted -= 10 * owed[name]
-    taken = Counter(int(rows[number]["trajectory_id"][1:]) for number in found if number not in needed)
+    taken = Counter(
+        int(rows[number]["trajectory_id"][1:]) for number in found if number not in needed
+    )
     assert taken == Counter({name: count for name, count in owed.items() if count})
     assert chooser.short == wanted // 10
 
 
 def test_each_kind_is_drawn_as_often() -> None:
-    """Many frames of one kind don't crowd out the others, and the clean screen of the same step is among them."""
-    rows = [{"trajectory_id": f"t{k // 10}", "step": 0, "corruption": label, "event": event, "reminder": reminder}
-            for k in range(0, 4000, 10)
-            for label, event, reminder in [("lock", "x", "wait"), ("clean", None, None), ("touch", "y", None),
-                                           *[("marks", None, None)] * 7]]  # fmt: skip
-    counts = Counter(Chooser(1, 1).chosen(rows).values())
+    """Many frames of one kind don't crowd out the others, and the clean screen of the same step is
+    among them."""
+    rows = [
+        {
+            "trajectory_id": f"t{k // 10}",
+            "step": 0,
+            "corruption": label,
+            "event": event,
+            "reminder": reminder,
+        }
+        for k in range(0, 4000, 10)
+        for label, event, reminder in [
+            ("lock", "x", "wait"),
+            ("clean", None, None),
+            ("touch", "y", None),
+            *[("marks", None, None)] * 7,
+        ]
+    ]
+    counts = Counter(OnlookerSampler(1, 1).chosen(rows).values())
     assert counts[NEEDED] == 400
     assert set(counts) == {NEEDED, "same_step", "picture", "event"}
     assert all(100 < counts[kind] < 167 for kind in ("same_step", "picture", "event"))
@@ -66,20 +88,40 @@ def test_words_for_every_action() -> None:
     empty: dict[str, Any] = dict.fromkeys(ACTION)
     found = {kind: did({**empty, "type": kind}, "") for kind in ACTION_TYPES}
     assert len(set(found.values())) == len(ACTION_TYPES)
-    full = {**empty, "x": 1, "y": 2, "x2": 3, "y2": 4, "text": 'a "b"\n', "keys": ["ctrl", "s"]}
-    says = lambda kind, **more: did({**full, "type": kind, **more}, "")  # noqa: E731
+    full = {
+        **empty,
+        "x": 1,
+        "y": 2,
+        "x2": 3,
+        "y2": 4,
+        "text": 'a "b"\n',
+        "keys": ["ctrl", "s"],
+    }
+    says = lambda kind, **more: did(  # noqa: E731
+        {
+            **full,
+            "type": kind,
+            **more,
+        },
+        "",
+    )
     assert says("right_click", keys=["shift"]) == "right-clicked at (1, 2) while holding shift"
     assert says("drag", keys=None) == "dragged from (1, 2) to (3, 4)"
     assert says("drag", keys=None, x=None) == "dragged to (3, 4)"
     assert says("move", keys=None) == "moved the pointer to (1, 2)"
     assert [says("scroll", keys=None, amount=amount) for amount in (-2, 2, None)] == [
-        "scrolled down at (1, 2)", "scrolled up at (1, 2)", "scrolled at (1, 2)"
-    ]  # fmt: skip
+        "scrolled down at (1, 2)",
+        "scrolled up at (1, 2)",
+        "scrolled at (1, 2)",
+    ]
     assert says("type", keys=None) == r'typed "a \"b\"\n"'
     assert (says("hotkey"), says("key_up", keys=["alt"])) == ("pressed ctrl+s", "let go of alt")
     long = says("type", keys=None, text="x" * 999)
     assert long == f'typed "{"x" * QUOTED}..."'
-    assert [message["content"].count("<image>") for message in summary_messages("<image>", "<image>", "<image>")] == [
+    assert [
+        message["content"].count("<image>")
+        for message in summary_messages("<image>", "<image>", "<image>")
+    ] == [
         2,
         0,
     ]
@@ -103,7 +145,10 @@ def screen(*boxes: tuple[int, int, int, int], value: int = 200) -> np.ndarray:
         ([(0, 60, 90, 90)], "About 33 % of the screen changed, mostly in the lower third."),
         ([(0, 0, 30, 90)], "About 33 % of the screen changed, mostly in the left third."),
         ([(0, 0, 90, 90)], "About 100 % of the screen changed, in several places."),
-        ([(0, 0, 30, 30), (60, 60, 90, 90)], "About 22 % of the screen changed, in several places."),
+        (
+            [(0, 0, 30, 30), (60, 60, 90, 90)],
+            "About 22 % of the screen changed, in several places.",
+        ),
     ],
 )
 def test_words_for_a_change(boxes: list[tuple[int, int, int, int]], text: str) -> None:
@@ -113,7 +158,9 @@ def test_words_for_a_change(boxes: list[tuple[int, int, int, int]], text: str) -
 
 def test_a_change_is_more_than_noise_and_may_be_of_the_size() -> None:
     whole = (0, 0, 90, 90)
-    assert measure(screen(), screen(whole, value=100 + TOLERANCE)) == Change(0.0, measure(screen(), screen()).where)
+    assert measure(screen(), screen(whole, value=100 + TOLERANCE)) == ScreenChange(
+        0.0, measure(screen(), screen()).where
+    )
     assert measure(screen(), screen(whole, value=101 + TOLERANCE)).share == 1
     assert measure(screen(), screen(whole, value=99 - TOLERANCE)).share == 1
     assert measure(screen(), screen()[:50]).text() == "The size of the screen changed."

@@ -22,41 +22,73 @@ from pipelines.errors import BuildError, DatasetError
 from pipelines.exports import FORMATS, ExportReport, export, push_to_hub
 
 PLANNERS: dict[str, Any] = {
-    "cover": hj.PopUps(width=320, height=200, avoid_elements=False),
+    "cover": hj.PopUps(
+        width=320,
+        height=200,
+        avoid_elements=False,
+    ),
     "half": hj.Resolution(),
     "marks": hj.Marks(number=4, mark_size=8),
 }
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def make(source: Path, out: Path, **options: Any) -> Path:
+def make(
+    source: Path,
+    out: Path,
+    **options: Any,
+) -> Path:
     build(source, out, corruptions=PLANNERS, rows_per_shard=8, **options)
     return out
 
 
 @pytest.fixture
-def source(recording: Any, add_line: Any, good_line: Any) -> Path:
+def source(
+    recording: Any,
+    add_line: Any,
+    good_line: Any,
+) -> Path:
     folder = recording(trajectories=3, steps=2)
     picture = {"image": "images/t0-0.png", "action_code": ""}
-    hidden = {"action": {"type": "click", "x": 310, "y": 190}, "target_box": [300, 180, 320, 200]}
+    hidden = {
+        "action": {
+            "type": "click",
+            "x": 310,
+            "y": 190,
+        },
+        "target_box": [300, 180, 320, 200],
+    }
     add_line(folder, good_line("u", 0, **picture, **hidden, instruction="find the <image> tag"))
     add_line(folder, good_line("v", 0, **picture, action={"type": "other"}, target_box=None))
-    add_line(folder, good_line("w", 0, **picture, action={"type": "type", "text": "<image>"}, target_box=None))
+    add_line(
+        folder,
+        good_line("w", 0, **picture, action={"type": "type", "text": "<image>"}, target_box=None),
+    )
     return folder
 
 
 @pytest.fixture(params=["materialised", "lazy"])
-def dataset(request: Any, source: Path, tmp_path: Path) -> Path:
+def dataset(
+    request: Any,
+    source: Path,
+    tmp_path: Path,
+) -> Path:
     return make(source, tmp_path / "set", output=request.param)
 
 
 def tree(folder: Path) -> dict[str, bytes]:
-    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+    return {
+        str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()
+    }
 
 
 def expected(dataset: Path) -> list[dict[str, Any]]:
     """The rows that may be exported: the target shows, and the action can be said."""
-    rows = [row for row in open_dataset(dataset) if row["target_visible"] is None or row["target_visible"] >= 0.5]
+    rows = [
+        row
+        for row in open_dataset(dataset)
+        if row["target_visible"] is None or row["target_visible"] >= 0.5
+    ]
     return [row for row in rows if row["trajectory_id"] not in ("v", "w")]
 
 
@@ -66,7 +98,9 @@ def pixels(data: bytes) -> np.ndarray:
 
 def test_chat(dataset: Path, tmp_path: Path) -> None:
     report = export(dataset, tmp_path / "out", to="chat")
-    lines = [json.loads(line) for line in (tmp_path / "out" / "train.jsonl").read_text().splitlines()]
+    lines = [
+        json.loads(line) for line in (tmp_path / "out" / "train.jsonl").read_text().splitlines()
+    ]
     rows = expected(dataset)
     assert report.total == len(lines) == len(rows) == 4 * 7 - 1
     assert dict(report.hidden) == {"cover": 1}
@@ -80,25 +114,40 @@ def test_chat(dataset: Path, tmp_path: Path) -> None:
         assert row["instruction"].replace("<image>", "< image>") in user["content"]
         x, y = row["action"]["x"], row["action"]["y"]
         assert assistant["content"] == f"pyautogui.click({x}, {y})"
-        assert np.array_equal(pixels((tmp_path / "out" / name).read_bytes()), np.asarray(row["screenshot"]))
+        assert np.array_equal(
+            pixels((tmp_path / "out" / name).read_bytes()), np.asarray(row["screenshot"])
+        )
         assert (line["id"], line["corruption"]) == (row["id"], row["corruption"])
     info = json.loads((tmp_path / "out" / "dataset_info.json").read_text())["agenthijack"]
     assert (tmp_path / "out" / info["file_name"]).is_file()
     assert {info["tags"]["role_tag"], info["tags"]["content_tag"]} == {"role", "content"}
 
 
-def test_chat_rows_load(dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_chat_rows_load(
+    dataset: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
     datasets = pytest.importorskip("datasets")
     datasets.disable_progress_bars()
     export(dataset, tmp_path / "out", to="chat")
     file = str(tmp_path / "out" / "train.jsonl")
-    loaded = datasets.load_dataset("json", data_files=file, split="train", cache_dir=str(tmp_path / "cache"))
+    loaded = datasets.load_dataset(
+        "json",
+        data_files=file,
+        split="train",
+        cache_dir=str(tmp_path / "cache"),
+    )
     assert len(loaded) == 27
     assert loaded[0]["messages"][0]["content"].startswith("<image>\n")
 
 
-def test_verl(dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_verl(
+    dataset: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """The columns of verl's own preprocessing examples, read as its dataset reads them."""
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
     datasets = pytest.importorskip("datasets")
@@ -107,10 +156,19 @@ def test_verl(dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     files = sorted(str(file) for file in (tmp_path / "out" / "data").iterdir())
     assert len(files) == 5
     assert pq.read_table(files[4]).num_rows == 0  # every row of the last step is left out
-    loaded = datasets.load_dataset("parquet", data_files=files, cache_dir=str(tmp_path / "cache"))["train"]
+    loaded = datasets.load_dataset("parquet", data_files=files, cache_dir=str(tmp_path / "cache"))[
+        "train"
+    ]
     rows = expected(dataset)
     assert len(loaded) == len(rows) == report.total
-    assert loaded.column_names == ["data_source", "prompt", "images", "ability", "reward_model", "extra_info"]
+    assert loaded.column_names == [
+        "data_source",
+        "prompt",
+        "images",
+        "ability",
+        "reward_model",
+        "extra_info",
+    ]
     raw = pq.read_table(files[0]).to_pylist()[0]
     assert raw["images"][0]["bytes"].startswith(b"\x89PNG")
     for index, (example, row) in enumerate(zip(loaded, rows, strict=True)):
@@ -134,7 +192,14 @@ def test_webdataset(dataset: Path, tmp_path: Path) -> None:
     for file in files:
         with tarfile.open(file) as tar:
             for info in tar:
-                assert (info.mtime, info.uid, info.gid, info.uname, info.gname, info.mode) == (0, 0, 0, "", "", 0o644)
+                assert (info.mtime, info.uid, info.gid, info.uname, info.gname, info.mode) == (
+                    0,
+                    0,
+                    0,
+                    "",
+                    "",
+                    0o644,
+                )
                 key, _, kind = info.name.partition(".")
                 found.append((key, kind, tar.extractfile(info).read()))  # type: ignore[union-attr]
     assert len({key for key, _, _ in found}) == len(found) // 3
@@ -150,19 +215,34 @@ def test_webdataset(dataset: Path, tmp_path: Path) -> None:
         }
 
 
-def test_webdataset_streams_through_datasets(dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_webdataset_streams_through_datasets(
+    dataset: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
     datasets = pytest.importorskip("datasets")
     export(dataset, tmp_path / "out", to="webdataset")
     files = sorted(str(file) for file in (tmp_path / "out").glob("train-0000[0-3].tar"))
-    loaded = list(datasets.load_dataset("webdataset", data_files=files, split="train", streaming=True))
+    loaded = list(
+        datasets.load_dataset(
+            "webdataset",
+            data_files=files,
+            split="train",
+            streaming=True,
+        )
+    )
     assert len(loaded) == 27
     assert loaded[0]["json"]["id"] == "t0/0000/clean"
     assert loaded[0]["png"].size == (320, 200)
 
 
 @pytest.mark.parametrize("to", list(FORMATS))
-def test_the_same_rows_give_the_same_bytes(to: str, source: Path, tmp_path: Path) -> None:
+def test_the_same_rows_give_the_same_bytes(
+    to: str,
+    source: Path,
+    tmp_path: Path,
+) -> None:
     for name, output in (("a", "materialised"), ("b", "lazy")):
         make(source, tmp_path / f"set-{name}", output=output)
         export(tmp_path / f"set-{name}", tmp_path / name, to=to)
@@ -184,7 +264,13 @@ def test_what_is_refused(dataset: Path, tmp_path: Path) -> None:
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "thesis.tex").write_text("x")
     (tmp_path / "file").write_text("x")
-    for out in (tmp_path / "full", tmp_path / "file", tmp_path / "file" / "x", Path("a\0b"), Path("/proc/x")):
+    for out in (
+        tmp_path / "full",
+        tmp_path / "file",
+        tmp_path / "file" / "x",
+        Path("a\0b"),
+        Path("/proc/x"),
+    ):
         with pytest.raises(BuildError, match=r"in the way|cannot be written"):
             export(dataset, out, to="chat")
     with pytest.raises(BuildError, match="lies in the dataset"):
@@ -219,7 +305,9 @@ export(sys.argv[1], sys.argv[2], to="chat", progress=die)
 
 def test_an_export_that_was_killed_is_done_again(source: Path, tmp_path: Path) -> None:
     dataset = make(source, tmp_path / "set")
-    done = subprocess.run([sys.executable, "-c", KILLED, str(dataset), str(tmp_path / "out")], cwd=ROOT, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", KILLED, str(dataset), str(tmp_path / "out")], cwd=ROOT, check=False
+    )
     assert done.returncode == -9
     assert not (tmp_path / "out").exists()
     assert (tmp_path / ".out.exporting" / "train.jsonl").exists()
@@ -245,12 +333,23 @@ def test_two_exports_to_one_folder(source: Path, tmp_path: Path) -> None:
 
 
 def test_the_command(dataset: Path, tmp_path: Path) -> None:
-    arguments = ["export", str(dataset), "--to", "verl", "--out", str(tmp_path / "out"), "--dialect", "ui_tars"]
+    arguments = [
+        "export",
+        str(dataset),
+        "--to",
+        "verl",
+        "--out",
+        str(tmp_path / "out"),
+        "--dialect",
+        "ui_tars",
+    ]
     run = CliRunner().invoke(hijack, arguments)
     assert run.exit_code == 0, run.output
     assert "27 examples (verl, actions in ui_tars)" in run.output
     assert "cover: 1 left out, their target is hidden" in run.output
-    data = json.loads(CliRunner().invoke(hijack, [*arguments[:-3], str(tmp_path / "two"), "--json"]).output)
+    data = json.loads(
+        CliRunner().invoke(hijack, [*arguments[:-3], str(tmp_path / "two"), "--json"]).output
+    )
     assert (data["to"], data["total"]) == ("verl", 27)
 
 
@@ -273,17 +372,39 @@ class Hub:
         return type("Done", (), {"commit_url": "https://hub.example/commit/1"})()
 
 
-def test_push_to_hub_passes_on_what_it_is_told(source: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_push_to_hub_passes_on_what_it_is_told(
+    source: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     hub = pytest.importorskip("huggingface_hub")
     dataset = make(source, tmp_path / "set")
     monkeypatch.setattr(hub, "HfApi", Hub)
-    url = push_to_hub(dataset, "me/set", token="t", revision="r", endpoint="http://e", message="m")
+    url = push_to_hub(
+        dataset,
+        "me/set",
+        token="t",
+        revision="r",
+        endpoint="http://e",
+        message="m",
+    )
     assert url == "https://hub.example/commit/1"
     init, create, upload = Hub.last.calls
     assert init[2] == {"endpoint": "http://e", "token": "t"}
-    assert create[1:] == (("me/set",), {"repo_type": "dataset", "private": True, "exist_ok": True})
+    assert create[1:] == (
+        ("me/set",),
+        {
+            "repo_type": "dataset",
+            "private": True,
+            "exist_ok": True,
+        },
+    )
     assert upload[2]["folder_path"] == str(dataset)
-    assert (upload[2]["repo_id"], upload[2]["revision"], upload[2]["commit_message"]) == ("me/set", "r", "m")
+    assert (upload[2]["repo_id"], upload[2]["revision"], upload[2]["commit_message"]) == (
+        "me/set",
+        "r",
+        "m",
+    )
     with pytest.raises(DatasetError, match="not a dataset"):
         push_to_hub(tmp_path, "me/set")
 
@@ -296,17 +417,36 @@ def test_a_hub_that_cannot_be_reached(source: Path, tmp_path: Path) -> None:
 
 
 TOKENS = [
-    "<|im_end|>", "<|im_start|>", "<|image_pad|>", "<|vision_start|>", "<|endoftext|>", "<|eot_id|>", "<image>", "</s>",
-    "<start_of_turn>", "<end_of_turn>", "<IMG_CONTEXT>", "[INST]", "[/INST]",
-]  # fmt: skip
+    "<|im_end|>",
+    "<|im_start|>",
+    "<|image_pad|>",
+    "<|vision_start|>",
+    "<|endoftext|>",
+    "<|eot_id|>",
+    "<image>",
+    "</s>",
+    "<start_of_turn>",
+    "<end_of_turn>",
+    "<IMG_CONTEXT>",
+    "[INST]",
+    "[/INST]",
+]
 
 
 @pytest.mark.parametrize("to", ["chat", "verl", "webdataset"])
 def test_no_special_token_of_a_chat_model_gets_through(
-    to: str, recording: Any, add_line: Any, good_line: Any, tmp_path: Path
+    to: str,
+    recording: Any,
+    add_line: Any,
+    good_line: Any,
+    tmp_path: Path,
 ) -> None:
     folder = recording(trajectories=1, steps=1)
-    picture = {"image": "images/t0-0.png", "action_code": "", "target_box": None}
+    picture = {
+        "image": "images/t0-0.png",
+        "action_code": "",
+        "target_box": None,
+    }
     for number, token in enumerate(TOKENS):
         add_line(folder, good_line(f"ask{number}", 0, **picture, instruction=f"a{token}b if x < y"))
         typed = {"type": "type", "text": f"a{token}"}
@@ -315,7 +455,9 @@ def test_no_special_token_of_a_chat_model_gets_through(
     report = export(tmp_path / "set", tmp_path / "out", to=to)
     assert report.total == 1 + len(TOKENS)
     assert sum(report.unsaid.values()) == len(TOKENS)
-    assert {token for token in TOKENS if any(token in reason for reason in report.unsaid)} == set(TOKENS)
+    assert {token for token in TOKENS if any(token in reason for reason in report.unsaid)} == set(
+        TOKENS
+    )
     if to == "chat":
         text = (tmp_path / "out" / "train.jsonl").read_text()
         assert text.count("<image>") == report.total

@@ -1,6 +1,8 @@
-"""The how-to from OSWorld runs to training data: every command of it, in order, on a small result folder.
+"""The how-to from OSWorld runs to training data: every command of it, in order, on a small result
+folder.
 
-The runs are made of our own recordings (real 1920x1080 screens), laid out as OSWorld lays out its results.
+The runs are made of our own recordings (real 1920x1080 screens), laid out as OSWorld lays out its
+results.
 """
 
 import json
@@ -26,8 +28,8 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "howto_osworld_runs.md"
 IMAGES = ROOT / "examples" / "recordings"
 STEPS = 5
-# Task, the recording that it is made of, domain, applications, score. The second one is said to be about a browser, so
-# that a lost network shows; no test looks at what the pictures mean.
+# Task, the recording that it is made of, domain, applications, score. The second one is said to be
+# about a browser, so that a lost network shows; no test looks at what the pictures mean.
 RUNS = [
     ("5ced85fc-fa1a-4217-95fd-0fb530545ce2", "notes", "os", ["mousepad"], "1.0"),
     ("06fe7178-4491-4589-810f-2e2bc9502122", "rename", "chrome", ["chrome"], "1"),
@@ -37,7 +39,8 @@ RUNS = [
 
 @pytest.fixture
 def results(tmp_path: Path) -> Path:
-    """`results/`: three runs with the first screen saved and pictures after the actions, and their tasks."""
+    """`results/`: three runs with the first screen saved and pictures after the actions, and their
+    tasks."""
     recorded: dict[str, list[dict[str, Any]]] = {}
     for line in (IMAGES / "trajectories.jsonl").read_text().splitlines():
         record = json.loads(line)
@@ -45,20 +48,40 @@ def results(tmp_path: Path) -> Path:
     for task, name, domain, apps, score in RUNS:
         folder = tmp_path / "results" / "pyautogui" / "screenshot" / "my-model" / domain / task
         steps = recorded[name][:STEPS]
-        screens = ["initial_state.png", *(f"step_{k}_20250801@101500.png" for k in range(1, STEPS + 1))]
-        lines = [{"step_num": k, "action_timestamp": "20250801@101500", "action": step["action_code"], "reward": 0,
-                  "done": False, "info": {}, "screenshot_file": screens[k]}
-                 for k, step in enumerate(steps, 1)]  # fmt: skip
+        screens = [
+            "initial_state.png",
+            *(f"step_{k}_20250801@101500.png" for k in range(1, STEPS + 1)),
+        ]
+        lines = [
+            {
+                "step_num": k,
+                "action_timestamp": "20250801@101500",
+                "action": step["action_code"],
+                "reward": 0,
+                "done": False,
+                "info": {},
+                "screenshot_file": screens[k],
+            }
+            for k, step in enumerate(steps, 1)
+        ]
         write_lines(folder / "traj.jsonl", lines)
         for screen, step in zip(screens, recorded[name], strict=False):
             shutil.copy(IMAGES / step["image"], folder / screen)
         (folder / "result.txt").write_text(f"{score}\n")
-        about = {"id": task, "instruction": steps[0]["instruction"], "related_apps": apps}
+        about = {
+            "id": task,
+            "instruction": steps[0]["instruction"],
+            "related_apps": apps,
+        }
         write_json(tmp_path / "results" / "examples" / domain / f"{task}.json", about)
     return tmp_path / "results"
 
 
-def run(language: str, code: str, folder: Path) -> str:
+def run(
+    language: str,
+    code: str,
+    folder: Path,
+) -> str:
     """Run a block of the page, `hijack` lines one by one."""
     if language == "py":
         return shell([sys.executable, "-W", "error", "-c", code], folder)
@@ -79,7 +102,12 @@ def run(language: str, code: str, folder: Path) -> str:
 def look(words: list[str], folder: Path) -> str:
     """Serve a page, open it, then press Ctrl-C."""
     command = [sys.executable, "-m", "hijack_data.cli", *words]
-    with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        command,
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as process:
         try:
             assert process.stdout is not None
             told = process.stdout.readline()
@@ -95,12 +123,22 @@ def look(words: list[str], folder: Path) -> str:
 
 
 def shell(command: list[str], folder: Path) -> str:
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300)
+    done = subprocess.run(
+        command,
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
     assert done.returncode == 0, done.stderr
     return done.stdout
 
 
-def test_the_page_from_top_to_bottom(results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_page_from_top_to_bottom(
+    results: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     for module in ("cv2", "datasets", "torch"):
         pytest.importorskip(module)
     monkeypatch.chdir(tmp_path)
@@ -119,9 +157,16 @@ def test_the_page_from_top_to_bottom(results: Path, tmp_path: Path, monkeypatch:
         "In the file manager, rename draft.txt in the Documents folder to report.txt.",
     }
     assert {row["corruption"] for row in rows} == {
-        "clean", "pop_ups", "resolution", "marks", "subtitle", "multi_apps", "app_minimization", "network_error",
+        "clean",
+        "pop_ups",
+        "resolution",
+        "marks",
+        "subtitle",
+        "multi_apps",
+        "app_minimization",
+        "network_error",
         "verification",
-    }  # fmt: skip
+    }
     assert {row["fidelity"] for row in rows} == {"exact", "foreign"}
     assert sum(row["corruption"] == "clean" for row in rows) == 2 * STEPS
     assert all(row["target_visible"] in (None, 1.0) for row in rows)
@@ -137,7 +182,12 @@ def test_the_names_in_the_page_are_those_of_the_reader(results: Path) -> None:
     shown, *_ = re.findall(r"```text\n(.*?)```", PAGE.read_text(), re.S)
     (folder,) = results.glob(f"pyautogui/*/*/*/{task}")
     run_line = shown.splitlines()[0]
-    assert str(folder.relative_to(results.parent)).replace(task, "TASK_ID").replace("my-model", "MODEL") in run_line
+    assert (
+        str(folder.relative_to(results.parent))
+        .replace(task, "TASK_ID")
+        .replace("my-model", "MODEL")
+        in run_line
+    )
     names = {re.sub(r"step_\d", "step_1", path.name) for path in folder.iterdir()}
     assert all(name in run_line for name in names)
     (about,) = results.glob(f"examples/*/{task}.json")

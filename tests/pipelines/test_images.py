@@ -12,11 +12,16 @@ from PIL import Image
 import hijack_data as hj
 from hijack_data.errors import ImageTypeError
 from hijack_data.files import decode_image, sha256_of
-from pipelines.images import HEAD, LEVEL, Base, deflate, encode, png_size, touched
+from pipelines.dataset.images import HEAD, LEVEL, Base, deflate, encode, png_size, touched
 
 
 @given(st.integers(1, 40), st.integers(1, 40), st.integers(0, 2**32 - 1), st.booleans())
-def test_what_is_encoded_decodes_to_the_same_pixels(height: int, width: int, seed: int, flat: bool) -> None:
+def test_what_is_encoded_decodes_to_the_same_pixels(
+    height: int,
+    width: int,
+    seed: int,
+    flat: bool,
+) -> None:
     high = 2 if flat else 256
     image = np.random.default_rng(seed).integers(0, high, (height, width, 3), dtype=np.uint8)
     data = encode(image)
@@ -37,7 +42,9 @@ def test_pillow_sees_a_plain_rgb_png() -> None:
     assert (image.mode, image.size, image.format) == ("RGB", (5, 3), "PNG")
 
 
-@pytest.mark.parametrize("image", [np.zeros((3, 5)), np.zeros((3, 5, 4), np.uint8), np.zeros((3, 5, 3), np.int16)])
+@pytest.mark.parametrize(
+    "image", [np.zeros((3, 5)), np.zeros((3, 5, 4), np.uint8), np.zeros((3, 5, 3), np.int16)]
+)
 def test_anything_but_uint8_rgb_is_refused(image: np.ndarray) -> None:
     with pytest.raises(ImageTypeError, match="uint8"):
         encode(image)
@@ -45,7 +52,10 @@ def test_anything_but_uint8_rgb_is_refused(image: np.ndarray) -> None:
 
 @given(st.integers(1, 130), st.integers(1, 20), st.integers(0, 2**32 - 1), st.data())
 def test_a_part_encoded_again_is_the_whole_encoded_again(
-    height: int, width: int, seed: int, data: st.DataObject
+    height: int,
+    width: int,
+    seed: int,
+    data: st.DataObject,
 ) -> None:
     numbers = np.random.default_rng(seed)
     before = numbers.integers(0, 4, (height, width, 3), dtype=np.uint8)
@@ -92,7 +102,10 @@ def test_what_changes_the_size_touches_everything() -> None:
 @pytest.mark.parametrize("start", [0, 1, HEAD])
 def test_bytes_do_not_depend_on_where_in_memory_they_are_made(turn: int, start: int) -> None:
     states = [isal_zlib.compressobj(LEVEL, isal_zlib.DEFLATED, -15) for _ in range(20)]
-    one, other = states[0], next(state for state in states if id(state) >> 17 != id(states[0]) >> 17)
+    one, other = (
+        states[0],
+        next(state for state in states if id(state) >> 17 != id(states[0]) >> 17),
+    )
     register = (id((one, other)[turn]) >> 16 & 0xFFFFFFFF).to_bytes(4, "little")
     data = np.frombuffer(bytes(start) + (register + b"abcd") * 100, np.uint8)
 

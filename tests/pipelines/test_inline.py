@@ -2,8 +2,8 @@ import pytest
 
 import hijack_data as hj
 from hijack_data.errors import UnknownNameError
+from pipelines.building.inline import parse
 from pipelines.errors import BuildError
-from pipelines.inline import parse
 
 
 @pytest.mark.parametrize(
@@ -11,10 +11,19 @@ from pipelines.inline import parse
     [
         ("marks", {"marks": hj.Marks()}),
         (" marks , subtitle,", {"marks": hj.Marks(), "subtitle": hj.Subtitle()}),
-        ("marks:number=10,severity=4,subtitle", {"marks": hj.Marks.at(4, number=10), "subtitle": hj.Subtitle()}),
-        ("marks: number = 10 ; subtitle", {"marks": hj.Marks(number=10), "subtitle": hj.Subtitle()}),
+        (
+            "marks:number=10,severity=4,subtitle",
+            {"marks": hj.Marks.at(4, number=10), "subtitle": hj.Subtitle()},
+        ),
+        (
+            "marks: number = 10 ; subtitle",
+            {"marks": hj.Marks(number=10), "subtitle": hj.Subtitle()},
+        ),
         ("marks:as=few,number=3,marks", {"few": hj.Marks(number=3), "marks": hj.Marks()}),
-        ('subtitle:subtitle_text="a, b; c=d",marks', {"subtitle": hj.Subtitle("a, b; c=d"), "marks": hj.Marks()}),
+        (
+            'subtitle:subtitle_text="a, b; c=d",marks',
+            {"subtitle": hj.Subtitle("a, b; c=d"), "marks": hj.Marks()},
+        ),
         ("subtitle:subtitle_text=it's fine", {"subtitle": hj.Subtitle("it's fine")}),
         (r"subtitle:subtitle_text=a\nb", {"subtitle": hj.Subtitle("a\nb")}),
         ("none", {}),
@@ -51,7 +60,11 @@ def test_the_clean_rows_are_named() -> None:
         ("clean:number=3", 1, "takes no settings"),
     ],
 )
-def test_mistakes_say_where_they_are(text: str, place: int, reason: str) -> None:
+def test_mistakes_say_where_they_are(
+    text: str,
+    place: int,
+    reason: str,
+) -> None:
     with pytest.raises(BuildError) as caught:
         parse(text)
     assert f"at character {place}: " in str(caught.value)
@@ -61,5 +74,7 @@ def test_mistakes_say_where_they_are(text: str, place: int, reason: str) -> None
 def test_names_that_are_wrong() -> None:
     with pytest.raises(UnknownNameError, match="did you mean 'marks'"):
         parse("markz:number=3")
-    with pytest.raises(BuildError, match="'marks' is given twice; label one of them, such as marks:as=marks_2"):
+    with pytest.raises(
+        BuildError, match="'marks' is given twice; label one of them, such as marks:as=marks_2"
+    ):
         parse("marks,marks")

@@ -10,17 +10,33 @@ from click.testing import CliRunner
 import hijack_data as hj
 from hijack_data.cli import hijack
 from pipelines import build, inspect
-from pipelines.errors import SourceError
+from pipelines.errors import BuildError, SourceError
 from pipelines.inspection import UNKNOWN, coordinates_of
 from pipelines.readers import names
 
-from support.formats import FORMATS
+from support.events import with_apps
+from support.formats import FORMATS, png, write_lines
 
 
-def test_what_a_source_holds(recording: Any, add_line: Any, good_line: Any, small: Any, tmp_path: Path) -> None:
+def test_what_a_source_holds(
+    recording: Any,
+    add_line: Any,
+    good_line: Any,
+    small: Any,
+    tmp_path: Path,
+) -> None:
     folder = recording(trajectories=4, steps=3)
     add_line(folder, b"rubbish")
-    add_line(folder, good_line("new", 0, image="images/t0-0.png", action={"type": "wait"}, apps=["chrome"]))
+    add_line(
+        folder,
+        good_line(
+            "new",
+            0,
+            image="images/t0-0.png",
+            action={"type": "wait"},
+            apps=["chrome"],
+        ),
+    )
     (folder / "notes.json").write_text("{}")
     found = inspect(folder, corruptions=small, sample=2)
     assert found.formats == {"jsonl": [5, 13]}
@@ -35,11 +51,76 @@ def test_what_a_source_holds(recording: Any, add_line: Any, good_line: Any, smal
     assert sorted(path.name for path in tmp_path.iterdir()) == ["source"]
 
 
-def test_the_outlook_is_that_of_the_build(browsing: Path, nine: Any, assets: Path, tmp_path: Path) -> None:
-    found = inspect(browsing, corruptions=nine, assets=assets, sample=9)
+def test_the_outlook_is_that_of_the_build(
+    browsing: Path,
+    nine: Any,
+    assets: Path,
+    tmp_path: Path,
+) -> None:
+    found = inspect(
+        browsing,
+        corruptions=nine,
+        assets=assets,
+        sample=9,
+    )
     report = build(browsing, tmp_path / "out", corruptions=nine, assets=assets)
     assert found.outlook is not None
-    assert (found.outlook.rows, found.outlook.not_applicable) == (report.rows, report.not_applicable)
+    assert (found.outlook.rows, found.outlook.not_applicable) == (
+        report.rows,
+        report.not_applicable,
+    )
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"apps": "chrome"},
+        {"apps": "chrome", "platform": "linux-xfce"},
+        {"platform": "windows"},
+        {"platform": "windows", "foreign": True},
+    ],
+)
+def test_the_outlook_follows_what_the_user_states(
+    options: dict[str, Any],
+    recording: Any,
+    nine: Any,
+    assets: Path,
+    tmp_path: Path,
+) -> None:
+    source = with_apps(recording(trajectories=1, steps=2), [], platform=lambda row: None)
+    found = inspect(source, corruptions=nine, assets=assets, **options)
+    report = build(source, tmp_path / "out", corruptions=nine, assets=assets, **options)
+    assert found.outlook is not None
+    assert (found.outlook.rows, found.outlook.not_applicable) == (
+        report.rows,
+        report.not_applicable,
+    )
+    assert found.apps == {options.get("apps", UNKNOWN): 1}
+    assert found.platforms == {options.get("platform", UNKNOWN): 1}
+
+
+def test_the_outlook_follows_the_stated_coordinates_and_boxes(tmp_path: Path) -> None:
+    chat = tmp_path / "chat"
+    chat.mkdir()
+    write_lines(chat / "a.jsonl", [_fractions()])
+    (chat / "0.png").write_bytes(png())
+    assert inspect(chat, corruptions="resolution").rejected
+    for space, readable in (("fractions", 1), ("pixels", 0)):
+        found = inspect(chat, corruptions="resolution", coordinates=space)
+        report = build(chat, tmp_path / space, corruptions="resolution", coordinates=space)
+        assert found.steps == report.rows["clean"] == readable
+    with pytest.raises(BuildError, match="boxes 'xywh'"):
+        inspect(chat, boxes="xywh")
+    with pytest.raises(BuildError, match="did you mean 'fractions'"):
+        inspect(chat, coordinates="fraction")
+
+
+def _fractions() -> dict[str, Any]:
+    """A chat row whose click is in fractions of the picture, which the row does not state."""
+    question = {"role": "user", "content": "<image>go"}
+    reply = {"role": "assistant", "content": "pyautogui.click(x=0.25, y=0.25)"}
+    return {"messages": [question, reply], "images": ["0.png"]}
 
 
 def test_a_sample_of_each_format_and_source(tmp_path: Path) -> None:
@@ -85,6 +166,21 @@ def test_the_command(recording: Any, add_line: Any) -> None:
     data = json.loads(result.output)
     assert data["outlook"]["rows"] == {"clean": 6, "resolution": 6}
     assert data["formats"]["jsonl"]["steps"] == 6
+
+
+def test_the_command_takes_what_a_build_takes(recording: Any, assets: Path) -> None:
+    source = with_apps(recording(trajectories=1, steps=1), [], platform=lambda row: None)
+    command = ["inspect", str(source), "--corruptions", "verification", "--assets", str(assets)]
+    options = ["--apps", "chrome", "--platform", "windows", "--foreign", "--json"]
+    result = CliRunner().invoke(hijack, [*command, *options])
+    assert result.exit_code == 0, result.output
+    data = json.loads(result.output)
+    assert (data["apps"], data["platforms"]) == ({"chrome": 1}, {"windows": 1})
+    assert data["outlook"]["rows"]["verification"] == 1
+    for option in (["--coordinates", "fractions"], ["--boxes", "xywh"]):
+        result = CliRunner().invoke(hijack, [*command, *option])
+        assert result.exit_code == 1
+        assert "leave the choice out" in str(result.exception)
 
 
 def test_there_is_nothing_to_inspect(tmp_path: Path) -> None:

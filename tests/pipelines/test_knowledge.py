@@ -1,4 +1,5 @@
-"""What a source knows of its machine, and what people tell a build about it, decides what may happen there."""
+"""What a source knows of its machine, and what people tell a build about it, decides what may
+happen there."""
 
 import json
 import re
@@ -13,8 +14,8 @@ from hijack_data.errors import ConfigError, ParameterError, ParameterTypeError
 from hijack_data.platforms import as_platform, find_platform
 from hijack_data.types import Trajectory
 from pipelines import build, open_dataset, verify
+from pipelines.building.folder import parameters_in
 from pipelines.errors import BuildError, SourceError
-from pipelines.folder import parameters_in
 from pipelines.knowledge import SIDECAR, knowledge_of
 from pipelines.readers import get_reader
 
@@ -28,10 +29,18 @@ UNSAID = "the recording does not say which desktop it shows"
 @pytest.mark.parametrize(
     ("word", "platform"),
     [
-        ("Darwin", "macos"), ("Windows", "windows"), ("Ubuntu", "linux"), ("Xfce", "linux-xfce"), ("iOS", "ios"),
-        ("web page", "web"), ("linux_xfce", "linux-xfce"), ("embedded", "linux-xfce"), ("desktop", None), (3, None),
+        ("Darwin", "macos"),
+        ("Windows", "windows"),
+        ("Ubuntu", "linux"),
+        ("Xfce", "linux-xfce"),
+        ("iOS", "ios"),
+        ("web page", "web"),
+        ("linux_xfce", "linux-xfce"),
+        ("embedded", "linux-xfce"),
+        ("desktop", None),
+        (3, None),
     ],
-)  # fmt: skip
+)
 def test_words_for_platforms(word: Any, platform: str | None) -> None:
     assert find_platform(word) == platform
     if platform is None:
@@ -40,7 +49,7 @@ def test_words_for_platforms(word: Any, platform: str | None) -> None:
 
 
 def first(name: str, folder: Path) -> Trajectory:
-    (found, *_) = (item for item in get_reader(name).read(folder) if isinstance(item, Trajectory))
+    found, *_ = (item for item in get_reader(name).read(folder) if isinstance(item, Trajectory))
     return found
 
 
@@ -48,13 +57,20 @@ def changed(file: Path, **more: Any) -> None:
     """Add fields to every record of a JSON or JSON Lines file."""
     text = file.read_text()
     lines = text.splitlines() if file.suffix == ".jsonl" else [text]
-    file.write_text("\n".join(json.dumps({**json.loads(line), **more}) for line in lines if line) + "\n")
+    file.write_text(
+        "\n".join(json.dumps({**json.loads(line), **more}) for line in lines if line) + "\n"
+    )
 
 
 def agentnet(folder: Path) -> Path:
     """An AgentNetBench task that says where it was recorded."""
     (file,) = FORMATS["agentnet"](folder).glob("*.json*")
-    about = {"applications": ["Excel"], "websites": ["goodreads"], "system": "Windows", "domain": "Work"}
+    about = {
+        "applications": ["Excel"],
+        "websites": ["goodreads"],
+        "system": "Windows",
+        "domain": "Work",
+    }
     changed(file, meta_info=about)
     return folder
 
@@ -69,7 +85,14 @@ def osworld_snapshot(folder: Path) -> Path:
     """A task that names its snapshot only."""
     osworld(folder)
     (task,) = (folder / "examples" / "gimp").iterdir()
-    write_json(task, {"id": "x", "instruction": "find it", "snapshot": "chrome"})
+    write_json(
+        task,
+        {
+            "id": "x",
+            "instruction": "find it",
+            "snapshot": "chrome",
+        },
+    )
     return folder
 
 
@@ -91,7 +114,9 @@ def openai(folder: Path) -> Path:
     (file,) = folder.glob("*.json*")
     records = [json.loads(line) for line in file.read_text().splitlines()]
     tool = {"type": "computer_use_preview", "environment": "windows"}
-    file.write_text("".join(json.dumps(line) + "\n" for line in [{"tools": [tool], "input": []}, *records]))
+    file.write_text(
+        "".join(json.dumps(line) + "\n" for line in [{"tools": [tool], "input": []}, *records])
+    )
     return folder
 
 
@@ -123,7 +148,11 @@ SOURCES: list[Any] = [
 
 @pytest.mark.parametrize(("reader", "make", "apps", "platform"), SOURCES)
 def test_what_a_source_says_is_read(
-    reader: str, make: Any, apps: set[str] | None, platform: str | None, tmp_path: Path
+    reader: str,
+    make: Any,
+    apps: set[str] | None,
+    platform: str | None,
+    tmp_path: Path,
 ) -> None:
     found = first(reader, make(tmp_path / "source"))
     assert found.platform == platform
@@ -132,17 +161,28 @@ def test_what_a_source_says_is_read(
 
 @pytest.mark.parametrize(("reader", "make", "apps", "platform"), SOURCES)
 def test_what_a_source_says_decides(
-    reader: str, make: Any, apps: set[str] | None, platform: str | None, assets: Path, tmp_path: Path
+    reader: str,
+    make: Any,
+    apps: set[str] | None,
+    platform: str | None,
+    assets: Path,
+    tmp_path: Path,
 ) -> None:
     """A lock screen of Xfce is not put on another desktop, and a browser is known where one is."""
-    options: dict[str, Any] = {"format": reader, "corruptions": "verification,network_error", "clean": False}
+    options: dict[str, Any] = {
+        "format": reader,
+        "corruptions": "verification,network_error",
+        "clean": False,
+    }
     report = build(make(tmp_path / "source"), tmp_path / "out", assets=assets, **options)
     reasons = {label: "; ".join(found) for label, found in report.not_applicable.items()}
     if platform == "web":
         assert PAGE in reasons["verification"]
         assert "names no browser" not in reasons.get("network_error", "")
         return
-    said = {None: UNSAID, "linux-xfce": "was recorded on a screen of this size"}.get(platform, f"shows {platform}")
+    said = {None: UNSAID, "linux-xfce": "was recorded on a screen of this size"}.get(
+        platform, f"shows {platform}"
+    )
     assert said in reasons["verification"]
     if apps is not None:
         names_browser = bool(apps & {"browser", "chrome"})
@@ -165,8 +205,16 @@ def without(folder: Path) -> Path:
     [
         ({}, None, UNSAID),
         ({"platform": "xfce"}, "recorded", ""),
-        ({"platform": "linux"}, None, "shows linux, .* if it is one, say so with --platform linux-xfce"),
-        ({"platform": "windows"}, None, r"shows windows, and the pictures are of an Xfce .* --foreign \(in Python"),
+        (
+            {"platform": "linux"},
+            None,
+            "shows linux, .* if it is one, say so with --platform linux-xfce",
+        ),
+        (
+            {"platform": "windows"},
+            None,
+            r"shows windows, and the pictures are of an Xfce .* --foreign \(in Python",
+        ),
         ({"platform": "windows", "foreign": True}, "foreign", ""),
         ({"foreign": True}, "foreign", ""),
         ({"platform": "xfce", "foreign": True}, "recorded", ""),
@@ -175,7 +223,12 @@ def without(folder: Path) -> Path:
     ],
 )
 def test_our_desktop_is_shown_on_its_own_platform_or_on_request(
-    options: Any, fidelity: str | None, reason: str, recording: Any, assets: Path, tmp_path: Path
+    options: Any,
+    fidelity: str | None,
+    reason: str,
+    recording: Any,
+    assets: Path,
+    tmp_path: Path,
 ) -> None:
     source, out = without(recording(trajectories=1, steps=1)), tmp_path / "out"
     report = build(source, out, corruptions="verification", clean=False, assets=assets, **options)
@@ -185,9 +238,18 @@ def test_our_desktop_is_shown_on_its_own_platform_or_on_request(
     assert verify(out).ok
 
 
-def test_options_hold_where_the_source_does_not_say(browsing: Path, assets: Path, tmp_path: Path) -> None:
-    """The recording is of Chrome on Xfce, whatever the options are; `linux` leaves open which desktop it is."""
-    options: dict[str, Any] = {"corruptions": ",".join(FIVE), "assets": assets, "clean": False}
+def test_options_hold_where_the_source_does_not_say(
+    browsing: Path,
+    assets: Path,
+    tmp_path: Path,
+) -> None:
+    """The recording is of Chrome on Xfce, whatever the options are; `linux` leaves open which
+    desktop it is."""
+    options: dict[str, Any] = {
+        "corruptions": ",".join(FIVE),
+        "assets": assets,
+        "clean": False,
+    }
     plain = build(browsing, tmp_path / "plain", **options)
     told = build(browsing, tmp_path / "told", apps="gimp", platform="windows", **options)
     assert (told.rows, told.not_applicable) == (plain.rows, {}) == (dict.fromkeys(FIVE, 2), {})
@@ -195,13 +257,23 @@ def test_options_hold_where_the_source_does_not_say(browsing: Path, assets: Path
     assert (tmp_path / "plain" / shard).read_bytes() == (tmp_path / "told" / shard).read_bytes()
     with_apps(browsing, ["chrome"], platform=lambda row: "linux")
     known = knowledge_of(browsing, platform="linux-xfce")
-    assert {item.platform for item in known.told(get_reader("jsonl").read(browsing))} == {"linux-xfce"}  # type: ignore[union-attr]
+    assert {item.platform for item in known.told(get_reader("jsonl").read(browsing))} == {
+        "linux-xfce"
+    }  # type: ignore[union-attr]
 
 
-def test_manifest_and_card_know_what_was_told(recording: Any, assets: Path, tmp_path: Path) -> None:
+def test_manifest_and_card_know_what_was_told(
+    recording: Any,
+    assets: Path,
+    tmp_path: Path,
+) -> None:
     source, out = without(recording(trajectories=1, steps=1)), tmp_path / "out"
     options: dict[str, Any] = {"corruptions": "multi_apps", "assets": assets}
-    told = {"apps": ["Google Chrome", "code"], "platform": "Win11", "foreign": True}
+    told = {
+        "apps": ["Google Chrome", "code"],
+        "platform": "Win11",
+        "foreign": True,
+    }
     build(source, out, **options, **told)
     parameters = parameters_in(out)
     assert parameters["recordings"] == {"apps": ["chrome", "vscode"], "platform": "windows"}
@@ -218,7 +290,10 @@ def test_manifest_and_card_know_what_was_told(recording: Any, assets: Path, tmp_
 @pytest.mark.parametrize(
     ("options", "error"),
     [
-        ({"apps": "chrom"}, "apps: 'chrom' is not an application that is known; did you mean 'chrome'"),
+        (
+            {"apps": "chrom"},
+            "apps: 'chrom' is not an application that is known; did you mean 'chrome'",
+        ),
         ({"apps": "chrome,,gimp"}, "apps holds an empty name"),
         ({"apps": 3}, "apps must be names of applications"),
         ({"apps": ["chrome", 3]}, "apps must be names of applications"),
@@ -226,32 +301,62 @@ def test_manifest_and_card_know_what_was_told(recording: Any, assets: Path, tmp_
         ({"platform": 3}, "platform must be the name of a platform"),
     ],
 )
-def test_slips_in_options_are_errors(options: Any, error: str, recording: Any, tmp_path: Path) -> None:
+def test_slips_in_options_are_errors(
+    options: Any,
+    error: str,
+    recording: Any,
+    tmp_path: Path,
+) -> None:
     with pytest.raises((ParameterError, ParameterTypeError), match=error):
         build(recording(), tmp_path / "out", **options)
     assert not (tmp_path / "out").exists()
 
 
-def test_the_command_takes_what_is_known(recording: Any, assets: Path, tmp_path: Path) -> None:
+def test_the_command_takes_what_is_known(
+    recording: Any,
+    assets: Path,
+    tmp_path: Path,
+) -> None:
     source = str(without(recording(trajectories=1, steps=1)))
-    command = ["build", source, "--out", str(tmp_path / "out"), "--corruptions", "network_error", "--assets"]
+    command = [
+        "build",
+        source,
+        "--out",
+        str(tmp_path / "out"),
+        "--corruptions",
+        "network_error",
+        "--assets",
+    ]
     options = ["--apps", "chrome", "--platform", "linux-xfce"]
     run = CliRunner().invoke(hijack, [*command, str(assets), *options])
     assert (run.exit_code, "network_error: 1" in run.output) == (0, True), run.output
 
 
-def test_a_file_in_the_source_says_it_by_trajectory(recording: Any, assets: Path, tmp_path: Path) -> None:
+def test_a_file_in_the_source_says_it_by_trajectory(
+    recording: Any,
+    assets: Path,
+    tmp_path: Path,
+) -> None:
     """It wins over the records; options hold for what it leaves open."""
     source = with_apps(recording(trajectories=3, steps=1), ["gimp"], platform=lambda row: "windows")
     (source / SIDECAR).write_text(
-        "recordings:\n- {match: t0, apps: [Chromium]}\n- {match: 't[01]', apps: [vlc], platform: xfce}\n"
+        "recordings:\n- {match: t0, apps: [Chromium]}\n- {match: 't[01]', apps: [vlc], platform:"
+        " xfce}\n"
     )
     items = list(knowledge_of(source, "gimp", "macos").told(get_reader("jsonl").read(source)))
     found = [(item.id, item.apps, item.platform) for item in items if isinstance(item, Trajectory)]
     assert found == [
-        ("t0", ("chrome",), "linux-xfce"), ("t1", ("vlc",), "linux-xfce"), ("t2", ("gimp",), "windows"),
-    ]  # fmt: skip
-    report = build(source, tmp_path / "out", corruptions="network_error", clean=False, assets=assets)
+        ("t0", ("chrome",), "linux-xfce"),
+        ("t1", ("vlc",), "linux-xfce"),
+        ("t2", ("gimp",), "windows"),
+    ]
+    report = build(
+        source,
+        tmp_path / "out",
+        corruptions="network_error",
+        clean=False,
+        assets=assets,
+    )
     assert [row["trajectory_id"] for row in open_dataset(tmp_path / "out")] == ["t0"]
     assert report.rejected == 0
     assert len(parameters_in(tmp_path / "out")["recordings"]["file_sha256"]) == 64
@@ -259,14 +364,18 @@ def test_a_file_in_the_source_says_it_by_trajectory(recording: Any, assets: Path
 
 def test_an_entry_that_matches_nothing_is_counted(recording: Any, tmp_path: Path) -> None:
     source = recording(trajectories=1, steps=1)
-    (source / SIDECAR).write_text("recordings:\n- {match: 't*', platform: windows}\n- {match: s0, platform: windows}\n")
+    (source / SIDECAR).write_text(
+        "recordings:\n- {match: 't*', platform: windows}\n- {match: s0, platform: windows}\n"
+    )
     report = build(source, tmp_path / "out", corruptions="marks")
     assert report.exit_code == 1
     (line,) = (tmp_path / "out" / "quarantine.jsonl").read_text().splitlines()
     assert json.loads(line) == {
-        "file": SIDECAR, "where": "line 3", "field": "match",
+        "file": SIDECAR,
+        "where": "line 3",
+        "field": "match",
         "reason": "'s0' matches no trajectory; give an id, or a pattern with * and ?",
-    }  # fmt: skip
+    }
 
 
 @pytest.mark.parametrize(
@@ -274,17 +383,30 @@ def test_an_entry_that_matches_nothing_is_counted(recording: Any, tmp_path: Path
     [
         ("", ["is empty; write"]),
         ("apps: [chrome]", [":1:1: write a list under the key recordings"]),
-        ("recordings: []\nrecordngs: []", [":2:1: unknown key 'recordngs'; did you mean 'recordings'"]),
+        (
+            "recordings: []\nrecordngs: []",
+            [":2:1: unknown key 'recordngs'; did you mean 'recordings'"],
+        ),
         ("recordings:\n- t0", [":2:3: an entry is a mapping"]),
-        ("recordings:\n- {match: t0, aps: [x]}", ["unknown key 'aps'; did you mean 'apps'", "says nothing; give apps"]),
+        (
+            "recordings:\n- {match: t0, aps: [x]}",
+            ["unknown key 'aps'; did you mean 'apps'", "says nothing; give apps"],
+        ),
         ("recordings:\n- {apps: [gimp]}", ["match is missing; write the id"]),
         ("recordings:\n- {match: t0, apps: chrome}", ["apps must be a list of names"]),
-        ("recordings:\n- {match: t0, apps: [chrom]}\n- {match: t1, platform: [3]}",
-         [":2:", "did you mean 'chrome'", ":3:", "unknown platform a list"]),
+        (
+            "recordings:\n- {match: t0, apps: [chrom]}\n- {match: t1, platform: [3]}",
+            [":2:", "did you mean 'chrome'", ":3:", "unknown platform a list"],
+        ),
         ("recordings: [", ["agenthijack.yaml:"]),
     ],
-)  # fmt: skip
-def test_mistakes_in_the_file_name_place_and_fix(text: str, errors: list[str], recording: Any, tmp_path: Path) -> None:
+)
+def test_mistakes_in_the_file_name_place_and_fix(
+    text: str,
+    errors: list[str],
+    recording: Any,
+    tmp_path: Path,
+) -> None:
     source = recording()
     (source / SIDECAR).write_text(text)
     with pytest.raises(ConfigError) as caught:
@@ -304,12 +426,28 @@ def test_the_file_is_a_file_of_the_source(recording: Any, tmp_path: Path) -> Non
 
 
 def test_only_pixels_drawn_over_it_make_a_recorded_screen_composited(
-    browsing: Path, assets: Path, tmp_path: Path
+    browsing: Path,
+    assets: Path,
+    tmp_path: Path,
 ) -> None:
     import hijack_data as hj
 
     over = {"marks": hj.Marks(number=3, mark_size=6), "resolution": hj.Resolution(scale=0.5)}
-    planners = {f"with_{name}": hj.Sequence([other, hj.Verification()]) for name, other in over.items()}
-    build(browsing, tmp_path / "out", corruptions={**planners, "alone": hj.Verification()}, assets=assets, clean=False)
-    found = {row["corruption"]: row["fidelity"] for row in open_dataset(tmp_path / "out") if row["event"]}
-    assert found == {"with_marks": "composited", "with_resolution": "composited", "alone": "recorded"}
+    planners = {
+        f"with_{name}": hj.Sequence([other, hj.Verification()]) for name, other in over.items()
+    }
+    build(
+        browsing,
+        tmp_path / "out",
+        corruptions={**planners, "alone": hj.Verification()},
+        assets=assets,
+        clean=False,
+    )
+    found = {
+        row["corruption"]: row["fidelity"] for row in open_dataset(tmp_path / "out") if row["event"]
+    }
+    assert found == {
+        "with_marks": "composited",
+        "with_resolution": "composited",
+        "alone": "recorded",
+    }

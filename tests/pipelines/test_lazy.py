@@ -18,9 +18,9 @@ import hijack_data as hj
 from hijack_data.cli import hijack
 from hijack_data.labels.rows import params_json
 from pipelines import build, open_dataset, render, verify
-from pipelines.columns import BASE
+from pipelines.dataset.columns import BASE
+from pipelines.dataset.lazy import plan_of, stored_plan
 from pipelines.errors import DatasetError
-from pipelines.lazy import plan_of, stored_plan
 
 from support.rows import assert_same_rows, load
 from support.tampering import renew
@@ -28,23 +28,45 @@ from support.tampering import renew
 PLANNERS: dict[str, Any] = {
     "marks": hj.Marks(number=4, mark_size=8),
     "half": hj.Resolution(),
-    "words": hj.Subtitle(subtitle_text="hello", font_size=12, padding=5),
+    "words": hj.Subtitle(
+        subtitle_text="hello",
+        font_size=12,
+        padding=5,
+    ),
     "free": hj.PopUps(width=150, height=90),  # depends on the elements
     "both": hj.Sequence([hj.Marks(number=3, mark_size=6), hj.Resolution()]),
     "mix": hj.OneOf([hj.Marks(number=2, mark_size=9), hj.Resolution(scale=2.0)], p_clean=0.2),
 }
 
 
-def pair(source: Path, folder: Path, **options: Any) -> tuple[Path, Path]:
+def pair(
+    source: Path,
+    folder: Path,
+    **options: Any,
+) -> tuple[Path, Path]:
     """Build both kinds of one source."""
     for output in ("materialised", "lazy"):
-        build(source, folder / output, output=output, **{"corruptions": PLANNERS, "seed": 11, **options})
+        build(
+            source,
+            folder / output,
+            output=output,
+            **{
+                "corruptions": PLANNERS,
+                "seed": 11,
+                **options,
+            },
+        )
     return folder / "materialised", folder / "lazy"
 
 
 @pytest.mark.parametrize("label_policy", ["keep", "avoid", "drop", "recover"])
 @pytest.mark.parametrize("clean", [True, False])
-def test_both_kinds_are_equal_row_by_row(label_policy: str, clean: bool, recording: Any, tmp_path: Path) -> None:
+def test_both_kinds_are_equal_row_by_row(
+    label_policy: str,
+    clean: bool,
+    recording: Any,
+    tmp_path: Path,
+) -> None:
     whole, lazy = pair(recording(steps=4), tmp_path, label_policy=label_policy, clean=clean)
     count = assert_same_rows(open_dataset(whole), open_dataset(lazy))
     assert count == len(open_dataset(lazy)) > 30
@@ -67,12 +89,20 @@ def test_the_real_recordings(shared_data: Path, tmp_path: Path) -> None:
     source = shared_data / "trajectories" / "agentnet_raw"
     whole, lazy = pair(source, tmp_path, corruptions="pop_ups,resolution,marks,subtitle")
     assert assert_same_rows(open_dataset(whole), open_dataset(lazy)) == 75
-    sizes = [sum(file.stat().st_size for file in (folder / "data").iterdir()) for folder in (whole, lazy)]
+    sizes = [
+        sum(file.stat().st_size for file in (folder / "data").iterdir()) for folder in (whole, lazy)
+    ]
     assert sizes[1] < sizes[0] / 3
 
 
-def test_each_picture_is_stored_once(recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pipelines.writers.GROUP_ROWS", 3)  # a group must not end inside a step
+def test_each_picture_is_stored_once(
+    recording: Any,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(
+        "pipelines.building.writers.GROUP_ROWS", 3
+    )  # a group must not end inside a step
     _, lazy = pair(recording(), tmp_path)
     (file,) = (lazy / "data").iterdir()
     found = pq.ParquetFile(file, read_dictionary=[f"{BASE}.bytes"])
@@ -85,15 +115,22 @@ def test_each_picture_is_stored_once(recording: Any, tmp_path: Path, monkeypatch
 
 
 @pytest.mark.parametrize("group_bytes", [1, 2**30])
-def test_groups_close_at_both_limits(group_bytes: int, recording: Any, tmp_path: Path, monkeypatch: Any) -> None:
-    monkeypatch.setattr("pipelines.writers.GROUP_BYTES", group_bytes)
+def test_groups_close_at_both_limits(
+    group_bytes: int,
+    recording: Any,
+    tmp_path: Path,
+    monkeypatch: Any,
+) -> None:
+    monkeypatch.setattr("pipelines.building.writers.GROUP_BYTES", group_bytes)
     _, lazy = pair(recording(), tmp_path)
     (file,) = (lazy / "data").iterdir()
     assert pq.ParquetFile(file).num_row_groups == (6 if group_bytes == 1 else 2)
 
 
 def stored(lazy: Path) -> list[dict[str, Any]]:
-    return [row for file in sorted((lazy / "data").iterdir()) for row in pq.read_table(file).to_pylist()]
+    return [
+        row for file in sorted((lazy / "data").iterdir()) for row in pq.read_table(file).to_pylist()
+    ]
 
 
 def test_plans_are_stored_only_where_they_do_not_follow(recording: Any, tmp_path: Path) -> None:
@@ -101,9 +138,14 @@ def test_plans_are_stored_only_where_they_do_not_follow(recording: Any, tmp_path
     kinds = {(row["corruption"], json.loads(row["plan"])["format"]) for row in stored(lazy)}
     recipe, plan = "agenthijack-recipe", "agenthijack-plan"
     assert kinds == {
-        ("clean", recipe), ("marks", recipe), ("half", recipe), ("words", recipe), ("mix", recipe),
-        ("free", plan), ("both", plan),
-    }  # fmt: skip
+        ("clean", recipe),
+        ("marks", recipe),
+        ("half", recipe),
+        ("words", recipe),
+        ("mix", recipe),
+        ("free", plan),
+        ("both", plan),
+    }
 
 
 def test_a_row_that_can_be_derived_costs_64_bytes(recording: Any, tmp_path: Path) -> None:
@@ -112,34 +154,51 @@ def test_a_row_that_can_be_derived_costs_64_bytes(recording: Any, tmp_path: Path
     _, lazy = pair(recording(steps=12), tmp_path, corruptions=planners)
     (file,) = (lazy / "data").iterdir()
     meta = pq.ParquetFile(file).metadata
-    columns = [meta.row_group(g).column(c) for g in range(meta.num_row_groups) for c in range(meta.num_columns)]
+    columns = [
+        meta.row_group(g).column(c)
+        for g in range(meta.num_row_groups)
+        for c in range(meta.num_columns)
+    ]
     cost = sum(c.total_compressed_size for c in columns if c.path_in_schema in ("plan", "seed"))
     assert cost / meta.num_rows <= 64
 
 
-def test_load_dataset_and_one_line(recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_load_dataset_and_one_line(
+    recording: Any,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     whole, lazy = pair(recording(), tmp_path)
     raw = load(lazy, tmp_path / "cache", monkeypatch)
     assert type(raw.features[BASE]).__name__ == "Image"
     assert "screenshot" not in raw.features  # a clean picture must not pass for a corrupted one
     ready = raw.with_transform(render)
-    assert assert_same_rows(open_dataset(whole), [ready[i] for i in range(len(ready))]) == len(ready)
+    assert assert_same_rows(open_dataset(whole), [ready[i] for i in range(len(ready))]) == len(
+        ready
+    )
     batch = ready[3:9]
     assert [picture.tobytes() for picture in batch["screenshot"]] == [
         row["screenshot"].tobytes() for row in list(open_dataset(whole))[3:9]
     ]
     assert ready["corruption"][:3] == ["clean", "marks", "half"]
-    same = load(whole, tmp_path / "cache", monkeypatch).with_transform(render)  # the line does no harm
+    # the line does no harm
+    same = load(whole, tmp_path / "cache", monkeypatch).with_transform(render)
     assert same[4]["screenshot"].tobytes() == ready[4]["screenshot"].tobytes()
     with pytest.raises(DatasetError, match=r"needs the column\(s\).*plan"):
         raw.select_columns([BASE, "id"]).with_transform(render)[0]
 
 
-def test_streaming(recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_streaming(
+    recording: Any,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
     datasets = pytest.importorskip("datasets")
     whole, lazy = pair(recording(), tmp_path)
-    stream = datasets.load_dataset(str(lazy), split="train", streaming=True).map(render, remove_columns=[BASE])
+    stream = datasets.load_dataset(str(lazy), split="train", streaming=True).map(
+        render, remove_columns=[BASE]
+    )
     for left, right in zip(open_dataset(whole), stream, strict=True):
         assert left["screenshot"].tobytes() == right["screenshot"].tobytes()
         assert left["plan"] == right["plan"]
@@ -169,13 +228,27 @@ def edit(lazy: Path, change: Any) -> None:
     ("change", "reason"),
     [
         (lambda rows: rows[1].update(seed=12), "another plan here"),
-        (lambda rows: rows[1].update(params=rows[1]["params"].replace('"number":4', '"number":5')), "another plan"),
+        (
+            lambda rows: rows[1].update(
+                params=rows[1]["params"].replace('"number":4', '"number":5')
+            ),
+            "another plan",
+        ),
         (lambda rows: rows[1].update(params="{"), "cannot be made from its recipe"),
         (lambda rows: rows[1].update(params='{"numbr":1}'), "cannot be made from its recipe"),
-        (lambda rows: rows[1].update(plan=rows[1]["plan"].replace("-v1", "-v9")), "at version 1 here, not 9"),
-        (lambda rows: rows[1].update(plan=rows[1]["plan"].replace('"version":1', '"version":2')), "upgrade"),
+        (
+            lambda rows: rows[1].update(plan=rows[1]["plan"].replace("-v1", "-v9")),
+            "at version 1 here, not 9",
+        ),
+        (
+            lambda rows: rows[1].update(plan=rows[1]["plan"].replace('"version":1', '"version":2')),
+            "upgrade",
+        ),
         (lambda rows: rows[1].update(plan=""), "not JSON"),
-        (lambda rows: rows[1].update(plan=rows[0]["plan"], plan_digest=rows[0]["plan_digest"]), "do not make"),
+        (
+            lambda rows: rows[1].update(plan=rows[0]["plan"], plan_digest=rows[0]["plan_digest"]),
+            "do not make",
+        ),
         (lambda rows: rows[0].update({BASE: rows[9][BASE]}), "do not make the picture"),
         (lambda rows: rows[1].update({BASE: rows[9][BASE]}), "do not make the picture"),
         (lambda rows: rows[1].update({BASE: {"bytes": b"rubbish", "path": None}}), "not a PNG"),
@@ -185,7 +258,12 @@ def edit(lazy: Path, change: Any) -> None:
         (lambda rows: rows[4].update(params="{}"), "params are not those"),
     ],
 )
-def test_verify_finds_what_was_changed(change: Any, reason: str, recording: Any, tmp_path: Path) -> None:
+def test_verify_finds_what_was_changed(
+    change: Any,
+    reason: str,
+    recording: Any,
+    tmp_path: Path,
+) -> None:
     _, lazy = pair(recording(), tmp_path)
     edit(lazy, change)
     (problem,) = verify(lazy).problems
@@ -197,7 +275,9 @@ def test_verify_finds_a_row_that_was_moved_to_another_step(recording: Any, tmp_p
     _, lazy = pair(recording(), tmp_path)
     edit(lazy, lambda rows: rows[1].update(step=5))
     problems = verify(lazy).problems
-    assert any("row t0/0000/marks: its recipe gives another plan here" in problem for problem in problems)
+    assert any(
+        "row t0/0000/marks: its recipe gives another plan here" in problem for problem in problems
+    )
     assert any("row t0/0000/marks: is missing" in problem for problem in problems)
 
 
@@ -212,7 +292,11 @@ def test_reading_a_stale_row_is_an_error(recording: Any, tmp_path: Path) -> None
 
 def test_a_resumed_lazy_build_ends_in_the_same_bytes(recording: Any, tmp_path: Path) -> None:
     source = recording(trajectories=4)
-    options: dict[str, Any] = {"corruptions": PLANNERS, "output": "lazy", "rows_per_shard": 21}
+    options: dict[str, Any] = {
+        "corruptions": PLANNERS,
+        "output": "lazy",
+        "rows_per_shard": 21,
+    }
     build(source, tmp_path / "out", **options)
     before = {file.name: file.read_bytes() for file in (tmp_path / "out" / "data").iterdir()}
     (tmp_path / "out" / "data" / "train-00001.parquet").unlink()
@@ -220,7 +304,9 @@ def test_a_resumed_lazy_build_ends_in_the_same_bytes(recording: Any, tmp_path: P
     assert (report.kept, report.shards) == (3, 4)
     build(source, tmp_path / "two", **options, workers=2)
     for folder in ("out", "two"):
-        assert {file.name: file.read_bytes() for file in (tmp_path / folder / "data").iterdir()} == before
+        assert {
+            file.name: file.read_bytes() for file in (tmp_path / folder / "data").iterdir()
+        } == before
     with pytest.raises(hj.HijackError, match="output was lazy, is materialised"):
         build(source, tmp_path / "out", **{**options, "output": None}, resume=True)
 
@@ -229,7 +315,10 @@ def test_the_configuration_and_the_card_of_a_lazy_build(recording: Any, tmp_path
     config = {"corruptions": [{"marks": {"number": 4}}], "output": "lazy"}
     build(recording(), tmp_path / "out", config=config)
     build(tmp_path / "source", tmp_path / "again", config=tmp_path / "out" / "config.yaml")
-    names = [pq.read_schema(tmp_path / name / "data" / "train-00000.parquet").names for name in ("out", "again")]
+    names = [
+        pq.read_schema(tmp_path / name / "data" / "train-00000.parquet").names
+        for name in ("out", "again")
+    ]
     assert names[0] == names[1]
     assert BASE in names[0]
     card = (tmp_path / "out" / "README.md").read_text()
@@ -238,26 +327,73 @@ def test_the_configuration_and_the_card_of_a_lazy_build(recording: Any, tmp_path
 
 
 @given(
-    st.sampled_from([hj.Marks(number=7), hj.Marks.at(5, mark_size=3), hj.Resolution(scale=0.7), hj.Subtitle.at(1)]),
+    st.sampled_from(
+        [
+            hj.Marks(number=7),
+            hj.Marks.at(5, mark_size=3),
+            hj.Resolution(scale=0.7),
+            hj.Subtitle.at(1),
+        ]
+    ),
     st.integers(0, 2**64 - 1),
     st.text(min_size=1, max_size=8),
     st.integers(0, 2**31 - 1),
 )
-def test_recipes_give_back_the_plan(spec: hj.Corruption, seed: int, sample: str, step: int) -> None:
-    plan = spec.plan(hj.Scene((600, 800)), seed=seed, sample=sample, step=step)
-    row = {"id": "x", "params": params_json(plan), "seed": seed, "trajectory_id": sample, "step": step}
+def test_recipes_give_back_the_plan(
+    spec: hj.Corruption,
+    seed: int,
+    sample: str,
+    step: int,
+) -> None:
+    plan = spec.plan(
+        hj.Scene((600, 800)),
+        seed=seed,
+        sample=sample,
+        step=step,
+    )
+    row = {
+        "id": "x",
+        "params": params_json(plan),
+        "seed": seed,
+        "trajectory_id": sample,
+        "step": step,
+    }
     recipe = stored_plan(plan, row)
     assert len(recipe) < 80
-    assert plan_of({**row, "plan": recipe, "plan_digest": plan.digest()}, plan.size) == plan
+    assert (
+        plan_of(
+            {
+                **row,
+                "plan": recipe,
+                "plan_digest": plan.digest(),
+            },
+            plan.size,
+        )
+        == plan
+    )
     other = stored_plan(plan, {**row, "seed": seed ^ 1})
     assert hj.Plan.from_json(other) == plan if other != recipe else not hasattr(spec, "number")
 
 
-def test_the_command(recording: Any, config: Path, tmp_path: Path) -> None:
+def test_the_command(
+    recording: Any,
+    config: Path,
+    tmp_path: Path,
+) -> None:
     for options, lazy in ((["--lazy"], True), (["--materialised"], False), ([], True)):
         out = tmp_path / "-".join(["out", *options])
-        run = CliRunner().invoke(hijack, ["build", str(recording(out.name[3:] or "s")), "--out", str(out), *options,
-                                          "--config", str(config)])  # fmt: skip
+        run = CliRunner().invoke(
+            hijack,
+            [
+                "build",
+                str(recording(out.name[3:] or "s")),
+                "--out",
+                str(out),
+                *options,
+                "--config",
+                str(config),
+            ],
+        )
         assert run.exit_code == 0, run.output
         assert (BASE in pq.read_schema(out / "data" / "train-00000.parquet").names) is lazy
 

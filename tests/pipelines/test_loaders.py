@@ -12,17 +12,38 @@ import pytest
 
 import hijack_data as hj
 from pipelines import build, open_dataset
-from pipelines.access import RowReader
+from pipelines.dataset.access import RowReader
 from pipelines.errors import DatasetError
 
 PLANNERS: dict[str, Any] = {"marks": hj.Marks(number=4, mark_size=8), "half": hj.Resolution()}
 
 
 @pytest.fixture(params=["materialised", "lazy"])
-def dataset(request: Any, recording: Any, add_line: Any, good_line: Any, tmp_path: Path) -> Path:
+def dataset(
+    request: Any,
+    recording: Any,
+    add_line: Any,
+    good_line: Any,
+    tmp_path: Path,
+) -> Path:
     source = recording(trajectories=4, steps=3)
-    add_line(source, good_line("t9", 0, image="images/t0-0.png", target_box=None, action={"type": "wait"}))
-    build(source, tmp_path / "out", corruptions=PLANNERS, output=request.param, rows_per_shard=18)
+    add_line(
+        source,
+        good_line(
+            "t9",
+            0,
+            image="images/t0-0.png",
+            target_box=None,
+            action={"type": "wait"},
+        ),
+    )
+    build(
+        source,
+        tmp_path / "out",
+        corruptions=PLANNERS,
+        output=request.param,
+        rows_per_shard=18,
+    )
     return tmp_path / "out"
 
 
@@ -48,7 +69,9 @@ def test_torch_items(dataset: Path) -> None:
         }
     picture = items[1]["screenshot"]
     picture += 1  # its own memory: the next reader gets the row as it is
-    assert np.array_equal(items[1]["screenshot"].permute(1, 2, 0).numpy(), np.asarray(rows[1]["screenshot"]))
+    assert np.array_equal(
+        items[1]["screenshot"].permute(1, 2, 0).numpy(), np.asarray(rows[1]["screenshot"])
+    )
 
 
 def brighter(item: dict[str, Any]) -> Any:
@@ -71,7 +94,12 @@ def test_torch_data_loader(workers: int, dataset: Path) -> None:
 
     items = TorchDataset(dataset)
     items[0]  # a file is open already when the workers fork
-    loader = torch.utils.data.DataLoader(items, batch_size=3, num_workers=workers, collate_fn=collate)
+    loader = torch.utils.data.DataLoader(
+        items,
+        batch_size=3,
+        num_workers=workers,
+        collate_fn=collate,
+    )
     batches = list(loader)
     rows = list(open_dataset(dataset))
     assert [name for batch in batches for name in batch["id"]] == [row["id"] for row in rows]
@@ -112,7 +140,12 @@ def test_one_row_reads_one_row_group(dataset: Path, monkeypatch: pytest.MonkeyPa
     read: list[int] = []
     real = pq.ParquetFile.read_row_group
 
-    def counted(self: Any, group: int, *args: Any, **options: Any) -> Any:
+    def counted(
+        self: Any,
+        group: int,
+        *args: Any,
+        **options: Any,
+    ) -> Any:
         read.append(group)
         return real(self, group, *args, **options)
 
@@ -131,12 +164,12 @@ def test_one_row_reads_one_row_group(dataset: Path, monkeypatch: pytest.MonkeyPa
 
 
 def test_caches_are_bounded(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pipelines.access.OPEN_FILES", 1)
-    monkeypatch.setattr("pipelines.access.GROUPS", 1)
+    monkeypatch.setattr("pipelines.dataset.access.OPEN_FILES", 1)
+    monkeypatch.setattr("pipelines.dataset.access.GROUPS", 1)
     rows = open_dataset(dataset)
     names = [row["id"] for row in rows]
     assert [rows[i]["id"] for i in (38, 0, 20, 37, 1)] == [names[i] for i in (38, 0, 20, 37, 1)]
-    assert (len(rows.reader._open), len(rows.reader._groups)) == (1, 1)
+    assert (len(rows.reader._open.items), len(rows.reader._groups.items)) == (1, 1)
 
 
 def test_threads_share_a_dataset(dataset: Path) -> None:

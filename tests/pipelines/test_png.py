@@ -14,8 +14,9 @@ from PIL import ExifTags, Image
 
 from hijack_data.errors import ImageError
 from hijack_data.files import decode_image
-from pipelines import png
-from pipelines.images import decode, encode
+from hijack_data.kernels.cpu import jit
+from pipelines.dataset import png
+from pipelines.dataset.images import decode, encode
 
 
 def chunk(name: bytes, body: bytes) -> bytes:
@@ -23,7 +24,13 @@ def chunk(name: bytes, body: bytes) -> bytes:
 
 
 def png_file(
-    width: int, height: int, raw: bytes, colour: int = 2, extra: bytes = b"", depth: int = 8, lace: int = 0
+    width: int,
+    height: int,
+    raw: bytes,
+    colour: int = 2,
+    extra: bytes = b"",
+    depth: int = 8,
+    lace: int = 0,
 ) -> bytes:
     header = struct.pack(">II5B", width, height, depth, colour, 0, 0, lace)
     packed = zlib.compress(raw)
@@ -32,9 +39,17 @@ def png_file(
     return png.SIGNATURE + chunk(b"IHDR", header) + extra + body + chunk(b"IEND", b"")
 
 
-def filtered(width: int, height: int, channels: int, seed: int, kinds: list[int]) -> bytes:
+def filtered(
+    width: int,
+    height: int,
+    channels: int,
+    seed: int,
+    kinds: list[int],
+) -> bytes:
     """Random bytes behind chosen filters: whatever they are, they are some picture."""
-    raw = np.random.default_rng(seed).integers(0, 256, (height, 1 + channels * width), dtype=np.uint8)
+    raw = np.random.default_rng(seed).integers(
+        0, 256, (height, 1 + channels * width), dtype=np.uint8
+    )
     raw[:, 0] = [kinds[y % len(kinds)] for y in range(height)]
     return raw.tobytes()
 
@@ -45,14 +60,23 @@ def pillow(data: bytes) -> np.ndarray:
 
 @settings(deadline=None)  # the first example waits for the compiler
 @given(
-    st.integers(1, 12), st.integers(1, 9), st.sampled_from([2, 6]), st.integers(0, 2**32 - 1),
+    st.integers(1, 12),
+    st.integers(1, 9),
+    st.sampled_from([2, 6]),
+    st.integers(0, 2**32 - 1),
     st.lists(st.integers(0, 4), min_size=1, max_size=5),
-)  # fmt: skip
+)
 def test_every_filter_is_undone_as_pillow_does(
-    width: int, height: int, colour: int, seed: int, kinds: list[int]
+    width: int,
+    height: int,
+    colour: int,
+    seed: int,
+    kinds: list[int],
 ) -> None:
     pytest.importorskip("numba")
-    data = png_file(width, height, filtered(width, height, png.CHANNELS[colour], seed, kinds), colour)
+    data = png_file(
+        width, height, filtered(width, height, png.CHANNELS[colour], seed, kinds), colour
+    )
     found = png.read(data, isal_zlib)
     assert found is not None
     assert np.array_equal(found, pillow(data))
@@ -147,7 +171,9 @@ def test_other_texts_are_passed_over() -> None:
         assert np.array_equal(decode(data, "x"), pillow(data))
 
 
-@pytest.mark.parametrize("exif", [b"", b"MM", b"MM\0*\xff\xff\xff\xff", b"II*\0\x08\0\0\0\x09\0", b"nothing"])
+@pytest.mark.parametrize(
+    "exif", [b"", b"MM", b"MM\0*\xff\xff\xff\xff", b"II*\0\x08\0\0\0\x09\0", b"nothing"]
+)
 def test_exif_that_is_damaged_is_what_it_is_to_pillow(exif: bytes) -> None:
     data = png_file(3, 2, filtered(3, 2, 3, 0, [2]), extra=chunk(b"eXIf", exif))
     try:
@@ -164,12 +190,16 @@ def test_a_wrong_sum_of_the_pixels_is_found() -> None:
     packed = bytearray(zlib.compress(raw))
     packed[-1] ^= 1
     header = struct.pack(">II5B", 3, 2, 8, 2, 0, 0, 0)
-    data = png.SIGNATURE + chunk(b"IHDR", header) + chunk(b"IDAT", bytes(packed)) + chunk(b"IEND", b"")
+    data = (
+        png.SIGNATURE + chunk(b"IHDR", header) + chunk(b"IDAT", bytes(packed)) + chunk(b"IEND", b"")
+    )
     assert png.read(data, isal_zlib) is None
 
 
-def test_without_numba_pillow_reads_what_our_own_writer_did_not_make(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(png, "_kernel", lambda: None)
+def test_without_numba_pillow_reads_what_our_own_writer_did_not_make(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(jit, "available", lambda: False)
     assert png.read(GOOD, isal_zlib) is None
     assert np.array_equal(decode(GOOD, "x"), pillow(GOOD))
     ours = encode(pillow(GOOD))

@@ -12,15 +12,25 @@ from pipelines.readers import Rejected, get_reader
 
 def read(path: Path) -> tuple[list[Trajectory], list[Rejected]]:
     items = list(get_reader("agentnet").read(path))
-    return [i for i in items if isinstance(i, Trajectory)], [i for i in items if isinstance(i, Rejected)]
+    return [i for i in items if isinstance(i, Trajectory)], [
+        i for i in items if isinstance(i, Rejected)
+    ]
 
 
 RAW = {
     "task_id": "raw",
     "instruction": "raise the volume",
     "traj": [
-        {"index": 0, "image": "a.png", "value": {"code": "pyautogui.click(x=0.5, y=0.25)"}},
-        {"index": 1, "image": "a.png", "value": {"code": "computer.terminate(status='success')"}},
+        {
+            "index": 0,
+            "image": "a.png",
+            "value": {"code": "pyautogui.click(x=0.5, y=0.25)"},
+        },
+        {
+            "index": 1,
+            "image": "a.png",
+            "value": {"code": "computer.terminate(status='success')"},
+        },
     ],
 }
 BENCH = {
@@ -37,11 +47,21 @@ BENCH = {
                 {"type": "scroll", "metadata": {"bboxes": []}},
                 {
                     "type": "click",
-                    "metadata": {"bboxes": [{"rel_bbox": [0.1, 0.1, 0, 0]}, {"rel_bbox": [0.4, 0.2, 0.2, 0.1]}]},
+                    "metadata": {
+                        "bboxes": [
+                            {"rel_bbox": [0.1, 0.1, 0, 0]},
+                            {"rel_bbox": [0.4, 0.2, 0.2, 0.1]},
+                        ]
+                    },
                 },
             ],
         },
-        {"step_num": 4, "image": "a.png", "action": "computer.wait()", "ground_truth_actions": [{"metadata": {}}]},
+        {
+            "step_num": 4,
+            "image": "a.png",
+            "action": "computer.wait()",
+            "ground_truth_actions": [{"metadata": {}}],
+        },
     ],
 }
 
@@ -84,7 +104,11 @@ def test_a_task_with_the_annotators_description_only(source: Path) -> None:
     assert read(source)[0][0].instruction == "louder"
 
 
-def change(record: dict[str, Any], path: str, value: object) -> dict[str, Any]:
+def change(
+    record: dict[str, Any],
+    path: str,
+    value: object,
+) -> dict[str, Any]:
     """Return a copy with the value at `path` (`traj.0.image`) replaced; `None` removes it."""
     changed = copy.deepcopy(record)
     *parents, last = [int(key) if key.isdigit() else key for key in path.split(".")]
@@ -107,7 +131,12 @@ def change(record: dict[str, Any], path: str, value: object) -> dict[str, Any]:
     ],
 )
 def test_a_bad_trajectory_is_rejected_whole(
-    record: dict[str, Any], path: str, value: object, field: str, reason: str, source: Path
+    record: dict[str, Any],
+    path: str,
+    value: object,
+    field: str,
+    reason: str,
+    source: Path,
 ) -> None:
     bad = change(record, path, value)
     (source / "bad.json").write_text(json.dumps(bad))
@@ -155,7 +184,12 @@ def test_a_bad_trajectory_is_rejected_whole(
     ],
 )
 def test_a_bad_step_is_rejected_and_the_others_stay(
-    record: dict[str, Any], path: str, value: object, field: str, reason: str, source: Path
+    record: dict[str, Any],
+    path: str,
+    value: object,
+    field: str,
+    reason: str,
+    source: Path,
 ) -> None:
     (source / "some.json").write_text(json.dumps(change(record, path, value)))
     (source.parent / "b.png").write_bytes((source / "images" / "a.png").read_bytes())
@@ -186,8 +220,13 @@ def test_files_that_are_not_json(source: Path) -> None:
     trajectories, rejected = read(source)
     assert len(trajectories) == 1
     assert [(r.file, r.where) for r in rejected] == [
-        ("a.json", ""), ("b.json", ""), ("c.jsonl", "line 1"), ("c.jsonl", "line 3"), ("d.json", ""), ("e.json", ""),
-    ]  # fmt: skip
+        ("a.json", ""),
+        ("b.json", ""),
+        ("c.jsonl", "line 1"),
+        ("c.jsonl", "line 3"),
+        ("d.json", ""),
+        ("e.json", ""),
+    ]
     assert ["UTF-8" in r.reason for r in rejected] == [True, False, False, True, False, False]
 
 
@@ -196,9 +235,21 @@ def test_the_real_agentnet_recording(shared_data: Path) -> None:
     assert not rejected
     (trajectory,) = trajectories
     assert [s.index for s in trajectory.steps] == list(range(15))
-    assert trajectory.steps[0].action == Action("click", x=1241, y=697)  # 0.9722, 0.9701 of 1276x718
-    assert trajectory.steps[3].action == Action("drag", x=580, y=193, x2=524, y2=199)
-    assert trajectory.steps[5].action == Action("scroll", x=505, y=563, amount=-3)
+    # 0.9722, 0.9701 of 1276x718
+    assert trajectory.steps[0].action == Action("click", x=1241, y=697)
+    assert trajectory.steps[3].action == Action(
+        "drag",
+        x=580,
+        y=193,
+        x2=524,
+        y2=199,
+    )
+    assert trajectory.steps[5].action == Action(
+        "scroll",
+        x=505,
+        y=563,
+        amount=-3,
+    )
     assert trajectory.steps[14].action == Action("done")
 
 
@@ -207,8 +258,10 @@ def test_the_real_agentnetbench_tasks(shared_data: Path) -> None:
     trajectories, rejected = read(folder)
     assert not rejected
     assert [(t.id, len(t.steps)) for t in trajectories] == [
-        ("s_5473959e0f6e21f7", 10), ("s_7f27a11115e596eb", 11), ("s_a96285eb665bef92", 10),
-    ]  # fmt: skip
+        ("s_5473959e0f6e21f7", 10),
+        ("s_7f27a11115e596eb", 11),
+        ("s_a96285eb665bef92", 10),
+    ]
     pointed = [s for t in trajectories for s in t.steps if s.action.point]
     assert all(s.target_box for s in pointed)
     for step in pointed:
@@ -223,7 +276,9 @@ def test_boxes_agree_with_the_pixels_that_the_annotators_noted(shared_data: Path
     for file in folder.glob("*.json"):
         record = json.loads(file.read_text())
         for step in record["steps"]:
-            noted = [b for a in step["ground_truth_actions"] for b in a["metadata"].get("bboxes", [])]
+            noted = [
+                b for a in step["ground_truth_actions"] for b in a["metadata"].get("bboxes", [])
+            ]
             if noted:
                 x, y, width, height = noted[0]["abs_bbox"]
                 box = by_id[record["task_id"]][step["step_num"]]

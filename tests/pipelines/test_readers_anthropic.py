@@ -13,7 +13,9 @@ from support.formats import anthropic, png, text_of, write_json, write_lines
 
 def read(path: Path) -> tuple[list[Trajectory], list[Rejected]]:
     items = list(get_reader("anthropic").read(path))
-    return [i for i in items if isinstance(i, Trajectory)], [i for i in items if isinstance(i, Rejected)]
+    return [i for i in items if isinstance(i, Trajectory)], [
+        i for i in items if isinstance(i, Rejected)
+    ]
 
 
 def messages(folder: Path) -> list[Any]:
@@ -21,15 +23,41 @@ def messages(folder: Path) -> list[Any]:
 
 
 def image(number: int) -> dict[str, Any]:
-    return {"type": "image", "source": {"type": "base64", "media_type": "image/png", "data": text_of(number)}}
+    return {
+        "type": "image",
+        "source": {
+            "type": "base64",
+            "media_type": "image/png",
+            "data": text_of(number),
+        },
+    }
 
 
 def result(name: str, *content: Any) -> dict[str, Any]:
-    return {"role": "user", "content": [{"type": "tool_result", "tool_use_id": name, "content": list(content)}]}
+    return {
+        "role": "user",
+        "content": [
+            {
+                "type": "tool_result",
+                "tool_use_id": name,
+                "content": list(content),
+            }
+        ],
+    }
 
 
-def use(name: str, given: Any, **more: Any) -> dict[str, Any]:
-    return {"type": "tool_use", "id": name, "name": "computer", "input": given, **more}
+def use(
+    name: str,
+    given: Any,
+    **more: Any,
+) -> dict[str, Any]:
+    return {
+        "type": "tool_use",
+        "id": name,
+        "name": "computer",
+        "input": given,
+        **more,
+    }
 
 
 NO_PICTURE = {"type": "base64", "data": "aGk="}
@@ -42,10 +70,15 @@ def test_the_shapes_of_a_log(shape: str, tmp_path: Path) -> None:
     if shape == "lines":
         write_lines(tmp_path / "a.jsonl", given)
     else:
-        write_json(tmp_path / "a.json", given if shape == "list" else {"system": "x", "messages": given})
+        write_json(
+            tmp_path / "a.json", given if shape == "list" else {"system": "x", "messages": given}
+        )
     (trajectory,), rejected = read(tmp_path)
     assert not rejected
-    assert [s.action for s in trajectory] == [Action("click", 100, 50), Action("hotkey", keys=("ctrl", "s"))]
+    assert [s.action for s in trajectory] == [
+        Action("click", 100, 50),
+        Action("hotkey", keys=("ctrl", "s")),
+    ]
     assert [read_picture(s.image, "") for s in trajectory] == [png(0), png(1)]
     assert trajectory.steps[1].action_code == '{"action": "key", "text": "ctrl+s"}'
 
@@ -53,7 +86,12 @@ def test_the_shapes_of_a_log(shape: str, tmp_path: Path) -> None:
 def test_the_member_tools_of_the_toolset(tmp_path: Path) -> None:
     click = {**use("b", {"coordinate": [7, 8]}, toolset_name="computer"), "name": "right_click"}
     look = {**use("a", {}, toolset_name="computer"), "name": "screenshot"}
-    other = {"type": "tool_use", "id": "c", "name": "bash", "input": {"command": "ls"}}
+    other = {
+        "type": "tool_use",
+        "id": "c",
+        "name": "bash",
+        "input": {"command": "ls"},
+    }
     given = [
         {"role": "user", "content": [{"type": "text", "text": "go"}]},
         {"role": "assistant", "content": [{"type": "thinking", "thinking": "..."}, look]},
@@ -65,7 +103,10 @@ def test_the_member_tools_of_the_toolset(tmp_path: Path) -> None:
     (trajectory,), rejected = read(tmp_path)
     assert not rejected
     assert [s.action for s in trajectory] == [Action("right_click", 7, 8)]
-    assert json.loads(trajectory.steps[0].action_code) == {"action": "right_click", "coordinate": [7, 8]}
+    assert json.loads(trajectory.steps[0].action_code) == {
+        "action": "right_click",
+        "coordinate": [7, 8],
+    }
 
 
 def test_what_zoom_returns_is_not_a_screen(tmp_path: Path) -> None:
@@ -73,7 +114,10 @@ def test_what_zoom_returns_is_not_a_screen(tmp_path: Path) -> None:
         {"role": "user", "content": [{"type": "text", "text": "go"}, image(0)]},
         {"role": "assistant", "content": [use("z", {"action": "zoom", "region": [0, 0, 40, 20]})]},
         result("z", image(9)),
-        {"role": "assistant", "content": [use("b", {"action": "left_click", "coordinate": [1, 2]})]},
+        {
+            "role": "assistant",
+            "content": [use("b", {"action": "left_click", "coordinate": [1, 2]})],
+        },
     ]
     write_json(tmp_path / "a.json", given)
     (trajectory,), rejected = read(tmp_path)
@@ -82,7 +126,10 @@ def test_what_zoom_returns_is_not_a_screen(tmp_path: Path) -> None:
 
 
 def test_a_turn_with_several_actions(tmp_path: Path) -> None:
-    several = [use("1", {"action": "left_click", "coordinate": [1, 2]}), use("2", {"action": "type", "text": "a"})]
+    several = [
+        use("1", {"action": "left_click", "coordinate": [1, 2]}),
+        use("2", {"action": "type", "text": "a"}),
+    ]
     given = [{"role": "user", "content": [{"type": "text", "text": "go"}, image(0)]}]
     write_json(tmp_path / "a.json", [*given, {"role": "assistant", "content": several}])
     (trajectory,), (rejected,) = read(tmp_path)
@@ -97,16 +144,34 @@ def test_a_turn_with_several_actions(tmp_path: Path) -> None:
         (3, {"action": "left_click", "coordinate": [1]}, ["input"], "[x, y]"),
         (3, {"action": "dance"}, ["input"], "dance"),
         (3, None, ["input"], "object"),
-        (4, result("b", {"type": "image", "source": {"type": "url"}}), ["source.type", "screenshot"], "url"),
+        (
+            4,
+            result("b", {"type": "image", "source": {"type": "url"}}),
+            ["source.type", "screenshot"],
+            "url",
+        ),
         (4, result("b", {"type": "image", "source": None}), ["source", "screenshot"], "object"),
-        (4, result("b", {"type": "image", "source": NO_PICTURE}), ["image", "screenshot"], "readable"),
+        (
+            4,
+            result("b", {"type": "image", "source": NO_PICTURE}),
+            ["image", "screenshot"],
+            "readable",
+        ),
         (4, result("b", 5), ["content[0]", "screenshot"], "object"),
         (4, {"role": "user", "content": [5]}, ["content[0]", "screenshot"], "object"),
     ],
-)  # fmt: skip
-def test_what_is_broken_is_counted(number: int, message: Any, fields: list[str], reason: str, tmp_path: Path) -> None:
+)
+def test_what_is_broken_is_counted(
+    number: int,
+    message: Any,
+    fields: list[str],
+    reason: str,
+    tmp_path: Path,
+) -> None:
     given = messages(tmp_path)
-    given[number] = message if number == 4 else {"role": "assistant", "content": [use("b", message)]}
+    given[number] = (
+        message if number == 4 else {"role": "assistant", "content": [use("b", message)]}
+    )
     write_json(tmp_path / "run.json", {"messages": given})
     (trajectory,), rejected = read(tmp_path)
     assert [(r.file, r.field) for r in rejected] == [("run.json", field) for field in fields]

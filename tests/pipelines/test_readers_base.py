@@ -26,7 +26,12 @@ AGENTNET = '{"task_id": "a", "traj": []}'
         ({"b.json": '{"task_id": "a", "steps": []}'}, "b.json", "agentnet"),
     ],
 )
-def test_the_format_is_found(files: dict[str, str], path: str, expected: str, tmp_path: Path) -> None:
+def test_the_format_is_found(
+    files: dict[str, str],
+    path: str,
+    expected: str,
+    tmp_path: Path,
+) -> None:
     for name, content in files.items():
         (tmp_path / name).write_text(content, encoding="latin-1")
     assert detect_format(tmp_path / path) == expected
@@ -45,7 +50,12 @@ def test_the_format_is_found(files: dict[str, str], path: str, expected: str, tm
         ({"trajectories.jsonl": AGENTNET}, "", "agentnet or jsonl"),
     ],
 )
-def test_a_source_that_cannot_be_told(files: dict[str, str], path: str, reason: str, tmp_path: Path) -> None:
+def test_a_source_that_cannot_be_told(
+    files: dict[str, str],
+    path: str,
+    reason: str,
+    tmp_path: Path,
+) -> None:
     for name, content in files.items():
         (tmp_path / name).write_text(content)
     with pytest.raises(SourceError, match=reason) as caught:
@@ -70,17 +80,30 @@ def test_an_unknown_reader() -> None:
 
 
 def test_a_reader_cannot_take_a_name_that_is_taken() -> None:
-    class Impostor:
+    class Impostor(type(get_reader("jsonl"))):
         name = "jsonl"
 
-    with pytest.raises(ParameterError, match="taken by Jsonl"):
-        register(Impostor)  # type: ignore[type-var]
+    with pytest.raises(ParameterError, match=r"'jsonl' is taken by pipelines\.readers\.jsonl"):
+        register(Impostor)
+
+
+def test_what_is_no_reader_is_refused_with_what_is_missing() -> None:
+    class Half:
+        name = "half"
+
+        def detect(self, path: Path) -> bool:
+            return False
+
+    with pytest.raises(ParameterError, match=r"cannot register .*Half: it has no read\(source\)"):
+        register(Half)  # type: ignore[type-var]
+    with pytest.raises(ParameterError, match="name is not set"):
+        register(type("Nameless", (Half,), {"name": "", "read": Half.detect}))
 
 
 def test_a_registered_reader_is_detected(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from pipelines.readers import base
 
-    monkeypatch.setattr(base, "_registry", dict(base._registry))
+    monkeypatch.setattr(base.READERS, "entries", dict(base.READERS.entries))
 
     @register
     class Odd:
@@ -109,8 +132,17 @@ def test_a_rejected_record_is_json_and_reads_well() -> None:
 
 
 def test_importing_pipelines_loads_nothing_heavy() -> None:
-    code = "import sys, pipelines, pipelines.readers\nprint(*[m for m in sys.argv[1:] if m in sys.modules])"
+    code = (
+        "import sys, pipelines, pipelines.readers\nprint(*[m for m in sys.argv[1:] if m in"
+        " sys.modules])"
+    )
     heavy = ["datasets", "torch", "jax", "pyarrow", "cv2", "pandas", "isal"]
     root = Path(__file__).resolve().parents[2]
-    done = subprocess.run([sys.executable, "-c", code, *heavy], cwd=root, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code, *heavy],
+        cwd=root,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     assert done.stdout.split() == []

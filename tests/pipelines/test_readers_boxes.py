@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from hijack_data.types import Trajectory
 from pipelines import build
-from pipelines.manifest import read_manifest
+from pipelines.dataset.manifest import read_manifest
 from pipelines.readers import Rejected, get_reader
 from pipelines.readers.boxes import box_in, form_of
-from pipelines.readers.choices import Choices, with_choices
+from pipelines.readers.choices import ReaderOptions, with_choices
 from pipelines.readers.fields import FieldError
 
 from support.formats import png, write_table
@@ -22,7 +22,12 @@ SIZES = [(200, 400), (1080, 1920)]
 PLAIN, FAR, CORNER = (40, 30, 200, 60), (300, 100, 390, 190), (0, 0, 10, 10)
 
 
-def write(file: Path, boxes: list[Any], order: str, scale: str = "pixels") -> None:
+def write(
+    file: Path,
+    boxes: list[Any],
+    order: str,
+    scale: str = "pixels",
+) -> None:
     """A table of boxes, given as corners in a 400x200 picture, written in an order and a space."""
     rows = []
     for x1, y1, x2, y2 in boxes:
@@ -30,12 +35,18 @@ def write(file: Path, boxes: list[Any], order: str, scale: str = "pixels") -> No
         sides = (400, 200, 400, 200) if scale == "fractions" else (1, 1, 1, 1)
         bbox = [float(n) / side for n, side in zip(numbers, sides, strict=True)]
         picture = {"bytes": png(0), "path": None}
-        rows.append({"image": picture, "instruction": "the button", "bbox": bbox})
+        rows.append(
+            {
+                "image": picture,
+                "instruction": "the button",
+                "bbox": bbox,
+            }
+        )
     write_table(file, rows)
 
 
 def read(path: Path, **choices: str) -> tuple[list[Any], list[Rejected]]:
-    items = list(with_choices(get_reader("parquet"), Choices(**choices)).read(path))
+    items = list(with_choices(get_reader("parquet"), ReaderOptions(**choices)).read(path))
     steps = [i.steps[0] for i in items if isinstance(i, Trajectory)]
     for step in steps:
         x1, y1, x2, y2 = step.target_box
@@ -45,7 +56,11 @@ def read(path: Path, **choices: str) -> tuple[list[Any], list[Rejected]]:
 
 @pytest.mark.parametrize("order", ["xywh", "xyxy"])
 @pytest.mark.parametrize("scale", ["pixels", "fractions"])
-def test_one_row_decides_for_all(order: str, scale: str, tmp_path: Path) -> None:
+def test_one_row_decides_for_all(
+    order: str,
+    scale: str,
+    tmp_path: Path,
+) -> None:
     boxes = [PLAIN, CORNER, FAR, PLAIN]  # only FAR can be nothing else, in either order
     write(tmp_path / "a.parquet", boxes, order, scale)
     assert read(tmp_path) == (boxes, [])
@@ -67,8 +82,16 @@ def test_rows_that_disagree_refuse_the_table(tmp_path: Path) -> None:
     only = [380.0, 5.0, 10.0, 10.0]
     picture = {"bytes": png(0), "path": None}
     rows = [
-        {"image": picture, "instruction": "a", "bbox": [float(n) for n in FAR]},
-        {"image": picture, "instruction": "b", "bbox": only},
+        {
+            "image": picture,
+            "instruction": "a",
+            "bbox": [float(n) for n in FAR],
+        },
+        {
+            "image": picture,
+            "instruction": "b",
+            "bbox": only,
+        },
     ]
     write_table(tmp_path / "a.parquet", rows)
     found, (rejected,) = read(tmp_path)
@@ -90,7 +113,11 @@ def test_boxes_mean_the_same_in_every_form(size: Any, data: Any) -> None:
     height, width = size
     x1, y1 = data.draw(st.integers(0, width - 1)), data.draw(st.integers(0, height - 1))
     x2, y2 = data.draw(st.integers(x1 + 1, width)), data.draw(st.integers(y1 + 1, height))
-    sides = {"pixels": (1, 1), "fractions": (width, height), "thousand": (width / 1000, height / 1000)}
+    sides = {
+        "pixels": (1, 1),
+        "fractions": (width, height),
+        "thousand": (width / 1000, height / 1000),
+    }
     for space, (across, down) in sides.items():
         for order, (c, d) in {"xyxy": (x2, y2), "xywh": (x2 - x1, y2 - y1)}.items():
             numbers = [x1 / across, y1 / down, c / across, d / down]
@@ -98,11 +125,16 @@ def test_boxes_mean_the_same_in_every_form(size: Any, data: Any) -> None:
                 assert box_in((space, order), numbers, size, "bbox") == (x1, y1, x2, y2)
 
 
-@pytest.mark.parametrize("bad", [[1, 2, 3], [1, 2, 3, float("nan")], [1, 2, 3, True], "1,2,3,4", None])
+@pytest.mark.parametrize(
+    "bad", [[1, 2, 3], [1, 2, 3, float("nan")], [1, 2, 3, True], "1,2,3,4", None]
+)
 def test_what_is_no_box(bad: Any) -> None:
     with pytest.raises(FieldError):
         box_in(("pixels", "xyxy"), bad, (200, 400), "bbox")
-    assert form_of([bad, [300, 100, 390, 190]], lambda _: (200, 400), Choices()) == ("pixels", "xyxy")
+    assert form_of([bad, [300, 100, 390, 190]], lambda _: (200, 400), ReaderOptions()) == (
+        "pixels",
+        "xyxy",
+    )
 
 
 def test_pictures_are_looked_at_only_as_far_as_it_matters() -> None:
@@ -113,5 +145,5 @@ def test_pictures_are_looked_at_only_as_far_as_it_matters() -> None:
         return (200, 400)
 
     boxes = [list(PLAIN), list(FAR), *[list(PLAIN)] * 100]
-    assert form_of(boxes, size, Choices()) == ("pixels", "xyxy")
+    assert form_of(boxes, size, ReaderOptions()) == ("pixels", "xyxy")
     assert asked == [0, 1]

@@ -8,13 +8,13 @@ from typing import Any
 import pytest
 
 import hijack_data as hj
-from hijack_data.actions.qwen import tool_call_text
+from hijack_data.actions.dialects.qwen import tool_call_text
 from hijack_data.coords import smart_resize
 from hijack_data.types import Action, Trajectory
 from pipelines import build, open_dataset
 from pipelines.exports import export
 from pipelines.readers import Rejected, detect_format, get_reader
-from pipelines.readers.choices import Choices, with_choices
+from pipelines.readers.choices import ReaderOptions, with_choices
 from pipelines.readers.pictures import read_picture
 
 from support.formats import png, ui_tars, write_json, write_lines, write_table
@@ -22,19 +22,33 @@ from support.formats import png, ui_tars, write_json, write_lines, write_table
 BIG = (1920, 1080)
 
 
-def read(path: Path, name: str = "chat", **choices: str) -> tuple[list[Trajectory], list[Rejected]]:
-    items = list(with_choices(get_reader(name), Choices(**choices)).read(path))
-    return [i for i in items if isinstance(i, Trajectory)], [i for i in items if isinstance(i, Rejected)]
+def read(
+    path: Path,
+    name: str = "chat",
+    **choices: str,
+) -> tuple[list[Trajectory], list[Rejected]]:
+    items = list(with_choices(get_reader(name), ReaderOptions(**choices)).read(path))
+    return [i for i in items if isinstance(i, Trajectory)], [
+        i for i in items if isinstance(i, Rejected)
+    ]
 
 
-def files(folder: Path, count: int = 1, size: tuple[int, int] = (400, 200)) -> list[str]:
+def files(
+    folder: Path,
+    count: int = 1,
+    size: tuple[int, int] = (400, 200),
+) -> list[str]:
     (folder / "images").mkdir(parents=True, exist_ok=True)
     for number in range(count):
         (folder / "images" / f"{number}.png").write_bytes(png(number, *size))
     return [f"images/{number}.png" for number in range(count)]
 
 
-def openai_row(replies: list[str], names: list[str], ask: str = "open it") -> dict[str, Any]:
+def openai_row(
+    replies: list[str],
+    names: list[str],
+    ask: str = "open it",
+) -> dict[str, Any]:
     messages = [
         {"role": role, "content": text}
         for index, reply in enumerate(replies)
@@ -43,7 +57,11 @@ def openai_row(replies: list[str], names: list[str], ask: str = "open it") -> di
     return {"messages": messages, "images": names}
 
 
-def sharegpt_row(replies: list[str], names: list[str], ask: str = "open it") -> dict[str, Any]:
+def sharegpt_row(
+    replies: list[str],
+    names: list[str],
+    ask: str = "open it",
+) -> dict[str, Any]:
     row = openai_row(replies, names, ask)
     roles = {"user": "human", "assistant": "gpt"}
     turns = [{"from": roles[m["role"]], "value": m["content"]} for m in row["messages"]]
@@ -55,15 +73,21 @@ CODES = ["pyautogui.click(100, 50)", "```python\npyautogui.press('enter')\n```",
 
 @pytest.mark.parametrize("make", [openai_row, sharegpt_row])
 @pytest.mark.parametrize("suffix", ["json", "jsonl"])
-def test_layouts_and_pairing(make: Any, suffix: str, tmp_path: Path) -> None:
+def test_layouts_and_pairing(
+    make: Any,
+    suffix: str,
+    tmp_path: Path,
+) -> None:
     rows = [make(CODES, files(tmp_path, 3)), make(CODES[:1], files(tmp_path, 1), "close it")]
     (write_json if suffix == "json" else write_lines)(tmp_path / f"train.{suffix}", rows)
     assert detect_format(tmp_path) == detect_format(tmp_path / f"train.{suffix}") == "chat"
     (first, second), rejected = read(tmp_path)
     assert not rejected
     assert [s.action for s in first] == [
-        Action("click", 100, 50), Action("hotkey", keys=("enter",)), Action("done"),
-    ]  # fmt: skip
+        Action("click", 100, 50),
+        Action("hotkey", keys=("enter",)),
+        Action("done"),
+    ]
     assert [read_picture(s.image, "") for s in first] == [png(0), png(1), png(2)]
     assert (first.instruction, second.instruction) == ("open it", "close it")
     assert first.id == "train/000000"
@@ -90,7 +114,9 @@ def test_one_picture_needs_no_placeholder_and_several_do(tmp_path: Path) -> None
 def test_pictures_as_data_urls_and_from_the_source(tmp_path: Path) -> None:
     link = "data:image/png;base64," + base64.b64encode(png(7)).decode()
     names = files(tmp_path)
-    write_lines(tmp_path / "deep" / "a.jsonl", [openai_row(CODES[:1], [link]), openai_row(CODES[:1], names)])
+    write_lines(
+        tmp_path / "deep" / "a.jsonl", [openai_row(CODES[:1], [link]), openai_row(CODES[:1], names)]
+    )
     found, rejected = read(tmp_path)
     assert not rejected
     assert [read_picture(t.steps[0].image, "") for t in found] == [png(7), png(0)]
@@ -107,7 +133,11 @@ def test_pictures_as_data_urls_and_from_the_source(tmp_path: Path) -> None:
         (None, "must be a path"),
     ],
 )
-def test_pictures_that_are_not_there(name: Any, reason: str, tmp_path: Path) -> None:
+def test_pictures_that_are_not_there(
+    name: Any,
+    reason: str,
+    tmp_path: Path,
+) -> None:
     names = files(tmp_path)
     write_lines(tmp_path / "a.jsonl", [openai_row(CODES[:1], [name]), openai_row(CODES[:1], names)])
     (found,), (rejected,) = read(tmp_path)
@@ -115,9 +145,17 @@ def test_pictures_that_are_not_there(name: Any, reason: str, tmp_path: Path) -> 
     assert reason in rejected.reason
 
 
-@pytest.mark.parametrize("line", ["{", "[]", '{"messages": 3, "images": ["a"]}', '{"images": ["images/0.png"]}',
-                                  '{"messages": [], "images": ["images/0.png"]}', '{"messages": [{"role": "user", '
-                                  '"content": "x"}]}'])  # fmt: skip
+@pytest.mark.parametrize(
+    "line",
+    [
+        "{",
+        "[]",
+        '{"messages": 3, "images": ["a"]}',
+        '{"images": ["images/0.png"]}',
+        '{"messages": [], "images": ["images/0.png"]}',
+        '{"messages": [{"role": "user", "content": "x"}]}',
+    ],
+)
 def test_a_bad_line_never_loses_the_rest(line: str, tmp_path: Path) -> None:
     good = json.dumps(openai_row(CODES[:1], files(tmp_path)))
     (tmp_path / "a.jsonl").write_text(f"{good}\n{line}\n{good}\n")
@@ -127,7 +165,9 @@ def test_a_bad_line_never_loses_the_rest(line: str, tmp_path: Path) -> None:
 
 
 def test_a_reply_that_is_no_action_is_no_step(tmp_path: Path) -> None:
-    row = openai_row(["It is a button: you could use pyautogui.click to press it."], files(tmp_path))
+    row = openai_row(
+        ["It is a button: you could use pyautogui.click to press it."], files(tmp_path)
+    )
     write_lines(tmp_path / "a.jsonl", [row])
     found, (rejected,) = read(tmp_path)
     assert not found
@@ -138,10 +178,22 @@ def test_aguvis_has_thoughts_and_actions_in_one_turn_each(tmp_path: Path) -> Non
     names = files(tmp_path)
     turns = [
         {"from": "system", "value": "You are a GUI agent."},
-        {"from": "human", "value": "<image>\nMove on.\n\nInstruction: buy it\n\nPrevious actions:\nNone"},
-        {"from": "gpt", "value": "Action: click on Buy", "recipient": "all"},
-        {"from": "gpt", "value": "pyautogui.click(x=0.25, y=0.25)", "recipient": "os", "end_turn": True},
-    ]  # fmt: skip
+        {
+            "from": "human",
+            "value": "<image>\nMove on.\n\nInstruction: buy it\n\nPrevious actions:\nNone",
+        },
+        {
+            "from": "gpt",
+            "value": "Action: click on Buy",
+            "recipient": "all",
+        },
+        {
+            "from": "gpt",
+            "value": "pyautogui.click(x=0.25, y=0.25)",
+            "recipient": "os",
+            "end_turn": True,
+        },
+    ]
     write_json(tmp_path / "stage2.json", [{"image": names[0], "conversations": turns}])
     found, (rejected,) = read(tmp_path)
     assert not found
@@ -157,25 +209,45 @@ def test_aguvis_has_thoughts_and_actions_in_one_turn_each(tmp_path: Path) -> Non
     ("calls", "expected", "code"),
     [
         ("click(x=0.25, y=0.25)", Action("click", 100, 50), "pyautogui.click(x=100, y=50)"),
-        ("doubleClick(x=0.25, y=0.25)", Action("double_click", 100, 50), "pyautogui.doubleClick(x=100, y=50)"),
+        (
+            "doubleClick(x=0.25, y=0.25)",
+            Action("double_click", 100, 50),
+            "pyautogui.doubleClick(x=100, y=50)",
+        ),
         ("write(message='hi')", Action("type", text="hi"), "pyautogui.write(message='hi')"),
         ("wait(3)", Action("wait", amount=3), "computer.wait(3)"),
         ("terminate(status='success')", Action("done"), "computer.terminate(status='success')"),
         ("open_app(app_name='Cantook')", Action("other"), "open_app(app_name='Cantook')"),
         ("response(answer='42')", Action("done", text="42"), "response(answer='42')"),
-        ("swipe(from_coord=[0.5, 0.75], to_coord=[0.5, 0.25])", Action("drag", 200, 150, 200, 50),
-         "pyautogui.moveTo([200, 150])\npyautogui.dragTo([200, 50])"),
+        (
+            "swipe(from_coord=[0.5, 0.75], to_coord=[0.5, 0.25])",
+            Action("drag", 200, 150, 200, 50),
+            "pyautogui.moveTo([200, 150])\npyautogui.dragTo([200, 50])",
+        ),
         ("long_press(x=0.25, y=0.25)", Action("other", 100, 50), ""),
     ],
-)  # fmt: skip
-def test_scale_cua(calls: str, expected: Action, code: str, tmp_path: Path) -> None:
+)
+def test_scale_cua(
+    calls: str,
+    expected: Action,
+    code: str,
+    tmp_path: Path,
+) -> None:
     reply = f"<think>\nhm\n</think>\n<operation>\ndo\n</operation>\n<action>\n{calls}\n</action>"
     ask = "Please generate the next move.\n\nTask: read it\n\nPrevious operations:\nNone"
-    row = {**sharegpt_row([reply], files(tmp_path), ask), "width": 400, "height": 200}
+    row = {
+        **sharegpt_row([reply], files(tmp_path), ask),
+        "width": 400,
+        "height": 200,
+    }
     write_lines(tmp_path / "a.jsonl", [row])
     (found,), rejected = read(tmp_path, coordinates="fractions")
     assert not rejected
-    assert (found.instruction, found.steps[0].action, found.steps[0].action_code) == ("read it", expected, code)
+    assert (found.instruction, found.steps[0].action, found.steps[0].action_code) == (
+        "read it",
+        expected,
+        code,
+    )
 
 
 @pytest.mark.parametrize(
@@ -189,7 +261,11 @@ def test_scale_cua(calls: str, expected: Action, code: str, tmp_path: Path) -> N
         ("<ref>OK</ref><box>[[250,200,350,300]]</box>", Action("click", 120, 50)),
     ],
 )
-def test_os_atlas(reply: str, expected: Action, tmp_path: Path) -> None:
+def test_os_atlas(
+    reply: str,
+    expected: Action,
+    tmp_path: Path,
+) -> None:
     write_json(tmp_path / "a.json", [sharegpt_row([reply], files(tmp_path))])
     (found,), rejected = read(tmp_path)
     assert not rejected
@@ -214,10 +290,19 @@ def uitars(x: int, y: int) -> str:
 @pytest.mark.parametrize("reply", [computer_use, uitars])
 @pytest.mark.parametrize("size", [(400, 200), BIG])
 @pytest.mark.parametrize("where", ["parquet", "json"])
-def test_text_of_models_needs_its_space(reply: Any, size: Any, where: str, tmp_path: Path) -> None:
+def test_text_of_models_needs_its_space(
+    reply: Any,
+    size: Any,
+    where: str,
+    tmp_path: Path,
+) -> None:
     width, height = size
     seen = smart_resize(height, width)
-    points = {"resized": (seen[1] // 4, seen[0] // 4), "thousand": (250, 250), "pixels": (width // 4, height // 4)}
+    points = {
+        "resized": (seen[1] // 4, seen[0] // 4),
+        "thousand": (250, 250),
+        "pixels": (width // 4, height // 4),
+    }
     for space, point in points.items():
         row = openai_row([reply(*point)], files(tmp_path, 1, size))
         if where == "parquet":
@@ -236,9 +321,14 @@ def test_text_of_models_needs_its_space(reply: Any, size: Any, where: str, tmp_p
 
 
 @pytest.mark.parametrize(
-    ("resolution", "point"), [("1000x1000", (250, 250)), ("1932x1092", (483, 273)), ("960x540", (240, 135))]
+    ("resolution", "point"),
+    [("1000x1000", (250, 250)), ("1932x1092", (483, 273)), ("960x540", (240, 135))],
 )
-def test_a_prompt_that_states_the_resolution_says_the_space(resolution: str, point: Any, tmp_path: Path) -> None:
+def test_a_prompt_that_states_the_resolution_says_the_space(
+    resolution: str,
+    point: Any,
+    tmp_path: Path,
+) -> None:
     row = openai_row([computer_use(*point)], files(tmp_path, 1, BIG))
     prompt = f"* The screen's resolution is {resolution}.\n* ..."
     row["messages"].insert(0, {"role": "system", "content": prompt})
@@ -252,7 +342,10 @@ def test_a_prompt_that_states_the_resolution_says_the_space(resolution: str, poi
 
 def test_structured_calls_of_qwen_are_text(tmp_path: Path) -> None:
     given = {"action": "left_click", "coordinate": [250, 250]}
-    call = {"type": "function", "function": {"name": "computer_use", "arguments": json.dumps(given)}}
+    call = {
+        "type": "function",
+        "function": {"name": "computer_use", "arguments": json.dumps(given)},
+    }
     row = openai_row([""], files(tmp_path))
     row["messages"][1]["tool_calls"] = [call]
     write_lines(tmp_path / "a.jsonl", [row])
@@ -263,8 +356,16 @@ def test_structured_calls_of_qwen_are_text(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("dialect", ["pyautogui", "ui_tars", "ui_tars_1.5"])
-def test_our_own_export_comes_back(recording: Any, dialect: str, tmp_path: Path) -> None:
-    build(recording(trajectories=2, steps=2), tmp_path / "set", corruptions={"half": hj.Resolution(scale=0.5)})
+def test_our_own_export_comes_back(
+    recording: Any,
+    dialect: str,
+    tmp_path: Path,
+) -> None:
+    build(
+        recording(trajectories=2, steps=2),
+        tmp_path / "set",
+        corruptions={"half": hj.Resolution(scale=0.5)},
+    )
     export(tmp_path / "set", tmp_path / "chat", to="chat", dialect=dialect)
     assert detect_format(tmp_path / "chat") == "chat"
     found, rejected = read(tmp_path / "chat")
@@ -274,7 +375,10 @@ def test_our_own_export_comes_back(recording: Any, dialect: str, tmp_path: Path)
     for trajectory, row in zip(found, clean, strict=True):
         (step,) = trajectory.steps
         assert (trajectory.id, trajectory.instruction, trajectory.domain) == (
-            row["id"], row["instruction"], row["domain"])  # fmt: skip
+            row["id"],
+            row["instruction"],
+            row["domain"],
+        )
         assert abs(step.action.x - row["action"]["x"]) <= (dialect != "pyautogui")
         assert abs(step.action.y - row["action"]["y"]) <= (dialect != "pyautogui")
         assert list(step.target_box) == row["target_box"]

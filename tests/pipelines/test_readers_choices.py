@@ -1,4 +1,5 @@
-"""Coordinates are never silently wrong: fractions are no pixels, and what is not said is refused or chosen."""
+"""Coordinates are never silently wrong: fractions are no pixels, and what is not said is refused or
+chosen."""
 
 import json
 from pathlib import Path
@@ -7,14 +8,14 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from hijack_data.actions.qwen import tool_call_text
+from hijack_data.actions.dialects.qwen import tool_call_text
 from hijack_data.cli import hijack
 from hijack_data.types import Action
 from pipelines import build, open_dataset
+from pipelines.dataset.manifest import read_manifest
 from pipelines.errors import BuildError
-from pipelines.manifest import read_manifest
 from pipelines.readers import Rejected, get_reader
-from pipelines.readers.choices import COORDINATES, Choices, with_choices
+from pipelines.readers.choices import COORDINATES, ReaderOptions, with_choices
 from pipelines.readers.dialects import recorded
 from pipelines.readers.fields import FieldError
 
@@ -24,11 +25,21 @@ SIZE = (200, 400)
 SAID = {
     "pyautogui": "pyautogui.click({}, {})",
     "ui_tars": "Action: click(start_box='({},{})')",
-    "qwen3_vl": tool_call_text("computer_use", {"action": "left_click", "coordinate": ["{}", "{}"]})
-    .replace('"{}"', "{}").replace("{", "{{").replace("}", "}}").replace("{{}}", "{}"),
-}  # fmt: skip
+    "qwen3_vl": (
+        tool_call_text("computer_use", {"action": "left_click", "coordinate": ["{}", "{}"]})
+        .replace('"{}"', "{}")
+        .replace("{", "{{")
+        .replace("}", "}}")
+        .replace("{{}}", "{}")
+    ),
+}
 # The same point, (100, 50), in each space; what a model sees of 200x400 is 196x392.
-POINTS = {"pixels": (100, 50), "fractions": (0.25, 0.25), "thousand": (250, 250), "resized": (98, 49)}
+POINTS = {
+    "pixels": (100, 50),
+    "fractions": (0.25, 0.25),
+    "thousand": (250, 250),
+    "resized": (98, 49),
+}
 
 
 @pytest.mark.parametrize("dialect", sorted(SAID))
@@ -36,7 +47,9 @@ POINTS = {"pixels": (100, 50), "fractions": (0.25, 0.25), "thousand": (250, 250)
 def test_a_choice_reads_every_text_in_every_space(dialect: str, space: str) -> None:
     found = recorded(SAID[dialect].format(*POINTS[space]), dialect, SIZE, "f", space, None)
     assert found.action == Action("click", 100, 50)
-    assert (found.dialect == "pyautogui") == (dialect == "pyautogui" or space in ("pixels", "fractions"))
+    assert (found.dialect == "pyautogui") == (
+        dialect == "pyautogui" or space in ("pixels", "fractions")
+    )
     if found.dialect == "pyautogui":
         assert found.code == "pyautogui.click(100, 50)"
 
@@ -44,7 +57,11 @@ def test_a_choice_reads_every_text_in_every_space(dialect: str, space: str) -> N
 @pytest.mark.parametrize("dialect", sorted(SAID))
 @pytest.mark.parametrize("point", [(0.25, 0.25), (0.0, 0.5), (1, 0.001)])
 @pytest.mark.parametrize("default", ["pixels", "thousand", "resized", None])
-def test_fractions_are_never_a_corner(dialect: str, point: Any, default: str | None) -> None:
+def test_fractions_are_never_a_corner(
+    dialect: str,
+    point: Any,
+    default: str | None,
+) -> None:
     with pytest.raises(FieldError, match=r"fits .*fractions.*--coordinates"):
         recorded(SAID[dialect].format(*point), dialect, SIZE, "f", None, default)
 
@@ -52,12 +69,21 @@ def test_fractions_are_never_a_corner(dialect: str, point: Any, default: str | N
 @pytest.mark.parametrize(
     ("space", "point"),
     [
-        ("pixels", (400, 5)), ("pixels", (5, 200)), ("pixels", (-1, 5)), ("fractions", (1.2, 0.5)),
-        ("thousand", (1100, 5)), ("resized", (5, 300)), ("fractions", (250, 100)),
+        ("pixels", (400, 5)),
+        ("pixels", (5, 200)),
+        ("pixels", (-1, 5)),
+        ("fractions", (1.2, 0.5)),
+        ("thousand", (1100, 5)),
+        ("resized", (5, 300)),
+        ("fractions", (250, 100)),
     ],
-)  # fmt: skip
+)
 @pytest.mark.parametrize("dialect", sorted(SAID))
-def test_points_out_of_the_space_are_refused(dialect: str, space: str, point: Any) -> None:
+def test_points_out_of_the_space_are_refused(
+    dialect: str,
+    space: str,
+    point: Any,
+) -> None:
     with pytest.raises(FieldError):
         recorded(SAID[dialect].format(*point), dialect, SIZE, "f", space, None)
 
@@ -71,7 +97,12 @@ def test_what_points_nowhere_needs_no_choice() -> None:
 
 @pytest.mark.parametrize("point", [(0.3271, 0.2694), (0.5, 1), (0.0, 0.1)])
 @pytest.mark.parametrize("names", ["xy", ("x2", "y2")])
-def test_our_own_format_refuses_fractions(recording: Any, point: Any, names: Any, tmp_path: Path) -> None:
+def test_our_own_format_refuses_fractions(
+    recording: Any,
+    point: Any,
+    names: Any,
+    tmp_path: Path,
+) -> None:
     folder = recording(trajectories=1, steps=1)
     file = folder / "trajectories.jsonl"
     line = json.loads(file.read_text())
@@ -89,18 +120,20 @@ def test_screenagent_refuses_fractions(tmp_path: Path) -> None:
     record = json.loads(file.read_text())
     record["actions"][0]["mouse_position"] = {"width": 0.25, "height": 0.25}
     write_json(file, record)
-    rejected = [item for item in get_reader("screenagent").read(tmp_path) if isinstance(item, Rejected)]
+    rejected = [
+        item for item in get_reader("screenagent").read(tmp_path) if isinstance(item, Rejected)
+    ]
     assert ["fractions" in item.reason for item in rejected] == [True]
 
 
 def test_choices_are_checked() -> None:
     with pytest.raises(BuildError, match="did you mean 'fractions'"):
-        Choices(coordinates="fraction")
+        ReaderOptions(coordinates="fraction")
     with pytest.raises(BuildError, match="xywh"):
-        Choices(boxes="coco")
+        ReaderOptions(boxes="coco")
     with pytest.raises(BuildError, match="format 'runs' says itself"):
-        with_choices(get_reader("runs"), Choices(coordinates="pixels"))
-    assert with_choices(get_reader("runs"), Choices()) is get_reader("runs")
+        with_choices(get_reader("runs"), ReaderOptions(coordinates="pixels"))
+    assert with_choices(get_reader("runs"), ReaderOptions()) is get_reader("runs")
 
 
 def test_a_format_that_says_itself_refuses_the_choice(recording: Any, tmp_path: Path) -> None:
@@ -127,7 +160,13 @@ def test_the_command_takes_the_choice_and_resume_knows_it(tmp_path: Path) -> Non
     again = CliRunner().invoke(hijack, [*command, "--coordinates", "fractions", "--resume"])
     assert again.exit_code == 0, again.output
     with pytest.raises(BuildError, match="coordinates"):
-        build(tmp_path / "source", out, corruptions="resolution", coordinates="pixels", resume=True)
+        build(
+            tmp_path / "source",
+            out,
+            corruptions="resolution",
+            coordinates="pixels",
+            resume=True,
+        )
     unsaid = CliRunner().invoke(hijack, [*command[:3], str(tmp_path / "other")])
     assert unsaid.exit_code == 1
     assert "--coordinates" in unsaid.output

@@ -19,10 +19,19 @@ SIZE = (200, 400)
 HALF = CoordMap((100, 200), SIZE)
 
 
-def observed(code: Any, dialect: str, coords: CoordMap = HALF) -> Any:
+def observed(
+    code: Any,
+    dialect: str,
+    coords: CoordMap = HALF,
+) -> Any:
     text = code_of(code, "action")
     made = observed_code(coords, RecordedStep(0, "", Action("other"), text, dialect=dialect))
-    assert observed_code(CoordMap.identity(SIZE), RecordedStep(0, "", Action("other"), text, dialect=dialect)) == text
+    assert (
+        observed_code(
+            CoordMap.identity(SIZE), RecordedStep(0, "", Action("other"), text, dialect=dialect)
+        )
+        == text
+    )
     return made if isinstance(code, str) else json.loads(made)
 
 
@@ -30,13 +39,55 @@ def observed(code: Any, dialect: str, coords: CoordMap = HALF) -> Any:
     ("code", "dialect", "expected"),
     [
         ("pyautogui.click(100, 50)", "pyautogui", "pyautogui.click(50, 25)"),
-        ({"action_type": "CLICK", "x": 100, "y": 50}, "computer_13", {"action_type": "CLICK", "x": 50, "y": 25}),
-        ({"action_type": "TYPING", "text": "é 100"}, "computer_13", {"action_type": "TYPING", "text": "é 100"}),
-        ({"type": "click", "x": 100, "y": 50}, "openai", {"type": "click", "x": 50, "y": 25}),
         (
-            [{"type": "move", "x": 100, "y": 50}, {"type": "wait"}],
+            {
+                "action_type": "CLICK",
+                "x": 100,
+                "y": 50,
+            },
+            "computer_13",
+            {
+                "action_type": "CLICK",
+                "x": 50,
+                "y": 25,
+            },
+        ),
+        (
+            {"action_type": "TYPING", "text": "é 100"},
+            "computer_13",
+            {"action_type": "TYPING", "text": "é 100"},
+        ),
+        (
+            {
+                "type": "click",
+                "x": 100,
+                "y": 50,
+            },
             "openai",
-            [{"type": "move", "x": 50, "y": 25}, {"type": "wait"}],
+            {
+                "type": "click",
+                "x": 50,
+                "y": 25,
+            },
+        ),
+        (
+            [
+                {
+                    "type": "move",
+                    "x": 100,
+                    "y": 50,
+                },
+                {"type": "wait"},
+            ],
+            "openai",
+            [
+                {
+                    "type": "move",
+                    "x": 50,
+                    "y": 25,
+                },
+                {"type": "wait"},
+            ],
         ),
         (
             {"action": "left_click", "coordinate": [100, 50]},
@@ -53,7 +104,11 @@ def observed(code: Any, dialect: str, coords: CoordMap = HALF) -> Any:
         ([{"function": {"name": "click"}}], "sizeless", [{"function": {"name": "click"}}]),
     ],
 )
-def test_the_code_follows_the_picture_in_its_own_dialect(code: Any, dialect: str, expected: Any) -> None:
+def test_the_code_follows_the_picture_in_its_own_dialect(
+    code: Any,
+    dialect: str,
+    expected: Any,
+) -> None:
     assert observed(code, dialect) == expected
 
 
@@ -68,7 +123,10 @@ def test_pixels_of_the_resized_picture_follow_the_resizing() -> None:
 
 
 def test_a_plain_step_is_pyautogui() -> None:
-    assert observed_code(HALF, Step(0, "", Action("other"), "pyautogui.moveTo(8, 8)")) == "pyautogui.moveTo(4, 4)"
+    assert (
+        observed_code(HALF, Step(0, "", Action("other"), "pyautogui.moveTo(8, 8)"))
+        == "pyautogui.moveTo(4, 4)"
+    )
     with pytest.raises(ActionError):
         observed_code(HALF, Step(0, "", Action("other"), "pyautogui.click(100,"))
 
@@ -76,8 +134,16 @@ def test_a_plain_step_is_pyautogui() -> None:
 @given(st.integers(0, 399), st.integers(0, 199))
 def test_action_and_code_stay_together(x: int, y: int) -> None:
     made: dict[str, Any] = {
-        "computer_13": {"action_type": "CLICK", "x": x, "y": y},
-        "openai": {"type": "click", "x": x, "y": y},
+        "computer_13": {
+            "action_type": "CLICK",
+            "x": x,
+            "y": y,
+        },
+        "openai": {
+            "type": "click",
+            "x": x,
+            "y": y,
+        },
         "anthropic": {"action": "left_click", "coordinate": [x, y]},
         "pyautogui": f"pyautogui.click({x}, {y})",
     }
@@ -85,16 +151,26 @@ def test_action_and_code_stay_together(x: int, y: int) -> None:
         action = first_action(raw, dialect, SIZE, "action")
         assert action == Action("click", x, y)
         after = observed(raw, dialect)
-        assert first_action(after, dialect, (100, 200), "action") == HALF.action_to_observation(action)
+        assert first_action(after, dialect, (100, 200), "action") == HALF.action_to_observation(
+            action
+        )
 
 
 @pytest.mark.parametrize("point", [(400, 0), (0, 200), (-1, 0), (0, -1), (10**9, 10**9)])
 def test_points_outside_are_refused_in_every_dialect(point: tuple[int, int]) -> None:
     x, y = point
     made: dict[str, Any] = {
-        "computer_13": {"action_type": "CLICK", "x": x, "y": y},
+        "computer_13": {
+            "action_type": "CLICK",
+            "x": x,
+            "y": y,
+        },
         "openai": {"type": "drag", "path": [{"x": 0, "y": 0}, {"x": x, "y": y}]},
-        "anthropic": {"action": "left_click_drag", "start_coordinate": [0, 0], "coordinate": [x, y]},
+        "anthropic": {
+            "action": "left_click_drag",
+            "start_coordinate": [0, 0],
+            "coordinate": [x, y],
+        },
         "pyautogui": f"pyautogui.dragTo({x}, {y})",
     }
     for dialect, raw in made.items():
@@ -107,7 +183,14 @@ def test_points_outside_are_refused_in_every_dialect(point: tuple[int, int]) -> 
     [
         ("pyautogui.write('\\ud800')", "pyautogui"),
         ({"type": "type", "text": "x" * 2_000_000}, "openai"),
-        ({"action": "hold_key", "text": "a", "duration": 1e300}, "anthropic"),
+        (
+            {
+                "action": "hold_key",
+                "text": "a",
+                "duration": 1e300,
+            },
+            "anthropic",
+        ),
         ({"action": "key", "text": "\ud800"}, "anthropic"),
         (None, "pyautogui"),
         (5, "openai"),
@@ -130,15 +213,21 @@ def test_code_that_cannot_be_kept() -> None:
 
 
 def test_pictures_inside_other_files(tmp_path: Path) -> None:
-    write_table(tmp_path / "a.parquet", [{"image": {"bytes": png(i), "path": None}} for i in range(3)], group=2)
+    write_table(
+        tmp_path / "a.parquet",
+        [{"image": {"bytes": png(i), "path": None}} for i in range(3)],
+        group=2,
+    )
     (tmp_path / "b.json").write_text(json.dumps({"x": [{"y": text_of(5)}]}))
     (tmp_path / "c.png").write_bytes(png(6))
     column = in_parquet(tmp_path / "a.parquet", 1, 0, "image")
     images = [column, in_json(tmp_path / "b.json", None, ("x", 0, "y")), str(tmp_path / "c.png")]
     assert [read_picture(image, "n") for image in images] == [png(2), png(5), png(6)]
     assert [picture_name(image, tmp_path) for image in images] == [
-        "a.parquet: row group 1, row 0, image", "b.json: x.0.y", "c.png",
-    ]  # fmt: skip
+        "a.parquet: row group 1, row 0, image",
+        "b.json: x.0.y",
+        "c.png",
+    ]
     assert [picture_file(image).name for image in images] == ["a.parquet", "b.json", "c.png"]
 
 
@@ -146,9 +235,13 @@ def test_pictures_inside_other_files(tmp_path: Path) -> None:
 def test_a_picture_that_is_not_there(row: int, tmp_path: Path) -> None:
     write_table(tmp_path / "a.parquet", [{"image": {"bytes": png(0), "path": None}}])
     (tmp_path / "b.json").write_text("[1]")
-    missing = [in_json(tmp_path / "b.json", None, (row, "x")), in_json(tmp_path / "no.json", None, ()),
-               in_parquet(tmp_path / "no.parquet", 0, row, "image"), str(tmp_path / "no.png"),
-               in_parquet(tmp_path / "a.parquet", 0, row + 1, "image")]  # fmt: skip
+    missing = [
+        in_json(tmp_path / "b.json", None, (row, "x")),
+        in_json(tmp_path / "no.json", None, ()),
+        in_parquet(tmp_path / "no.parquet", 0, row, "image"),
+        str(tmp_path / "no.png"),
+        in_parquet(tmp_path / "a.parquet", 0, row + 1, "image"),
+    ]
     for image in missing:
         with pytest.raises(ImageError, match="the name"):
             read_picture(image, "the name")

@@ -1,4 +1,5 @@
-"""What holds for every format: it is told apart, read in a fixed order, and built with its points in place."""
+"""What holds for every format: it is told apart, read in a fixed order, and built with its points
+in place."""
 
 import json
 import os
@@ -27,7 +28,9 @@ EVERY = {**FORMATS, **SETS}
 
 def read(name: str, path: Path) -> tuple[list[Trajectory], list[Rejected]]:
     items = list(get_reader(name).read(path))
-    return [i for i in items if isinstance(i, Trajectory)], [i for i in items if isinstance(i, Rejected)]
+    return [i for i in items if isinstance(i, Trajectory)], [
+        i for i in items if isinstance(i, Rejected)
+    ]
 
 
 @pytest.fixture
@@ -38,7 +41,9 @@ def source(tmp_path: Path) -> Path:
 
 
 def test_every_reader_has_a_recording_here() -> None:
-    assert sorted([*EVERY, "images"]) == names()  # pictures are no recording: test_readers_images
+    # Pictures are no recording, and published sets are read by name only: they have own tests.
+    others = ["images", "screenspot_v2", "screenspot_pro", "osworld_g"]
+    assert sorted([*EVERY, *others]) == names()
 
 
 @pytest.mark.parametrize("name", sorted(EVERY))
@@ -52,16 +57,26 @@ def test_only_its_own_reader_detects_a_format(name: str, source: Path) -> None:
 def test_a_recording_is_told_by_its_file_alone(name: str, source: Path) -> None:
     EVERY[name](source)
     files = [file for file in source.rglob("*") if file.suffix in (".json", ".jsonl", ".parquet")]
-    files = [file for file in files if not file.parent.name.startswith("turn_")]  # parts of a recording
+    # parts of a recording
+    files = [file for file in files if not file.parent.name.startswith("turn_")]
     beside = ("episode.json",)  # says what an episode came to, not what was done
-    found = {detect_format(file) for file in files if "examples" not in file.parts and file.name not in beside}
+    found = {
+        detect_format(file)
+        for file in files
+        if "examples" not in file.parts and file.name not in beside
+    }
     assert found == {name}
 
 
 @pytest.mark.parametrize(("one", "other"), list(combinations(sorted(EVERY), 2)))
-def test_two_formats_in_one_folder_are_never_guessed(one: str, other: str, source: Path) -> None:
+def test_two_formats_in_one_folder_are_never_guessed(
+    one: str,
+    other: str,
+    source: Path,
+) -> None:
     for name in (one, other):
-        place = source if name in ("agentnet", "jsonl", "runs") else source / name  # these look at the top folder only
+        # these look at the top folder only
+        place = source if name in ("agentnet", "jsonl", "runs") else source / name
         place.mkdir(exist_ok=True)
         EVERY[name](place)
     with pytest.raises(SourceError, match="could be of format") as caught:
@@ -71,7 +86,9 @@ def test_two_formats_in_one_folder_are_never_guessed(one: str, other: str, sourc
 
 
 @pytest.mark.parametrize("name", sorted(FORMATS))
-def test_reading_is_complete_repeatable_and_shows_the_right_pictures(name: str, source: Path) -> None:
+def test_reading_is_complete_repeatable_and_shows_the_right_pictures(
+    name: str, source: Path
+) -> None:
     FORMATS[name](source)
     (trajectory,), rejected = read(name, source)
     assert rejected == []
@@ -114,14 +131,19 @@ CODES = {
     "ui_tars": ("Thought: now\nAction: click(start_box='(250,250)')",) * 2,
     # 200x100 becomes 196x112 before the model sees it: x 98 * 196 / 392, y 49 * 112 / 196.
     "ui_tars_1.5": tuple(
-        f"Thought: now\nAction: click(start_box='<|box_start|>({x},{y})<|box_end|>')" for x, y in ((98, 49), (49, 28))
+        f"Thought: now\nAction: click(start_box='<|box_start|>({x},{y})<|box_end|>')"
+        for x, y in ((98, 49), (49, 28))
     ),
     "webvoyager": ("Type [2]; green tea",) * 2,
 }
 
 
 @pytest.mark.parametrize("name", sorted(FORMATS))
-def test_a_build_puts_points_and_code_where_they_belong(name: str, source: Path, tmp_path: Path) -> None:
+def test_a_build_puts_points_and_code_where_they_belong(
+    name: str,
+    source: Path,
+    tmp_path: Path,
+) -> None:
     FORMATS[name](source)
     out = tmp_path / "out"
     report = build(source, out, corruptions={"half": hj.Resolution(scale=0.5)})
@@ -140,7 +162,11 @@ def test_a_build_puts_points_and_code_where_they_belong(name: str, source: Path,
 
 
 def rows_of(out: Path) -> list[dict[str, Any]]:
-    return [row for file in sorted((out / "data").glob("*.parquet")) for row in pq.read_table(file).to_pylist()]
+    return [
+        row
+        for file in sorted((out / "data").glob("*.parquet"))
+        for row in pq.read_table(file).to_pylist()
+    ]
 
 
 @pytest.mark.parametrize("name", sorted(FORMATS))
@@ -150,17 +176,31 @@ def test_what_is_dangerous_is_refused_and_counted(name: str, source: Path) -> No
     (source / "loop").symlink_to(source)
     trajectories, rejected = read(name, source)
     assert len(trajectories) == 1
-    assert {(r.file, r.reason.split()[1]) for r in rejected} == {("trajectory.pkl", "pickle"), ("loop", "link")}
+    assert {(r.file, r.reason.split()[1]) for r in rejected} == {
+        ("trajectory.pkl", "pickle"),
+        ("loop", "link"),
+    }
     assert not (source / "pwned").exists()
     assert not Path("pwned").exists()
 
 
 @pytest.mark.parametrize("name", sorted(set(FORMATS) - {"jsonl", "agentnet"}))
-@pytest.mark.parametrize("content", [b"", b"\xff\xfe\x00", b"[" * 100_000, b'{"a": 1}', b"null", b"\x80\x04K\x01."])
-def test_a_broken_file_is_counted_and_the_rest_is_read(name: str, content: bytes, source: Path) -> None:
+@pytest.mark.parametrize(
+    "content", [b"", b"\xff\xfe\x00", b"[" * 100_000, b'{"a": 1}', b"null", b"\x80\x04K\x01."]
+)
+def test_a_broken_file_is_counted_and_the_rest_is_read(
+    name: str,
+    content: bytes,
+    source: Path,
+) -> None:
     FORMATS[name](source)
-    records = next(f for f in sorted(source.rglob("*")) if f.suffix in (".json", ".jsonl", ".parquet")
-                   and "examples" not in f.parts and f.name != "episode.json")  # fmt: skip
+    records = next(
+        f
+        for f in sorted(source.rglob("*"))
+        if f.suffix in (".json", ".jsonl", ".parquet")
+        and "examples" not in f.parts
+        and f.name != "episode.json"
+    )
     named = name in ("osworld", "webvoyager", "runs", "cua")
     broken = source / "zz" / (records.name if named else "broken" + records.suffix)
     broken.parent.mkdir()
@@ -168,7 +208,9 @@ def test_a_broken_file_is_counted_and_the_rest_is_read(name: str, content: bytes
     trajectories, rejected = read(name, source)
     assert len(trajectories) == 1
     assert rejected
-    assert {r.file for r in rejected} == {"zz/episode.json" if name == "runs" else f"zz/{broken.name}"}
+    assert {r.file for r in rejected} == {
+        "zz/episode.json" if name == "runs" else f"zz/{broken.name}"
+    }
     assert all(json.dumps(r.to_data()) for r in rejected)
 
 
@@ -195,11 +237,21 @@ JSON_FORMATS = sorted(set(FORMATS) - {"parquet"})
 
 def places(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
     """Paths to all values inside a JSON value."""
-    inner = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    inner = (
+        value.items()
+        if isinstance(value, dict)
+        else enumerate(value)
+        if isinstance(value, list)
+        else ()
+    )
     return [path, *(place for key, one in inner for place in places(one, (*path, key)))]
 
 
-def replaced(value: Any, path: tuple[Any, ...], new: Any) -> Any:
+def replaced(
+    value: Any,
+    path: tuple[Any, ...],
+    new: Any,
+) -> Any:
     if not path:
         return new
     copy = dict(value) if isinstance(value, dict) else list(value)
@@ -207,11 +259,26 @@ def replaced(value: Any, path: tuple[Any, ...], new: Any) -> Any:
     return copy
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(name=st.sampled_from(JSON_FORMATS), odd=st.sampled_from(ODD), data=st.data())
-def test_no_value_stops_a_reader(name: str, odd: Any, data: st.DataObject, tmp_path_factory: Any) -> None:
+@settings(
+    max_examples=150,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+@given(
+    name=st.sampled_from(JSON_FORMATS),
+    odd=st.sampled_from(ODD),
+    data=st.data(),
+)
+def test_no_value_stops_a_reader(
+    name: str,
+    odd: Any,
+    data: st.DataObject,
+    tmp_path_factory: Any,
+) -> None:
     source = FORMATS[name](tmp_path_factory.mktemp("odd"))
-    file = data.draw(st.sampled_from(sorted(f for f in source.rglob("*") if f.suffix in (".json", ".jsonl"))))
+    file = data.draw(
+        st.sampled_from(sorted(f for f in source.rglob("*") if f.suffix in (".json", ".jsonl")))
+    )
     lines = file.read_text().splitlines()
     line = data.draw(st.integers(0, len(lines) - 1))
     record = json.loads(lines[line])

@@ -1,4 +1,5 @@
-"""Grounding sets in their published layouts: one click a row, its box, and the other boxes of the picture."""
+"""Grounding sets in their published layouts: one click a row, its box, and the other boxes of the
+picture."""
 
 import json
 from pathlib import Path
@@ -7,8 +8,10 @@ from typing import Any
 import pytest
 
 from hijack_data.types import Action, Trajectory
+from pipelines import build, open_dataset
+from pipelines.errors import SourceError
 from pipelines.readers import Rejected, detect_format, get_reader
-from pipelines.readers.choices import Choices, with_choices
+from pipelines.readers.choices import ReaderOptions, with_choices
 
 from support.formats import grounding, png, write_json, write_lines
 
@@ -23,38 +26,105 @@ def fractions(box: Any) -> list[float]:
     return [n / side for n, side in zip(box, (400, 200, 400, 200), strict=True)]
 
 
-def screenspot(name: str, box: Any, text: str) -> dict[str, Any]:
+def screenspot(
+    name: str,
+    box: Any,
+    text: str,
+) -> dict[str, Any]:
     about = {"data_type": "icon", "data_source": "gitlab"}
-    return {"img_filename": name, "bbox": xywh(box), "instruction": text, **about}
+    return {
+        "img_filename": name,
+        "bbox": xywh(box),
+        "instruction": text,
+        **about,
+    }
 
 
-def screenspot_pro(name: str, box: Any, text: str) -> dict[str, Any]:
-    about = {"img_size": [400, 200], "platform": "windows", "application": "excel", "ui_type": "text"}
-    return {"img_filename": name, "bbox": list(box), "instruction": text, **about}
+def screenspot_pro(
+    name: str,
+    box: Any,
+    text: str,
+) -> dict[str, Any]:
+    about = {
+        "img_size": [400, 200],
+        "platform": "windows",
+        "application": "excel",
+        "ui_type": "text",
+    }
+    return {
+        "img_filename": name,
+        "bbox": list(box),
+        "instruction": text,
+        **about,
+    }
 
 
-def osworld_g(name: str, box: Any, text: str) -> dict[str, Any]:
-    about = {"box_type": "bbox", "image_size": [400, 200], "GUI_types": ["Icon"]}
-    return {"image_path": name, "box_coordinates": xywh(box), "instruction": text, **about}
+def osworld_g(
+    name: str,
+    box: Any,
+    text: str,
+) -> dict[str, Any]:
+    about = {
+        "box_type": "bbox",
+        "image_size": [400, 200],
+        "GUI_types": ["Icon"],
+    }
+    return {
+        "image_path": name,
+        "box_coordinates": xywh(box),
+        "instruction": text,
+        **about,
+    }
 
 
-def ui_vision(name: str, box: Any, text: str) -> dict[str, Any]:
+def ui_vision(
+    name: str,
+    box: Any,
+    text: str,
+) -> dict[str, Any]:
     about = {"image_size": [400, 200], "platform": "GIMP"}
-    return {"image_path": name, "bbox": list(box), "prompt_to_evaluate": text, **about}
+    return {
+        "image_path": name,
+        "bbox": list(box),
+        "prompt_to_evaluate": text,
+        **about,
+    }
 
 
-def groundcua(name: str, box: Any, text: str) -> dict[str, Any]:
-    return {"image_path": name, "bbox": list(box), "text": text, "category": "Button", "id": "x"}
+def groundcua(
+    name: str,
+    box: Any,
+    text: str,
+) -> dict[str, Any]:
+    return {
+        "image_path": name,
+        "bbox": list(box),
+        "text": text,
+        "category": "Button",
+        "id": "x",
+    }
 
 
-def os_atlas(name: str, box: Any, text: str) -> dict[str, Any]:
-    return {"img_filename": name, "bbox": fractions(box), "instruction": text}
+def os_atlas(
+    name: str,
+    box: Any,
+    text: str,
+) -> dict[str, Any]:
+    return {
+        "img_filename": name,
+        "bbox": fractions(box),
+        "instruction": text,
+    }
 
 
 LAYOUTS = [screenspot, screenspot_pro, osworld_g, ui_vision, groundcua, os_atlas]
 
 
-def make(folder: Path, rows: list[Any], suffix: str = "json") -> Path:
+def make(
+    folder: Path,
+    rows: list[Any],
+    suffix: str = "json",
+) -> Path:
     for number in range(3):
         (folder / "images").mkdir(parents=True, exist_ok=True)
         (folder / "images" / f"{number}.png").write_bytes(png(number))
@@ -63,14 +133,22 @@ def make(folder: Path, rows: list[Any], suffix: str = "json") -> Path:
 
 
 def read(path: Path, **choices: str) -> tuple[list[Trajectory], list[Rejected]]:
-    items = list(with_choices(get_reader("grounding"), Choices(**choices)).read(path))
-    return [i for i in items if isinstance(i, Trajectory)], [i for i in items if isinstance(i, Rejected)]
+    items = list(with_choices(get_reader("grounding"), ReaderOptions(**choices)).read(path))
+    return [i for i in items if isinstance(i, Trajectory)], [
+        i for i in items if isinstance(i, Rejected)
+    ]
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 @pytest.mark.parametrize("suffix", ["json", "jsonl"])
-@pytest.mark.parametrize("count", [1, 3])  # one row tells nothing by itself, the second that it is beyond a width
-def test_published_layouts(layout: Any, suffix: str, count: int, tmp_path: Path) -> None:
+# one row tells nothing by itself, the second that it is beyond a width
+@pytest.mark.parametrize("count", [1, 3])
+def test_published_layouts(
+    layout: Any,
+    suffix: str,
+    count: int,
+    tmp_path: Path,
+) -> None:
     rows = [layout(f"{i}.png", box, f"text {i}") for i, box in enumerate(CORNERS[:count])]
     make(tmp_path, rows, suffix)
     assert detect_format(tmp_path) == detect_format(tmp_path / f"set.{suffix}") == "grounding"
@@ -84,7 +162,11 @@ def test_published_layouts(layout: Any, suffix: str, count: int, tmp_path: Path)
 
 
 def test_what_a_set_says_of_the_screen_is_kept(tmp_path: Path) -> None:
-    makers = {screenspot: ("web page", ()), screenspot_pro: ("windows", ("excel",)), ui_vision: ("", ("GIMP",))}
+    makers = {
+        screenspot: ("web page", ()),
+        screenspot_pro: ("windows", ("excel",)),
+        ui_vision: ("", ("GIMP",)),
+    }
     for number, (maker, (domain, apps)) in enumerate(makers.items()):
         folder = make(tmp_path / str(number), [maker("0.png", CORNERS[1], "a")])
         (found,), _ = read(folder)
@@ -99,10 +181,21 @@ def test_boxes_of_one_picture_are_its_elements(tmp_path: Path) -> None:
 
 def test_elements_of_os_atlas(tmp_path: Path) -> None:
     parts = [{"instruction": f"text {i}", "bbox": fractions(box)} for i, box in enumerate(CORNERS)]
-    make(tmp_path, [{"img_filename": "0.png", "url": "x", "elements": parts}])
+    make(
+        tmp_path,
+        [
+            {
+                "img_filename": "0.png",
+                "url": "x",
+                "elements": parts,
+            }
+        ],
+    )
     found, rejected = read(tmp_path)
     assert not rejected
-    assert [(t.id, t.steps[0].target_box) for t in found] == [(f"set/000000-{i}", box) for i, box in enumerate(CORNERS)]
+    assert [(t.id, t.steps[0].target_box) for t in found] == [
+        (f"set/000000-{i}", box) for i, box in enumerate(CORNERS)
+    ]
 
 
 @pytest.mark.parametrize(
@@ -117,7 +210,11 @@ def test_elements_of_os_atlas(tmp_path: Path) -> None:
         ({"img_size": [800, 400]}, "the picture is 400x200"),
     ],
 )
-def test_a_bad_row_never_loses_the_rest(change: Any, reason: str, tmp_path: Path) -> None:
+def test_a_bad_row_never_loses_the_rest(
+    change: Any,
+    reason: str,
+    tmp_path: Path,
+) -> None:
     rows = [screenspot_pro("0.png", box, "a") for box in CORNERS]
     rows[0].update(change)
     found, (rejected,) = read(make(tmp_path, rows))
@@ -128,22 +225,44 @@ def test_a_bad_row_never_loses_the_rest(change: Any, reason: str, tmp_path: Path
 
 @pytest.mark.parametrize("kind", ["polygon", "refusal"])
 def test_what_osworld_g_has_beside_boxes(kind: str, tmp_path: Path) -> None:
-    rows = [{**osworld_g("0.png", CORNERS[1], "a"), "box_type": kind, "box_coordinates": [1, 2, 3, 4, 5, 6]},
-            osworld_g("1.png", CORNERS[1], "b")]  # fmt: skip
+    rows = [
+        {
+            **osworld_g("0.png", CORNERS[1], "a"),
+            "box_type": kind,
+            "box_coordinates": [1, 2, 3, 4, 5, 6],
+        },
+        osworld_g("1.png", CORNERS[1], "b"),
+    ]
     found, (rejected,) = read(make(tmp_path, rows))
     assert [t.instruction for t in found] == ["b"]
     assert kind in rejected.reason
 
 
 def test_a_set_that_is_not_known_needs_a_choice_where_nothing_decides(tmp_path: Path) -> None:
-    rows = [{"image_path": "0.png", "bbox": list(CORNERS[0]), "instruction": "a"}]
+    rows = [
+        {
+            "image_path": "0.png",
+            "bbox": list(CORNERS[0]),
+            "instruction": "a",
+        }
+    ]
     found, (rejected,) = read(make(tmp_path, rows))
     assert not found
     assert "--boxes" in rejected.reason
-    assert read(tmp_path, boxes="xyxy", coordinates="pixels")[0][0].steps[0].target_box == CORNERS[0]
-    thousand = [{"image_path": "0.png", "bbox": [100, 150, 500, 300], "instruction": "a"}]
+    assert (
+        read(tmp_path, boxes="xyxy", coordinates="pixels")[0][0].steps[0].target_box == CORNERS[0]
+    )
+    thousand = [
+        {
+            "image_path": "0.png",
+            "bbox": [100, 150, 500, 300],
+            "instruction": "a",
+        }
+    ]
     write_json(tmp_path / "set.json", thousand)
-    assert read(tmp_path, boxes="xyxy", coordinates="thousand")[0][0].steps[0].target_box == CORNERS[0]
+    assert (
+        read(tmp_path, boxes="xyxy", coordinates="thousand")[0][0].steps[0].target_box == CORNERS[0]
+    )
 
 
 def test_the_sample_of_every_reader(tmp_path: Path) -> None:
@@ -152,3 +271,140 @@ def test_the_sample_of_every_reader(tmp_path: Path) -> None:
     assert not rejected
     assert found[0].steps[0].action == Action("click", 100, 50)
     assert json.loads((tmp_path / "annotations" / "gimp_linux.json").read_text())
+
+
+# The sets that are asked for by name
+
+
+def published(
+    folder: Path,
+    table: str,
+    pictures: str,
+    rows: list[Any],
+) -> Path:
+    for number in range(3):
+        place = folder / pictures / f"{number}.png"
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_bytes(png(number))
+    write_json(folder / table, rows)
+    return folder
+
+
+def screenspot_v2_folder(folder: Path, **change: Any) -> Path:
+    rows = [screenspot(f"{i}.png", box, f"text {i}") for i, box in enumerate(CORNERS)]
+    rows[0].update(change)
+    return published(folder, "screenspot_desktop_v2.json", "screenspotv2_image", rows)
+
+
+def screenspot_pro_folder(folder: Path, **change: Any) -> Path:
+    rows = [screenspot_pro(f"excel/{i}.png", box, f"text {i}") for i, box in enumerate(CORNERS)]
+    rows[0].update(change)
+    return published(folder, "annotations/excel_windows.json", "images/excel", rows)
+
+
+def osworld_g_folder(folder: Path, **change: Any) -> Path:
+    rows = [osworld_g(f"{i}.png", box, f"text {i}") for i, box in enumerate(CORNERS)]
+    rows[0].update(change)
+    return published(folder, "OSWorld-G.json", "images", rows)
+
+
+PUBLISHED = {
+    "screenspot_v2": screenspot_v2_folder,
+    "screenspot_pro": screenspot_pro_folder,
+    "osworld_g": osworld_g_folder,
+}
+
+
+def read_as(name: str, path: Path) -> tuple[list[Trajectory], list[Rejected]]:
+    items = list(get_reader(name).read(path))
+    return [i for i in items if isinstance(i, Trajectory)], [
+        i for i in items if isinstance(i, Rejected)
+    ]
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_a_set_by_name_is_read_as_grounding_reads_it(name: str, tmp_path: Path) -> None:
+    folder = PUBLISHED[name](tmp_path)
+    found, rejected = read_as(name, folder)
+    assert not rejected
+    assert [t.steps[0].target_box for t in found] == CORNERS
+    assert {t.source for t in found} == {name}
+    assert detect_format(folder) == "grounding"
+    others, _ = read(folder)
+    assert [(t.id, t.instruction, t.steps[0].action, t.domain, t.apps) for t in found] == [
+        (t.id, t.instruction, t.steps[0].action, t.domain, t.apps) for t in others
+    ]
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_another_layout_is_an_error_that_says_the_right_one(name: str, tmp_path: Path) -> None:
+    make(tmp_path, [os_atlas("0.png", CORNERS[0], "a")])
+    with pytest.raises(SourceError, match=f"is not laid out as {name}: .*images?"):
+        read_as(name, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "reason"),
+    [
+        ("screenspot_v2", {"bbox": [300, 100, 150, 90]}, "leaves the 400x200"),
+        ("screenspot_v2", {"img_filename": "9.png"}, "not in the source"),
+        ("screenspot_v2", {"instruction": None}, "missing"),
+        ("screenspot_pro", {"bbox": [200, 60, 40, 30]}, "ends before it starts"),
+        ("screenspot_pro", {"img_size": [800, 400]}, "the picture is 400x200"),
+        ("screenspot_pro", {"img_size": None}, "the picture is 400x200"),
+        ("osworld_g", {"box_type": "circle"}, "none of bbox, polygon, refusal"),
+        ("osworld_g", {"box_type": None}, "missing"),
+        ("osworld_g", {"box_type": "polygon", "box_coordinates": [1, 2, 3, 4]}, "three corners"),
+        ("osworld_g", {"box_type": "polygon", "box_coordinates": [1, 2, 3, 4, 5]}, "three corners"),
+        ("osworld_g", {"box_type": "polygon", "box_coordinates": [1, 2, 3, 4, 5, "6"]}, "number"),
+        ("osworld_g", {"box_type": "polygon", "box_coordinates": [0, 9, 50, 9, 20, 9]}, "empty"),
+        ("osworld_g", {"box_type": "polygon", "box_coordinates": [0, 0, 900, 0, 0, 9]}, "leaves"),
+    ],
+)
+def test_a_bad_row_of_a_set_is_named(
+    name: str,
+    change: Any,
+    reason: str,
+    tmp_path: Path,
+) -> None:
+    found, (rejected,) = read_as(name, PUBLISHED[name](tmp_path, **change))
+    assert [t.steps[0].target_box for t in found] == CORNERS[1:]
+    assert rejected.where == "row 0"
+    assert reason in rejected.reason
+
+
+def test_polygons_and_refusals_of_osworld_g(tmp_path: Path) -> None:
+    # An L: the middle of the box around it is outside.
+    corners = [100, 20, 120, 20, 120, 160, 300, 160, 300, 180, 100, 180]
+    rows = [
+        osworld_g("0.png", CORNERS[0], "a")
+        | {"box_type": "polygon", "box_coordinates": corners, "id": "A-0"},
+        osworld_g("1.png", CORNERS[0], "b")
+        | {"box_type": "refusal", "box_coordinates": [-1, -1, -1, -1]},
+    ]
+    folder = published(tmp_path, "OSWorld-G_refined.json", "images", rows)
+    (first, second), rejected = read_as("osworld_g", folder)
+    assert not rejected
+    assert first.steps[0].target_box == (100, 20, 300, 180)
+    assert first.steps[0].action == Action("click", 110, 100)
+    extra = json.loads(first.steps[0].extra)
+    assert extra["id"] == "A-0"
+    assert extra["target_polygon"][:2] == [[100, 20], [120, 20]]
+    assert second.steps[0].action == Action("fail")
+    assert second.steps[0].target_box is None
+    assert not second.steps[0].elements
+
+
+def test_a_set_can_be_built(tmp_path: Path) -> None:
+    osworld_g_folder(tmp_path / "source", box_type="refusal", box_coordinates=[-1, -1, -1, -1])
+    report = build(
+        tmp_path / "source",
+        tmp_path / "dataset",
+        corruptions="resolution:scale=0.5",
+        format="osworld_g",
+    )
+    assert report.rejected == 0
+    rows = {row["id"]: row for row in open_dataset(tmp_path / "dataset")}
+    assert rows["OSWorld-G/000000/0000/clean"]["action"]["type"] == "fail"
+    assert rows["OSWorld-G/000001/0000/resolution"]["target_box"] == [150, 50, 195, 95]
+    assert {row["source"] for row in rows.values()} == {"osworld_g"}

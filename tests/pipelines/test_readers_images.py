@@ -16,7 +16,9 @@ from pipelines.readers import Rejected, detect_format, get_reader
 
 def read(path: Path) -> tuple[dict[str, Trajectory], list[Rejected]]:
     items = list(get_reader("images").read(path))
-    return {i.id: i for i in items if isinstance(i, Trajectory)}, [i for i in items if isinstance(i, Rejected)]
+    return {i.id: i for i in items if isinstance(i, Trajectory)}, [
+        i for i in items if isinstance(i, Rejected)
+    ]
 
 
 @pytest.fixture
@@ -42,8 +44,22 @@ def test_each_picture_is_a_trajectory_without_an_action(pictures: Path, tmp_path
 
 def test_metadata_of_an_image_folder(pictures: Path, tmp_path: Path) -> None:
     lines: list[dict[str, Any]] = [
-        {"file_name": "a.png", "instruction": "click it", "action": {"type": "click", "x": 5, "y": 6}, "label": 3},
-        {"file_name": "sub/a.png", "target_box": [1, 2, 30, 40], "elements": [[1, 2, 30, 40]], "apps": ["chrome"]},
+        {
+            "file_name": "a.png",
+            "instruction": "click it",
+            "action": {
+                "type": "click",
+                "x": 5,
+                "y": 6,
+            },
+            "label": 3,
+        },
+        {
+            "file_name": "sub/a.png",
+            "target_box": [1, 2, 30, 40],
+            "elements": [[1, 2, 30, 40]],
+            "apps": ["chrome"],
+        },
     ]
     (pictures / "metadata.jsonl").write_text("\n".join(map(json.dumps, lines)))
     assert detect_format(pictures) == "images"
@@ -78,10 +94,26 @@ def test_a_json_object_beside_a_picture(pictures: Path) -> None:
         ({"file_name": "metadata.jsonl"}, "metadata.jsonl", "not a picture"),
         ({"file_name": "a.png", "elemnts": []}, "a.png", "did you mean 'elements'"),
         ({"file_name": "a.png", "bbox": [1, 2, 3, 4]}, "a.png", "did you mean 'target_box'"),
-        ({"file_name": "a.png", "action": {"type": "click", "x": 900, "y": 1}}, "a.png", "outside the screenshot"),
+        (
+            {
+                "file_name": "a.png",
+                "action": {
+                    "type": "click",
+                    "x": 900,
+                    "y": 1,
+                },
+            },
+            "a.png",
+            "outside the screenshot",
+        ),
     ],
 )
-def test_what_is_wrong_with_metadata_is_said(line: Any, where: str, reason: str, pictures: Path) -> None:
+def test_what_is_wrong_with_metadata_is_said(
+    line: Any,
+    where: str,
+    reason: str,
+    pictures: Path,
+) -> None:
     (pictures / "metadata.jsonl").write_text(json.dumps(line))
     found, (rejected,) = read(pictures)
     assert rejected.file == where
@@ -89,7 +121,9 @@ def test_what_is_wrong_with_metadata_is_said(line: Any, where: str, reason: str,
     assert len(found) == (2 if where == "a.png" else 3)
 
 
-def test_pictures_beside_records_of_an_unknown_format_are_not_taken_unasked(pictures: Path, tmp_path: Path) -> None:
+def test_pictures_beside_records_of_an_unknown_format_are_not_taken_unasked(
+    pictures: Path, tmp_path: Path
+) -> None:
     (pictures / "labels.json").write_text('[{"image": "a.png", "box": [1, 2, 3, 4]}]')
     with pytest.raises(SourceError, match=r"labels.json is of none.*--format images"):
         detect_format(pictures)

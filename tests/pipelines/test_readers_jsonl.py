@@ -18,7 +18,9 @@ ROOT = Path(__file__).resolve().parents[2]
 
 def read(path: Path) -> tuple[list[Trajectory], list[Rejected]]:
     items = list(get_reader("jsonl").read(path))
-    return [i for i in items if isinstance(i, Trajectory)], [i for i in items if isinstance(i, Rejected)]
+    return [i for i in items if isinstance(i, Trajectory)], [
+        i for i in items if isinstance(i, Rejected)
+    ]
 
 
 def test_a_recording_is_read_as_it_is(recording: Any) -> None:
@@ -32,8 +34,15 @@ def test_a_recording_is_read_as_it_is(recording: Any) -> None:
         Action("click", x=102, y=50),
         "pyautogui.click(102, 50)",
     )
-    assert (first.target_box, first.elements) == ((90, 40, 130, 60), ((90, 40, 130, 60), (10, 10, 60, 30)))
-    assert (trajectories[1].instruction, trajectories[1].domain, trajectories[1].source) == ("do t1", "tests", "jsonl")
+    assert (first.target_box, first.elements) == (
+        (90, 40, 130, 60),
+        ((90, 40, 130, 60), (10, 10, 60, 30)),
+    )
+    assert (trajectories[1].instruction, trajectories[1].domain, trajectories[1].source) == (
+        "do t1",
+        "tests",
+        "jsonl",
+    )
     assert Path(first.image) == folder / "images" / "t1-2.png"
     assert read(folder / "trajectories.jsonl")[0] == trajectories
 
@@ -50,10 +59,33 @@ def test_lines_may_stand_in_any_order(recording: Any) -> None:
     assert [t.id for t in trajectories] == ["t0", "t2", "t1"]
 
 
-def test_all_fields_of_an_action(recording: Any, add_line: Any, good_line: Any) -> None:
+def test_all_fields_of_an_action(
+    recording: Any,
+    add_line: Any,
+    good_line: Any,
+) -> None:
     folder = recording()
-    action = {"type": "drag", "x": 1.5, "y": 2, "x2": 319, "y2": 199, "text": "é", "keys": ["ctrl", "a"], "amount": -3}
-    add_line(folder, good_line("t0", 7, image="images/t0-0.png", action=action, apps=None, domain="tests"))
+    action = {
+        "type": "drag",
+        "x": 1.5,
+        "y": 2,
+        "x2": 319,
+        "y2": 199,
+        "text": "é",
+        "keys": ["ctrl", "a"],
+        "amount": -3,
+    }
+    add_line(
+        folder,
+        good_line(
+            "t0",
+            7,
+            image="images/t0-0.png",
+            action=action,
+            apps=None,
+            domain="tests",
+        ),
+    )
     step = read(folder)[0][0].steps[-1]
     assert step.action == Action("drag", 2, 2, 319, 199, "é", ("ctrl", "a"), -3.0)
 
@@ -67,7 +99,11 @@ def test_a_byte_order_mark_and_windows_line_ends(recording: Any) -> None:
 
 
 NAN, INF = float("nan"), float("inf")
-CLICK = {"type": "click", "x": 5, "y": 5}
+CLICK = {
+    "type": "click",
+    "x": 5,
+    "y": 5,
+}
 BAD = {
     "no trajectory": ({"trajectory_id": None}, "trajectory_id", "missing"),
     "empty trajectory": ({"trajectory_id": "  "}, "trajectory_id", "empty"),
@@ -87,7 +123,11 @@ BAD = {
     "image not there": ({"image": "images/none.png"}, "image", "not in the source folder"),
     "image is a folder": ({"image": "images"}, "image", "not a file"),
     "image outside": ({"image": "../secret.png"}, "image", "leaves the source"),
-    "image outside and not there": ({"image": "images/../../none.png"}, "image", "leaves the source"),
+    "image outside and not there": (
+        {"image": "images/../../none.png"},
+        "image",
+        "leaves the source",
+    ),
     "absolute image": ({"image": "/etc/passwd"}, "image", "absolute"),
     "link outside": ({"image": "images/link.png"}, "image", "leaves the source"),
     "link to itself": ({"image": "images/loop.png"}, "image", "cannot be opened"),
@@ -107,9 +147,23 @@ BAD = {
     "x is past the edge": ({"action": {**CLICK, "x": 320}}, "action.x", "outside the screenshot"),
     "y is past the edge": ({"action": {**CLICK, "y": 199.5}}, "action.y", "outside the screenshot"),
     "x is negative": ({"action": {**CLICK, "x": -1}}, "action.x", "outside the screenshot"),
-    "end of drag outside": ({"action": {**CLICK, "x2": 3, "y2": 200}}, "action.y2", "outside the screenshot"),
+    "end of drag outside": (
+        {
+            "action": {
+                **CLICK,
+                "x2": 3,
+                "y2": 200,
+            }
+        },
+        "action.y2",
+        "outside the screenshot",
+    ),
     "only x": ({"action": {"type": "click", "x": 5}}, "action.y", "missing"),
-    "keys as text": ({"action": {"type": "hotkey", "keys": "ctrl"}}, "action.keys", "list of strings"),
+    "keys as text": (
+        {"action": {"type": "hotkey", "keys": "ctrl"}},
+        "action.keys",
+        "list of strings",
+    ),
     "amount is NaN": ({"action": {"type": "scroll", "amount": NAN}}, "action.amount", "finite"),
     "code is a list": ({"action_code": ["a"]}, "action_code", "string"),
     "target is NaN": ({"target_box": [NAN, 0, 1, 1]}, "target_box", "number"),
@@ -123,7 +177,12 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_a_bad_line_is_rejected_and_the_rest_goes_on(case: str, recording: Any, add_line: Any, good_line: Any) -> None:
+def test_a_bad_line_is_rejected_and_the_rest_goes_on(
+    case: str,
+    recording: Any,
+    add_line: Any,
+    good_line: Any,
+) -> None:
     changes, field, reason = BAD[case]
     folder = recording()
     (folder.parent / "secret.png").write_bytes((folder / "images" / "t0-0.png").read_bytes())
@@ -132,7 +191,9 @@ def test_a_bad_line_is_rejected_and_the_rest_goes_on(case: str, recording: Any, 
     add_line(folder, {**good_line("t0", 9, image="images/t0-0.png"), **changes})
     add_line(folder, good_line("t1", 9, image="images/t1-0.png"))
     trajectories, rejected = read(folder)
-    assert [(r.file, r.where, r.field) for r in rejected] == [("trajectories.jsonl", "line 7", field)]
+    assert [(r.file, r.where, r.field) for r in rejected] == [
+        ("trajectories.jsonl", "line 7", field)
+    ]
     assert reason in rejected[0].reason
     assert [len(t.steps) for t in trajectories] == [3, 4]
 
@@ -149,7 +210,12 @@ def test_a_bad_line_is_rejected_and_the_rest_goes_on(case: str, recording: Any, 
     ],
 )
 def test_a_line_that_is_no_record(
-    data: bytes, reason: str, recording: Any, add_line: Any, good_line: Any, monkeypatch: pytest.MonkeyPatch
+    data: bytes,
+    reason: str,
+    recording: Any,
+    add_line: Any,
+    good_line: Any,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     folder = recording()
     add_line(folder, data)
@@ -169,7 +235,11 @@ def test_a_line_of_more_than_50_mib_is_not_taken_into_memory(recording: Any, add
     assert (len(trajectories), [r.reason for r in rejected]) == (2, ["longer than 50 MiB"])
 
 
-def test_an_id_that_is_used_twice(recording: Any, add_line: Any, good_line: Any) -> None:
+def test_an_id_that_is_used_twice(
+    recording: Any,
+    add_line: Any,
+    good_line: Any,
+) -> None:
     folder = recording()
     add_line(folder, good_line("t0", 8, image="images/t0-0.png", id="a"))
     add_line(folder, good_line("t0", 9, image="images/t0-0.png", id="a"))
@@ -178,14 +248,20 @@ def test_an_id_that_is_used_twice(recording: Any, add_line: Any, good_line: Any)
     assert trajectories[0].steps[-1].id == "a"
 
 
-def test_links_inside_the_source_are_followed(recording: Any, add_line: Any, good_line: Any) -> None:
+def test_links_inside_the_source_are_followed(
+    recording: Any,
+    add_line: Any,
+    good_line: Any,
+) -> None:
     folder = recording()
     (folder / "images" / "link.png").symlink_to("t0-0.png")
     add_line(folder, good_line("t0", 9, image="images/../images/link.png"))
     assert not read(folder)[1]
 
 
-def test_records_that_are_a_link_to_another_folder_are_not_read(recording: Any, tmp_path: Path) -> None:
+def test_records_that_are_a_link_to_another_folder_are_not_read(
+    recording: Any, tmp_path: Path
+) -> None:
     other = recording("other")
     folder = tmp_path / "linked"
     folder.mkdir()
@@ -195,7 +271,11 @@ def test_records_that_are_a_link_to_another_folder_are_not_read(recording: Any, 
     assert "leaves the source" in rejected[0].reason
 
 
-def test_a_pipe_in_place_of_an_image_does_not_block(recording: Any, add_line: Any, good_line: Any) -> None:
+def test_a_pipe_in_place_of_an_image_does_not_block(
+    recording: Any,
+    add_line: Any,
+    good_line: Any,
+) -> None:
     folder = recording()
     os.mkfifo(folder / "images" / "pipe.png")
     add_line(folder, good_line("t0", 9, image="images/pipe.png"))
@@ -209,10 +289,24 @@ def bare(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-GOOD = {"trajectory_id": "good", "step": 0, "instruction": "i", "image": "a.png", "action": {"type": "wait"}}
+GOOD = {
+    "trajectory_id": "good",
+    "step": 0,
+    "instruction": "i",
+    "image": "a.png",
+    "action": {"type": "wait"},
+}
 JSON = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5) | st.sampled_from(ACTION_TYPES),
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.sampled_from([*"xy", "x2", "keys", "type"]), inner),
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.floats()
+    | st.text(max_size=5)
+    | st.sampled_from(ACTION_TYPES),
+    lambda inner: (
+        st.lists(inner, max_size=4)
+        | st.dictionaries(st.sampled_from([*"xy", "x2", "keys", "type"]), inner)
+    ),
     max_leaves=8,
 )
 
@@ -225,9 +319,19 @@ def test_no_bytes_stop_the_reader(bare: Path, data: bytes) -> None:
 
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(st.dictionaries(st.sampled_from(["step", "image", "action", "target_box", "elements", "apps", "id"]), JSON))
-def test_no_values_stop_the_reader_and_what_passes_is_inside(bare: Path, changes: dict[str, Any]) -> None:
-    record = {**GOOD, "trajectory_id": "odd", **changes}
+@given(
+    st.dictionaries(
+        st.sampled_from(["step", "image", "action", "target_box", "elements", "apps", "id"]), JSON
+    )
+)
+def test_no_values_stop_the_reader_and_what_passes_is_inside(
+    bare: Path, changes: dict[str, Any]
+) -> None:
+    record = {
+        **GOOD,
+        "trajectory_id": "odd",
+        **changes,
+    }
     (bare / "trajectories.jsonl").write_text(json.dumps(record) + "\n" + json.dumps(GOOD))
     trajectories, rejected = read(bare)
     assert len(trajectories) + len(rejected) == 2
@@ -250,15 +354,48 @@ def test_our_own_recordings_are_sound() -> None:
             assert y1 <= y < y2
 
 
-def test_everything_that_is_wrong_with_a_line_is_said_at_once(recording: Any, add_line: Any) -> None:
+def test_everything_that_is_wrong_with_a_line_is_said_at_once(
+    recording: Any, add_line: Any
+) -> None:
     folder = recording()
-    action = {"type": "clik", "x": "5", "y": 5000, "buton": 1}
-    add_line(folder, {"step": "3", "image": "images/t0-0.png", "action": action, "elements": "all", "elemnts": []})
-    add_line(folder, {"trajectory_id": "t9", "step": 0, "instruction": "i", "image": "none.png", "action": None})
+    action = {
+        "type": "clik",
+        "x": "5",
+        "y": 5000,
+        "buton": 1,
+    }
+    add_line(
+        folder,
+        {
+            "step": "3",
+            "image": "images/t0-0.png",
+            "action": action,
+            "elements": "all",
+            "elemnts": [],
+        },
+    )
+    add_line(
+        folder,
+        {
+            "trajectory_id": "t9",
+            "step": 0,
+            "instruction": "i",
+            "image": "none.png",
+            "action": None,
+        },
+    )
     one, two = read(folder)[1]
     assert (one.where, one.field) == ("line 7", "trajectory_id")
-    said = ("is missing", "step: must be", "instruction: is missing", "action.buton: is not", "action.type: 'clik'",
-            "action.x: must be a number", "action.y: 5000 is outside", "elements: ")  # fmt: skip
+    said = (
+        "is missing",
+        "step: must be",
+        "instruction: is missing",
+        "action.buton: is not",
+        "action.type: 'clik'",
+        "action.x: must be a number",
+        "action.y: 5000 is outside",
+        "elements: ",
+    )
     assert [part for part in said if part not in str(one)] == []
     assert "elemnts" not in str(one)  # the field that it might be meant for is there
     assert str(two).endswith("image: 'none.png' is not in the source folder; action: is missing")
@@ -266,21 +403,44 @@ def test_everything_that_is_wrong_with_a_line_is_said_at_once(recording: Any, ad
 
 @pytest.mark.parametrize(
     ("name", "meant"),
-    [("elemnts", "elements"), ("bbox", "target_box"), ("Instructions", "instruction"), ("screenshot", "image")],
+    [
+        ("elemnts", "elements"),
+        ("bbox", "target_box"),
+        ("Instructions", "instruction"),
+        ("screenshot", "image"),
+    ],
 )
 def test_a_name_that_is_near_a_field_is_not_lost(
-    name: str, meant: str, recording: Any, add_line: Any, good_line: Any
+    name: str,
+    meant: str,
+    recording: Any,
+    add_line: Any,
+    good_line: Any,
 ) -> None:
     folder = recording()
-    record = {**good_line("t0", 8, image="images/t0-0.png"), meant: None, name: [1, 2, 3, 4]}
+    record = {
+        **good_line("t0", 8, image="images/t0-0.png"),
+        meant: None,
+        name: [1, 2, 3, 4],
+    }
     add_line(folder, record)
     (rejected,) = read(folder)[1]
     assert f"{name}: is not a field; did you mean {meant!r}?" in str(rejected)
 
 
-def test_other_fields_are_kept(recording: Any, add_line: Any, good_line: Any) -> None:
+def test_other_fields_are_kept(
+    recording: Any,
+    add_line: Any,
+    good_line: Any,
+) -> None:
     folder = recording()
-    more = {"thought": "ä", "reward": 0.5, "bbox": [1, 2, 3, 4], "steps": 12, "nested": {"a": [None]}}
+    more = {
+        "thought": "ä",
+        "reward": 0.5,
+        "bbox": [1, 2, 3, 4],
+        "steps": 12,
+        "nested": {"a": [None]},
+    }
     add_line(folder, good_line("t0", 8, image="images/t0-0.png", **more))
     trajectories, rejected = read(folder)
     assert rejected == []
@@ -289,7 +449,12 @@ def test_other_fields_are_kept(recording: Any, add_line: Any, good_line: Any) ->
 
 
 @pytest.mark.parametrize("value", [NAN, "\ud800", "x" * 2**20])
-def test_other_fields_that_a_dataset_cannot_hold(value: Any, recording: Any, add_line: Any, good_line: Any) -> None:
+def test_other_fields_that_a_dataset_cannot_hold(
+    value: Any,
+    recording: Any,
+    add_line: Any,
+    good_line: Any,
+) -> None:
     folder = recording()
     add_line(folder, good_line("t0", 8, image="images/t0-0.png", thought=value))
     (rejected,) = read(folder)[1]
@@ -306,11 +471,16 @@ def test_the_schema_names_the_fields_that_are_read() -> None:
 
 @pytest.mark.parametrize("field", FIELDS)
 def test_the_schema_requires_what_the_reader_requires(
-    field: str, recording: Any, add_line: Any, good_line: Any
+    field: str,
+    recording: Any,
+    add_line: Any,
+    good_line: Any,
 ) -> None:
     folder = recording()
     add_line(folder, {**good_line("t0", 9, image="images/t0-0.png", domain=None), field: None})
-    (folder / "trajectories.jsonl").write_text((folder / "trajectories.jsonl").read_text().splitlines()[-1])
+    (folder / "trajectories.jsonl").write_text(
+        (folder / "trajectories.jsonl").read_text().splitlines()[-1]
+    )
     required = json.loads(SCHEMA.read_text())["required"]
     assert bool(read(folder)[1]) == (field in required)
 
@@ -320,7 +490,11 @@ def test_the_schema_says_yes_and_no_as_the_reader_does(recording: Any, good_line
     check = jsonschema.Draft202012Validator(json.loads(SCHEMA.read_text()))
     record = good_line("t0", 9, image="images/t0-0.png")
     assert check.is_valid(record)
-    form = {name: case[0] for name, case in BAD.items() if case[1] not in ("image", "target_box", "elements")}
+    form = {
+        name: case[0]
+        for name, case in BAD.items()
+        if case[1] not in ("image", "target_box", "elements")
+    }
     outside = ("past the edge", "again", "other", "end of drag", "half", "infinite", "NaN", "giant")
     for name, changes in form.items():
         if not any(part in name for part in outside):

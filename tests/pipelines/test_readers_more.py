@@ -1,4 +1,5 @@
-"""cua, GUI-Odyssey, AndroidControl and Multimodal-Mind2Web, in the layouts in which they are published."""
+"""cua, GUI-Odyssey, AndroidControl and Multimodal-Mind2Web, in the layouts in which they are
+published."""
 
 import json
 from pathlib import Path
@@ -13,15 +14,25 @@ from pipelines.readers.screens import screen_of
 
 from support.formats import Shots, android_control, cua, gui_odyssey, png, write_json, write_table
 
-TALL = Shots(picture=lambda number: png(number, 1080, 2400), size=(1080, 2400), clicks=((0, 0), (10, 10)))
+TALL = Shots(
+    picture=lambda number: png(number, 1080, 2400),
+    size=(1080, 2400),
+    clicks=((0, 0), (10, 10)),
+)
 
 
 def read(path: Path, name: str) -> tuple[list[Any], list[Rejected]]:
     items = list(get_reader(name).read(path))
-    return [i for i in items if isinstance(i, Trajectory)], [i for i in items if isinstance(i, Rejected)]
+    return [i for i in items if isinstance(i, Trajectory)], [
+        i for i in items if isinstance(i, Rejected)
+    ]
 
 
-def change(file: Path, *keys: Any, value: Any) -> None:
+def change(
+    file: Path,
+    *keys: Any,
+    value: Any,
+) -> None:
     record = part = json.loads(file.read_text())
     for key in keys[:-1]:
         part = part[key]
@@ -34,8 +45,11 @@ def test_cua_gives_each_action_the_screen_before_it(tmp_path: Path) -> None:
     (found,), rejected = read(tmp_path, "cua")
     assert not rejected
     assert [s.action for s in found] == [
-        Action("click", 100, 50), Action("click", 200, 100), Action("click", 300, 150), Action("wait"),
-    ]  # fmt: skip
+        Action("click", 100, 50),
+        Action("click", 200, 100),
+        Action("click", 300, 150),
+        Action("wait"),
+    ]
     assert [read_picture(s.image, "") for s in found] == [png(i) for i in range(4)]
     assert found.id == "2025-08-01_a-model_101500_ab12"
 
@@ -53,13 +67,33 @@ def test_cua_without_a_look_has_no_screen_for_the_first_action(tmp_path: Path) -
 @pytest.mark.parametrize(
     ("action", "reason"),
     [
-        ({"type": "click", "button": "left", "x": 400, "y": 0}, "outside the 400x200"),
-        ({"type": "click", "button": "left", "x": 0.25, "y": 0.25}, "fractions"),
+        (
+            {
+                "type": "click",
+                "button": "left",
+                "x": 400,
+                "y": 0,
+            },
+            "outside the 400x200",
+        ),
+        (
+            {
+                "type": "click",
+                "button": "left",
+                "x": 0.25,
+                "y": 0.25,
+            },
+            "fractions",
+        ),
         ({"type": "fly"}, "fly"),
         (None, "dict"),
     ],
 )
-def test_a_bad_call_of_cua_never_loses_the_rest(action: Any, reason: str, tmp_path: Path) -> None:
+def test_a_bad_call_of_cua_never_loses_the_rest(
+    action: Any,
+    reason: str,
+    tmp_path: Path,
+) -> None:
     cua(tmp_path)
     (file,) = tmp_path.glob("*/turn_001/*_computer_call_result.json")
     change(file, "item", "action", value=action)
@@ -76,14 +110,23 @@ def test_a_function_of_cua_does_not_say_its_space(tmp_path: Path) -> None:
     assert "does not say what its coordinates count" in rejected.reason
 
 
-@pytest.mark.parametrize(("name", "maker"), [("gui_odyssey", gui_odyssey), ("android_control", android_control)])
+@pytest.mark.parametrize(
+    ("name", "maker"), [("gui_odyssey", gui_odyssey), ("android_control", android_control)]
+)
 @pytest.mark.parametrize("shots", [Shots(), TALL])
-def test_phones(name: str, maker: Any, shots: Shots, tmp_path: Path) -> None:
+def test_phones(
+    name: str,
+    maker: Any,
+    shots: Shots,
+    tmp_path: Path,
+) -> None:
     maker(tmp_path, shots=shots)
     (found,), rejected = read(tmp_path, name)
     assert not rejected
     assert [s.action.point for s in found][:-1] == shots.pixels
-    assert [read_picture(s.image, "") for s in found] == [shots.picture(i) for i in range(len(shots.clicks) + 1)]
+    assert [read_picture(s.image, "") for s in found] == [
+        shots.picture(i) for i in range(len(shots.clicks) + 1)
+    ]
     assert isinstance(found, RecordedTrajectory)
     assert (found.screen, found.domain) == ("phone", "android")
 
@@ -102,10 +145,23 @@ def test_phones(name: str, maker: Any, shots: Shots, tmp_path: Path) -> None:
         ({"action": "FLY", "info": ""}, "FLY"),
     ],
 )
-def test_actions_of_gui_odyssey(step: Any, expected: Any, tmp_path: Path) -> None:
+def test_actions_of_gui_odyssey(
+    step: Any,
+    expected: Any,
+    tmp_path: Path,
+) -> None:
     gui_odyssey(tmp_path)
     file = tmp_path / "annotations" / "e1.json"
-    change(file, "steps", 0, value={"step": 0, "screenshot": "e1_0.png", **step})
+    change(
+        file,
+        "steps",
+        0,
+        value={
+            "step": 0,
+            "screenshot": "e1_0.png",
+            **step,
+        },
+    )
     (found,), rejected = read(tmp_path, "gui_odyssey")
     if isinstance(expected, str):
         assert [expected in r.reason for r in rejected] == [True]
@@ -120,16 +176,49 @@ def test_actions_of_gui_odyssey(step: Any, expected: Any, tmp_path: Path) -> Non
         ({"action_type": "input_text", "text": "hello"}, Action("type", text="hello")),
         ({"action_type": "scroll", "direction": "down"}, Action("other")),
         ({"action_type": "open_app", "app_name": "Clock"}, Action("other")),
-        ({"action_type": "long_press", "x": 100, "y": 50}, Action("other", 100, 50)),
-        ({"action_type": "type", "x": 100, "y": 50, "text": "a"}, Action("other", 100, 50, text="a")),
+        (
+            {
+                "action_type": "long_press",
+                "x": 100,
+                "y": 50,
+            },
+            Action("other", 100, 50),
+        ),
+        (
+            {
+                "action_type": "type",
+                "x": 100,
+                "y": 50,
+                "text": "a",
+            },
+            Action("other", 100, 50, text="a"),
+        ),
         ({"action_type": "wait"}, Action("wait", amount=5)),
-        ({"action_type": "click", "x": 400, "y": 50}, "outside"),
-        ({"action_type": "click", "x": 0.25, "y": 0.25}, "fractions"),
+        (
+            {
+                "action_type": "click",
+                "x": 400,
+                "y": 50,
+            },
+            "outside",
+        ),
+        (
+            {
+                "action_type": "click",
+                "x": 0.25,
+                "y": 0.25,
+            },
+            "fractions",
+        ),
         ({"action_type": "click"}, "number"),
         ({"action_type": "scroll", "direction": "away"}, "away"),
     ],
 )
-def test_actions_of_android_control(action: Any, expected: Any, tmp_path: Path) -> None:
+def test_actions_of_android_control(
+    action: Any,
+    expected: Any,
+    tmp_path: Path,
+) -> None:
     android_control(tmp_path)
     change(tmp_path / "7.json", "actions", 0, value=action)
     (found,), rejected = read(tmp_path, "android_control")
@@ -150,15 +239,34 @@ def test_tfrecord_is_refused_with_the_way_out(name: str, tmp_path: Path) -> None
     assert "write a JSON an episode" in rejected.reason
 
 
-def mind2web_row(number: int, op: str, rect: str = "80,40,40,20", value: str = "", **more: Any) -> dict[str, Any]:
+def mind2web_row(
+    number: int,
+    op: str,
+    rect: str = "80,40,40,20",
+    value: str = "",
+    **more: Any,
+) -> dict[str, Any]:
     attributes = json.dumps({"bounding_box_rect": rect, "class": "x"})
-    wrong = {"attributes": json.dumps({"bounding_box_rect": "0,0,5,5"}), "is_original_target": False}
-    target = {"tag": "a", "attributes": attributes, "is_original_target": True}
+    wrong = {
+        "attributes": json.dumps({"bounding_box_rect": "0,0,5,5"}),
+        "is_original_target": False,
+    }
+    target = {
+        "tag": "a",
+        "attributes": attributes,
+        "is_original_target": True,
+    }
     return {
         "annotation_id": "a1",
         "action_uid": f"u{number}",
         "confirmed_task": "buy it",
-        "operation": json.dumps({"op": op, "original_op": op, "value": value}),
+        "operation": json.dumps(
+            {
+                "op": op,
+                "original_op": op,
+                "value": value,
+            }
+        ),
         "pos_candidates": [json.dumps(wrong), json.dumps(target)],
         "neg_candidates": [],
         "website": "shop",
@@ -182,13 +290,20 @@ def test_multimodal_mind2web(tmp_path: Path) -> None:
     found, rejected = read(tmp_path, "parquet")
     assert [t.id for t in found] == ["a1/u0", "a1/u1", "a1/u2", "a1/u7"]
     assert [t.steps[0].action for t in found][:3] == [
-        Action("click", 100, 50), Action("other", 100, 50), Action("other", 100, 50),
-    ]  # fmt: skip
+        Action("click", 100, 50),
+        Action("other", 100, 50),
+        Action("other", 100, 50),
+    ]
     assert [t.steps[0].action_code for t in found][:3] == [
-        "pyautogui.click(100, 50)", 'pyautogui.click(100, 50)\npyautogui.write("it\'s")', "",
-    ]  # fmt: skip
+        "pyautogui.click(100, 50)",
+        'pyautogui.click(100, 50)\npyautogui.write("it\'s")',
+        "",
+    ]
     assert {t.steps[0].target_box for t in found} == {(80, 40, 120, 60)}
     assert {(t.instruction, screen_of(t)) for t in found} == {("buy it", "web page")}
     assert [(r.where, r.field) for r in rejected] == [
-        ("row 3", "operation.op"), ("row 4", "pos_candidates"), ("row 5", "pos_candidates"), ("row 6", "screenshot"),
-    ]  # fmt: skip
+        ("row 3", "operation.op"),
+        ("row 4", "pos_candidates"),
+        ("row 5", "pos_candidates"),
+        ("row 6", "screenshot"),
+    ]

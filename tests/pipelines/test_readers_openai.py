@@ -14,15 +14,26 @@ from support.formats import openai, png, url, write_json, write_lines
 
 def read(path: Path) -> tuple[list[Trajectory], list[Rejected]]:
     items = list(get_reader("openai").read(path))
-    return [i for i in items if isinstance(i, Trajectory)], [i for i in items if isinstance(i, Rejected)]
+    return [i for i in items if isinstance(i, Trajectory)], [
+        i for i in items if isinstance(i, Rejected)
+    ]
 
 
 def items(folder: Path) -> list[Any]:
     return [json.loads(line) for line in (openai(folder) / "run.jsonl").read_text().splitlines()]
 
 
-def call(name: str, action: Any, **more: Any) -> dict[str, Any]:
-    return {"type": "computer_call", "call_id": name, "action": action, **more}
+def call(
+    name: str,
+    action: Any,
+    **more: Any,
+) -> dict[str, Any]:
+    return {
+        "type": "computer_call",
+        "call_id": name,
+        "action": action,
+        **more,
+    }
 
 
 def shot(name: str, number: int) -> dict[str, Any]:
@@ -44,9 +55,18 @@ def test_the_shapes_of_a_log(shape: str, tmp_path: Path) -> None:
     elif shape == "items":
         write_json(tmp_path / "a.json", {"items": given})
     elif shape == "bodies":
-        write_json(tmp_path / "a.json", {"model": "computer-use-preview", "input": given[:4], "output": given[4:]})
+        write_json(
+            tmp_path / "a.json",
+            {
+                "model": "computer-use-preview",
+                "input": given[:4],
+                "output": given[4:],
+            },
+        )
     else:  # the second request holds the first again
-        write_lines(tmp_path / "a.jsonl", [{"input": given[:3]}, {"output": given[3:5]}, {"input": given}])
+        write_lines(
+            tmp_path / "a.jsonl", [{"input": given[:3]}, {"output": given[3:5]}, {"input": given}]
+        )
     (trajectory,), rejected = read(tmp_path)
     assert not rejected
     assert (trajectory.id, trajectory.instruction) == ("a", "do it")
@@ -55,7 +75,9 @@ def test_the_shapes_of_a_log(shape: str, tmp_path: Path) -> None:
 
 
 def test_an_input_that_is_text_and_a_picture_in_the_first_message(tmp_path: Path) -> None:
-    write_json(tmp_path / "a.json", [{"input": "press it"}, shot("x", 3), call("1", {"type": "wait"})])
+    write_json(
+        tmp_path / "a.json", [{"input": "press it"}, shot("x", 3), call("1", {"type": "wait"})]
+    )
     picture = {"type": "input_image", "image_url": url(4)}
     first = {"role": "user", "content": [{"type": "input_text", "text": "go"}, picture]}
     write_json(tmp_path / "b.json", [first, call("1", {"type": "wait"})])
@@ -66,8 +88,20 @@ def test_an_input_that_is_text_and_a_picture_in_the_first_message(tmp_path: Path
 
 
 def test_a_batch_of_actions_is_one_step(tmp_path: Path) -> None:
-    listed = [{"type": "screenshot"}, {"type": "click", "x": 7, "y": 8}, {"type": "type", "text": "a"}]
-    batch = {"type": "computer_call", "call_id": "1", "actions": listed}
+    listed = [
+        {"type": "screenshot"},
+        {
+            "type": "click",
+            "x": 7,
+            "y": 8,
+        },
+        {"type": "type", "text": "a"},
+    ]
+    batch = {
+        "type": "computer_call",
+        "call_id": "1",
+        "actions": listed,
+    }
     write_json(tmp_path / "a.json", [{"role": "user", "content": "go"}, shot("0", 0), batch])
     (trajectory,), rejected = read(tmp_path)
     assert not rejected
@@ -79,36 +113,88 @@ def test_pictures_may_be_files_of_the_folder(tmp_path: Path) -> None:
     result = {**shot("0", 0), "output": {"image_url": "shots/0.png"}}
     (tmp_path / "shots").mkdir()
     (tmp_path / "shots" / "0.png").write_bytes(png(5))
-    write_json(tmp_path / "a.json", [{"role": "user", "content": "go"}, result, call("1", {"type": "wait"})])
+    write_json(
+        tmp_path / "a.json",
+        [{"role": "user", "content": "go"}, result, call("1", {"type": "wait"})],
+    )
     (trajectory,), rejected = read(tmp_path)
     assert not rejected
     assert Path(trajectory.steps[0].image) == tmp_path / "shots" / "0.png"
 
 
 def with_output(output: Any) -> Any:
-    return {"type": "computer_call_output", "call_id": "c1", "output": output}
+    return {
+        "type": "computer_call_output",
+        "call_id": "c1",
+        "output": output,
+    }
 
 
 @pytest.mark.parametrize(
     ("number", "item", "fields", "reason"),
     [
-        (4, call("c1", {"type": "click", "x": 400, "y": 0}), ["action"], "outside the 400x200"),
-        (4, call("c1", {"type": "click", "x": "a", "y": 0}), ["action"], "number"),
+        (
+            4,
+            call(
+                "c1",
+                {
+                    "type": "click",
+                    "x": 400,
+                    "y": 0,
+                },
+            ),
+            ["action"],
+            "outside the 400x200",
+        ),
+        (
+            4,
+            call(
+                "c1",
+                {
+                    "type": "click",
+                    "x": "a",
+                    "y": 0,
+                },
+            ),
+            ["action"],
+            "number",
+        ),
         (4, call("c1", {"type": "dance"}), ["action"], "dance"),
         (4, call("c1", None), ["action"], "object"),
         (4, {"type": "computer_call", "action": {"type": "wait"}}, ["call_id"], "missing"),
         (4, call("c1", None, actions=4), ["actions"], "list"),
         (4, call("c1", {"type": "type", "text": "\ud800"}), ["action"], "surrogate"),
-        (5, with_output({"image_url": "data:image/png;base64,@@@@"}), ["image", "screenshot"], "not base64"),
-        (5, with_output({"image_url": "data:image/png;base64,aGVsbG8="}), ["image", "screenshot"], "not a readable"),
-        (5, with_output({"image_url": "https://x.org/a.png"}), ["image", "screenshot"], "on the web"),
+        (
+            5,
+            with_output({"image_url": "data:image/png;base64,@@@@"}),
+            ["image", "screenshot"],
+            "not base64",
+        ),
+        (
+            5,
+            with_output({"image_url": "data:image/png;base64,aGVsbG8="}),
+            ["image", "screenshot"],
+            "not a readable",
+        ),
+        (
+            5,
+            with_output({"image_url": "https://x.org/a.png"}),
+            ["image", "screenshot"],
+            "on the web",
+        ),
         (5, with_output({"image_url": "../../a.png"}), ["image", "screenshot"], "leaves"),
         (5, with_output({"file_id": "file-1"}), ["image", "screenshot"], "data: URL"),
         (5, with_output(None), ["output", "screenshot"], "object"),
         (5, 17, ["", "screenshot"], "object"),
     ],
 )
-def test_what_is_broken_is_counted(number: int, item: Any, fields: list[str], reason: str, tmp_path: Path) -> None:
+def test_what_is_broken_is_counted(
+    number: int,
+    item: Any,
+    fields: list[str],
+    reason: str,
+    tmp_path: Path,
+) -> None:
     given = items(tmp_path)
     given[number] = item
     write_lines(tmp_path / "run.jsonl", given)
@@ -121,10 +207,15 @@ def test_what_is_broken_is_counted(number: int, item: Any, fields: list[str], re
 
 def test_an_action_without_a_screenshot_of_its_own(tmp_path: Path) -> None:
     given = [{"role": "user", "content": "go"}, call("0", {"type": "wait"}), shot("0", 0)]
-    write_json(tmp_path / "a.json", [*given, call("1", {"type": "wait"}), call("2", {"type": "wait"})])
+    write_json(
+        tmp_path / "a.json", [*given, call("1", {"type": "wait"}), call("2", {"type": "wait"})]
+    )
     (trajectory,), rejected = read(tmp_path)
     assert [s.index for s in trajectory] == [2]
-    assert [(r.where, r.field) for r in rejected] == [("entry 1", "screenshot"), ("entry 4", "screenshot")]
+    assert [(r.where, r.field) for r in rejected] == [
+        ("entry 1", "screenshot"),
+        ("entry 4", "screenshot"),
+    ]
     assert "before this action" in rejected[0].reason
     assert "between this action and the one before" in rejected[1].reason
 
@@ -136,7 +227,11 @@ def test_logs_without_what_is_needed(tmp_path: Path) -> None:
     write_json(tmp_path / "run.json", items(tmp_path))
     trajectories, rejected = read(tmp_path)
     assert [t.id for t in trajectories] == ["run"]
-    assert [(r.file, r.field) for r in rejected] == [("a.json", ""), ("b.json", "instruction"), ("run.jsonl", "id")]
+    assert [(r.file, r.field) for r in rejected] == [
+        ("a.json", ""),
+        ("b.json", "instruction"),
+        ("run.jsonl", "id"),
+    ]
 
 
 def test_a_line_of_300_megabytes_is_not_taken_into_memory(tmp_path: Path) -> None:

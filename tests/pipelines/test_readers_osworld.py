@@ -16,7 +16,9 @@ CLICK = "pyautogui.click(100, 50)"
 
 def read(path: Path) -> tuple[list[Trajectory], list[Rejected]]:
     items = list(get_reader("osworld").read(path))
-    return [i for i in items if isinstance(i, Trajectory)], [i for i in items if isinstance(i, Rejected)]
+    return [i for i in items if isinstance(i, Trajectory)], [
+        i for i in items if isinstance(i, Rejected)
+    ]
 
 
 def pictures(trajectory: Trajectory) -> list[bytes]:
@@ -31,7 +33,8 @@ def test_each_step_has_the_screen_before_its_action(tmp_path: Path) -> None:
     osworld(tmp_path, [CLICK, "pyautogui.write('a')", "DONE"])
     (trajectory,), rejected = read(tmp_path)
     assert not rejected
-    assert pictures(trajectory) == [png(0), png(1), png(2)]  # the initial screen, then those after actions 1 and 2
+    # the initial screen, then those after actions 1 and 2
+    assert pictures(trajectory) == [png(0), png(1), png(2)]
     assert [s.action.type for s in trajectory] == ["click", "type", "done"]
     assert [s.index for s in trajectory] == [1, 2, 3]
     assert (trajectory.id, trajectory.domain, trajectory.apps) == (FOLDER, "gimp", ("gimp",))
@@ -47,7 +50,9 @@ def test_the_first_step_is_rejected_without_an_initial_screen(tmp_path: Path) ->
     assert pictures(trajectory) == [png(1), png(2)]  # made as those after actions 1 and 2
 
 
-@pytest.mark.parametrize("below", ["", "pyautogui", "pyautogui/screenshot/a-model", FOLDER, RECORDS])
+@pytest.mark.parametrize(
+    "below", ["", "pyautogui", "pyautogui/screenshot/a-model", FOLDER, RECORDS]
+)
 def test_any_folder_above_is_a_source(below: str, tmp_path: Path) -> None:
     osworld(tmp_path)
     write_json(tmp_path / FOLDER / "task.json", {"instruction": "make it brighter"})
@@ -65,7 +70,12 @@ def test_several_actions_of_one_reply_share_its_number(tmp_path: Path) -> None:
     write_lines(tmp_path / RECORDS, records)
     (trajectory,), rejected = read(tmp_path)
     assert not rejected
-    assert [(s.index, s.action.type) for s in trajectory] == [(1, "click"), (2, "hotkey"), (3, "wait"), (4, "fail")]
+    assert [(s.index, s.action.type) for s in trajectory] == [
+        (1, "click"),
+        (2, "hotkey"),
+        (3, "wait"),
+        (4, "fail"),
+    ]
     assert pictures(trajectory) == [png(i) for i in range(4)]
 
 
@@ -73,21 +83,51 @@ def test_several_actions_of_one_reply_share_its_number(tmp_path: Path) -> None:
     ("action", "expected", "code"),
     [
         (
-            {"action_type": "CLICK", "parameters": {"x": 7, "y": 8, "button": "right"}},
+            {
+                "action_type": "CLICK",
+                "parameters": {
+                    "x": 7,
+                    "y": 8,
+                    "button": "right",
+                },
+            },
             Action("right_click", 7, 8),
             '{"action_type": "CLICK", "parameters": {"x": 7, "y": 8, "button": "right"}}',
         ),
-        ({"action_type": "TYPING", "text": "é"}, Action("type", text="é"), '{"action_type": "TYPING", "text": "é"}'),
+        (
+            {"action_type": "TYPING", "text": "é"},
+            Action("type", text="é"),
+            '{"action_type": "TYPING", "text": "é"}',
+        ),
         ({"action_type": "DONE"}, Action("done"), '{"action_type": "DONE"}'),
         (
-            {"name": "computer", "input": {"action": "left_click", "coordinate": [1, 1]}, "action_type": "tool_use",
-             "command": CLICK, "raw_response": "..."},
-            Action("click", 100, 50), CLICK,
+            {
+                "name": "computer",
+                "input": {"action": "left_click", "coordinate": [1, 1]},
+                "action_type": "tool_use",
+                "command": CLICK,
+                "raw_response": "...",
+            },
+            Action("click", 100, 50),
+            CLICK,
         ),
-        ({"action_space": "pyautogui", "action": CLICK, "call_id": "c"}, Action("click", 100, 50), CLICK),
+        (
+            {
+                "action_space": "pyautogui",
+                "action": CLICK,
+                "call_id": "c",
+            },
+            Action("click", 100, 50),
+            CLICK,
+        ),
     ],
-)  # fmt: skip
-def test_actions_that_are_objects(action: Any, expected: Action, code: str, tmp_path: Path) -> None:
+)
+def test_actions_that_are_objects(
+    action: Any,
+    expected: Action,
+    code: str,
+    tmp_path: Path,
+) -> None:
     osworld(tmp_path, [action])
     (trajectory,), rejected = read(tmp_path)
     assert not rejected
@@ -103,14 +143,25 @@ def test_actions_that_are_objects(action: Any, expected: Action, code: str, tmp_
         ("pyautogui.click(", "action", "line 1"),
         ("pyautogui.write('\\ud800')", "action", "surrogate"),
         ({"action_type": "JUMP"}, "action", "JUMP"),
-        ({"action_type": "CLICK", "x": 1e400, "y": 1}, "action", "finite"),
+        (
+            {
+                "action_type": "CLICK",
+                "x": 1e400,
+                "y": 1,
+            },
+            "action",
+            "finite",
+        ),
         ({"action_type": "tool_use", "input": {"coordinate": [1, 1]}}, "action.command", "missing"),
         (None, "action", "must be code"),
         ([CLICK], "action", "must be code"),
     ],
 )
 def test_a_bad_action_is_counted_and_the_next_step_keeps_its_screen(
-    action: Any, field: str, reason: str, tmp_path: Path
+    action: Any,
+    field: str,
+    reason: str,
+    tmp_path: Path,
 ) -> None:
     osworld(tmp_path, [CLICK, action, "DONE"])
     (trajectory,), (rejected,) = read(tmp_path)
@@ -139,7 +190,9 @@ def test_the_step_after_a_picture_that_is_missing(tmp_path: Path) -> None:
     assert "not in the folder" in rejected.reason
 
 
-@pytest.mark.parametrize("name", ["../../../../../../secret.png", "/etc/hostname", "a\0b", 7, "x" * 5000])
+@pytest.mark.parametrize(
+    "name", ["../../../../../../secret.png", "/etc/hostname", "a\0b", 7, "x" * 5000]
+)
 def test_a_picture_outside_the_source(name: Any, tmp_path: Path) -> None:
     source = osworld(tmp_path / "source", [CLICK, CLICK, "DONE"])
     (tmp_path / "secret.png").write_bytes(png(0))
@@ -153,7 +206,9 @@ def test_a_picture_outside_the_source(name: Any, tmp_path: Path) -> None:
 
 def test_the_picture_of_a_line_without_its_name(tmp_path: Path) -> None:
     osworld(tmp_path)
-    records = [{k: v for k, v in record.items() if k != "screenshot_file"} for record in lines(tmp_path)]
+    records = [
+        {k: v for k, v in record.items() if k != "screenshot_file"} for record in lines(tmp_path)
+    ]
     write_lines(tmp_path / RECORDS, records)
     (trajectory,), rejected = read(tmp_path)
     assert not rejected
@@ -176,7 +231,11 @@ def test_a_run_that_was_cut_off_has_no_result_and_still_counts(tmp_path: Path) -
         ("examples/chrome/" + TASK + ".json", ""),
     ],
 )
-def test_where_the_instruction_may_be(place: str, expected: str, tmp_path: Path) -> None:
+def test_where_the_instruction_may_be(
+    place: str,
+    expected: str,
+    tmp_path: Path,
+) -> None:
     osworld(tmp_path)
     (tmp_path / "examples" / "gimp" / f"{TASK}.json").unlink()
     write_json(tmp_path / place, {"instruction": "from afar"})
@@ -198,7 +257,10 @@ def test_a_broken_task_file_is_named(tmp_path: Path) -> None:
 def test_a_first_line_may_name_the_initial_screen(tmp_path: Path) -> None:
     osworld(tmp_path, initial=False)
     (tmp_path / FOLDER / "start.png").write_bytes(png(9))
-    write_lines(tmp_path / RECORDS, [{"instruction": "by hand", "initial_state": "start.png"}, *lines(tmp_path)])
+    write_lines(
+        tmp_path / RECORDS,
+        [{"instruction": "by hand", "initial_state": "start.png"}, *lines(tmp_path)],
+    )
     (trajectory,), rejected = read(tmp_path)
     assert not rejected
     assert trajectory.instruction == "by hand"
@@ -212,14 +274,21 @@ REPLY = "I will click.\n```python\nimport pyautogui\npyautogui.click(1, 1)\n```"
 @pytest.mark.parametrize(
     ("text", "code"),
     [
-        (REPLY + "import pyautogui\npyautogui.click(100, 50)", "import pyautogui\npyautogui.click(100, 50)"),
+        (
+            REPLY + "import pyautogui\npyautogui.click(100, 50)",
+            "import pyautogui\npyautogui.click(100, 50)",
+        ),
         ("```python\npyautogui.click(1, 1)\n```pyautogui.click(100, 50)", CLICK),
         ("Thought: pyautogui.click(1, 1) is wrong\npyautogui.click(100, 50)", CLICK),
         ("Thought: done\nAction: finished()DONE", "DONE"),
         ("```DONE```WAIT", "WAIT"),
     ],
 )
-def test_the_authors_write_the_reply_before_the_action(text: str, code: str, tmp_path: Path) -> None:
+def test_the_authors_write_the_reply_before_the_action(
+    text: str,
+    code: str,
+    tmp_path: Path,
+) -> None:
     osworld(tmp_path, [text])
     write_lines(tmp_path / RECORDS, [{**lines(tmp_path)[0], "summary": "None"}])
     (trajectory,), rejected = read(tmp_path)
@@ -237,7 +306,9 @@ def test_an_authors_line_without_an_action(tmp_path: Path) -> None:
     assert [(r.where, r.field) for r in rejected] == [("line 1", "action")]
 
 
-def test_pictures_of_the_authors_corrupted_runs_are_not_taken_for_clean_ones(tmp_path: Path) -> None:
+def test_pictures_of_the_authors_corrupted_runs_are_not_taken_for_clean_ones(
+    tmp_path: Path,
+) -> None:
     osworld(tmp_path, initial=False)
     for file in (tmp_path / FOLDER).glob("*.png"):
         file.rename(file.with_name(file.name.split("_2025")[0] + "_agent_observe.png"))
@@ -258,8 +329,11 @@ def test_bad_lines_and_empty_files(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     (trajectory,), rejected = read(tmp_path)
     assert len(trajectory.steps) == 2
     assert [(r.file, r.where) for r in rejected] == [
-        ("other/traj.jsonl", ""), (RECORDS, "line 1"), (RECORDS, "line 4"), (RECORDS, "line 5"),
-    ]  # fmt: skip
+        ("other/traj.jsonl", ""),
+        (RECORDS, "line 1"),
+        (RECORDS, "line 4"),
+        (RECORDS, "line 5"),
+    ]
     assert [r.reason.split()[-1] for r in rejected[:1]] == ["step"]
     assert "UTF-8" in rejected[1].reason
     assert "longer than" in rejected[2].reason

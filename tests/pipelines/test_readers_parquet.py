@@ -24,21 +24,38 @@ CLICK = "pyautogui.click(100, 50)"
 
 def read(path: Path) -> tuple[list[Trajectory], list[Rejected]]:
     items = list(get_reader("parquet").read(path))
-    return [i for i in items if isinstance(i, Trajectory)], [i for i in items if isinstance(i, Rejected)]
+    return [i for i in items if isinstance(i, Trajectory)], [
+        i for i in items if isinstance(i, Rejected)
+    ]
 
 
 def picture(number: int) -> dict[str, Any]:
     return {"bytes": png(number), "path": None}
 
 
-def trajectory(name: str, numbers: list[int], actions: list[str] | None = None, **more: Any) -> dict[str, Any]:
+def trajectory(
+    name: str,
+    numbers: list[int],
+    actions: list[str] | None = None,
+    **more: Any,
+) -> dict[str, Any]:
     actions = [CLICK] * len(numbers) if actions is None else actions
     shots = [picture(number) for number in numbers]
-    return {"task_id": name, "instruction": "go", "actions": actions, "screenshots": shots, **more}
+    return {
+        "task_id": name,
+        "instruction": "go",
+        "actions": actions,
+        "screenshots": shots,
+        **more,
+    }
 
 
 def test_rows_of_several_files_and_groups(tmp_path: Path) -> None:
-    write_table(tmp_path / "data" / "b.parquet", [trajectory(f"b{i}", [i, i + 1]) for i in range(5)], group=2)
+    write_table(
+        tmp_path / "data" / "b.parquet",
+        [trajectory(f"b{i}", [i, i + 1]) for i in range(5)],
+        group=2,
+    )
     write_table(tmp_path / "a.parquet", [trajectory("a", [9])])
     assert detect_format(tmp_path) == "parquet"
     trajectories, rejected = read(tmp_path)
@@ -46,7 +63,9 @@ def test_rows_of_several_files_and_groups(tmp_path: Path) -> None:
     assert [t.id for t in trajectories] == ["a", "b0", "b1", "b2", "b3", "b4"]
     shots = [[read_picture(s.image, "") for s in t] for t in trajectories]
     assert shots == [[png(9)], *([png(i), png(i + 1)] for i in range(5))]
-    backwards = [read_picture(s.image, "") for t in reversed(trajectories) for s in reversed(t.steps)]
+    backwards = [
+        read_picture(s.image, "") for t in reversed(trajectories) for s in reversed(t.steps)
+    ]
     assert backwards == [data for pair in reversed(shots) for data in reversed(pair)]
 
 
@@ -55,7 +74,11 @@ def test_actions_are_code_or_computer_13(tmp_path: Path) -> None:
     write_table(tmp_path / "a.parquet", [trajectory("a", [0, 1, 2], actions, domain="os")])
     (found,), rejected = read(tmp_path)
     assert not rejected
-    assert [s.action for s in found] == [Action("click", 100, 50), Action("click", 3, 4), Action("wait")]
+    assert [s.action for s in found] == [
+        Action("click", 100, 50),
+        Action("click", 3, 4),
+        Action("wait"),
+    ]
     assert [s.action_code for s in found] == actions
     assert found.domain == "os"
 
@@ -73,13 +96,22 @@ def test_actions_are_code_or_computer_13(tmp_path: Path) -> None:
         ({"actions": [None]}, "actions[0]", "missing"),
         ({"actions": ['{"action_type": ']}, "actions[0]", "not JSON"),
         ({"screenshots": [{"bytes": b"hello", "path": None}]}, "screenshots[0]", "not a readable"),
-        ({"screenshots": [{"bytes": b"\x80\x04K\x01.", "path": None}]}, "screenshots[0]", "not a readable"),
+        (
+            {"screenshots": [{"bytes": b"\x80\x04K\x01.", "path": None}]},
+            "screenshots[0]",
+            "not a readable",
+        ),
         ({"screenshots": [{"bytes": None, "path": None}]}, "screenshots[0]", "no bytes"),
         ({"screenshots": [None]}, "screenshots[0]", "no bytes"),
         ({"screenshots": [{"bytes": None, "path": "../x.png"}]}, "screenshots[0]", "leaves"),
     ],
 )
-def test_a_bad_row_is_counted(change: dict[str, Any], field: str, reason: str, tmp_path: Path) -> None:
+def test_a_bad_row_is_counted(
+    change: dict[str, Any],
+    field: str,
+    reason: str,
+    tmp_path: Path,
+) -> None:
     rows = [trajectory("good", [0]), {**trajectory("bad", [1]), **change}, trajectory("last", [2])]
     write_table(tmp_path / "source" / "a.parquet", rows)
     (tmp_path / "x.png").write_bytes(png(0))
@@ -94,8 +126,10 @@ def test_a_bad_row_is_counted(change: dict[str, Any], field: str, reason: str, t
 def test_text_that_is_not_utf8_costs_its_row_only(tmp_path: Path) -> None:
     table = pa.Table.from_pylist([trajectory(name, [0]) for name in ("a", "b", "c")])
     broken = pa.array([b"a", b"\xff\xfe", b"c"]).cast(pa.binary()).view(pa.string())
-    pq.write_table(table.set_column(table.schema.get_field_index("instruction"), "instruction", broken),
-                   tmp_path / "a.parquet")  # fmt: skip
+    pq.write_table(
+        table.set_column(table.schema.get_field_index("instruction"), "instruction", broken),
+        tmp_path / "a.parquet",
+    )
     trajectories, (rejected,) = read(tmp_path)
     assert [t.id for t in trajectories] == ["a", "c"]
     assert rejected.where == "row 1"
@@ -112,8 +146,11 @@ def test_tables_without_the_columns_and_files_that_are_none(tmp_path: Path) -> N
     trajectories, rejected = read(tmp_path)
     assert [t.id for t in trajectories] == ["c"]
     assert [(r.file, r.field) for r in rejected] == [
-        ("a.parquet", "columns"), ("b.parquet", ""), ("d.parquet", ""), ("e.parquet", ""),
-    ]  # fmt: skip
+        ("a.parquet", "columns"),
+        ("b.parquet", ""),
+        ("d.parquet", ""),
+        ("e.parquet", ""),
+    ]
     assert "label" in rejected[0].reason
     assert "task_id, instruction, actions, screenshots" in rejected[0].reason
 
@@ -154,16 +191,31 @@ def cua(*calls: dict[str, Any], batch: bool = False) -> list[dict[str, Any]]:
     listed = [{"action": c["function"]["name"], **c["function"]["arguments"]} for c in calls]
     own = [call("computer", actions=listed)] if batch else list(calls)
     return [
-        {"role": "user", "content": [{"type": "image", "index": 0}, {"type": "text", "text": "open it"}]},
-        {"role": "assistant", "content": [{"type": "action_description", "text": "now"}], "tool_calls": own},
+        {
+            "role": "user",
+            "content": [{"type": "image", "index": 0}, {"type": "text", "text": "open it"}],
+        },
+        {
+            "role": "assistant",
+            "content": [{"type": "action_description", "text": "now"}],
+            "tool_calls": own,
+        },
         {"role": "tool", "content": [{"type": "image", "index": 1}]},
         {"role": "assistant", "content": [{"type": "text", "text": "Done."}]},
     ]
 
 
-def chat(messages: Any, numbers: int = 2, **more: Any) -> dict[str, Any]:
+def chat(
+    messages: Any,
+    numbers: int = 2,
+    **more: Any,
+) -> dict[str, Any]:
     text = messages if isinstance(messages, str) else json.dumps(messages)
-    return {"messages": text, "images": [picture(i) for i in range(numbers)], **more}
+    return {
+        "messages": text,
+        "images": [picture(i) for i in range(numbers)],
+        **more,
+    }
 
 
 @pytest.mark.parametrize(
@@ -171,12 +223,31 @@ def chat(messages: Any, numbers: int = 2, **more: Any) -> dict[str, Any]:
     [
         (call("click", coordinate=[250, 250]), Action("click", 100, 50)),
         (call("click", coordinate=[250, 250], button="right"), Action("right_click", 100, 50)),
-        (call("click", coordinate=[250, 250], clicks=2, button=None), Action("double_click", 100, 50)),
+        (
+            call(
+                "click",
+                coordinate=[250, 250],
+                clicks=2,
+                button=None,
+            ),
+            Action("double_click", 100, 50),
+        ),
         (call("tap", coordinate=[999, 999]), Action("click", 399, 199)),
         (call("click", coordinate=[1000, 0]), Action("click", 399, 0)),
         (call("mouse_move", coordinate=[500, 500]), Action("move", 200, 100)),
-        (call("drag", start_coordinate=[0, 0], coordinate=[500, 500]), Action("drag", 0, 0, 200, 100)),
-        (call("scroll", coordinate=[500, 500], direction="down", amount=3), Action("scroll", 200, 100, amount=-3)),
+        (
+            call("drag", start_coordinate=[0, 0], coordinate=[500, 500]),
+            Action("drag", 0, 0, 200, 100),
+        ),
+        (
+            call(
+                "scroll",
+                coordinate=[500, 500],
+                direction="down",
+                amount=3,
+            ),
+            Action("scroll", 200, 100, amount=-3),
+        ),
         (call("scroll", direction="left", amount=3), Action("other")),
         (call("type", text="a"), Action("type", text="a")),
         (call("key", keys=["ctrl", "c"]), Action("hotkey", keys=("ctrl", "c"))),
@@ -188,7 +259,12 @@ def chat(messages: Any, numbers: int = 2, **more: Any) -> dict[str, Any]:
     ],
 )
 @pytest.mark.parametrize("batch", [False, True])
-def test_tool_calls_count_in_thousandths(action: Any, expected: Action, batch: bool, tmp_path: Path) -> None:
+def test_tool_calls_count_in_thousandths(
+    action: Any,
+    expected: Action,
+    batch: bool,
+    tmp_path: Path,
+) -> None:
     messages = cua(call("screenshot"), action, batch=batch)
     write_table(tmp_path / "a.parquet", [chat(messages)])
     (found,), rejected = read(tmp_path)
@@ -200,7 +276,10 @@ def test_tool_calls_count_in_thousandths(action: Any, expected: Action, batch: b
 
 
 def test_messages_may_be_a_list_of_structs(tmp_path: Path) -> None:
-    row = {"messages": cua(call("click", coordinate=[250, 250])), "images": [picture(0), picture(1)]}
+    row = {
+        "messages": cua(call("click", coordinate=[250, 250])),
+        "images": [picture(0), picture(1)],
+    }
     row["messages"][0]["content"][0]["index"] = 0.0
     write_table(tmp_path / "a.parquet", [row])
     (found,), rejected = read(tmp_path)
@@ -213,7 +292,10 @@ def test_placeholders_and_blocks_of_code(tmp_path: Path) -> None:
     messages = [
         {"role": "system", "content": "be good"},
         {"role": "user", "content": "<image>\nopen it"},
-        {"role": "assistant", "content": "I click.\n```python\nimport pyautogui\npyautogui.click(100, 50)\n```"},
+        {
+            "role": "assistant",
+            "content": "I click.\n```python\nimport pyautogui\npyautogui.click(100, 50)\n```",
+        },
         {"role": "user", "content": "<image>"},
         {"role": "assistant", "content": "Well."},
         {"role": "assistant", "content": "pyautogui.press('enter')"},
@@ -222,7 +304,10 @@ def test_placeholders_and_blocks_of_code(tmp_path: Path) -> None:
     write_table(tmp_path / "a.parquet", [chat(messages, id="mine")])
     (found,), (rejected,) = read(tmp_path)
     assert found.id == "mine"
-    assert [s.action for s in found] == [Action("click", 100, 50), Action("hotkey", keys=("enter",))]
+    assert [s.action for s in found] == [
+        Action("click", 100, 50),
+        Action("hotkey", keys=("enter",)),
+    ]
     assert found.steps[0].action_code == "import pyautogui\npyautogui.click(100, 50)"
     assert found.instruction == "open it"
     assert (rejected.where, rejected.field) == ("row 0", "messages[6].images")
@@ -236,22 +321,60 @@ def test_placeholders_and_blocks_of_code(tmp_path: Path) -> None:
         ("{}", "messages", "list"),
         ("[3]", "messages", "object"),
         ("[" * 100_000, "messages", "nested"),
-        ([{"role": "user", "content": "<image>what is this?"}, {"role": "assistant", "content": "a dog"}],
-         "messages", "no action"),
+        (
+            [
+                {"role": "user", "content": "<image>what is this?"},
+                {"role": "assistant", "content": "a dog"},
+            ],
+            "messages",
+            "no action",
+        ),
         (cua(call("bash", command="ls"))[:2], "messages[1].tool_calls.bash", "'bash'"),
         (cua(call("click", coordinate=[1200, 5]))[:2], "messages[1].tool_calls.click", "1200"),
         (cua(call("click", coordinate=[5]))[:2], "messages[1].tool_calls.click", "[x, y]"),
-        (cua(call("scroll", direction="away", amount=1))[:2], "messages[1].tool_calls.scroll", "direction"),
-        ([*cua()[:1], {"role": "assistant", "tool_calls": [{}]}],
-         "messages[1].tool_calls.function", "object"),
-        ([{"role": "user", "content": [{"type": "image", "index": -1}, {"type": "text", "text": "a"}]},
-          *cua(call("mouse_up"))[1:2]], "messages[0].index", "integer"),
-        ([{"role": "user", "content": [{"type": "image", "index": 9}, {"type": "text", "text": "a"}]},
-          *cua(call("mouse_up"))[1:2]], "messages[1].images[9]", "not there"),
+        (
+            cua(call("scroll", direction="away", amount=1))[:2],
+            "messages[1].tool_calls.scroll",
+            "direction",
+        ),
+        (
+            [*cua()[:1], {"role": "assistant", "tool_calls": [{}]}],
+            "messages[1].tool_calls.function",
+            "object",
+        ),
+        (
+            [
+                {
+                    "role": "user",
+                    "content": [{"type": "image", "index": -1}, {"type": "text", "text": "a"}],
+                },
+                *cua(call("mouse_up"))[1:2],
+            ],
+            "messages[0].index",
+            "integer",
+        ),
+        (
+            [
+                {
+                    "role": "user",
+                    "content": [{"type": "image", "index": 9}, {"type": "text", "text": "a"}],
+                },
+                *cua(call("mouse_up"))[1:2],
+            ],
+            "messages[1].images[9]",
+            "not there",
+        ),
     ],
-)  # fmt: skip
-def test_a_bad_chat_is_counted(messages: Any, field: str, reason: str, tmp_path: Path) -> None:
-    write_table(tmp_path / "a.parquet", [chat(messages), chat(cua(call("click", coordinate=[1, 1])))])
+)
+def test_a_bad_chat_is_counted(
+    messages: Any,
+    field: str,
+    reason: str,
+    tmp_path: Path,
+) -> None:
+    write_table(
+        tmp_path / "a.parquet", [chat(messages), chat(cua(call("click", coordinate=[1, 1])))]
+    )
     (found,), rejected = read(tmp_path)
     assert found.id == "a/000001"
     assert {r.where for r in rejected} == {"row 0"}
@@ -263,7 +386,13 @@ def test_a_bad_chat_is_counted(messages: Any, field: str, reason: str, tmp_path:
 
 
 def box(bbox: Any, **more: Any) -> dict[str, Any]:
-    return {"file_name": "a.png", "bbox": bbox, "instruction": "the button", "image": picture(0), **more}
+    return {
+        "file_name": "a.png",
+        "bbox": bbox,
+        "instruction": "the button",
+        "image": picture(0),
+        **more,
+    }
 
 
 WIDE = [100.0, 20.0, 390.0, 40.0]  # no width: 100 + 390 is beyond the picture
@@ -293,7 +422,11 @@ def test_boxes_in_fractions_and_in_pixels(bbox: list[float], tmp_path: Path) -> 
         (None, "missing"),
     ],
 )
-def test_a_bad_box_is_counted(bbox: Any, reason: str, tmp_path: Path) -> None:
+def test_a_bad_box_is_counted(
+    bbox: Any,
+    reason: str,
+    tmp_path: Path,
+) -> None:
     write_table(tmp_path / "a.parquet", [box(bbox), box([0.1, 0.1, 0.2, 0.2])])
     (found,), (rejected,) = read(tmp_path)
     assert found.id == "a/000001"
@@ -306,7 +439,9 @@ def test_a_click_is_inside_its_box(numbers: tuple[float, ...]) -> None:
     x1, x2 = sorted(numbers[::2])
     y1, y2 = sorted(numbers[1::2])
     try:
-        left, top, right, bottom = box_in(("fractions", "xyxy"), [x1, y1, x2, y2], (200, 400), "bbox")
+        left, top, right, bottom = box_in(
+            ("fractions", "xyxy"), [x1, y1, x2, y2], (200, 400), "bbox"
+        )
     except FieldError:
         return
     assert left <= (left + right) // 2 < right

@@ -1,4 +1,5 @@
-"""Reading runs of the live benchmark: clean screens, the agent's actions on them, and what is left out."""
+"""Reading runs of the live benchmark: clean screens, the agent's actions on them, and what is left
+out."""
 
 import json
 from collections import Counter
@@ -11,7 +12,7 @@ pytest.importorskip("pyarrow", reason="needs the extra [hf]")
 
 import hijack_data as hj
 from hijack_data.types import Action
-from online_env.env import CorruptedEnv
+from online_env.environment import CorruptedEnv
 from pipelines import build, open_dataset, verify
 from pipelines.readers import Rejected, detect_format, get_reader
 
@@ -28,12 +29,24 @@ SCREEN = (720, 1280)
 
 @pytest.fixture(autouse=True)
 def no_waiting(monkeypatch):
-    monkeypatch.setattr("online_env.env.episode.WAIT", 0.0)
+    monkeypatch.setattr("online_env.environment.episode.WAIT", 0.0)
 
 
-def played(folder: Path, corruption=None, actions=("pyautogui.click(10, 20)", "WAIT", "DONE"), size=SIZE, **options):
+def played(
+    folder: Path,
+    corruption=None,
+    actions=("pyautogui.click(10, 20)", "WAIT", "DONE"),
+    size=SIZE,
+    **options,
+):
     """One episode under `folder`; returns its record."""
-    env = CorruptedEnv(FakeStage(FakeDesktop(size)), corruption=corruption, settle=AT_ONCE, log=folder, max_steps=6)
+    env = CorruptedEnv(
+        FakeStage(FakeDesktop(size)),
+        corruption=corruption,
+        settle=AT_ONCE,
+        log=folder,
+        max_steps=6,
+    )
     env.reset(seed=3, options=options)
     for action in actions:
         env.step(action)
@@ -44,11 +57,18 @@ def played(folder: Path, corruption=None, actions=("pyautogui.click(10, 20)", "W
 def read(folder: Path):
     found = list(get_reader("runs").read(folder))
     rejected = [item for item in found if isinstance(item, Rejected)]
-    return [item for item in found if not isinstance(item, Rejected)], [str(item) for item in rejected]
+    return [item for item in found if not isinstance(item, Rejected)], [
+        str(item) for item in rejected
+    ]
 
 
 def test_steps_are_clean_screens_with_the_actions_on_the_screen(tmp_path):
-    actions = ("pyautogui.click(10, 20)", "```\npyautogui.write('a')\n```", "REQUEST_REINIT", "DONE")
+    actions = (
+        "pyautogui.click(10, 20)",
+        "```\npyautogui.write('a')\n```",
+        "REQUEST_REINIT",
+        "DONE",
+    )
     record = played(tmp_path, VISUAL["resolution"], actions)
     assert detect_format(tmp_path) == "runs"
     (found,), rejected = read(tmp_path)
@@ -57,11 +77,17 @@ def test_steps_are_clean_screens_with_the_actions_on_the_screen(tmp_path):
     assert (found.apps, found.source) == (("files",), "runs")
     assert [step.index for step in found] == [0, 1, 2, 3]
     assert [step.action for step in found] == [
-        Action("click", 20, 40), Action("type", text="a"), Action("other"), Action("done"),
-    ]  # fmt: skip
+        Action("click", 20, 40),
+        Action("type", text="a"),
+        Action("other"),
+        Action("done"),
+    ]
     assert [step.action_code for step in found] == [
-        "pyautogui.click(20, 40)", "pyautogui.write('a')", "REQUEST_REINIT", "DONE",
-    ]  # fmt: skip
+        "pyautogui.click(20, 40)",
+        "pyautogui.write('a')",
+        "REQUEST_REINIT",
+        "DONE",
+    ]
     assert [Path(step.image).name for step in found] == [f"{k:04d}.png" for k in range(4)]
 
 
@@ -90,8 +116,13 @@ def test_what_is_no_sample_is_left_out_with_the_reason(tmp_path):
     found, rejected = read(tmp_path)
     assert [trajectory.id for trajectory in found] == ["do-3__subtitle__s3__agent"]
     text = "\n".join(rejected)
-    for words in ("the action was refused", "the episode is invalid", "nothing is marked",
-                  "the episode is error: the test is over", "the episode was broken off"):  # fmt: skip
+    for words in (
+        "the action was refused",
+        "the episode is invalid",
+        "nothing is marked",
+        "the episode is error: the test is over",
+        "the episode was broken off",
+    ):
         assert words in text
     assert len(rejected) == 4
 
@@ -132,7 +163,9 @@ def test_a_dataset_of_a_run_is_what_the_agents_saw(tmp_path):
     seen = Counter()
     for row in open_dataset(tmp_path / "data"):
         if f"__{row['corruption']}__" in row["trajectory_id"]:
-            assert (row["plan_digest"], row["image_sha256"]) == live[row["trajectory_id"], row["step"]]
+            assert (row["plan_digest"], row["image_sha256"]) == live[
+                row["trajectory_id"], row["step"]
+            ]
             seen[row["corruption"]] += 1
     assert seen == dict.fromkeys(VISUAL, 3)
     assert verify(tmp_path / "data").ok

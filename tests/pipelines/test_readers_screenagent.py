@@ -14,7 +14,9 @@ FIRST = "s1/2023-12-20_19-31-30.json"
 
 def read(path: Path) -> tuple[list[Trajectory], list[Rejected]]:
     items = list(get_reader("screenagent").read(path))
-    return [i for i in items if isinstance(i, Trajectory)], [i for i in items if isinstance(i, Rejected)]
+    return [i for i in items if isinstance(i, Trajectory)], [
+        i for i in items if isinstance(i, Rejected)
+    ]
 
 
 def change(folder: Path, **values: Any) -> None:
@@ -23,13 +25,27 @@ def change(folder: Path, **values: Any) -> None:
     (folder / FIRST).write_text(json.dumps({**record, **values}, ensure_ascii=False))
 
 
-def mouse(kind: str, x: float | None = 100, y: float = 50, **more: Any) -> dict[str, Any]:
+def mouse(
+    kind: str,
+    x: float | None = 100,
+    y: float = 50,
+    **more: Any,
+) -> dict[str, Any]:
     place = {} if x is None else {"mouse_position": {"width": x, "height": y}}
-    return {"action_type": "MouseAction", "mouse_action_type": kind, **place, **more}
+    return {
+        "action_type": "MouseAction",
+        "mouse_action_type": kind,
+        **place,
+        **more,
+    }
 
 
 def keys(kind: str, **more: Any) -> dict[str, Any]:
-    return {"action_type": "KeyboardAction", "keyboard_action_type": kind, **more}
+    return {
+        "action_type": "KeyboardAction",
+        "keyboard_action_type": kind,
+        **more,
+    }
 
 
 TALK = {"action_type": "PlanAction", "element": "打开"}
@@ -53,7 +69,11 @@ TALK = {"action_type": "PlanAction", "element": "打开"}
         ([TALK, mouse("click"), keys("text", keyboard_text="a")], Action("click", 100, 50)),
     ],
 )
-def test_actions(actions: list[Any], expected: Action, tmp_path: Path) -> None:
+def test_actions(
+    actions: list[Any],
+    expected: Action,
+    tmp_path: Path,
+) -> None:
     change(screenagent(tmp_path), actions=actions)
     (trajectory,), rejected = read(tmp_path)
     assert not rejected
@@ -87,7 +107,10 @@ def test_actions(actions: list[Any], expected: Action, tmp_path: Path) -> None:
     ],
 )
 def test_a_bad_step_is_counted_and_the_others_stay(
-    changes: dict[str, Any], field: str, reason: str, tmp_path: Path
+    changes: dict[str, Any],
+    field: str,
+    reason: str,
+    tmp_path: Path,
 ) -> None:
     change(screenagent(tmp_path), **changes)
     (trajectory,), (rejected,) = read(tmp_path)
@@ -117,8 +140,9 @@ def test_two_steps_on_one_picture_and_two_sessions_of_one_id(tmp_path: Path) -> 
     (trajectory,), rejected = read(tmp_path)
     assert len(trajectory.steps) == 2
     assert [(r.file, r.field) for r in rejected] == [
-        (FIRST.replace(".json", "_translate.json"), "saved_image_name"), ("s2", "session_id"),
-    ]  # fmt: skip
+        (FIRST.replace(".json", "_translate.json"), "saved_image_name"),
+        ("s2", "session_id"),
+    ]
 
 
 def test_a_step_of_another_session_in_the_folder(tmp_path: Path) -> None:
@@ -138,11 +162,20 @@ def test_the_real_sessions(shared_data: Path) -> None:
     assert len(trajectories) == 15
     assert sum(len(t.steps) for t in trajectories) == 119
     first = trajectories[0]
-    assert (first.id, first.instruction) == ("02ea503d419c440cbda9e42263706d6a", "上网查找冯诺依曼的相关资料")
-    assert [s.action for s in first][:2] == [Action("other"), Action("click", 487, 193)]  # width 487, height 193
+    assert (first.id, first.instruction) == (
+        "02ea503d419c440cbda9e42263706d6a",
+        "上网查找冯诺依曼的相关资料",
+    )
+    # width 487, height 193
+    assert [s.action for s in first][:2] == [Action("other"), Action("click", 487, 193)]
     assert json.loads(first.steps[1].action_code)[1]["keyboard_text"] == "冯诺依曼"
     assert Path(first.steps[1].image).name == "2023-12-20_19-33-28-140419.jpg"
-    beyond = [s.action.point for t in trajectories for s in t if s.action.point and s.action.point[0] >= 768]
+    beyond = [
+        s.action.point
+        for t in trajectories
+        for s in t
+        if s.action.point and s.action.point[0] >= 768
+    ]
     assert beyond  # with x and y swapped, these would leave the 1024x768 screen
 
 

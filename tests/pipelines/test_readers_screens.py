@@ -1,4 +1,5 @@
-"""Readers say what their pictures show, or leave it to the domain; what happens to the machine follows."""
+"""Readers say what their pictures show, or leave it to the domain; what happens to the machine
+follows."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -22,18 +23,31 @@ def test_of_our_formats_one_shows_pages_whatever_its_domain(tmp_path: Path) -> N
     found = {}
     every = {**FORMATS, **SETS}
     for name in every:
-        (first, *_) = get_reader(name).read(every[name](tmp_path / name))
+        first, *_ = get_reader(name).read(every[name](tmp_path / name))
         assert isinstance(first, Trajectory)
         found[name] = screen_of(first)
-    others = {"webvoyager": "web page", "gui_odyssey": "phone", "android_control": "phone"}
+    others = {
+        "webvoyager": "web page",
+        "gui_odyssey": "phone",
+        "android_control": "phone",
+    }
     assert found == {**dict.fromkeys(every, "desktop"), **others}
 
 
 @pytest.mark.parametrize(
     ("domain", "expected"),
-    [("", "desktop"), ("chrome", "desktop"), ("web", "desktop"), ("web page", "web page"), ("Web-Page", "web page"),
-     ("mobile", "phone"), ("Android", "phone"), ("iOS", "phone"), ("windows", "desktop")],
-)  # fmt: skip
+    [
+        ("", "desktop"),
+        ("chrome", "desktop"),
+        ("web", "desktop"),
+        ("web page", "web page"),
+        ("Web-Page", "web page"),
+        ("mobile", "phone"),
+        ("Android", "phone"),
+        ("iOS", "phone"),
+        ("windows", "desktop"),
+    ],
+)
 def test_the_domain_says_it_where_the_reader_does_not(domain: str, expected: str) -> None:
     assert screen_of(Trajectory("t", "webvoyager", "", (), domain)) == expected
     assert screen_of(RecordedTrajectory("t", "x", "", (), domain)) == expected
@@ -43,19 +57,29 @@ def test_the_domain_says_it_where_the_reader_does_not(domain: str, expected: str
 
 @pytest.mark.parametrize("screen", ["webpage", "", 3, ["phone"]])
 def test_another_word_is_refused(screen: Any) -> None:
-    with pytest.raises(ParameterError, match=r"trajectory 't': unknown screen .*; (did you mean '|known: desktop, )"):
+    with pytest.raises(
+        ParameterError,
+        match=r"trajectory 't': unknown screen .*; (did you mean '|known: desktop, )",
+    ):
         RecordedTrajectory("t", "x", "", (), screen=screen)
 
 
 @pytest.mark.parametrize(
-    ("screen", "reason", "workers"), [("web page", PAGE, 1), ("phone", PHONE, 2), ("desktop", None, 1), (None, None, 1)]
+    ("screen", "reason", "workers"),
+    [("web page", PAGE, 1), ("phone", PHONE, 2), ("desktop", None, 1), (None, None, 1)],
 )
 def test_a_reader_from_elsewhere_says_it_too(
-    screen: Any, reason: str | None, workers: int, recording: Any, assets: Path, tmp_path: Path,
+    screen: Any,
+    reason: str | None,
+    workers: int,
+    recording: Any,
+    assets: Path,
+    tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
-    """Its workers know it as little as those of a cluster would: what it says comes with each trajectory."""
-    monkeypatch.setattr(base, "_registry", dict(base._registry))
+) -> None:
+    """Its workers know it as little as those of a cluster would: what it says comes with each
+    trajectory."""
+    monkeypatch.setattr(base.READERS, "entries", dict(base.READERS.entries))
 
     @register
     class Odd:
@@ -67,20 +91,30 @@ def test_a_reader_from_elsewhere_says_it_too(
         def read(self, path: Path) -> Iterator[Any]:
             for item in get_reader("jsonl").read(path):
                 assert isinstance(item, Trajectory)
-                yield RecordedTrajectory(item.id, self.name, item.instruction, item.steps, screen=screen)
+                yield RecordedTrajectory(
+                    item.id, self.name, item.instruction, item.steps, screen=screen
+                )
 
-    options: dict[str, Any] = {"corruptions": "verification", "format": "odd", "assets": assets, "workers": workers,
-                               "platform": "linux-xfce"}  # fmt: skip
+    options: dict[str, Any] = {
+        "corruptions": "verification",
+        "format": "odd",
+        "assets": assets,
+        "workers": workers,
+        "platform": "linux-xfce",
+    }
     report = build(recording(), tmp_path / "out", **options)
     assert report.not_applicable == ({"verification": {reason: 2}} if reason else {})
     assert report.rows["verification"] == (0 if reason else 2)
 
 
 def test_a_build_that_was_stopped_notices_another_screen(recording: Any) -> None:
-    from pipelines.shards import records_hash
+    from pipelines.building.shards import records_hash
 
-    (item, *_) = get_reader("jsonl").read(recording())
+    item, *_ = get_reader("jsonl").read(recording())
     assert isinstance(item, Trajectory)
     known = {name: getattr(item, name) for name in ("id", "source", "instruction", "steps")}
-    hashes = [records_hash([RecordedTrajectory(**known, screen=s)], Path()) for s in (None, "phone", "web page")]  # type: ignore[arg-type]
+    hashes = [
+        records_hash([RecordedTrajectory(**known, screen=s)], Path())
+        for s in (None, "phone", "web page")
+    ]  # type: ignore[arg-type]
     assert len(set(hashes)) == 3

@@ -13,7 +13,9 @@ from support.formats import png, ui_tars, ui_tars_15, url, write_json, write_lin
 
 def read(path: Path, name: str = "ui_tars") -> tuple[list[Trajectory], list[Rejected]]:
     items = list(get_reader(name).read(path))
-    return [i for i in items if isinstance(i, Trajectory)], [i for i in items if isinstance(i, Rejected)]
+    return [i for i in items if isinstance(i, Trajectory)], [
+        i for i in items if isinstance(i, Rejected)
+    ]
 
 
 def lines(folder: Path) -> list[Any]:
@@ -30,10 +32,17 @@ def test_thousandths_and_pixels_of_the_resized_picture_are_the_same_point(tmp_pa
 
 
 def test_a_full_screen_by_hand(tmp_path: Path) -> None:
-    # smart_resize gives 1092x1932 for 1080x1920: x = 966 * 1920 / 1932 = 960, y = 546 * 1080 / 1092 = 540.
+    # smart_resize gives 1092x1932 for 1080x1920: x = 966 * 1920 / 1932 = 960, y = 546 * 1080 / 1092
+    # = 540.
     (tmp_path / "0.png").write_bytes(png(0, 1920, 1080))
     given = [
-        {"role": "user", "content": [{"type": "text", "text": "go"}, {"type": "image_url", "image_url": "0.png"}]},
+        {
+            "role": "user",
+            "content": [
+                {"type": "text", "text": "go"},
+                {"type": "image_url", "image_url": "0.png"},
+            ],
+        },
         {"role": "assistant", "content": "Action: click(start_box='(966,546)')"},
     ]
     write_json(tmp_path / "a.json", given)
@@ -41,7 +50,8 @@ def test_a_full_screen_by_hand(tmp_path: Path) -> None:
     assert not rejected
     assert trajectory.steps[0].action == Action("click", 960, 540)
     (trajectory,), _ = read(tmp_path)
-    assert trajectory.steps[0].action == Action("click", 1855, 590)  # the same numbers as thousandths
+    # the same numbers as thousandths
+    assert trajectory.steps[0].action == Action("click", 1855, 590)
 
 
 @pytest.mark.parametrize(
@@ -54,7 +64,11 @@ def test_a_full_screen_by_hand(tmp_path: Path) -> None:
         ("doubao-1-5-ui-tars-250428", "ui_tars"),
     ],
 )
-def test_the_model_says_which_version_it_is(model: str, expected: str, tmp_path: Path) -> None:
+def test_the_model_says_which_version_it_is(
+    model: str,
+    expected: str,
+    tmp_path: Path,
+) -> None:
     ui_tars(tmp_path, model)
     assert detect_format(tmp_path) == expected
 
@@ -108,14 +122,30 @@ def test_an_instruction_of_its_own_and_content_in_parts(tmp_path: Path) -> None:
     ("number", "message", "fields", "reason"),
     [
         (3, {"role": "assistant", "content": "no idea"}, ["content"], "no action"),
-        (3, {"role": "assistant", "content": "Action: click(start_box='(1960,5)')"}, ["content"], "1960"),
+        (
+            3,
+            {"role": "assistant", "content": "Action: click(start_box='(1960,5)')"},
+            ["content"],
+            "1960",
+        ),
         (3, {"role": "assistant", "content": "Action: jump()"}, ["content"], "jump"),
         (3, {"role": "assistant", "content": None}, ["content"], "no action"),
         (2, {"role": "user", "content": []}, ["screenshot"], "no screenshot"),
-        (2, {"role": "user", "content": [{"type": "image_url"}]}, ["image", "screenshot"], "data: URL"),
+        (
+            2,
+            {"role": "user", "content": [{"type": "image_url"}]},
+            ["image", "screenshot"],
+            "data: URL",
+        ),
     ],
 )
-def test_what_is_broken_is_counted(number: int, message: Any, fields: list[str], reason: str, tmp_path: Path) -> None:
+def test_what_is_broken_is_counted(
+    number: int,
+    message: Any,
+    fields: list[str],
+    reason: str,
+    tmp_path: Path,
+) -> None:
     ui_tars(tmp_path)
     given = lines(tmp_path)
     given[number] = message

@@ -17,10 +17,16 @@ RECORDS = "taskX--1/interact_messages.json"
 
 def read(path: Path) -> tuple[list[Trajectory], list[Rejected]]:
     items = list(get_reader("webvoyager").read(path))
-    return [i for i in items if isinstance(i, Trajectory)], [i for i in items if isinstance(i, Rejected)]
+    return [i for i in items if isinstance(i, Trajectory)], [
+        i for i in items if isinstance(i, Rejected)
+    ]
 
 
-def change(folder: Path, number: int, message: Any) -> None:
+def change(
+    folder: Path,
+    number: int,
+    message: Any,
+) -> None:
     messages = json.loads((folder / RECORDS).read_text())
     messages[number] = message
     write_json(folder / RECORDS, messages)
@@ -42,8 +48,16 @@ def change(folder: Path, number: int, message: Any) -> None:
         ("ANSWER; it is 5\nor 6", Action("done", text="it is 5\nor 6")),
     ],
 )
-def test_actions(text: str, expected: Action, tmp_path: Path) -> None:
-    change(webvoyager(tmp_path), 2, {"role": "assistant", "content": f"Thought: Action: x\nAction: {text}"})
+def test_actions(
+    text: str,
+    expected: Action,
+    tmp_path: Path,
+) -> None:
+    change(
+        webvoyager(tmp_path),
+        2,
+        {"role": "assistant", "content": f"Thought: Action: x\nAction: {text}"},
+    )
     (trajectory,), rejected = read(tmp_path)
     assert not rejected
     assert trajectory.steps[0].action == expected
@@ -70,7 +84,12 @@ def test_replies_go_with_the_screenshots_of_their_number(tmp_path: Path) -> None
         ("hello", "", "object"),
     ],
 )
-def test_a_bad_message_is_counted(message: Any, field: str, reason: str, tmp_path: Path) -> None:
+def test_a_bad_message_is_counted(
+    message: Any,
+    field: str,
+    reason: str,
+    tmp_path: Path,
+) -> None:
     change(webvoyager(tmp_path), 2, message)
     (trajectory,), (rejected,) = read(tmp_path)
     assert (rejected.file, rejected.where, rejected.field) == (RECORDS, "message 2", field)
@@ -86,8 +105,14 @@ def test_a_reply_without_a_screenshot(tmp_path: Path) -> None:
     assert (rejected.where, rejected.field) == ("message 2", "screenshot")
 
 
-@pytest.mark.parametrize(("messages", "field"), [([], ""), ([{"role": "user", "content": "a"}], ""), ({}, "")])
-def test_a_task_without_steps(messages: Any, field: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("messages", "field"), [([], ""), ([{"role": "user", "content": "a"}], ""), ({}, "")]
+)
+def test_a_task_without_steps(
+    messages: Any,
+    field: str,
+    tmp_path: Path,
+) -> None:
     write_json(webvoyager(tmp_path) / "b" / "interact_messages.json", messages)
     trajectories, (rejected,) = read(tmp_path)
     assert len(trajectories) == 1
@@ -99,12 +124,22 @@ def test_the_real_tasks(shared_data: Path) -> None:
     assert detect_format(folder) == "webvoyager"
     (recipes, amazon), rejected = read(folder)
     assert not rejected
-    assert [s.action.type for s in recipes] == ["other", "other", "scroll", "other", "scroll", "done"]
+    assert [s.action.type for s in recipes] == [
+        "other",
+        "other",
+        "scroll",
+        "other",
+        "scroll",
+        "done",
+    ]
     assert recipes.steps[1].action == Action("other", text="Baked Salmon\n")
     assert [s.action.amount for s in recipes if s.action.type == "scroll"] == [-5, -5]
     assert recipes.instruction.startswith("Find a recipe for Baked Salmon")
     assert recipes.instruction.endswith("user reviews.")
-    assert [s.action_code for s in amazon][:2] == ["Type [2]; green Xbox Wireless controller 4 stars", "Click [33]"]
+    assert [s.action_code for s in amazon][:2] == [
+        "Type [2]; green Xbox Wireless controller 4 stars",
+        "Click [33]",
+    ]
     assert [Path(s.image).name for s in amazon] == [f"screenshot{i}.png" for i in (1, 2, 3)]
     assert read(folder / "taskAmazon--0")[0][0].steps[1].action_code == "Click [33]"
 

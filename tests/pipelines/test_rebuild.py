@@ -13,9 +13,9 @@ pytest.importorskip("isal", reason="needs the extra [hf]")
 
 import hijack_data as hj
 from hijack_data.cli import hijack
-from online_env.env import CorruptedEnv
+from online_env.environment import CorruptedEnv
 from pipelines.errors import SourceError
-from pipelines.rebuild import is_run, rebuild
+from pipelines.proof.rebuild import is_run, rebuild
 
 from support.live import AT_ONCE, FakeDesktop, FakeStage
 
@@ -23,10 +23,18 @@ CASES = {
     "clean": None,
     "pop_ups": hj.PopUps(width=420, height=260),
     "resolution": hj.Resolution(scale=0.5),
-    "marks": hj.Marks(number=3, mark_size=8, avoid_elements=True),
+    "marks": hj.Marks(
+        number=3,
+        mark_size=8,
+        avoid_elements=True,
+    ),
     "subtitle": hj.Subtitle(subtitle_text="hello", font_size=12),
-    "sequence": hj.Sequence([hj.Marks(number=2), hj.Resolution(scale=0.75), hj.NetworkError(step=99)]),
-    "drawn": hj.OneOf([hj.Marks(number=2), hj.Subtitle(subtitle_text="ho", font_size=20)], p_clean=0.3),
+    "sequence": hj.Sequence(
+        [hj.Marks(number=2), hj.Resolution(scale=0.75), hj.NetworkError(step=99)]
+    ),
+    "drawn": hj.OneOf(
+        [hj.Marks(number=2), hj.Subtitle(subtitle_text="ho", font_size=20)], p_clean=0.3
+    ),
     "twice": hj.Sequence([hj.Marks(number=2), hj.Marks(number=5)]),
 }
 
@@ -43,7 +51,12 @@ def played(folder: Path, *labels: str) -> list[Path]:
     return made
 
 
-def edit(folder: Path, step: int, /, **changes) -> None:
+def edit(
+    folder: Path,
+    step: int,
+    /,
+    **changes,
+) -> None:
     """Change a line of a log."""
     path = folder / "steps.jsonl"
     rows = [json.loads(line) for line in path.read_text().splitlines()]
@@ -80,13 +93,19 @@ def test_one_episode_can_be_checked_alone(tmp_path):
         ({"apps": 5, "boxes": [[1, 2]]}, "shape"),
     ],
 )
-def test_whatever_differs_is_named_with_file_and_step(tmp_path, change, words):
+def test_whatever_differs_is_named_with_file_and_step(
+    tmp_path,
+    change,
+    words,
+):
     folder, _ = played(tmp_path, "marks", "pop_ups")
     edit(folder, 1, **change)
     report = rebuild(tmp_path)
     assert report.exit_code == 1
     assert words in "\n".join(report.problems)
-    assert all(problem.startswith(f"episodes/{folder.name}/steps.jsonl: ") for problem in report.problems)
+    assert all(
+        problem.startswith(f"episodes/{folder.name}/steps.jsonl: ") for problem in report.problems
+    )
 
 
 def test_a_changed_picture_is_found(tmp_path):
@@ -107,7 +126,11 @@ def test_a_changed_picture_is_found(tmp_path):
 def test_a_changed_record_is_found(tmp_path):
     (folder,) = played(tmp_path, "marks")
     record = json.loads((folder / "episode.json").read_text())
-    for change, words in (({"seed": 1}, "planned again"), ({"sample": "x"}, "planned again"), ({"seed": "x"}, "seed")):
+    for change, words in (
+        ({"seed": 1}, "planned again"),
+        ({"sample": "x"}, "planned again"),
+        ({"seed": "x"}, "seed"),
+    ):
         (folder / "episode.json").write_text(json.dumps({**record, **change}))
         assert words in "\n".join(rebuild(tmp_path).problems)
 
@@ -128,7 +151,10 @@ def test_what_is_no_run_is_refused(tmp_path):
 def test_hijack_verify_checks_runs_too(tmp_path):
     folder, _ = played(tmp_path, "marks", "clean")
     run = CliRunner().invoke(hijack, ["verify", str(tmp_path)])
-    assert (run.exit_code, "2 episodes, 8 observations, 4 of them disturbed" in run.output) == (0, True)
+    assert (run.exit_code, "2 episodes, 8 observations, 4 of them disturbed" in run.output) == (
+        0,
+        True,
+    )
     edit(folder, 0, seen_sha256="0" * 64)
     run = CliRunner().invoke(hijack, ["verify", str(tmp_path), "--json"])
     assert run.exit_code == 1

@@ -1,4 +1,5 @@
-"""A build that is killed at any point and resumed is, byte for byte, the build that was left alone."""
+"""A build that is killed at any point and resumed is, byte for byte, the build that was left
+alone."""
 
 import json
 import os
@@ -51,12 +52,22 @@ def contents(out: Path) -> dict[str, bytes]:
     return {str(p.relative_to(out)): p.read_bytes() for p in files}
 
 
-def start(source: Path, out: Path, workers: int, resume: str) -> "subprocess.Popen[str]":
+def start(
+    source: Path,
+    out: Path,
+    workers: int,
+    resume: str,
+) -> "subprocess.Popen[str]":
     script = source.parent / "script.py"
     script.write_text(SCRIPT)
     command = [sys.executable, str(script), str(source), str(out), str(workers), resume]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
+    return subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        text=True,
+        env=environment,
+    )
 
 
 def kill_after(process: "subprocess.Popen[str]", steps: int) -> list[int]:
@@ -65,7 +76,9 @@ def kill_after(process: "subprocess.Popen[str]", steps: int) -> list[int]:
     for line in process.stdout:
         if int(line) >= steps:
             break
-    children = [int(p) for p in Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()]
+    children = [
+        int(p) for p in Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+    ]
     process.send_signal(signal.SIGKILL)
     process.wait()
     process.stdout.close()
@@ -79,7 +92,11 @@ def is_running(pid: int) -> bool:
         return False
 
 
-def test_kill_and_resume_and_kill_and_resume(recording: Any, planners: Any, tmp_path: Path) -> None:
+def test_kill_and_resume_and_kill_and_resume(
+    recording: Any,
+    planners: Any,
+    tmp_path: Path,
+) -> None:
     source = recording(trajectories=6, steps=3)
     build(source, tmp_path / "whole", corruptions=planners, rows_per_shard=9)
     out = tmp_path / "out"
@@ -94,13 +111,23 @@ def test_kill_and_resume_and_kill_and_resume(recording: Any, planners: Any, tmp_
     kill_after(start(source, out, 1, "resume"), 11)
     assert len(list((out / "data").glob("train-*.parquet"))) == 3
     (out / "data" / ".train-00003.parquet.abc.tmp").write_text("half a file")
-    report = build(source, out, corruptions=planners, rows_per_shard=9, resume=True)
+    report = build(
+        source,
+        out,
+        corruptions=planners,
+        rows_per_shard=9,
+        resume=True,
+    )
     assert (report.kept, report.shards, report.total) == (3, 6, 54)
     assert contents(out) == contents(tmp_path / "whole")
     assert verify(out).ok
 
 
-def test_workers_end_with_a_build_that_is_killed(recording: Any, planners: Any, tmp_path: Path) -> None:
+def test_workers_end_with_a_build_that_is_killed(
+    recording: Any,
+    planners: Any,
+    tmp_path: Path,
+) -> None:
     source = recording(trajectories=8, steps=3)
     out = tmp_path / "out"
     children = kill_after(start(source, out, 2, "fresh"), 6)
@@ -109,7 +136,13 @@ def test_workers_end_with_a_build_that_is_killed(recording: Any, planners: Any, 
     while any(map(is_running, children)) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not [pid for pid in children if is_running(pid)]
-    report = build(source, out, corruptions=planners, rows_per_shard=9, resume=True)
+    report = build(
+        source,
+        out,
+        corruptions=planners,
+        rows_per_shard=9,
+        resume=True,
+    )
     build(source, tmp_path / "whole", corruptions=planners, rows_per_shard=9)
     assert report.kept >= 1
     assert contents(out) == contents(tmp_path / "whole")
@@ -125,8 +158,19 @@ class Case:
     kill: Killer
 
     def build(self, out: Path, **more: Any) -> None:
-        planners = {label: hj.get(name, **given) for label, (name, given) in self.options["corruptions"].items()}
-        build(self.source, out, **{**self.options, "corruptions": planners, **more})
+        planners = {
+            label: hj.get(name, **given)
+            for label, (name, given) in self.options["corruptions"].items()
+        }
+        build(
+            self.source,
+            out,
+            **{
+                **self.options,
+                "corruptions": planners,
+                **more,
+            },
+        )
 
 
 @pytest.fixture(scope="module")
@@ -136,7 +180,12 @@ def killing() -> Iterator[Killer]:
 
 
 @pytest.fixture
-def six(recording: Any, add_line: Any, tmp_path: Path, killing: Killer) -> Case:
+def six(
+    recording: Any,
+    add_line: Any,
+    tmp_path: Path,
+    killing: Killer,
+) -> Case:
     """Six shards, and inputs that are rejected."""
     source = recording(trajectories=6, steps=2)
     image = source / "images" / "t2-1.png"
@@ -152,7 +201,8 @@ def six(recording: Any, add_line: Any, tmp_path: Path, killing: Killer) -> Case:
 
 
 def test_killed_before_and_after_every_file_is_put_in_place(six: Case, tmp_path: Path) -> None:
-    """Every shard, every note that a shard is done, and what comes at the end; the resumed build is killed, too."""
+    """Every shard, every note that a shard is done, and what comes at the end; the resumed build is
+    killed, too."""
     resumed = {**six.options, "resume": True}
     names = six.kill.renames(six.source, tmp_path / "counted", six.options)
     shards = [name for name in names if name.startswith("train-")]
@@ -164,8 +214,12 @@ def test_killed_before_and_after_every_file_is_put_in_place(six: Case, tmp_path:
             case = f"killed {'before' if before else 'after'} {name}"
             assert six.kill.at_rename(six.source, out, six.options, number, before), case
             done = list((out / "data").glob("train-*.parquet"))
-            assert len(done) == len([n for n in names[: number + (not before)] if n in shards]), case
-            assert (out / "manifest.json").exists() == (name == "manifest.json" and not before), case
+            assert len(done) == len([n for n in names[: number + (not before)] if n in shards]), (
+                case
+            )
+            assert (out / "manifest.json").exists() == (name == "manifest.json" and not before), (
+                case
+            )
             again = draw.randrange(len(names))
             six.kill.at_rename(six.source, out, resumed, again, bool(draw.randrange(2)))
             six.build(out, resume=True, workers=2 if before and name in shards[::2] else 1)
@@ -173,9 +227,12 @@ def test_killed_before_and_after_every_file_is_put_in_place(six: Case, tmp_path:
 
 
 def test_killed_after_every_shard_of_two_workers(six: Case, tmp_path: Path) -> None:
-    for number in range(1, 7):  # the first file is that of the parameters; workers put shards in place themselves
+    # the first file is that of the parameters; workers put shards in place themselves
+    for number in range(1, 7):
         out = tmp_path / str(number)
-        assert six.kill.at_rename(six.source, out, {**six.options, "workers": 2}, number, number % 2 == 0)
+        assert six.kill.at_rename(
+            six.source, out, {**six.options, "workers": 2}, number, number % 2 == 0
+        )
         six.build(out, resume=True, workers=3 if number == 3 else 1)
         assert contents(out) == six.whole
 
@@ -185,7 +242,9 @@ def test_killed_while_a_finished_dataset_is_resumed(six: Case, tmp_path: Path) -
     six.build(out)
     for number in range(12):
         (out / "data" / f"train-0000{number % 6}.parquet").unlink(missing_ok=True)
-        six.kill.at_rename(six.source, out, {**six.options, "resume": True}, number, number % 2 == 0)
+        six.kill.at_rename(
+            six.source, out, {**six.options, "resume": True}, number, number % 2 == 0
+        )
     six.build(out, resume=True)
     assert contents(out) == six.whole
 
@@ -195,15 +254,26 @@ def test_killed_at_random_instants(six: Case, tmp_path: Path) -> None:
     for number in range(12):
         out = tmp_path / str(number)
         options = {**six.options, "workers": 2 if number % 6 == 5 else 1}
-        killed += six.kill.at_step(six.source, out, options, draw.randrange(10), draw.random() * 0.01)
-        six.kill.at_step(six.source, out, {**six.options, "resume": True}, draw.randrange(10), draw.random() * 0.01)
+        killed += six.kill.at_step(
+            six.source, out, options, draw.randrange(10), draw.random() * 0.01
+        )
+        six.kill.at_step(
+            six.source,
+            out,
+            {**six.options, "resume": True},
+            draw.randrange(10),
+            draw.random() * 0.01,
+        )
         six.build(out, resume=True)
         assert contents(out) == six.whole, number
     assert killed >= 6
 
 
 def test_resuming_what_is_finished_changes_nothing(
-    recording: Any, planners: Any, add_line: Any, tmp_path: Path
+    recording: Any,
+    planners: Any,
+    add_line: Any,
+    tmp_path: Path,
 ) -> None:
     source, out = recording(trajectories=3), tmp_path / "out"
     add_line(source, b"rubbish")
@@ -211,7 +281,13 @@ def test_resuming_what_is_finished_changes_nothing(
     image.write_bytes(image.read_bytes()[:-1000])
     build(source, out, corruptions=planners, rows_per_shard=9)
     before = contents(out)
-    report = build(source, out, corruptions=planners, rows_per_shard=9, resume=True)
+    report = build(
+        source,
+        out,
+        corruptions=planners,
+        rows_per_shard=9,
+        resume=True,
+    )
     assert (report.kept, report.total, report.rejected) == (3, 24, 2)
     assert contents(out) == before
     assert before["quarantine.jsonl"].count(b"\n") == 2
@@ -219,7 +295,11 @@ def test_resuming_what_is_finished_changes_nothing(
         build(source, out, corruptions=planners, rows_per_shard=9)
 
 
-def test_resume_repairs_what_was_damaged(recording: Any, planners: Any, tmp_path: Path) -> None:
+def test_resume_repairs_what_was_damaged(
+    recording: Any,
+    planners: Any,
+    tmp_path: Path,
+) -> None:
     source, out = recording(trajectories=4), tmp_path / "out"
     build(source, out, corruptions=planners, rows_per_shard=9)
     before = contents(out)
@@ -228,18 +308,34 @@ def test_resume_repairs_what_was_damaged(recording: Any, planners: Any, tmp_path
     damaged[100] ^= 1
     (out / "data" / "train-00002.parquet").write_bytes(damaged)
     (out / "data" / "train-00009.parquet").write_bytes(b"stray")
-    report = build(source, out, corruptions=planners, rows_per_shard=9, resume=True)
+    report = build(
+        source,
+        out,
+        corruptions=planners,
+        rows_per_shard=9,
+        resume=True,
+    )
     assert (report.kept, report.shards) == (2, 4)
     assert contents(out) == before
 
 
 def test_a_source_that_changed_is_built_anew_where_it_did(
-    recording: Any, planners: Any, add_line: Any, good_line: Any, tmp_path: Path
+    recording: Any,
+    planners: Any,
+    add_line: Any,
+    good_line: Any,
+    tmp_path: Path,
 ) -> None:
     source, out = recording(trajectories=3), tmp_path / "out"
     build(source, out, corruptions=planners, rows_per_shard=9)
     add_line(source, good_line("t1", 7, image="images/t0-0.png"))
-    report = build(source, out, corruptions=planners, rows_per_shard=9, resume=True)
+    report = build(
+        source,
+        out,
+        corruptions=planners,
+        rows_per_shard=9,
+        resume=True,
+    )
     assert (report.kept, report.total) == (2, 30)
     build(source, tmp_path / "whole", corruptions=planners, rows_per_shard=9)
     assert contents(out) == contents(tmp_path / "whole")
@@ -249,32 +345,57 @@ def test_a_source_that_changed_is_built_anew_where_it_did(
     ("changes", "key"),
     [
         ({"seed": 1}, "seed was 0, is 1"),
-        ({"corruptions": {"marks": hj.Marks(number=5, mark_size=8), "half": hj.Resolution()}}, "corruptions"),
+        (
+            {"corruptions": {"marks": hj.Marks(number=5, mark_size=8), "half": hj.Resolution()}},
+            "corruptions",
+        ),
         ({"rows_per_shard": 10}, "rows_per_shard"),
         ({"clean": False}, "clean"),
         ({"label_policy": "drop"}, "label_policy"),
     ],
 )
-def test_other_parameters_cannot_resume(changes: Any, key: str, recording: Any, planners: Any, tmp_path: Path) -> None:
+def test_other_parameters_cannot_resume(
+    changes: Any,
+    key: str,
+    recording: Any,
+    planners: Any,
+    tmp_path: Path,
+) -> None:
     source, out = recording(trajectories=1, steps=1), tmp_path / "out"
     build(source, out, corruptions=planners, rows_per_shard=9)
     before = contents(out)
     with pytest.raises(BuildError, match=key):
-        build(source, out, **{"corruptions": planners, "rows_per_shard": 9, **changes}, resume=True)
+        build(
+            source,
+            out,
+            **{
+                "corruptions": planners,
+                "rows_per_shard": 9,
+                **changes,
+            },
+            resume=True,
+        )
     assert contents(out) == before
 
 
 def test_other_libraries_cannot_resume(
-    recording: Any, planners: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    recording: Any,
+    planners: Any,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     source, out = recording(trajectories=1, steps=1), tmp_path / "out"
     build(source, out, corruptions=planners)
-    monkeypatch.setattr("pipelines.manifest.version", lambda name: "0.0.1")
+    monkeypatch.setattr("pipelines.dataset.manifest.version", lambda name: "0.0.1")
     with pytest.raises(BuildError, match=r"libraries.*0\.0\.1"):
         build(source, out, corruptions=planners, resume=True)
 
 
-def test_folders_that_are_not_ours_are_left_alone(recording: Any, planners: Any, tmp_path: Path) -> None:
+def test_folders_that_are_not_ours_are_left_alone(
+    recording: Any,
+    planners: Any,
+    tmp_path: Path,
+) -> None:
     source, out = recording(trajectories=1, steps=1), tmp_path / "out"
     out.mkdir()
     (out / "thesis.tex").write_text("x")
@@ -284,12 +405,20 @@ def test_folders_that_are_not_ours_are_left_alone(recording: Any, planners: Any,
     assert os.listdir(out) == ["thesis.tex"]
 
 
-def test_resume_of_nothing_is_a_fresh_build(recording: Any, planners: Any, tmp_path: Path) -> None:
+def test_resume_of_nothing_is_a_fresh_build(
+    recording: Any,
+    planners: Any,
+    tmp_path: Path,
+) -> None:
     report = build(recording(), tmp_path / "out", corruptions=planners, resume=True)
     assert (report.kept, report.total) == (0, 18)
 
 
-def test_a_damaged_state_is_named(recording: Any, planners: Any, tmp_path: Path) -> None:
+def test_a_damaged_state_is_named(
+    recording: Any,
+    planners: Any,
+    tmp_path: Path,
+) -> None:
     source, out = recording(trajectories=1, steps=1), tmp_path / "out"
     (out / ".build").mkdir(parents=True)
     (out / ".build" / "00000.json").write_text(json.dumps({"index": 0}))
@@ -298,7 +427,11 @@ def test_a_damaged_state_is_named(recording: Any, planners: Any, tmp_path: Path)
         build(source, out, corruptions=planners, resume=True)
 
 
-def test_two_builds_of_one_folder(recording: Any, planners: Any, tmp_path: Path) -> None:
+def test_two_builds_of_one_folder(
+    recording: Any,
+    planners: Any,
+    tmp_path: Path,
+) -> None:
     source, out = recording(), tmp_path / "out"
     seen: list[str] = []
 
@@ -330,9 +463,18 @@ def bitmaps(recording: Any) -> Path:
 
 
 @pytest.mark.parametrize("output", ["materialised", "lazy"])
-def test_a_picture_that_changed_and_kept_its_size(output: str, bitmaps: Path, planners: Any, tmp_path: Path) -> None:
+def test_a_picture_that_changed_and_kept_its_size(
+    output: str,
+    bitmaps: Path,
+    planners: Any,
+    tmp_path: Path,
+) -> None:
     out = tmp_path / "out"
-    options: dict[str, Any] = {"corruptions": planners, "rows_per_shard": 6, "output": output}
+    options: dict[str, Any] = {
+        "corruptions": planners,
+        "rows_per_shard": 6,
+        "output": output,
+    }
     build(bitmaps, out, **options)
     assert build(bitmaps, out, **options, resume=True).kept == 4
     turned_round(bitmaps / "images" / "t2-1.png")
@@ -342,13 +484,23 @@ def test_a_picture_that_changed_and_kept_its_size(output: str, bitmaps: Path, pl
     assert verify(out, source=bitmaps).ok
 
 
-def test_a_killed_build_mixes_nothing_with_pictures_that_changed(bitmaps: Path, planners: Any, tmp_path: Path) -> None:
+def test_a_killed_build_mixes_nothing_with_pictures_that_changed(
+    bitmaps: Path,
+    planners: Any,
+    tmp_path: Path,
+) -> None:
     out = tmp_path / "out"
     kill_after(start(bitmaps, out, 1, "fresh"), 5)
     done = len(list((out / "data").glob("train-*.parquet")))
     assert 1 <= done < 4
     turned_round(bitmaps / "images" / "t0-1.png")
-    report = build(bitmaps, out, corruptions=planners, rows_per_shard=9, resume=True)
+    report = build(
+        bitmaps,
+        out,
+        corruptions=planners,
+        rows_per_shard=9,
+        resume=True,
+    )
     assert report.kept == done - 1
     build(bitmaps, tmp_path / "fresh", corruptions=planners, rows_per_shard=9)
     assert contents(out) == contents(tmp_path / "fresh")

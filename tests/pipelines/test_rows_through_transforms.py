@@ -31,29 +31,73 @@ PLANNERS: dict[str, Any] = {
 
 
 @pytest.fixture(params=["materialised", "lazy"])
-def dataset(request: Any, recording: Any, add_line: Any, good_line: Any, tmp_path: Path) -> Path:
+def dataset(
+    request: Any,
+    recording: Any,
+    add_line: Any,
+    good_line: Any,
+    tmp_path: Path,
+) -> Path:
     source = recording(trajectories=2, steps=2)
-    drag = {"type": "drag", "x": 21, "y": 41, "x2": 299, "y2": 181, "keys": ["shift"], "amount": 2}
+    drag = {
+        "type": "drag",
+        "x": 21,
+        "y": 41,
+        "x2": 299,
+        "y2": 181,
+        "keys": ["shift"],
+        "amount": 2,
+    }
     code = "pyautogui.moveTo(21, 41)\npyautogui.dragTo(x=299, y=181)"
     box = [11, 31, 31, 51]
     for name, change in {
-        "drag": {"action": drag, "action_code": code, "target_box": box},
-        "wait": {"action": {"type": "wait"}, "action_code": "", "target_box": None},
-        "point": {"action": {"type": "click", "x": 33, "y": 77}, "target_box": None},
+        "drag": {
+            "action": drag,
+            "action_code": code,
+            "target_box": box,
+        },
+        "wait": {
+            "action": {"type": "wait"},
+            "action_code": "",
+            "target_box": None,
+        },
+        "point": {
+            "action": {
+                "type": "click",
+                "x": 33,
+                "y": 77,
+            },
+            "target_box": None,
+        },
     }.items():
         add_line(source, good_line(name, 0, image="images/t0-0.png", **change))
-    build(source, tmp_path / "out", corruptions=PLANNERS, output=request.param, seed=SEED)
+    build(
+        source,
+        tmp_path / "out",
+        corruptions=PLANNERS,
+        output=request.param,
+        seed=SEED,
+    )
     return tmp_path / "out"
 
 
 def same(made: Any, built: dict[str, Any]) -> None:
     """Compare every column of a row that a transform made with the one that the build made."""
-    if built["corruption"] == "both":  # a name that the configuration chose; a transform has the names of the parts
+    # a name that the configuration chose; a transform has the names of the parts
+    if built["corruption"] == "both":
         name = "resolution+marks"
-        built = {**built, "corruption": name, "id": built["id"].replace("both", name)}
+        built = {
+            **built,
+            "corruption": name,
+            "id": built["id"].replace("both", name),
+        }
     for key, value in built.items():
         if key == "screenshot":
-            picture = made[key].permute(1, 2, 0).numpy() if hasattr(made[key], "permute") else np.asarray(made[key])
+            picture = (
+                made[key].permute(1, 2, 0).numpy()
+                if hasattr(made[key], "permute")
+                else np.asarray(made[key])
+            )
             assert np.array_equal(picture, np.asarray(value))
         else:
             assert made[key] == value, key
@@ -62,8 +106,16 @@ def same(made: Any, built: dict[str, Any]) -> None:
 def pairs(dataset: Path) -> list[tuple[int, dict[str, Any]]]:
     """The number of each clean row, with each corrupted row of its step."""
     rows = list(open_dataset(dataset))
-    numbers = {(row["trajectory_id"], row["step"]): i for i, row in enumerate(rows) if row["corruption"] == "clean"}
-    return [(numbers[row["trajectory_id"], row["step"]], row) for row in rows if row["corruption"] != "clean"]
+    numbers = {
+        (row["trajectory_id"], row["step"]): i
+        for i, row in enumerate(rows)
+        if row["corruption"] == "clean"
+    }
+    return [
+        (numbers[row["trajectory_id"], row["step"]], row)
+        for row in rows
+        if row["corruption"] != "clean"
+    ]
 
 
 def test_torch_rows_equal_the_rows_of_a_build(dataset: Path) -> None:
@@ -98,7 +150,11 @@ def test_grain_rows_do_so_too(dataset: Path) -> None:
             same(hg.Corrupt(hj.Resolution(scale=0.5), seed=SEED).map(source[number]), built)
 
 
-def test_rows_of_datasets_do_so_too(dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rows_of_datasets_do_so_too(
+    dataset: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     datasets = pytest.importorskip("datasets")
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
     loaded = datasets.load_dataset(str(dataset), split="train", cache_dir=str(tmp_path / "cache"))
@@ -116,7 +172,9 @@ def test_rows_of_datasets_do_so_too(dataset: Path, tmp_path: Path, monkeypatch: 
 
 def test_a_row_that_is_corrupted_already_says_both(dataset: Path) -> None:
     data = TorchDataset(dataset)
-    clean = {row["trajectory_id"]: row for row in open_dataset(dataset) if row["corruption"] == "clean"}
+    clean = {
+        row["trajectory_id"]: row for row in open_dataset(dataset) if row["corruption"] == "clean"
+    }
     for row in (data[i] for i in range(len(data))):
         if row["corruption"] != "marks" or row["target_box"] is None:
             continue
@@ -128,7 +186,13 @@ def test_a_row_that_is_corrupted_already_says_both(dataset: Path) -> None:
         assert (out["seed"], out["severity"]) == (9, None)
         end = row["action"]["x2"], row["action"]["y2"]
         box = clean[row["trajectory_id"]]["target_box"]
-        seen = hj.judge(whole, data[0]["screenshot"], out["screenshot"], target=box, end=None if None in end else end)
+        seen = hj.judge(
+            whole,
+            data[0]["screenshot"],
+            out["screenshot"],
+            target=box,
+            end=None if None in end else end,
+        )
         assert out["target_visible"] == seen.target_visible
         assert out["changed_pixels"] == out["screenshot"][0].numel()
         more = tr.Marks(seed=9, number=3)(row)
@@ -147,7 +211,10 @@ def test_a_clean_plan_changes_nothing(dataset: Path) -> None:
 def test_a_row_without_some_columns_keeps_the_others_true(dataset: Path) -> None:
     number, built = next((n, row) for n, row in pairs(dataset) if row["corruption"] == "resolution")
     row = TorchDataset(dataset)[number]
-    few = {key: row[key] for key in ("id", "screenshot", "action", "target_box", "action_code", "width")}
+    few = {
+        key: row[key]
+        for key in ("id", "screenshot", "action", "target_box", "action_code", "width")
+    }
     out = tr.Resolution(scale=0.5, seed=SEED)(few)
     assert {key: out[key] for key in few if key != "screenshot"} == {
         key: built[key] if key != "id" else row["id"] for key in few if key != "screenshot"
@@ -160,8 +227,17 @@ def test_a_row_without_some_columns_keeps_the_others_true(dataset: Path) -> None
 
 def test_avoid_protects_the_target_of_a_row(dataset: Path) -> None:
     data = TorchDataset(dataset)
-    avoid = tr.Marks(seed=1, number=60, label_policy="avoid", return_plan=True)
-    keep = tr.Marks(seed=1, number=60, return_plan=True)
+    avoid = tr.Marks(
+        seed=1,
+        number=60,
+        label_policy="avoid",
+        return_plan=True,
+    )
+    keep = tr.Marks(
+        seed=1,
+        number=60,
+        return_plan=True,
+    )
     hidden = 0
     for i in range(len(data)):
         row = data[i]
@@ -203,7 +279,11 @@ CLICK, DRAG = Action("click", 961, 541), Action("drag", 100, 200, 300, 400)
         ),
     ],
 )
-def test_the_dialect_of_a_row_is_told_by_what_it_says(code: str, dialect: str, action: Action) -> None:
+def test_the_dialect_of_a_row_is_told_by_what_it_says(
+    code: str,
+    dialect: str,
+    action: Action,
+) -> None:
     found = dialect_of(code, action, SIZE)
     assert found == dialect or (found, dialect) == (SIZELESS, "ui_tars")
     step = RecordedStep(0, "", action, code, dialect=dialect)
@@ -211,6 +291,10 @@ def test_the_dialect_of_a_row_is_told_by_what_it_says(code: str, dialect: str, a
 
 
 def test_a_dialect_that_cannot_be_told_is_an_error() -> None:
-    for code in ("click(961, 541)", "Action: click(start_box='(1,2)')", '{"do": "click", "at": [961, 541]}'):
+    for code in (
+        "click(961, 541)",
+        "Action: click(start_box='(1,2)')",
+        '{"do": "click", "at": [961, 541]}',
+    ):
         with pytest.raises(LabelError, match="nothing says in which dialect; declare it"):
             moved_code(code, CLICK, Move(SIZE, SMALL))

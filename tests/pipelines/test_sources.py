@@ -1,4 +1,5 @@
-"""Sources as people have them: mixed folders, several at once, caches of the Hub, and what must not be opened."""
+"""Sources as people have them: mixed folders, several at once, caches of the Hub, and what must not
+be opened."""
 
 import hashlib
 import json
@@ -22,12 +23,17 @@ HALF = {"half": hj.Resolution(scale=0.5)}
 
 
 def shards(out: Path) -> dict[str, str]:
-    return {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in sorted((out / "data").iterdir())}
+    return {
+        file.name: hashlib.sha256(file.read_bytes()).hexdigest()
+        for file in sorted((out / "data").iterdir())
+    }
 
 
 def read(*paths: Path) -> tuple[list[Trajectory], list[Rejected]]:
     items = [read.item for read in Sources.of(list(paths)).read()]
-    return [i for i in items if isinstance(i, Trajectory)], [i for i in items if isinstance(i, Rejected)]
+    return [i for i in items if isinstance(i, Trajectory)], [
+        i for i in items if isinstance(i, Rejected)
+    ]
 
 
 @pytest.fixture
@@ -56,13 +62,25 @@ def test_a_mixed_folder_gives_the_same_bytes_wherever_it_lies_and_however_it_is_
     mixed: Path, tmp_path: Path
 ) -> None:
     build(mixed, tmp_path / "one", corruptions=HALF, rows_per_shard=6)
-    build(mixed, tmp_path / "two", corruptions=HALF, rows_per_shard=6, workers=2)
+    build(
+        mixed,
+        tmp_path / "two",
+        corruptions=HALF,
+        rows_per_shard=6,
+        workers=2,
+    )
     moved = tmp_path / "elsewhere" / "other"
     moved.parent.mkdir()
     mixed.rename(moved)
     build(moved, tmp_path / "three", corruptions=HALF, rows_per_shard=6)
     (tmp_path / "three" / "data" / "train-00001.parquet").unlink()
-    report = build(moved, tmp_path / "three", corruptions=HALF, rows_per_shard=6, resume=True)
+    report = build(
+        moved,
+        tmp_path / "three",
+        corruptions=HALF,
+        rows_per_shard=6,
+        resume=True,
+    )
     assert report.kept == report.shards - 1
     assert shards(tmp_path / "one") == shards(tmp_path / "two") == shards(tmp_path / "three")
 
@@ -101,7 +119,9 @@ def test_a_broken_file_among_its_kind_is_rejected_with_a_reason(tmp_path: Path) 
 
 def test_a_file_of_two_formats_is_an_error_that_names_them(tmp_path: Path) -> None:
     (tmp_path / "trajectories.jsonl").write_text('{"task_id": "a", "traj": []}')
-    with pytest.raises(SourceError, match=r"agentnet or jsonl; say which: --format agentnet \(in Python: format="):
+    with pytest.raises(
+        SourceError, match=r"agentnet or jsonl; say which: --format agentnet \(in Python: format="
+    ):
         survey(tmp_path)
 
 
@@ -112,7 +132,12 @@ def test_an_unknown_format_is_refused_with_the_way_out(tmp_path: Path) -> None:
     (tmp_path / "b.png").write_bytes(b"x")
     with pytest.raises(SourceError) as caught:
         survey(tmp_path)
-    for part in ("a.json is of none", "sub/episode.pkl.gz: a pickle", "docs/input_format.md", "--format images"):
+    for part in (
+        "a.json is of none",
+        "sub/episode.pkl.gz: a pickle",
+        "docs/input_format.md",
+        "--format images",
+    ):
         assert part in str(caught.value)
 
 
@@ -132,7 +157,11 @@ def test_several_sources(recording: Any, tmp_path: Path) -> None:
         build([one, two], two / "out")
 
 
-def test_what_is_rejected_is_named_with_its_source(recording: Any, add_line: Any, tmp_path: Path) -> None:
+def test_what_is_rejected_is_named_with_its_source(
+    recording: Any,
+    add_line: Any,
+    tmp_path: Path,
+) -> None:
     one, two = recording("a/same"), recording("b/same")
     add_line(two, b"rubbish")
     trajectories, (rejected,) = read(one, two)
@@ -152,9 +181,17 @@ def test_two_files_of_the_plain_format_below_each_other(recording: Any, tmp_path
 
 @pytest.fixture
 def closed(recording: Any, tmp_path: Path) -> Path:
-    """A recording beside what must not be opened: reading any of it never ends, or leads outside."""
+    """A recording beside what must not be opened: reading any of it never ends, or leads
+    outside."""
     folder = recording()
-    for name in ("a.jsonl", "traj.jsonl", "steps.jsonl", "a.json", "a.parquet", "interact_messages.json"):
+    for name in (
+        "a.jsonl",
+        "traj.jsonl",
+        "steps.jsonl",
+        "a.json",
+        "a.parquet",
+        "interact_messages.json",
+    ):
         (folder / name).parent.mkdir(exist_ok=True)
         os.mkfifo(folder / name)
     (folder / "zero.jsonl").symlink_to("/dev/zero")
@@ -193,7 +230,9 @@ def snapshot(recording: Any, tmp_path: Path) -> Path:
     return folder
 
 
-def test_links_of_a_snapshot_are_followed_into_its_own_blobs(snapshot: Path, tmp_path: Path) -> None:
+def test_links_of_a_snapshot_are_followed_into_its_own_blobs(
+    snapshot: Path, tmp_path: Path
+) -> None:
     for source in (snapshot, snapshot.parents[1], snapshot / "trajectories.jsonl"):
         trajectories, rejected = read(source)
         assert (len(trajectories), rejected) == (2, [])
@@ -219,7 +258,12 @@ def test_blobs_beside_a_folder_that_is_no_cache_are_not_followed(snapshot: Path)
         survey(plain / "snapshots" / "abc123")
 
 
-def test_names_that_are_not_utf8(recording: Any, add_line: Any, good_line: Any, tmp_path: Path) -> None:
+def test_names_that_are_not_utf8(
+    recording: Any,
+    add_line: Any,
+    good_line: Any,
+    tmp_path: Path,
+) -> None:
     folder = recording()
     odd = os.fsencode(folder) + b"/\xff\xfe"
     try:
@@ -231,7 +275,10 @@ def test_names_that_are_not_utf8(recording: Any, add_line: Any, good_line: Any, 
     report = build(folder, tmp_path / "out", corruptions={})
     assert (report.total, report.rejected) == (6, 2)
     assert all("not UTF-8" in example for example in report.examples)
-    assert json.loads((tmp_path / "out" / "quarantine.jsonl").read_text().splitlines()[0])["file"] == "\\xff\\xfe"
+    assert (
+        json.loads((tmp_path / "out" / "quarantine.jsonl").read_text().splitlines()[0])["file"]
+        == "\\xff\\xfe"
+    )
     named = Path(os.fsdecode(os.fsencode(tmp_path) + b"/\xfe"))
     with pytest.raises(BuildError, match="not UTF-8"):
         build(folder, named)
@@ -242,26 +289,43 @@ def test_names_that_are_not_utf8(recording: Any, add_line: Any, good_line: Any, 
 
 @pytest.mark.parametrize(
     ("given", "expected"),
-    [("data/a", "data/a"), ("/home/me/data", "data"), ("../data", "data"), ("a/../b", "b"), ("a/", "a")],
+    [
+        ("data/a", "data/a"),
+        ("/home/me/data", "data"),
+        ("../data", "data"),
+        ("a/../b", "b"),
+        ("a/", "a"),
+    ],
 )
 def test_a_dataset_names_its_source_without_the_machine(given: str, expected: str) -> None:
     assert published(given) == expected
 
 
-def test_no_absolute_path_is_published(recording: Any, add_line: Any, tmp_path: Path) -> None:
+def test_no_absolute_path_is_published(
+    recording: Any,
+    add_line: Any,
+    tmp_path: Path,
+) -> None:
     folder = recording("secret_place")
     add_line(folder, b"rubbish")
     build(folder, tmp_path / "out", corruptions=HALF)
     for name in ("manifest.json", "quarantine.jsonl", "config.yaml"):
         assert str(tmp_path) not in (tmp_path / "out" / name).read_text()
     assert f"hijack build {folder}" not in (tmp_path / "out" / "README.md").read_text()
-    assert json.loads((tmp_path / "out" / "manifest.json").read_text())["source"]["paths"] == ["secret_place"]
+    assert json.loads((tmp_path / "out" / "manifest.json").read_text())["source"]["paths"] == [
+        "secret_place"
+    ]
 
 
 def test_the_real_folders_are_read_whole(shared_data: Path) -> None:
     trajectories, rejected = read(shared_data / "trajectories")
     assert rejected == []
     steps = {
-        name: sum(len(t.steps) for t in trajectories if t.source == name) for name in {t.source for t in trajectories}
+        name: sum(len(t.steps) for t in trajectories if t.source == name)
+        for name in {t.source for t in trajectories}
     }
-    assert steps == {"agentnet": 46, "screenagent": 119, "webvoyager": 9}
+    assert steps == {
+        "agentnet": 46,
+        "screenagent": 119,
+        "webvoyager": 9,
+    }

@@ -10,28 +10,66 @@ from click.testing import CliRunner
 import hijack_data as hj
 from hijack_data.cli import hijack
 from pipelines import build, open_dataset
+from pipelines.dataset.stats import BINS, LabelStats, stats
+from pipelines.dataset.stats_page import page
 from pipelines.errors import DatasetError
-from pipelines.stats import BINS, LabelStats, stats
-from pipelines.stats_page import page
 
 PLANNERS: dict[str, Any] = {
-    "cover": hj.PopUps(width=320, height=200, avoid_elements=False),
+    "cover": hj.PopUps(
+        width=320,
+        height=200,
+        avoid_elements=False,
+    ),
     "half": hj.Resolution(),
     "mild": hj.Marks.at(1, mark_size=5),
-    "note": hj.Subtitle(subtitle_text="x", font_size=12, padding=2),
+    "note": hj.Subtitle(
+        subtitle_text="x",
+        font_size=12,
+        padding=2,
+    ),
     "wide": hj.Subtitle(subtitle_text="W" * 300),
 }
 
 
 @pytest.fixture(params=["materialised", "lazy"])
-def dataset(request: Any, recording: Any, add_line: Any, good_line: Any, tmp_path: Path) -> Path:
+def dataset(
+    request: Any,
+    recording: Any,
+    add_line: Any,
+    good_line: Any,
+    tmp_path: Path,
+) -> Path:
     source = recording(trajectories=3, steps=2)
-    for number, (x, y) in enumerate([(310, 190), (160, 110), (20, 20)]):  # hidden, partly hidden, visible
-        point = {"action": {"type": "click", "x": x, "y": y}, "target_box": [x - 20, y - 10, x + 10, y + 10]}
+    # hidden, partly hidden, visible
+    for number, (x, y) in enumerate([(310, 190), (160, 110), (20, 20)]):
+        point = {
+            "action": {
+                "type": "click",
+                "x": x,
+                "y": y,
+            },
+            "target_box": [x - 20, y - 10, x + 10, y + 10],
+        }
         add_line(source, good_line(f"<b>{number}", 0, image="images/t0-0.png", **point))
-    add_line(source, good_line("w", 0, image="images/t0-0.png", action={"type": "wait"}, target_box=None))
+    add_line(
+        source,
+        good_line(
+            "w",
+            0,
+            image="images/t0-0.png",
+            action={"type": "wait"},
+            target_box=None,
+        ),
+    )
     add_line(source, b"rubbish")
-    build(source, tmp_path / "out", corruptions=PLANNERS, output=request.param, rows_per_shard=17, seed=124)
+    build(
+        source,
+        tmp_path / "out",
+        corruptions=PLANNERS,
+        output=request.param,
+        rows_per_shard=17,
+        seed=124,
+    )
     return tmp_path / "out"
 
 
@@ -40,7 +78,11 @@ def test_figures_are_those_of_the_rows(dataset: Path) -> None:
     rows = list(open_dataset(dataset))
     assert list(found.labels) == ["clean", *PLANNERS]
     assert found.rows == len(rows) == sum(data.rows for data in found.labels.values())
-    assert (found.trajectories, found.steps, found.shards) == (7, 10, len(list((dataset / "data").iterdir())))
+    assert (found.trajectories, found.steps, found.shards) == (
+        7,
+        10,
+        len(list((dataset / "data").iterdir())),
+    )
     assert found.bytes == sum(file.stat().st_size for file in (dataset / "data").iterdir())
     for label, data in found.labels.items():
         mine = [row for row in rows if row["corruption"] == label]
@@ -55,7 +97,9 @@ def test_figures_are_those_of_the_rows(dataset: Path) -> None:
         if mine:
             assert figures["fidelity"] == {"exact": len(mine)}
             assert figures["source"] == {"jsonl": len(mine)}
-            assert (figures["changed"]["min"], figures["changed"]["max"]) == pytest.approx((changed[0], changed[-1]))
+            assert (figures["changed"]["min"], figures["changed"]["max"]) == pytest.approx(
+                (changed[0], changed[-1])
+            )
     cover = found.labels["cover"].to_data()["target_visible"]
     assert (cover["none"], cover["50 to 75 %"]) == (1, 1)
     assert found.labels["mild"].to_data()["severity"] == {"None": 10}
@@ -65,15 +109,41 @@ def test_figures_are_those_of_the_rows(dataset: Path) -> None:
 
 @pytest.mark.parametrize(
     ("share", "name"),
-    [(0.0, "none"), (1e-9, "under 25 %"), (0.25, "25 to 50 %"), (0.5, "50 to 75 %"), (0.75, "75 to 100 %"),
-     (1 - 1e-9, "75 to 100 %"), (1.0, "all of it")],
-)  # fmt: skip
+    [
+        (0.0, "none"),
+        (1e-9, "under 25 %"),
+        (0.25, "25 to 50 %"),
+        (0.5, "50 to 75 %"),
+        (0.75, "75 to 100 %"),
+        (1 - 1e-9, "75 to 100 %"),
+        (1.0, "all of it"),
+    ],
+)
 def test_bins_of_visibility(share: float, name: str) -> None:
     found = LabelStats()
-    row = {"fidelity": "exact", "severity": 3, "source": "x", "changed_pixels": 1, "width": 2, "height": 2}
-    found.add({**row, "target_visible": share, "event": None, "reminder": None, "inserted": False})
+    row = {
+        "fidelity": "exact",
+        "severity": 3,
+        "source": "x",
+        "changed_pixels": 1,
+        "width": 2,
+        "height": 2,
+    }
+    found.add(
+        {
+            **row,
+            "target_visible": share,
+            "event": None,
+            "reminder": None,
+            "inserted": False,
+        }
+    )
     assert [BINS[k] for k, count in enumerate(found.visible) if count] == [name]
-    assert found.to_data()["changed"] == {"min": 0.25, "median": 0.25, "max": 0.25}
+    assert found.to_data()["changed"] == {
+        "min": 0.25,
+        "median": 0.25,
+        "max": 0.25,
+    }
     assert found.to_data()["severity"] == {"3": 1}
 
 
@@ -93,7 +163,13 @@ def test_the_page_stands_by_itself(dataset: Path) -> None:
 def test_the_page_of_a_dataset_without_clean_rows(recording: Any, tmp_path: Path) -> None:
     for output, figures in (("materialised", 3), ("lazy", 6)):
         out = tmp_path / output
-        build(recording(output + "-source"), out, corruptions={"half": hj.Resolution()}, clean=False, output=output)
+        build(
+            recording(output + "-source"),
+            out,
+            corruptions={"half": hj.Resolution()},
+            clean=False,
+            output=output,
+        )
         assert page(out, stats(out)).count("<figure>") == figures
 
 
@@ -120,10 +196,16 @@ def test_what_is_no_dataset(dataset: Path, tmp_path: Path) -> None:
 def test_the_page_shows_what_is_hidden_and_what_has_no_target(dataset: Path) -> None:
     text = page(dataset, stats(dataset))
     rows = {row["id"]: row for row in open_dataset(dataset)}
-    covered = [row for row in rows.values() if row["corruption"] == "cover" and row["target_visible"] is not None]
+    covered = [
+        row
+        for row in rows.values()
+        if row["corruption"] == "cover" and row["target_visible"] is not None
+    ]
     worst = min(covered, key=lambda row: row["target_visible"])
     section = text[text.index("<h2>cover</h2>") :].partition("</section>")[0]
-    assert section.index(f"{html.escape(worst['id'])}</p>") == section.index('class="id">') + len('class="id">')
+    assert section.index(f"{html.escape(worst['id'])}</p>") == section.index('class="id">') + len(
+        'class="id">'
+    )
     assert '<span class="chip hidden">0 % shows</span>' in section
     assert 'title="no target: 1"' in text
     assert "all pixels, resized to 160×100" in text

@@ -11,10 +11,10 @@ from click.testing import CliRunner
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 pytest.importorskip("isal", reason="needs the extra [hf]")
 
-from hijack_data import seal
 from hijack_data.cli import hijack
-from hijack_data.run_log import digest_of
-from pipelines.rebuild import rebuild
+from hijack_data.runs import seal
+from hijack_data.runs.run_log import digest_of
+from pipelines.proof.rebuild import rebuild
 
 from support.edited_runs import (
     CLEAN,
@@ -91,15 +91,21 @@ TAMPERINGS = {
     "a record is removed": journal(lambda rows: rows[:1] + rows[2:]),
     "the last record is removed": journal(lambda rows: rows[:-1]),
     "a record is doubled": journal(lambda rows: [*rows, rows[1]]),
-    "a record is doubled with another score": journal(lambda rows: [*rows, rows[1] | {"score": 1.0}]),
-    "a record is invented": journal(lambda rows: [*rows, rows[0] | {"seed": 9, "id": rows[0]["id"].replace("7", "9")}]),
+    "a record is doubled with another score": journal(
+        lambda rows: [*rows, rows[1] | {"score": 1.0}]
+    ),
+    "a record is invented": journal(
+        lambda rows: [*rows, rows[0] | {"seed": 9, "id": rows[0]["id"].replace("7", "9")}]
+    ),
     "records are swapped": journal(swapped(0, 1)),
     "a record and its episode are removed": lambda run: (
         journal(lambda rows: rows[:-1])(run),
         removed(HALF)(run),
     ),
     "an episode is removed": removed(MARKS),
-    "an episode is copied in": lambda run: shutil.copytree(home(run), home(run, MARKS.replace("teller", "other"))),
+    "an episode is copied in": lambda run: shutil.copytree(
+        home(run), home(run, MARKS.replace("teller", "other"))
+    ),
     "the journal is removed": file("records.jsonl", None),
     "the journal is emptied": file("records.jsonl", lambda data: b""),
     "a line of the journal is garbage": file("records.jsonl", lambda data: b"{x\n" + data),
@@ -131,7 +137,14 @@ TAMPERINGS = {
     "the last action": both(last_action="FAIL"),
     "the number of steps": both(steps=3),
     "how many were malformed": both(malformed=0),
-    "the requests": both(recovery={"policy": "none", "requests": 0, "false_alarms": 0, "repaired": 0}),
+    "the requests": both(
+        recovery={
+            "policy": "none",
+            "requests": 0,
+            "false_alarms": 0,
+            "repaired": 0,
+        }
+    ),
     # what it was
     "the params of the journal": record(params={}),
     "the params in both": both(params={}),
@@ -143,7 +156,9 @@ TAMPERINGS = {
     "the instruction in both": both(instruction="Open nothing"),
     "the instruction of the last episode in both": both(HALF, instruction="Open nothing"),
     "the version": both(version=1),
-    "run.json: a parameter": head(lambda data: data["config"]["corruptions"][1]["marks"].update(number=4)),
+    "run.json: a parameter": head(
+        lambda data: data["config"]["corruptions"][1]["marks"].update(number=4)
+    ),
     "run.json: a corruption is not planned": head(
         lambda data: (data["config"]["corruptions"].pop(), data["episodes"].pop())
     ),
@@ -169,7 +184,12 @@ def test_an_edit_is_found(name, run):
 
 def test_a_second_attempt_that_was_removed_is_missed(run):
     """What is invalid is run again: where that is not there, it was taken out."""
-    both(HALF, status="invalid", score=None, problem="x")(run)
+    both(
+        HALF,
+        status="invalid",
+        score=None,
+        problem="x",
+    )(run)
     chained_anew(run)
     assert rebuild(run).problems == [f"run.json: {HALF} was not run again, and retries is 1"]
 
@@ -234,7 +254,11 @@ def test_an_edited_seal_is_no_longer_signed(run, keys):
     assert rebuild(run).problems == ["seal.json.sig: is missing"]
 
 
-def test_what_is_not_whole_is_not_signed(run, keys, tmp_path):
+def test_what_is_not_whole_is_not_signed(
+    run,
+    keys,
+    tmp_path,
+):
     mine, _ = keys
     both(score=1.0)(run)
     done = command("sign", run, "--key", mine)
@@ -262,7 +286,9 @@ def as_version_1(run):
 
     for name in IDS:
         path = home(run, name) / "episode.json"
-        old = {key: value for key, value in json.loads(path.read_text()).items() if key not in later}
+        old = {
+            key: value for key, value in json.loads(path.read_text()).items() if key not in later
+        }
         old["planner"] = None if old["planner"] == "clean" else old["planner"]
         kept[name] = old
         path.write_text(json.dumps({key: value for key, value in old.items() if key != "said"}))

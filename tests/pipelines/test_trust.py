@@ -1,4 +1,5 @@
-"""A full disk, a folder that may not be written to and Ctrl-C end a build cleanly, and it can be resumed."""
+"""A full disk, a folder that may not be written to and Ctrl-C end a build cleanly, and it can be
+resumed."""
 
 import os
 import shutil
@@ -14,7 +15,7 @@ from typing import Any
 import pytest
 
 import hijack_data as hj
-import pipelines.rows
+import pipelines.building.rows
 from pipelines import build, verify
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -29,7 +30,11 @@ main(sys.argv[2:])
 
 
 def contents(out: Path) -> dict[str, bytes]:
-    return {str(file.relative_to(out)): file.read_bytes() for file in sorted(out.rglob("*")) if file.is_file()}
+    return {
+        str(file.relative_to(out)): file.read_bytes()
+        for file in sorted(out.rglob("*"))
+        if file.is_file()
+    }
 
 
 @pytest.fixture
@@ -40,7 +45,11 @@ def config(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def whole(recording: Any, config: Path, tmp_path: Path) -> tuple[Path, dict[str, bytes]]:
+def whole(
+    recording: Any,
+    config: Path,
+    tmp_path: Path,
+) -> tuple[Path, dict[str, bytes]]:
     """A source, and the data that an undisturbed build makes of it."""
     source = recording(trajectories=8, steps=4)
     build(source, tmp_path / "whole", config=config)
@@ -52,20 +61,32 @@ def rest(out: Path) -> set[str]:
     return {file.name for file in out.rglob("*") if file.name.endswith(".tmp")}
 
 
-def resumed(source: Path, out: Path, config: Path) -> dict[str, bytes]:
+def resumed(
+    source: Path,
+    out: Path,
+    config: Path,
+) -> dict[str, bytes]:
     build(source, out, config=config, resume=True)
     assert verify(out).ok
     return contents(out / "data")
 
 
-def test_files_that_may_not_grow(whole: Any, config: Path, tmp_path: Path) -> None:
+def test_files_that_may_not_grow(
+    whole: Any,
+    config: Path,
+    tmp_path: Path,
+) -> None:
     """RLIMIT_FSIZE makes the write fail that a full disk would fail."""
     source, data = whole
     out = tmp_path / "out"
     arguments = ["build", str(source), "--out", str(out), "--config", str(config)]
     limit = str(len(data["train-00000.parquet"]) // 2)
     done = subprocess.run(
-        [sys.executable, "-c", LIMITED, limit, *arguments], cwd=ROOT, capture_output=True, text=True, check=False
+        [sys.executable, "-c", LIMITED, limit, *arguments],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 2
     assert "train-00000.parquet: cannot be written" in done.stderr
@@ -82,18 +103,30 @@ def small_disk(whole: Any, tmp_path: Path) -> Iterator[Path]:
     if os.geteuid() != 0 or shutil.which("mount") is None:
         pytest.skip("only root can mount a small disk")
     size = f"size={sum(map(len, whole[1].values())) // 2}"
-    done = subprocess.run(["mount", "-t", "tmpfs", "-o", size, "tmpfs", folder], capture_output=True, check=False)
+    done = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", size, "tmpfs", folder], capture_output=True, check=False
+    )
     if done.returncode:
         pytest.skip(f"a small disk cannot be mounted here: {done.stderr.decode().strip()}")
     yield folder
     subprocess.run(["umount", folder], check=True)
 
 
-def test_a_disk_that_is_full(small_disk: Path, whole: Any, config: Path) -> None:
+def test_a_disk_that_is_full(
+    small_disk: Path,
+    whole: Any,
+    config: Path,
+) -> None:
     source, data = whole
     out = small_disk / "out"
     command = [*COMMAND, str(source), "--out", str(out), "--config", str(config)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        command,
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 2
     assert "No space left on device" in done.stderr
     assert "Traceback" not in done.stderr
@@ -127,13 +160,24 @@ main(["build", source, "--out", locked, "--config", config])
 
 
 @pytest.mark.parametrize("name", ["locked", "locked/new"])
-def test_a_folder_that_may_not_be_written_to(name: str, whole: Any, config: Path, open_folder: Path) -> None:
+def test_a_folder_that_may_not_be_written_to(
+    name: str,
+    whole: Any,
+    config: Path,
+    open_folder: Path,
+) -> None:
     shutil.copytree(whole[0], open_folder / "source")
     shutil.copy(config, open_folder / "config.yaml")
     (open_folder / "locked").mkdir(mode=0o555)
     paths = [str(open_folder / part) for part in ("source", "config.yaml", "fine", name)]
     command = [sys.executable, "-c", UNPRIVILEGED, *paths]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        command,
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 2, done.stderr
     assert f"{open_folder / name}" in done.stderr
     assert "Permission denied" in done.stderr
@@ -142,18 +186,32 @@ def test_a_folder_that_may_not_be_written_to(name: str, whole: Any, config: Path
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_ctrl_c(workers: int, whole: Any, config: Path, tmp_path: Path) -> None:
+def test_ctrl_c(
+    workers: int,
+    whole: Any,
+    config: Path,
+    tmp_path: Path,
+) -> None:
     source, _ = whole
     options: dict[str, Any] = {"config": config, "rows_per_shard": 1}
     build(source, tmp_path / "cut", **options)
     out = tmp_path / "out"
     script = (
         "import sys\nfrom pipelines import cli\n"
-        "cli.build_dataset.__kwdefaults__['rows_per_shard'] = 1\n"
+        "from pipelines.building.options import BuildOptions\n"
+        "BuildOptions.__init__.__kwdefaults__['rows_per_shard'] = 1\n"
         "if __name__ == '__main__':\n    cli.build(sys.argv[1:])\n"
     )
     (tmp_path / "run.py").write_text(script)
-    command = [sys.executable, str(tmp_path / "run.py"), str(source), "--out", str(out), "--config", str(config)]
+    command = [
+        sys.executable,
+        str(tmp_path / "run.py"),
+        str(source),
+        "--out",
+        str(out),
+        "--config",
+        str(config),
+    ]
     process = subprocess.Popen(
         [*command, "--workers", str(workers)],
         cwd=ROOT,
@@ -163,7 +221,11 @@ def test_ctrl_c(workers: int, whole: Any, config: Path, tmp_path: Path) -> None:
         start_new_session=True,
     )
     deadline = time.monotonic() + 60
-    while process.poll() is None and not list(out.glob(".build/[0-9]*.json")) and time.monotonic() < deadline:
+    while (
+        process.poll() is None
+        and not list(out.glob(".build/[0-9]*.json"))
+        and time.monotonic() < deadline
+    ):
         time.sleep(0.002)
     os.killpg(process.pid, signal.SIGINT)  # a terminal tells all processes
     _, errors = process.communicate(timeout=60)
@@ -178,35 +240,55 @@ def test_ctrl_c(workers: int, whole: Any, config: Path, tmp_path: Path) -> None:
 
 
 def test_several_corruptions_of_one_screenshot_decode_it_once(
-    recording: Any, small: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    recording: Any,
+    small: Any,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    real, calls = pipelines.rows.decode, []
+    real, calls = pipelines.building.rows.decode, []
 
     def counted(data: bytes, name: str) -> Any:
         calls.append(name)
         return real(data, name)
 
-    monkeypatch.setattr(pipelines.rows, "decode", counted)
+    monkeypatch.setattr(pipelines.building.rows, "decode", counted)
     for output in ("materialised", "lazy"):
         calls.clear()
-        planners = {**small, "more": hj.Marks(number=2), "most": hj.Marks(number=3)}
-        report = build(recording(output), tmp_path / f"out-{output}", corruptions=planners, output=output)
+        planners = {
+            **small,
+            "more": hj.Marks(number=2),
+            "most": hj.Marks(number=3),
+        }
+        report = build(
+            recording(output), tmp_path / f"out-{output}", corruptions=planners, output=output
+        )
         assert report.total == 6 * 7
         assert len(calls) == len(set(calls)) == 6
 
 
-def test_what_rows_of_a_step_share_is_compressed_once(recording: Any, tmp_path: Path, monkeypatch: Any) -> None:
-    """A subtitle leaves most bands of the picture alone: only those that it touches are compressed again."""
-    import pipelines.images
+def test_what_rows_of_a_step_share_is_compressed_once(
+    recording: Any,
+    tmp_path: Path,
+    monkeypatch: Any,
+) -> None:
+    """A subtitle leaves most bands of the picture alone: only those that it touches are compressed
+    again."""
+    import pipelines.dataset.images
 
-    real, bands = pipelines.images._band, []
+    real, bands = pipelines.dataset.images._band, []
 
     def counted(image: Any, k: int) -> Any:
         bands.append(k)
         return real(image, k)
 
-    monkeypatch.setattr(pipelines.images, "_band", counted)
-    words = {"words": hj.Subtitle(subtitle_text="hello", font_size=12, padding=5)}
+    monkeypatch.setattr(pipelines.dataset.images, "_band", counted)
+    words = {
+        "words": hj.Subtitle(
+            subtitle_text="hello",
+            font_size=12,
+            padding=5,
+        )
+    }
     build(recording(trajectories=1, steps=1), tmp_path / "out", corruptions=words)
     assert bands[:9] == list(range(9))
     assert 1 <= len(bands[9:]) <= 3

@@ -13,13 +13,23 @@ from support.tampering import renew
 
 
 @pytest.fixture
-def dataset(recording: Any, small: Any, tmp_path: Path) -> Path:
+def dataset(
+    recording: Any,
+    small: Any,
+    tmp_path: Path,
+) -> Path:
     build(recording(), tmp_path / "out", corruptions=small, rows_per_shard=15)
     return tmp_path / "out"
 
 
-def edit(dataset: Path, change: Callable[[list[dict[str, Any]]], object], *, honest: bool = False) -> None:
-    """Change the rows of the first file; an `honest` edit makes the manifest fit, but for what it counts."""
+def edit(
+    dataset: Path,
+    change: Callable[[list[dict[str, Any]]], object],
+    *,
+    honest: bool = False,
+) -> None:
+    """Change the rows of the first file; an `honest` edit makes the manifest fit, but for what it
+    counts."""
     file = dataset / "data" / "train-00000.parquet"
     table = pq.read_table(file)
     rows = table.to_pylist()
@@ -62,7 +72,9 @@ def test_a_row_that_is_missing(dataset: Path) -> None:
 
 def other_plan(rows: list[dict[str, Any]]) -> None:
     plan = hj.Plan.from_json(rows[3]["plan"])
-    moved = hj.Plan(plan.corruption, plan.size, plan.params, (hj.Paste(plan.ops[0].sprite, ((1, 1),)),))  # type: ignore[union-attr]
+    moved = hj.Plan(
+        plan.corruption, plan.size, plan.params, (hj.Paste(plan.ops[0].sprite, ((1, 1),)),)
+    )  # type: ignore[union-attr]
     rows[3].update(plan=moved.to_json(), plan_digest=moved.digest())
 
 
@@ -102,7 +114,9 @@ def other_picture_with_its_hash(rows: list[dict[str, Any]]) -> None:
     ],
 )
 def test_a_row_that_was_changed_is_found_even_with_a_new_hash(
-    dataset: Path, change: Callable[[list[dict[str, Any]]], object], reason: str
+    dataset: Path,
+    change: Callable[[list[dict[str, Any]]], object],
+    reason: str,
 ) -> None:
     edit(dataset, change, honest=True)
     (problem,) = verify(dataset).problems
@@ -123,14 +137,18 @@ def test_only_the_first_problems_are_shown(dataset: Path) -> None:
     ("content", "reason"),
     [
         (None, "not a dataset"),
-        ("{", "cannot be read"),
+        ("{", "is not JSON"),
         ("[]", "not the manifest"),
         ('{"format": "other"}', "not the manifest"),
         ('{"format": "agenthijack-dataset", "version": 99}', "newer"),
         ('{"format": "agenthijack-dataset", "version": 1}', "damaged"),
     ],
 )
-def test_folders_without_a_sound_manifest(content: str | None, reason: str, tmp_path: Path) -> None:
+def test_folders_without_a_sound_manifest(
+    content: str | None,
+    reason: str,
+    tmp_path: Path,
+) -> None:
     if content is not None:
         (tmp_path / "manifest.json").write_text(content)
     for function in (verify, open_dataset):

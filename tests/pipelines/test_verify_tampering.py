@@ -1,6 +1,7 @@
 """Whoever changes a dataset and makes the manifest fit again is found out.
 
-What a dataset says of its recordings alone (a task, an action of a whole step) is found by its source.
+What a dataset says of its recordings alone (a task, an action of a whole step) is found by its
+source.
 """
 
 import json
@@ -42,7 +43,11 @@ class Built:
 
 
 @pytest.fixture(scope="module")
-def built(assets: Path, tmp_path_factory: pytest.TempPathFactory, pictures: Any) -> Built:
+def built(
+    assets: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+    pictures: Any,
+) -> Built:
     folder = tmp_path_factory.mktemp("built")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("AGENTHIJACK_ASSETS", str(assets))
@@ -54,8 +59,18 @@ def built(assets: Path, tmp_path_factory: pytest.TempPathFactory, pictures: Any)
             "touch": hj.AccidentalTouch(step=1),
             "locked": hj.Verification(step=2),
         }
-        for name, seed, output in (("one", 0, "materialised"), ("lazy", 0, "lazy"), ("two", 1, "materialised")):
-            build(source, folder / name, corruptions=planners, seed=seed, output=output)
+        for name, seed, output in (
+            ("one", 0, "materialised"),
+            ("lazy", 0, "lazy"),
+            ("two", 1, "materialised"),
+        ):
+            build(
+                source,
+                folder / name,
+                corruptions=planners,
+                seed=seed,
+                output=output,
+            )
         others = pq.read_table(folder / "two" / SHARD).to_pylist()
     return Built(source, folder / "one", folder / "lazy", others)
 
@@ -66,7 +81,8 @@ def pack(assets: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def tamper(dataset: Path, change: Callable[[Rows], object]) -> None:
-    """Change rows, and let the manifest say that they are so: hashes, sizes, and every count of rows."""
+    """Change rows, and let the manifest say that they are so: hashes, sizes, and every count of
+    rows."""
     table = pq.read_table(dataset / SHARD)
     rows = table.to_pylist()
     change(rows)
@@ -77,7 +93,9 @@ def tamper(dataset: Path, change: Callable[[Rows], object]) -> None:
         (shard,) = manifest["shards"]
         shard["rows"] = manifest["rows"] = len(rows)
         shard["counts"]["rows"] = counts
-        manifest["counts"]["rows"] = {label: counts.get(label, 0) for label in manifest["counts"]["rows"]}
+        manifest["counts"]["rows"] = {
+            label: counts.get(label, 0) for label in manifest["counts"]["rows"]
+        }
 
     renew(dataset, recount)
 
@@ -104,7 +122,11 @@ def swapped(one: str, two: str) -> Callable[[Rows], object]:
 
 
 def steps_swapped(rows: Rows) -> None:
-    rows.sort(key=lambda row: {0: 1, 1: 0}.get(row["step"], row["step"]) if row["trajectory_id"] == "t0" else 9)
+    rows.sort(
+        key=lambda row: (
+            {0: 1, 1: 0}.get(row["step"], row["step"]) if row["trajectory_id"] == "t0" else 9
+        )
+    )
 
 
 def without(name: str) -> Callable[[Rows], object]:
@@ -153,7 +175,10 @@ CAUGHT: dict[str, tuple[Callable[[Rows], object], str]] = {
     "action": (acted(MARKS, x=7), "action is {'type': 'click', 'x': 7"),
     "action of another size": (acted(HALF, x=100), "action is"),
     "action type": (acted(COVERS, type="right_click"), "'right_click'"),
-    "action_code": (sets(HALF, action_code="pyautogui.click(1, 2)"), "it should be 'pyautogui.click(50, 25)'"),
+    "action_code": (
+        sets(HALF, action_code="pyautogui.click(1, 2)"),
+        "it should be 'pyautogui.click(50, 25)'",
+    ),
     "target_box": (sets(MARKS, target_box=[0, 0, 5, 5]), "it should be [90, 40, 130, 60]"),
     "target_box gone": (sets(HALF, target_box=None), "it should be [45, 20, 65, 30]"),
     "target_visible": (sets(COVERS, target_visible=0.5), "target_visible is 0.5"),
@@ -163,7 +188,15 @@ CAUGHT: dict[str, tuple[Callable[[Rows], object], str]] = {
     "event": (sets(LOCKED, event="It rained."), "event is 'It rained.'"),
     "recovery action": (acted(TOUCH, type="wait"), "'wait'"),
     "recovery box": (sets(TOUCH, target_box=[0, 0, 9, 9]), "target_box is [0, 0, 9, 9]"),
-    "answer to an event": (acted(LOCKED, type="click", x=3, y=3), "it should be {'type': 'wait'"),
+    "answer to an event": (
+        acted(
+            LOCKED,
+            type="click",
+            x=3,
+            y=3,
+        ),
+        "it should be {'type': 'wait'",
+    ),
     "fidelity": (sets(LOCKED, fidelity="exact"), "contradict"),
     "inserted": (sets(TOUCH, inserted=False), "inserted is False"),
     "a null": (sets(MARKS, action=None), "row t0/0000/marks: "),
@@ -172,7 +205,12 @@ CAUGHT: dict[str, tuple[Callable[[Rows], object], str]] = {
 
 @pytest.mark.parametrize("kind", ["materialised", "lazy"])
 @pytest.mark.parametrize("name", CAUGHT)
-def test_a_row_that_was_changed(name: str, kind: str, built: Built, tmp_path: Path) -> None:
+def test_a_row_that_was_changed(
+    name: str,
+    kind: str,
+    built: Built,
+    tmp_path: Path,
+) -> None:
     change, words = CAUGHT[name]
     out = built.copy(kind, tmp_path)
     tamper(out, change)
@@ -182,7 +220,8 @@ def test_a_row_that_was_changed(name: str, kind: str, built: Built, tmp_path: Pa
 
 
 def replaced(built: Built, name: str) -> Callable[[Rows], object]:
-    """Put the row of another seed in the place of one: sound by itself, but for the column `seed`."""
+    """Put the row of another seed in the place of one: sound by itself, but for the column
+    `seed`."""
     return lambda rows: at(rows, name).update({**at(built.others, name), "seed": 0})
 
 
@@ -198,20 +237,28 @@ SOURCED: dict[str, Callable[[Rows], object]] = {
     "instruction of a trajectory": every(instruction="do evil"),
     "domain of a trajectory": every(domain="games"),
     "action of a whole step": moved_step,
-    "a trajectory left out": lambda rows: rows.__delitem__(slice(0, sum(r["trajectory_id"] == "t0" for r in rows))),
+    "a trajectory left out": lambda rows: rows.__delitem__(
+        slice(0, sum(r["trajectory_id"] == "t0" for r in rows))
+    ),
     "an event left out": without(TOUCH),
 }
 
 
 @pytest.mark.parametrize("name", SOURCED)
-def test_what_only_the_source_knows(name: str, built: Built, tmp_path: Path) -> None:
+def test_what_only_the_source_knows(
+    name: str,
+    built: Built,
+    tmp_path: Path,
+) -> None:
     out = built.copy("materialised", tmp_path)
     assert verify(out, source=built.source).problems == []
     tamper(out, SOURCED[name])
     assert verify(out, source=built.source).problems
 
 
-def test_a_plan_that_avoids_elements_is_made_again_from_the_source(built: Built, tmp_path: Path) -> None:
+def test_a_plan_that_avoids_elements_is_made_again_from_the_source(
+    built: Built, tmp_path: Path
+) -> None:
     out = built.copy("materialised", tmp_path)
     note = "not made again from the seed: the plans of covers, touch, locked"
     assert any(note in text for text in verify(out).unproved)
@@ -222,7 +269,11 @@ def test_a_plan_that_avoids_elements_is_made_again_from_the_source(built: Built,
 
 
 @pytest.mark.parametrize("file", ["README.md", "config.yaml", "quarantine.jsonl"])
-def test_a_file_beside_the_rows(file: str, built: Built, tmp_path: Path) -> None:
+def test_a_file_beside_the_rows(
+    file: str,
+    built: Built,
+    tmp_path: Path,
+) -> None:
     out = built.copy("lazy", tmp_path)
     with (out / file).open("a") as text:
         text.write("\n")
@@ -247,7 +298,12 @@ EDITED: dict[str, Callable[[dict[str, Any]], object]] = {
 
 @pytest.mark.parametrize("name", EDITED)
 @pytest.mark.parametrize("fits", [True, False])
-def test_a_manifest_that_was_edited(name: str, fits: bool, built: Built, tmp_path: Path) -> None:
+def test_a_manifest_that_was_edited(
+    name: str,
+    fits: bool,
+    built: Built,
+    tmp_path: Path,
+) -> None:
     """With a new digest it is found by what it is derived from, without one by the digest."""
     out = built.copy("lazy", tmp_path)
     if fits:
@@ -261,16 +317,30 @@ def test_a_manifest_that_was_edited(name: str, fits: bool, built: Built, tmp_pat
     assert fits or any("digest is not that of what it says" in problem for problem in problems)
 
 
-@pytest.mark.parametrize("name", ["more.parquet", "old/train-00000.parquet", "data/notes.txt", "rows.csv", "a/b.jsonl"])
-def test_files_that_a_loader_may_take_for_rows(name: str, built: Built, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "name", ["more.parquet", "old/train-00000.parquet", "data/notes.txt", "rows.csv", "a/b.jsonl"]
+)
+def test_files_that_a_loader_may_take_for_rows(
+    name: str,
+    built: Built,
+    tmp_path: Path,
+) -> None:
     out = built.copy("lazy", tmp_path)
     (out / name).parent.mkdir(exist_ok=True)
     shutil.copy(out / SHARD, out / name)
-    assert any(problem.startswith(f"{name}: not in the manifest") for problem in verify(out).problems)
+    assert any(
+        problem.startswith(f"{name}: not in the manifest") for problem in verify(out).problems
+    )
 
 
-@pytest.mark.parametrize("name", ["LICENSE", "notes.md", "stats.html", ".gitattributes", ".cache/huggingface/x.json"])
-def test_files_that_no_loader_takes_for_rows(name: str, built: Built, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "name", ["LICENSE", "notes.md", "stats.html", ".gitattributes", ".cache/huggingface/x.json"]
+)
+def test_files_that_no_loader_takes_for_rows(
+    name: str,
+    built: Built,
+    tmp_path: Path,
+) -> None:
     out = built.copy("lazy", tmp_path)
     (out / name).parent.mkdir(parents=True, exist_ok=True)
     (out / name).write_text("text")

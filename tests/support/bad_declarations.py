@@ -51,6 +51,18 @@ REFUSED = {
         "did you mean 'observation'",
         {"scope": 'scope: ClassVar[str] = "observations"'},
     ),
+    "a state that names no effects": (
+        "effects is not set; name what its plans may hold, such as effects: ClassVar",
+        {"scope": 'scope: ClassVar[str] = "state"'},
+    ),
+    "an observation with effects": (
+        "scope 'observation' has no effects on the machine",
+        {"about": 'effects: ClassVar[tuple[str, ...]] = ("lock",)'},
+    ),
+    "effects as one text": (
+        "effects must be a tuple of kinds",
+        {"scope": 'scope: ClassVar[str] = "state"\neffects: ClassVar[Any] = "lock"'},
+    ),
     "a category that there is not": (
         "did you mean 'visual_disruptor'",
         {"category": 'category: ClassVar[str] = "visual_disrupter"'},

@@ -7,11 +7,19 @@ a check are told in the same words. `load` means that the class is refused when 
 from support.bad_declarations import LEVELS, PARAMETERS, REFUSED, REGISTERED
 
 EFFECT = 'hj.Draft(effects=(hj.Effect("lock", {}),))'
-STATE = {"scope": 'scope: ClassVar[str] = "state"', "draft": EFFECT}
+DECLARED = 'effects: ClassVar[tuple[str, ...]] = ("lock", "touch", "x")'
+STATE = {"scope": f'scope: ClassVar[str] = "state"\n{DECLARED}', "draft": EFFECT}
+TRANSITION = {"scope": f'scope: ClassVar[str] = "transition"\n{DECLARED}'}
 AT = "hj.Draft(ops=(hj.Paste(recipe, {}),))"
 HALF = 'half: int = hj.param(9, "Radius", low=1, high=99)'
 RECIPE = 'RECIPE = {"draw": "mark", "shape": "circle", "size": 9, "color": "red"}'
-LOOK = {"font": "DejaVuSans", "size": 20, "color": "red", "edge_color": "red", "edge": 0}
+LOOK = {
+    "font": "DejaVuSans",
+    "size": 20,
+    "color": "red",
+    "edge_color": "red",
+    "edge": 0,
+}
 ONCE = """
 @functools.lru_cache
 def once(name):
@@ -257,7 +265,7 @@ SOMETIMES = 'hj.Draft((hj.Paste(recipe, ((x, y),)),) if {} else (), (hj.Effect("
 SCOPES = {
     "state that draws": {**STATE, "draft": BOTH},
     "state that only draws": {**STATE, "draft": "hj.Draft((hj.Paste(recipe, ((x, y),)),))"},
-    "transition that draws": {"scope": 'scope: ClassVar[str] = "transition"', "draft": BOTH},
+    "transition that draws": {**TRANSITION, "draft": BOTH},
     "state that resizes": {**STATE, "draft": "hj.Draft((hj.Resample((9, 9)),))"},
     "state that draws at its worst": {
         **STATE,
@@ -266,6 +274,10 @@ SCOPES = {
     },
     "state that draws on small screens": {**STATE, "draft": SOMETIMES.format("width < 600")},
     "state that draws now and then": {**STATE, "draft": SOMETIMES.format("x % 2")},
+    "state with an effect that it does not declare": {
+        **STATE,
+        "draft": 'hj.Draft(effects=(hj.Effect("mute", {}),))',
+    },
     "observation with an effect": {"draft": BOTH},
     "observation with only an effect": {"draft": EFFECT},
 }
@@ -289,7 +301,7 @@ VISIBLE = {
     "a state without an effect": ("has no effect", {**STATE, "draft": "hj.Draft()"}),
     "a transition without an effect": (
         "has no effect",
-        {"scope": 'scope: ClassVar[str] = "transition"', "draft": "hj.Draft()"},
+        {**TRANSITION, "draft": "hj.Draft()"},
     ),
 }
 
@@ -312,7 +324,13 @@ def catalogue() -> dict[str, tuple[str, str, dict[str, str]]]:
         ("untouched", TOUCHED),
         ("kept", {k: ("a recipe", v) for k, v in KEPT.items()}),
         ("elements", {k: ("needs_elements is false", v) for k, v in ELEMENTS.items()}),
-        ("scope", {k: ("with operations|with effects", v) for k, v in SCOPES.items()}),
+        (
+            "scope",
+            {
+                k: ("with operations|with effects|with the effect 'mute'", v)
+                for k, v in SCOPES.items()
+            },
+        ),
         ("visible", VISIBLE),
         ("backends", BACKENDS),
         ("parameters", PARAMETERS),

@@ -1,4 +1,5 @@
-"""Whether a command could be run at all: its program, its subcommand, its options and its files are there."""
+"""Whether a command could be run at all: its program, its subcommand, its options and its files are
+there."""
 
 import functools
 import re
@@ -15,7 +16,22 @@ from hijack_data.cli import hijack
 from .docs import ROOT, surroundings
 
 # Programs of the system; what they are asked to do is not looked at.
-KNOWN = ("apt-get", "chromium", "cp", "export", "mkdir", "pip", "ray", ".", "(cd", "cd", "sudo", "ssh", "ssh-keygen")
+KNOWN = (
+    "apt-get",
+    "chromium",
+    "cp",
+    "export",
+    "inspect",
+    "mkdir",
+    "pip",
+    "ray",
+    ".",
+    "(cd",
+    "cd",
+    "sudo",
+    "ssh",
+    "ssh-keygen",
+)
 # What a synopsis has around its words.
 MARKS = str.maketrans("", "", "[]")
 
@@ -75,7 +91,13 @@ def of_python(words: Sequence[str]) -> str:
 def usage(module: str) -> str:
     """What a module prints for `--help`."""
     command = [sys.executable, "-m", module, "--help"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, env=surroundings(True, ROOT))
+    done = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        env=surroundings(True, ROOT),
+    )
     return done.stdout
 
 

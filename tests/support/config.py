@@ -27,14 +27,17 @@ def problems(folder: Path, text: str | bytes) -> list[str]:
     with pytest.raises(ConfigError) as caught:
         load_config(path)
     assert str(caught.value) == "\n".join(caught.value.problems)
-    assert all(re.fullmatch(re.escape(str(path)) + r":\d+:\d+: \S.*", p) for p in caught.value.problems)
+    assert all(
+        re.fullmatch(re.escape(str(path)) + r":\d+:\d+: \S.*", p) for p in caught.value.problems
+    )
     return [p.removeprefix(f"{path}:") for p in caught.value.problems]
 
 
 def structure(planner: Any) -> Any:
     """What makes two planners equal; combinators have no equality of their own."""
     if isinstance(planner, hj.OneOf):
-        edges = [round(edge, 9) for edge in vars(planner)["_edges"].tolist()]  # a running sum: equal to the last bits
+        # a running sum: equal to the last bits
+        edges = [round(edge, 9) for edge in vars(planner)["_edges"].tolist()]
         return "one_of", [structure(p) for p in planner.options], planner.p_clean, edges
     if isinstance(planner, hj.Sequence):
         return "sequence", [structure(p) for p in planner.parts]

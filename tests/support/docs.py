@@ -1,4 +1,5 @@
-"""The code blocks of the documentation: what each one is, and the folder in which they run as pasted.
+"""The code blocks of the documentation: what each one is, and the folder in which they run as
+pasted.
 
 A fence says what its block is by the words after its language:
 
@@ -37,7 +38,8 @@ _FENCE = re.compile(r"^( *)```([^\n]*)\n(.*?)^\1```", re.S | re.M)
 
 @dataclass(frozen=True)
 class Block:
-    """One block: its page, its number there, its language, one of `KINDS` and the words after that, its text."""
+    """One block: its page, its number there, its language, one of `KINDS` and the words after that,
+    its text."""
 
     page: Path
     number: int
@@ -86,7 +88,11 @@ def kind_of(block: Block) -> str:
 
 def pages_with(*kinds: str) -> list[Path]:
     """The pages that have shell blocks of one of these kinds."""
-    return [page for page in PAGES if any(b.language in SHELL and b.kind in kinds for b in blocks_of(page))]
+    return [
+        page
+        for page in PAGES
+        if any(b.language in SHELL and b.kind in kinds for b in blocks_of(page))
+    ]
 
 
 def clone(folder: Path) -> Path:
@@ -107,19 +113,32 @@ def _program(path: Path, arguments: str) -> None:
 
 
 def surroundings(active: bool, folder: Path) -> dict[str, str]:
-    """The environment of a paste; programs of ours are found only where the environment is active."""
+    """The environment of a paste; programs of ours are found only where the environment is
+    active."""
     path = f"{folder / '.venv' / 'bin'}:{SYSTEM}" if active else SYSTEM
-    ours = os.pathsep.join(dict.fromkeys([str(ROOT), *filter(None, os.environ.get("PYTHONPATH", "").split(":"))]))
-    kept = {name: value for name, value in os.environ.items() if name not in ("VIRTUAL_ENV", "PATH")}
-    return {**kept, "PATH": path, "PYTHONPATH": ours}
+    ours = os.pathsep.join(
+        dict.fromkeys([str(ROOT), *filter(None, os.environ.get("PYTHONPATH", "").split(":"))])
+    )
+    kept = {
+        name: value for name, value in os.environ.items() if name not in ("VIRTUAL_ENV", "PATH")
+    }
+    return {
+        **kept,
+        "PATH": path,
+        "PYTHONPATH": ours,
+    }
 
 
 def run_python(code: str, folder: Path) -> str:
     """Run a block with warnings as errors; returns what it printed."""
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", code],
-        cwd=prepared(clone(folder)), env=surroundings(True, folder), capture_output=True, text=True, timeout=600,
-    )  # fmt: skip
+        cwd=prepared(clone(folder)),
+        env=surroundings(True, folder),
+        capture_output=True,
+        text=True,
+        timeout=600,
+    )
     assert done.returncode == 0, done.stderr
     return done.stdout
 

@@ -9,7 +9,7 @@ from PIL import Image
 from hijack_data import apply
 from hijack_data.files import sha256_of
 from hijack_data.plan import Plan
-from hijack_data.run_log import digest_of
+from hijack_data.runs.run_log import digest_of
 
 from .recorded import IDS
 
@@ -68,7 +68,12 @@ def both(name=MARKS, /, **changes):
     return lambda run: [part(name, **changes)(run) for part in (episode, record)]
 
 
-def step(number, name=MARKS, /, **changes):
+def step(
+    number,
+    name=MARKS,
+    /,
+    **changes,
+):
     """Change a line."""
     return steps(lambda rows: rows[number].update(changes), name)
 
@@ -113,7 +118,8 @@ def head(edit):
 
 
 def both_pictures_and_hash(run):
-    """The clean screen of one step and what the agent saw, with both hashes and the plan as it was."""
+    """The clean screen of one step and what the agent saw, with both hashes and the plan as it
+    was."""
     folder = home(run)
     picture(MARKS, "0001.png")(run)
     rows = read_lines(folder / "steps.jsonl")
@@ -161,7 +167,13 @@ def relabelled(run):
     name = MARKS.replace("marks", "clean")
     removed(CLEAN)(run)
     journal(lambda rows: [row for row in rows if row["id"] != CLEAN])(run)
-    both(MARKS, id=name, corruption="clean", params={}, planner="clean")(run)
+    both(
+        MARKS,
+        id=name,
+        corruption="clean",
+        params={},
+        planner="clean",
+    )(run)
     home(run).rename(home(run, name))
 
 
@@ -188,7 +200,9 @@ def flip_everywhere(run):
     flip_in_record([data])
     path.write_text(json.dumps(data))
     journal(flip_in_record)(run)
-    steps(lambda rows: [probe(event) for row in rows for event in row["events"]] and None, MINIMISED)(run)
+    steps(
+        lambda rows: [probe(event) for row in rows for event in row["events"]] and None, MINIMISED
+    )(run)
 
 
 def without_effects(run):

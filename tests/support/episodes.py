@@ -1,6 +1,6 @@
 """Episodes of `CorruptedEnv` on a desktop that is none."""
 
-from online_env.env import CorruptedEnv
+from online_env.environment import CorruptedEnv
 
 from support.live import AT_ONCE, FakeStage
 
@@ -13,7 +13,12 @@ def make(stage=None, **options):
     return CorruptedEnv(stage, settle=AT_ONCE, **options), stage
 
 
-def play(env, *actions, seed=0, **options):
+def play(
+    env,
+    *actions,
+    seed=0,
+    **options,
+):
     """An episode of these actions; returns what each step gave."""
     env.reset(seed=seed, options=options)
     return [env.step(action) for action in actions]

@@ -1,7 +1,9 @@
-"""One small recording in each format that can be read: a click at (100, 50) of a 400x200 picture, then the end.
+"""One small recording in each format that can be read: a click at (100, 50) of a 400x200 picture,
+then the end.
 
-`FORMATS` maps the name of a format to a function that makes the recording in an empty folder, `TABLES` does so for the
-other kinds of Parquet tables. All take `shots`, for other pictures and more clicks.
+`FORMATS` maps the name of a format to a function that makes the recording in an empty folder,
+`TABLES` does so for the other kinds of Parquet tables. All take `shots`, for other pictures and
+more clicks.
 """
 
 import base64
@@ -20,9 +22,15 @@ POINT = (100, 50)
 TASK = "5ced85fc-fa1a-4217-95fd-0fb530545ce2"
 
 
-def png(number: int = 0, width: int = WIDTH, height: int = HEIGHT) -> bytes:
+def png(
+    number: int = 0,
+    width: int = WIDTH,
+    height: int = HEIGHT,
+) -> bytes:
     """A picture of coloured blocks, another for each number."""
-    blocks = np.random.default_rng(number).integers(0, 256, (height // 10, width // 10, 3), dtype=np.uint8)
+    blocks = np.random.default_rng(number).integers(
+        0, 256, (height // 10, width // 10, 3), dtype=np.uint8
+    )
     buffer = BytesIO()
     Image.fromarray(blocks.repeat(10, axis=0).repeat(10, axis=1)).save(buffer, "PNG")
     return buffer.getvalue()
@@ -96,7 +104,12 @@ def write_json(file: Path, data: Any) -> None:
     file.write_text(json.dumps(data, ensure_ascii=False))
 
 
-def osworld(folder: Path, actions: list[Any] | None = None, initial: bool = True, shots: Shots = SMALL) -> Path:
+def osworld(
+    folder: Path,
+    actions: list[Any] | None = None,
+    initial: bool = True,
+    shots: Shots = SMALL,
+) -> Path:
     """OSWorld: result folder, pictures after the actions, the task's JSON under `examples`."""
     actions = shots.codes if actions is None else actions
     task = folder / "pyautogui" / "screenshot" / "a-model" / "gimp" / TASK
@@ -104,7 +117,13 @@ def osworld(folder: Path, actions: list[Any] | None = None, initial: bool = True
     write_lines(
         task / "traj.jsonl",
         [
-            {"step_num": i, "action_timestamp": name[7:-4], "action": action, "screenshot_file": name, "done": False}
+            {
+                "step_num": i,
+                "action_timestamp": name[7:-4],
+                "action": action,
+                "screenshot_file": name,
+                "done": False,
+            }
             for i, (action, name) in enumerate(zip(actions, names, strict=True), 1)
         ],
     )
@@ -113,18 +132,38 @@ def osworld(folder: Path, actions: list[Any] | None = None, initial: bool = True
         (task / "initial_state.png").unlink()
     (task / "result.txt").write_text("1.0\n")
     (task / "runtime.log").write_text("...\n")
-    about = {"id": TASK, "instruction": "make it brighter", "related_apps": ["gimp"]}
+    about = {
+        "id": TASK,
+        "instruction": "make it brighter",
+        "related_apps": ["gimp"],
+    }
     write_json(folder / "examples" / "gimp" / f"{TASK}.json", about)
     return folder
 
 
 def jsonl(folder: Path, shots: Shots = SMALL) -> Path:
     """Our plain format."""
-    actions = [*({"type": "click", "x": x, "y": y} for x, y in shots.pixels), {"type": "done"}]
+    actions = [
+        *(
+            {
+                "type": "click",
+                "x": x,
+                "y": y,
+            }
+            for x, y in shots.pixels
+        ),
+        {"type": "done"},
+    ]
     names = [f"{i}.png" for i in range(len(actions))]
     about = {"trajectory_id": "t", "instruction": "do it"}
     lines = [
-        {**about, "step": i, "image": f"images/{name}", "action": action, "action_code": code}
+        {
+            **about,
+            "step": i,
+            "image": f"images/{name}",
+            "action": action,
+            "action_code": code,
+        }
         for i, (name, action, code) in enumerate(zip(names, actions, shots.codes, strict=True))
     ]
     write_lines(folder / "trajectories.jsonl", lines)
@@ -136,15 +175,35 @@ def agentnet(folder: Path, shots: Shots = SMALL) -> Path:
     """AgentNet: fractions."""
     clicks = [f"pyautogui.click(x={x / 40}, y={y / 40})" for x, y in shots.clicks]
     steps = [*clicks, "computer.terminate(status='success')"]
-    traj = [{"index": i, "image": f"{i}.png", "value": {"code": code}} for i, code in enumerate(steps)]
-    write_lines(folder / "a.jsonl", [{"task_id": "a", "instruction": "do it", "traj": traj}])
+    traj = [
+        {
+            "index": i,
+            "image": f"{i}.png",
+            "value": {"code": code},
+        }
+        for i, code in enumerate(steps)
+    ]
+    write_lines(
+        folder / "a.jsonl",
+        [
+            {
+                "task_id": "a",
+                "instruction": "do it",
+                "traj": traj,
+            }
+        ],
+    )
     shots.files(folder / "images", [entry["image"] for entry in traj])
     return folder
 
 
 def screenagent(folder: Path, shots: Shots = SMALL) -> Path:
     """ScreenAgent: pixels, `width` is x."""
-    click = {"action_type": "MouseAction", "mouse_action_type": "click", "mouse_button": "left"}
+    click = {
+        "action_type": "MouseAction",
+        "mouse_action_type": "click",
+        "mouse_button": "left",
+    }
     end = {"action_type": "EvaluateSubTaskAction", "situation": "ok"}
     places = [{"width": x, "height": y} for x, y in shots.pixels]
     actions = [*({**click, "mouse_position": place} for place in places), end]
@@ -165,16 +224,24 @@ def screenagent(folder: Path, shots: Shots = SMALL) -> Path:
 
 def webvoyager(folder: Path, shots: Shots = SMALL) -> Path:
     """WebVoyager: marks, no coordinates."""
-    asked = [{"type": "text", "text": "Now given a task: Find it.  Please interact with https://x.org"}]
+    asked = [
+        {"type": "text", "text": "Now given a task: Find it.  Please interact with https://x.org"}
+    ]
     typed = {"role": "assistant", "content": "Thought: a\n\nAction: Type [2]; green tea"}
     messages = [
         {"role": "system", "content": "be a robot"},
         {"role": "user", "content": asked},
-        *[message for _ in shots.clicks for message in (typed, {"role": "user", "content": "Observation"})],
+        *[
+            message
+            for _ in shots.clicks
+            for message in (typed, {"role": "user", "content": "Observation"})
+        ],
         {"role": "assistant", "content": "Thought: Action: no\nAction: ANSWER; done"},
     ]
     write_json(folder / "taskX--1" / "interact_messages.json", messages)
-    shots.files(folder / "taskX--1", [f"screenshot{i}.png" for i in range(1, len(shots.clicks) + 2)])
+    shots.files(
+        folder / "taskX--1", [f"screenshot{i}.png" for i in range(1, len(shots.clicks) + 2)]
+    )
     return folder
 
 
@@ -182,13 +249,29 @@ def openai(folder: Path, shots: Shots = SMALL) -> Path:
     """OpenAI: items of the Responses API, a line each."""
 
     def call(number: int, action: dict[str, Any]) -> dict[str, Any]:
-        return {"type": "computer_call", "call_id": f"c{number}", "action": action}
+        return {
+            "type": "computer_call",
+            "call_id": f"c{number}",
+            "action": action,
+        }
 
     def output(number: int, kind: str = "input_image") -> dict[str, Any]:
         shown = {"type": kind, "image_url": shots.url(number)}
-        return {"type": "computer_call_output", "call_id": f"c{number}", "output": shown}
+        return {
+            "type": "computer_call_output",
+            "call_id": f"c{number}",
+            "output": shown,
+        }
 
-    clicks = [{"type": "click", "button": "left", "x": x, "y": y} for x, y in shots.pixels]
+    clicks = [
+        {
+            "type": "click",
+            "button": "left",
+            "x": x,
+            "y": y,
+        }
+        for x, y in shots.pixels
+    ]
     items = [
         {"role": "user", "content": [{"type": "input_text", "text": "do it"}]},
         call(0, {"type": "screenshot"}),
@@ -205,12 +288,35 @@ def anthropic(folder: Path, shots: Shots = SMALL) -> Path:
     """Anthropic: messages, in one JSON body."""
 
     def use(name: str, given: dict[str, Any]) -> dict[str, Any]:
-        return {"role": "assistant", "content": [{"type": "tool_use", "id": name, "name": "computer", "input": given}]}
+        return {
+            "role": "assistant",
+            "content": [
+                {
+                    "type": "tool_use",
+                    "id": name,
+                    "name": "computer",
+                    "input": given,
+                }
+            ],
+        }
 
     def result(name: str, number: int) -> dict[str, Any]:
-        source = {"type": "base64", "media_type": "image/png", "data": shots.text(number)}
+        source = {
+            "type": "base64",
+            "media_type": "image/png",
+            "data": shots.text(number),
+        }
         content = [{"type": "text", "text": "ok"}, {"type": "image", "source": source}]
-        return {"role": "user", "content": [{"type": "tool_result", "tool_use_id": name, "content": content}]}
+        return {
+            "role": "user",
+            "content": [
+                {
+                    "type": "tool_result",
+                    "tool_use_id": name,
+                    "content": content,
+                }
+            ],
+        }
 
     clicks = [{"action": "left_click", "coordinate": list(point)} for point in shots.pixels]
     messages = [
@@ -226,19 +332,29 @@ def anthropic(folder: Path, shots: Shots = SMALL) -> Path:
     return folder
 
 
-def ui_tars(folder: Path, model: str = "UI-TARS-7B-DPO", shots: Shots = SMALL) -> Path:
+def ui_tars(
+    folder: Path,
+    model: str = "UI-TARS-7B-DPO",
+    shots: Shots = SMALL,
+) -> Path:
     """UI-TARS 1.0: 0..1000."""
     return _ui_tars(folder, model, [f"({x},{y})" for x, y in shots.points(1000, 1000)], shots)
 
 
 def ui_tars_15(folder: Path, shots: Shots = SMALL) -> Path:
-    """UI-TARS 1.5: pixels of the smart-resized picture, here 392x196: whole patches of 28 pixels."""
+    """UI-TARS 1.5: pixels of the smart-resized picture, here 392x196: whole patches of 28
+    pixels."""
     width, height = (28 * round(side / 28) for side in shots.size)
     boxes = [f"<|box_start|>({x},{y})<|box_end|>" for x, y in shots.points(width, height)]
     return _ui_tars(folder, "UI-TARS-1.5-7B", boxes, shots)
 
 
-def _ui_tars(folder: Path, model: str, boxes: list[str], shots: Shots) -> Path:
+def _ui_tars(
+    folder: Path,
+    model: str,
+    boxes: list[str],
+    shots: Shots,
+) -> Path:
     prompt = "You are a GUI agent.\n\n## User Instruction\ndo it\n"
 
     def look(link: str) -> dict[str, Any]:
@@ -251,7 +367,9 @@ def _ui_tars(folder: Path, model: str, boxes: list[str], shots: Shots) -> Path:
         {"role": "user", "content": [{"type": "text", "text": prompt}]},
         *[
             line
-            for link, reply in zip(links, [*replies, "Thought: over\nAction: finished(content='it is')"], strict=True)
+            for link, reply in zip(
+                links, [*replies, "Thought: over\nAction: finished(content='it is')"], strict=True
+            )
             for line in (look(link), {"role": "assistant", "content": reply})
         ],
     ]
@@ -278,7 +396,10 @@ def chat_code(folder: Path, shots: Shots = SMALL) -> Path:
     replies = [
         {"role": role, "content": text}
         for code in shots.codes
-        for role, text in (("user", "<image>\ndo it"), ("assistant", f"Now:\n```python\n{code}\n```"))
+        for role, text in (
+            ("user", "<image>\ndo it"),
+            ("assistant", f"Now:\n```python\n{code}\n```"),
+        )
     ]
     write_table(folder / "chat.parquet", [{"messages": replies, "images": _column(shots)}])
     return folder
@@ -286,20 +407,39 @@ def chat_code(folder: Path, shots: Shots = SMALL) -> Path:
 
 def chat_calls(folder: Path, shots: Shots = SMALL) -> Path:
     """Parquet with chat rows whose replies are tool calls in 0..1000, as cua-lite has them."""
-    messages: list[dict[str, Any]] = [{"role": "user", "content": [{"type": "text", "text": "do it"}]}]
+    messages: list[dict[str, Any]] = [
+        {"role": "user", "content": [{"type": "text", "text": "do it"}]}
+    ]
     for index, point in enumerate(shots.points(1000, 1000)):
-        given = {"actions": [{"action": "click", "coordinate": list(point), "button": "left"}]}
+        given = {
+            "actions": [
+                {
+                    "action": "click",
+                    "coordinate": list(point),
+                    "button": "left",
+                }
+            ]
+        }
         call = {"type": "function", "function": {"name": "computer", "arguments": given}}
         messages.append({"role": "tool", "content": [{"type": "image", "index": index}]})
-        messages.append({"role": "assistant", "content": [], "tool_calls": [call]})
+        messages.append(
+            {
+                "role": "assistant",
+                "content": [],
+                "tool_calls": [call],
+            }
+        )
     messages.append({"role": "tool", "content": [{"type": "image", "index": len(shots.clicks)}]})
     messages.append({"role": "assistant", "content": [{"type": "text", "text": "Done."}]})
-    write_table(folder / "cua.parquet", [{"messages": json.dumps(messages), "images": _column(shots)}])
+    write_table(
+        folder / "cua.parquet", [{"messages": json.dumps(messages), "images": _column(shots)}]
+    )
     return folder
 
 
 def boxes(folder: Path, shots: Shots = SMALL) -> Path:
-    """Parquet with a box a row, as ScreenSpot has them: two fortieths wide and high, around the clicks."""
+    """Parquet with a box a row, as ScreenSpot has them: two fortieths wide and high, around the
+    clicks."""
     rows = [
         {
             "file_name": f"{i}.png",
@@ -327,7 +467,8 @@ def chat(folder: Path, shots: Shots = SMALL) -> Path:
 
 
 def grounding(folder: Path, shots: Shots = SMALL) -> Path:
-    """ScreenSpot-Pro: corners in pixels, two fortieths wide and high, around the clicks; and around the middle."""
+    """ScreenSpot-Pro: corners in pixels, two fortieths wide and high, around the clicks; and around
+    the middle."""
     width, height = shots.size
     places = [*shots.clicks, (38, 20)]
     names = [f"linux/{i}.png" for i in range(len(places))]
@@ -336,7 +477,12 @@ def grounding(folder: Path, shots: Shots = SMALL) -> Path:
             "id": f"linux_{i}",
             "img_filename": name,
             "img_size": [width, height],
-            "bbox": [(x - 1) * width // 40, (y - 1) * height // 40, (x + 1) * width // 40, (y + 1) * height // 40],
+            "bbox": [
+                (x - 1) * width // 40,
+                (y - 1) * height // 40,
+                (x + 1) * width // 40,
+                (y + 1) * height // 40,
+            ],
             "instruction": "do it",
             "platform": "linux",
             "application": "gimp",
@@ -350,19 +496,36 @@ def grounding(folder: Path, shots: Shots = SMALL) -> Path:
 
 
 def cua(folder: Path, shots: Shots = SMALL) -> Path:
-    """cua: a look, a click for each picture but the last, a wait; each screenshot is saved after its action."""
+    """cua: a look, a click for each picture but the last, a wait; each screenshot is saved after
+    its action."""
     home = folder / "2025-08-01_a-model_101500_ab12"
     message = {"role": "user", "content": "do it"}
-    write_json(home / "metadata.json", {"trajectory_id": home.name, "kwargs": {"messages": [message]}})
-    clicks = [{"type": "click", "button": "left", "x": x, "y": y} for x, y in shots.pixels]
+    write_json(
+        home / "metadata.json", {"trajectory_id": home.name, "kwargs": {"messages": [message]}}
+    )
+    clicks = [
+        {
+            "type": "click",
+            "button": "left",
+            "x": x,
+            "y": y,
+        }
+        for x, y in shots.pixels
+    ]
     number = 0
     for turn, action in enumerate([{"type": "screenshot"}, *clicks, {"type": "wait"}]):
         place = home / f"turn_{turn:03d}"
         write_json(place / f"{number:04d}_agent_response.json", {"model": "m", "response": {}})
         shown = min(turn, len(clicks))
         (place / f"{number + 1:04d}_screenshot_after.png").write_bytes(shots.picture(shown))
-        item = {"type": "computer_call", "call_id": f"c{turn}", "action": action}
-        write_json(place / f"{number + 2:04d}_computer_call_result.json", {"item": item, "result": []})
+        item = {
+            "type": "computer_call",
+            "call_id": f"c{turn}",
+            "action": action,
+        }
+        write_json(
+            place / f"{number + 2:04d}_computer_call_result.json", {"item": item, "result": []}
+        )
         (place / f"{number + 3:04d}_screenshot_action.png").write_bytes(shots.picture(99 + turn))
         number += 4
     return folder
@@ -372,12 +535,32 @@ def gui_odyssey(folder: Path, shots: Shots = SMALL) -> Path:
     """GUI-Odyssey: 0..1000."""
     clicks = [{"action": "CLICK", "info": [list(point)]} for point in shots.points(1000, 1000)]
     steps = [
-        {"step": i, "screenshot": f"e1_{i}.png", "ps": "", **step}
+        {
+            "step": i,
+            "screenshot": f"e1_{i}.png",
+            "ps": "",
+            **step,
+        }
         for i, step in enumerate([*clicks, {"action": "COMPLETE", "info": ""}])
     ]
-    task = {"category": "Multi_Apps", "app": ["Chrome"], "task": "do", "instruction": "do it"}
-    device = {"device_name": "Pixel 7 Pro", "w": shots.size[0], "h": shots.size[1]}
-    record = {"episode_id": "e1", "device_info": device, "task_info": task, "step_length": len(steps), "steps": steps}
+    task = {
+        "category": "Multi_Apps",
+        "app": ["Chrome"],
+        "task": "do",
+        "instruction": "do it",
+    }
+    device = {
+        "device_name": "Pixel 7 Pro",
+        "w": shots.size[0],
+        "h": shots.size[1],
+    }
+    record = {
+        "episode_id": "e1",
+        "device_info": device,
+        "task_info": task,
+        "step_length": len(steps),
+        "steps": steps,
+    }
     write_json(folder / "annotations" / "e1.json", record)
     shots.files(folder / "screenshots", [step["screenshot"] for step in steps])
     return folder
@@ -385,9 +568,24 @@ def gui_odyssey(folder: Path, shots: Shots = SMALL) -> Path:
 
 def android_control(folder: Path, shots: Shots = SMALL) -> Path:
     """AndroidControl, converted to a JSON an episode: pixels."""
-    actions = [*({"action_type": "click", "x": x, "y": y} for x, y in shots.pixels), {"action_type": "navigate_home"}]
+    actions = [
+        *(
+            {
+                "action_type": "click",
+                "x": x,
+                "y": y,
+            }
+            for x, y in shots.pixels
+        ),
+        {"action_type": "navigate_home"},
+    ]
     names = [f"{i}.png" for i in range(len(actions) + 1)]
-    record = {"episode_id": 7, "goal": "do it", "screenshots": names, "actions": actions}
+    record = {
+        "episode_id": 7,
+        "goal": "do it",
+        "screenshots": names,
+        "actions": actions,
+    }
     write_json(folder / "7.json", record)
     shots.files(folder / "screenshots", names)
     return folder
@@ -396,9 +594,22 @@ def android_control(folder: Path, shots: Shots = SMALL) -> Path:
 def runs(folder: Path, shots: Shots = SMALL) -> Path:
     """A run of the live benchmark with one episode."""
     home = folder / "episodes" / "find_it-0__clean__s0__me"
-    record = {"id": home.name, "instruction": "do it", "apps": ["chrome"], "sample": "find_it-0", "status": "ok"}
+    record = {
+        "id": home.name,
+        "instruction": "do it",
+        "apps": ["chrome"],
+        "sample": "find_it-0",
+        "status": "ok",
+    }
     steps = [
-        {"step": k, "image": f"frames/000{k}.png", "raw": code, "code": code, "boxes": [], "events": []}
+        {
+            "step": k,
+            "image": f"frames/000{k}.png",
+            "raw": code,
+            "code": code,
+            "boxes": [],
+            "events": [],
+        }
         for k, code in enumerate([*shots.codes, None])
     ]
     shots.files(home / "frames", [f"000{k}.png" for k in range(len(steps))])
@@ -407,7 +618,11 @@ def runs(folder: Path, shots: Shots = SMALL) -> Path:
     return folder
 
 
-def write_table(file: Path, rows: list[dict[str, Any]], group: int = 2) -> None:
+def write_table(
+    file: Path,
+    rows: list[dict[str, Any]],
+    group: int = 2,
+) -> None:
     """Write a Parquet file with row groups of `group` rows."""
     import pyarrow as pa
     import pyarrow.parquet as pq

@@ -16,10 +16,20 @@ SIZE = (200, 320)
 
 
 def frame_of(
-    pack: Path, *, size: tuple[int, int] = SIZE, boxes: Any = (), action: hj.Action | None = None, seed: int = 0,
-    screen: Any = None, apps: tuple[str, ...] = ("editor",), domain: str = "", platform: Any = "linux-xfce",
-    foreign: bool = False, before: tuple[hj.Action, ...] = (), recorded: bool = True,
-) -> Frame:  # fmt: skip
+    pack: Path,
+    *,
+    size: tuple[int, int] = SIZE,
+    boxes: Any = (),
+    action: hj.Action | None = None,
+    seed: int = 0,
+    screen: Any = None,
+    apps: tuple[str, ...] = ("editor",),
+    domain: str = "",
+    platform: Any = "linux-xfce",
+    foreign: bool = False,
+    before: tuple[hj.Action, ...] = (),
+    recorded: bool = True,
+) -> Frame:
     """A frame whose recorded action is a click at (100, 50), or `action`, after those `before`.
 
     Its picture is black, but for the first pixel of each element: they stand out.
@@ -28,12 +38,22 @@ def frame_of(
     elements = tuple(tuple(box) for box in boxes) if recorded else ()
     step = hj.Step(len(before), "0.png", action, elements=elements)
     steps = (*(hj.Step(k, "0.png", done) for k, done in enumerate(before)), step)
-    trajectory = RecordedTrajectory("t", "jsonl", "do it", steps, domain, apps, screen=screen, platform=platform)
+    trajectory = RecordedTrajectory(
+        "t", "jsonl", "do it", steps, domain, apps, screen=screen, platform=platform
+    )
     scene = hj.Scene(size, list(boxes) or None, apps, as_target(action.point))  # type: ignore[arg-type]
     image = np.zeros((*size, 3), np.uint8)
     for x, y, *_ in boxes:
         image[min(y, size[0] - 1), min(x, size[1] - 1)] = 255
-    return Frame(trajectory, step, scene, image, AssetPack.load(pack), Stream(seed, "test", "t"), foreign)
+    return Frame(
+        trajectory=trajectory,
+        step=step,
+        scene=scene,
+        image=image,
+        pack=AssetPack.load(pack),
+        stream=Stream(seed, "test", "t"),
+        foreign=foreign,
+    )
 
 
 def drawn(frame: Frame, edit: Any) -> np.ndarray:

@@ -1,7 +1,7 @@
 """Builds in processes of their own, which are killed with SIGKILL at a chosen instant.
 
-The processes are forked from a server that has loaded everything, so that a build takes a tenth of a second. (Its only
-threads are those of OpenBLAS and jemalloc, which both outlive a fork.)
+The processes are forked from a server that has loaded everything, so that a build takes a tenth of
+a second. (Its only threads are those of OpenBLAS and jemalloc, which both outlive a fork.)
 """
 
 import json
@@ -22,27 +22,58 @@ PATIENCE = 60.0
 
 
 class Killer:
-    """Talks to the server. `options` are those of `build`; `number` counts the files that are put in place."""
+    """Talks to the server. `options` are those of `build`; `number` counts the files that are put
+    in place."""
 
     def __init__(self, process: "subprocess.Popen[str]") -> None:
         self._process = process
 
-    def at_rename(self, source: Path, out: Path, options: dict[str, Any], number: int, before: bool) -> bool:
-        """Build until right before or after the `number`-th rename; return whether it came to that."""
+    def at_rename(
+        self,
+        source: Path,
+        out: Path,
+        options: dict[str, Any],
+        number: int,
+        before: bool,
+    ) -> bool:
+        """Build until right before or after the `number`-th rename; return whether it came to
+        that."""
         return self._ask(source, out, options, number=number, before=before)["killed"]
 
-    def at_step(self, source: Path, out: Path, options: dict[str, Any], step: int, delay: float) -> bool:
-        """Build until `delay` seconds after `step` steps are done; return whether it was killed before the end."""
+    def at_step(
+        self,
+        source: Path,
+        out: Path,
+        options: dict[str, Any],
+        step: int,
+        delay: float,
+    ) -> bool:
+        """Build until `delay` seconds after `step` steps are done; return whether it was killed
+        before the end."""
         return self._ask(source, out, options, step=step, delay=delay)["killed"]
 
-    def renames(self, source: Path, out: Path, options: dict[str, Any]) -> list[str]:
-        """Build undisturbed, and return the names of the files in the order in which they are put in place."""
+    def renames(
+        self,
+        source: Path,
+        out: Path,
+        options: dict[str, Any],
+    ) -> list[str]:
+        """Build undisturbed, and return the names of the files in the order in which they are put
+        in place."""
         return self._ask(source, out, options)["names"]
 
-    def _ask(self, source: Path, out: Path, options: dict[str, Any], **how: Any) -> dict[str, Any]:
+    def _ask(
+        self,
+        source: Path,
+        out: Path,
+        options: dict[str, Any],
+        **how: Any,
+    ) -> dict[str, Any]:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
-        print(json.dumps([str(source), str(out), options, how]), file=self._process.stdin, flush=True)
+        print(
+            json.dumps([str(source), str(out), options, how]), file=self._process.stdin, flush=True
+        )
         answer = json.loads(self._process.stdout.readline())
         assert answer["status"] in (0, -signal.SIGKILL), answer
         return {"killed": answer["status"] != 0, **answer}
@@ -54,7 +85,13 @@ def killer() -> Iterator[Killer]:
     command = [sys.executable, __file__]
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[2])}
     pipe = subprocess.PIPE
-    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=environment) as process:
+    with subprocess.Popen(
+        command,
+        stdin=pipe,
+        stdout=pipe,
+        text=True,
+        env=environment,
+    ) as process:
         yield Killer(process)
         assert process.stdin is not None
         process.stdin.close()
@@ -78,19 +115,37 @@ def _serve() -> None:
 
 
 def _warm_up(folder: Path) -> None:
-    """Build something of the size of the tests' pictures, so that all is loaded, compiled kernels too."""
+    """Build something of the size of the tests' pictures, so that all is loaded, compiled kernels
+    too."""
     import numpy as np
     from PIL import Image
 
     (folder / "source").mkdir()
     Image.fromarray(np.zeros((200, 320, 3), np.uint8)).save(folder / "source" / "0.png")
-    line = {"trajectory_id": "t", "step": 0, "instruction": "x", "image": "0.png", "action": {"type": "wait"}}
+    line = {
+        "trajectory_id": "t",
+        "step": 0,
+        "instruction": "x",
+        "image": "0.png",
+        "action": {"type": "wait"},
+    }
     (folder / "source" / "trajectories.jsonl").write_text(json.dumps(line))
     corruptions = {"marks": ["marks", {"number": 1, "mark_size": 8}], "half": ["resolution", {}]}
-    _build(str(folder / "source"), str(folder / "out"), {"corruptions": corruptions}, {}, mmap.mmap(-1, 1 << 16))
+    _build(
+        str(folder / "source"),
+        str(folder / "out"),
+        {"corruptions": corruptions},
+        {},
+        mmap.mmap(-1, 1 << 16),
+    )
 
 
-def _kill_later(pid: int, shared: mmap.mmap, step: int, delay: float) -> None:
+def _kill_later(
+    pid: int,
+    shared: mmap.mmap,
+    step: int,
+    delay: float,
+) -> None:
     deadline = time.monotonic() + PATIENCE
     while int.from_bytes(shared[:8], "big") < step and time.monotonic() < deadline:
         time.sleep(0.0005)
@@ -100,7 +155,13 @@ def _kill_later(pid: int, shared: mmap.mmap, step: int, delay: float) -> None:
     os.kill(pid, signal.SIGKILL)
 
 
-def _build(source: str, out: str, options: dict[str, Any], how: dict[str, Any], shared: mmap.mmap) -> None:
+def _build(
+    source: str,
+    out: str,
+    options: dict[str, Any],
+    how: dict[str, Any],
+    shared: mmap.mmap,
+) -> None:
     import hijack_data as hj
     from pipelines import build
 
@@ -121,7 +182,10 @@ def _build(source: str, out: str, options: dict[str, Any], how: dict[str, Any], 
     def progress(done: int, *_: object) -> None:
         shared[:8] = done.to_bytes(8, "big")
 
-    planners = {label: hj.get(name, **parameters) for label, (name, parameters) in options.pop("corruptions").items()}
+    planners = {
+        label: hj.get(name, **parameters)
+        for label, (name, parameters) in options.pop("corruptions").items()
+    }
     with patch.object(Path, "replace", counted):
         assert build(source, out, corruptions=planners, **options, progress=progress).total
 

@@ -1,4 +1,5 @@
-"""Where the labels of a corrupted row must lie, judged by its pixels and by the clean row of the same step."""
+"""Where the labels of a corrupted row must lie, judged by its pixels and by the clean row of the
+same step."""
 
 from typing import Any
 
@@ -27,7 +28,10 @@ def check_inside(row: dict[str, Any]) -> None:
 def check_scaled(row: dict[str, Any], clean: dict[str, Any]) -> None:
     """The same action, in pixels of what is shown now."""
     scale = 0.5 if row["corruption"] == "resolution" else 1
-    assert (row["width"], row["height"]) == (round(clean["width"] * scale), round(clean["height"] * scale))
+    assert (row["width"], row["height"]) == (
+        round(clean["width"] * scale),
+        round(clean["height"] * scale),
+    )
     for name in ("x", "y", "x2", "y2"):
         now, then = row["action"][name], clean["action"][name]
         assert (now is None) == (then is None)
@@ -36,7 +40,9 @@ def check_scaled(row: dict[str, Any], clean: dict[str, Any]) -> None:
     assert [row["action"][name] for name in rest] == [clean["action"][name] for name in rest]
     assert (row["target_box"] is None) == (clean["target_box"] is None)
     if clean["target_box"] is not None:
-        assert np.abs(np.array(row["target_box"]) - np.array(clean["target_box"]) * scale).max() <= 0.5
+        assert (
+            np.abs(np.array(row["target_box"]) - np.array(clean["target_box"]) * scale).max() <= 0.5
+        )
     if scale == 1:
         assert row["action_code"] == clean["action_code"]
 
@@ -56,13 +62,19 @@ def check_beside(row: dict[str, Any], clean: dict[str, Any]) -> None:
 
 def check_inserted(row: dict[str, Any], clean: dict[str, Any]) -> None:
     """The action is the one that was seen to undo what is shown, at its place in the picture."""
-    assert row["id"] == f"{clean['id'].removesuffix('clean')}{row['corruption']}+{EFFECTS[row['corruption']]}"
+    assert (
+        row["id"]
+        == f"{clean['id'].removesuffix('clean')}{row['corruption']}+{EFFECTS[row['corruption']]}"
+    )
     assert (row["width"], row["height"], row["reminder"]) == (clean["width"], clean["height"], None)
     paste = [op for op in hj.Plan.from_json(row["plan"]).ops if isinstance(op, Paste)][-1]
     asset = AssetPack.load().get(paste.sprite["id"])
     assert asset.recover is not None
     action, box = asset.recover.action, asset.recover.target_box
-    assert (row["action"]["type"], row["action"]["keys"]) == (action.type, list(action.keys) if action.keys else None)
+    assert (row["action"]["type"], row["action"]["keys"]) == (
+        action.type,
+        list(action.keys) if action.keys else None,
+    )
     assert (row["target_box"] is None) == (box is None)
     if box is None:
         return
@@ -87,7 +99,11 @@ def check_replaced(row: dict[str, Any], clean: dict[str, Any]) -> None:
     assert (row["action"]["type"], row["action_code"], row["target_box"]) == ("wait", "WAIT", None)
     assert ends(row["action"]) == []
     assert "wait until" in row["reminder"]
-    assert (row["width"], row["height"], row["step"]) == (clean["width"], clean["height"], clean["step"])
+    assert (row["width"], row["height"], row["step"]) == (
+        clean["width"],
+        clean["height"],
+        clean["step"],
+    )
     assert row["changed_pixels"] > 0.1 * row["width"] * row["height"]
 
 

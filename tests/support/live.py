@@ -1,4 +1,5 @@
-"""A desktop, a stage and effects that are none, for what `CorruptedEnv` does without a real desktop."""
+"""A desktop, a stage and effects that are none, for what `CorruptedEnv` does without a real
+desktop."""
 
 from collections.abc import Callable
 from typing import Any, ClassVar
@@ -7,25 +8,31 @@ import numpy as np
 
 from hijack_data.errors import ParameterTypeError
 from hijack_data.plan import Effect, Plan
+from hijack_data.planner import Planner
 from hijack_data.types import Scene
 from online_env.desktops.protocol import CAPABILITIES, RunResult
 from online_env.effects import EffectError, LiveEffect, Probe, Undone, register
-from online_env.env import Setting, Settle
+from online_env.environment import Setting, Settle
 from online_env.errors import DesktopError, MissingCapabilityError
 from online_env.tasks.base import Verdict
 
 SIZE = (360, 640)
 AT_ONCE = Settle(quiet=0, cap=0)
 TREE = (
-    '<desktop-frame xmlns:st="https://accessibility.ubuntu.example.org/ns/state" '
-    'xmlns:cp="https://accessibility.ubuntu.example.org/ns/component">'
-    '<application name="files"><push-button name="Open" st:showing="true" st:visible="true" st:enabled="true" '
-    'cp:screencoord="(10, 20)" cp:size="(100, 30)"/><push-button name="Save" st:showing="true" st:visible="true" '
-    'st:enabled="true" cp:screencoord="(300, 200)" cp:size="(80, 40)"/></application></desktop-frame>'
+    '<desktop-frame xmlns:st="https://accessibility.ubuntu.example.org/ns/state"'
+    ' xmlns:cp="https://accessibility.ubuntu.example.org/ns/component"><application'
+    ' name="files"><push-button name="Open" st:showing="true" st:visible="true" st:enabled="true"'
+    ' cp:screencoord="(10, 20)" cp:size="(100, 30)"/><push-button name="Save" st:showing="true"'
+    ' st:visible="true" st:enabled="true" cp:screencoord="(300, 200)" cp:size="(80,'
+    ' 40)"/></application></desktop-frame>'
 )
 
 
-RAISES = {"effect": EffectError, "desktop": DesktopError, "missing": MissingCapabilityError}
+RAISES = {
+    "effect": EffectError,
+    "desktop": DesktopError,
+    "missing": MissingCapabilityError,
+}
 
 
 class FakeDesktop:
@@ -87,7 +94,12 @@ class FakeDesktop:
 class FakeStage:
     """One task; `score` is what the evaluation says."""
 
-    def __init__(self, desktop=None, score=1.0, infeasible=False):
+    def __init__(
+        self,
+        desktop=None,
+        score=1.0,
+        infeasible=False,
+    ):
         self.desktop = desktop or FakeDesktop()
         self.score, self.infeasible = score, infeasible
         self.resets: list[tuple[Any, int]] = []
@@ -155,14 +167,29 @@ class Fence(Mark):
         return False
 
 
-class Marking:
+class Marking(Planner):
     """A planner whose effect is due at some steps."""
 
     needs_elements = False
 
-    def __init__(self, *steps, kind="test_mark", **params):
-        self.steps, self.kind, self.params = steps, kind, params
+    def __init__(
+        self,
+        *steps,
+        kind="test_mark",
+        **params,
+    ):
+        self.steps, self.kind, self.given = steps, kind, params
 
-    def plan(self, scene: Scene, *, seed, sample=0, step=None, epoch=0):
+    def plan(
+        self,
+        scene: Scene,
+        *,
+        seed,
+        sample=0,
+        step=None,
+        epoch=0,
+    ):
         due = step in self.steps
-        return Plan("marking-v1", scene.size, {}, (), (Effect(self.kind, self.params),) if due else ())
+        return Plan(
+            "marking-v1", scene.size, {}, (), (Effect(self.kind, self.given),) if due else ()
+        )

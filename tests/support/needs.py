@@ -1,7 +1,8 @@
-"""What a test needs of the machine: each of these skips, with the command that adds what is lacking.
+"""What a test needs of the machine: each of these skips, with the command that adds what is
+lacking.
 
-The functions are for fixtures and for what is known only while a test runs; `needs_apps`, `needs_tools`
-and `needs_memory` are marks.
+The functions are for fixtures and for what is known only while a test runs; `needs_apps`,
+`needs_tools` and `needs_memory` are marks.
 """
 
 import functools
@@ -14,7 +15,7 @@ from typing import Any, NoReturn
 
 import pytest
 
-from online_env.desktops.embedded import doctor, packages
+from online_env.embedded import doctor, packages
 from online_env.osworld import venv
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
@@ -23,6 +24,7 @@ PACKAGES = {"libreoffice": "libreoffice-writer", "soffice": "libreoffice-writer"
 # From the root of a clone, whether or not its environment is active.
 HIJACK = ".venv/bin/hijack"
 ONLINE = "needs the extra [online]; .venv/bin/pip install -e '.[online]'"
+INSPECT = "needs the extra [inspect]; .venv/bin/pip install -e '.[inspect]'"
 
 
 def profile_of(program: str) -> str:
@@ -63,7 +65,11 @@ def lack_of_memory(gib: float) -> str:
         name, _, rest = line.partition(":")
         if name == "MemAvailable":
             free = int(rest.split()[0]) / 2**20
-            return "" if free >= gib else f"needs {gib:g} GiB of free memory, {free:.1f} are; end something"
+            return (
+                ""
+                if free >= gib
+                else f"needs {gib:g} GiB of free memory, {free:.1f} are; end something"
+            )
     return "this system does not say how much memory is free"
 
 
@@ -96,7 +102,7 @@ def apps(*programs: str) -> None:
 def root(what: str) -> None:
     """Skip where we are not root."""
     if os.geteuid() != 0:
-        skip(f"{what} needs root", "sudo .venv/bin/python -m pytest tests/online")
+        skip(f"{what} needs root", "sudo .venv/bin/python -m pytest tests/live")
 
 
 @functools.lru_cache(maxsize=1)
@@ -132,7 +138,9 @@ def network_namespaces() -> None:
     if absent(["unshare", "ip"]):
         skip("not installed: ip or unshare", install_line("iproute2"))
     if subprocess.run(["unshare", "-n", "true"], capture_output=True, check=False).returncode:
-        skip("no network namespaces here", "run as root, in a container with docker run --privileged")
+        skip(
+            "no network namespaces here", "run as root, in a container with docker run --privileged"
+        )
 
 
 def osworld() -> Path:

@@ -1,4 +1,5 @@
-"""Runs the shell blocks of a page as somebody who pastes them, one after the other, into a terminal."""
+"""Runs the shell blocks of a page as somebody who pastes them, one after the other, into a
+terminal."""
 
 import re
 import shlex
@@ -15,7 +16,8 @@ SERVES = re.compile(r"hijack (desktop )?view\b")
 
 
 class Terminal:
-    """A shell in the root of a clone. Whether the environment is active is all that it remembers."""
+    """A shell in the root of a clone. Whether the environment is active is all that it
+    remembers."""
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.active = folder, False
@@ -34,17 +36,28 @@ class Terminal:
             self._look(line, where)
         else:
             done = subprocess.run(
-                ["bash", "-euo", "pipefail", "-c", line], cwd=self.folder, stdin=subprocess.DEVNULL,
-                env=surroundings(self.active, self.folder), capture_output=True, text=True, timeout=900,
-            )  # fmt: skip
+                ["bash", "-euo", "pipefail", "-c", line],
+                cwd=self.folder,
+                stdin=subprocess.DEVNULL,
+                env=surroundings(self.active, self.folder),
+                capture_output=True,
+                text=True,
+                timeout=900,
+            )
             assert done.returncode == 0, f"{where}\n{done.stdout}\n{done.stderr}"
 
     def _look(self, line: str, where: str) -> None:
         """Serve a page, open it, then press Ctrl-C."""
         command = shlex.split(line)
         place = surroundings(self.active, self.folder)
-        with subprocess.Popen(["env", *command], cwd=self.folder, env=place, stdout=subprocess.PIPE,
-                              stderr=subprocess.STDOUT, text=True) as process:  # fmt: skip
+        with subprocess.Popen(
+            ["env", *command],
+            cwd=self.folder,
+            env=place,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        ) as process:
             try:
                 assert process.stdout is not None
                 told = next((said for said in process.stdout if "http://" in said), "")

@@ -1,9 +1,10 @@
-"""The processes of this machine as /proc shows them; one that has just ended has no name and no command line."""
+"""The processes of this machine as /proc shows them; one that has just ended has no name and no
+command line."""
 
 import contextlib
 from pathlib import Path
 
-from online_env.desktops.embedded.nest import SERVER
+from online_env.embedded.runtime.nest import SERVER
 
 
 def children(pid: int) -> list[int]:

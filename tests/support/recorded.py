@@ -13,13 +13,17 @@ from online_env.bench import records, runner
 from online_env.bench.episodes import play
 from online_env.bench.jobs import Job
 from online_env.effects import base
-from online_env.env import CorruptedEnv
+from online_env.environment import CorruptedEnv
 
 from .live import AT_ONCE, FakeDesktop, FakeStage, Mark
 
 PLANNERS = {
     "clean": None,
-    "marks": hj.Marks(number=3, mark_size=8, avoid_elements=True),
+    "marks": hj.Marks(
+        number=3,
+        mark_size=8,
+        avoid_elements=True,
+    ),
     "app_minimization": hj.AppMinimization(step=1),
     "resolution": hj.Resolution(scale=0.5),
 }
@@ -98,7 +102,13 @@ class Episodes:
     def __call__(self, job: Job, attempt: int) -> dict[str, Any]:
         self.played.append((job.corruption, attempt))
         stage = FakeStage(FakeDesktop(), score=self.scores[job.corruption])
-        env = CorruptedEnv(stage, settle=AT_ONCE, max_steps=9, log=self.folder, agent=job.agent)
+        env = CorruptedEnv(
+            stage,
+            settle=AT_ONCE,
+            max_steps=9,
+            log=self.folder,
+            agent=job.agent,
+        )
         return play(env, Teller(), job, attempt, PLANNERS[job.corruption])
 
 
@@ -106,8 +116,8 @@ class Episodes:
 def no_machine():
     """Effects that do nothing, and no waiting, while a run is played."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(base, "_registry", {**base._registry, "minimise": Minimise()})
-        patch.setattr("online_env.env.episode.WAIT", 0.0)
+        patch.setitem(base.EFFECTS.entries, "minimise", Minimise())
+        patch.setattr("online_env.environment.episode.WAIT", 0.0)
         yield
 
 

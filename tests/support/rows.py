@@ -6,17 +6,22 @@ from typing import Any
 
 import pytest
 
-from pipelines.columns import COLUMNS
+from pipelines.dataset.columns import COLUMNS
 
 
 def assert_same_rows(one: Any, other: Any) -> int:
-    """Two datasets hold the same rows and pictures, and the hashes of the second are true; return how many."""
+    """Two datasets hold the same rows and pictures, and the hashes of the second are true; return
+    how many."""
     count = 0
     for left, right in zip(one, other, strict=True):
         assert list(left) == list(right) == list(COLUMNS)
         for name, value in left.items():
             if name == "screenshot":
-                assert (value.mode, value.size) == (right[name].mode, right[name].size) == ("RGB", value.size)
+                assert (
+                    (value.mode, value.size)
+                    == (right[name].mode, right[name].size)
+                    == ("RGB", value.size)
+                )
                 assert value.tobytes() == right[name].tobytes()
             else:
                 assert right[name] == value, name
@@ -25,7 +30,11 @@ def assert_same_rows(one: Any, other: Any) -> int:
     return count
 
 
-def load(folder: Path, cache: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+def load(
+    folder: Path,
+    cache: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> Any:
     """Read a dataset with `datasets`, without the network."""
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
     datasets = pytest.importorskip("datasets")

@@ -1,4 +1,5 @@
-"""A small run log as `hijack bench` writes it: contract of `run.json`, `records.jsonl` and `episodes/`."""
+"""A small run log as `hijack bench` writes it: contract of `run.json`, `records.jsonl` and
+`episodes/`."""
 
 import json
 from pathlib import Path
@@ -15,16 +16,27 @@ def lines_of(path: Path, rows: list[dict[str, Any]]) -> None:
 
 
 def make_run(folder: Path) -> Path:
-    """Two episodes of three observations: one clean, one corrupted that fails; the agent saw the clean screen first."""
+    """Two episodes of three observations: one clean, one corrupted that fails; the agent saw the
+    clean screen first."""
     folder.mkdir()
-    run = {"format": "agenthijack-run", "version": 1, "config": {}, "versions": {}, "created": "2026-01-01"}
+    run = {
+        "format": "agenthijack-run",
+        "version": 1,
+        "config": {},
+        "versions": {},
+        "created": "2026-01-01",
+    }
     (folder / "run.json").write_text(json.dumps(run))
     records = [episode(folder, "clean", 1.0), episode(folder, "app_minimization", 0.0)]
     lines_of(folder / "records.jsonl", records)
     return folder
 
 
-def episode(folder: Path, corruption: str, score: float) -> dict[str, Any]:
+def episode(
+    folder: Path,
+    corruption: str,
+    score: float,
+) -> dict[str, Any]:
     """Write one episode and return its record."""
     slug = f"write_note__{corruption}__s0__oracle"
     home = folder / "episodes" / slug
@@ -49,13 +61,21 @@ def episode(folder: Path, corruption: str, score: float) -> dict[str, Any]:
     return record
 
 
-def step(home: Path, k: int, corruption: str) -> dict[str, Any]:
+def step(
+    home: Path,
+    k: int,
+    corruption: str,
+) -> dict[str, Any]:
     """Write the frames of one observation and return its line."""
     seen = f"frames/{k:04d}.seen.png" if corruption != "clean" and k else None
     Image.fromarray(np.full((*SIZE[::-1], 3), 200, np.uint8)).save(home / f"frames/{k:04d}.png")
     if seen:
         Image.fromarray(np.full((*SIZE[::-1], 3), 40 * k, np.uint8)).save(home / seen)
-    event = {"step": k, "effect": "minimise", "record": {"windows": 2}}
+    event = {
+        "step": k,
+        "effect": "minimise",
+        "record": {"windows": 2},
+    }
     return {
         "step": k,
         "image": f"frames/{k:04d}.png",

@@ -1,4 +1,5 @@
-"""What the tests of `hijack view` share: a page that is served, rows that are changed, pictures that are read."""
+"""What the tests of `hijack view` share: a page that is served, rows that are changed, pictures
+that are read."""
 
 import contextlib
 import io

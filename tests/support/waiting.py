@@ -1,4 +1,5 @@
-"""Waiting for a state, not for a time: the limit is for what never comes, on a machine that is busy, too."""
+"""Waiting for a state, not for a time: the limit is for what never comes, on a machine that is
+busy, too."""
 
 import time
 from collections.abc import Callable
@@ -11,7 +12,11 @@ Found = TypeVar("Found")
 PATIENCE = 90.0
 
 
-def until(condition: Callable[[], Found], what: str = "it", pause: float = 0.05) -> Found:
+def until(
+    condition: Callable[[], Found],
+    what: str = "it",
+    pause: float = 0.05,
+) -> Found:
     """The first true value of `condition`; fails the test where none comes."""
     end = time.monotonic() + PATIENCE
     while not (found := condition()):

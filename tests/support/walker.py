@@ -5,18 +5,29 @@ import types
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-# Made anew each time they are asked for, and alike for all objects: only whom they belong to is of interest.
+# Made anew each time they are asked for, and alike for all objects: only whom they belong to is of
+# interest.
 WRAPPERS = (
-    types.BuiltinFunctionType, types.MethodWrapperType, types.WrapperDescriptorType, types.MethodDescriptorType,
-    types.GetSetDescriptorType, types.MemberDescriptorType, types.ClassMethodDescriptorType,
-)  # fmt: skip
+    types.BuiltinFunctionType,
+    types.MethodWrapperType,
+    types.WrapperDescriptorType,
+    types.MethodDescriptorType,
+    types.GetSetDescriptorType,
+    types.MemberDescriptorType,
+    types.ClassMethodDescriptorType,
+)
 LIMIT = 200_000
 # What Python itself names and does not give.
-PYTHONS = {"builtins.type.__annotations__", "types.GenericAlias.__copy__", "types.GenericAlias.__deepcopy__"}
+PYTHONS = {
+    "builtins.type.__annotations__",
+    "types.GenericAlias.__copy__",
+    "types.GenericAlias.__deepcopy__",
+}
 
 
 def neighbours(thing: Any, raised: set[str]) -> Iterator[Any]:
-    """What an object leads to without asking the garbage collector or the variables of whole modules.
+    """What an object leads to without asking the garbage collector or the variables of whole
+    modules.
 
     What raises instead is noted in `raised`, by module, class and name.
     """
@@ -63,7 +74,8 @@ def inner(thing: Any, raised: set[str]) -> Iterator[Any]:
 
 
 def walk(starts: Iterable[Any], raised: set[str]) -> Iterator[str]:
-    """Every text that can be reached; `raised` gets the names of the attributes that raised instead."""
+    """Every text that can be reached; `raised` gets the names of the attributes that raised
+    instead."""
     seen: set[int] = set()
     kept: list[Any] = []  # so that no id is used twice
     todo = list(starts)
@@ -85,10 +97,15 @@ def walk(starts: Iterable[Any], raised: set[str]) -> Iterator[str]:
         todo.extend(neighbours(thing, raised))
 
 
-def found(words: Iterable[str], *starts: Any, raising: Iterable[str] = ()) -> set[str]:
+def found(
+    words: Iterable[str],
+    *starts: Any,
+    raising: Iterable[str] = (),
+) -> set[str]:
     """Which of `words` can be reached, in any case.
 
-    An attribute that raises may hide something: it has to be in `raising` (as `module.Class.name`), or Python's own.
+    An attribute that raises may hide something: it has to be in `raising` (as `module.Class.name`),
+    or Python's own.
     """
     wanted = [word.lower() for word in words]
     raised: set[str] = set()

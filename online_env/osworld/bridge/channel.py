@@ -12,24 +12,34 @@ class Channel:
     """One message a line. What `desktop_env` prints goes to the standard error instead."""
 
     def __init__(self) -> None:
-        self.incoming: TextIO = os.fdopen(os.dup(0), encoding="utf-8")
-        self.outgoing: TextIO = os.fdopen(os.dup(1), "w", encoding="utf-8")
+        incoming = os.dup(0)
+        outgoing = os.dup(1)
+        self.incoming: TextIO = os.fdopen(incoming, encoding="utf-8")
+        self.outgoing: TextIO = os.fdopen(outgoing, "w", encoding="utf-8")
         os.dup2(2, 1)
-        os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+        nothing = os.open(os.devnull, os.O_RDONLY)
+        os.dup2(nothing, 0)
         sys.stdout = sys.stderr
 
     def receive(self) -> Message | None:
-        """The next message; `None` when the other side has gone."""
+        """Return the next message, or `None` if the other side has gone."""
         line = self.incoming.readline()
-        return json.loads(line) if line else None
+        if not line:
+            return None
+        return json.loads(line)
 
     def send(self, message: Message) -> None:
         """Write one message."""
-        self.outgoing.write(json.dumps(message) + "\n")
+        line = json.dumps(message)
+        self.outgoing.write(f"{line}\n")
         self.outgoing.flush()
 
     def ask(self, question: str) -> Message:
-        """Ask the controlling process something in the middle of a call."""
+        """Ask the controlling process a question in the middle of a call, and return its answer.
+
+        Raises:
+            SystemExit: The other side has ended or refused.
+        """
         self.send({"ask": question})
         answer = self.receive()
         if answer is None or "answer" not in answer:

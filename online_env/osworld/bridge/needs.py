@@ -1,7 +1,8 @@
-"""Which absent packages a task could touch, found in the bytecode of its evaluator and setup before anything runs.
+"""Find the missing packages that a task could use, before anything runs.
 
-A metric with a bare `except:` would swallow even `MissingDependency`, and one that imports inside a function sees no
-stub; so a task is refused beforehand. The answer errs on the side of refusing: a branch that is never taken counts.
+They are found in the bytecode of its evaluator and setup. A metric with a bare `except:` would
+swallow even `MissingDependency`, and one that imports inside a function sees no stub; so a task is
+refused beforehand. In doubt it is refused: a branch that is never taken counts as well.
 """
 
 import dataclasses
@@ -31,7 +32,10 @@ OURS = ("desktop_env", __name__.partition(".")[0])
 
 @functools.cache
 def packages_of(function: Any) -> frozenset[str]:
-    """The absent packages that `function`, or a function of `desktop_env` that it names, refers to."""
+    """Return the missing packages that a function refers to.
+
+    Functions of `desktop_env` that it names are followed.
+    """
     found: set[str] = set()
     seen: set[int] = set()
     waiting = [function]
@@ -52,18 +56,23 @@ def packages_of(function: Any) -> frozenset[str]:
 
 
 def _ours(value: object) -> bool:
-    is_code = isinstance(value, types.FunctionType | type)
-    return is_code and str(getattr(value, "__module__", "")).partition(".")[0] in OURS
+    if not isinstance(value, types.FunctionType | type):
+        return False
+    module = str(getattr(value, "__module__", ""))
+    return module.partition(".")[0] in OURS
 
 
 def _referred(item: Any) -> Iterator[Any]:
     if isinstance(item, type):
-        yield from (member for member in vars(item).values() if isinstance(member, types.FunctionType))
+        for member in vars(item).values():
+            if isinstance(member, types.FunctionType):
+                yield member
         return
     function = inspect.unwrap(item)
     if not isinstance(function, types.FunctionType):
         return
-    yield function if function is not item else None
+    if function is not item:
+        yield function
     for code in _codes(function.__code__):
         yield from _named(code, function.__globals__)
 
@@ -76,12 +85,13 @@ def _codes(code: types.CodeType) -> Iterator[types.CodeType]:
 
 
 def _named(code: types.CodeType, names: Names) -> Iterator[Any]:
-    """What a piece of code names: globals, attributes of modules, and what it imports."""
+    """Yield what a piece of code names: globals, attributes of modules, and imports."""
     steps = list(dis.get_instructions(code))
     for place, step in enumerate(steps):
         if step.opname == "IMPORT_NAME":
-            level, wanted = steps[place - 2].argval, steps[place - 1].argval
-            yield from _imported(str(step.argval), int(level), wanted or (), names)
+            level = int(steps[place - 2].argval)
+            wanted = steps[place - 1].argval or ()
+            yield from _imported(str(step.argval), level, wanted, names)
         elif step.opname in ("LOAD_GLOBAL", "LOAD_NAME"):
             value = names.get(str(step.argval))
             yield value
@@ -89,9 +99,15 @@ def _named(code: types.CodeType, names: Names) -> Iterator[Any]:
                 yield from (vars(value).get(name) for name in code.co_names)
 
 
-def _imported(name: str, level: int, wanted: tuple[str, ...], names: Names) -> Iterator[Any]:
-    """What an import inside a function gives: a function of `desktop_env` itself, else the root of the package."""
-    full = importlib.util.resolve_name("." * level + name, str(names.get("__package__") or ""))
+def _imported(
+    name: str,
+    level: int,
+    wanted: tuple[str, ...],
+    names: Names,
+) -> Iterator[Any]:
+    """Yield functions of `desktop_env` that an import gives, or the root of another package."""
+    package = str(names.get("__package__") or "")
+    full = importlib.util.resolve_name("." * level + name, package)
     root = full.partition(".")[0]
     if root not in OURS:
         yield Imported(root)
@@ -101,12 +117,19 @@ def _imported(name: str, level: int, wanted: tuple[str, ...], names: Names) -> I
 
 
 def as_list(value: Any) -> list[Any]:
-    """A list as it is, `None` as an empty one, anything else as a list of one."""
-    return value if isinstance(value, list) else [] if value is None else [value]
+    """Return a list as it is, `None` as an empty one, and anything else as a list of one."""
+    if value is None:
+        return []
+    return value if isinstance(value, list) else [value]
 
 
-def task_functions(task: Names, metrics: Any, getters: Any, setup: Any) -> Iterator[tuple[str, Any]]:
-    """`(name, function or None)` for each metric, getter and setup step that `task` names."""
+def task_functions(
+    task: Names,
+    metrics: Any,
+    getters: Any,
+    setup: Any,
+) -> Iterator[tuple[str, Any]]:
+    """Yield `(name, function or None)` for each metric, getter and setup step of a task."""
     evaluator = task.get("evaluator") or {}
     for name in as_list(evaluator.get("func")):
         if name != "infeasible":  # a word of OSWorld's, not a function that is called
@@ -117,11 +140,20 @@ def task_functions(task: Names, metrics: Any, getters: Any, setup: Any) -> Itera
                 kind = source.get("type")
                 yield f"getter {kind}", getattr(getters, f"get_{kind}", None)
     for step in [*(task.get("config") or []), *(evaluator.get("postconfig") or [])]:
-        yield f"setup {step.get('type')}", getattr(setup, f"_{step.get('type')}_setup", None)
+        kind = step.get("type")
+        yield f"setup {kind}", getattr(setup, f"_{kind}_setup", None)
 
 
-def problems(task: Names, metrics: Any, getters: Any, setup: Any) -> list[str]:
-    """Why `task` can't be evaluated here: functions that don't exist and packages that are absent. Empty: it can."""
+def problems(
+    task: Names,
+    metrics: Any,
+    getters: Any,
+    setup: Any,
+) -> list[str]:
+    """Return why a task cannot be evaluated here; nothing if it can.
+
+    Named are functions that do not exist, and packages that are missing.
+    """
     found: dict[str, None] = {}
     for name, function in task_functions(task, metrics, getters, setup):
         if function is None:

@@ -1,4 +1,4 @@
-"""What a call of foreign code came to: a value, or an error on record with the last warnings it logged."""
+"""The outcome of a call of foreign code: a value, or an error with the last warnings logged."""
 
 import collections
 import logging
@@ -12,10 +12,10 @@ LINES = 20
 WIDTH = 500
 
 
-class Outcome(logging.Handler):
-    """A context that records the exception that ends it, whatever its type, and warnings logged by `desktop_env`.
+class OutcomeHandler(logging.Handler):
+    """A context that records the exception that ends it, and warnings that `desktop_env` logs.
 
-    Only `MissingDependency` and ordinary exceptions are kept; an interrupt goes on.
+    Only `MissingDependency` and ordinary exceptions are recorded; an interrupt is raised.
     """
 
     def __init__(self) -> None:
@@ -28,22 +28,34 @@ class Outcome(logging.Handler):
         """Keep one line of the log."""
         self.lines.append(f"{record.levelname} {record.getMessage()}"[:WIDTH])
 
-    def __enter__(self) -> "Outcome":
+    def __enter__(self) -> "OutcomeHandler":
         logging.getLogger().addHandler(self)
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> bool:
         logging.getLogger().removeHandler(self)
         self.error = error
         return isinstance(error, Exception | MissingDependency)
 
     def message(self) -> dict[str, Any]:
-        """As JSON: `value`, or `error` with its `kind` and place."""
+        """Return JSON: `value`, or `error` with its `kind` and place."""
         if self.error is None:
             return {"value": self.value, "log": list(self.lines)}
-        kind = "missing_package" if isinstance(self.error, MissingDependency) else type(self.error).__name__
-        frames = traceback.extract_tb(self.error.__traceback__)
-        place = f"{frames[-1].filename.rpartition('site-packages/')[2]}:{frames[-1].lineno}" if frames else ""
-        return {"error": str(self.error)[:WIDTH] or kind, "kind": kind, "place": place, "log": list(self.lines)}
+        kind = type(self.error).__name__
+        if isinstance(self.error, MissingDependency):
+            kind = "missing_package"
+        place = ""
+        for frame in traceback.extract_tb(self.error.__traceback__)[-1:]:
+            file = frame.filename.rpartition("site-packages/")[2]
+            place = f"{file}:{frame.lineno}"
+        return {
+            "error": str(self.error)[:WIDTH] or kind,
+            "kind": kind,
+            "place": place,
+            "log": list(self.lines),
+        }

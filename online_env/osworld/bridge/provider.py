@@ -1,4 +1,4 @@
-"""What `desktop_env` takes for a virtual machine: an address that the controlling process gives out."""
+"""A virtual machine for `desktop_env`: an address that the controlling process gives out."""
 
 import os
 from collections.abc import Callable
@@ -27,12 +27,18 @@ class Provider:
         self.fresh = fresh
         trust(first)
 
-    def start_emulator(self, path_to_vm: str, headless: bool, os_type: str | None = None) -> None:
+    def start_emulator(
+        self,
+        path_to_vm: str,
+        headless: bool,
+        os_type: str | None = None,
+    ) -> None:
         """It runs already."""
 
     def get_ip_address(self, path_to_vm: str) -> str:
-        """`host:port:chromium:vnc:vlc`, as OSWorld's Docker provider has it."""
-        return ":".join(str(self.address[key]) for key in ("host", *PORTS))
+        """Return `host:port:chromium:vnc:vlc`, as OSWorld's Docker provider does."""
+        parts = [str(self.address[key]) for key in ("host", *PORTS)]
+        return ":".join(parts)
 
     def revert_to_snapshot(self, path_to_vm: str, snapshot_name: str) -> str:
         """Replace the desktop by a pristine one."""
@@ -50,17 +56,24 @@ class Provider:
 
 def trust(address: Address) -> None:
     """Reach the guest without a proxy, and send its token to it and to nobody else."""
-    os.environ["NO_PROXY"] = os.environ["no_proxy"] = f"{address['host']},localhost,127.0.0.1"
+    host = address["host"]
+    direct = f"{host},localhost,127.0.0.1"
+    os.environ["NO_PROXY"] = direct
+    os.environ["no_proxy"] = direct
     _tokens.clear()
-    if address.get("token"):
-        _tokens[f"http://{address['host']}:{address['port']}/"] = address["token"]
+    token = address.get("token")
+    if token:
+        origin = f"http://{host}:{address['port']}/"
+        _tokens[origin] = token
 
 
 _tokens: dict[str, str] = {}
 _send = requests.Session.send
 
 
-def _send_with_token(self: requests.Session, request: requests.PreparedRequest, **options: Any) -> requests.Response:
+def _send_with_token(
+    self: requests.Session, request: requests.PreparedRequest, **options: Any
+) -> requests.Response:
     for origin, token in _tokens.items():
         if str(request.url).startswith(origin):
             request.headers["Authorization"] = f"Bearer {token}"
@@ -68,5 +81,5 @@ def _send_with_token(self: requests.Session, request: requests.PreparedRequest, 
 
 
 def send_tokens() -> None:
-    """From now on requests to the guest carry its token."""
+    """Make all requests to the guest carry its token from now on."""
     requests.Session.send = _send_with_token

@@ -1,7 +1,8 @@
 """Import `desktop_env` without the packages that a task does not need.
 
-`desktop_env` imports about thirty packages at once, whatever the task. Those that are absent are stood in for while it
-is imported, and only then: a finder that stays would make `import pandas` succeed everywhere.
+`desktop_env` imports about thirty packages at once, whatever the task. Those that are absent are
+stood in for while it is imported, and only then: a finder that stays would make `import pandas`
+succeed everywhere.
 """
 
 import contextlib
@@ -15,17 +16,44 @@ from typing import Any
 
 # What the evaluators, getters and setup of desktop-env 1.0.2 import from elsewhere.
 ROOTS = (
-    "PIL", "PyPDF2", "acoustid", "borb", "bs4", "cv2", "docx", "easyocr", "fastdtw", "fitz", "formulas", "imagehash",
-    "librosa", "mutagen", "odf", "openpyxl", "pandas", "pdfplumber", "playwright", "pptx", "psutil", "pydrive", "pypdf",
-    "rapidfuzz", "scipy", "skimage", "tldextract", "tqdm", "xmltodict", "yaml",
-)  # fmt: skip
+    "PIL",
+    "PyPDF2",
+    "acoustid",
+    "borb",
+    "bs4",
+    "cv2",
+    "docx",
+    "easyocr",
+    "fastdtw",
+    "fitz",
+    "formulas",
+    "imagehash",
+    "librosa",
+    "mutagen",
+    "odf",
+    "openpyxl",
+    "pandas",
+    "pdfplumber",
+    "playwright",
+    "pptx",
+    "psutil",
+    "pydrive",
+    "pypdf",
+    "rapidfuzz",
+    "scipy",
+    "skimage",
+    "tldextract",
+    "tqdm",
+    "xmltodict",
+    "yaml",
+)
 
 
 class MissingDependency(BaseException):
     """An evaluator used a package that is not installed.
 
-    Not an `Exception`: most metrics answer `except Exception` with a score of 0, and a missing package is no failure
-    of the agent.
+    Not an `Exception`: most metrics answer `except Exception` with a score of 0, and a missing
+    package is no failure of the agent.
     """
 
 
@@ -61,7 +89,10 @@ class _Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         self.roots = roots
 
     def find_spec(
-        self, fullname: str, path: Sequence[str] | None = None, target: types.ModuleType | None = None
+        self,
+        fullname: str,
+        path: Sequence[str] | None = None,
+        target: types.ModuleType | None = None,
     ) -> importlib.machinery.ModuleSpec | None:
         if fullname.partition(".")[0] in self.roots:
             return importlib.machinery.ModuleSpec(fullname, self, is_package=True)
@@ -75,13 +106,22 @@ class _Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
 
 
 def absent(roots: Iterable[str] = ROOTS) -> frozenset[str]:
-    """Those of `roots` that can't be imported here."""
-    return frozenset(root for root in roots if root not in sys.modules and importlib.util.find_spec(root) is None)
+    """Return those of `roots` that cannot be imported here."""
+    return frozenset(
+        root for root in roots if root not in sys.modules and importlib.util.find_spec(root) is None
+    )
 
 
 @contextlib.contextmanager
 def standing_in(roots: Iterable[str] = ROOTS) -> Iterator[frozenset[str]]:
-    """While it lasts, imports of absent `roots` give stubs; yields which. Afterwards such imports fail as before."""
+    """Give stubs for imports of missing packages; afterwards such imports fail as before.
+
+    Args:
+        roots: The packages; those that are installed are imported.
+
+    Yields:
+        The packages that are missing.
+    """
     missing = absent(roots)
     finder = _Finder(missing)
     sys.meta_path.append(finder)  # at the end: a real package wins
@@ -94,7 +134,7 @@ def standing_in(roots: Iterable[str] = ROOTS) -> Iterator[frozenset[str]]:
 
 
 def stub_root(value: object) -> str | None:
-    """The package that `value` stands in for; `None` where it is real."""
+    """Return the package that `value` stands in for, or `None` if it is real."""
     if isinstance(value, StubModule):
         return value.__name__.partition(".")[0]
     if isinstance(value, _StandIn):

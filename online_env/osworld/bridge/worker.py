@@ -10,7 +10,7 @@ from typing import Any
 
 from . import additions, needs, stubs
 from .channel import Channel, Message
-from .outcome import Outcome
+from .outcome import OutcomeHandler
 from .provider import Manager, Provider, send_tokens
 
 # What the controlling process may call on the guest's controller.
@@ -29,27 +29,42 @@ class Worker:
     def start(self, settings: Message) -> Message:
         """Import `desktop_env` and make the environment; returns what is absent and what was added.
 
-        `settings`: `address` (host, ports, token), `cache` (folder), `screen` ([width, height]), `tree` (whether
-        observations hold the accessibility tree), `password` (of the guest's user).
+        `settings`: `address` (host, ports, token), `cache` (folder), `screen` ([width, height]),
+        `tree` (whether observations hold the accessibility tree), `password` (of the guest's user).
         """
         with tempfile.NamedTemporaryFile("w", suffix=".json") as proxies:
             proxies.write("[]")
             proxies.flush()
-            os.environ["PROXY_CONFIG_FILE"] = proxies.name  # read at import; without it an error is logged
+            # read at import; without it an error is logged
+            os.environ["PROXY_CONFIG_FILE"] = proxies.name
             with stubs.standing_in() as self.absent:
                 module: Any = importlib.import_module("desktop_env.desktop_env")
-        self.metrics, self.getters, self.setup = module.metrics, module.getters, module.SetupController
+        self.metrics, self.getters, self.setup = (
+            module.metrics,
+            module.getters,
+            module.SetupController,
+        )
         self.added = additions.add_missing(self.metrics, self.getters)
         provider = Provider(settings["address"], lambda: self.channel.ask("revert"))
         module.create_vm_manager_and_provider = lambda *_, **__: (Manager(), provider)
         send_tokens()
         # Of the names that DesktopEnv accepts, "docker" is the one whose machine is clean at first.
         self.env = module.DesktopEnv(
-            provider_name="docker", path_to_vm="agenthijack", os_type="Ubuntu", action_space="pyautogui", headless=True,
-            cache_dir=settings["cache"], screen_size=tuple(settings["screen"]),
-            require_a11y_tree=bool(settings["tree"]), client_password=settings["password"],
-        )  # fmt: skip
-        return {"absent": sorted(self.absent), "added": self.added, "python": sys.version.split()[0]}
+            provider_name="docker",
+            path_to_vm="agenthijack",
+            os_type="Ubuntu",
+            action_space="pyautogui",
+            headless=True,
+            cache_dir=settings["cache"],
+            screen_size=tuple(settings["screen"]),
+            require_a11y_tree=bool(settings["tree"]),
+            client_password=settings["password"],
+        )
+        return {
+            "absent": sorted(self.absent),
+            "added": self.added,
+            "python": sys.version.split()[0],
+        }
 
     def check(self, task: Message) -> list[str]:
         """Why the task can't be evaluated in this environment; empty where it can."""
@@ -71,7 +86,11 @@ class Worker:
         return float(self.env.evaluate())
 
     def controller(self, method: str, arguments: list[Any]) -> Any:
-        """One of the calls in `CONTROLLER`; bytes come back in base64."""
+        """One of the calls in `CONTROLLER`; bytes come back in base64.
+
+        Raises:
+            ValueError: The method is not in `CONTROLLER`.
+        """
         if method not in CONTROLLER:
             raise ValueError(f"controller call {method!r} is not one of {', '.join(CONTROLLER)}")
         self.used = True
@@ -89,10 +108,17 @@ def _portable(value: Any) -> Any:
 def main() -> None:
     """Serve until the controlling process closes its end."""
     channel = Channel()
-    logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s %(message)s")
+    logging.basicConfig(
+        stream=sys.stderr,
+        level=logging.INFO,
+        format="%(asctime)s %(levelname)s %(name)s %(message)s",
+    )
     worker = Worker(channel)
-    calls = {name: getattr(worker, name) for name in ("start", "check", "reset", "step", "evaluate", "controller")}
+    calls = {
+        name: getattr(worker, name)
+        for name in ("start", "check", "reset", "step", "evaluate", "controller")
+    }
     while (request := channel.receive()) is not None:
-        with Outcome() as outcome:
+        with OutcomeHandler() as outcome:
             outcome.value = calls[request["call"]](*request.get("arguments", []))
         channel.send(outcome.message())

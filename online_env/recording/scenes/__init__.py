@@ -1,4 +1,7 @@
-"""What is recorded, one file a kind of picture: each a function that takes a stage and yields its pictures."""
+"""The scenes of the asset pack, one file a kind of picture.
+
+Each has a function that takes a stage and yields its pictures.
+"""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -9,14 +12,16 @@ from ..picture import Picture
 
 @dataclass(frozen=True)
 class Refused:
-    """What could not be recorded, and why."""
+    """Something that could not be recorded, and why."""
 
     what: str
     why: str
 
     @classmethod
-    def instead(cls, what: str, pictures: "Iterable[Picture | Refused]") -> "Iterator[Picture | Refused]":
-        """The pictures; where the desktop does not play along, what is lost by it, and the rest goes on."""
+    def instead(
+        cls, what: str, pictures: "Iterable[Picture | Refused]"
+    ) -> "Iterator[Picture | Refused]":
+        """Yield the pictures; if the desktop fails, yield what is lost instead of raising."""
         try:
             yield from pictures
         except DesktopError as error:

@@ -7,10 +7,10 @@ from functools import cache
 
 from PIL import Image, ImageDraw
 
-from hijack_data.text import load_font
+from hijack_data.drawing.text import load_font
 
-from ...tasks.base import home
-from ..stage import Stage, Top
+from ...desktops.commands import home
+from ..stage import RecordingStage, Top
 from ..wallpapers import draw
 
 NOTE = """Harbour walk, Saturday
@@ -53,7 +53,8 @@ if __name__ == "__main__":
         print(f"{tide.at:%a %H:%M}  {tide.height:.1f} m  {'sails' if sails(tide) else 'stays'}")
 '''
 _OFFICE = (
-    '<?xml version="1.0" encoding="UTF-8"?><office:document office:version="1.2" office:mimetype="{mime}"'
+    '<?xml version="1.0" encoding="UTF-8"?><office:document office:version="1.2"'
+    ' office:mimetype="{mime}"'
     ' xmlns:office="urn:oasis:names:tc:opendocument:xmlns:office:1.0"'
     ' xmlns:text="urn:oasis:names:tc:opendocument:xmlns:text:1.0"'
     ' xmlns:table="urn:oasis:names:tc:opendocument:xmlns:table:1.0"'
@@ -63,44 +64,68 @@ _OFFICE = (
 )
 _MIME = "application/vnd.oasis.opendocument."
 _ROWS = (
-    ("Month", "Passengers", "Bicycles", "Income"), ("January", 4120, 310, 18540), ("February", 3980, 295, 17910),
-    ("March", 5240, 520, 23580), ("April", 6875, 840, 30940), ("May", 8210, 1190, 36945), ("June", 9450, 1460, 42525),
-)  # fmt: skip
+    ("Month", "Passengers", "Bicycles", "Income"),
+    ("January", 4120, 310, 18540),
+    ("February", 3980, 295, 17910),
+    ("March", 5240, 520, 23580),
+    ("April", 6875, 840, 30940),
+    ("May", 8210, 1190, 36945),
+    ("June", 9450, 1460, 42525),
+)
+
+
+def _note_lines() -> list[str]:
+    return [line for line in NOTE.splitlines() if line]
 
 
 def _letter() -> str:
-    head, *lines = (line for line in NOTE.splitlines() if line)
+    head, *lines = _note_lines()
     body = "".join(f"<text:p>{line}</text:p>" for line in lines)
     heading = f'<text:h text:outline-level="1">{head}</text:h>'
     return _OFFICE.format(mime=f"{_MIME}text", body=f"<office:text>{heading}{body}</office:text>")
 
 
 def _cell(value: object) -> str:
-    kind = f'float" office:value="{value}' if isinstance(value, int) else "string"
-    return f'<table:table-cell office:value-type="{kind}"><text:p>{value}</text:p></table:table-cell>'
+    kind = 'office:value-type="string"'
+    if isinstance(value, int):
+        kind = f'office:value-type="float" office:value="{value}"'
+    return f"<table:table-cell {kind}><text:p>{value}</text:p></table:table-cell>"
 
 
 def _table() -> str:
-    rows = "".join(f"<table:table-row>{''.join(map(_cell, row))}</table:table-row>" for row in _ROWS)
-    sheet = f'<office:spreadsheet><table:table table:name="Ferry">{rows}</table:table></office:spreadsheet>'
+    rows = ""
+    for row in _ROWS:
+        cells = "".join(map(_cell, row))
+        rows += f"<table:table-row>{cells}</table:table-row>"
+    sheet = (
+        "<office:spreadsheet><table:table"
+        f' table:name="Ferry">{rows}</table:table></office:spreadsheet>'
+    )
     return _OFFICE.format(mime=f"{_MIME}spreadsheet", body=sheet)
 
 
 def _slide() -> str:
-    frames = "".join(
-        f'<draw:frame svg:x="3cm" svg:y="{3 + 2 * n}cm" svg:width="20cm" svg:height="2cm"><draw:text-box>'
-        f"<text:p>{line}</text:p></draw:text-box></draw:frame>"
-        for n, line in enumerate(line for line in NOTE.splitlines() if line)
+    frames = ""
+    for number, line in enumerate(_note_lines()):
+        place = f'svg:x="3cm" svg:y="{3 + 2 * number}cm" svg:width="20cm" svg:height="2cm"'
+        text = f"<draw:text-box><text:p>{line}</text:p></draw:text-box>"
+        frames += f"<draw:frame {place}>{text}</draw:frame>"
+    page = (
+        "<office:presentation><draw:page"
+        f' draw:name="walk">{frames}</draw:page></office:presentation>'
     )
-    page = f'<office:presentation><draw:page draw:name="walk">{frames}</draw:page></office:presentation>'
     return _OFFICE.format(mime=f"{_MIME}presentation", body=page)
 
 
 FILES: Mapping[str, str] = {
-    "Documents/harbour-walk.txt": NOTE, "Documents/tides.py": PROGRAM, "Documents/harbour-walk.fodt": _letter(),
-    "Documents/ferry.fods": _table(), "Documents/shopping.txt": "milk\ntea\n3 x bread\n",
-    "Documents/garden.txt": "Sow beans in April.\n", "Downloads/harbour.fodp": _slide(),
-}  # fmt: skip
+    "Documents/harbour-walk.txt": NOTE,
+    "Documents/tides.py": PROGRAM,
+    "Documents/harbour-walk.fodt": _letter(),
+    "Documents/ferry.fods": _table(),
+    "Documents/shopping.txt": "milk\ntea\n3 x bread\n",
+    "Documents/garden.txt": "Sow beans in April.\n",
+    "Downloads/harbour.fodp": _slide(),
+}
 
 
 def _encoded(picture: Image.Image, kind: str) -> bytes:
@@ -115,22 +140,29 @@ def _photo() -> bytes:
 
 
 def _timetable() -> bytes:
-    """A page with a heading and rows, as PDF."""
+    """Return a page with a heading and rows, as PDF."""
     page = Image.new("RGB", (595, 842), "white")
     pen = ImageDraw.Draw(page)
     pen.text((60, 60), "Ferry timetable", "#123a5a", load_font("DejaVuSans", 28))
+    small = load_font("DejaVuSans", 15)
     for number, line in enumerate(NOTE.splitlines()[2:6]):
-        pen.text((60, 130 + 34 * number), line, "black", load_font("DejaVuSans", 15))
-        pen.line((60, 156 + 34 * number, 535, 156 + 34 * number), "#b0b8c0")
+        y = 130 + 34 * number
+        pen.text((60, y), line, "black", small)
+        pen.line((60, y + 26, 535, y + 26), "#b0b8c0")
     return _encoded(page, "PDF")
 
 
 _PICTURES: Mapping[str, Callable[[], bytes]] = {
-    "Pictures/dunes.png": cache(_photo), "Downloads/timetable.pdf": cache(_timetable),
-}  # fmt: skip
+    "Pictures/dunes.png": cache(_photo),
+    "Downloads/timetable.pdf": cache(_timetable),
+}
 
 
-_PROCESSES = {"google-chrome": "chrome", "libreoffice": "soffice.bin", "gimp": "gimp-2.10"}
+_PROCESSES = {
+    "google-chrome": "chrome",
+    "libreoffice": "soffice.bin",
+    "gimp": "gimp-2.10",
+}
 
 
 @dataclass(frozen=True)
@@ -138,12 +170,12 @@ class App:
     """An application with something of ours open.
 
     Args:
-        name: as in the pack's entries: that of the paper's list where it has one, else its program's.
-        argv: how it is started; `~` is the user's home.
-        named: a part of the class of its windows.
-        shows: what it shows, for people.
-        patience: seconds that its first start may take.
-        before: shell commands that are run first.
+        name: The name in the pack's entries: the paper's, or its program's.
+        argv: The command line; `~` is the user's home.
+        named: A part of the class of its windows.
+        shows: What it shows, for people.
+        patience: Seconds that its first start may take.
+        before: Shell commands that are run first.
     """
 
     name: str
@@ -155,20 +187,21 @@ class App:
 
     @property
     def process(self) -> str:
-        """What its process is called."""
+        """The name of its process."""
         return _PROCESSES.get(self.program, self.program)
 
     @property
     def program(self) -> str:
-        """What must be installed."""
+        """The program that must be installed."""
         return self.argv[0]
 
-    def open(self, stage: Stage) -> Top:
-        """Start it; returns its window once all of it is drawn."""
+    def open(self, stage: RecordingStage) -> Top:
+        """Start it; return its window once all of it is drawn."""
         folder = home(stage.desktop)
         for command in self.before:
             stage.desktop.execute(command)
-        return stage.open(*(word.replace("~", folder) for word in self.argv), named=self.named, patience=self.patience)
+        argv = [word.replace("~", folder) for word in self.argv]
+        return stage.open(*argv, named=self.named, patience=self.patience)
 
 
 _QUIET = ("--norestore", "--nologo")
@@ -176,7 +209,7 @@ _TERMINAL = "ls -l --color=never Documents; wc -l Documents/*.txt; exec bash"
 
 
 def browser(address: str) -> App:
-    """Chromium on one of our own sites, in a window of its own."""
+    """Return Chromium on one of our own sites, in a window of its own."""
     return App("chromium", ("google-chrome", "--new-window", address), "chrom", address)
 
 
@@ -184,16 +217,30 @@ APPS: tuple[App, ...] = (
     App("geany", ("geany", "--new-instance", "~/Documents/tides.py"), "geany", "a Python file"),
     App("mousepad", ("mousepad", "~/Documents/harbour-walk.txt"), "mousepad", "a note"),
     App("thunar", ("thunar", "~/Documents"), "thunar", "the folder Documents"),
-    App("xfce4-terminal", ("xfce4-terminal", "--disable-server", "-x", "bash", "-c", _TERMINAL), "terminal",
-        "two commands"),
+    App(
+        "xfce4-terminal",
+        ("xfce4-terminal", "--disable-server", "-x", "bash", "-c", _TERMINAL),
+        "terminal",
+        "two commands",
+    ),
     browser("http://news.test/"),
-    App("libreoffice_writer", ("libreoffice", "--writer", *_QUIET, "~/Documents/harbour-walk.fodt"), "libreoffice",
-        "a letter", 90.0),
-    App("libreoffice_calc", ("libreoffice", "--calc", *_QUIET, "~/Documents/ferry.fods"), "libreoffice",
-        "a table", 90.0),
+    App(
+        "libreoffice_writer",
+        ("libreoffice", "--writer", *_QUIET, "~/Documents/harbour-walk.fodt"),
+        "libreoffice",
+        "a letter",
+        90.0,
+    ),
+    App(
+        "libreoffice_calc",
+        ("libreoffice", "--calc", *_QUIET, "~/Documents/ferry.fods"),
+        "libreoffice",
+        "a table",
+        90.0,
+    ),
     App("vlc", ("vlc", "--no-video-title-show", "--no-qt-privacy-ask"), "vlc", "an empty list"),
     App("gimp", ("gimp", "--no-splash"), "gimp", "no picture", 120.0),
-)  # fmt: skip
+)
 
 # Recorded in other looks than the golden one, where they are installed.
 MORE: tuple[App, ...] = (
@@ -201,12 +248,17 @@ MORE: tuple[App, ...] = (
     App("evince", ("evince", "~/Downloads/timetable.pdf"), "evince", "a page"),
     App("xfce4-settings-manager", ("xfce4-settings-manager",), "settings", "all settings"),
     App("xfce4-appfinder", ("xfce4-appfinder",), "appfinder", "all applications"),
-    App("libreoffice_impress", ("libreoffice", "--impress", *_QUIET, "~/Downloads/harbour.fodp"), "libreoffice",
-        "a slide", 90.0),
-)  # fmt: skip
+    App(
+        "libreoffice_impress",
+        ("libreoffice", "--impress", *_QUIET, "~/Downloads/harbour.fodp"),
+        "libreoffice",
+        "a slide",
+        90.0,
+    ),
+)
 
 
-def put_files(stage: Stage) -> None:
+def put_files(stage: RecordingStage) -> None:
     """Write our documents into the desktop's home."""
     folder = home(stage.desktop)
     for name, content in FILES.items():
@@ -215,7 +267,7 @@ def put_files(stage: Stage) -> None:
         stage.desktop.write_file(f"{folder}/{name}", image())
 
 
-def installed(stage: Stage, apps: tuple[App, ...]) -> list[App]:
-    """Those of `apps` that the desktop has."""
+def installed(stage: RecordingStage, apps: tuple[App, ...]) -> list[App]:
+    """Return those of `apps` that the desktop has."""
     there = stage.guest.installed(*(app.program for app in apps))
     return [app for app in apps if app.program in there]

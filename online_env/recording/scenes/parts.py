@@ -1,4 +1,4 @@
-"""Parts from which screens of any size are laid out: wallpapers, and the desktop's icons without what is behind."""
+"""Parts from which screens of any size are laid out: wallpapers, and the desktop's icons."""
 
 from collections.abc import Iterator, Sequence
 
@@ -6,70 +6,79 @@ import numpy as np
 
 from hijack_data.types import Box, UInt8Array
 
-from ...effects.elements import LAUNCHERS
 from ...errors import DesktopError
 from .. import wallpapers
 from ..looks import hide_icons, put_wallpaper
-from ..picture import Picture, Target
-from ..stage import Stage
+from ..picture import ClickTarget, Picture
+from ..stage import RecordingStage
 from . import Refused
 
 # Pixels around an icon's box in the tree that its label's shadow may reach.
 SHADOW = 4
 
 
-def record_wallpapers(stage: Stage) -> Iterator[Picture | Refused]:
-    """Each wallpaper, which the desktop must show as it was drawn wherever there is no panel."""
+def record_wallpapers(stage: RecordingStage) -> Iterator[Picture | Refused]:
+    """Yield each wallpaper; the desktop must show it as drawn, except below its panel."""
     hide_icons(stage)
     stage.park()
     for name in wallpapers.NAMES:
         yield from Refused.instead(f"wallpaper {name}", _wallpaper(stage, name))
 
 
-def _wallpaper(stage: Stage, name: str) -> Iterator[Picture]:
+def _wallpaper(stage: RecordingStage, name: str) -> Iterator[Picture]:
     drawn = wallpapers.draw(name)
     put_wallpaper(stage, drawn)
     end = stage.area()[3]
-    shown = stage.still()
+    shown = stage.settled()
     if shown.shape != drawn.shape or not np.array_equal(shown[:end], drawn[:end]):
         raise DesktopError("the desktop does not show it as it was drawn")
-    yield Picture("wallpaper", name, stage.screen, drawn, "drawn by wallpapers.py; a desktop showed it centred")
+    made = "drawn by wallpapers.py; a desktop showed it centred"
+    yield Picture("wallpaper", name, stage.screen, drawn, made)
 
 
-def record_icons(stage: Stage) -> Iterator[Picture | Refused]:
-    """The icons of the desktop with their labels, transparent where the wallpaper shows through."""
+def record_icons(stage: RecordingStage) -> Iterator[Picture | Refused]:
+    """Yield the desktop's icons with their labels; the wallpaper behind them is transparent."""
     yield from Refused.instead("icons of the desktop", _icons(stage))
 
 
-def _icons(stage: Stage) -> Iterator[Picture]:
+def _icons(stage: RecordingStage) -> Iterator[Picture]:
     stage.park()
     height, width = stage.desktop.size
     shown: list[UInt8Array] = []
     for level in (0, 255):
         put_wallpaper(stage, np.full((height, width, 3), level, np.uint8))
-        shown.append(stage.still())
-    targets = stage.targets(stage.screen, lambda top: top is not None and top.name.split(".")[0] in LAUNCHERS)
-    icons = [target for target in targets if target.role == "icon"]
+        shown.append(stage.settled())
+    icons = [target for target in stage.launcher_targets() if target.role == "icon"]
     if not icons:
         raise DesktopError("the desktop shows no icon")
     for icon in icons:
         yield _icon(icon, shown)
 
 
-def _icon(icon: Target, shown: Sequence[UInt8Array]) -> Picture:
-    x1, y1, x2, y2 = icon.box
-    box: Box = (x1 - SHADOW, y1 - SHADOW, x2 + SHADOW, y2 + SHADOW)
-    on_black, on_white = (frame[box[1] : box[3], box[0] : box[2]] for frame in shown)
+def _icon(icon: ClickTarget, shown: Sequence[UInt8Array]) -> Picture:
+    left = icon.box[0] - SHADOW
+    top = icon.box[1] - SHADOW
+    right = icon.box[2] + SHADOW
+    bottom = icon.box[3] + SHADOW
+    on_black, on_white = (frame[top:bottom, left:right] for frame in shown)
     pixels = matte(on_black, on_white)
+    box: Box = (left, top, right, bottom)
     made = f"the icon {icon.name} on a black and on a white wallpaper"
     return Picture("icon", icon.name.lower(), box, pixels, made, [icon])
 
 
 def matte(on_black: UInt8Array, on_white: UInt8Array) -> UInt8Array:
-    """Return what was drawn over both backgrounds: uint8 RGBA `[h, w, 4]` from two RGB pictures `[h, w, 3]`."""
-    through = (on_white.astype(np.float64) - on_black).mean(axis=2)  # of the background, 0 to 255
-    alpha = np.clip(255 - through, 0, 255)
-    colour = on_black * (255 / np.maximum(alpha, 1))[..., None]
-    pixels = np.dstack([np.clip(colour, 0, 255), alpha]).round().astype(np.uint8)
+    """Return what was drawn over both backgrounds, uint8 RGBA `[h, w, 4]`.
+
+    Args:
+        on_black: The picture over black, uint8 RGB `[h, w, 3]`.
+        on_white: The same over white.
+    """
+    # How much of the background shows, 0 to 255.
+    difference = on_white.astype(np.float64) - on_black
+    alpha = np.clip(255 - difference.mean(axis=2), 0, 255)
+    scale = 255 / np.maximum(alpha, 1)
+    colour = np.clip(on_black * scale[..., None], 0, 255)
+    pixels = np.dstack([colour, alpha]).round().astype(np.uint8)
     pixels[pixels[..., 3] == 0] = 0
     return pixels

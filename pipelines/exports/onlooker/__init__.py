@@ -1,5 +1,7 @@
-"""What an onlooker learns from: reminders, summaries of what happened, and recovery steps (paper, section "Critical
-Designs")."""
+"""Training data of an onlooker: reminders, summaries of events, and recovery steps.
+
+See the paper, section "Critical Designs".
+"""
 
 from .export import export_onlooker
 from .report import OnlookerReport

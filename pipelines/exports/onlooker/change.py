@@ -8,18 +8,19 @@ from hijack_data.types import UInt8Array
 
 # Levels (of 256) that a channel may differ by without counting: recordings as JPEG are never equal.
 TOLERANCE = 8
-# The part of the screen that holds as much of the change is where it happened.
+# A part of the screen with at least this share of the change is where it happened.
 MOSTLY = 0.6
-_ROWS, _COLUMNS = ("upper", "middle", "lower"), ("left", "middle", "right")
+_ROWS = ("upper", "middle", "lower")
+_COLUMNS = ("left", "middle", "right")
 
 
 @dataclass(frozen=True)
-class Change:
-    """What differs between two screens.
+class ScreenChange:
+    """The difference between two screens.
 
     Args:
         share: share of the pixels, 0..1; 1 when the size changed.
-        where: the part of the screen that holds most of it, as the end of a sentence, or empty.
+        where: the part of the screen with most of it, as the end of a sentence, or empty.
         resized: whether the two are of different sizes.
     """
 
@@ -28,7 +29,7 @@ class Change:
     resized: bool = False
 
     def text(self) -> str:
-        """One sentence."""
+        """Return the difference as one sentence."""
         if self.resized:
             return "The size of the screen changed."
         if not self.share:
@@ -38,22 +39,29 @@ class Change:
         return f"{much} of the screen changed, {self.where}."
 
 
-def measure(before: UInt8Array, after: UInt8Array) -> Change:
-    """Return what changed from one screen to the next, both uint8 RGB `[H, W, 3]`."""
+def measure(before: UInt8Array, after: UInt8Array) -> ScreenChange:
+    """Return the difference of two screens, both uint8 RGB `[H, W, 3]`."""
     if before.shape != after.shape:
-        return Change(1.0, resized=True)
-    mask = (np.maximum(before, after) - np.minimum(before, after) > TOLERANCE).any(axis=2)
-    counts = np.array([[part.sum() for part in np.array_split(band, 3, axis=1)] for band in np.array_split(mask, 3)])
-    return Change(float(mask.mean()), _where(counts / max(1, counts.sum())))
+        return ScreenChange(1.0, resized=True)
+    difference = np.maximum(before, after) - np.minimum(before, after)
+    changed = (difference > TOLERANCE).any(axis=2)
+    counts = np.zeros((3, 3))
+    for row, band in enumerate(np.array_split(changed, 3)):
+        for column, part in enumerate(np.array_split(band, 3, axis=1)):
+            counts[row, column] = part.sum()
+    shares = counts / max(1, counts.sum())
+    return ScreenChange(float(changed.mean()), _where(shares))
 
 
 def _where(shares: "np.ndarray[tuple[int, int], np.dtype[np.float64]]") -> str:
-    """Return the least part of a grid of three by three that holds most."""
+    """Return the smallest part of a grid of three by three that has most of the change."""
     row, column = divmod(int(shares.argmax()), 3)
     if shares[row, column] >= MOSTLY:
-        middle = row == column == 1
-        return "mostly in the middle" if middle else f"mostly in the {_ROWS[row]} {_COLUMNS[column]}"
-    rows, columns = shares.sum(axis=1), shares.sum(axis=0)
+        if row == column == 1:
+            return "mostly in the middle"
+        return f"mostly in the {_ROWS[row]} {_COLUMNS[column]}"
+    rows = shares.sum(axis=1)
+    columns = shares.sum(axis=0)
     if max(rows.max(), columns.max()) < MOSTLY:
         return "in several places"
     if rows.max() >= columns.max():

@@ -1,4 +1,4 @@
-"""What an export for an onlooker did."""
+"""The report of an export for an onlooker."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -15,12 +15,13 @@ class OnlookerReport:
         dialect: how actions are written.
         balance: frames without a reminder that were asked for, for each that has one.
         reminders: frames with a reminder, by corruption.
-        none: frames without one, by why they were drawn: `same_step`, `clean`, `picture`, `event`.
-        short: frames without a reminder that were asked for and are not there.
+        none: frames without one, by the reason for drawing them: `same_step`, `clean`, `picture`,
+            `event`.
+        short: frames without a reminder that were asked for but are not in the dataset.
         summaries: summaries by corruption.
         recovery: recovery steps by corruption.
         hidden: recovery steps that were left out because their target does not show, by corruption.
-        skipped: what else was left out, by reason.
+        skipped: other examples that were left out, by reason.
     """
 
     out: str
@@ -38,32 +39,48 @@ class OnlookerReport:
 
     @property
     def total(self) -> int:
-        """All examples."""
-        return sum(sum(part.values()) for part in (self.reminders, self.none, self.summaries, self.recovery))
+        """Number of examples."""
+        parts = (self.reminders, self.none, self.summaries, self.recovery)
+        return sum(part.total() for part in parts)
 
     @property
     def exit_code(self) -> int:
-        """0 when there are examples, else 1."""
+        """0 if there are examples, otherwise 1."""
         return 0 if self.total else 1
 
     def to_data(self) -> dict[str, Any]:
-        """JSON data of the report."""
+        """Return the report as JSON data."""
         names = ("reminders", "none", "summaries", "recovery", "hidden", "skipped")
         counts = {name: dict(getattr(self, name)) for name in names}
-        about_it = {"out": self.out, "to": self.to, "dialect": self.dialect, "total": self.total}
-        return {**about_it, "balance": self.balance, "short": self.short, **counts}
+        return {
+            "out": self.out,
+            "to": self.to,
+            "dialect": self.dialect,
+            "total": self.total,
+            "balance": self.balance,
+            "short": self.short,
+            **counts,
+        }
 
     def lines(self) -> list[str]:
-        """The report as lines of text."""
-        with_, without = sum(self.reminders.values()), sum(self.none.values())
-        text = [f"{self.out}: {self.total} examples ({self.to}, actions in {self.dialect})"]
-        text.append(f"  reminders: {with_} frames with one ({_listed(self.reminders)})")
-        text.append(f"  reminders: {without} frames without ({_listed(self.none)})")
+        """Return the report as lines of text."""
+        lines = [
+            f"{self.out}: {self.total} examples ({self.to}, actions in {self.dialect})",
+            f"  reminders: {self.reminders.total()} frames with one ({_listed(self.reminders)})",
+            f"  reminders: {self.none.total()} frames without ({_listed(self.none)})",
+        ]
         if self.short:
-            text.append(f"  reminders: {self.short} more frames without one were asked for and are not in the dataset")
-        text += [f"  {name}: {_listed(getattr(self, name)) or 0}" for name in ("summaries", "recovery")]
-        text += [f"  {label}: {count} recovery step(s) left out, target hidden" for label, count in self.hidden.items()]
-        return text + [f"  left out {count}: {reason}" for reason, count in self.skipped.items()]
+            lines.append(
+                f"  reminders: {self.short} more frames without one were asked for and are not in"
+                " the dataset"
+            )
+        lines.append(f"  summaries: {_listed(self.summaries) or 0}")
+        lines.append(f"  recovery: {_listed(self.recovery) or 0}")
+        for label, count in self.hidden.items():
+            lines.append(f"  {label}: {count} recovery step(s) left out, target hidden")
+        for reason, count in self.skipped.items():
+            lines.append(f"  left out {count}: {reason}")
+        return lines
 
 
 def _listed(counts: Mapping[str, int]) -> str:

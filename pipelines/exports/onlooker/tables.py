@@ -1,12 +1,12 @@
-"""The three tables, a folder each: `reminders`, `summaries` and `recovery`, one Parquet file a shard of the dataset."""
+"""The tables `reminders`, `summaries` and `recovery`: a folder each, one Parquet file a shard."""
 
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ...columns import ACTION, Kind, pyarrow, schema_of
+from ...dataset.columns import ACTION, Kind, pyarrow, schema_of
 
-# What is held before it is written, rows and bytes of pictures.
+# Rows, and bytes of pictures, that are held before they are written.
 GROUP_ROWS = 16
 GROUP_BYTES = 64 * 2**20
 
@@ -22,7 +22,13 @@ _ABOUT: dict[str, Kind] = {
 }
 _MESSAGES: dict[str, Kind] = {"messages": [{"role": "string", "content": "string"}]}
 TABLES: dict[str, dict[str, Kind]] = {
-    "reminders": {**_ABOUT, "screenshot": "image", "reminder": "string", "kind": "string", **_MESSAGES},
+    "reminders": {
+        **_ABOUT,
+        "screenshot": "image",
+        "reminder": "string",
+        "kind": "string",
+        **_MESSAGES,
+    },
     "summaries": {
         **_ABOUT,
         "before_id": "string",
@@ -48,8 +54,15 @@ TABLES: dict[str, dict[str, Kind]] = {
 }
 
 
-class Table:
-    """Writes one table. A file is made when its first row comes, so a shard without rows has none."""
+class TableWriter:
+    """Writes one table.
+
+    A file is made for its first row, so a shard without rows has none.
+
+    Args:
+        folder: the folder of the export.
+        name: name of the table, a key of `TABLES`.
+    """
 
     def __init__(self, folder: Path, name: str) -> None:
         self.folder = folder / name
@@ -60,13 +73,21 @@ class Table:
         self._bytes = 0
 
     def add(self, shard: int, row: Mapping[str, Any]) -> None:
-        """Write a row of a shard; see `done`. Pictures are given as PNG bytes."""
+        """Write a row of a shard; see `done`.
+
+        Args:
+            shard: index of the shard.
+            row: values by column; pictures are PNG bytes.
+        """
         if self._writer is None:
             self.folder.mkdir(exist_ok=True)
             path = self.folder / f"train-{shard:05d}.parquet"
             self._writer = pyarrow().parquet.ParquetWriter(path, self.schema, version="2.6")
-        self._bytes += sum(len(row[name]) for name in self.pictures)
-        self._group.append({**row, **{name: {"bytes": row[name], "path": None} for name in self.pictures}})
+        stored = dict(row)
+        for name in self.pictures:
+            stored[name] = {"bytes": row[name], "path": None}
+            self._bytes += len(row[name])
+        self._group.append(stored)
         if len(self._group) == GROUP_ROWS or self._bytes >= GROUP_BYTES:
             self._flush()
 
@@ -79,10 +100,12 @@ class Table:
 
     def _flush(self) -> None:
         if self._group:
-            self._writer.write_table(pyarrow().Table.from_pylist(self._group, schema=self.schema))
-            self._group, self._bytes = [], 0
+            table = pyarrow().Table.from_pylist(self._group, schema=self.schema)
+            self._writer.write_table(table)
+            self._group = []
+            self._bytes = 0
 
 
 def about(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what every table keeps of a row."""
+    """Return the columns of a row that every table keeps."""
     return {name: row[name] for name in _ABOUT}

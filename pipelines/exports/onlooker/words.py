@@ -1,6 +1,7 @@
-"""What is said to an onlooker, and the sentences that are made of a recording by template.
+"""Questions to an onlooker, and summaries that templates make of a recording.
 
-The words of the questions are our own. What models were trained on is kept: `Reminder:` and `None`.
+The words of the questions are our own; `Reminder:` and `None` are those that models were trained
+on.
 """
 
 import json
@@ -8,23 +9,23 @@ from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 
 from ..example import IMAGE, plain
-from .change import Change
+from .change import ScreenChange
 
 Fields: TypeAlias = Mapping[str, Any]
 Messages: TypeAlias = list[dict[str, str]]
 
 NONE = "None"
 REMIND = (
-    "You watch the machine while an agent works on the task. Is something wrong with the machine that no further step "
-    "of the agent can put right, such as a locked session or a network that is down? "
-    f"Answer `Reminder:` with what the agent should be told, or `Reminder: {NONE}`."
+    "You watch the machine while an agent works on the task. Is something wrong with the machine"
+    " that no further step of the agent can put right, such as a locked session or a network that"
+    f" is down? Answer `Reminder:` with what the agent should be told, or `Reminder: {NONE}`."
 )
 SUMMARISE = (
-    "The first picture is the screen before the action, the second the screen after it. Say briefly what the agent "
-    "did, what changed, and whether something happened that the agent did not do."
+    "The first picture is the screen before the action, the second the screen after it. Say briefly"
+    " what the agent did, what changed, and whether something happened that the agent did not do."
 )
 NOT_THE_AGENT = "Not the agent's doing:"
-# Of a text that was typed, or of code that was run, at most as many characters are quoted.
+# At most this many characters of a typed text, or of code, are quoted.
 QUOTED = 200
 
 
@@ -33,21 +34,31 @@ def reminder_messages(instruction: str, reminder: str) -> Messages:
     return chat(f"{IMAGE}\nTask: {plain(instruction)}\n{REMIND}", f"Reminder: {plain(reminder)}")
 
 
-def summary_messages(instruction: str, action: str, summary: str) -> Messages:
+def summary_messages(
+    instruction: str,
+    action: str,
+    summary: str,
+) -> Messages:
     """Return the chat of two frames and the action between them."""
-    question = f"{IMAGE}\n{IMAGE}\nTask: {plain(instruction)}\nAction: {plain(action)}\n{SUMMARISE}"
+    task = f"Task: {plain(instruction)}"
+    done = f"Action: {plain(action)}"
+    question = "\n".join((IMAGE, IMAGE, task, done, SUMMARISE))
     return chat(question, plain(summary))
 
 
-def summary_of(row: Fields, event: str | None, change: Change | None) -> str:
-    """Return what happened between two screens.
+def summary_of(
+    row: Fields,
+    event: str | None,
+    change: ScreenChange | None,
+) -> str:
+    """Return a summary of what happened between two screens.
 
     Args:
-        row: the row before, with the agent's action, its `action_code` and what is known of both.
-        event: what happened besides, from the row after it, or `None`.
-        change: how the screen changed, or `None` where that is not known.
+        row: the row before, with the agent's action and its `action_code`.
+        event: an event that the agent did not cause, from the row after it, or `None`.
+        change: how the screen changed, or `None` if that is not known.
 
-    Where there was an event, what changed is not told apart from what the agent did, so only the event is named.
+    After an event it is not known which changes are the agent's, so only the event is named.
     """
     parts = [f"The agent {did(row['action'], row['action_code'])}."]
     if event is not None:
@@ -60,31 +71,50 @@ def summary_of(row: Fields, event: str | None, change: Change | None) -> str:
 def did(action: Fields, code: str) -> str:
     """Return an action as the end of a sentence that begins with "The agent"."""
     kind = str(action["type"])
-    held = "" if kind in _KEYS or not action["keys"] else f" while holding {'+'.join(action['keys'])}"
+    held = ""
+    if action["keys"] and kind not in _KEYS:
+        held = f" while holding {'+'.join(action['keys'])}"
     if kind in _POINTER:
         return _POINTER[kind] + _at(action) + held
     if kind in _OTHER:
         return _OTHER[kind](action) + held
-    return f"did what was recorded as {_quoted(code)}" if code else "did something that was not recorded"
+    if code:
+        return f"did what was recorded as {_quoted(code)}"
+    return "did something that was not recorded"
 
 
-def _at(action: Fields, end: str = "", word: str = "at") -> str:
-    x, y = action[f"x{end}"], action[f"y{end}"]
-    return "" if x is None or y is None else f" {word} ({x}, {y})"
+def _at(
+    action: Fields,
+    end: str = "",
+    word: str = "at",
+) -> str:
+    x = action[f"x{end}"]
+    y = action[f"y{end}"]
+    if x is None or y is None:
+        return ""
+    return f" {word} ({x}, {y})"
 
 
 def _scrolled(action: Fields) -> str:
     amount = action["amount"] or 0
-    way = " up" if amount > 0 else " down" if amount < 0 else ""
-    return f"scrolled{way}{_at(action)}"
+    direction = ""
+    if amount:
+        direction = " up" if amount > 0 else " down"
+    return f"scrolled{direction}{_at(action)}"
 
 
 def _typed(action: Fields) -> str:
-    return "typed" if action["text"] is None else f"typed {_quoted(action['text'])}"
+    if action["text"] is None:
+        return "typed"
+    return f"typed {_quoted(action['text'])}"
 
 
 def _keyed(verb: str) -> Callable[[Fields], str]:
-    return lambda action: f"{verb} {'+'.join(action['keys'] or ()) or 'a key'}"
+    def words(action: Fields) -> str:
+        keys = "+".join(action["keys"] or ())
+        return f"{verb} {keys or 'a key'}"
+
+    return words
 
 
 def _quoted(text: str) -> str:

@@ -31,9 +31,21 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     source = home / "source"
     shutil.copytree(ROOT / "examples" / "recordings", source)
     lines = (source / "trajectories.jsonl").read_text().splitlines(keepends=True)
-    (source / "trajectories.jsonl").write_text("".join(x for x in lines if json.loads(x)["trajectory_id"] == "notes"))
-    planners = {"marks": hj.Marks(), "subtitle": hj.Subtitle(), "resolution": hj.Resolution()}
-    build(source, home / "rows", corruptions=planners, seed=7, output="lazy")
+    (source / "trajectories.jsonl").write_text(
+        "".join(x for x in lines if json.loads(x)["trajectory_id"] == "notes")
+    )
+    planners = {
+        "marks": hj.Marks(),
+        "subtitle": hj.Subtitle(),
+        "resolution": hj.Resolution(),
+    }
+    build(
+        source,
+        home / "rows",
+        corruptions=planners,
+        seed=7,
+        output="lazy",
+    )
     return home / "rows"
 
 
@@ -43,11 +55,20 @@ def url(folder: Path) -> Iterator[str]:
         yield server.url
 
 
-def visit(browser: Browser, url: str, width: int = 1280, height: int = 900, scheme: str = "light") -> None:
+def visit(
+    browser: Browser,
+    url: str,
+    width: int = 1280,
+    height: int = 900,
+    scheme: str = "light",
+) -> None:
     """Open an address, and wait until what it is about stands there."""
     browser.open(url, width, height, scheme)
     browser.until(f"{STANDS} || {SHOWN}")
-    browser.until(f"{PICTURES}.filter(i => i.getBoundingClientRect().top < innerHeight).every(i => i.complete)")
+    browser.until(
+        f"{PICTURES}.filter(i => i.getBoundingClientRect().top < innerHeight).every(i =>"
+        " i.complete)"
+    )
 
 
 def text(browser: Browser, selector: str) -> str:
@@ -58,9 +79,15 @@ def box(browser: Browser, selector: str) -> dict[str, float]:
     return browser.js(f"document.querySelector({selector!r}).getBoundingClientRect().toJSON()")
 
 
-def choose(browser: Browser, name: str, value: str) -> None:
+def choose(
+    browser: Browser,
+    name: str,
+    value: str,
+) -> None:
     field = f"document.querySelector('[name={name}]')"
-    browser.js(f"{field}.value = {value!r}; {field}.dispatchEvent(new Event('input', {{bubbles: true}}))")
+    browser.js(
+        f"{field}.value = {value!r}; {field}.dispatchEvent(new Event('input', {{bubbles: true}}))"
+    )
 
 
 def test_the_page_loads_without_errors_or_outside_requests(browser: Browser, url: str) -> None:
@@ -72,20 +99,32 @@ def test_the_page_loads_without_errors_or_outside_requests(browser: Browser, url
     assert browser.of(*ERRORS) == []
     addresses = {request["request"]["url"] for request in browser.of("Network.requestWillBeSent")}
     assert all(address.startswith((url, "data:", "about:")) for address in addresses)
-    fields = "[...document.querySelectorAll('input, select, button, a')].filter(e => e.offsetParent)"
-    unnamed = f"{fields}.filter(e => !(e.labels?.length || e.textContent.trim() || e.ariaLabel)).length"
+    fields = (
+        "[...document.querySelectorAll('input, select, button, a')].filter(e => e.offsetParent)"
+    )
+    unnamed = (
+        f"{fields}.filter(e => !(e.labels?.length || e.textContent.trim() || e.ariaLabel)).length"
+    )
     assert browser.js(unnamed) == 0
 
 
 def test_filters_and_search_change_the_count_and_the_address(browser: Browser, url: str) -> None:
     visit(browser, url)
-    assert browser.js("[...document.querySelector('[name=corruption]').options].map(o => o.textContent)") == [
-        "all", "clean (8)", "marks (8)", "subtitle (8)", "resolution (8)",
-    ]  # fmt: skip
+    assert browser.js(
+        "[...document.querySelector('[name=corruption]').options].map(o => o.textContent)"
+    ) == [
+        "all",
+        "clean (8)",
+        "marks (8)",
+        "subtitle (8)",
+        "resolution (8)",
+    ]
     choose(browser, "corruption", "marks")
     browser.until("document.getElementById('count').textContent", "8 of 32 rows")
     assert browser.js("location.hash") == "#corruption=marks"
-    assert browser.js("[...document.querySelectorAll('.chip.first')].every(c => c.textContent === 'marks')")
+    assert browser.js(
+        "[...document.querySelectorAll('.chip.first')].every(c => c.textContent === 'marks')"
+    )
     choose(browser, "q", "0003")
     browser.until("document.getElementById('count').textContent", "1 of 32 rows")
     assert text(browser, ".tile .title") == "notes · step 3"
@@ -121,10 +160,14 @@ def test_the_divider_moves_between_before_and_after(browser: Browser, url: str) 
     drag(0.5, 0.25)
     value = "document.querySelector('#frame input').value"
     assert browser.js(value) == "25"
-    assert browser.js("getComputedStyle(document.getElementById('after')).clipPath") == "inset(0px 0px 0px 25%)"
+    assert (
+        browser.js("getComputedStyle(document.getElementById('after')).clipPath")
+        == "inset(0px 0px 0px 25%)"
+    )
     browser.key("ArrowRight", 39)
     assert browser.js(value) == "26"
-    assert text(browser, "#name") == "notes · step 1 · marks"  # the key was the divider's, not the rows'
+    # the key was the divider's, not the rows'
+    assert text(browser, "#name") == "notes · step 1 · marks"
     drag(0.26, 1.0)
     assert red(browser, frame) == 0
     drag(0.99, 0.0)
@@ -139,18 +182,39 @@ def red(browser: Browser, frame: dict[str, float]) -> int:
 
 @pytest.mark.parametrize("row", ["notes/0000/marks", "notes/0000/resolution"])
 @pytest.mark.parametrize("width", [1280, 600])
-def test_the_overlay_lies_on_the_target(browser: Browser, url: str, folder: Path, row: str, width: int) -> None:
+def test_the_overlay_lies_on_the_target(
+    browser: Browser,
+    url: str,
+    folder: Path,
+    row: str,
+    width: int,
+) -> None:
     stored = next(found for found in open_dataset(folder) if found["id"] == row)
     visit(browser, f"{url}#row={row}", width=width)
-    frame, drawn, point = (box(browser, selector) for selector in ("#frame", "rect.target", "circle.action"))
+    frame, drawn, point = (
+        box(browser, selector) for selector in ("#frame", "rect.target", "circle.action")
+    )
     scale = frame["width"] / stored["width"]
     x1, y1, x2, y2 = stored["target_box"]
     wanted = np.array([x1 * scale, y1 * scale, (x2 - x1) * scale, (y2 - y1) * scale])
-    found = np.array([drawn["x"] - frame["x"], drawn["y"] - frame["y"], drawn["width"], drawn["height"]])
+    found = np.array(
+        [drawn["x"] - frame["x"], drawn["y"] - frame["y"], drawn["width"], drawn["height"]]
+    )
     assert np.abs(found - wanted).max() < 1.5
-    middle = point["x"] + point["width"] / 2 - frame["x"], point["y"] + point["height"] / 2 - frame["y"]
-    assert np.abs(np.array(middle) - [stored["action"]["x"] * scale, stored["action"]["y"] * scale]).max() < 1.5
-    visible = "[...document.querySelectorAll('#over > *')].filter(e => getComputedStyle(e).display !== 'none').length"
+    middle = (
+        point["x"] + point["width"] / 2 - frame["x"],
+        point["y"] + point["height"] / 2 - frame["y"],
+    )
+    assert (
+        np.abs(
+            np.array(middle) - [stored["action"]["x"] * scale, stored["action"]["y"] * scale]
+        ).max()
+        < 1.5
+    )
+    visible = (
+        "[...document.querySelectorAll('#over > *')].filter(e => getComputedStyle(e).display !=="
+        " 'none').length"
+    )
     both = browser.js(visible)
     browser.js("document.querySelector('[data-layer=target]').click()")
     assert browser.js(visible) == both - 2
@@ -169,7 +233,9 @@ def test_keys_go_through_rows_and_steps(browser: Browser, url: str) -> None:
     browser.until(name, "notes · step 3 · marks")
     browser.key("ArrowLeft", 37)
     browser.until(name, "notes · step 2 · marks")
-    browser.js("[...document.querySelectorAll('#same a')].find(a => a.textContent === 'subtitle').click()")
+    browser.js(
+        "[...document.querySelectorAll('#same a')].find(a => a.textContent === 'subtitle').click()"
+    )
     browser.until(name, "notes · step 2 · subtitle")
     assert text(browser, "#position") == "not in the filter"
     browser.key("ArrowRight", 39, shift=True)
@@ -190,10 +256,17 @@ def test_a_clean_row_says_why_there_is_nothing_before(browser: Browser, url: str
     assert browser.of(*ERRORS) == []
 
 
-def test_all_columns_and_the_plan_are_there(browser: Browser, url: str, folder: Path) -> None:
+def test_all_columns_and_the_plan_are_there(
+    browser: Browser,
+    url: str,
+    folder: Path,
+) -> None:
     visit(browser, f"{url}#row=1")
     row = open_dataset(folder)[1]
-    cells = "[...document.querySelectorAll('#fields div')].map(d => [...d.children].map(e => e.textContent))"
+    cells = (
+        "[...document.querySelectorAll('#fields div')].map(d => [...d.children].map(e =>"
+        " e.textContent))"
+    )
     shown = dict(browser.js(cells))
     assert set(row) - set(shown) == {"plan", "screenshot"}
     assert (shown["id"], shown["image_sha256"]) == (row["id"], row["image_sha256"])
@@ -202,7 +275,11 @@ def test_all_columns_and_the_plan_are_there(browser: Browser, url: str, folder: 
     assert json.loads(plan) == json.loads(row["plan"])
 
 
-def test_what_is_broken_shows_its_message(browser: Browser, folder: Path, tmp_path: Path) -> None:
+def test_what_is_broken_shows_its_message(
+    browser: Browser,
+    folder: Path,
+    tmp_path: Path,
+) -> None:
     shutil.copytree(folder, tmp_path / "rows")
     file = next((tmp_path / "rows" / "data").iterdir())
     edit(
@@ -216,14 +293,20 @@ def test_what_is_broken_shows_its_message(browser: Browser, folder: Path, tmp_pa
     with served(tmp_path / "rows") as server:
         url = server.url
         visit(browser, url)
-        browser.until("document.querySelectorAll('.tile')[1].textContent.includes('gives another plan here')")
+        browser.until(
+            "document.querySelectorAll('.tile')[1].textContent.includes('gives another plan here')"
+        )
         assert browser.js(f"{PICTURES}.slice(0, 6).every(i => i.naturalWidth)")
-        assert text(browser, "#problems li").startswith("data/<b>gone</b>.parquet: its 32 rows are left out")
+        assert text(browser, "#problems li").startswith(
+            "data/<b>gone</b>.parquet: its 32 rows are left out"
+        )
         visit(browser, f"{url}#row=0")
         assert text(browser, "#instruction") == "<img src=x onerror=alert(1)>"
         browser.js("document.getElementById('next').click()")
         browser.until("document.getElementById('frame').hidden")
-        browser.until("document.getElementById('problem').textContent.includes('gives another plan here')")
+        browser.until(
+            "document.getElementById('problem').textContent.includes('gives another plan here')"
+        )
         assert text(browser, "#instruction").startswith("Write a short packing list")
         browser.key("ArrowRight", 39)
         browser.until(f"!document.getElementById('frame').hidden && {SHOWN}")
@@ -235,7 +318,11 @@ def test_what_is_broken_shows_its_message(browser: Browser, folder: Path, tmp_pa
 
 def test_a_server_that_has_ended_is_said(browser: Browser, url: str) -> None:
     visit(browser, url)
-    network = {"latency": 0, "downloadThroughput": -1, "uploadThroughput": -1}
+    network = {
+        "latency": 0,
+        "downloadThroughput": -1,
+        "uploadThroughput": -1,
+    }
     browser.call("Network.emulateNetworkConditions", offline=True, **network)
     try:
         choose(browser, "corruption", "marks")
@@ -265,7 +352,11 @@ def test_a_run_is_stepped_through(browser: Browser, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("width", [360, 600, 1280, 2400])
-def test_the_page_fits_every_width(browser: Browser, url: str, width: int) -> None:
+def test_the_page_fits_every_width(
+    browser: Browser,
+    url: str,
+    width: int,
+) -> None:
     for place in ("", "#row=1"):
         visit(browser, url + place, width=width)
         browser.js("for (const d of document.querySelectorAll('details')) d.open = true")
@@ -282,18 +373,28 @@ def test_dark_and_light(browser: Browser, url: str) -> None:
 
 @pytest.mark.parametrize("size", [(400, 300), (320, 180), (240, 500), (900, 200)])
 def test_tiles_show_the_whole_picture_and_what_was_done(
-    size: tuple[int, int], browser: Browser, recording: Any, tmp_path: Path
+    size: tuple[int, int],
+    browser: Browser,
+    recording: Any,
+    tmp_path: Path,
 ) -> None:
     """A cell that grows with the picture would cut its lower part off."""
     source = recording(trajectories=1, steps=1)
-    Image.fromarray(np.full((size[1], size[0], 3), 90, np.uint8)).save(source / "images" / "t0-0.png")
+    Image.fromarray(np.full((size[1], size[0], 3), 90, np.uint8)).save(
+        source / "images" / "t0-0.png"
+    )
     build(source, tmp_path / "out", corruptions={"half": hj.Resolution(scale=0.5)})
     with served(tmp_path / "out") as server:
         visit(browser, server.url)
         cell, picture = box(browser, ".thumb"), box(browser, ".thumb img")
-        assert all(abs(picture[side] - cell[side]) < 1 for side in ("left", "top", "right", "bottom"))
+        assert all(
+            abs(picture[side] - cell[side]) < 1 for side in ("left", "top", "right", "bottom")
+        )
         assert box(browser, ".thumb svg") == picture
-        assert browser.js("getComputedStyle(document.querySelector('.thumb img')).objectFit") == "contain"
+        assert (
+            browser.js("getComputedStyle(document.querySelector('.thumb img')).objectFit")
+            == "contain"
+        )
         assert browser.js("document.querySelector('.thumb svg').viewBox.baseVal.width") == size[0]
         assert text(browser, ".tile .task") == "do t0"
         assert text(browser, ".tile .done") == "click at (100, 50)"

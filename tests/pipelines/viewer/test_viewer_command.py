@@ -17,11 +17,21 @@ from pipelines import build
 
 def command(*words: object) -> subprocess.Popen[str]:
     line = [sys.executable, "-m", "hijack_data.cli", "view", *map(str, words)]
-    return subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return subprocess.Popen(
+        line,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
 
 
 @pytest.mark.parametrize("harmed", [False, True])
-def test_the_command_serves_until_ctrl_c(recording: Any, small: Any, tmp_path: Path, harmed: bool) -> None:
+def test_the_command_serves_until_ctrl_c(
+    recording: Any,
+    small: Any,
+    tmp_path: Path,
+    harmed: bool,
+) -> None:
     build(recording(), tmp_path / "out", corruptions={"marks": small["marks"]}, rows_per_shard=6)
     if harmed:
         os.truncate(min((tmp_path / "out" / "data").iterdir()), 100)
@@ -50,5 +60,8 @@ def test_the_command_refuses_what_it_cannot_show(tmp_path: Path) -> None:
 
 
 def test_the_library_stays_light() -> None:
-    code = "import sys, pipelines.viewer.cli; sys.exit('pyarrow' in sys.modules or 'torch' in sys.modules)"
+    code = (
+        "import sys, pipelines.viewer.cli; sys.exit('pyarrow' in sys.modules or 'torch' in"
+        " sys.modules)"
+    )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -29,7 +29,11 @@ def test_a_damaged_file_is_named_and_the_others_are_shown(dataset: Path) -> None
 
 
 @pytest.mark.parametrize("harm", ["missing", "column", "short", "outside"])
-def test_other_harm_to_a_file_is_named(dataset: Path, tmp_path: Path, harm: str) -> None:
+def test_other_harm_to_a_file_is_named(
+    dataset: Path,
+    tmp_path: Path,
+    harm: str,
+) -> None:
     file = min((dataset / "data").iterdir())
     if harm == "missing":
         file.unlink()
@@ -38,20 +42,32 @@ def test_other_harm_to_a_file_is_named(dataset: Path, tmp_path: Path, harm: str)
         file.symlink_to(tmp_path / "elsewhere.parquet")
     else:
         table = pq.read_table(file)
-        pq.write_table(table.drop_columns(["trajectory_id"]) if harm == "column" else table.slice(0, 9), file)
+        pq.write_table(
+            table.drop_columns(["trajectory_id"]) if harm == "column" else table.slice(0, 9), file
+        )
     source = open_source(dataset)
-    words = {"missing": "is not in", "column": "no column trajectory_id", "short": "holds 9 rows", "outside": "leaves"}
+    words = {
+        "missing": "is not in",
+        "column": "no column trajectory_id",
+        "short": "holds 9 rows",
+        "outside": "leaves",
+    }
     assert len(source.problems) == 1
     assert words[harm] in source.problems[0]
     assert len(source.index) == (24 if harm == "short" else 15)
 
 
 def test_a_row_that_cannot_be_drawn_says_why_and_the_others_are_there(
-    recording: Any, small: Any, tmp_path: Path
+    recording: Any,
+    small: Any,
+    tmp_path: Path,
 ) -> None:
     build(recording(), tmp_path / "out", corruptions={"marks": small["marks"]}, output="lazy")
     file = next((tmp_path / "out" / "data").iterdir())
-    edit(file, plan_digest=lambda old: [("0" * 64 if k == 1 else digest) for k, digest in enumerate(old)])
+    edit(
+        file,
+        plan_digest=lambda old: [("0" * 64 if k == 1 else digest) for k, digest in enumerate(old)],
+    )
     source = open_source(tmp_path / "out")
     with pytest.raises(DatasetError, match="gives another plan"):
         Pictures(source).get("thumb", 1)
@@ -79,11 +95,17 @@ def test_rows_of_other_columns_are_messages(dataset: Path) -> None:
     pq.write_table(table.drop_columns([picture]), second)
     source = open_source(dataset)
     for row in (0, 1):
-        assert "another kind of value" in answers.row(source, {"row": str(row)})["detail"]["problem"]
+        assert (
+            "another kind of value" in answers.row(source, {"row": str(row)})["detail"]["problem"]
+        )
     with pytest.raises(DatasetError, match="row 15: a column is missing"):
         source.picture(15, False)
     edit(first, step=lambda old: [None, *old[1:]])
-    assert open_source(dataset).problems[0].startswith("data/train-00000.parquet: its 15 rows are left out")
+    assert (
+        open_source(dataset)
+        .problems[0]
+        .startswith("data/train-00000.parquet: its 15 rows are left out")
+    )
 
 
 def test_what_is_no_dataset_is_refused(tmp_path: Path, dataset: Path) -> None:

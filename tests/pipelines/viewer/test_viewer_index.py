@@ -16,9 +16,17 @@ WORDS = st.sampled_from(["", "marks", "clean", "Open the Door", "b/0001"])
 
 
 @settings(max_examples=60, deadline=None)
-@given(st.lists(st.tuples(WORDS, WORDS, st.integers(0, 3)), max_size=30), WORDS, WORDS, st.integers(1, 7))
+@given(
+    st.lists(st.tuples(WORDS, WORDS, st.integers(0, 3)), max_size=30),
+    WORDS,
+    WORDS,
+    st.integers(1, 7),
+)
 def test_the_index_filters_counts_and_searches_as_a_list_does(
-    rows: list[tuple[str, str, int]], corruption: str, text: str, part: int
+    rows: list[tuple[str, str, int]],
+    corruption: str,
+    text: str,
+    part: int,
 ) -> None:
     index = Index(["fidelity"])
     for first in range(0, len(rows), part):
@@ -33,7 +41,10 @@ def test_the_index_filters_counts_and_searches_as_a_list_does(
     index.finish()
 
     def found(n: int) -> bool:
-        return text.strip().casefold() in f"b/{2 * n:04d}" or text.strip().casefold() in rows[n][1].casefold()
+        return (
+            text.strip().casefold() in f"b/{2 * n:04d}"
+            or text.strip().casefold() in rows[n][1].casefold()
+        )
 
     matches = [n for n, row in enumerate(rows) if found(n)]
     both = [n for n in matches if rows[n][0] == corruption]
@@ -46,7 +57,9 @@ def test_the_index_filters_counts_and_searches_as_a_list_does(
     for n, row in enumerate(rows):
         assert index.at(2 * n) == n
         assert index.at(2 * n + 1) is None
-        assert sorted(index.same_step(n).tolist()) == [k for k, other in enumerate(rows) if other[2] == row[2]]
+        assert sorted(index.same_step(n).tolist()) == [
+            k for k, other in enumerate(rows) if other[2] == row[2]
+        ]
         steps = [k for k, other in enumerate(rows) if other[0] == row[0]]
         assert index.trajectory(n).tolist() == sorted(steps, key=lambda k: rows[k][2])
 
@@ -62,7 +75,14 @@ def test_filters_have_counts_and_pages(dataset: Path) -> None:
     assert (everything["found"], everything["page"], everything["pages"]) == (30, 1, 1)
     assert everything["filters"]["corruption"]["values"] == [[label, 6] for label in LABELS]
     assert everything["filters"]["trajectory"]["values"] == [["t0", 15], ["t1", 15]]
-    marks = answers.rows(source, {"corruption": "marks", "trajectory": "t1", "page": "1"})
+    marks = answers.rows(
+        source,
+        {
+            "corruption": "marks",
+            "trajectory": "t1",
+            "page": "1",
+        },
+    )
     assert [row["id"] for row in marks["rows"]] == [f"t1/{step:04d}/marks" for step in range(3)]
     assert marks["filters"]["corruption"]["values"] == [
         [label, 3] for label in LABELS
@@ -76,11 +96,24 @@ def test_pages_are_bounded(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(answers, "PAGE_ROWS", 8)
     monkeypatch.setattr(answers, "CHOICES", 2)
     source = open_source(dataset)
-    for page, shown in (("4", 4), ("1", 1), ("99", 4), ("0", 1), ("-3", 1), ("x", 1), ("9" * 40, 1)):
+    for page, shown in (
+        ("4", 4),
+        ("1", 1),
+        ("99", 4),
+        ("0", 1),
+        ("-3", 1),
+        ("x", 1),
+        ("9" * 40, 1),
+    ):
         assert answers.rows(source, {"page": page})["page"] == shown
-    assert [row["row"] for row in answers.rows(source, {"page": "4"})["rows"]] == list(range(24, 30))
+    assert [row["row"] for row in answers.rows(source, {"page": "4"})["rows"]] == list(
+        range(24, 30)
+    )
     choices = answers.rows(source, {"corruption": "subtitle"})["filters"]["corruption"]
-    assert ([value for value, _ in choices["values"]], choices["more"]) == (["clean", "pop_ups", "subtitle"], 2)
+    assert ([value for value, _ in choices["values"]], choices["more"]) == (
+        ["clean", "pop_ups", "subtitle"],
+        2,
+    )
     last = answers.row(source, {"row": "29"})
     assert (last["position"], last["page"], last["next"]) == (29, 4, None)
 
@@ -95,10 +128,17 @@ def test_a_row_knows_its_neighbours(dataset: Path) -> None:
     assert row["same_step"] == [[by_id[f"t0/0001/{label}"], label] for label in LABELS]
     assert row["steps"] == [[by_id[f"t0/{step:04d}/marks"], str(step)] for step in range(3)]
     within = answers.row(source, {"row": str(row["row"]), "corruption": "marks"})
-    assert (within["position"], within["back"], within["next"]) == (1, row["step_back"], row["step_next"])
+    assert (within["position"], within["back"], within["next"]) == (
+        1,
+        row["step_back"],
+        row["step_next"],
+    )
     outside = answers.row(source, {"row": str(row["row"]), "corruption": "subtitle"})
     assert outside["position"] is None
-    assert (outside["back"], outside["next"]) == (by_id["t0/0000/subtitle"], by_id["t0/0001/subtitle"])
+    assert (outside["back"], outside["next"]) == (
+        by_id["t0/0000/subtitle"],
+        by_id["t0/0001/subtitle"],
+    )
     for name in ("30", "-1", "t9/0000/marks", ""):
         with pytest.raises(HijackError, match="there is no row"):
             answers.row(source, {"row": name})

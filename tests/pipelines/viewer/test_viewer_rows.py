@@ -23,7 +23,9 @@ def test_a_row_is_shown_whole(dataset: Path) -> None:
     for number, row in enumerate(open_dataset(dataset)):
         detail = answers.row(source, {"row": str(number)})["detail"]
         shown = dict(detail["fields"]["Columns"])
-        assert {*shown} | {"plan", "screenshot"} == {*row} | {name for name in shown if name.endswith("screenshot")}
+        assert {*shown} | {"plan", "screenshot"} == {*row} | {
+            name for name in shown if name.endswith("screenshot")
+        }
         assert shown["plan_digest"] == row["plan_digest"]
         assert detail["size"] == row["screenshot"].size
         assert json.loads(detail["plan"]) == json.loads(row["plan"])
@@ -35,7 +37,9 @@ def test_a_row_is_shown_whole(dataset: Path) -> None:
 def test_pictures_are_those_of_the_rows(dataset: Path) -> None:
     source = open_source(dataset)
     rows = list(open_dataset(dataset))
-    clean = {(row["trajectory_id"], row["step"]): row for row in rows if row["corruption"] == "clean"}
+    clean = {
+        (row["trajectory_id"], row["step"]): row for row in rows if row["corruption"] == "clean"
+    }
     pictures = Pictures(source)
     for number, row in enumerate(rows):
         assert np.array_equal(read(pictures.get("picture", number)), np.array(row["screenshot"]))
@@ -52,7 +56,8 @@ def test_kept_pictures_are_bounded(dataset: Path) -> None:
     assert pictures.get("picture", 0) is first
     for number in range(30):
         pictures.get("picture", number)
-        assert pictures.held == sum(map(len, pictures._kept.values())) <= 60_000
+        sizes = [len(data) for data, _ in pictures.kept.items.values()]
+        assert pictures.kept.used == sum(sizes) <= 60_000
     assert pictures.get("picture", 0) is not first
 
 
@@ -65,11 +70,19 @@ def test_large_pictures_have_small_thumbnails(tmp_path: Path, recording: Any) ->
 
 
 def test_without_clean_rows_only_a_lazy_dataset_has_a_picture_before(
-    recording: Any, small: Any, tmp_path: Path
+    recording: Any,
+    small: Any,
+    tmp_path: Path,
 ) -> None:
     marks = {"marks": small["marks"]}
     for output in ("materialised", "lazy"):
-        build(recording(output), tmp_path / f"{output}-out", corruptions=marks, output=output, clean=False)
+        build(
+            recording(output),
+            tmp_path / f"{output}-out",
+            corruptions=marks,
+            output=output,
+            clean=False,
+        )
         source = open_source(tmp_path / f"{output}-out")
         missing = answers.row(source, {"row": "0"})["detail"]["no_before"]
         if output == "lazy":
@@ -91,7 +104,10 @@ def test_columns_of_events_are_shown_when_they_are_there(dataset: Path) -> None:
     )
     table = pq.read_table(second)
     pq.write_table(
-        table.drop_columns([n for n in ("inserted", "event", "reminder") if n in table.column_names]), second
+        table.drop_columns(
+            [n for n in ("inserted", "event", "reminder") if n in table.column_names]
+        ),
+        second,
     )
     source = open_source(dataset)
     assert source.problems == []

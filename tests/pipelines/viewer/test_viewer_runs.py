@@ -24,12 +24,26 @@ def test_episodes_are_trajectories(run: Path) -> None:
     page = answers.rows(source, {})
     assert page["found"] == 6
     assert page["filters"]["score"]["values"] == [["0", 3], ["1", 3]]
-    assert answers.rows(source, {"score": "0", "agent": "oracle", "task": "write_note"})["found"] == 3
+    assert (
+        answers.rows(
+            source,
+            {
+                "score": "0",
+                "agent": "oracle",
+                "task": "write_note",
+            },
+        )["found"]
+        == 3
+    )
     row = answers.row(source, {"row": "1"})
     assert (row["step_back"], row["step_next"]) == (0, 2)
     assert row["same_step"] == [[1, "app_minimization"], [4, "clean"]]
     detail = row["detail"]
-    assert (detail["action"], detail["points"], detail["size"]) == ("click at (101, 50)", [(101, 50)], (320, 200))
+    assert (detail["action"], detail["points"], detail["size"]) == (
+        "click at (101, 50)",
+        [(101, 50)],
+        (320, 200),
+    )
     assert ("Event", 'minimise: {"windows": 2}') in detail["notes"]
     assert ("Episode", "ok, score 0: there is no note") in detail["notes"]
     assert json.loads(detail["plan"]) == {"corruption": "app_minimization"}
@@ -48,7 +62,11 @@ def test_broken_parts_of_a_run_are_named(run: Path) -> None:
     homes = {home.name.split("__")[1]: home for home in (run / "episodes").iterdir()}
     steps = homes["app_minimization"] / "steps.jsonl"
     lines = steps.read_text().splitlines()
-    steps.write_text("\n".join([lines[0], "{rubbish", lines[2].replace("frames/0002.seen.png", "../../../run.json")]))
+    steps.write_text(
+        "\n".join(
+            [lines[0], "{rubbish", lines[2].replace("frames/0002.seen.png", "../../../run.json")]
+        )
+    )
     for name, record in (("bytes", b"\xff\xfe"), ("list", b"[1]"), ("nosteps", b"{}")):
         (run / "episodes" / name).mkdir()
         (run / "episodes" / name / "episode.json").write_bytes(record)
@@ -66,16 +84,42 @@ def test_broken_parts_of_a_run_are_named(run: Path) -> None:
 
 def test_what_an_agent_wrote_need_not_be_an_action(run: Path) -> None:
     file = next((run / "episodes").glob("*clean*")) / "steps.jsonl"
-    lines_of(file, [{"step": 0, "image": "frames/0000.png", "raw": "import ((("}, {"step": 1, "image": 5, "events": 3}])
+    lines_of(
+        file,
+        [
+            {
+                "step": 0,
+                "image": "frames/0000.png",
+                "raw": "import (((",
+            },
+            {
+                "step": 1,
+                "image": 5,
+                "events": 3,
+            },
+        ],
+    )
     source = open_source(run)
     first = next(n for n in range(len(source.index)) if "clean" in source.index.ids[n])
     detail = answers.row(source, {"row": str(first)})["detail"]
-    assert (detail["action"], detail["code"], detail["points"]) == ("not a pyautogui action", "import (((", [])
+    assert (detail["action"], detail["code"], detail["points"]) == (
+        "not a pyautogui action",
+        "import (((",
+        [],
+    )
     assert answers.row(source, {"row": str(first + 1)})["detail"]["problem"]
 
 
 @pytest.mark.parametrize(
-    "text", ["", "[]", "{", '{"format": "x"}', '{"format": "agenthijack-run", "version": 3}', "[" * 100_000]
+    "text",
+    [
+        "",
+        "[]",
+        "{",
+        '{"format": "x"}',
+        '{"format": "agenthijack-run", "version": 3}',
+        "[" * 100_000,
+    ],
 )
 def test_a_log_that_is_none_is_refused(run: Path, text: str) -> None:
     (run / "run.json").write_text(text)

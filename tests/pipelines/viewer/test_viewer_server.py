@@ -27,7 +27,11 @@ def serving() -> Iterator[Callable[[Path], Any]]:
         yield lambda folder: partial(fetch, servers.enter_context(served(folder)).server_address[1])
 
 
-def fetch(port: int, path: str, **headers: str) -> tuple[int, bytes, dict[str, str]]:
+def fetch(
+    port: int,
+    path: str,
+    **headers: str,
+) -> tuple[int, bytes, dict[str, str]]:
     """The status, body and headers that a path is answered with."""
     link = http.client.HTTPConnection("127.0.0.1", port, timeout=30)
     with contextlib.closing(link):
@@ -52,13 +56,30 @@ def test_answers_over_http(dataset: Path, serving: Any) -> None:
     assert (status, headers["Content-Type"]) == (200, "image/png")
     assert np.array_equal(read(picture), np.array(open_dataset(dataset)[4]["screenshot"]))
     assert get("/thumb/4")[2]["Content-Type"] == "image/jpeg"
-    assert np.array_equal(read(get("/before/4")[1]), np.array(open_dataset(dataset)[0]["screenshot"]))
+    assert np.array_equal(
+        read(get("/before/4")[1]), np.array(open_dataset(dataset)[0]["screenshot"])
+    )
 
 
 def test_there_is_nothing_else(dataset: Path, serving: Any) -> None:
     get = serving(dataset)
-    pictures = ("/thumb/30", "/thumb/-1", "/thumb/1x", "/thumb/", "/picture/9999999999", "/picture/../manifest.json")
-    files = ("/manifest.json", "/../manifest.json", "/%2e%2e/manifest.json", "//etc/passwd", "/view.html", "/api", "*")
+    pictures = (
+        "/thumb/30",
+        "/thumb/-1",
+        "/thumb/1x",
+        "/thumb/",
+        "/picture/9999999999",
+        "/picture/../manifest.json",
+    )
+    files = (
+        "/manifest.json",
+        "/../manifest.json",
+        "/%2e%2e/manifest.json",
+        "//etc/passwd",
+        "/view.html",
+        "/api",
+        "*",
+    )
     for path in (*pictures, *files):
         status, body, _ = get(path)
         assert (status, body) == (404, b"there is nothing here"), path
@@ -80,7 +101,14 @@ def test_only_our_own_names_are_answered(dataset: Path, serving: Any) -> None:
     get = serving(dataset)
     for host in ("127.0.0.1:1234", "localhost:99", "LOCALHOST"):
         assert get("/api/about", Host=host)[0] == 200, host
-    for host in ("evil.example", "evil.example:80", "127.0.0.1.evil.example", "", "[::1]:80", "0.0.0.0:80"):
+    for host in (
+        "evil.example",
+        "evil.example:80",
+        "127.0.0.1.evil.example",
+        "",
+        "[::1]:80",
+        "0.0.0.0:80",
+    ):
         for path in ("/", "/api/about", "/picture/0", "/nothing"):
             assert get(path, Host=host)[0] == 403, host
 
@@ -98,7 +126,10 @@ def test_many_at_once_get_the_same(dataset: Path, serving: Any) -> None:
     alone = [get(f"/picture/{number}")[1] for number in range(8)]
     again = serving(dataset)
     found: dict[int, bytes] = {}
-    threads = [threading.Thread(target=lambda n=n: found.update({n: again(f"/picture/{n}")[1]})) for n in range(8)]
+    threads = [
+        threading.Thread(target=lambda n=n: found.update({n: again(f"/picture/{n}")[1]}))
+        for n in range(8)
+    ]
     for thread in threads:
         thread.start()
     for thread in threads:

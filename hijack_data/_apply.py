@@ -1,0 +1,175 @@
+"""Apply plans to pictures: one function for every framework, single pictures, batches and lists."""
+
+from collections.abc import Sequence
+from typing import Any, cast, overload
+
+import numpy as np
+from PIL import Image
+
+from .backends import backend_of
+from .backends.base import check_keeps_size, count_of
+from .errors import (
+    ImageError,
+    ImageTypeError,
+    ParameterError,
+    ParameterTypeError,
+    shown,
+)
+from .kernels.stamps import check_drawings
+from .plan import Plan
+from .types import Size, size_text
+
+_NO_PIL = "inplace=True: a PIL image cannot be written into; use the returned image"
+
+
+@overload
+def apply(
+    plan: Plan,
+    image: Any,
+    *,
+    inplace: bool = False,
+) -> Any: ...
+@overload
+def apply(
+    plan: Sequence[Plan],
+    image: Any,
+    *,
+    inplace: bool = False,
+) -> Any: ...
+def apply(
+    plan: Plan | Sequence[Plan],
+    image: Any,
+    *,
+    inplace: bool = False,
+) -> Any:
+    """Apply a plan to a picture, or one plan each to a batch.
+
+    Args:
+        plan: one plan, or a list of plans, one for each picture.
+        image: uint8 RGB. NumPy and JAX `[..., H, W, 3]`, torch `[..., 3, H, W]` (any memory format,
+            any device), a PIL image in mode RGB, or a list of pictures, which may differ in size.
+        inplace: write into `image` (NumPy and torch, when the size stays). By default the input is
+            never modified.
+
+    Returns:
+        The same kind as `image`. Outputs of one size stay one array; a batch whose outputs differ
+        in size comes back as a list, as does a list.
+
+    Raises:
+        ImageTypeError: wrong kind or dtype.
+        ImageError: wrong shape, a picture whose size is not the plan's, or a batch inside a list.
+        ParameterError: `inplace` where it cannot be done; nothing has been written anywhere then.
+        ParameterTypeError: `inplace` is not a bool.
+        PlanError: a plan that would not draw here what was planned; nothing has been written.
+    """
+    plans = _plans(plan)
+    if not isinstance(cast(object, inplace), bool):
+        raise ParameterTypeError(f"inplace must be True or False, got {shown(inplace)}")
+    if isinstance(image, list | tuple):
+        return _apply_list(plan, plans, cast("Sequence[Any]", image), inplace)
+    if isinstance(image, Image.Image):
+        return _apply_pil(plans, image, inplace)
+    backend = backend_of(image)
+    backend.check(image)
+    lead = tuple(image.shape[:-3])
+    plans = _one_each(plan, plans, count_of(lead))
+    _check_sizes(plans, backend.size(image))
+    if inplace:
+        backend.check_writable(image)
+        check_keeps_size(plans)
+        check_drawings(plans)
+    return backend.apply_many(plans, image, lead, inplace=inplace)
+
+
+def _plans(plan: object) -> list[Plan]:
+    """Return what was given as plans as a list."""
+    given: object = [plan] if isinstance(plan, Plan) else plan
+    if isinstance(given, list | tuple):
+        plans = cast("Sequence[object]", given)
+        if all(isinstance(each, Plan) for each in plans):
+            return list(cast("Sequence[Plan]", plans))
+    kind = type(plan).__name__
+    raise ImageTypeError(f"the first argument must be a Plan or a list of Plans, got {kind}")
+
+
+def _one_each(
+    given: object,
+    plans: list[Plan],
+    count: int,
+) -> list[Plan]:
+    """Return one plan for each of `count` pictures; a single `given` plan is for all of them."""
+    if isinstance(given, Plan):
+        return plans * count
+    if len(plans) != count:
+        raise ImageError(f"{len(plans)} plans for {count} pictures: give one plan for each")
+    return plans
+
+
+def _check_sizes(plans: list[Plan], size: Size) -> None:
+    for i, plan in enumerate(plans):
+        if plan.size == size:
+            continue
+        which = f" (plan {i})" if len(plans) > 1 else ""
+        made = f"the plan{which} was made for {size_text(plan.size)}"
+        found = f"but the picture is {size_text(size)}"
+        raise ImageError(f"{made} {found}; plan again with Scene(size={size})")
+
+
+def _apply_list(
+    given: object,
+    plans: list[Plan],
+    images: Sequence[Any],
+    inplace: bool,
+) -> list[Any]:
+    """Apply a plan each to the pictures of a list; in place, check all before one is changed."""
+    plans = _one_each(given, plans, len(images))
+    for i, image in enumerate(images):
+        _check_item(image, i)
+    if inplace:
+        _check_list_writable(plans, images)
+    return [apply(plan, image, inplace=inplace) for plan, image in zip(plans, images, strict=True)]
+
+
+def _check_item(image: Any, index: int) -> None:
+    advice = "a list holds single pictures; give a batch on its own, with one plan for each picture"
+    if isinstance(image, list | tuple):
+        raise ImageError(f"item {index} of the list is itself a list; {advice}")
+    if isinstance(image, Image.Image):
+        return
+    backend_of(image)
+    if len(image.shape) > 3:
+        raise ImageError(f"item {index} of the list has shape {list(image.shape)}; {advice}")
+
+
+def _check_list_writable(plans: list[Plan], images: Sequence[Any]) -> None:
+    """Raise unless all pictures of a list, of any backends, can be written into."""
+    addresses: set[int] = set()
+    for i, (plan, image) in enumerate(zip(plans, images, strict=True)):
+        if isinstance(image, Image.Image):
+            raise ParameterError(_NO_PIL)
+        backend = backend_of(image)
+        backend.check(image)
+        _check_sizes([plan], backend.size(image))
+        backend.check_writable(image)
+        check_keeps_size([plan])
+        address = backend.address(image)
+        if address in addresses:
+            raise ParameterError(f"inplace=True: picture {i} is in the list twice; pass a copy")
+        addresses.add(address)
+    check_drawings(plans)
+
+
+def _apply_pil(
+    plans: list[Plan],
+    image: Image.Image,
+    inplace: bool,
+) -> Image.Image:
+    if image.mode != "RGB":
+        raise ImageTypeError(f"PIL image has mode {image.mode!r}; use image.convert('RGB')")
+    if inplace:
+        raise ParameterError(_NO_PIL)
+    try:
+        pixels = np.asarray(image)
+    except Exception as error:  # what was opened is decoded now, and decoders raise anything
+        raise ImageError(f"the PIL image cannot be decoded: {error}") from error
+    return Image.fromarray(apply(plans[0] if len(plans) == 1 else plans, pixels))

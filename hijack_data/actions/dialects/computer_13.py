@@ -1,0 +1,128 @@
+"""OSWorld's `computer_13` action space: dicts with `action_type` and `parameters`.
+
+The parameters may also stand beside the type.
+"""
+
+from typing import Any
+
+from ...errors import ActionError, shown
+from ...types import Action
+from ..program.signatures import SPECIAL
+from ..scaling import Scaling
+from .fields import as_fields, at, click_type, key_names, number, text, unknown
+from .unmapped import check_fields
+
+DIALECT = "computer_13"
+NAMES = (
+    "MOVE_TO",
+    "CLICK",
+    "MOUSE_DOWN",
+    "MOUSE_UP",
+    "RIGHT_CLICK",
+    "DOUBLE_CLICK",
+    "DRAG_TO",
+    "SCROLL",
+    "TYPING",
+    "PRESS",
+    "KEY_DOWN",
+    "KEY_UP",
+    "HOTKEY",
+    *SPECIAL,
+)
+_NEED_POINT = ("MOVE_TO", "DRAG_TO")
+# Every action may have a point: it is mapped.
+_FIELDS = ("x", "y", "button", "num_clicks", "dx", "dy", "text", "key", "keys")
+_KEYS = {
+    "PRESS": "hotkey",
+    "KEY_DOWN": "key_down",
+    "KEY_UP": "key_up",
+}
+
+
+def map_computer_13(action: object, scaling: Scaling) -> Any:
+    """Return the action with `x, y` scaled, in the form in which it was given.
+
+    That is nested, flat, or one of the words WAIT, FAIL and DONE.
+
+    Raises `ActionError` for an unknown `action_type`, coordinates that are missing or no numbers,
+    and fields that `computer_13` does not have and that may hold coordinates.
+    """
+    fields = _fields(action)
+    name, parameters = _read(fields)
+    place = _point(name, parameters)
+    if place is not None:
+        parameters["x"], parameters["y"] = scaling.point(*place)
+    if isinstance(action, str):
+        return action
+    if "parameters" not in fields:
+        return parameters
+    return {**fields, "parameters": parameters}
+
+
+def parse_computer_13(action: object, scaling: Scaling) -> Action:
+    """Read the action; an action that cannot be read is an `ActionError`.
+
+    `SCROLL` counts `dy`, and is `"other"` when it only scrolls sideways.
+    """
+    name, given = _read(_fields(action))
+    raw = _point(name, given)
+    place = None if raw is None else scaling.point(*raw)
+    match name:
+        case "MOVE_TO":
+            return at("move", place)
+        case "DRAG_TO":
+            x2, y2 = place or (None, None)
+            return Action("drag", x2=x2, y2=y2)
+        case "CLICK":
+            clicks = given.get("num_clicks", 1)
+            return at(click_type(given.get("button", "left"), clicks), place)
+        case "RIGHT_CLICK" | "DOUBLE_CLICK":
+            return at(name.lower(), place)
+        case "MOUSE_DOWN" | "MOUSE_UP":
+            is_left = click_type(given.get("button", "left"), 1) == "click"
+            return at(name.lower() if is_left else "other", place)
+        case "SCROLL":
+            dx = number(given.get("dx", 0), "SCROLL dx")
+            dy = number(given.get("dy", 0), "SCROLL dy")
+            if dx and not dy:
+                return at("other", place)
+            return at("scroll", place, amount=dy)
+        case "TYPING":
+            return Action("type", text=text(given.get("text"), "TYPING text"))
+        case "HOTKEY":
+            return Action("hotkey", keys=key_names(given.get("keys"), "HOTKEY keys"))
+        case "PRESS" | "KEY_DOWN" | "KEY_UP":
+            return Action(_KEYS[name], keys=key_names(given.get("key"), f"{name} key"))
+        case _:
+            return Action(SPECIAL[name])
+
+
+def _fields(action: object) -> dict[str, Any]:
+    if isinstance(action, str) and action in SPECIAL:
+        return {"action_type": action}
+    return as_fields(action, DIALECT)
+
+
+def _read(fields: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+    name = fields.get("action_type")
+    if name not in NAMES:
+        unknown(DIALECT, name, NAMES)
+    what = f"{DIALECT} {name}"
+    if "parameters" not in fields:
+        check_fields(fields, ("action_type", *_FIELDS), what)
+        return str(name), fields
+    check_fields(fields, ("action_type", "parameters"), what)
+    nested = fields["parameters"]
+    parameters = {} if nested is None else as_fields(nested, f"{DIALECT}, {name}, parameters")
+    check_fields(parameters, _FIELDS, what)
+    return str(name), parameters
+
+
+def _point(name: str, parameters: dict[str, Any]) -> tuple[float, float] | None:
+    x = parameters.get("x")
+    y = parameters.get("y")
+    if x is None and y is None and name not in _NEED_POINT:
+        return None
+    if x is None or y is None:
+        raise ActionError(f"{DIALECT} {name} needs both x and y, got x={shown(x)}, y={shown(y)}")
+    return number(x, f"{name} x"), number(y, f"{name} y")

@@ -1,0 +1,135 @@
+"""An `Action` as pyautogui code: the way back from `pyautogui_parse`."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import fields
+
+from ...errors import ActionError
+from ...types import Action
+
+_WORDS = {
+    "wait": "WAIT",
+    "done": "DONE",
+    "fail": "FAIL",
+}
+_CLICKS = {
+    "click": "click",
+    "double_click": "doubleClick",
+    "triple_click": "tripleClick",
+    "right_click": "rightClick",
+    "middle_click": "middleClick",
+    "move": "moveTo",
+    "mouse_down": "mouseDown",
+    "mouse_up": "mouseUp",
+}
+
+
+def write_pyautogui(action: Action) -> str:
+    """Return the code, or one of WAIT, DONE and FAIL.
+
+    An action that pyautogui cannot express is an `ActionError`.
+    """
+    if action.type in _WORDS:
+        return _WORDS[action.type]
+    if action.type in _CODE:
+        return _CODE[action.type](action)
+    if action.type not in _POINTER:
+        raise cannot_say(action, "pyautogui")
+    pointed = _POINTER[action.type](action)
+    held = action.keys or ()
+    down = [f"pyautogui.keyDown({key!r})" for key in held]
+    up = [f"pyautogui.keyUp({key!r})" for key in reversed(held)]
+    return "\n".join([*down, pointed, *up])
+
+
+def cannot_say(action: Action, dialect: str) -> ActionError:
+    """Return the error for an action that a dialect cannot express."""
+    given = [field.name for field in fields(action) if getattr(action, field.name) is not None]
+    given.remove("type")
+    names = ", ".join(given) or "nothing else"
+    return ActionError(f"{dialect} cannot say {action.type!r} with {names}")
+
+
+def whole_notches(amount: float) -> int:
+    """Return the notches of a wheel that are nearest, at least one if the wheel turns at all.
+
+    A wheel has no half notches: pyautogui cuts fractions off, and 0.4 of one would do nothing.
+    """
+    if amount == 0:
+        return 0
+    turned = max(1, math.floor(abs(amount) + 0.5))
+    return turned if amount > 0 else -turned
+
+
+def hscroll_code(notches: float, place: tuple[int, int] | None) -> str:
+    """Return code that scrolls sideways, at the pointer if `place` is `None`; right is positive."""
+    amount = whole_notches(notches)
+    if place is None:
+        return f"pyautogui.hscroll({amount})"
+    return f"pyautogui.hscroll({amount}, {place[0]}, {place[1]})"
+
+
+def _point(x: int | None, y: int | None) -> str:
+    if x is None or y is None:
+        return ""
+    return f"{x}, {y}"
+
+
+def _drag(action: Action) -> str:
+    start = _point(action.x, action.y)
+    end = _point(action.x2, action.y2)
+    if not end:
+        raise cannot_say(action, "pyautogui")
+    drag = f"pyautogui.dragTo({end}, button='left')"
+    if not start:
+        return drag
+    return f"pyautogui.moveTo({start})\n{drag}"
+
+
+def _scroll(action: Action) -> str:
+    place = _point(action.x, action.y)
+    if action.amount is None:
+        raise cannot_say(action, "pyautogui")
+    notches = whole_notches(action.amount)
+    if not place:
+        return f"pyautogui.scroll({notches})"
+    return f"pyautogui.scroll({notches}, {place})"
+
+
+def _type(action: Action) -> str:
+    if action.text is None:
+        raise cannot_say(action, "pyautogui")
+    return f"pyautogui.write({action.text!r})"
+
+
+def _keys(action: Action) -> tuple[str, ...]:
+    if not action.keys:
+        raise cannot_say(action, "pyautogui")
+    return action.keys
+
+
+def _hotkey(action: Action) -> str:
+    keys = _keys(action)
+    function = "press" if len(keys) == 1 else "hotkey"
+    return f"pyautogui.{function}({', '.join(map(repr, keys))})"
+
+
+def _held(name: str) -> Callable[[Action], str]:
+    return lambda action: "\n".join(f"pyautogui.{name}({key!r})" for key in _keys(action))
+
+
+def _call(name: str) -> Callable[[Action], str]:
+    return lambda action: f"pyautogui.{name}({_point(action.x, action.y)})"
+
+
+_POINTER: Mapping[str, Callable[[Action], str]] = {
+    **{kind: _call(name) for kind, name in _CLICKS.items()},
+    "drag": _drag,
+    "scroll": _scroll,
+}
+_CODE: Mapping[str, Callable[[Action], str]] = {
+    "type": _type,
+    "hotkey": _hotkey,
+    "key_down": _held("keyDown"),
+    "key_up": _held("keyUp"),
+}

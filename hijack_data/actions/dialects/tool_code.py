@@ -1,0 +1,222 @@
+"""Typed actions as pyautogui code, with what an `Action` has no place for.
+
+That is sideways scrolling, a key pressed several times or held for a while, the inner points of a
+drag, text that is typed at a place, and the buttons "back" and "forward". What only looks at the
+screen (`screenshot`, `zoom`, `cursor_position`) is `WAIT`: the next picture comes anyway.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+from ...errors import ActionError, shown
+from ...types import Action
+from ..scaling import Scaling
+from .computer_13 import parse_computer_13
+from .fields import as_fields, key_names, number
+from .pyautogui_write import hscroll_code, write_pyautogui
+from .qwen import parse_qwen, sideways_of_qwen
+from .tool_calls import (
+    PIXELS_PER_NOTCH,
+    drag_points,
+    parse_anthropic,
+    parse_openai,
+)
+from .ui_tars import parse_ui_tars, sideways_of_ui_tars
+
+MOST_REPEATS = 100
+LONGEST_HOLD = 60.0  # s
+_LOOKS = ("screenshot", "zoom", "cursor_position")
+# The keys by which browsers and file managers do what these buttons of a mouse do.
+_SIDE_BUTTONS = {"back": "left", "forward": "right"}
+_WAIT = "WAIT"
+
+
+def openai_code(action: object, scaling: Scaling) -> list[str]:
+    """Return an OpenAI action as code; an action that cannot be read is an `ActionError`."""
+    parsed = parse_openai(action, scaling)
+    fields = as_fields(action, "openai")
+    name = fields["type"]
+    if name in _LOOKS:
+        return [_WAIT]
+    arrow = _SIDE_BUTTONS.get(str(fields.get("button")))
+    if name == "click" and arrow is not None:
+        return [f"pyautogui.hotkey('alt', {arrow!r})"]
+    if name == "drag":
+        points = [scaling.point(*place) for place in drag_points(fields)]
+        if len(points) > 2:
+            return [_with_keys(parsed.keys, _through(points))]
+    if name == "scroll":
+        return [_openai_scroll(fields, parsed)]
+    return [write_pyautogui(parsed)]
+
+
+def anthropic_code(action: object, scaling: Scaling) -> list[str]:
+    """Return an Anthropic action as code; an action that cannot be read is an `ActionError`."""
+    parsed = parse_anthropic(action, scaling)
+    fields = as_fields(action, "anthropic")
+    match fields["action"]:
+        case "screenshot" | "zoom" | "cursor_position":
+            return [_WAIT]
+        case "scroll":
+            return [_anthropic_scroll(fields, parsed)]
+        case "key":
+            return [_repeated(write_pyautogui(replace(parsed, amount=None)), fields)]
+        case "hold_key":
+            return [_held_for(parsed)]
+        case "type":
+            return [_typed(parsed, fields, scaling)]
+        case "left_click_drag":
+            return [write_pyautogui(replace(parsed, keys=_held_keys(fields)))]
+        case _:
+            return [_repeated(write_pyautogui(parsed), fields)]
+
+
+def qwen_code(reply: object, scaling: Scaling) -> list[str]:
+    """Return the calls of a reply as code, in order; the errors are those of `parse_qwen`."""
+    actions = parse_qwen(reply, scaling)
+    return _written(actions, sideways_of_qwen(reply))
+
+
+def ui_tars_code(text: object, scaling: Scaling) -> list[str]:
+    """Return the actions of a reply as code, in order; the errors are those of `parse_ui_tars`."""
+    actions = parse_ui_tars(text, scaling)
+    return _written(actions, sideways_of_ui_tars(text))
+
+
+def computer_13_code(action: object, scaling: Scaling) -> list[str]:
+    """Return a `computer_13` action as code; one that cannot be read is an `ActionError`."""
+    parsed = parse_computer_13(action, scaling)
+    if isinstance(action, str):
+        return [write_pyautogui(parsed)]
+    fields = as_fields(action, "computer_13")
+    given = fields.get("parameters", fields)
+    if fields["action_type"] != "SCROLL" or not given.get("dx"):
+        return [write_pyautogui(parsed)]
+    notches = number(given["dx"], "SCROLL dx")
+    sideways = hscroll_code(notches, parsed.point)
+    if parsed.type == "other":
+        return [sideways]
+    return [f"{write_pyautogui(parsed)}\n{sideways}"]
+
+
+def _written(actions: Sequence[Action], sideways: Sequence[float | None]) -> list[str]:
+    """Return actions as code; `sideways` has the notches to the right of those that scroll so."""
+    found: list[str] = []
+    for action, notches in zip(actions, sideways, strict=True):
+        if notches is None:
+            found.append(write_pyautogui(action))
+        else:
+            found.append(hscroll_code(notches, action.point))
+    return found
+
+
+def _openai_scroll(fields: dict[str, Any], parsed: Action) -> str:
+    across = number(fields.get("scroll_x", 0), "scroll scroll_x")
+    down = number(fields.get("scroll_y", 0), "scroll scroll_y")
+    lines: list[str] = []
+    if down or not across:
+        upright = replace(
+            parsed,
+            type="scroll",
+            amount=-down / PIXELS_PER_NOTCH,
+            keys=None,
+        )
+        lines.append(write_pyautogui(upright))
+    if across:
+        sideways = across / PIXELS_PER_NOTCH
+        lines.append(hscroll_code(sideways, parsed.point))
+    return _with_keys(parsed.keys, lines)
+
+
+def _anthropic_scroll(fields: dict[str, Any], parsed: Action) -> str:
+    direction = fields["scroll_direction"]
+    amount = number(fields["scroll_amount"], "scroll scroll_amount")
+    if direction == "left":
+        line = hscroll_code(-amount, parsed.point)
+    elif direction == "right":
+        line = hscroll_code(amount, parsed.point)
+    else:
+        line = write_pyautogui(parsed)
+    return _with_keys(_held_keys(fields), [line])
+
+
+def _held_keys(fields: dict[str, Any]) -> tuple[str, ...] | None:
+    if not fields.get("text"):
+        return None
+    return key_names(fields["text"], f"{fields['action']} text", "+")
+
+
+def _repeated(line: str, fields: dict[str, Any]) -> str:
+    """Return code as often as `repeat` says.
+
+    Raises:
+        ActionError: that is no number of times.
+    """
+    times = fields.get("repeat")
+    if times is None:
+        return line
+    if type(times) is not int or not 1 <= times <= MOST_REPEATS:
+        raise ActionError(
+            f"{fields['action']} repeat must be a whole number from 1 to {MOST_REPEATS},"
+            f" got {shown(times)}"
+        )
+    return "\n".join([line] * times)
+
+
+def _held_for(action: Action) -> str:
+    """Return code that holds keys down for a while.
+
+    Raises:
+        ActionError: it would be held for too long.
+    """
+    seconds = action.amount or 0
+    if not 0 <= seconds <= LONGEST_HOLD:
+        raise ActionError(
+            f"hold_key duration must be 0 to {LONGEST_HOLD:g} seconds, got {shown(seconds)}"
+        )
+    return _with_keys(action.keys, [f"pyautogui.sleep({seconds:g})"])
+
+
+def _typed(
+    action: Action,
+    fields: dict[str, Any],
+    scaling: Scaling,
+) -> str:
+    """Return code that types, at a place and with Enter if the call says so."""
+    text = f"{action.text}\n" if fields.get("press_enter") is True else action.text
+    line = write_pyautogui(replace(action, text=text))
+    if fields.get("coordinate") is None:
+        return line
+    click = {"action": "left_click", "coordinate": fields["coordinate"]}
+    first = write_pyautogui(parse_anthropic(click, scaling))
+    return f"{first}\n{line}"
+
+
+def _through(points: Sequence[tuple[int, int]]) -> list[str]:
+    """Return code that drags through all points."""
+    first, *others = [f"pyautogui.moveTo({x}, {y})" for x, y in points]
+    return [
+        first,
+        "pyautogui.mouseDown()",
+        *others,
+        "pyautogui.mouseUp()",
+    ]
+
+
+def _with_keys(keys: Sequence[str] | None, lines: Sequence[str]) -> str:
+    held = keys or ()
+    down = [f"pyautogui.keyDown({key!r})" for key in held]
+    up = [f"pyautogui.keyUp({key!r})" for key in reversed(held)]
+    return "\n".join([*down, *lines, *up])
+
+
+WRITERS: dict[str, Callable[[object, Scaling], list[str]]] = {
+    "computer_13": computer_13_code,
+    "ui_tars": ui_tars_code,
+    "ui_tars_1.5": ui_tars_code,
+    "qwen2.5_vl": qwen_code,
+    "qwen3_vl": qwen_code,
+    "openai": openai_code,
+    "anthropic": anthropic_code,
+}

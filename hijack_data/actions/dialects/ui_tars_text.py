@@ -1,0 +1,111 @@
+"""Where the actions stand in a reply of UI-TARS."""
+
+import re
+from bisect import bisect_left
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import NamedTuple
+
+from ...errors import ActionError, shown
+from .fields import unknown
+
+NAMES = (
+    "click",
+    "left_double",
+    "right_single",
+    "drag",
+    "hotkey",
+    "type",
+    "scroll",
+    "wait",
+    "finished",
+    "call_user",
+)
+_ANY = "|".join(NAMES)
+_LABEL = re.compile(r"^[ \t]*Action:", re.MULTILINE)
+# A call whose quotes and parentheses match, and one that ends with the text, whatever is inside.
+_SINGLE = r"'(?:\\.|[^'\\])*'"
+_DOUBLE = r'"(?:\\.|[^"\\])*"'
+_NEAT = re.compile(rf"\s*(\w+)[ \t]*\(((?:[^'\"()]|{_SINGLE}|{_DOUBLE})*)\)", re.DOTALL)
+_LOOSE = re.compile(r"\s*(\w+)[ \t]*\((.*)\)\s*", re.DOTALL)
+_NEXT = re.compile(rf"(?<=\))[ \t]*\r?\n[ \t]*\r?\n\s*(?=(?:{_ANY})\()")
+_BEGINS = re.compile(rf"\s*(?:{_ANY})[ \t]*\(")
+_HEADING = re.compile(r"\s*\w+:")
+_BOX = re.compile(r"_box\s*=")
+_INNER = re.compile(rf"\)\s*\n\s*(?:{_ANY})[ \t]*\(")
+_FIX = "write such as Action: click(start_box='(100,200)')"
+_ESCAPED = r"'it\'s'"
+
+
+class Call(NamedTuple):
+    """One action as it is written."""
+
+    name: str
+    inside: str  # what stands between the parentheses
+    start: int  # where that stands in the whole text
+
+
+def sections(text: str) -> list[list[Call]]:
+    """Return the calls after each `Action:` (or of the whole text, where there is none), in order.
+
+    An earlier `Action:` that is followed by prose is left out. Raises `ActionError` when the last
+    one has no action, or when it is not clear what belongs to an action.
+    """
+    labels = [match.end() for match in _LABEL.finditer(text)] or [0]
+    found: list[list[Call]] = []
+    done = 0
+    for index, label in enumerate(labels):
+        if label < done:  # inside the quotes of an action
+            continue
+        calls, end = _neat_calls(text, label)
+        following = bisect_left(labels, end, index + 1)
+        if following == len(labels):
+            rest = text[end:].strip()
+            found.append(calls if calls and not rest else list(_loose_calls(text, label)))
+            break
+        _check_rest(text[end : labels[following]], end)
+        found += [calls] if calls else []
+        done = end
+    return found
+
+
+def _neat_calls(text: str, start: int) -> tuple[list[Call], int]:
+    """The calls from `start` on whose quotes match, and where the last of them ends."""
+    calls: list[Call] = []
+    while match := _NEAT.match(text, start):
+        if match[1] not in NAMES:
+            break
+        calls.append(_call(match))
+        start = match.end()
+    return calls, start
+
+
+def _loose_calls(text: str, start: int) -> Iterator[Call]:
+    """The calls from `start` to the end, parted by empty lines: their texts may hold any quotes."""
+    bounds = [start, *(match.end() for match in _NEXT.finditer(text, start)), len(text)]
+    for begin, end in pairwise(bounds):
+        match = _LOOSE.fullmatch(text, begin, end)
+        if match is None:
+            found = shown(text[begin:end].strip())
+            raise ActionError(f"UI-TARS text has no action at character {begin}: {found}; {_FIX}")
+        call = _call(match)
+        if _INNER.search(f"{call.inside})"):
+            raise ActionError(
+                f"{call.name}: it is not clear where {shown(call.inside)} ends; "
+                f"escape the quotes in it, as in {_ESCAPED}"
+            )
+        yield call
+
+
+def _call(match: re.Match[str]) -> Call:
+    if match[1] not in NAMES:
+        unknown("UI-TARS", match[1], NAMES)
+    return Call(match[1], match[2], match.start(2))
+
+
+def _check_rest(rest: str, start: int) -> None:
+    """Refuse what follows an action, or stands in its place, unless it is prose."""
+    prose = not _BEGINS.match(rest) and (_HEADING.match(rest) or not _BOX.search(rest))
+    if not prose:
+        found = shown(rest.strip())
+        raise ActionError(f"UI-TARS text has no whole action at character {start}: {found}; {_FIX}")

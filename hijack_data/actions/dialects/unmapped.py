@@ -1,0 +1,72 @@
+"""Refuse fields that a typed dialect does not have and that may hold coordinates."""
+
+import re
+from collections.abc import Collection, Mapping
+from typing import Any, cast
+
+from ...errors import ActionError, shown, suggest
+from ..program.signatures import words
+
+# Numbers that tools and logs add to an action, and that are not places.
+_AMOUNTS = words("""
+    amount clicks duration id index interval ms num_clicks presses repeat seconds step steps times
+    timestamp
+""")
+_PLACE = re.compile(r"coord|point|pos|box|region|path|offset|location|^[xy]\d*$")
+_NUMBER = re.compile(r"\d")
+_NUMERIC = re.compile(r"[^\w]*-?\d[\d\s.,;:()\[\]<>x-]*")
+_DEEPEST = 5
+
+
+def check_fields(
+    fields: Mapping[str, Any],
+    known: Collection[str],
+    what: str,
+) -> None:
+    """Check that every field is `known` or cannot hold coordinates.
+
+    Other unknown fields (notes, ids, None) may stay: no mapping has to change them.
+
+    Raises:
+        ActionError: a field is unknown and may hold coordinates.
+    """
+    for name, value in fields.items():
+        if name not in known and _may_be_place(name, value):
+            raise ActionError(
+                f"{what} has no field {name!r}, got {shown(value)}, which would stay unmapped"
+                f"{suggest(name.lower(), known)}"
+            )
+
+
+def _may_be_place(
+    name: str,
+    value: object,
+    depth: int = _DEEPEST,
+) -> bool:
+    if isinstance(value, str) and _PLACE.search(name.lower()):
+        return _NUMBER.search(value) is not None
+    if name in _AMOUNTS and _is_one_number(value):
+        return False
+    return _has_number(value, depth)
+
+
+def _is_one_number(value: object) -> bool:
+    if isinstance(value, str):
+        return value.strip().isdigit()
+    return isinstance(value, int | float)
+
+
+def _has_number(value: object, depth: int) -> bool:
+    """Return whether a value may hold a number; unknown types are taken to do so."""
+    if isinstance(value, str):
+        return _NUMERIC.fullmatch(value) is not None
+    if value is None or isinstance(value, bool):
+        return False
+    if depth == 0:
+        return True
+    if isinstance(value, dict):
+        fields = cast("dict[Any, object]", value).items()
+        return any(_may_be_place(str(name), item, depth - 1) for name, item in fields)
+    if isinstance(value, list | tuple):
+        return any(_has_number(item, depth - 1) for item in cast("list[object]", value))
+    return True

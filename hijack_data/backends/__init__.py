@@ -1,0 +1,75 @@
+"""Array frameworks: one object for each, with everything that the library does to an array of it.
+
+`backend_of` finds the backend of an array. A framework is looked up among the modules that are
+already imported (a caller who holds a tensor has imported torch), and the file of its backend is
+loaded when the first of its arrays is seen.
+"""
+
+import sys
+from functools import cache
+from importlib import import_module
+from typing import Any, cast
+
+import numpy as np
+from PIL import Image
+
+from .. import extras
+from ..errors import ImageTypeError, UnknownNameError, shown, suggest
+from .base import Backend
+
+__all__ = ["NAMES", "Backend", "backend_of", "convert", "to_numpy"]
+
+NAMES = ("numpy", "torch", "jax")
+
+
+def backend_of(image: object) -> Backend:
+    """Return the backend of an array.
+
+    Raises:
+        ImageTypeError: `image` is no array of NumPy, torch or JAX.
+    """
+    if isinstance(image, np.ndarray):
+        return _backend("numpy")
+    torch = cast(Any, sys.modules.get("torch"))
+    if torch is not None and isinstance(image, torch.Tensor):
+        return _backend("torch")
+    jax = cast(Any, sys.modules.get("jax"))
+    if jax is not None and isinstance(image, jax.Array):
+        return _backend("jax")
+    if isinstance(image, Image.Image):
+        advice = "give np.asarray(picture), or make a plan and call hijack_data.apply"
+        raise ImageTypeError(f"a PIL image stands where an array is needed; {advice}")
+    kind = type(image)
+    wanted = "give a NumPy array, torch tensor, JAX array or PIL image"
+    raise ImageTypeError(f"cannot corrupt a {kind.__module__}.{kind.__qualname__}; {wanted}")
+
+
+@cache
+def _backend(name: str) -> Backend:
+    """Return the backend with a name; its file imports the framework."""
+    return import_module(f".{name}", __name__).BACKEND
+
+
+def convert(image: np.ndarray[Any, Any], name: str) -> Any:
+    """Return a NumPy picture `[H, W, 3]` as an array of the named framework, in its layout.
+
+    Raises:
+        UnknownNameError: `name` is not in `NAMES`.
+        MissingDependencyError: the framework is not installed.
+    """
+    if not isinstance(cast(object, name), str) or name not in NAMES:
+        raise UnknownNameError(f"unknown backend {shown(name)}{suggest(name, NAMES)}")
+    try:
+        backend = _backend(name)
+    except ImportError:
+        raise extras.missing(f"backend {name!r} is not installed", name) from None
+    return backend.from_numpy(image)
+
+
+def to_numpy(image: Any) -> np.ndarray[Any, Any]:
+    """Return one picture of any framework as a NumPy array `[H, W, 3]`.
+
+    Raises:
+        ImageTypeError: no array of NumPy, torch or JAX, or one that is traced by JAX.
+    """
+    return backend_of(image).to_numpy(image)

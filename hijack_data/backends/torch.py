@@ -1,0 +1,218 @@
+"""torch tensors: uint8 `[..., 3, H, W]`, any memory format, any device.
+
+On the CPU a tensor's memory is handed to the NumPy kernels without a copy. On any other device the
+pictures of a batch are run together: with Triton (`kernels.gpu`) all are stamped in one launch and
+resized in two, without it by tensor operations (`kernels.torch_ops`).
+"""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ..errors import ImageTypeError
+from ..kernels import Stamp, stamps_of, torch_ops
+from ..kernels.cpu import pixels
+from ..kernels.gpu import device
+from ..plan import Paste, Plan, Resample
+from ..types import Size, UInt8Array
+from .base import Backend, keeps_size, places
+
+
+class TorchBackend(Backend):
+    """torch tensors."""
+
+    name = "torch"
+    channels = -3
+    to_uint8 = "(image * 255).round().clamp(0, 255).to(torch.uint8)"
+
+    @property
+    def module(self) -> Any:
+        """The module `torch`."""
+        return torch
+
+    def check_memory(self, image: Tensor) -> None:
+        """Check that a tensor is dense and on a device.
+
+        Raises:
+            ImageTypeError: it has no pixels of its own.
+        """
+        kind = _without_pixels(image)
+        if kind is not None:
+            advice = "give a dense tensor on a device, outside of torch.vmap and torch.compile"
+            raise ImageTypeError(f"{kind} holds no pixels to corrupt; {advice}")
+
+    def strides(self, image: Tensor) -> tuple[int, ...]:
+        """Return the steps in bytes along each axis."""
+        return tuple(image.stride())
+
+    def address(self, image: Tensor) -> int:
+        """Return where in memory the tensor begins."""
+        return int(image.data_ptr())
+
+    def from_numpy(self, image: UInt8Array) -> Tensor:
+        """Return a NumPy picture `[H, W, 3]` as a tensor `[3, H, W]`."""
+        return torch_ops.tensor(image).permute(2, 0, 1).contiguous()
+
+    def to_numpy(self, image: Tensor) -> UInt8Array:
+        """Return one picture as a NumPy array `[H, W, 3]`."""
+        return image.permute(1, 2, 0).cpu().numpy()
+
+    def empty_like(self, image: Tensor) -> Tensor:
+        """Return a new tensor of the same shape, memory format and device, not filled.
+
+        On the CPU the memory is NumPy's, which asks for huge pages: a batch is copied up to five
+        times as fast that way.
+        """
+        if image.device.type != "cpu":
+            return torch.empty_like(image)
+        order = list(range(image.ndim))
+        if 0 not in image.stride():  # an expanded tensor has no layout to keep
+            order.sort(key=lambda axis: (image.stride(axis), -axis), reverse=True)
+        memory = torch_ops.tensor(np.empty([image.shape[axis] for axis in order], np.uint8))
+        return memory.permute([order.index(axis) for axis in range(image.ndim)])
+
+    def paste(self, image: Tensor, stamps: list[Stamp]) -> Tensor:
+        """Stamp sprites into `image`, which is on the CPU, in order, in place; return it."""
+        pixels.paste(image.permute(1, 2, 0).numpy(), stamps)
+        return image
+
+    def resample(self, image: Tensor, size: Size) -> Tensor:
+        """Resize `image`, which is on the CPU, to `size` (height, width); a new tensor."""
+        resized = pixels.resample(image.permute(1, 2, 0).numpy(), size)
+        return torch_ops.tensor(resized).permute(2, 0, 1)
+
+    def apply_many(
+        self,
+        plans: list[Plan],
+        images: Tensor,
+        lead: tuple[int, ...],
+        *,
+        inplace: bool = False,
+    ) -> Any:
+        """See `Backend.apply_many`; what is not on the CPU is run together."""
+        if not together(images):
+            return super().apply_many(plans, images, lead, inplace=inplace)
+        same_size = keeps_size(plans)
+        out = self.copy(images) if same_size and not inplace else images
+        views = list(out.unbind()) if len(lead) == 1 else [out[place] for place in places(lead)]
+        results = self._run_together(plans, views, owned=same_size)
+        if not same_size:
+            return self.gather(results, lead)
+        for view, result in zip(views, results, strict=True):
+            if result is not view:
+                view.copy_(result)
+        return out
+
+    def _run_together(
+        self,
+        plans: list[Plan],
+        images: list[Tensor],
+        *,
+        owned: bool,
+    ) -> list[Tensor]:
+        """Do what `run` does for pictures on one device.
+
+        In turn all that is pasted up to the next resize, and all resizes.
+        """
+        runs = [
+            _Run(plan, image, writable=owned) for plan, image in zip(plans, images, strict=True)
+        ]
+        while True:
+            self._paste_all(runs)
+            due = [(run, op.size) for run in runs if (op := run.resize()) is not None]
+            if not due:
+                return [run.image for run in runs]
+            resized = resample_many([run.image for run, _ in due], [size for _, size in due])
+            for (run, _), image in zip(due, resized, strict=True):
+                run.image = image
+                run.writable = True
+                run.done += 1
+
+    def _paste_all(self, runs: list["_Run"]) -> None:
+        """Paste all that comes before the next resize of each picture."""
+        painted: list[_Run] = []
+        stamps: list[list[Stamp]] = []
+        for run in runs:
+            due = run.take_pastes(self.size(run.image))
+            if not run.writable and (due is not None or not run.plan.ops):
+                run.image = self.copy(run.image)
+                run.writable = True
+            if due is not None:
+                painted.append(run)
+                stamps.append(due)
+        if painted:
+            paste_many([run.image for run in painted], stamps)
+
+
+@dataclass
+class _Run:
+    """A plan that is being run on one picture; the first `done` operations are finished."""
+
+    plan: Plan
+    image: Tensor
+    writable: bool
+    done: int = 0
+
+    def take_pastes(self, size: Size) -> list[Stamp] | None:
+        """Return the stamps up to the next resize and count them as done; `None` for no paste."""
+        ops = self.plan.ops
+        start = self.done
+        stamps: list[Stamp] = []
+        while self.done < len(ops) and isinstance(ops[self.done], Paste):
+            stamps += stamps_of(self.plan, self.done, size)
+            self.done += 1
+        return stamps if self.done > start else None
+
+    def resize(self) -> Resample | None:
+        """Return the next operation if it is a resize."""
+        if self.done == len(self.plan.ops):
+            return None
+        op = self.plan.ops[self.done]
+        return op if isinstance(op, Resample) else None
+
+
+def together(image: Tensor) -> bool:
+    """Tell whether the pictures of a batch are run together: on any device but the CPU."""
+    return image.device.type != "cpu"
+
+
+def paste_many(images: Sequence[Tensor], stamps: Sequence[list[Stamp]]) -> None:
+    """Stamp sprites into pictures on one device, each with stamps of its own, in place."""
+    if device.runs_on(images[0].device):
+        device.paste_many(images, stamps)
+        return
+    for image, each in zip(images, stamps, strict=True):
+        torch_ops.paste_ops(image, each)
+
+
+def resample_many(images: Sequence[Tensor], sizes: Sequence[Size]) -> list[Tensor]:
+    """Resize pictures on one device, each to a size (height, width) of its own; new tensors."""
+    if device.runs_on(images[0].device):
+        return device.resample_many(images, sizes)
+    return [torch_ops.resample_ops(image, size) for image, size in zip(images, sizes, strict=True)]
+
+
+def _without_pixels(image: Any) -> str | None:
+    """Describe a tensor that has no dense pixels of its own; `None` for one that has."""
+    if image.is_nested:
+        return "a nested tensor"
+    if image.device.type == "meta":
+        return "a tensor with device 'meta'"
+    if image.layout is not torch.strided:
+        return f"a tensor with layout {image.layout}"
+    fake: Any = sys.modules.get("torch._subclasses.fake_tensor")
+    if fake is not None and isinstance(image, fake.FakeTensor):
+        return "a fake tensor"
+    try:
+        image.data_ptr()
+    except RuntimeError:
+        return "a tensor inside torch.vmap"
+    return None
+
+
+BACKEND = TorchBackend()

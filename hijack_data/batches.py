@@ -1,0 +1,240 @@
+"""Corrupt a whole batch of pictures in one call, with its boxes and targets."""
+
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+from PIL import Image
+
+from ._apply import apply
+from .backends import Backend, backend_of
+from .errors import ImageTypeError, ParameterError, ParameterTypeError
+from .plan import Plan
+from .planner import Planner
+from .safety import Safety, judge_all
+from .types import Box, BoxArray, Scene, Size, as_boxes, as_target
+
+
+@dataclass(
+    frozen=True,
+    eq=False,
+    kw_only=True,
+)
+class Corrupted:
+    """A corrupted batch.
+
+    Args:
+        image: the pictures, of the input's kind; a list when their sizes differ.
+        plans: what was done, one plan a picture.
+        boxes: int32 `[N_i, 4]` for each picture, `xyxy` in pixels of the corrupted picture.
+        targets: for each picture a box in pixels of the corrupted picture, or `None`.
+        safety: what the corruption did to the labels of each picture.
+    """
+
+    image: Any
+    plans: list[Plan]
+    boxes: list[BoxArray]
+    targets: list[Box | None]
+    safety: list[Safety]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Labels:
+    """What is known of one picture."""
+
+    key: int | str
+    step: int
+    boxes: BoxArray
+    target: Box | None
+    end: Box | None
+
+
+def corrupt_batch(
+    planner: Planner,
+    batch: Any,
+    *,
+    ids: Sequence[int | str],
+    boxes: Sequence[Any] | None = None,
+    targets: Sequence[Any] | None = None,
+    ends: Sequence[Any] | None = None,
+    seed: int,
+    epoch: int = 0,
+    steps: Sequence[int] | None = None,
+) -> Corrupted:
+    """Corrupt a batch with any planner; see `Augmentation.__call__` for the arguments.
+
+    Passes on `ParameterError` (a list has not one entry a picture, an id appears twice, or a value
+    is out of range), `ParameterTypeError` (an argument is of another kind) and `ImageTypeError`
+    (the pictures are of a kind that cannot be corrupted).
+    """
+    images = [_pixels(image) for image in _pictures(batch)]
+    count = len(images)
+    check_ids(ids, count)
+    known = _labels(
+        count,
+        ids=ids,
+        boxes=boxes,
+        targets=targets,
+        ends=ends,
+        steps=steps,
+    )
+    plans: list[Plan] = []
+    for image, labels in zip(images, known, strict=True):
+        scene = Scene(_size(image), labels.boxes, target=labels.target)
+        plan = planner.plan(
+            scene,
+            seed=seed,
+            sample=labels.key,
+            step=labels.step,
+            epoch=epoch,
+        )
+        plans.append(plan)
+    out = apply(plans, batch)
+    after = [_pixels(out[i]) for i in range(count)]
+    safety = judge_all(
+        plans,
+        images,
+        after,
+        targets=[labels.target for labels in known],
+        ends=[labels.end for labels in known],
+        boxes=[labels.boxes for labels in known],
+    )
+    pairs = list(zip(plans, known, strict=True))
+    return Corrupted(
+        image=out,
+        plans=plans,
+        boxes=[plan.coords.boxes_to_observation(labels.boxes) for plan, labels in pairs],
+        targets=[moved_target(plan, labels.target) for plan, labels in pairs],
+        safety=safety,
+    )
+
+
+def moved_target(plan: Plan, target: Box | None) -> Box | None:
+    """Return where a box on the screen, or none, lies on the corrupted picture."""
+    if target is None:
+        return None
+    x1, y1, x2, y2 = plan.coords.boxes_to_observation(as_boxes([target]))[0].tolist()
+    return x1, y1, x2, y2
+
+
+def check_ids(ids: object, count: int) -> None:
+    """Check that `ids` holds one id for each of `count` pictures, each different.
+
+    Raises:
+        ParameterTypeError: `ids` is not a list of integers and strings.
+        ParameterError: too many or too few, or one appears twice.
+    """
+    if not _is_list(ids):
+        raise ParameterTypeError(
+            f"ids must be a list with one id a picture, in their order, got {ids!r}"
+        )
+    keys = [_id_text(i) for i in cast("Sequence[Any]", ids)]
+    if len(keys) != count:
+        raise ParameterError(f"{len(keys)} ids for {count} pictures: give one id for each")
+    if len(set(keys)) == count:
+        return
+    twice = next(key for key in keys if keys.count(key) > 1)
+    raise ParameterError(
+        f"ids: {twice!r} appears twice; samples with one id get one plan, make ids unique"
+    )
+
+
+def _labels(
+    count: int,
+    *,
+    ids: Sequence[int | str],
+    boxes: Sequence[Any] | None,
+    targets: Sequence[Any] | None,
+    ends: Sequence[Any] | None,
+    steps: Sequence[int] | None,
+) -> list[_Labels]:
+    per_box = [as_boxes(value) for value in _one_each(boxes, count, "boxes")]
+    per_target = [as_target(value) for value in _one_each(targets, count, "targets")]
+    per_end = [as_target(value) for value in _one_each(ends, count, "ends")]
+    per_step = _one_each(steps, count, "steps")
+    keys = list(ids)
+    return [
+        _Labels(
+            key=keys[i],
+            step=per_step[i] or 0,
+            boxes=per_box[i],
+            target=per_target[i],
+            end=per_end[i],
+        )
+        for i in range(count)
+    ]
+
+
+def _is_list(values: object) -> bool:
+    if isinstance(values, str | bytes | Mapping | Set):
+        return False
+    return hasattr(values, "__len__")
+
+
+def _id_text(value: Any) -> str:
+    if isinstance(value, str):
+        return value
+    if isinstance(value, bool) or not hasattr(value, "__index__"):
+        raise ParameterTypeError(f"ids must hold integers or strings, got {value!r}")
+    try:
+        return str(value.__index__())
+    # an array of several numbers, or an integer of thousands of digits
+    except (TypeError, ValueError):
+        found = type(value).__name__
+        raise ParameterTypeError(f"ids must hold integers or strings, got a {found}") from None
+
+
+def _one_each(
+    values: Sequence[Any] | None,
+    count: int,
+    what: str,
+) -> list[Any]:
+    if values is None:
+        return [None] * count
+    if not _is_list(values):
+        raise ParameterTypeError(
+            f"{what} must be a list with one entry a picture (None where unknown), got {values!r}"
+        )
+    if len(values) != count:
+        raise ParameterError(
+            f"{len(values)} {what} for {count} pictures: give one entry for each (None where"
+            " unknown)"
+        )
+    return list(values)
+
+
+def _pixels(image: Any) -> Any:
+    """Return a picture of Pillow as an array, any other as it is.
+
+    Raises:
+        ImageTypeError: the pictures are of a kind that cannot be corrupted.
+    """
+    if "Tracer" in type(image).__name__:
+        raise ImageTypeError(
+            "plans are made on the host, so a batch cannot be corrupted while jax.jit or"
+            " torch.compile traces it; plan outside, and inside apply the plans that"
+            " hijack_data.jax_plans packs"
+        )
+    return np.asarray(image) if isinstance(image, Image.Image) else image
+
+
+def _size(image: Any) -> Size:
+    backend: Backend = backend_of(image)
+    backend.check(image)
+    return backend.size(image)
+
+
+def _pictures(batch: Any) -> list[Any]:
+    if isinstance(batch, list | tuple):
+        return list(cast("Sequence[Any]", batch))
+    if isinstance(batch, Image.Image):
+        raise ImageTypeError(
+            "a batch is an array of pictures or a list of them; give [picture] and one id"
+        )
+    backend_of(batch).check(batch)
+    if len(batch.shape) != 4:
+        raise ParameterError(
+            f"a batch has 4 axes, got shape {list(batch.shape)}; add a leading axis for one picture"
+        )
+    return [batch[i] for i in range(batch.shape[0])]

@@ -1,0 +1,1 @@
+"""Drawing: measured text, sprites and the recipes that make them."""

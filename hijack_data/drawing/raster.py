@@ -1,0 +1,473 @@
+"""The only file that draws. A recipe (JSON data) goes in, a sprite comes out.
+
+Pillow draws with its BASIC text layout and a bundled DejaVu font, so that a recipe gives the same
+sprite on every machine with the same FreeType. Each sprite has a fingerprint; a plan stores it, and
+replaying the plan where the drawing would differ is an error instead of a silently different
+picture.
+
+Recipes, by their `draw` key:
+
+* `mark`:   `shape` star | circle | rectangle, `size` half side in px, `color`
+* `text`:   `lines`, `font`, `size` px, `color`, `edge_color`, `edge` px, centred lines; `margin` px
+  around them, if any
+* `window`: `size` [w, h], `edge` px, `panels` [{`box`, `fill`, `lines`, `font_size`}], `font`,
+  `color`, `edge_color`
+* `png`:    `data`, a base64 PNG with transparency, for plug-ins
+* `asset`:  `id`, `sha256` (16 digits) of a picture of the asset pack, see `pack`; `crop` [x1, y1,
+  x2, y2], if any
+"""
+
+import base64
+import binascii
+import io
+import itertools
+import json
+import math
+import operator
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, TypeAlias, cast
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image, ImageDraw, ImageFont
+
+from ..cache import Cache as _Cache
+from ..errors import ImageError, ImageTypeError, PlanError, shown, suggest
+from ..limits import SPRITE_PIXELS
+from ..pack import find_asset
+from ..params import rgb
+from ..types import Box, Point, Size, UInt8Array
+from .sprite import Color, Layer, Sprite
+from .text import advances, line_height, line_width, load_font
+
+CACHE_BYTES = 128 * 2**20
+LINE_CACHE_BYTES = 8 * 2**20
+MAX_FONT_SIZE = MAX_EDGE = 4096
+PNG_HEADER = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR"
+MARGIN = 2  # pixels kept around a line's measured box, in case a letter leaves it
+
+
+# left, top and coverage of a letter in its line
+_Letter: TypeAlias = tuple[int, int, UInt8Array]
+
+_cache = _Cache(CACHE_BYTES)
+_lines = _Cache(LINE_CACHE_BYTES)
+
+
+_recipe_key = json.JSONEncoder(sort_keys=True, separators=(",", ":")).encode
+
+
+def render(recipe: Mapping[str, Any]) -> Sprite:
+    """Draw a recipe, or return its sprite from the cache.
+
+    Raises:
+        PlanError: the recipe cannot be drawn.
+    """
+    try:
+        key = _recipe_key(recipe)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise PlanError(f"plan: the recipe of a sprite is not JSON data ({error})") from None
+    sprite = _cache.get(key)
+    if sprite is None:
+        sprite = _drawn(recipe)
+        _cache.put(key, sprite, sprite.footprint)
+    return sprite
+
+
+# What Python, NumPy and Pillow raise for values that are none of theirs; a recipe may hold any.
+_WRONG_VALUE = (
+    ValueError,
+    TypeError,
+    AttributeError,
+    LookupError,
+    ArithmeticError,
+    OSError,
+    MemoryError,
+    Image.DecompressionBombError,
+)
+
+
+def _drawn(recipe: object) -> Sprite:
+    if not isinstance(recipe, dict):
+        raise PlanError(f"plan: the recipe of a sprite must be an object, got {shown(recipe)}")
+    data = cast("dict[str, Any]", recipe)
+    name = data.get("draw")
+    if not isinstance(name, str) or name not in _DRAW:
+        known = suggest(name, _DRAW)
+        raise PlanError(f"plan: sprite.draw = {shown(name)} is not a known drawing{known}")
+    try:
+        return _DRAW[name](data)
+    except PlanError:
+        raise
+    except KeyError as error:
+        missing = f"it has no field {error}"
+        raise PlanError(f"plan: the {name!r} sprite cannot be drawn: {missing}") from None
+    except _WRONG_VALUE as error:
+        why = str(error) or type(error).__name__
+        raise PlanError(f"plan: the {name!r} sprite cannot be drawn: {why}") from error
+
+
+def _canvas(mode: str, width: int, height: int) -> Image.Image:
+    """Return an empty picture, of a size that a plan from elsewhere may ask for."""
+    _check_area(width, height)
+    return Image.new(mode, (width, height))
+
+
+def _check_area(width: int, height: int) -> None:
+    if not (width > 0 and height > 0 and width * height <= SPRITE_PIXELS):
+        limit = f"it must hold 1 to {SPRITE_PIXELS}"
+        raise PlanError(f"plan: a sprite of {width}x{height} pixels; {limit}")
+
+
+def _whole(array: npt.NDArray[Any]) -> Box:
+    return 0, 0, array.shape[1], array.shape[0]
+
+
+def _mark(recipe: Mapping[str, Any]) -> Sprite:
+    size = int(recipe["size"])
+    mask = _canvas("L", 2 * size, 2 * size)
+    draw = ImageDraw.Draw(mask)
+    last = 2 * size - 1
+    match recipe["shape"]:
+        case "circle":
+            draw.ellipse((0, 0, last, last), fill=255)
+        case "rectangle":
+            draw.rectangle((0, 0, last, last), fill=255)
+        case "star":
+            draw.polygon(_star_points(size), fill=255)
+        case other:
+            known = suggest(other, ("star", "circle", "rectangle"))
+            raise PlanError(f"plan: unknown mark shape {other!r}{known}")
+    alpha = np.array(mask)
+    color = rgb(recipe["color"])
+    return Sprite.of_layer(Layer(_whole(alpha), (alpha,), (color,)))
+
+
+def _star_points(size: int) -> list[tuple[float, float]]:
+    """Return five points on a circle of radius `size`, and five on one of 0.4 of it between."""
+    centre = size - 0.5
+    points: list[tuple[float, float]] = []
+    for i in range(10):
+        radius = centre * (0.4 if i % 2 else 1.0)
+        angle = math.pi * (i / 5 - 0.5)
+        x = centre + radius * math.cos(angle)
+        y = centre + radius * math.sin(angle)
+        points.append((x, y))
+    return points
+
+
+def _font_size(value: Any) -> int:
+    if not 0 < int(value) <= MAX_FONT_SIZE:
+        raise PlanError(f"plan: font size {value!r} is not in 1..{MAX_FONT_SIZE}")
+    return int(value)
+
+
+def _edge(recipe: Mapping[str, Any], key: str = "edge") -> int:
+    edge = int(recipe.get(key, 0))
+    if not 0 <= edge <= MAX_EDGE:
+        raise PlanError(f"plan: {key} {edge} of a sprite is not in 0..{MAX_EDGE}")
+    return edge
+
+
+def _texts(lines: object) -> list[str]:
+    texts = cast("list[Any]", lines)
+    if not isinstance(lines, list) or not all(isinstance(text, str) for text in texts):
+        raise PlanError(f"plan: the lines of a sprite must be strings, got {shown(texts)}")
+    return texts
+
+
+def _masks(recipe: Mapping[str, Any]) -> list[UInt8Array]:
+    """Return the coverage of centred lines, uint8 `[h, w]`: the fill's, and an outline's if any."""
+    font = load_font(recipe["font"], _font_size(recipe["size"]))
+    edge = _edge(recipe)
+    lines = _texts(recipe["lines"])
+    margin = _edge(recipe, "margin")
+    step = line_height(font) + 2 * edge
+    # `font.getlength` gives the same, but overflows for lines of tens of millions of pixels.
+    widths = [math.ceil(line_width(line, font)) + 2 * edge for line in lines]
+    wide = max(1, *widths, 1)
+    tall = max(1, step * len(widths))
+    masks: list[UInt8Array] = []
+    for stroke in (0, edge) if edge else (0,):
+        image = _canvas("L", wide + 2 * margin, tall + 2 * margin)
+        draw = ImageDraw.Draw(image)
+        y = edge + margin
+        for line, width in zip(lines, widths, strict=True):
+            x = (wide - width) // 2 + edge + margin
+            draw.text((x, y), line, fill=255, font=font, stroke_width=stroke)
+            y += step
+        masks.append(np.array(image))
+    return masks
+
+
+def _text(recipe: Mapping[str, Any]) -> Sprite:
+    fill, *outline = _masks(recipe)
+    color = rgb(recipe["color"])
+    edge_color = rgb(recipe["edge_color"])
+    box = _whole(fill)
+    if not outline:
+        return Sprite.of_layer(Layer(box, (fill,), (color,)))
+    rest = np.multiply(outline[0], 255 - fill, dtype=np.uint16)
+    rest += 127
+    rest //= 255
+    covers = (fill, rest.astype(np.uint8))
+    return Sprite.of_layer(Layer(box, covers, (color, edge_color)))
+
+
+def _window(recipe: Mapping[str, Any]) -> Sprite:
+    """Draw a window: its edge, then panel after panel a filled box and lines of text."""
+    width, height = (int(side) for side in recipe["size"])
+    edge = _edge(recipe)
+    _check_area(width, height)
+    ink = rgb(recipe["color"])
+    around = rgb(recipe["edge_color"])
+    size = (height, width)
+    holes: list[Box] = []
+    layers: list[Layer] = []
+    text = 0
+    for panel in recipe["panels"]:
+        lines = _panel_lines(panel, str(recipe["font"]), ink, size)
+        inside = _panel_inside(panel, edge, size)
+        fill = rgb(panel["fill"])
+        if _holds_pixels(inside):
+            layers.append(Layer(inside, colors=(fill,)))
+            holes.append(inside)
+        for line in lines:
+            text += _memory(line.covers[0])
+            if text > SPRITE_PIXELS:
+                raise PlanError(f"plan: a window's text has over {SPRITE_PIXELS} pixels")
+            layers.append(line)
+    edges = [Layer(box, colors=(around,)) for box in _without((0, 0, width, height), holes)]
+    return Sprite(size, (*edges, *layers), opaque=True)
+
+
+def _panel_inside(panel: Mapping[str, Any], edge: int, size: Size) -> Box:
+    """Return the box that a panel fills, without its edge and inside a window of `size`."""
+    x1, y1, x2, y2 = (int(v) for v in panel["box"])
+    left, top, right, bottom = _inner(x1, y1, x2, y2, edge)
+    height, width = size
+    return left, top, min(right, width), min(bottom, height)
+
+
+def _panel_lines(panel: Mapping[str, Any], name: str, ink: Color, size: Size) -> Iterator[Layer]:
+    """Yield the lines of a panel, centred in its box."""
+    x1, y1, x2, y2 = (int(v) for v in panel["box"])
+    font_size = _font_size(panel["font_size"])
+    lines = _texts(panel["lines"])
+    font = load_font(name, font_size)
+    step = line_height(font)
+    y = (y1 + y2 - step * len(lines)) // 2
+    for line in lines:
+        x = (x1 + x2 - math.ceil(line_width(line, font))) // 2
+        layer = _line((line, name, font_size), (x, y), ink, size)
+        if layer is not None:
+            yield layer
+        y += step
+
+
+def _holds_pixels(box: Box) -> bool:
+    x1, y1, x2, y2 = box
+    return x1 < x2 and y1 < y2
+
+
+def _without(whole: Box, holes: list[Box]) -> list[Box]:
+    """Return boxes that cover all of `whole` except the holes, which are painted over anyway."""
+    left = [whole]
+    for hole in holes:
+        parts = [part for box in left for part in _around_hole(box, hole)]
+        left = [box for box in parts if _holds_pixels(box)]
+    return left
+
+
+def _around_hole(box: Box, hole: Box) -> tuple[Box, ...]:
+    """Return boxes, some of them empty, that cover all of `box` except the hole."""
+    x1, y1, x2, y2 = hole
+    left, upper, right, lower = box
+    top = min(max(y1, upper), lower)
+    bottom = max(min(y2, lower), upper)
+    if x1 >= right or x2 <= left or top >= bottom:
+        return (box,)
+    return (
+        (left, upper, right, top),
+        (left, bottom, right, lower),
+        (left, top, max(left, x1), bottom),
+        (min(x2, right), top, right, bottom),
+    )
+
+
+def _line(text: tuple[str, str, int], at: Point, ink: Color, size: Size) -> Layer | None:
+    """Return the layer of a line with its corner at `at`.
+
+    Parts that stick out of the sprite are cut off; `None` stands for a line without pixels in it.
+    """
+    mask, (left, top) = _line_mask(*text)
+    height, width = size
+    x = at[0] + left
+    y = at[1] + top
+    rows = slice(max(0, -y), max(0, height - y))
+    columns = slice(max(0, -x), max(0, width - x))
+    mask = mask[rows, columns]
+    if not mask.size:
+        return None
+    x = max(0, x)
+    y = max(0, y)
+    h, w = mask.shape
+    return Layer((x, y, x + w, y + h), (mask,), (ink,))
+
+
+def _memory(mask: UInt8Array) -> int:
+    """Return how many bytes a mask keeps in memory, which may be a part of a larger one."""
+    return mask.nbytes if mask.base is None else cast(UInt8Array, mask.base).nbytes
+
+
+def _inner(x1: int, y1: int, x2: int, y2: int, edge: int) -> Box:
+    """Return a box without its edge, cut off at 0; empty if the edge is all of it."""
+    if x2 - x1 <= 2 * edge or y2 - y1 <= 2 * edge:
+        return 0, 0, 0, 0
+    return max(0, x1 + edge), max(0, y1 + edge), max(0, x2 - edge), max(0, y2 - edge)
+
+
+def _line_mask(line: str, font: str, size: int) -> tuple[UInt8Array, Point]:
+    """Return the coverage of one line, uint8 `[h, w]`, and its corner relative to (x, y)."""
+    key = (line, font, size)
+    found = _lines.get(key)
+    if found is not None:
+        return found
+    made = _set_letters(line, font, size) if len(line) > 1 else None
+    if made is None:
+        made = _drawn_line(line, load_font(font, size))
+    mask, _ = made
+    mask.setflags(write=False)
+    _lines.put(key, made, mask.nbytes)
+    return made
+
+
+def _drawn_line(line: str, font: ImageFont.FreeTypeFont) -> tuple[UInt8Array, Point]:
+    """Let Pillow draw a line."""
+    x1, y1, x2, y2 = (int(v) for v in font.getbbox(line))
+    width = max(1, x2 - x1) + 2 * MARGIN
+    height = max(1, y2 - y1) + 2 * MARGIN
+    image = _canvas("L", width, height)
+    ImageDraw.Draw(image).text((MARGIN - x1, MARGIN - y1), line, fill=255, font=font)
+    left, top, right, bottom = image.getbbox() or (0, 0, 0, 0)
+    corner = (x1 - MARGIN + left, y1 - MARGIN + top)
+    return np.array(image)[top:bottom, left:right], corner
+
+
+def _set_letters(line: str, font: str, size: int) -> tuple[UInt8Array, Point] | None:
+    """Make a line of remembered letters, as Pillow does.
+
+    `None` stands for a line in which a letter lies between two pixels.
+    """
+    if "\n" in line:  # Pillow begins a new line
+        return None
+    starts = [0.0, *itertools.accumulate(advances(line, load_font(font, size)))][:-1]
+    if not all(start.is_integer() for start in starts):
+        return None
+    known = {letter: _line_mask(letter, font, size) for letter in set(line)}
+    placed: list[_Letter] = []
+    for start, letter in zip(starts, line, strict=True):
+        mask, (left, top) = known[letter]
+        if mask.size:
+            placed.append((int(start) + left, top, mask))
+    if not placed:
+        return np.zeros((0, 0), np.uint8), (0, 0)
+    return _joined(placed)
+
+
+def _joined(letters: list[_Letter]) -> tuple[UInt8Array, Point]:
+    """Return the coverage of letters together, and its corner."""
+    first = min(left for left, _, _ in letters)
+    top = min(y for _, y, _ in letters)
+    right = max(left + mask.shape[1] for left, _, mask in letters)
+    bottom = max(y + mask.shape[0] for _, y, mask in letters)
+    _check_area(right - first, bottom - top)
+    out = np.zeros((bottom - top, right - first), np.uint8)
+    end = first
+    for left, y, mask in letters:
+        height, width = mask.shape
+        row = y - top
+        column = left - first
+        below = out[row : row + height, column : column + width]
+        below[:] = mask if left >= end else _over(mask, below)
+        end = max(end, left + width)
+    return out, (first, top)
+
+
+def _over(mask: UInt8Array, below: UInt8Array) -> UInt8Array:
+    """Blend the coverage of a letter over that of the ones before."""
+    added = np.multiply(mask, np.uint16(255), dtype=np.uint16)
+    kept = np.multiply(below, 255 - mask, dtype=np.uint16)
+    total = added + kept + 128
+    return ((total + (total >> 8)) >> 8).astype(np.uint8)
+
+
+def _png(recipe: Mapping[str, Any]) -> Sprite:
+    try:
+        data = base64.b64decode(recipe["data"], validate=True)
+    except binascii.Error as error:
+        raise PlanError(f"plan: the 'png' sprite does not hold base64: {error}") from None
+    _check_area(*_png_size(data))
+    try:
+        with Image.open(io.BytesIO(data), formats=["PNG"]) as image:
+            pixels = np.array(image.convert("RGBA"))
+    except Exception as error:  # Pillow raises anything for damaged bytes
+        raise PlanError(f"plan: the 'png' sprite does not hold a readable PNG: {error}") from error
+    return _rgba(pixels)
+
+
+def _png_size(data: bytes) -> tuple[int, int]:
+    """Return the width and height in the first chunk of a PNG, before anything is decoded."""
+    if len(data) < 24 or not data.startswith(PNG_HEADER):
+        raise PlanError("plan: the 'png' sprite is no PNG file, or is cut off")
+    return int.from_bytes(data[16:20]), int.from_bytes(data[20:24])
+
+
+def _asset(recipe: Mapping[str, Any]) -> Sprite:
+    pixels = find_asset(recipe["id"], recipe["sha256"]).pixels()
+    crop = recipe.get("crop")
+    if crop is not None:
+        x1, y1, x2, y2 = (operator.index(v) for v in crop)
+        height, width = pixels.shape[:2]
+        if not (0 <= x1 < x2 <= width and 0 <= y1 < y2 <= height):
+            raise PlanError(f"plan: crop {crop} leaves {recipe['id']}, {width}x{height}")
+        pixels = pixels[y1:y2, x1:x2]
+    if pixels.shape[2] == 4:
+        return _rgba(pixels)
+    return Sprite.of_layer(Layer(_whole(pixels), picture=np.ascontiguousarray(pixels)))
+
+
+def _rgba(pixels: UInt8Array) -> Sprite:
+    alpha = pixels[..., 3].copy()
+    colors = pixels[..., :3]
+    if (alpha == 255).all():
+        return Sprite.of_layer(Layer(_whole(alpha), picture=np.ascontiguousarray(colors)))
+    paint = colors.astype(np.uint16) * alpha[..., None].astype(np.uint16)
+    return Sprite.of_layer(Layer(_whole(alpha), (alpha,), picture=paint))
+
+
+def png_recipe(rgba: UInt8Array) -> dict[str, Any]:
+    """Return the `png` recipe of an RGBA picture, uint8 `[h, w, 4]`: for a plug-in's own pixels.
+
+    Raises:
+        ImageTypeError: the array is not uint8.
+        ImageError: it has another shape, or more than `limits.SPRITE_PIXELS`.
+    """
+    if not isinstance(cast(object, rgba), np.ndarray) or rgba.dtype != np.uint8:
+        kind = str(getattr(rgba, "dtype", type(rgba).__name__))
+        raise ImageTypeError(f"png_recipe takes a uint8 array, got {kind}")
+    if rgba.ndim != 3 or rgba.shape[2] != 4 or not 0 < rgba.size <= 4 * SPRITE_PIXELS:
+        wanted = f"[h, w, 4] of 1 to {SPRITE_PIXELS} pixels"
+        raise ImageError(f"png_recipe takes RGBA, {wanted}, got the shape {list(rgba.shape)}")
+    buffer = io.BytesIO()
+    Image.fromarray(rgba, "RGBA").save(buffer, "PNG")
+    return {"draw": "png", "data": base64.b64encode(buffer.getvalue()).decode()}
+
+
+_DRAW: dict[str, Callable[[Mapping[str, Any]], Sprite]] = {
+    "mark": _mark,
+    "text": _text,
+    "window": _window,
+    "png": _png,
+    "asset": _asset,
+}

@@ -1,0 +1,134 @@
+"""Numba, if it is installed: when it is used, and how the kernels of this folder are compiled.
+
+Numba is imported and each kernel compiled (or loaded from Numba's cache on disk) when the kernel is
+first needed: once the time saved so far would have paid for it, or at the first picture after
+`start()`. If importing, compiling or the first call fails, one `HijackWarning` names the cause, and
+this process goes on with the plain NumPy kernels, which give the same bytes.
+"""
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import _lru_cache_wrapper, cache  # pyright: ignore[reportPrivateUsage]
+from importlib import import_module
+from typing import Any, TypeVar, cast
+
+from ... import extras
+from ...errors import HijackError, HijackWarning
+
+T = TypeVar("T")
+
+START = 600.0  # milliseconds that Numba and the kernels take to load, once in a process
+
+
+@dataclass
+class _State:
+    """`forgone`: milliseconds that kernels would have saved so far; `failed`: do without Numba."""
+
+    forgone: float = 0.0
+    failed: bool = False
+
+
+_state = _State()
+
+
+def worthwhile(milliseconds: float) -> bool:
+    """Tell whether to run a compiled kernel that would save so many milliseconds.
+
+    It is worth it once the time saved so far would have paid for loading Numba. A command that
+    corrupts a few pictures is done before that; a training run soon reaches it.
+    """
+    if _state.forgone < START:
+        _state.forgone += milliseconds
+        return False
+    return available()
+
+
+def start() -> None:
+    """Use compiled kernels from the next picture on, however few pictures there will be."""
+    _state.forgone = START
+
+
+def available() -> bool:
+    """Tell whether Numba can be used; the first call imports it."""
+    return not _state.failed and _importable()
+
+
+@cache
+def _importable() -> bool:
+    try:
+        import_module("numba")
+    except ModuleNotFoundError as error:
+        if error.name != "numba":
+            give_up(error)
+        return False
+    except Exception as error:  # noqa: BLE001 (too old for this NumPy, a damaged installation)
+        give_up(error)
+        return False
+    return True
+
+
+def give_up(error: Exception) -> None:
+    """Do without Numba from now on in this process, and warn of it once."""
+    if _state.failed:
+        return
+    _state.failed = True
+    cause = f"{type(error).__name__}: {error}"
+    remedy = f"install the versions that are tested together: {extras.remedy('fast')}"
+    message = (
+        f"Numba failed ({cause}), so pictures are drawn by the plain NumPy kernels from now on,"
+        f" with the same bytes but more slowly; {remedy}; or uninstall numba"
+    )
+    warnings.warn(message, HijackWarning, stacklevel=3)
+
+
+def guarded(compiled: Callable[[], T], plain: Callable[[], T]) -> T:
+    """Return what a compiled kernel gives, or what the plain one does if Numba fails.
+
+    Errors of this library (a picture of the wrong shape, for example) are raised as they are.
+    """
+    try:
+        return compiled()
+    except HijackError:
+        raise
+    except Exception as error:  # noqa: BLE001 (Numba and LLVM raise anything)
+        give_up(error)
+    return plain()
+
+
+def lazy(what: str) -> Callable[[Callable[[Any], T]], "_lru_cache_wrapper[T]"]:
+    """Decorate a function that compiles a kernel: it is called once, when the kernel is needed.
+
+    The function is given the module `numba` and returns the kernel. What it becomes takes no
+    arguments, returns the kernel, and raises `MissingDependencyError` without Numba.
+
+    Args:
+        what: the name of the kernel in that error.
+    """
+
+    def decorate(build: Callable[[Any], T]) -> "_lru_cache_wrapper[T]":
+        @cache
+        def kernel() -> T:
+            if not available():
+                raise extras.missing(f"{what} needs Numba", "fast")
+            return build(import_module("numba"))
+
+        return kernel
+
+    return decorate
+
+
+def compile_now(
+    njit: Any,
+    function: Callable[..., Any],
+    signature: object,
+) -> Callable[..., Any]:
+    """Compile for one signature, or load that from Numba's cache on disk.
+
+    The kernel runs without Python's lock.
+    """
+    try:
+        compiled = njit(signature, nogil=True, cache=True)(function)
+    except RuntimeError:  # no folder is writable: do without the cache
+        compiled = njit(signature, nogil=True)(function)
+    return cast(Callable[..., Any], compiled)

@@ -1,0 +1,256 @@
+"""Many torch pictures on a GPU at once: tables are sent there, and each kernel is launched once.
+
+Nothing waits for the device: tables and sprites go there from pinned memory while it works on what
+came before. The masks of a sprite stay there as long as the sprite stays in the cache of `raster`.
+"""
+
+import importlib.util
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
+from functools import cache, partial
+from typing import Any, TypeAlias, cast
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import Tensor
+
+from ...cache import Cache
+from ...drawing.sprite import Sprite
+from ...resample import TABLE_BYTES, columns_first, weights
+from ...types import Size
+from .. import Stamp
+from ..rows import StampRows, rows_of, rows_of_sprite
+
+Array: TypeAlias = npt.NDArray[Any]
+ALIGNED = 16  # bytes
+
+
+def runs_on(device: torch.device) -> bool:
+    """Tell whether these kernels run on a device.
+
+    They do if Triton is installed, as with torch for CUDA and ROCm on Linux.
+    """
+    return device.type == "cuda" and _installed()
+
+
+@cache
+def _installed() -> bool:
+    return importlib.util.find_spec("triton") is not None
+
+
+def _kernels() -> Any:
+    from . import triton
+
+    return triton
+
+
+def paste_many(images: Sequence[Tensor], stamps: Sequence[list[Stamp]]) -> None:
+    """Stamp sprites into pictures on one device, each its own, in place.
+
+    The pictures are uint8 `[3, H, W]`, of any size and strides.
+    """
+    kernels = _kernels()
+    device = images[0].device
+    with _at(device):
+        key = ("device-rows", device, _stream(device))
+        tables = [rows_of(each, key, partial(_upload, key=key, device=device)) for each in stamps]
+        ends = np.cumsum([len(table) for table in tables])
+        jobs: list[tuple[int, ...]] = []
+        for image, table, end in zip(images, tables, ends.tolist(), strict=True):
+            first = end - len(table)
+            jobs.append((image.data_ptr(), *image.shape[1:], *image.stride(), first, end))
+        tiles = _met([(image.shape[1], image.shape[2]) for image in images], tables)
+        if len(tiles):
+            tall, wide = kernels.PASTE_TILE
+            sent = _send([np.array(jobs, np.int64), np.concatenate(tables), tiles], device)
+            kernels.paste[(len(tiles),)](*sent, TALL=tall, WIDE=wide)
+
+
+def _met(sizes: list[Size], tables: list[StampRows]) -> npt.NDArray[np.int32]:
+    """Return the tiles that the rows of each picture meet.
+
+    They are int32 `[n, 3]`: picture, and the tile's row and column. All rows are counted at once:
+    each adds one to its tiles, as the sum from the top left of four numbers at its corners.
+    """
+    tall, wide = _kernels().PASTE_TILE
+    down = -(-max(height for height, _ in sizes) // tall) + 1
+    across = -(-max(width for _, width in sizes) // wide) + 1
+    picture = np.repeat(np.arange(len(tables)), [len(table) for table in tables])
+    y, x, h, w = np.concatenate(tables)[:, :4].T
+    top = y // tall
+    bottom = (y + h - 1) // tall + 1
+    left = x // wide
+    right = (x + w - 1) // wide + 1
+    count = np.zeros((len(sizes), down, across), np.int32)
+    np.add.at(count, (picture, top, left), 1)
+    np.add.at(count, (picture, top, right), -1)
+    np.add.at(count, (picture, bottom, left), -1)
+    np.add.at(count, (picture, bottom, right), 1)
+    np.cumsum(count, axis=1, out=count)
+    np.cumsum(count, axis=2, out=count)
+    return np.argwhere(count > 0).astype(np.int32)
+
+
+def resample_many(images: Sequence[Tensor], sizes: Sequence[Size]) -> list[Tensor]:
+    """Resize uint8 pictures `[3, H, W]` on one device, each to a size of its own.
+
+    The sizes are (height, width); the results are new tensors.
+    """
+    out = list(images)
+    orders = [_order(image, size) for image, size in zip(images, sizes, strict=True)]
+    with _at(images[0].device):
+        for number in range(2):
+            for axis in (1, 2):
+                due = [i for i, order in enumerate(orders) if order[number] == axis]
+                _pass_some(out, sizes, due, axis)
+    return [new.clone() if new is old else new for new, old in zip(out, images, strict=True)]
+
+
+def _order(image: Tensor, size: Size) -> tuple[int, int]:
+    """Return the axes of the two passes of a resize, in order."""
+    _, height, width = image.shape
+    return (1, 2) if columns_first((height, width), size) else (2, 1)
+
+
+def _pass_some(
+    images: list[Tensor],
+    sizes: Sequence[Size],
+    due: list[int],
+    axis: int,
+) -> None:
+    """Replace those of the pictures `due` whose side along an axis is not the wanted one."""
+    turn = [i for i in due if images[i].shape[axis] != sizes[i][axis - 1]]
+    if not turn:
+        return
+    made = _pass([images[i] for i in turn], [sizes[i][axis - 1] for i in turn], axis)
+    for i, image in zip(turn, made, strict=True):
+        images[i] = image
+
+
+def _pass(
+    images: list[Tensor],
+    sides: list[int],
+    axis: int,
+) -> list[Tensor]:
+    """Resize along one axis, 1 for columns or 2 for rows."""
+    kernels = _kernels()
+    device = images[0].device
+    jobs: list[tuple[int, ...]] = []
+    made: list[Tensor] = []
+    for image, side in zip(images, sides, strict=True):
+        _, height, width = image.shape
+        if axis == 1:
+            height = side
+        else:
+            width = side
+        new = _new(image, height, width)
+        first, taps = _table(image.shape[axis], side, device, _stream(device))
+        source = (image.data_ptr(), *image.stride())
+        result = (new.data_ptr(), *new.stride(), height, width)
+        jobs.append((*source, *result, first.data_ptr(), taps.data_ptr(), taps.shape[1]))
+        made.append(new)
+    (sent,) = _send([np.array(jobs, np.int64)], device)
+    tall, wide = kernels.RESIZE_TILE
+    grid = (max(-(-new.shape[1] // tall) * -(-new.shape[2] // wide) for new in made), len(made), 3)
+    kernels.resize[grid](
+        sent,
+        ALONG_ROWS=axis == 2,
+        TALL=tall,
+        WIDE=wide,
+    )
+    return made
+
+
+def _new(
+    image: Tensor,
+    height: int,
+    width: int,
+) -> Tensor:
+    """A tensor `[3, height, width]` with the channels where `image` has them in memory."""
+    channels_last = image.stride(0) == 1 and image.stride(2) != 1
+    shape = (height, width, 3) if channels_last else (3, height, width)
+    new = torch.empty(shape, dtype=torch.uint8, device=image.device)
+    return new.permute(2, 0, 1) if channels_last else new
+
+
+def _at(device: torch.device) -> AbstractContextManager[Any]:
+    """Make `device` the current one: Triton launches there."""
+    return torch.cuda.device(device) if device.type == "cuda" else nullcontext()
+
+
+def _stream(device: torch.device) -> int:
+    """Return the stream in whose order memory is written and freed.
+
+    What was sent to one stream another may not read yet.
+    """
+    return torch.cuda.current_stream(device).cuda_stream if device.type == "cuda" else 0
+
+
+_tables = Cache(TABLE_BYTES)
+
+
+def _table(
+    n_in: int,
+    n_out: int,
+    device: torch.device,
+    in_stream: int,
+) -> tuple[Tensor, Tensor]:
+    """Return the weights of a resize on the device; the last ones stay there."""
+    key = n_in, n_out, device, in_stream
+    found = _tables.get(key)
+    if found is None:
+        table = weights(n_in, n_out)
+        first, taps = found = _send([table.first, table.taps], device)
+        _tables.put(key, found, first.nbytes + taps.nbytes)
+    first, taps = found
+    return first, taps
+
+
+def _send(arrays: Sequence[Array], device: torch.device) -> list[Tensor]:
+    """Send arrays to the device in one copy from pinned memory, without waiting.
+
+    Each begins at a multiple of `ALIGNED` bytes.
+    """
+    rooms = [-(-array.nbytes // ALIGNED) * ALIGNED for array in arrays]
+    ends = np.cumsum(rooms, dtype=np.int64).tolist()
+    starts = [end - room for end, room in zip(ends, rooms, strict=True)]
+    total = max(sum(rooms), ALIGNED)
+    memory = torch.empty(total, dtype=torch.uint8, pin_memory=device.type == "cuda")
+    host = memory.numpy()
+    for array, start in zip(arrays, starts, strict=True):
+        part = host[start : start + array.nbytes]
+        part.view(array.dtype).reshape(array.shape)[...] = array
+    there = memory.to(device, non_blocking=True)
+    sent: list[Tensor] = []
+    for array, start in zip(arrays, starts, strict=True):
+        part = there[start : start + array.nbytes]
+        sent.append(part.view(_DTYPES[array.dtype.str]).reshape(array.shape))
+    return sent
+
+
+_DTYPES = {
+    np.dtype(name).str: getattr(torch, name) for name in ("uint8", "uint16", "int32", "int64")
+}
+
+
+def _upload(
+    sprite: Sprite,
+    key: object,
+    device: torch.device,
+) -> StampRows:
+    """Send the masks and pictures of a sprite to the device and return its rows.
+
+    The sprite keeps what was sent under `("memory", key)`.
+    """
+    arrays: list[Array] = []
+    for layer in sprite.layers:
+        arrays += layer.covers
+        if layer.picture is not None:
+            arrays.append(cast(Array, layer.picture))
+    sent = _send(arrays, device)
+    sprite.scratch["memory", key] = sent
+    places: dict[int, tuple[int, int]] = {}
+    for array, there in zip(arrays, sent, strict=True):
+        places[id(array)] = (there.data_ptr(), there.stride(0))
+    return rows_of_sprite(sprite, lambda array: places[id(array)])

@@ -1,0 +1,324 @@
+"""Things that are looked up by name: one `Registry` for each kind of them.
+
+A name comes from this library, from an installed package (an entry point of the group
+`agenthijack.<kinds>`, see `plugins`) or from a file that was loaded (see `loading`). Where a user
+may write a name, `find` also takes `package.module:Name` and `path/to/file.py:Name`.
+"""
+
+import importlib
+import sys
+from collections.abc import Callable, Generator, Iterable, Iterator, KeysView, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, Generic, TypeVar
+
+from .errors import ParameterError, PluginError, UnknownNameError, suggest
+
+PREFIX = "agenthijack."
+OURS = ("hijack_data", "pipelines", "online_env")
+# Where the registry of each kind lives; as text, since this package imports neither of the others.
+KINDS: Mapping[str, str] = MappingProxyType(
+    {
+        "corruptions": "hijack_data.corruption:CORRUPTIONS",
+        "effects": "online_env.effects.base:EFFECTS",
+        "edits": "pipelines.edits:EDITS",
+        "readers": "pipelines.readers.base:READERS",
+        "exports": "pipelines.exports.export:FORMATS",
+        "engines": "pipelines.engines:ENGINES",
+        "providers": "online_env.bench.providers:PROVIDERS",
+        "tasks": "online_env.tasks:TASKS",
+        "agents": "online_env.agents.registry:AGENTS",
+    }
+)
+T = TypeVar("T")
+V = TypeVar("V")
+
+
+@dataclass(frozen=True)
+class Lazy:
+    """Something of this library that is imported when it is asked for: `module:attribute`."""
+
+    place: str
+
+    def load(self) -> Any:
+        """Import it."""
+        name, _, attribute = self.place.partition(":")
+        module = importlib.import_module(name)
+        return getattr(module, attribute)
+
+
+class Registry(Generic[T]):
+    """The things of one kind by name, plug-ins included.
+
+    Args:
+        kind: the word for one of them in messages, such as `"agent"`.
+        kinds: the end of its entry-point group, one of the keys of `KINDS`.
+        builtin: ours by name, each as `module:attribute`, imported when it is asked for.
+        package: a module that registers ours when it is imported.
+        own_name: the attribute in which a thing holds its own name; empty where it has none.
+        problems: called with what is to be registered and its name; yields what is wrong with it.
+        prepare: makes the entry of what is registered, such as an object of a class.
+        check: called with each entry of a plug-in; raises where it cannot be used.
+        related: kinds whose plug-ins may register here, too.
+        reserved: names that mean something of ours that is not registered, and where that is.
+    """
+
+    def __init__(
+        self,
+        kind: str,
+        kinds: str,
+        *,
+        builtin: Mapping[str, str] = MappingProxyType({}),
+        package: str = "",
+        own_name: str = "",
+        problems: Callable[[Any, str], Iterable[str]] = lambda _thing, _name: (),
+        prepare: Callable[[Any], T] = lambda thing: thing,
+        check: Callable[[T], object] = lambda _: None,
+        related: Iterable[str] = (),
+        reserved: Mapping[str, str] = MappingProxyType({}),
+    ) -> None:
+        self.kind = kind
+        self.group = PREFIX + kinds
+        self.entries: dict[str, Any] = {name: Lazy(place) for name, place in builtin.items()}
+        self.check = check
+        self._package = package
+        self._own_name = own_name
+        self._problems = problems
+        self._prepare = prepare
+        self._related = tuple(related)
+        self._reserved: dict[str, Any] = {name: Lazy(place) for name, place in reserved.items()}
+        _registries.append(self)
+
+    def names(self) -> list[str]:
+        """All names: ours, then those of plug-ins, then those of loaded files.
+
+        Loads them, and raises `PluginError` if a file of `AGENTHIJACK_LOAD` cannot be loaded.
+        """
+        self.load()
+        return list(self.entries)
+
+    def get(self, name: str) -> T:
+        """Return what is registered as `name`.
+
+        Raises `PluginError` if a plug-in that should register it cannot be loaded.
+
+        Raises:
+            UnknownNameError: nothing is; the message suggests the closest name.
+        """
+        self.load_ours()
+        if name not in self.entries:
+            self.load()
+        if name not in self.entries:
+            self.check_not_broken(name)
+            raise UnknownNameError(f"unknown {self.kind} {name!r}{self.hint(name)}")
+        entry = self.entries[name]
+        if isinstance(entry, Lazy):
+            entry = self.entries[name] = self._prepare(entry.load())
+        return entry
+
+    def find(self, text: str) -> str:
+        """Return the name of what a user asks for.
+
+        Raises `UnknownNameError` if there is no such name, module or attribute, `PluginError` if
+        the file or module cannot be loaded, and `ParameterError` as `add` does.
+
+        Args:
+            text: a name, `package.module:Name`, or `path/to/file.py:Name`. What the last two name
+                is loaded, and registered under its own name or, if it has none, under `text`.
+        """
+        from . import loading  # it needs the registries
+
+        if text in self.entries or not loading.is_reference(text):
+            self.get(text)
+            return text
+        self.load()
+        return self.add(loading.load_reference(text), text)
+
+    def is_reference(self, text: str) -> bool:
+        """Return whether a text names something that `find` loads, and not what is registered."""
+        from . import loading
+
+        return loading.is_reference(text)
+
+    def register(self, name: str) -> Callable[[V], V]:
+        """Decorator: make something known under a name that it does not hold itself."""
+
+        def decorate(thing: V) -> V:
+            self.add(thing, name)
+            return thing
+
+        return decorate
+
+    def add(self, thing: Any, name: str = "") -> str:
+        """Register something, and return its name.
+
+        Args:
+            thing: what is registered; adding the same class or function again is fine.
+            name: its name; where things of this kind hold their own name, that one counts.
+
+        Raises:
+            ParameterError: it is not of this kind, or another one has the name.
+        """
+        title = getattr(thing, "__qualname__", type(thing).__qualname__)
+        own = getattr(thing, self._own_name, "") if self._own_name else ""
+        if own:
+            name = str(own)
+        problems = "; ".join(self._problems(thing, name))
+        if problems:
+            raise ParameterError(f"cannot register {title}: {problems}")
+        self.load_ours()
+        taken = {**self._reserved, **self.entries}
+        if name in taken and _identity(taken[name]) != _identity(thing):
+            source = "" if is_ours(thing) else f" of {home_of(thing)}"
+            raise ParameterError(
+                f"cannot register {title}{source}: {name!r} is taken by {home_of(taken[name])}; "
+                "choose another name, or leave one of the two out"
+            )
+        self.entries[name] = self._prepare(thing)
+        return name
+
+    def load_ours(self) -> None:
+        """Import what registers ours, which comes first."""
+        if self._package:
+            importlib.import_module(self._package)
+
+    def load_installed(self) -> None:
+        """Load installed plug-ins, once a process; broken ones are left out with a warning."""
+        from .plugins import load_plugins  # it needs the registries
+
+        self.load_ours()
+        for kinds in self._related:
+            registry_of(kinds).load_installed()
+        load_plugins(self.group, self)
+
+    def load(self) -> None:
+        """Load installed plug-ins and the files of `AGENTHIJACK_LOAD`, each once a process."""
+        from . import loading
+
+        self.load_installed()
+        loading.load_environment()
+
+    def of_module(self, module: str) -> list[str]:
+        """Return the names that a module registered."""
+        return [name for name, entry in self.entries.items() if module_of(entry) == module]
+
+    def hint(self, name: str) -> str:
+        """Return what an error on an unknown name adds: the closest name, and broken plug-ins."""
+        from .plugins import left_out
+
+        known = [*self.entries, *self._reserved]
+        return suggest(name, known) + left_out(self.group)
+
+    def check_not_broken(self, name: str) -> None:
+        """Check that `name` does not belong to a plug-in that was left out.
+
+        Raises:
+            PluginError: the message names the plug-in, its problem and how to remove it.
+        """
+        from .plugins import broken
+
+        if name in self.entries:
+            return  # a plug-in wanted a name that was taken
+        for plugin in broken(self.group):
+            if not plugin.covers(name):
+                continue
+            raise PluginError(
+                f"the {self.kind} {name!r} cannot be used: {plugin.title} cannot be loaded: "
+                f"{plugin.problem}; mend it, or remove it: {plugin.cure}"
+            )
+
+    def __getitem__(self, name: str) -> T:
+        return self.get(name)
+
+    def keys(self) -> KeysView[str]:
+        """All names, as those of a dict."""
+        return dict.fromkeys(self.names()).keys()
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.entries or name in self.names()
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names())
+
+    def __len__(self) -> int:
+        return len(self.names())
+
+
+_registries: list[Registry[Any]] = []
+
+
+def registries() -> tuple[Registry[Any], ...]:
+    """Return the registries of this process: those whose modules were imported."""
+    return tuple(_registries)
+
+
+def registry_of(kinds: str) -> Registry[Any]:
+    """Return the registry of a kind, one of the keys of `KINDS`; its module is imported.
+
+    Raises:
+        UnknownNameError: there is no such kind.
+    """
+    if kinds not in KINDS:
+        raise UnknownNameError(f"there are no plug-ins of kind {kinds!r}{suggest(kinds, KINDS)}")
+    return Lazy(KINDS[kinds]).load()
+
+
+@contextmanager
+def undone_on_failure() -> Generator[None]:
+    """Take out of all registries what the body put there when it raises, but for what is ours."""
+    before: dict[int, dict[str, Any]] = {}
+    for registry in registries():
+        before[id(registry)] = dict(registry.entries)
+    try:
+        yield
+    except BaseException:
+        for registry in registries():
+            _restore(registry.entries, before.get(id(registry), {}))
+        raise
+
+
+def _restore(entries: dict[str, Any], before: Mapping[str, Any]) -> None:
+    """Put entries back as they were; ours stay, which may have been imported meanwhile."""
+    for name, entry in list(entries.items()):
+        if name in before:
+            entries[name] = before[name]
+        elif not is_ours(entry):
+            del entries[name]
+
+
+def module_of(entry: object) -> str:
+    """Return the module that an entry comes from: of a class, of a function, or of an object."""
+    if isinstance(entry, Lazy):
+        return entry.place.partition(":")[0]
+    if isinstance(entry, type) or hasattr(entry, "__qualname__"):
+        return str(getattr(entry, "__module__", ""))
+    return type(entry).__module__
+
+
+def is_ours(entry: object) -> bool:
+    """Return whether an entry comes from this library."""
+    return module_of(entry).partition(".")[0] in OURS
+
+
+def home_of(entry: object) -> str:
+    """Return where an entry comes from, for messages: the module of ours, the file of others."""
+    module = module_of(entry)
+    if is_ours(entry):
+        return module
+    return file_of_module(entry) or module
+
+
+def file_of_module(entry: object) -> str | None:
+    """Return the file of the module that an entry comes from, where it has one."""
+    module = sys.modules.get(module_of(entry))
+    return getattr(module, "__file__", None)
+
+
+def _identity(thing: object) -> str:
+    """Return what stays the same when a class is made again by a reload, and of its objects."""
+    if isinstance(thing, Lazy):
+        return thing.place
+    named = thing if hasattr(thing, "__qualname__") else type(thing)
+    name = getattr(named, "__qualname__", "")
+    return f"{module_of(thing)}:{name}"

@@ -1,0 +1,68 @@
+"""The names in a run's log, and how its parts are chained.
+
+`online_env` writes the log, `pipelines` reads it, and neither knows the other.
+
+    RUN/run.json                    what was to be run; `episodes` lists the ids of all episodes
+    RUN/records.jsonl               one record a line, as the episodes ended
+    RUN/seal.json, seal.json.sig    what the run consists of, and a signature, if it was signed
+    RUN/lock                        held by the process that writes the run
+    RUN/episodes/<id>/episode.json  the record, written last
+    RUN/episodes/<id>/steps.jsonl   line k: observation k, and the action that followed it
+    RUN/episodes/<id>/frames/       the clean screens, and the agent's pictures that differ
+
+Since version 2 everything names the SHA-256 of what was written before it:
+
+* a line of `steps.jsonl` that of the line before (`previous`), the first that of the episode's id;
+* `episode.json` that of the last line (`chain`), and how many there are (`lines`);
+* a line of `records.jsonl` that of `episode.json` (`episode_sha256`), and that of the line before
+  (`previous`), the first that of `run.json`.
+
+So an edit is found unless all that follows is written anew. Who does that leaves no trace in the
+folder; against them there is the signature of `seal.json` (see `hijack_data.runs.seal`).
+"""
+
+import hashlib
+import re
+
+FORMAT = "agenthijack-run"
+VERSION = 2
+CHAINED = 2  # the first version with hashes
+RUN = "run.json"
+RECORDS = "records.jsonl"
+EPISODES = "episodes"
+LOCK = "lock"
+EPISODE = "episode.json"
+STEPS = "steps.jsonl"
+FRAMES = "frames"
+SEAL = "seal.json"
+SIGNATURE = "seal.json.sig"
+SCORE_RUN = "score"  # `config.kind` of a run of `hijack score`; one of `hijack bench` has no kind
+ROW = "row"  # of a record of such a run: the row of the dataset; it has no folder in `episodes`
+LINKS = ("previous", "episode_sha256")  # of a line of `records.jsonl`: not of the record itself
+REINIT = "REQUEST_REINIT"  # what an agent says to be helped: no action on the screen
+
+_LONGEST = 200  # characters of an id, which is the name of a folder
+
+
+def slug_of(
+    task: str,
+    label: str,
+    seed: int,
+    agent: str,
+    attempt: int,
+) -> str:
+    """Return the id of an episode, which is also the name of its folder."""
+    parts = [task, label, f"s{seed}", agent]
+    if attempt:
+        parts.append(f"a{attempt}")
+    cleaned = [re.sub(r"[^\w.+-]+", "_", part, flags=re.ASCII) or "_" for part in parts]
+    slug = "__".join(cleaned).lstrip(".")
+    if len(slug) <= _LONGEST:
+        return slug
+    digest = hashlib.blake2b(slug.encode(), digest_size=8).hexdigest()
+    return f"{slug[: _LONGEST - 17]}-{digest}"
+
+
+def digest_of(content: bytes) -> str:
+    """Return the SHA-256 of a file, or of a line without its end, as 64 hexadecimal digits."""
+    return hashlib.sha256(content).hexdigest()

@@ -1,0 +1,152 @@
+"""The seal of a run: what it consists of, signed with an SSH key.
+
+`seal.json` holds the SHA-256 of `run.json`, of `records.jsonl` and of each `episode.json`, which by
+their chains stand for all lines and pictures (see `run_log`). It is signed by OpenSSH's own
+`ssh-keygen -Y sign`, so anyone can check `seal.json.sig` without this library.
+"""
+
+import json
+import subprocess
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from ..errors import HijackError, MissingDependencyError
+from ..files import write_atomic
+from .run_log import EPISODE, EPISODES, RECORDS, RUN, SEAL, SIGNATURE, digest_of
+
+NAMESPACE = "agenthijack-run"  # a signature that was made for something else does not count
+FORMAT = "agenthijack-seal"
+VERSION = 1
+_SIGNER = "signer"
+_PATIENCE = 120.0  # s: a key on a token waits for a touch
+
+
+class SealError(HijackError, ValueError):
+    """A key that cannot be used, or a signature that cannot be made."""
+
+
+def check_key(key: str) -> None:
+    """Sign something, so that a wrong key is noticed before a run. Raises `SealError`."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, SEAL)
+        path.write_text("{}\n")
+        _sign(path, key)
+
+
+def sign(folder: Path, key: str) -> None:
+    """Write the seal of a run and its signature; former ones are replaced.
+
+    Args:
+        folder: of the run.
+        key: path of the private key, or of the public one where `ssh-agent` holds the private.
+
+    Raises `SealError` where the key cannot be used, `HijackError` where nothing can be written.
+    """
+    (folder / SIGNATURE).unlink(missing_ok=True)
+    write_atomic(folder / SEAL, json.dumps(contents(folder), indent=1) + "\n")
+    _sign(folder / SEAL, key)
+
+
+def contents(folder: Path) -> dict[str, Any]:
+    """What the seal of a run holds, from the files that are there now."""
+    episodes = sorted((folder / EPISODES).glob(f"*/{EPISODE}"))
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "run": _digest(folder / RUN),
+        "records": _digest(folder / RECORDS),
+        "episodes": {path.parent.name: _digest(path) for path in episodes},
+    }
+
+
+def problems(folder: Path, key: str | None) -> Iterator[str]:
+    """What is wrong with the seal of a run; nothing where it has none and no `key` is asked for.
+
+    `key` is the path of the public key that must have signed; with `None` any may have.
+    """
+    if not (folder / SEAL).exists():
+        if key is not None:
+            yield f"{SEAL}: is missing: the run is not signed"
+        return
+    try:
+        sealed: object = json.loads((folder / SEAL).read_bytes())
+    except (OSError, ValueError) as error:
+        yield f"{SEAL}: cannot be read ({error})"
+        return
+    if sealed != contents(folder):
+        yield f"{SEAL}: the run is not what was sealed"
+    yield from _signature_problems(folder, key)
+
+
+def signer(folder: Path) -> str:
+    """The fingerprint of the key that signed, as `ssh-keygen` prints it; nothing without one."""
+    found = _run(["-Y", "check-novalidate", "-n", NAMESPACE], folder)
+    return found.stdout.split()[-1] if found.returncode == 0 else ""
+
+
+def _signature_problems(folder: Path, key: str | None) -> Iterator[str]:
+    if not (folder / SIGNATURE).exists():
+        yield f"{SIGNATURE}: is missing"
+        return
+    if key is None:
+        if not signer(folder):
+            yield f"{SIGNATURE}: is no signature of {SEAL}"
+        return
+    with tempfile.NamedTemporaryFile("w", suffix=".signers") as signers:
+        signers.write(f"{_SIGNER} {_public(key)}\n")
+        signers.flush()
+        command = ["-Y", "verify", "-n", NAMESPACE, "-I", _SIGNER, "-f", signers.name]
+        if _run(command, folder).returncode:
+            yield f"{SIGNATURE}: is not a signature of {SEAL} by {key}"
+
+
+def _public(key: str) -> str:
+    """Return the line of a public key.
+
+    Raises:
+        SealError: the file cannot be read, or holds no public key.
+    """
+    try:
+        text = Path(key).read_text().strip()
+    except (OSError, ValueError) as error:
+        raise SealError(f"--key {key}: cannot be read ({error})") from None
+    if "PRIVATE KEY" in text or len(text.splitlines()) != 1:
+        raise SealError(f"--key {key}: is no public key of SSH; it is the file that ends in .pub")
+    return text
+
+
+def _sign(path: Path, key: str) -> None:
+    done = _ssh_keygen(["-Y", "sign", "-q", "-n", NAMESPACE, "-f", key, str(path)])
+    if done.returncode:
+        why = " ".join(done.stderr.split()) or f"ssh-keygen ended with {done.returncode}"
+        advice = "ssh-keygen -t ed25519 -f run.key makes one"
+        raise SealError(f"{key}: is no key to sign with ({why:.300}); {advice}")
+
+
+def _run(command: Sequence[str], folder: Path) -> "subprocess.CompletedProcess[str]":
+    """Ask about the signature of a seal."""
+    content = (folder / SEAL).read_text(errors="replace")
+    return _ssh_keygen([*command, "-s", str(folder / SIGNATURE)], content)
+
+
+def _ssh_keygen(command: Sequence[str], said: str = "") -> "subprocess.CompletedProcess[str]":
+    try:
+        return subprocess.run(
+            ["ssh-keygen", *command],
+            input=said,
+            capture_output=True,
+            text=True,
+            timeout=_PATIENCE,
+            check=False,
+        )
+    except FileNotFoundError:
+        needed = "signatures need ssh-keygen, version 8.2 or later"
+        raise MissingDependencyError(f"{needed}: apt install openssh-client") from None
+    except subprocess.TimeoutExpired:
+        raise SealError(f"ssh-keygen did not answer within {_PATIENCE:g} s") from None
+
+
+def _digest(path: Path) -> str | None:
+    return digest_of(path.read_bytes()) if path.exists() else None

@@ -1,0 +1,1 @@
+"""Agents: what one is, all of them by name, and those that come with the library."""

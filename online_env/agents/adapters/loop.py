@@ -1,0 +1,251 @@
+"""Agents that own their loop: the environment is handed to them as a computer.
+
+`predict` is called, and a loop wants to call. So the loop runs in a thread of its own; each action
+that it takes is handed out by `predict`, and the loop goes on when the next picture is there. Only
+one of the two threads works at a time.
+
+    def my_loop(computer, instruction):
+        while not_there_yet(computer.screenshot()):
+            computer.act("pyautogui.click(100, 200)")
+
+    def my_agent():
+        return LoopAgent(my_loop)
+"""
+
+import base64
+import queue
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import ClassVar, TypeAlias
+
+from hijack_data.errors import HijackError, ParameterError, ParameterTypeError
+from hijack_data.png import encode
+from hijack_data.types import Size, UInt8Array
+
+from ..base import DONE, FAIL, Observation
+from .reading import PYAUTOGUI, codes_of
+
+MOST_LOOKS = 100  # at one picture, before a loop counts as one that will not end
+MOST_CALLS_AFTER_THE_END = 100
+PARKED = threading.Event()  # never set: what waits for it sleeps until the process ends
+ENDING = 5.0  # s until a loop that is told that the episode is over has ended
+
+
+class LoopEnd(BaseException):
+    """The episode is over.
+
+    Raised in a loop by its computer. It is no `Exception`, so that a loop that retries whatever
+    fails ends all the same.
+    """
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Turn:
+    """What a loop does next: an action, its end, or an exception."""
+
+    code: str = ""
+    said: str = ""
+    last: bool = False
+    raised: BaseException | None = None
+
+
+class _Bridge:
+    """Hands turns of the loop's thread to the agent's, and pictures back."""
+
+    def __init__(self, picture: UInt8Array) -> None:
+        self.picture = picture
+        self.turns: queue.SimpleQueue[_Turn] = queue.SimpleQueue()
+        self.pictures: queue.SimpleQueue[UInt8Array | None] = queue.SimpleQueue()
+        self._lock = threading.Lock()  # a loop may have threads of its own
+        self._over = False
+        self._looks = 0
+        self._calls_after = 0
+
+    def look(self) -> UInt8Array:
+        """Return the present picture.
+
+        Raises:
+            LoopEnd: The episode is over.
+            HijackError: The loop does nothing but look.
+        """
+        self._check()
+        self._looks += 1
+        if self._looks > MOST_LOOKS:
+            raise HijackError(
+                f"the loop looked {MOST_LOOKS} times at one picture; the screen changes with the"
+                " next action, such as WAIT"
+            )
+        return self.picture.copy()
+
+    def take(self, code: str, said: str) -> None:
+        """Hand an action out, and wait for the next picture.
+
+        Raises:
+            LoopEnd: The episode is over.
+        """
+        with self._lock:
+            self._check()
+            self.turns.put(_Turn(code=code, said=said))
+            picture = self.pictures.get()
+            if picture is None:
+                self._over = True
+                raise LoopEnd("the episode is over")
+            self.picture = picture
+            self._looks = 0
+
+    def _check(self) -> None:
+        if not self._over:
+            return
+        self._calls_after += 1
+        if self._calls_after > MOST_CALLS_AFTER_THE_END:
+            # A loop that swallows everything would keep a core busy.
+            PARKED.wait()
+        raise LoopEnd("the episode is over")
+
+
+class LoopComputer:
+    """The environment, as a loop sees it: a screen, and pointer and keys."""
+
+    def __init__(self, bridge: _Bridge) -> None:
+        self._bridge = bridge
+        self._problem = ""
+
+    @property
+    def size(self) -> Size:
+        """(height, width) of the picture, in whose pixels actions are."""
+        height, width = self._bridge.picture.shape[:2]
+        return height, width
+
+    @property
+    def problem(self) -> str:
+        """Why the last action could not be read; empty if it could."""
+        return self._problem
+
+    def screenshot(self) -> UInt8Array:
+        """Return the present picture, uint8 RGB `[H, W, 3]`; looking takes no step."""
+        return self._bridge.look()
+
+    def png(self) -> bytes:
+        """Return the present picture as PNG."""
+        return encode(self.screenshot())
+
+    def png_base64(self) -> str:
+        """Return the present picture as PNG in base64, as endpoints want it."""
+        return base64.b64encode(self.png()).decode("ascii")
+
+    def act(
+        self,
+        action: object,
+        dialect: str = PYAUTOGUI,
+        said: str = "",
+    ) -> UInt8Array:
+        """Take an action, which is one step of the episode, and return the next picture.
+
+        After `DONE`, `FAIL` or the last step this does not return: `LoopEnd` ends the loop. An
+        action that cannot be read is a malformed step, and `problem` says why. A dialect that
+        does not exist raises `UnknownNameError`.
+
+        Args:
+            action: pyautogui code, `WAIT`, `DONE` or `FAIL`, or what `dialect` has for it, such
+                as the dict of a computer tool.
+            dialect: One of `hijack_data.actions.DIALECTS`.
+            said: The model's words, for the record.
+        """
+        codes, self._problem = codes_of(action, dialect, self.size)
+        for code in codes:
+            self._bridge.take(code, said)
+            said = ""
+        return self._bridge.picture.copy()
+
+
+Loop: TypeAlias = Callable[[LoopComputer, str], str | None]
+
+
+class LoopAgent:
+    """Plays as a loop does.
+
+    The episode ends with `DONE` when the loop returns, and with `FAIL` if it returns the word
+    `FAIL`. Whatever else it returns are its last words. What it raises is the agent's failure.
+
+    Args:
+        loop: Called with a `LoopComputer` and the instruction; the method `run` if omitted.
+    """
+
+    patience: ClassVar[float] = 600.0  # s that a loop may take for an action
+
+    def __init__(self, loop: Loop | None = None) -> None:
+        self._loop = loop
+        self._bridge: _Bridge | None = None
+        self._thread: threading.Thread | None = None
+
+    def run(self, computer: LoopComputer, instruction: str) -> str | None:
+        """Do the task, one `computer.act` a step; override this, or give the loop to the class.
+
+        Raises:
+            ParameterError: There is no loop.
+        """
+        if self._loop is None:
+            name = type(self).__name__
+            raise ParameterError(f"{name} has no loop; override run(computer, instruction)")
+        return self._loop(computer, instruction)
+
+    def reset(self) -> None:
+        """End the loop of the last episode, if it still waits for a picture."""
+        if self._bridge is not None:
+            self._bridge.pictures.put(None)
+        if self._thread is not None:
+            self._thread.join(ENDING)
+        self._bridge = None
+        self._thread = None
+
+    def predict(self, instruction: str, obs: Observation) -> tuple[str, Sequence[str]]:
+        """Return the next action of the loop, and what it says.
+
+        Raises:
+            HijackError: The loop takes no action for too long.
+        """
+        if self._bridge is None:
+            self._bridge = self._begun(instruction, obs["screenshot"])
+        else:
+            self._bridge.pictures.put(obs["screenshot"])
+        try:
+            turn = self._bridge.turns.get(timeout=self.patience)
+        except queue.Empty:
+            name = type(self).__name__
+            raise HijackError(f"{name} took no action for {self.patience:g} s") from None
+        if turn.last:
+            self._bridge.turns.put(turn)  # asked again, it says the same
+        if turn.raised is not None:
+            raise turn.raised
+        return turn.said, [turn.code]
+
+    def _begun(self, instruction: str, picture: UInt8Array) -> _Bridge:
+        bridge = _Bridge(picture)
+        self._thread = threading.Thread(
+            target=self._played,
+            args=(bridge, instruction),
+            name="loop",
+            daemon=True,
+        )
+        self._thread.start()
+        return bridge
+
+    def _played(self, bridge: _Bridge, instruction: str) -> None:
+        """Run the loop to its end; its exceptions are raised where `predict` waits."""
+        try:
+            turn = _last_turn(self.run(LoopComputer(bridge), instruction))
+        except LoopEnd:
+            return
+        except BaseException as error:  # noqa: BLE001  (a loop may raise anything)
+            turn = _Turn(last=True, raised=error)
+        bridge.turns.put(turn)
+
+
+def _last_turn(words: object) -> _Turn:
+    if words is None:
+        return _Turn(code=DONE, last=True)
+    if not isinstance(words, str):
+        raise ParameterTypeError(f"a loop returns nothing, words, or FAIL, got {words!r:.80}")
+    code = FAIL if words.strip() == FAIL else DONE
+    return _Turn(code=code, said=words, last=True)

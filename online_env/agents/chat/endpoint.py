@@ -1,0 +1,231 @@
+"""One model behind an API: asked with retries, counted and logged."""
+
+import json
+import os
+import time
+import weakref
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from hijack_data import extras
+from hijack_data.errors import shown
+
+from ...errors import AgentSetupError, EndpointError
+from ..settings import ModelSettings
+from .query import ModelQuery, Reply, digest_of, logged, wired
+from .request_log import RequestRecorder, answer_of
+from .usage import UsageMeter
+from .wires import ModelWire, wire_of
+from .wires.common import EXTRA, RETRIES
+
+_AGAIN = frozenset({408, 409, 425, 429})  # statuses below 500 after which a request may succeed
+_KEPT = 500  # characters of what an endpoint says about a failure
+
+
+@dataclass(frozen=True, kw_only=True)
+class RetryWaits:
+    """How long to wait before a request is sent again.
+
+    Args:
+        first: s before the second try; it doubles from then on, with some chance in it.
+        longest: s that a wait may take, also where the endpoint asks for more.
+    """
+
+    first: float = 1.0
+    longest: float = 60.0
+
+
+class Endpoint:
+    """Asks one model.
+
+    Args:
+        settings: the model.
+        meter: counts what is used.
+        recorder: the log of the episode, or its replay.
+        waits: between tries.
+        offline: nothing is ever sent, so no key is needed.
+
+    Raises:
+        AgentSetupError: the key is not in the environment.
+    """
+
+    def __init__(
+        self,
+        settings: ModelSettings,
+        meter: UsageMeter,
+        recorder: RequestRecorder,
+        waits: RetryWaits,
+        offline: bool = False,
+    ) -> None:
+        self._settings = settings
+        self._meter = meter
+        self._recorder = recorder
+        self._waits = waits
+        self._wire: ModelWire = wire_of(settings.client)
+        self._key = "" if offline else _key_of(settings)
+        self._client: Any = None
+        self._closing: weakref.finalize[Any, Any] | None = None
+
+    def ask(self, query: ModelQuery, role: str) -> Reply:
+        """Return what the model answers.
+
+        Args:
+            query: the question.
+            role: why it is asked, for the log.
+
+        Raises:
+            EndpointError: there is no answer, after all tries.
+            ReplayError: the run is replayed, and its log lacks the request.
+        """
+        body = self._wire.body(query, self._settings)
+        step = self._meter.step
+        line = self._recorder.recall(step, role, body)
+        if line is None:
+            line = self._sent(step, role, body)
+            self._recorder.note(line)
+        reply = self._wire.read(answer_of(line))
+        self._meter.add(
+            reply.read,
+            reply.written,
+            self._settings.prices,
+            line["seconds"],
+            line["tries"],
+        )
+        return reply
+
+    def close(self) -> None:
+        """Close its connections; the next request opens new ones."""
+        if self._closing is not None:
+            self._closing()
+        self._client = None
+        self._closing = None
+
+    def _connected(self) -> Any:
+        """Return the client, whose connections are closed when nobody has this object any more."""
+        if self._client is None:
+            self._client = self._wire.connect(self._settings, self._key)
+            self._closing = weakref.finalize(self, self._client.close)
+        return self._client
+
+    def _sent(
+        self,
+        step: int,
+        role: str,
+        body: Mapping[str, Any],
+    ) -> dict[str, Any]:
+        """Send a request, and return its line of the log."""
+        line: dict[str, Any] = {
+            "step": step,
+            "role": role,
+            "sha256": digest_of(body),
+            "request": logged(body),
+        }
+        start = time.monotonic()
+        tries = 0
+        try:
+            for attempt in self._tries():
+                with attempt:
+                    tries = attempt.retry_state.attempt_number
+                    line["response"] = self._once(wired(body))
+        except EndpointError as error:
+            times = f" (tried {tries} times)" if tries > 1 else ""
+            line["problem"] = f"{error}{times}"
+        line["seconds"] = round(time.monotonic() - start, 4)
+        line["tries"] = tries
+        return line
+
+    def _tries(self) -> Any:
+        tenacity = extras.load(RETRIES, "a model's endpoint", EXTRA)
+        return tenacity.Retrying(
+            stop=tenacity.stop_after_attempt(self._settings.retries + 1),
+            retry=tenacity.retry_if_exception(_is_transient),
+            wait=self._wait,
+            reraise=True,
+        )
+
+    def _wait(self, state: Any) -> float:
+        """Return how long to wait: what the endpoint asks for, or longer each time."""
+        tenacity = extras.load(RETRIES, "a model's endpoint", EXTRA)
+        longest = self._waits.longest
+        first = self._waits.first
+        growing = tenacity.wait_exponential(multiplier=first) + tenacity.wait_random(0, first)
+        asked = _retry_after(state.outcome.exception())
+        return min(longest, growing(state) if asked is None else asked)
+
+    def _once(self, body: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Send a request once.
+
+        Raises:
+            EndpointError: it failed; `transient` says whether to try again.
+        """
+        client = self._connected()
+        try:
+            text = self._wire.send(client, body)
+        except Exception as error:  # the clients raise their own, and those of what is below
+            raise self._explained(error) from error
+        try:
+            answer = json.loads(text)
+        except (ValueError, RecursionError) as error:
+            raise EndpointError(
+                f"{self._place}: the answer is not whole JSON ({error}): {shown(text[-80:])}",
+                transient=True,
+            ) from None
+        if not isinstance(answer, dict):
+            raise EndpointError(
+                f"{self._place}: the answer is no JSON object: {shown(answer)}", transient=True
+            )
+        self._wire.read(answer)  # one that cannot be read is asked for again
+        return answer
+
+    @property
+    def _place(self) -> str:
+        address = self._settings.base_url or f"the API of {self._settings.client}"
+        return f"{self._settings.model} at {address}"
+
+    def _explained(self, error: Exception) -> EndpointError:
+        """Return what a client raised as an error of ours, without the key."""
+        status = getattr(error, "status_code", None)
+        said = f"{type(error).__name__}: {error}"
+        if self._key:
+            said = said.replace(self._key, "[key]")
+        problem = f"{self._place}: {said[:_KEPT]}"
+        if status in (401, 403):
+            source = self._settings.api_key_env
+            advice = f"check the key in {source}" if source else "name its key by api_key_env"
+            return EndpointError(f"{problem}; {advice}")
+        if isinstance(status, int):
+            return EndpointError(problem, transient=status in _AGAIN or status >= 500)
+        lost = "Connection" in type(error).__name__ or "Timeout" in type(error).__name__
+        return EndpointError(problem, transient=lost)
+
+
+def _is_transient(error: BaseException) -> bool:
+    return isinstance(error, EndpointError) and error.transient
+
+
+def _retry_after(error: BaseException | None) -> float | None:
+    """Return the seconds that an endpoint asks to wait, if it does."""
+    response = getattr(error.__cause__ if error is not None else None, "response", None)
+    headers = getattr(response, "headers", {})
+    try:
+        return max(0.0, float(headers.get("retry-after", "")))
+    except ValueError:
+        return None
+
+
+def _key_of(settings: ModelSettings) -> str:
+    """Return the key from the environment; empty if the endpoint wants none.
+
+    Raises:
+        AgentSetupError: it is not there.
+    """
+    name = settings.api_key_env
+    if name is None:
+        return ""
+    key = os.environ.get(name, "")
+    if not key:
+        raise AgentSetupError(
+            f"{settings.model} needs a key, and the environment variable {name} is not set"
+        )
+    return key

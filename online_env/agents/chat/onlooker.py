@@ -1,0 +1,123 @@
+"""The onlooker of the paper: it watches the screen while another agent acts."""
+
+import re
+from typing import ClassVar
+
+from hijack_data.runs.run_log import REINIT
+
+from ...errors import AgentSetupError
+from ..settings import AgentSettings, KnownError
+from .endpoint import Endpoint
+from .prompts import read_prompt
+from .query import ModelQuery, ScreenPicture, Turn
+from .run import ChatRun
+from .usage import UsageMeter
+
+CHECK = "onlooker_check"
+SUMMARY = "onlooker_summary"
+_REMINDER = re.compile(r"Reminder\s*:", re.IGNORECASE)
+_QUOTES = " \t\r\n\"'`*."
+_NONE = "none"
+
+
+class Onlooker:
+    """Checks the first screen, and says what happened after each step.
+
+    Args:
+        settings: an agent file with an onlooker.
+        run: what it shares with others: log, replay, prompts.
+        meter: counts what is used.
+
+    Raises:
+        AgentSetupError: the file has none.
+    """
+
+    REQUEST: ClassVar[str] = REINIT
+
+    def __init__(
+        self,
+        settings: AgentSettings,
+        run: ChatRun,
+        meter: UsageMeter,
+    ) -> None:
+        chosen = settings.onlooker
+        if chosen is None:
+            raise AgentSetupError(f"{settings.source}: has no onlooker; add one: onlooker: {{}}")
+        self._chosen = chosen
+        self._meter = meter
+        folders = run.folders(settings)
+        self._check = read_prompt(CHECK, folders)
+        self._summary = read_prompt(SUMMARY, folders)
+        self._model = Endpoint(
+            chosen.model,
+            meter,
+            run.recorder,
+            run.waits,
+            offline=run.replay is not None,
+        )
+
+    @property
+    def checks(self) -> bool:
+        """Whether it checks the first screen."""
+        return self._chosen.check
+
+    @property
+    def reinits(self) -> bool:
+        """Whether it asks for re-initialisation if the check finds an error."""
+        return self._chosen.reinit
+
+    @property
+    def summarises(self) -> bool:
+        """Whether it says what happened after each step."""
+        return self._chosen.summarise
+
+    def close(self) -> None:
+        """Close its connections."""
+        self._model.close()
+
+    def check(self, picture: ScreenPicture, instruction: str) -> str:
+        """Return the reminder that a screen calls for; empty if nothing is wrong.
+
+        An answer without `Reminder:` or `None` cannot be read. It is counted, and taken for none.
+        """
+        values = {"errors": _listed(self._chosen.errors), "instruction": instruction}
+        query = ModelQuery(prompt=self._check.fill(values), picture=picture)
+        reminder = read_reminder(self._model.ask(query, "check").text)
+        if reminder is None:
+            self._meter.unreadable_checks += 1
+            return ""
+        return reminder
+
+    def summarise(
+        self,
+        instruction: str,
+        turn: Turn,
+        after: ScreenPicture,
+    ) -> str:
+        """Return what happened between the picture of a turn and the one after it."""
+        values = {"instruction": instruction, "action": turn.said}
+        query = ModelQuery(
+            prompt=self._summary.fill(values),
+            picture=after,
+            before=(turn.picture,),
+        )
+        return self._model.ask(query, "summarise").text.strip()
+
+
+def read_reminder(text: str) -> str | None:
+    """Return the reminder of an answer: empty for `None`; `None` if there is neither."""
+    parts = _REMINDER.split(text)
+    last = parts[-1].strip()
+    if last.strip(_QUOTES).lower() == _NONE:
+        return ""
+    if len(parts) == 1 or not last.strip(_QUOTES):
+        return None
+    return last.strip(" \t\r\n\"'`")
+
+
+def _listed(errors: tuple[KnownError, ...]) -> str:
+    """Return an error repository as a numbered list."""
+    entries: list[str] = []
+    for number, error in enumerate(errors, 1):
+        entries.append(f'{number}. {error.name}: {error.looks}\n   Say: "{error.say}"')
+    return "\n".join(entries)

@@ -1,0 +1,214 @@
+"""From what a model says to actions, in pixels of the picture that the agent was shown.
+
+What cannot be read is no exception: it is handed on as a text that the environment counts as
+malformed.
+"""
+
+import json
+import re
+import textwrap
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from hijack_data.actions import (
+    RESIZED_DIALECTS,
+    Scaling,
+    calls_pyautogui,
+    code_of,
+    fenced_blocks,
+    map_code,
+    parse_pyautogui,
+    read_action,
+    write_pyautogui,
+)
+from hijack_data.actions.dialects.qwen import tool_call_text
+from hijack_data.coords import MAX_PIXELS, MIN_PIXELS, smart_resize
+from hijack_data.errors import ActionError, HijackError
+from hijack_data.types import Size
+
+from ..base import DONE, FAIL, WAIT
+from ..settings import TOOL_PARSERS, AgentSettings
+from .query import Reply
+
+WORDS = (WAIT, DONE, FAIL)
+_QWEN = ("qwen2.5_vl", "qwen3_vl")
+# Some models put their thoughts and their answer between these; neither belongs to the action.
+_THOUGHT = re.compile(r"\A\s*<think>.*?</think>", re.DOTALL)
+_BOXED = re.compile(r"<\|(?:begin|end)_of_box\|>")
+# A fence behind prose on its line, and a word in fences behind prose at the very end.
+_OPENS_LATE = re.compile(r"(?<=[^\s`])[ \t]*(```(?:python|py|json)[ \t]*\r?\n)")
+_LAST_WORD = re.compile(rf"```\s*({'|'.join(WORDS)})\s*```\s*\Z")
+_AGENTNET = re.compile(r"\bcomputer\s*\.\s*\w+\s*\(")
+_KEPT = 2000  # characters of a text that is handed on to say what was not understood
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplyParser:
+    """Reads the replies of one model.
+
+    Args:
+        dialect: one of `hijack_data.actions.DIALECTS`.
+        coordinates: one of `settings.COORDINATES`, for pyautogui code.
+        min_pixels: the smallest picture that the model's image processor makes.
+        max_pixels: the largest one.
+    """
+
+    dialect: str
+    coordinates: str = "pixels"
+    min_pixels: int = MIN_PIXELS
+    max_pixels: int = MAX_PIXELS
+
+    @classmethod
+    def of(cls, settings: AgentSettings) -> "ReplyParser":
+        """Return the parser that an agent file names."""
+        return cls(
+            dialect=settings.parser,
+            coordinates=settings.coordinates,
+            min_pixels=settings.min_pixels or MIN_PIXELS,
+            max_pixels=settings.max_pixels or MAX_PIXELS,
+        )
+
+    def read(self, reply: Reply, size: Size) -> list[str]:
+        """Return the actions of a reply.
+
+        Args:
+            reply: what the model said.
+            size: `(height, width)` of the picture that the agent was shown.
+        """
+        try:
+            return self._read(reply, size)
+        except HijackError:
+            return [self._malformed(reply.shown)]
+
+    def _read(self, reply: Reply, size: Size) -> list[str]:
+        text = _BOXED.sub("", _THOUGHT.sub("", reply.text)).strip()
+        if self.dialect in TOOL_PARSERS:
+            return self._called(reply, text, size)
+        if reply.refused:
+            return [self._malformed(reply.text)]
+        if self.dialect == "pyautogui":
+            return self._pyautogui(reply, text, size)
+        if self.dialect == "computer_13":
+            return _computer_13(text, size)
+        if self.dialect in _QWEN and reply.calls:
+            calls = [tool_call_text(str(c["name"]), c["arguments"]) for c in reply.calls]
+            text = "\n".join(calls)
+        return code_of(text, self.dialect, size, self._resized(size))
+
+    def seen(self, size: Size) -> Size:
+        """Return the (height, width) in whose pixels the model points, for a picture of `size`."""
+        pixels = self.dialect not in RESIZED_DIALECTS and self.coordinates != "resized"
+        return size if pixels else self._resized(size)
+
+    def _resized(self, size: Size) -> Size:
+        return smart_resize(
+            *size,
+            min_pixels=self.min_pixels,
+            max_pixels=self.max_pixels,
+        )
+
+    def _called(
+        self,
+        reply: Reply,
+        text: str,
+        size: Size,
+    ) -> list[str]:
+        """Return the calls of a computer tool; a reply without any ends the episode."""
+        if reply.refused:
+            return [self._malformed(reply.shown)]
+        if reply.calls:
+            actions: list[str] = []
+            for call in reply.calls:
+                actions += code_of(call["arguments"], self.dialect, size)
+            return actions
+        if not text:
+            return [""]
+        last = re.findall(r"\w+", text)[-1:]
+        return [FAIL] if last == [FAIL] else [DONE]
+
+    def _pyautogui(
+        self,
+        reply: Reply,
+        text: str,
+        size: Size,
+    ) -> list[str]:
+        """Return each block of code as an action; text without a block is one as it is."""
+        if reply.calls and not text:
+            return [self._malformed(reply.shown)]
+        blocks = _blocks(text)
+        last = _LAST_WORD.search(text)
+        if last is not None and not blocks:
+            return [last[1]]
+        actions: list[str] = []
+        for block in blocks or [text]:
+            code, word = _parted(textwrap.dedent(block).strip())
+            if code or not word:
+                actions.append(self._in_pixels(code, size))
+            if word:
+                actions.append(word)
+        return actions
+
+    def _in_pixels(self, code: str, size: Size) -> str:
+        """Return code with its coordinates in pixels of the picture.
+
+        Code that is not read here is handed on as it is, but never in the wrong coordinates.
+
+        Raises:
+            ActionError: it cannot be mapped.
+        """
+        if self.coordinates == "resized":
+            source = self._resized(size)
+            code = map_code(code, Scaling(source, size), source)
+        elif self.coordinates == "thousandths":
+            code = map_code(code, Scaling.fractions(size, 1000), (1000, 1000))
+        if not _AGENTNET.search(code) or calls_pyautogui(code):
+            return code
+        # AgentNet's `computer.wait()`, `.terminate(status='success')` and `.tripleClick(x, y)`
+        return write_pyautogui(parse_pyautogui(code, size))
+
+    def _malformed(self, text: str) -> str:
+        """Return what the environment counts as malformed: the text itself, where it does that."""
+        kept = text[:_KEPT]
+        try:
+            read_action(kept)
+        except ActionError:
+            return kept
+        return f"not an action of {self.dialect}: {kept!r}"
+
+
+def _blocks(text: str) -> list[str]:
+    """Return what stands in fences; a fence that names Python or JSON may begin within a line."""
+    return fenced_blocks(_OPENS_LATE.sub(r"\n\1", text))
+
+
+def _parted(block: str) -> tuple[str, str]:
+    """Return the code of a block and the word that may follow it on a line of its own."""
+    code, _, last = block.rpartition("\n")
+    word = last.strip()
+    if word in WORDS:
+        return code.strip(), word
+    return block, ""
+
+
+def _computer_13(text: str, size: Size) -> list[str]:
+    """Return the dicts of a reply as code: each in a fence, or the whole text.
+
+    Raises:
+        ActionError: they are no JSON.
+    """
+    actions: list[str] = []
+    for block in _blocks(text) or [text]:
+        inner = block.strip()
+        if inner in WORDS:
+            actions.append(inner)
+            continue
+        try:
+            data: Any = json.loads(inner)
+        except (ValueError, RecursionError) as error:
+            raise ActionError(f"computer_13 is JSON ({error})") from None
+        for one in data if isinstance(data, list) else [data]:
+            if not isinstance(one, Mapping | str):
+                raise ActionError("computer_13 is a dict with action_type")
+            actions += code_of(one, "computer_13", size)
+    return actions

@@ -1,0 +1,115 @@
+"""Prompts as data: one YAML file each, in `online_env/agents/prompts/` or in a user's folder.
+
+A prompt has up to three texts: `system`, `first` (it opens the conversation) and `each` (it stands
+before every picture). `{instruction}` and the like are filled in; other braces stay as they are.
+"""
+
+import hashlib
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from hijack_data.config.tree import MappingNode, Position, Problems, ScalarNode, kind_of
+from hijack_data.config.yaml_reader import read_yaml
+from hijack_data.errors import UnknownNameError, suggest
+
+OURS = Path(__file__).resolve().parent.parent / "prompts"
+SUFFIX = ".yaml"
+PATTERN = f"*{SUFFIX}"
+KEYS = ("system", "first", "each")
+FIELDS = (
+    "instruction",
+    "action",
+    "errors",
+    "language",
+    "reminder",
+    "width",
+    "height",
+)
+_FIELD = re.compile(r"\{(" + "|".join(FIELDS) + r")\}")
+MAX_BYTES = 2**18
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prompt:
+    """The texts of a prompt, with their fields still in them."""
+
+    system: str = ""
+    first: str = ""
+    each: str = ""
+
+    def fill(self, values: Mapping[str, object]) -> "Prompt":
+        """Return the prompt with its fields filled in, at once: values are not looked into."""
+
+        def value(field: re.Match[str]) -> str:
+            return str(values.get(field[1], field[0]))
+
+        return Prompt(
+            system=_FIELD.sub(value, self.system),
+            first=_FIELD.sub(value, self.first),
+            each=_FIELD.sub(value, self.each),
+        )
+
+    def has(self, field: str) -> bool:
+        """Return whether one of the texts has a field."""
+        return f"{{{field}}}" in f"{self.system} {self.first} {self.each}"
+
+
+def names(folder: str | os.PathLike[str] | None = None) -> list[str]:
+    """The names of all prompts: ours, and those of a folder."""
+    files = list(OURS.glob(PATTERN))
+    if folder is not None:
+        files += Path(folder).glob(PATTERN)
+    return sorted({path.stem for path in files})
+
+
+def read_prompt(name: str, folders: tuple[str | os.PathLike[str], ...] = ()) -> Prompt:
+    """Read a prompt by its name: from the first folder that has it, or ours.
+
+    Raises:
+        UnknownNameError: there is none of this name.
+        ConfigError: all mistakes of the file.
+    """
+    for folder in (*folders, OURS):
+        path = Path(folder) / f"{name}{SUFFIX}"
+        if path.is_file():
+            return _read(path)
+    hint = suggest(name, names())
+    raise UnknownNameError(f"no prompt {name!r}{hint}")
+
+
+def digest(folder: str | os.PathLike[str]) -> str:
+    """Return the SHA-256 of all prompts of a folder."""
+    whole = hashlib.sha256()
+    for path in sorted(Path(folder).glob(PATTERN)):
+        content = path.read_bytes()
+        head = f"{path.name}\0{len(content)}\0"
+        whole.update(head.encode())
+        whole.update(content)
+    return whole.hexdigest()
+
+
+def _read(path: Path) -> Prompt:
+    problems = Problems()
+    data = path.read_bytes()
+    start = Position(str(path), 1, 1)
+    if len(data) > MAX_BYTES:
+        problems.stop(start, f"larger than {MAX_BYTES} bytes; is it a prompt?")
+    tree = read_yaml(data, str(path), problems)
+    if not isinstance(tree, MappingNode) or not tree.items:
+        problems.stop(start, f"a prompt is a mapping of {', '.join(KEYS)} to texts")
+    texts: dict[str, str] = {}
+    for key, item in tree.items.items():
+        if key not in KEYS:
+            hint = suggest(key, KEYS)
+            problems.add(tree.keys[key], f"a prompt has no key {key!r}{hint}")
+            continue
+        value = item.value if isinstance(item, ScalarNode) else None
+        if isinstance(value, str):
+            texts[key] = value.strip("\n")
+        else:
+            problems.add(item.place, f"{key} must be a text, got {kind_of(item)}")
+    problems.check()
+    return Prompt(**texts)

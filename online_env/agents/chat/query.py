@@ -1,0 +1,179 @@
+"""What is said to a model: pictures, past turns and the present one, whatever the API."""
+
+import base64
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from hijack_data import png
+from hijack_data.types import Size, UInt8Array
+
+from .prompts import Prompt
+
+URL = "data:image/png;base64,"
+LEFT_OUT = "(An older screenshot, left out.)"
+
+
+class ScreenPicture:
+    """A picture that the agent saw, as it is sent; the pixels are not kept.
+
+    Args:
+        pixels: uint8 RGB `[H, W, 3]`.
+    """
+
+    def __init__(self, pixels: UInt8Array) -> None:
+        height, width = pixels.shape[:2]
+        whole = hashlib.sha256(repr((height, width)).encode())
+        whole.update(np.ascontiguousarray(pixels).data)
+        self.size: Size = (height, width)
+        # Of the pixels, since the bytes of a PNG depend on what packed it.
+        self.sha256 = whole.hexdigest()
+        self.base64 = base64.b64encode(png.encode(pixels)).decode()
+
+
+@dataclass(frozen=True)
+class EmbeddedPicture:
+    """A picture at its place in a request, as base64 behind `prefix`."""
+
+    picture: ScreenPicture
+    prefix: str = URL
+
+
+@dataclass(frozen=True, kw_only=True)
+class Turn:
+    """A past step.
+
+    Args:
+        picture: what the agent saw.
+        said: what it answered.
+        raw: the answer as the API gave it, to be given back to the API.
+        summary: what happened, in the onlooker's words; `None` without one.
+    """
+
+    picture: ScreenPicture
+    said: str
+    raw: Any = None
+    summary: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelQuery:
+    """One question to a model.
+
+    Args:
+        prompt: filled in.
+        picture: the present screen; `None` if the texts alone ask.
+        turns: the past steps, the oldest first.
+        pictures: how many pictures of past steps are sent; the newest.
+        before: pictures that stand before `picture`, without turns (those of an onlooker).
+        summarised: summaries stand in the place of the agent's own words.
+    """
+
+    prompt: Prompt
+    picture: ScreenPicture
+    turns: tuple[Turn, ...] = ()
+    pictures: int = 15
+    before: tuple[ScreenPicture, ...] = ()
+    summarised: bool = False
+
+    def is_shown(self, index: int) -> bool:
+        """Return whether the picture of past step `index` is sent."""
+        return index >= len(self.turns) - self.pictures
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reply:
+    """What a model answered.
+
+    Args:
+        text: its words.
+        calls: calls of tools, each with `name` and `arguments`.
+        raw: what the API wants back in the next request.
+        read: tokens of the request, as the endpoint counted them.
+        written: tokens of the answer.
+        refused: the model refused to answer.
+    """
+
+    text: str
+    calls: tuple[Mapping[str, Any], ...] = ()
+    raw: Any = None
+    read: int = 0
+    written: int = 0
+    refused: bool = False
+
+    @property
+    def shown(self) -> str:
+        """Its words and calls as one text, for the log and for people."""
+        called = [json.dumps(dict(call), ensure_ascii=False) for call in self.calls]
+        return "\n".join(part for part in (self.text, *called) if part)
+
+
+@dataclass
+class Said:
+    """One message: a role and parts, which are texts and pictures."""
+
+    role: str
+    parts: list[str | ScreenPicture] = field(default_factory=list[str | ScreenPicture])
+
+
+def messages(query: ModelQuery) -> list[Said]:
+    """Return the messages of a conversation in text; no two neighbours have the same role."""
+    found: list[Said] = []
+    if query.prompt.first:
+        _add(found, "user", query.prompt.first)
+    for index, turn in enumerate(query.turns):
+        _add(found, "user", query.prompt.each)
+        _add(found, "user", turn.picture if query.is_shown(index) else LEFT_OUT)
+        if query.summarised:
+            _add(found, "user", f"Step {index + 1}: {turn.summary or turn.said}")
+        else:
+            _add(found, "assistant", turn.said)
+    for picture in query.before:
+        _add(found, "user", picture)
+    _add(found, "user", query.prompt.each)
+    _add(found, "user", query.picture)
+    return found
+
+
+def _add(
+    found: list[Said],
+    role: str,
+    part: str | ScreenPicture,
+) -> None:
+    if part == "" and role == "user":
+        return
+    if not found or found[-1].role != role:
+        found.append(Said(role))
+    found[-1].parts.append(part)
+
+
+def wired(body: Any) -> Any:
+    """Return a request with its pictures as base64, as it goes out."""
+    if isinstance(body, EmbeddedPicture):
+        return f"{body.prefix}{body.picture.base64}"
+    return _walked(body, wired)
+
+
+def logged(body: Any) -> Any:
+    """Return a request with its pictures as hashes, as it is logged."""
+    if isinstance(body, EmbeddedPicture):
+        return f"sha256:{body.picture.sha256}"
+    return _walked(body, logged)
+
+
+def digest_of(body: Any) -> str:
+    """Return the SHA-256 of a request; equal requests have equal ones, on every machine."""
+    text = json.dumps(logged(body), sort_keys=True, ensure_ascii=False)
+    return hashlib.sha256(text.encode("utf-8", "backslashreplace")).hexdigest()
+
+
+def _walked(body: Any, each: Any) -> Any:
+    if isinstance(body, Mapping):
+        return {key: each(value) for key, value in body.items()}
+    if isinstance(body, list | tuple):
+        return [each(value) for value in body]
+    return body

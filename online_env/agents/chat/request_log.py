@@ -1,0 +1,186 @@
+"""The log of what was asked and answered, and the replay of a run from it.
+
+`RUN/requests/<episode id>.jsonl` has a line for each request of an episode: `step`, `role`, the
+request with pictures as `sha256:...` and its own `sha256`, the `response` as it came, or the
+`problem` if there was none. Keys are in neither.
+"""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Protocol
+
+from hijack_data.files import unwritable
+
+from ...errors import AgentSetupError, EndpointError, ReplayError
+from .query import digest_of, logged
+
+FOLDER = "requests"  # in the folder of a run
+REDACTED = "[key]"
+_NEEDED = frozenset({"step", "role", "sha256", "request", "seconds", "tries"})
+
+
+class RequestRecorder(Protocol):
+    """What an endpoint asks before it sends, and tells afterwards."""
+
+    def recall(
+        self,
+        step: int,
+        role: str,
+        body: Any,
+    ) -> Mapping[str, Any] | None:
+        """Return the line of a request that was made before; `None` to send it."""
+        ...
+
+    def note(self, line: Mapping[str, Any]) -> None:
+        """Take the line of a request that was sent."""
+        ...
+
+
+class NoRecorder:
+    """Keeps nothing."""
+
+    def recall(
+        self,
+        step: int,
+        role: str,
+        body: Any,
+    ) -> Mapping[str, Any] | None:
+        """Nothing is known: send it."""
+        return None
+
+    def note(self, line: Mapping[str, Any]) -> None:
+        """Forget it."""
+
+
+class RequestLog(NoRecorder):
+    """Writes the lines of one episode; what an earlier try at it left is replaced.
+
+    Args:
+        path: of the file.
+        secrets: texts that are never written, such as keys.
+    """
+
+    def __init__(self, path: Path, secrets: tuple[str, ...] = ()) -> None:
+        self._path = path
+        self._secrets = tuple(secret for secret in secrets if secret)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(b"")
+        except OSError as error:
+            raise unwritable(path, error) from None
+
+    def note(self, line: Mapping[str, Any]) -> None:
+        """Write a line.
+
+        Raises:
+            unwritable: The file cannot be written.
+        """
+        text = json.dumps(dict(line), ensure_ascii=False)
+        for secret in self._secrets:
+            text = text.replace(json.dumps(secret)[1:-1], REDACTED)
+        try:
+            with self._path.open("ab") as file:
+                file.write(text.encode("utf-8", "backslashreplace") + b"\n")
+        except OSError as error:
+            raise unwritable(self._path, error) from None
+
+
+class RequestReplay(NoRecorder):
+    """Answers the requests of one episode from the log of a run.
+
+    Args:
+        path: of the file that a `RequestLog` wrote.
+
+    Raises:
+        ReplayError: there is no such file, or it is damaged.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._left = _lines(path)
+
+    def recall(
+        self,
+        step: int,
+        role: str,
+        body: Any,
+    ) -> Mapping[str, Any]:
+        """Return the line of the next request, which has to be this one.
+
+        Raises:
+            ReplayError: The log has another request here, or none.
+        """
+        what = f"{self._path}: step {step} ({role})"
+        if not self._left:
+            raise ReplayError(f"{what}: the log has no further request; it is another run's")
+        line = self._left.pop(0)
+        if line.get("sha256") == digest_of(body):
+            return line
+        found = _difference(line.get("request"), logged(body))
+        raise ReplayError(
+            f"{what}: this request is not in the log, which has step {line.get('step')}"
+            f" ({line.get('role')}) here; they differ in {found}"
+        )
+
+
+def log_folder(path: Path) -> Path:
+    """Return the folder with the request logs of a run, given that folder or the run's.
+
+    Raises:
+        AgentSetupError: there is none.
+    """
+    inner = path / FOLDER
+    found = inner if inner.is_dir() else path
+    if not found.is_dir() or not any(found.glob("*.jsonl")):
+        raise AgentSetupError(f"--replay {path}: no folder {FOLDER} with the log of a run")
+    return found
+
+
+def answer_of(line: Mapping[str, Any]) -> Any:
+    """Return the response of a line.
+
+    Raises:
+        EndpointError: the request failed when the log was made.
+    """
+    if "problem" in line:
+        raise EndpointError(str(line["problem"]))
+    return line.get("response")
+
+
+def _lines(path: Path) -> list[dict[str, Any]]:
+    try:
+        content = path.read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ReplayError(f"{path}: no log of this episode can be read ({error})") from None
+    lines: list[dict[str, Any]] = []
+    for number, text in enumerate(content.split("\n"), 1):
+        if not text:
+            continue
+        try:
+            line = json.loads(text)
+        except ValueError as error:
+            raise ReplayError(f"{path}:{number}: is damaged ({error})") from None
+        if not isinstance(line, dict) or not line.keys() >= _NEEDED:
+            needed = ", ".join(sorted(_NEEDED))
+            raise ReplayError(f"{path}:{number}: is damaged (it lacks one of {needed})")
+        lines.append(line)
+    return lines
+
+
+def _difference(
+    was: Any,
+    now: Any,
+    place: str = "the request",
+) -> str:
+    """Return the place of the first difference of two JSON values."""
+    if isinstance(was, dict) and isinstance(now, dict):
+        for key in {**was, **now}:
+            if was.get(key) != now.get(key):
+                return _difference(was.get(key), now.get(key), f"{place}.{key}")
+    if isinstance(was, list) and isinstance(now, list) and len(was) == len(now):
+        for index, (old, new) in enumerate(zip(was, now, strict=True)):
+            if old != new:
+                return _difference(old, new, f"{place}[{index}]")
+    kind = "a picture" if str(now).startswith("sha256:") else "the value"
+    return f"{place} ({kind})"

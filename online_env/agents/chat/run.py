@@ -1,0 +1,55 @@
+"""What all chat agents of a run share: its log or replay, prompts of the user's, and waits."""
+
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ..settings import AgentSettings
+from .endpoint import RetryWaits
+from .request_log import NoRecorder, RequestLog, RequestRecorder, RequestReplay
+
+
+@dataclass(kw_only=True)
+class ChatRun:
+    """A run, as far as chat agents know it; its episodes are played one after the other.
+
+    Args:
+        prompts: folder with prompts that replace all others by name.
+        log: folder where requests and answers go; `None` keeps none.
+        replay: folder of an earlier log that answers instead of the endpoint.
+        waits: between the tries of a request.
+    """
+
+    prompts: Path | None = None
+    log: Path | None = None
+    replay: Path | None = None
+    waits: RetryWaits = field(default_factory=RetryWaits)
+    recorder: RequestRecorder = field(default_factory=NoRecorder)
+
+    def begin(self, episode: str, settings: AgentSettings) -> None:
+        """Open the log of an episode, or its replay.
+
+        `ReplayError` is raised if the replayed run has no such episode.
+        """
+        name = f"{episode}.jsonl"
+        if self.replay is not None:
+            self.recorder = RequestReplay(self.replay / name)
+        elif self.log is not None:
+            secrets = tuple(_secrets(settings))
+            self.recorder = RequestLog(self.log / name, secrets)
+
+    def folders(self, settings: AgentSettings) -> tuple[str | os.PathLike[str], ...]:
+        """Return where prompts are looked up first."""
+        found: list[str | os.PathLike[str]] = []
+        if self.prompts is not None:
+            found.append(self.prompts)
+        if settings.prompts is not None:
+            found.append(settings.prompts)
+        return tuple(found)
+
+
+def _secrets(settings: AgentSettings) -> Iterable[str]:
+    for model in settings.models:
+        if model.api_key_env is not None:
+            yield os.environ.get(model.api_key_env, "")

@@ -1,0 +1,77 @@
+"""Counts of requests, tokens and money: of an episode, and of each of its steps."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from ..settings import TokenPrices
+
+
+@dataclass
+class TokenCounts:
+    """What was used. `usd` is `None` as soon as the price of any part is not known."""
+
+    requests: int = 0
+    retries: int = 0
+    input_tokens: int = 0
+    output_tokens: int = 0
+    usd: float | None = 0.0
+    seconds: float = 0.0
+
+    def add(self, other: "TokenCounts") -> None:
+        """Add what was used elsewhere."""
+        self.requests += other.requests
+        self.retries += other.retries
+        self.input_tokens += other.input_tokens
+        self.output_tokens += other.output_tokens
+        self.seconds = round(self.seconds + other.seconds, 4)
+        if self.usd is None or other.usd is None:
+            self.usd = None
+        else:
+            self.usd = round(self.usd + other.usd, 9)
+
+
+class UsageMeter:
+    """Counts an episode."""
+
+    def __init__(self) -> None:
+        self._whole = TokenCounts()
+        self._steps: list[TokenCounts] = []
+        self.unreadable_checks = 0
+
+    @property
+    def step(self) -> int:
+        """The present step, from 0."""
+        return max(0, len(self._steps) - 1)
+
+    def begin_step(self) -> None:
+        """What comes now belongs to the next step."""
+        self._steps.append(TokenCounts())
+
+    def add(
+        self,
+        read: int,
+        written: int,
+        prices: TokenPrices | None,
+        seconds: float,
+        tries: int,
+    ) -> None:
+        """Count one answered request; `tries` is how often it was sent."""
+        used = TokenCounts(
+            requests=1,
+            retries=tries - 1,
+            input_tokens=read,
+            output_tokens=written,
+            usd=None if prices is None else prices.cost(read, written),
+            seconds=seconds,
+        )
+        self._whole.add(used)
+        if self._steps:
+            self._steps[-1].add(used)
+
+    def to_data(self) -> dict[str, Any]:
+        """Return the counts as JSON data, those of each step in `steps`."""
+        data = asdict(self._whole)
+        if self.unreadable_checks:
+            data["unreadable_checks"] = self.unreadable_checks
+        data["steps"] = [asdict(step) for step in self._steps]
+        return data

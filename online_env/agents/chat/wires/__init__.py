@@ -1,0 +1,42 @@
+"""The APIs: how each is asked, and how its answers are read. One module each."""
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+from ...settings import ModelSettings
+from ..query import ModelQuery, Reply
+
+
+class ModelWire(Protocol):
+    """One API."""
+
+    def connect(self, settings: ModelSettings, key: str) -> Any:
+        """Return the client of the API's maker; it sends nothing again by itself."""
+        ...
+
+    def body(self, query: ModelQuery, settings: ModelSettings) -> dict[str, Any]:
+        """Return the request as JSON data, with `EmbeddedPicture` pictures."""
+        ...
+
+    def send(self, client: Any, body: Mapping[str, Any]) -> str:
+        """Send a request whose pictures are texts, and return the answer as it came."""
+        ...
+
+    def read(self, answer: Mapping[str, Any]) -> Reply:
+        """Read an answer; one without the parts of its API is an `EndpointError`."""
+        ...
+
+
+def wire_of(client: str) -> ModelWire:
+    """Return the API of a client, one of `settings.CLIENTS`."""
+    if client == "anthropic":
+        from .anthropic_messages import AnthropicMessages
+
+        return AnthropicMessages()
+    if client == "openai_computer":
+        from .openai_responses import OpenAIResponses
+
+        return OpenAIResponses()
+    from .openai_chat import OpenAIChat
+
+    return OpenAIChat()

@@ -1,0 +1,99 @@
+"""What the APIs share: reading answers of which nothing is sure."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from hijack_data import extras
+from hijack_data.errors import shown
+
+from ....errors import EndpointError
+from ...settings import AgentSettings, ModelSettings
+
+EXTRA = "agents"
+RETRIES = "tenacity"
+NO_KEY = "none"  # what is sent to endpoints that want no key: the client insists on one
+MODULES = {
+    "openai": "openai",
+    "openai_computer": "openai",
+    "anthropic": "anthropic",
+}
+
+
+def require_clients(settings: AgentSettings) -> None:
+    """Check that the clients of an agent's models are installed; if not, an error says how."""
+    modules = {RETRIES}
+    for model in settings.models:
+        modules.add(MODULES[model.client])
+    what = f"the agent {settings.source}"
+    extras.require(what, EXTRA, sorted(modules))
+
+
+def load(module: str, settings: ModelSettings) -> Any:
+    """Import the client of an API; a missing one is an error that names the extra."""
+    return extras.load(module, f"client {settings.client}", EXTRA)
+
+
+def openai_client(settings: ModelSettings, key: str) -> Any:
+    """Return the official client `openai`; it does not retry, since the endpoint does."""
+    openai = load("openai", settings)
+    return openai.OpenAI(
+        api_key=key or NO_KEY,
+        base_url=settings.base_url,
+        timeout=settings.timeout,
+        max_retries=0,
+    )
+
+
+def broken(what: str, found: object) -> EndpointError:
+    """Return the error for an answer that is not what its API promises."""
+    return EndpointError(f"the answer {what}: {shown(found)}", transient=True)
+
+
+def items(value: object, what: str) -> list[Mapping[str, Any]]:
+    """Return a list of mappings.
+
+    Raises:
+        EndpointError: the value is anything else.
+    """
+    if not isinstance(value, list):
+        raise broken(f"has no list {what}", value)
+    for item in value:
+        if not isinstance(item, Mapping):
+            raise broken(f"has a list {what} of something else", item)
+    return value
+
+
+def tokens(usage: object, *names: str) -> int:
+    """Return the sum of counts; those that are missing or no counts are 0."""
+    if not isinstance(usage, Mapping):
+        return 0
+    whole = 0
+    for name in names:
+        count = usage.get(name)
+        if isinstance(count, int):
+            whole += max(0, count)
+    return whole
+
+
+def texts(value: object) -> Iterator[str]:
+    """Yield the texts of a content, which is one text or a list of parts."""
+    if isinstance(value, str):
+        yield value
+    if not isinstance(value, list):
+        return
+    for part in value:
+        text = part.get("text") if isinstance(part, Mapping) else None
+        if isinstance(text, str):
+            yield text
+
+
+def sampled(settings: ModelSettings, longest: str) -> dict[str, Any]:
+    """Return the fields of sampling that are sent; `longest` is the API's name for the limit."""
+    sampling = settings.sampling
+    fields = {
+        "temperature": sampling.temperature,
+        "top_p": sampling.top_p,
+        longest: sampling.max_tokens,
+    }
+    given = {name: value for name, value in fields.items() if value is not None}
+    return {**given, **settings.request}

@@ -1,0 +1,89 @@
+"""Chat completions, as OpenAI, vLLM, SGLang and most others serve them."""
+
+import contextlib
+import json
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from ...settings import ModelSettings
+from ..query import EmbeddedPicture, ModelQuery, Reply, Said, ScreenPicture, messages
+from .common import broken, items, openai_client, sampled, texts, tokens
+
+
+class OpenAIChat:
+    """Chat completions by the official client `openai`."""
+
+    def connect(self, settings: ModelSettings, key: str) -> Any:
+        """Return the client."""
+        return openai_client(settings, key)
+
+    def body(self, query: ModelQuery, settings: ModelSettings) -> dict[str, Any]:
+        """Return the request."""
+        said = [_message(message) for message in messages(query)]
+        if query.prompt.system:
+            said.insert(0, {"role": "system", "content": query.prompt.system})
+        return {
+            "model": settings.model,
+            "messages": said,
+            **sampled(settings, "max_tokens"),
+        }
+
+    def send(self, client: Any, body: Mapping[str, Any]) -> str:
+        """Send it."""
+        others = dict(body)
+        model = others.pop("model")
+        said = others.pop("messages")
+        raw = client.chat.completions.with_raw_response.create(
+            model=model,
+            messages=said,
+            extra_body=others,
+        )
+        return raw.text
+
+    def read(self, answer: Mapping[str, Any]) -> Reply:
+        """Read the first choice.
+
+        Raises:
+            broken: There is none.
+        """
+        choices = items(answer.get("choices"), "choices")
+        message = choices[0].get("message") if choices else None
+        if not isinstance(message, Mapping):
+            raise broken("has no message", answer)
+        refusal = message.get("refusal")
+        words = [*texts(message.get("content")), *texts(refusal)]
+        usage = answer.get("usage")
+        return Reply(
+            text="\n".join(words),
+            calls=tuple(_calls(message)),
+            read=tokens(usage, "prompt_tokens"),
+            written=tokens(usage, "completion_tokens"),
+            refused=bool(refusal),
+        )
+
+
+def _message(message: Said) -> dict[str, Any]:
+    if message.role == "assistant":
+        words = [part for part in message.parts if isinstance(part, str)]
+        return {"role": "assistant", "content": "\n".join(words)}
+    return {"role": message.role, "content": [_part(part) for part in message.parts]}
+
+
+def _part(part: str | ScreenPicture) -> dict[str, Any]:
+    if isinstance(part, str):
+        return {"type": "text", "text": part}
+    return {"type": "image_url", "image_url": {"url": EmbeddedPicture(part)}}
+
+
+def _calls(message: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    if not message.get("tool_calls"):
+        return
+    for call in items(message["tool_calls"], "tool_calls"):
+        function = call.get("function")
+        if not isinstance(function, Mapping):
+            continue
+        arguments: Any = function.get("arguments")
+        if isinstance(arguments, str):
+            with contextlib.suppress(ValueError, RecursionError):  # the parser refuses the text
+                arguments = json.loads(arguments)
+        yield {"name": function.get("name"), "arguments": arguments}

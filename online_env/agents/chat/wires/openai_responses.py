@@ -1,0 +1,122 @@
+"""OpenAI's Responses with its computer tool; the conversation is kept at OpenAI."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from ...settings import ModelSettings
+from ..query import EmbeddedPicture, ModelQuery, Reply, ScreenPicture
+from .common import items, openai_client, sampled, texts, tokens
+
+PREVIEW = "computer_use_preview"
+NAME = "computer"
+
+
+class OpenAIResponses:
+    """Responses by the official client `openai`."""
+
+    def connect(self, settings: ModelSettings, key: str) -> Any:
+        """Return the client."""
+        return openai_client(settings, key)
+
+    def body(self, query: ModelQuery, settings: ModelSettings) -> dict[str, Any]:
+        """Return the request: what is new since the last answer."""
+        body: dict[str, Any] = {
+            "model": settings.model,
+            "tools": [_tool(settings.tool, query.picture)],
+            "truncation": "auto",
+        }
+        if query.prompt.system:
+            body["instructions"] = query.prompt.system
+        last = query.turns[-1].raw if query.turns else None
+        if last is None:
+            body["input"] = [_message(query.prompt.first, query)]
+        else:
+            body["previous_response_id"] = last["id"]
+            body["input"] = list(_outputs(last["calls"], query)) or [_message("Go on.", query)]
+        return {**body, **sampled(settings, "max_output_tokens")}
+
+    def send(self, client: Any, body: Mapping[str, Any]) -> str:
+        """Send it."""
+        typed = ("model", "input", "tools")
+        given = {key: body[key] for key in typed}
+        others = {key: value for key, value in body.items() if key not in typed}
+        return client.responses.with_raw_response.create(**given, extra_body=others).text
+
+    def read(self, answer: Mapping[str, Any]) -> Reply:
+        """Read the items of the answer."""
+        output = items(answer.get("output"), "output")
+        words: list[str] = []
+        refused = False
+        for item in output:
+            if item.get("type") != "message":
+                continue
+            for part in items(item.get("content"), "content"):
+                refused = refused or part.get("type") == "refusal"
+                words += texts([part])
+                words += texts(part.get("refusal"))
+        made = [item for item in output if item.get("type") == "computer_call"]
+        usage = answer.get("usage")
+        return Reply(
+            text="\n".join(words),
+            calls=tuple({"name": NAME, "arguments": action} for action in _actions(made)),
+            raw={
+                "id": answer.get("id"),
+                "calls": [_kept(call) for call in made],
+            },
+            read=tokens(usage, "input_tokens"),
+            written=tokens(usage, "output_tokens"),
+            refused=refused,
+        )
+
+
+def _actions(calls: list[Mapping[str, Any]]) -> Iterator[object]:
+    """Yield the actions of all calls: newer models give several a call."""
+    for call in calls:
+        several = call.get("actions")
+        if several is None:
+            yield call.get("action")
+        else:
+            yield from items(several, "actions")
+
+
+def _kept(call: Mapping[str, Any]) -> dict[str, Any]:
+    checks = call.get("pending_safety_checks") or []
+    return {"call_id": call.get("call_id"), "checks": list(checks)}
+
+
+def _tool(kind: str | None, picture: ScreenPicture) -> dict[str, Any]:
+    if kind != PREVIEW:
+        return {"type": NAME}
+    height, width = picture.size
+    return {
+        "type": PREVIEW,
+        "display_width": width,
+        "display_height": height,
+        "environment": "linux",
+    }
+
+
+def _message(text: str, query: ModelQuery) -> dict[str, Any]:
+    content = [
+        {"type": "input_text", "text": text},
+        {
+            "type": "input_image",
+            "image_url": EmbeddedPicture(query.picture),
+            "detail": "high",
+        },
+    ]
+    return {"role": "user", "content": content}
+
+
+def _outputs(calls: list[Mapping[str, Any]], query: ModelQuery) -> Iterator[dict[str, Any]]:
+    """Yield a result for each call: all get the one picture that there is."""
+    for call in calls:
+        yield {
+            "type": "computer_call_output",
+            "call_id": call["call_id"],
+            "output": {
+                "type": "computer_screenshot",
+                "image_url": EmbeddedPicture(query.picture),
+            },
+            "acknowledged_safety_checks": call["checks"],
+        }

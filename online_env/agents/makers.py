@@ -1,0 +1,87 @@
+"""Agent files in the registry of agents: what makes the agents of one."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from hijack_data.errors import suggest
+
+from ..errors import AgentSetupError
+from .base import Agent
+from .chat import prompts
+from .chat.agent import make_agent
+from .chat.run import ChatRun
+from .files import read_agent
+from .settings import AgentSettings
+
+
+class FileAgentMaker:
+    """Makes the agents of an agent file.
+
+    Args:
+        settings: the file.
+    """
+
+    def __init__(self, settings: AgentSettings) -> None:
+        self.settings = settings
+        self.run = ChatRun()
+
+    def __call__(self) -> Agent:
+        """Return a new agent."""
+        return make_agent(self.settings, self.run)
+
+    @property
+    def source(self) -> dict[str, str]:
+        """What a run keeps: the file's path and SHA-256, and that of the prompts in use."""
+        data = {"path": self.settings.source, "sha256": self.settings.sha256}
+        folders = self.run.folders(self.settings)
+        if folders:
+            data["prompts_sha256"] = " ".join(prompts.digest(folder) for folder in folders)
+        return data
+
+    def begin(self, episode: str) -> None:
+        """Open the log, or the replay, of the episode for which the next agent is made."""
+        self.run.begin(episode, self.settings)
+
+    def check_prices(self) -> None:
+        """Check that the price of every model is known.
+
+        Raises:
+            AgentSetupError: one is not.
+        """
+        for model in self.settings.models:
+            if model.prices is None:
+                raise AgentSetupError(
+                    f"--max-cost: {self.settings.source} does not say what {model.model} costs; add"
+                    " prices: {input: 2.5, output: 10}, in USD per million tokens (0 for your own)"
+                )
+
+
+def maker_of(path_or_name: str) -> FileAgentMaker:
+    """Return what makes the agents of a file; its mistakes are a `ConfigError`."""
+    return FileAgentMaker(read_agent(path_or_name))
+
+
+def file_makers(entries: Iterable[Any]) -> list[FileAgentMaker]:
+    """Return those of some makers that make agents of files."""
+    return [entry for entry in entries if isinstance(entry, FileAgentMaker)]
+
+
+def prompts_folder(path: Path) -> Path:
+    """Check a folder of prompts: it has some, all can be read, and each replaces one of ours.
+
+    The mistakes of a prompt are a `ConfigError`.
+
+    Raises:
+        AgentSetupError: there is no such folder, or one of its files has a name that no prompt has.
+    """
+    found = sorted(path.glob(f"*{prompts.SUFFIX}")) if path.is_dir() else []
+    known = prompts.names()
+    if not found:
+        raise AgentSetupError(f"--prompts {path}: no folder with prompts (*{prompts.SUFFIX})")
+    for file in found:
+        if file.stem not in known:
+            hint = suggest(file.stem, known)
+            raise AgentSetupError(f"--prompts {path}: {file.name} replaces no prompt of ours{hint}")
+        prompts.read_prompt(file.stem, (path,))
+    return path

@@ -1,0 +1,229 @@
+"""The oracles: a task's own solution, played as the actions of an agent.
+
+`Task.oracle` runs in a thread of its own, with a hand on a stand-in for the desktop. Reads of the
+machine go to the real one; code that it runs is handed out by `predict` as an action, and the
+solution continues when the next action is asked for. So only one of the two threads works at a
+time, and the corruption affects the oracle as it affects any agent.
+"""
+
+import queue
+import threading
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from hijack_data.coords import CoordMap
+from hijack_data.errors import HijackError
+from hijack_data.runs.run_log import REINIT
+from hijack_data.types import Size, UInt8Array
+
+from ..desktops.protocol import Capability, Desktop, RunResult
+from ..errors import DesktopError, DesktopTimeoutError
+from ..tasks import Hand, Machine, Task
+from ..tasks.careful import CarefulHand
+from ..tasks.hand import GiveUpError
+from .base import DONE, FAIL, Observation
+
+PATIENCE = 300.0  # s until the solution has its next action; it waits 20 s for what does not come
+ENDING = 30.0  # s until a solution that looks for something has noticed that the episode is over
+
+
+class _StoppedError(DesktopError):
+    """Ends the solution of an episode that is over."""
+
+
+class StandIn:
+    """A desktop whose `run` hands its code over as an action, and waits until it was taken."""
+
+    def __init__(self, desktop: Desktop) -> None:
+        self._desktop = desktop
+        self.code: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+        self.done: queue.SimpleQueue[bool] = queue.SimpleQueue()
+
+    @property
+    def capabilities(self) -> frozenset[Capability]:
+        """Those of the desktop."""
+        return self._desktop.capabilities
+
+    @property
+    def size(self) -> Size:
+        """`(height, width)` of the real screen."""
+        return self._desktop.size
+
+    def run(self, code: str) -> RunResult:
+        """Let `code` be the next action; return when it was taken.
+
+        Raises:
+            _StoppedError: the episode is over.
+        """
+        self.code.put(code)
+        if not self.done.get():
+            raise _StoppedError("the episode is over")
+        return RunResult("success", returncode=0)
+
+    def screenshot(self) -> UInt8Array:
+        """The real screen."""
+        return self._desktop.screenshot()
+
+    def accessibility(self) -> str:
+        """The real tree."""
+        return self._desktop.accessibility()
+
+    def execute(self, argv: Sequence[str] | str, timeout: float = 60) -> RunResult:
+        """Look something up, such as the home folder; not an action."""
+        return self._desktop.execute(argv, timeout)
+
+    def read_file(self, path: str) -> bytes:
+        """A real file."""
+        return self._desktop.read_file(path)
+
+    def write_file(self, path: str, data: bytes) -> None:
+        """Refuse: an agent writes files with pointer and keyboard.
+
+        Raises:
+            DesktopError: always.
+        """
+        raise DesktopError(
+            f"an oracle cannot write {path} behind the screen; it has to use the applications"
+        )
+
+    def reset(self, task: Mapping[str, Any] | None = None) -> None:
+        """Refuse.
+
+        Raises:
+            DesktopError: always.
+        """
+        raise DesktopError("an oracle cannot reset the desktop")
+
+    def close(self) -> None:
+        """Nothing: the desktop belongs to the runner."""
+
+
+class Oracle:
+    """Solves a task by its own solution, one action at a time."""
+
+    def __init__(self) -> None:
+        self._task: Task | None = None
+        self._machine: Machine | None = None
+        self._desktop: StandIn | None = None
+        self._thread: threading.Thread | None = None
+        self._failure = ""
+        self._gave_up = False
+        self._over = False
+
+    def reset(self) -> None:
+        """End the solution of the last episode, if it still waits."""
+        if self._thread is not None and self._desktop is not None:
+            self._desktop.done.put(False)
+            self._thread.join(ENDING)
+        self._task = None
+        self._machine = None
+        self._desktop = None
+        self._thread = None
+        self._failure = ""
+        self._gave_up = False
+        self._over = False
+
+    def prepare(self, task: Task, machine: Machine) -> None:
+        """Take the task to solve, and the machine to look at."""
+        self._task = task
+        self._machine = machine
+        self._desktop = StandIn(machine.desktop)
+
+    def predict(self, instruction: str, obs: Observation) -> tuple[str, Sequence[str]]:
+        """Return the next action of the solution.
+
+        `DONE` follows the last one; `FAIL`, with the reason, if the solution cannot go on. The
+        solution works in pixels of the real screen, actions are in those of the observation.
+
+        Raises:
+            DesktopError: `prepare` was not called.
+        """
+        if self._desktop is None or self._task is None:
+            raise DesktopError("the oracle has no task yet: call prepare after reset")
+        code = None if self._over else self._next(self._task, self._desktop)
+        if code is None:
+            self._over = True
+            return self._last_words(self._task)
+        height, width = obs["screenshot"].shape[:2]
+        coords = CoordMap(observation=(height, width), screen=self._desktop.size)
+        if code == REINIT:
+            return "Something is wrong with the machine.", [code]
+        return "", [coords.code_to_observation(code)]
+
+    def _last_words(self, task: Task) -> tuple[str, Sequence[str]]:
+        """Return the last answer; an oracle that lost its way must not pass for one that gave up.
+
+        On a task that cannot be done, `FAIL` is right only if the oracle found that out.
+        """
+        if self._gave_up:
+            return self._failure, [FAIL]
+        if self._failure:
+            return self._failure, [DONE if task.infeasible else FAIL]
+        return "The task is done.", [DONE]
+
+    def _next(self, task: Task, desktop: StandIn) -> str | None:
+        if self._thread is None:
+            self._thread = threading.Thread(
+                target=self._solve,
+                args=(task, desktop),
+                name="oracle",
+                daemon=True,
+            )
+            self._thread.start()
+        else:
+            desktop.done.put(True)
+        try:
+            return desktop.code.get(timeout=PATIENCE)
+        except queue.Empty:
+            raise DesktopError(
+                f"the solution of {task.id} had no next action within {PATIENCE:g} s"
+            ) from None
+
+    def _solve(self, task: Task, desktop: StandIn) -> None:
+        try:
+            self.solve(task, desktop)
+        except _StoppedError:
+            return
+        except GiveUpError as error:
+            self._gave_up = True
+            self._failure = str(error)
+        except HijackError as error:
+            self._failure = f"{type(error).__name__}: {error}"
+        desktop.code.put(None)
+
+    def solve(self, task: Task, desktop: Desktop) -> None:
+        """Play the task's solution."""
+        task.oracle(Hand(desktop))
+
+
+class Recovering(Oracle):
+    """Solves a task as a careful user does, who notices disturbances and checks the result.
+
+    What it cannot do, no agent can be asked to do: it is the ceiling of a benchmark.
+    """
+
+    TRIES = 3
+
+    def solve(self, task: Task, desktop: Desktop) -> None:
+        """Play the task's solution; put things right and begin again if that did not do it.
+
+        Raises:
+            DesktopError: it did not work out at the last try, either.
+        """
+        machine = self._machine
+        if machine is None:
+            raise DesktopError("the oracle has no task yet: call prepare after reset")
+        opened = task.opens(machine)
+        start = machine.command_line(*opened) if opened else ""
+        hand = CarefulHand(desktop, task.apps, start)
+        for left in reversed(range(self.TRIES)):
+            try:
+                task.oracle(hand)
+            except GiveUpError:
+                raise
+            except DesktopTimeoutError:
+                if not left:
+                    raise
+            if not task.infeasible and task.validate(machine).passed:
+                return
+            hand.put_right()

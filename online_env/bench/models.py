@@ -1,0 +1,75 @@
+"""A run whose agents ask models: its log or replay, its prompts, and what it may cost."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..agents.chat.request_log import FOLDER, log_folder
+from ..agents.chat.run import ChatRun
+from ..agents.chat.wires.common import require_clients
+from ..agents.makers import FileAgentMaker, file_makers, prompts_folder
+from ..agents.registry import AGENTS
+from ..errors import AgentSetupError
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelOptions:
+    """What the command line says about models.
+
+    Args:
+        prompts: folder with prompts that replace ours by name.
+        replay: folder of a run whose log answers instead of the endpoints.
+        max_cost: USD; no episode begins once the run has cost that much.
+    """
+
+    prompts: Path | None = None
+    replay: Path | None = None
+    max_cost: float | None = None
+
+    @property
+    def given(self) -> list[str]:
+        """The options that were given."""
+        named = {
+            "--prompts": self.prompts,
+            "--replay": self.replay,
+            "--max-cost": self.max_cost,
+        }
+        return [name for name, value in named.items() if value is not None]
+
+
+def prepare(
+    agents: Sequence[str],
+    options: ModelOptions,
+    out: Path | None,
+) -> None:
+    """Let the agents of files know their run.
+
+    Args:
+        agents: names in the registry.
+        options: what holds for all of them.
+        out: folder of the run; `None` if nothing is going to be run.
+
+    Raises:
+        AgentSetupError: a key, a price or a log is missing, or an option has nothing to act on.
+    """
+    makers = file_makers(AGENTS.get(name) for name in agents)
+    if options.given and not makers:
+        raise AgentSetupError(f"{options.given[0]} is for agents of files, and there is none")
+    prompts = None if options.prompts is None else prompts_folder(options.prompts)
+    replay = None if options.replay is None else log_folder(options.replay)
+    for maker in makers:
+        log = None if out is None else out / FOLDER
+        maker.run = ChatRun(prompts=prompts, log=log, replay=replay)
+        if options.max_cost is not None:
+            maker.check_prices()
+        if out is not None and replay is None:
+            require_clients(maker.settings)
+            maker.settings.check_keys(os.environ)
+
+
+def begin(agent: str, episode: str) -> None:
+    """Open the log of an episode, if its agent is that of a file."""
+    maker = AGENTS.get(agent)
+    if isinstance(maker, FileAgentMaker):
+        maker.begin(episode)

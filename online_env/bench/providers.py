@@ -1,0 +1,73 @@
+"""Where the desktops of a benchmark come from, by name.
+
+A provider of your own is a function in an installed package (entry points `agenthijack.providers`).
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager
+from typing import Any, TypeAlias
+
+from hijack_data.errors import some_of
+from hijack_data.registry import Registry
+from hijack_data.types import Size
+
+from ..desktops.protocol import Desktop
+from ..errors import MissingPackageError
+from ..tasks import TASKS
+from ..tasks.kit.apps import APPS
+
+# Called with the size (height, width) in pixels; the desktop is there within the context. Its
+# `reset` returns it to the pristine state. A desktop with a `record["sites"]` has a local internet.
+DesktopProvider: TypeAlias = Callable[[Size], AbstractContextManager[Desktop]]
+EMBEDDED = "embedded"
+
+
+def embedded(size: Size) -> AbstractContextManager[Desktop]:
+    """Return an embedded desktop, with a second one that stands by for resets."""
+    from ..embedded.desktop import EmbeddedDesktop
+
+    return EmbeddedDesktop.up(size, standby=True)
+
+
+def _problems(provider: Any, _: str) -> Iterator[str]:
+    """Yield what is wrong with a provider."""
+    if not callable(provider):
+        yield "a provider is a function of (size) that returns a context with a desktop"
+
+
+PROVIDERS = Registry[DesktopProvider](
+    "desktop provider",
+    "providers",
+    builtin={EMBEDDED: "online_env.bench.providers:embedded"},
+    problems=_problems,
+)
+register = PROVIDERS.register
+
+
+def check_installed(provider: str, names: Iterable[str]) -> None:
+    """Check that an embedded desktop of this machine has the applications of some tasks.
+
+    Args:
+        provider: The name of the provider; desktops of others are not looked at here.
+        names: Names of tasks.
+
+    Raises:
+        MissingPackageError: Packages of a profile are missing; with the task that needs them.
+    """
+    if provider != EMBEDDED:
+        return
+    from ..embedded.packages import PROFILES, missing
+
+    needed: dict[str, str] = {}
+    for name in names:
+        for app in TASKS.get(name).apps:
+            if app in APPS:
+                needed.setdefault(APPS[app].profile, name)
+    for profile, name in needed.items():
+        absent = missing(PROFILES[profile])
+        if absent:
+            listed = some_of(absent, 4)
+            raise MissingPackageError(
+                f"task {name} needs packages that are not installed ({listed}): hijack desktop"
+                f" install --profile {profile}, or leave the task out with --tasks"
+            )

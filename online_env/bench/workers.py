@@ -1,0 +1,265 @@
+"""Processes that play episodes side by side, each with a desktop of its own.
+
+A process that ends, for whatever reason, loses the episode it was playing and nothing else: the
+next episode starts another one. Processes end with the runner, also if that is killed.
+"""
+
+import contextlib
+import multiprocessing
+import os
+import pickle
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnProcess
+from pathlib import Path
+from typing import NamedTuple, NoReturn
+
+from hijack_data.errors import HijackError
+from hijack_data.loading import file_of, load_reference
+
+from ..agents.makers import FileAgentMaker
+from ..agents.registry import AGENTS
+from ..tasks import TASKS
+from .config import Bench
+from .episodes import LiveEpisodes, lost
+from .jobs import Job
+from .models import ModelOptions, prepare
+from .providers import PROVIDERS
+from .records import ResultRecord
+
+MEMORY = 1.5 * 2**30  # bytes that a desktop with its standby and an office program may take
+ENDING = 20.0  # seconds for a process to end its desktop
+
+
+class ForeignEntry(NamedTuple):
+    """Something of a user's that a process needs: its registry, its name there, and where it is."""
+
+    kind: str
+    name: str
+    reference: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorkerSetup:
+    """What a process needs to play the episodes of a run.
+
+    Args:
+        bench: The benchmark.
+        folder: The folder of the run.
+        references: The agents, tasks and providers that are not ours, which are loaded first.
+        models: What the command line says about models.
+    """
+
+    bench: Bench
+    folder: Path
+    references: tuple[ForeignEntry, ...] = ()
+    models: ModelOptions = field(default_factory=ModelOptions)
+
+
+def references(bench: Bench) -> tuple[ForeignEntry, ...]:
+    """Return where the agents, tasks and provider of a run are that are not ours."""
+    found: list[ForeignEntry] = []
+    for registry, name, entry in bench.foreign():
+        file = file_of(entry)
+        if isinstance(entry, FileAgentMaker):
+            found.append(ForeignEntry(registry.kind, name, name))
+        else:
+            place = entry.__module__ if file is None else file.path
+            found.append(ForeignEntry(registry.kind, name, f"{place}:{entry.__qualname__}"))
+    return tuple(found)
+
+
+def default_desktops() -> int:
+    """Return how many desktops this machine plays on side by side: by cores and free memory."""
+    cores = len(os.sched_getaffinity(0))
+    free = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    return max(1, min(cores, int(free / MEMORY)))
+
+
+class EpisodePool:
+    """As many processes as threads play episodes; use it in a `with` statement.
+
+    Calling it with a job and the number of the attempt plays an episode in the process of the
+    calling thread, which is started with its first episode, and returns the record.
+
+    Args:
+        setup: What the processes need.
+        serve: The function that a process runs; another one in tests.
+    """
+
+    def __init__(
+        self,
+        setup: WorkerSetup,
+        serve: Callable[[Connection, WorkerSetup], None] | None = None,
+    ) -> None:
+        self._setup = setup
+        self._serve = serve or serve_episodes
+        self._own = threading.local()
+        self._all: list[_Worker] = []
+
+    def __enter__(self) -> "EpisodePool":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def stop(self) -> None:
+        """End all processes; those that play break their episodes off."""
+        for worker in self._all:
+            worker.close()
+
+    def __call__(self, job: Job, attempt: int) -> ResultRecord:
+        """Play an episode.
+
+        If the process ends over it, the record is an error of the machine's, which is tried again.
+        Errors that refuse the episode are raised here as they were there.
+        """
+        worker: _Worker | None = getattr(self._own, "worker", None)
+        if worker is None or not worker.alive:
+            worker = _Worker(self._setup, self._serve)
+            self._own.worker = worker
+            self._all.append(worker)
+        start = time.time()
+        try:
+            return worker.play(job, attempt)
+        except (EOFError, OSError) as error:
+            worker.close()
+            problem = f"the process that played the episode ended (exit code {worker.code})"
+            return lost(job, attempt, f"{problem}: {error}".rstrip(": "), start)
+
+
+class _Worker:
+    """One process and the connection to it."""
+
+    def __init__(
+        self,
+        setup: WorkerSetup,
+        serve: Callable[[Connection, WorkerSetup], None],
+    ) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._connection, there = context.Pipe()
+        self._busy = False
+        self._process: SpawnProcess = context.Process(
+            target=serve,
+            args=(there, setup),
+            name="episodes",
+        )
+        self._process.start()
+        there.close()
+        self._ready = False
+
+    @property
+    def alive(self) -> bool:
+        """Whether the process runs."""
+        return self._process.is_alive()
+
+    @property
+    def code(self) -> int | None:
+        """Its exit code; negative for a signal."""
+        return self._process.exitcode
+
+    def play(self, job: Job, attempt: int) -> ResultRecord:
+        """Let the process play an episode; `EOFError` or `OSError` if it ends over it."""
+        self._busy = True
+        if not self._ready:
+            self._receive()
+            self._ready = True
+        self._connection.send((job, attempt))
+        record = self._receive()
+        self._busy = False
+        return record
+
+    def _receive(self) -> ResultRecord:
+        record, raised = self._connection.recv()
+        if raised is not None:
+            raise raised
+        return record
+
+    def close(self) -> None:
+        """End the process; it ends its desktop."""
+        if self._busy:
+            self._process.terminate()
+        else:
+            self._connection.close()
+        self._process.join(ENDING)
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join()
+
+
+def serve_episodes(connection: Connection, setup: WorkerSetup) -> None:
+    """Play the episodes that come over a connection, on a desktop of this process."""
+    from ..embedded.runtime import kernel
+
+    kernel.die_with_parent()
+    try:
+        _serve(connection, setup)
+    except Exception as error:  # noqa: BLE001  (the runner is to raise it)
+        connection.send((None, _portable(error)))
+
+
+def _serve(connection: Connection, setup: WorkerSetup) -> None:
+    from ..embedded.runtime import masks
+    from ..environment import SmallTasks
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the runner, which ends this
+    signal.signal(signal.SIGTERM, _leave)
+    load_references(setup.references)
+    prepare(setup.bench.agents, setup.models, setup.folder)
+    masks.hide(setup.folder)
+    provider = PROVIDERS.get(setup.bench.provider)
+    with provider(setup.bench.size) as desktop:
+        episodes = LiveEpisodes(setup.bench, setup.folder, SmallTasks(desktop))
+        answer_calls(connection, episodes)
+
+
+def answer_calls(
+    connection: Connection,
+    episode: Callable[[Job, int], ResultRecord],
+) -> None:
+    """Say that all is ready, and play what comes over a connection until it is closed."""
+    connection.send((None, None))
+    with contextlib.suppress(EOFError, OSError):
+        while True:
+            job, attempt = connection.recv()
+            connection.send(_answer(episode, job, attempt))
+
+
+def load_references(references: Iterable[ForeignEntry]) -> None:
+    """Load the files and modules of a run in a new process."""
+    registries = {registry.kind: registry for registry in (AGENTS, TASKS, PROVIDERS)}
+    for kind, name, reference in references:
+        registry = registries[kind]
+        if name == reference:  # an agent file
+            registry.find(name)
+        elif name not in registry.names():
+            registry.add(load_reference(reference), name)
+
+
+def _leave(*_: object) -> NoReturn:
+    """End this process as at the end of a run: its desktop is taken down."""
+    raise SystemExit(1)
+
+
+def _answer(
+    episode: Callable[[Job, int], ResultRecord],
+    job: Job,
+    attempt: int,
+) -> tuple[ResultRecord | None, BaseException | None]:
+    try:
+        return episode(job, attempt), None
+    except Exception as error:  # noqa: BLE001  (what refuses the episode is raised by the runner)
+        return None, _portable(error)
+
+
+def _portable(error: Exception) -> Exception:
+    """Return an exception that can be sent: itself, or one with its text."""
+    try:
+        pickle.loads(pickle.dumps(error))  # noqa: S301  (it was made right here)
+    except Exception:  # noqa: BLE001  (an exception may do anything when it is pickled)
+        return HijackError(f"{type(error).__name__}: {error}")
+    return error

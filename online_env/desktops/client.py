@@ -1,0 +1,145 @@
+"""HTTP over urllib3, whose errors come out as those of the operating system."""
+
+import socket
+from collections.abc import Mapping
+from functools import partial
+from typing import Any, cast
+
+import urllib3
+from urllib3.connection import HTTPConnection
+from urllib3.exceptions import HTTPError, NewConnectionError, ProtocolError
+
+from .connection import Way
+
+MAX_BODY = 2**30
+CHUNK = 2**20
+
+Exchange = tuple[int, Mapping[str, str], bytes | bytearray]
+
+
+class _DoorConnection(HTTPConnection):
+    """A connection over a socket in the file system."""
+
+    def __init__(
+        self,
+        *args: Any,
+        door: str,
+        **options: Any,
+    ) -> None:
+        super().__init__(*args, **options)
+        self._door = door
+
+    def _new_conn(self) -> socket.socket:
+        found = socket.socket(socket.AF_UNIX)
+        found.settimeout(cast("float | None", self.timeout))
+        try:
+            found.connect(self._door)
+        except OSError as error:
+            found.close()
+            raise NewConnectionError(self, f"{error}") from error
+        return found
+
+
+class Client:
+    """One kept-open connection; for one request at a time.
+
+    Redirects are not followed, no proxy is used, and content is not unpacked.
+    """
+
+    def __init__(self, way: Way) -> None:
+        is_https = way.is_https and way.door is None
+        kind = urllib3.HTTPSConnectionPool if is_https else urllib3.HTTPConnectionPool
+        source = (way.source, 0) if way.source else None
+        self._pool = kind(way.host, way.port, maxsize=1, source_address=source)
+        if way.door is not None:
+            self._pool.ConnectionCls = cast(Any, partial(_DoorConnection, door=way.door))
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._pool.close()
+
+    def exchange(
+        self,
+        method: str,
+        path: str,
+        body: bytes | None,
+        headers: dict[str, str],
+        timeout: float,
+    ) -> Exchange:
+        """Send a request and read the answer.
+
+        Returns:
+            Its status, its headers by names in lower case, and its body.
+
+        Raises:
+            OSError: There is none; a `TimeoutError` if it does not come in time.
+        """
+        try:
+            response = self._pool.urlopen(
+                method,
+                path,
+                body,
+                headers,
+                retries=False,
+                redirect=False,
+                timeout=timeout,
+                preload_content=False,
+                decode_content=False,
+            )
+            content = _read(response)
+        except HTTPError as error:
+            plain = _plain(error)
+            raise plain from None
+        names = {name.lower(): value for name, value in response.headers.items()}
+        return response.status, names, content
+
+
+def _read(response: urllib3.BaseHTTPResponse) -> bytes | bytearray:
+    try:
+        return _body_of(response)
+    # an interrupt too: a half-read answer must not be taken for the next one's
+    except BaseException:
+        response.close()
+        raise
+    finally:
+        response.release_conn()
+
+
+def _body_of(response: urllib3.BaseHTTPResponse) -> bytes | bytearray:
+    """The body, read to where it stays: a frame becomes an array without another copy.
+
+    Raises:
+        ProtocolError: It is too long, or cut short.
+    """
+    length = response.length_remaining
+    if length is None:
+        content = response.read(MAX_BODY + 1)
+        _check_length(len(content))
+        return content
+    _check_length(length)
+    body = bytearray(length)
+    got = 0
+    while got < length:
+        data = response.read1(CHUNK)
+        if not data:
+            raise ProtocolError(f"the answer ended after {got} of {length} bytes")
+        body[got : got + len(data)] = data
+        got += len(data)
+    return body
+
+
+def _check_length(length: int) -> None:
+    if length > MAX_BODY:
+        raise ProtocolError(f"an answer of {length} bytes is more than {MAX_BODY}")
+
+
+def _plain(error: HTTPError) -> OSError:
+    """The error of the operating system below one of urllib3, or one with the same text."""
+    cause: object = error.__cause__ or error
+    if isinstance(error, ProtocolError) and len(error.args) > 1:
+        cause = error.args[1]
+    if isinstance(cause, urllib3.exceptions.TimeoutError):
+        return TimeoutError(str(cause))
+    if isinstance(cause, OSError):
+        return cause
+    return OSError(str(cause) or type(cause).__name__)

@@ -1,0 +1,59 @@
+"""Small things done on a desktop by commands: its user's home, starting and ending programs."""
+
+import time
+
+from ..errors import DesktopError
+from .protocol import Desktop
+
+_GRACE = 5.0  # seconds for a program to end by itself
+
+
+def home(desktop: Desktop) -> str:
+    """Return the home folder of the desktop's user.
+
+    Raises:
+        DesktopError: The desktop does not name it.
+    """
+    result = desktop.execute(["sh", "-c", 'printf %s "$HOME"'])
+    if not result.ok or not result.output.startswith("/"):
+        raise DesktopError(f"the desktop does not tell its user's home: {result}")
+    return result.output.rstrip("/")
+
+
+def command(desktop: Desktop, *argv: str) -> str:
+    """Return the output of a command that must succeed.
+
+    Raises:
+        DesktopError: It failed.
+    """
+    result = desktop.execute(list(argv))
+    if not result.ok:
+        raise DesktopError(
+            f"{' '.join(argv)!r} failed on the desktop with {result.returncode}: "
+            f"{result.error.strip()[-300:]}"
+        )
+    return result.output
+
+
+def launch(desktop: Desktop, *argv: str) -> None:
+    """Start a program that goes on by itself."""
+    command(desktop, "sh", "-c", 'exec setsid -f "$@" </dev/null >/dev/null 2>&1', "sh", *argv)
+
+
+def end(desktop: Desktop, *programs: str) -> None:
+    """End the user's programs of these names, if any, and wait until they are gone.
+
+    Raises:
+        DesktopError: One of them does not end, even when killed.
+    """
+    for program in programs:
+        signal = "-TERM"
+        deadline = time.monotonic() + _GRACE
+        while desktop.execute(["pkill", signal, "-x", program]).ok:
+            if time.monotonic() > deadline:
+                signal = "-KILL"
+            if time.monotonic() > deadline + _GRACE:
+                raise DesktopError(
+                    f"program {program!r} on the desktop does not end, even when killed"
+                )
+            time.sleep(0.1)

@@ -1,0 +1,188 @@
+"""The HTTP connection to a guest."""
+
+import json
+import threading
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, cast
+from urllib.parse import urlsplit
+
+from ..errors import GuestError
+from ..extra import require
+
+if TYPE_CHECKING:
+    from .client import Client
+
+TRIES, PAUSE = 3, 0.3  # of requests that change nothing in the guest
+PORT = 5000
+
+
+@dataclass(frozen=True)
+class GuestResponse:
+    """An answer of the guest.
+
+    Attributes:
+        status: the HTTP status code.
+        headers: by names in lower case.
+        body: its content.
+    """
+
+    status: int
+    headers: Mapping[str, str]
+    body: bytes | bytearray
+
+    def json(self) -> dict[str, Any]:
+        """The JSON object in the body; empty if it is not one."""
+        try:
+            value: object = json.loads(self.body)
+        except (ValueError, RecursionError):
+            return {}
+        return cast("dict[str, Any]", value) if isinstance(value, dict) else {}
+
+    @property
+    def complaint(self) -> str:
+        """The guest's own words for what is wrong."""
+        fields = self.json()
+        text = fields.get("message") or fields.get("error")
+        if not text:
+            text = self.body[:500].decode("utf-8", "replace")
+        return str(text)[:2000]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Way:
+    """The way to a guest.
+
+    Attributes:
+        host: its name or address.
+        port: of its server.
+        is_https: whether the connection is encrypted.
+        source: the address of this machine that it leaves from, if that matters.
+        door: a socket in the file system that leads there instead of the network.
+    """
+
+    host: str
+    port: int
+    is_https: bool
+    source: str | None
+    door: str | None
+
+
+class GuestConnection:
+    """One kept-open HTTP connection to a guest; its users wait for one another.
+
+    Redirects are not followed, and no proxy is used.
+
+    Args:
+        url: address of the guest; the port is 5000 if it is left out.
+        token: sent with each request.
+        timeout: seconds that connecting, and each wait for data, may take.
+        source: the address of this machine that it must leave from; if that is gone, so is the way
+            to the guest.
+        patience: seconds that a connection may be refused, as by a server that is being started
+            again.
+        door: a socket in the file system that leads to the guest; nothing goes over the network
+            then.
+
+    Raises:
+        GuestError: The URL is not the address of a guest.
+    """
+
+    def __init__(
+        self,
+        url: str,
+        token: str | None,
+        timeout: float,
+        source: str | None = None,
+        patience: float = 0.0,
+        door: str | None = None,
+    ) -> None:
+        parts = urlsplit(url if "//" in url else f"http://{url}")
+        if parts.scheme not in ("http", "https") or not parts.hostname:
+            raise GuestError(
+                f"{url!r} is not the address of a guest; it must be like http://10.0.0.2:5000"
+            )
+        self.url = f"{parts.scheme}://{parts.netloc}"
+        self._way = Way(
+            host=parts.hostname,
+            port=parts.port or PORT,
+            is_https=parts.scheme == "https",
+            source=source,
+            door=door,
+        )
+        self._lock = threading.Lock()
+        self._client: Client | None = None
+        self._headers = {"Authorization": f"Bearer {token}"} if token else {}
+        self._timeout = timeout
+        self._patience = patience
+
+    def close(self) -> None:
+        """Close the connection; the next request opens it again."""
+        with self._lock:
+            if self._client is not None:
+                self._client.close()
+            self._client = None
+
+    def ask(
+        self,
+        method: str,
+        path: str,
+        body: bytes | None = None,
+        kind: str = "",
+        timeout: float | None = None,
+    ) -> GuestResponse:
+        """Send a request and wait for the answer.
+
+        A GET is repeated if the connection fails; nothing else is, as it may have been done. A
+        request whose connection was refused has not been sent, and is repeated for as long as
+        `patience` lasts.
+
+        Args:
+            method: such as GET.
+            path: with its query.
+            body: content to send.
+            kind: its media type.
+            timeout: in seconds, instead of the connection's own.
+
+        Raises:
+            GuestError: There is no answer.
+        """
+        headers = self._headers | ({"Content-Type": kind} if kind else {})
+        limit = timeout or self._timeout
+        tries = TRIES if method == "GET" else 1
+        end = time.monotonic() + self._patience
+        attempt = 0
+        while True:
+            attempt += 1
+            try:
+                with self._lock:
+                    return self._once(method, path, body, headers, limit)
+            except TimeoutError:
+                raise GuestError(
+                    f"{method} {self.url}{path} was not answered within {limit:g} s"
+                ) from None
+            except OSError as error:
+                is_refused = isinstance(error, ConnectionRefusedError) and time.monotonic() < end
+                if attempt >= tries and not is_refused:
+                    raise GuestError(
+                        f"{method} {self.url}{path} failed: {error or type(error).__name__}; does"
+                        " the guest server run?"
+                    ) from None
+            time.sleep(PAUSE * min(attempt, TRIES))
+
+    def _once(
+        self,
+        method: str,
+        path: str,
+        body: bytes | None,
+        headers: dict[str, str],
+        timeout: float,
+    ) -> GuestResponse:
+        if self._client is None:
+            require("a connection to a guest", ("urllib3",))
+            from .client import Client  # urllib3 comes with the extra
+
+            self._client = Client(self._way)
+        status, found, content = self._client.exchange(method, path, body, headers, timeout)
+        return GuestResponse(status, found, content)

@@ -1,1 +1,0 @@
-"""A real Linux desktop without a virtual machine: Xvfb and Xfce in namespaces of their own."""

@@ -1,0 +1,224 @@
+"""Accidental touch on a live machine: a click on an interactive element that nobody meant.
+
+The spec is `hijack_data/corruptions/accidental_touch.py`, its look in recordings
+`pipelines/edits/accidental_touch.py`.
+"""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from hijack_data.errors import HijackError
+from hijack_data.rng import Stream
+from hijack_data.types import Box, UInt8Array, as_boxes
+
+from ..desktops.protocol import Capability
+from .app_minimization import FIXED
+from .base import EffectError, EffectRecord, LiveEffect, Probe, Undone, register
+from .elements import LAUNCHERS, Element, live_elements, window_at
+from .guest import Guest
+from .words import short
+
+ATTEMPTS = 5
+CHANGE = 2.0  # s within which a click must show
+# What lights up under the pointer is not the click's doing: wait for no change, not for ever.
+QUIET = 0.15  # s without change
+HOVER = 0.8  # s at most
+LOOK = 0.03  # s between two pictures
+NEAR = 8  # pixels by which an element may lie off the plan's box
+
+
+@dataclass(frozen=True)
+class _View:
+    """The screen at one time.
+
+    Windows first, then the picture, then the tree, so that what moves is noticed.
+    """
+
+    state: dict[str, Any]
+    frame: UInt8Array
+    elements: list[Element]
+
+
+@register
+class Touch(LiveEffect):
+    """Clicks the first element, in the plan's order, that is still there and reacts."""
+
+    kind: ClassVar[str] = "touch"
+    needs: ClassVar[frozenset[Capability]] = frozenset({"accessibility", "windows"})
+    lasting: ClassVar[bool] = False
+
+    def apply(self, guest: Guest, params: Mapping[str, Any]) -> EffectRecord:
+        """Draw an element and click it; draw again if it is gone, or nothing changes."""
+        stream = guest.stream or Stream(0, "touch-v1")
+        boxes = _boxes(params)
+        without_app = bool(params.get("without_app", True))
+        record: EffectRecord = {"attempts": [], "clicked": None}
+        tried: set[Element] = set()
+        while len(record["attempts"]) < ATTEMPTS and record["clicked"] is None:
+            view = _look(guest, without_app)
+            left = [element for element in view.elements if element not in tried]
+            element = _draw(left, boxes, stream)
+            if element is None:
+                break
+            tried.add(element)
+            attempt = _click(guest, view, element)
+            record["attempts"].append(attempt)
+            if attempt["changed"]:
+                record["clicked"] = attempt
+        return record
+
+    def probe(self, guest: Guest, record: EffectRecord) -> Probe:
+        """Look whether the pointer is there, and the server saw a click that changed the screen."""
+        clicked = record["clicked"]
+        attempts = record["attempts"]
+        facts: EffectRecord = {"attempts": attempts, "pointer": guest.x("state")["pointer"]}
+        if not attempts:
+            return Probe(False, facts, "no interactive element is on the screen")
+        if clicked is None:
+            problem = f"{len(attempts)} elements were tried, and nothing changed on the screen"
+            return Probe(False, facts, problem)
+        problems: list[str] = []
+        if not clicked["delivered"]:
+            problems.append("the server did not see the button go down and up")
+        if not facts["pointer"] == clicked["pointer"] == clicked["point"]:
+            problems.append(
+                f"the pointer is at {facts['pointer']}, the element was at {clicked['point']}"
+            )
+        return Probe(not problems, facts, "; ".join(problems))
+
+    def undo(self, guest: Guest, record: EffectRecord) -> Undone:
+        """Do nothing: a click is an event, not a state; the agent closes what it opened."""
+        return Undone(True, {"undone": False, "why": "a click cannot be taken back"})
+
+    def in_words(self, facts: Mapping[str, Any]) -> str:
+        """Return what the click reached."""
+        attempts = facts["attempts"]
+        element, (x, y) = attempts[-1]["element"], attempts[-1]["point"]
+        reached = element["role"]
+        if element["name"].strip():
+            reached += f" {short(element['name'])}"
+        tries = f", at attempt {len(attempts)}" if len(attempts) > 1 else ""
+        return (
+            f"the pointer is at {x}, {y}; the click reached the {reached} of {element['app']} and"
+            f" changed the screen{tries}"
+        )
+
+    def undone_in_words(self, facts: Mapping[str, Any]) -> str:
+        """Return why there is nothing to undo."""
+        return facts["why"]
+
+
+def _look(guest: Guest, without_app: bool) -> _View:
+    state = guest.x("state")
+    frame = guest.desktop.screenshot()
+    found = live_elements(guest.desktop.accessibility(), guest.desktop.size, without_app)
+    elements = [element for element in found if _can_be_clicked(element, state)]
+    return _View(state, frame, elements)
+
+
+def _can_be_clicked(element: Element, state: Mapping[str, Any]) -> bool:
+    """Return whether an element is not hidden, and not behind a modal dialog.
+
+    Guests list the elements of minimised windows, too: then only the desktop or a panel lies there.
+    """
+    window = window_at(element.centre, state)
+    if window is None:
+        return True
+    if any(w["for"] == window["id"] and "modal" in w["states"] for w in state["windows"]):
+        return False
+    return window["type"] not in FIXED or element.app.lower() in LAUNCHERS
+
+
+def _draw(
+    left: Sequence[Element],
+    boxes: Sequence[Box],
+    stream: Stream,
+) -> Element | None:
+    """Return the element at the first of the plan's boxes that has one, otherwise any."""
+    if not left:
+        return None
+    for box in boxes:
+        distances = [_distance(element.box, box) for element in left]
+        nearest = min(distances)
+        if nearest <= NEAR:
+            return left[distances.index(nearest)]
+    return stream.choice(left)
+
+
+def _distance(one: Box, other: Box) -> int:
+    return max(abs(a - b) for a, b in zip(one, other, strict=True))
+
+
+def _click(
+    guest: Guest,
+    view: _View,
+    element: Element,
+) -> EffectRecord:
+    x, y = element.centre
+    nothing: dict[str, Any] = {
+        "id": 0,
+        "frame": [],
+        "class": "",
+        "title": "",
+    }
+    window = window_at(element.centre, view.state) or nothing
+    attempt: EffectRecord = {
+        "element": element.to_data(),
+        "point": [x, y],
+        "window": window["class"],
+        "changed": False,
+        "delivered": False,
+        "moved": True,
+    }
+    x1, y1, x2, y2 = element.box
+    was = view.frame[y1:y2, x1:x2]
+    if _differ(was, guest.desktop.screenshot()[y1:y2, x1:x2]):
+        return attempt  # another element is there now
+    guest.x("move", x=x, y=y)
+    before = _settled(guest)
+    attempt |= guest.x("click", number=window["id"], frame=window["frame"])
+    start = time.monotonic()
+    if not attempt["moved"]:
+        attempt["changed"] = _changes(guest, before)
+    attempt["seconds"] = round(time.monotonic() - start, 3)
+    return attempt
+
+
+def _settled(guest: Guest) -> UInt8Array:
+    """Return the screen once it has not changed for `QUIET` seconds, or after `HOVER`."""
+    frame = guest.desktop.screenshot()
+    start = since = time.monotonic()
+    now = start
+    while now - since < QUIET and now - start < HOVER:
+        time.sleep(LOOK)
+        last = frame
+        frame = guest.desktop.screenshot()
+        now = time.monotonic()
+        if _differ(last, frame):
+            since = now
+    return frame
+
+
+def _changes(guest: Guest, before: UInt8Array) -> bool:
+    end = time.monotonic() + CHANGE
+    while not _differ(before, guest.desktop.screenshot()):
+        if time.monotonic() > end:
+            return False
+        time.sleep(LOOK)
+    return True
+
+
+def _differ(one: UInt8Array, other: UInt8Array) -> bool:
+    return one.shape != other.shape or not np.array_equal(one, other)
+
+
+def _boxes(params: Mapping[str, Any]) -> list[Box]:
+    try:
+        rows = as_boxes(params.get("boxes", ())).tolist()
+    except HijackError as error:
+        raise EffectError(f"touch: {error}") from None
+    return [(x1, y1, x2, y2) for x1, y1, x2, y2 in rows]

@@ -1,0 +1,76 @@
+"""App minimization on a live machine: every window goes to the panel at once.
+
+As the show-desktop key does. The spec is `hijack_data/corruptions/app_minimization.py`, its look in
+recordings `pipelines/edits/app_minimization.py`.
+"""
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from ..desktops.protocol import Capability
+from ..errors import MissingCapabilityError
+from .base import EffectRecord, LiveEffect, Probe, Undone, register
+from .guest import Guest
+
+PATIENCE = 10.0  # s for the window manager to do what it was asked
+FIXED = ("desktop", "dock")  # window types that are part of the desktop itself
+
+
+@register
+class Minimise(LiveEffect):
+    """Shows the desktop."""
+
+    kind: ClassVar[str] = "minimise"
+    needs: ClassVar[frozenset[Capability]] = frozenset({"windows"})
+
+    def apply(self, guest: Guest, params: Mapping[str, Any]) -> EffectRecord:
+        """Ask the window manager to show the desktop; if it can't, minimise window by window.
+
+        Raises:
+            MissingCapabilityError: the guest lacks what it needs, which the message names.
+        """
+        done = guest.x("minimise", PATIENCE)
+        if not done.pop("managed"):
+            raise MissingCapabilityError(
+                "no window manager runs in the guest (EWMH): nothing can minimise its windows"
+            )
+        return done
+
+    def probe(self, guest: Guest, record: EffectRecord) -> Probe:
+        """Look whether only the desktop and its panels are mapped."""
+        now = guest.x("state")
+        left = [window["title"] for window in on_screen(now)]
+        facts = {
+            "desktop_shown": now["desktop_shown"],
+            "hidden": len(record["hidden"]),
+            "on_screen": left,
+        }
+        if left:
+            return Probe(False, facts, f"still on the screen: {', '.join(map(repr, left))}")
+        if record["by"] == "show_desktop" and not now["desktop_shown"]:
+            return Probe(False, facts, "the window manager does not say that it shows the desktop")
+        return Probe(True, facts)
+
+    def undo(self, guest: Guest, record: EffectRecord) -> Undone:
+        """Bring back the windows that were hidden and still exist, the former one in front."""
+        hidden = record.get("hidden")
+        active = record.get("active", 0)
+        found = guest.x("restore", PATIENCE, ids=hidden, active=active)
+        left = len(found["left"])
+        facts = {"restored": len(found["restored"]) - left}
+        problem = f"{left} windows stay minimised" if left else ""
+        return Undone(not left, facts, problem)
+
+    def in_words(self, facts: Mapping[str, Any]) -> str:
+        """Return how many windows went to the panel."""
+        return f"no window is on the screen, {facts['hidden']} went to the panel"
+
+    def undone_in_words(self, facts: Mapping[str, Any]) -> str:
+        """Return how many windows are back."""
+        return f"{facts['restored']} windows are back"
+
+
+def on_screen(state: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the application windows that are mapped, bottom to top."""
+    mapped = [window for window in state["windows"] if window["mapped"]]
+    return [window for window in mapped if window["type"] not in FIXED]

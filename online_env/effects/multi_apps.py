@@ -1,0 +1,278 @@
+"""Multi apps on a live machine: another application beside the task's, both in view.
+
+The spec is `hijack_data/corruptions/multi_apps.py`, its look in recordings
+`pipelines/edits/multi_apps.py`.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, TypeAlias
+
+from hijack_data.apps import normalize_app
+
+from ..desktops.protocol import Capability
+from ..errors import MissingCapabilityError
+from .app_minimization import on_screen
+from .apps import COMMANDS, FALLBACKS, Command
+from .base import EffectError, EffectRecord, LiveEffect, Probe, Undone, register
+from .guest import Guest
+from .words import short
+
+LAUNCH = 60.0  # s for a window to come (GIMP's first takes long)
+DRAW = 20.0  # s for it to be drawn
+CLOSE = 6.0  # s for it to go
+TOLERANCE = 40  # pixels: a terminal grows by whole characters, a shadow is not part of a window
+# `setsid`, so that a launch that hangs can be ended with all it started; its number is that of the
+# session.
+_START = 'setsid "$@" </dev/null >/dev/null 2>&1 & echo $!'
+_END = """for s in TERM KILL; do pkill -$s -s "$1" || exit 0; for i in 1 2 3 4 5 6 7 8; do
+pgrep -s "$1" >/dev/null || exit 0; sleep 0.05; done; done"""
+_MAXIMISED = {"maximized_horz", "maximized_vert"}
+
+_WindowData: TypeAlias = Mapping[str, Any]
+
+
+@register
+class LaunchApp(LiveEffect):
+    """Starts another application, and tiles its window with the one in front.
+
+    The first that is installed and opens a window is taken.
+    """
+
+    kind: ClassVar[str] = "launch_app"
+    needs: ClassVar[frozenset[Capability]] = frozenset({"apps", "windows"})
+
+    def apply(self, guest: Guest, params: Mapping[str, Any]) -> EffectRecord:
+        """Start one application after the other until one shows a window, then place the two."""
+        before = guest.x("state")
+        record: EffectRecord = {
+            "attempts": [],
+            "window": None,
+            "beside": _in_front(before),
+            "asked": {},
+            "under": {},
+            "active": before["active"],
+        }
+        is_tiled = bool(params.get("tile", True))
+        for name, command in _choices(guest, _wanted(params), before):
+            if self._launch(guest, record, before, name, command, is_tiled=is_tiled):
+                break
+        return record
+
+    def _launch(
+        self,
+        guest: Guest,
+        record: EffectRecord,
+        before: _WindowData,
+        name: str,
+        command: Command,
+        *,
+        is_tiled: bool,
+    ) -> bool:
+        """Start one application; return whether its window came and was drawn."""
+        session = int(guest.shell(_START, *command.argv).output.strip() or 0)
+        attempt: EffectRecord = {
+            "app": name,
+            "argv": list(command.argv),
+            "session": session,
+            "stand_in": command.stand_in,
+        }
+        record["attempts"].append(attempt)
+        known = [window["id"] for window in before["windows"]]
+        classes = list(command.classes)
+        window = guest.x("await_window", LAUNCH, before=known, classes=classes)["window"]
+        attempt |= {"came": window is not None, "drawn": False}
+        if window is None:
+            guest.shell(_END, str(session))
+            return False
+        asked = _halves(before["area"], record["beside"], window) if is_tiled else {}
+        shown = guest.x("drawn", DRAW, number=window["id"], frames=asked)
+        attempt["drawn"] = shown["drawn"]
+        record["under"] = {**shown["under"], **record["under"]}
+        record |= {
+            "window": window,
+            "classes": classes,
+            "session": session,
+            "asked": asked,
+        }
+        if attempt["drawn"]:
+            return True
+        self.undo(guest, record)
+        # a window can be closed over the head of a program that hangs
+        guest.shell(_END, str(session))
+        return False
+
+    def probe(self, guest: Guest, record: EffectRecord) -> Probe:
+        """Look for a new window of the launched class, mapped and in the place that was asked."""
+        facts: EffectRecord = {"attempts": record["attempts"], "asked": record["asked"]}
+        if record["window"] is None:
+            tried = ", ".join(attempt["app"] for attempt in record["attempts"])
+            return Probe(False, facts, f"no window came within {LAUNCH:g} s of: {tried}")
+        found = {str(window["id"]): window for window in guest.x("state")["windows"]}
+        window = found.get(str(record["window"]["id"]))
+        facts["window"] = window
+        if window is None:
+            return Probe(False, facts, "the window of the other application is gone")
+        problems = _problems(window, record)
+        for number, asked in record["asked"].items():
+            problems += _misplaced(found.get(number), asked)
+        return Probe(not problems, facts, "; ".join(problems))
+
+    def undo(self, guest: Guest, record: EffectRecord) -> Undone:
+        """Close the window, end its application if that stays, and put the other window back."""
+        if not record.get("window"):
+            return Undone(True, {"closed": False, "why": "nothing is known to have been launched"})
+        number = record["window"]["id"]
+        forced = bool(guest.x("close", CLOSE, ids=[number])["left"])
+        if forced:
+            guest.shell(_END, str(record["session"]))
+        windows = {window["id"]: window for window in guest.x("state")["windows"]}
+        self._put_back(guest, record, windows)
+        guest.x("activate", number=record.get("active", 0))
+        is_closed = number not in windows
+        problem = "" if is_closed else "the window of the other application is still there"
+        return Undone(is_closed, {"closed": is_closed, "forced": forced}, problem)
+
+    def in_words(self, facts: Mapping[str, Any]) -> str:
+        """Return which window came, and where it is."""
+        attempt = facts["attempts"][-1]
+        window = facts["window"]
+        stand_in = f" ({attempt['stand_in']})" if attempt["stand_in"] else ""
+        x1, y1, x2, y2 = window["frame"]
+        place = f"x {x1}-{x2}, y {y1}-{y2}"
+        return f"a new window, {short(window['title'])}, is drawn at {place}{stand_in}"
+
+    def undone_in_words(self, facts: Mapping[str, Any]) -> str:
+        """Return that the window is closed, or why there was none."""
+        return "the window is closed" if facts["closed"] else facts["why"]
+
+    def _put_back(
+        self,
+        guest: Guest,
+        record: EffectRecord,
+        windows: Mapping[int, Any],
+    ) -> None:
+        """Give the window beside ours its place again.
+
+        One that filled the screen is first given what lay under that.
+        """
+        beside: dict[str, Any] | None = record["beside"]
+        if beside is None or beside["id"] not in windows:
+            return
+        number = beside["id"]
+        was_full = "fullscreen" in beside["states"]
+        was = record.get("under", {}).get(str(number)) or beside
+        if set(was["states"]) >= _MAXIMISED:
+            guest.x("maximise", number=number)
+        elif not was_full or was is not beside:
+            guest.x("place", frames={str(number): was["frame"]})
+        if was_full and "fullscreen" not in windows[number]["states"]:
+            guest.x("fill", number=number)
+
+
+def _problems(window: _WindowData, record: EffectRecord) -> list[str]:
+    """Return what is wrong with the window that was launched, its place apart."""
+    problems: list[str] = []
+    if not window["mapped"]:
+        problems.append("the window is not mapped")
+    if not record["attempts"][-1]["drawn"]:
+        problems.append("its application does not draw it, it hangs")
+    if not any(name in window["class"].lower() for name in record["classes"]):
+        problems.append(f"the window is of class {window['class']!r}, not of {record['classes']}")
+    return problems
+
+
+def _wanted(params: Mapping[str, Any]) -> list[str]:
+    names = [params.get("app"), *params.get("then", ())]
+    if not all(isinstance(name, str) for name in names):
+        raise EffectError(f"launch_app: app and then must name applications, got {names!r:.200}")
+    return [normalize_app(name) for name in names]
+
+
+def _choices(
+    guest: Guest,
+    names: Sequence[str],
+    before: _WindowData,
+) -> list[tuple[str, Command]]:
+    """Return what can be started, in order: the first installed command of each application.
+
+    Raises:
+        MissingCapabilityError: the guest lacks what it needs, which the message names.
+    """
+    known = {name: COMMANDS.get(name, (Command((name,), (name,)),)) for name in names}
+    commands = [command for group in (*known.values(), *FALLBACKS.values()) for command in group]
+    there = guest.installed("setsid", *(command.argv[0] for command in commands))
+    found: list[tuple[str, Command]] = []
+    for name in names:
+        installed = [command for command in known[name] if command.argv[0] in there]
+        if installed:
+            found.append((name, installed[0]))
+    choices = found or _fallbacks(there, before)
+    if not choices:
+        raise MissingCapabilityError(
+            f"none of these applications is installed in the guest: {', '.join(names)}"
+        )
+    if "setsid" not in there:
+        raise MissingCapabilityError(
+            "the guest has no setsid (apt-get install util-linux), which starts applications"
+        )
+    return choices
+
+
+def _fallbacks(there: set[str], before: _WindowData) -> list[tuple[str, Command]]:
+    """Return the fallbacks that are installed, and of which no window is open."""
+    open_now = " ".join(window["class"].lower() for window in before["windows"])
+    found: list[tuple[str, Command]] = []
+    for name, (command,) in FALLBACKS.items():
+        if command.argv[0] in there and name not in open_now:
+            found.append((name, command))
+    return found
+
+
+def _halves(
+    area: Sequence[int],
+    beside: _WindowData | None,
+    new: _WindowData,
+) -> dict[str, list[int]]:
+    """Return the places of two windows: the one that was in front left, the new one right."""
+    x1, y1, x2, y2 = area
+    middle = (x1 + x2) // 2
+    places: dict[str, list[int]] = {}
+    if beside:
+        places[str(beside["id"])] = [x1, y1, middle, y2]
+    places[str(new["id"])] = [middle, y1, x2, y2]
+    return places
+
+
+def _in_front(state: _WindowData) -> dict[str, Any] | None:
+    """Return the window in front: the active one, otherwise the topmost."""
+    shown = [window for window in on_screen(state) if window["type"] == "normal"]
+    shown.sort(key=lambda window: window["id"] == state["active"])
+    return shown[-1] if shown else None
+
+
+def _misplaced(window: _WindowData | None, asked: Sequence[int]) -> list[str]:
+    """Return what is wrong with the place of a window.
+
+    One may be larger than asked if it cannot be as small.
+    """
+    if window is None:
+        return ["the window beside it is gone"]
+    frame = window["frame"]
+    grown = [_grown(window, asked, side) for side in (0, 1)]
+    slack = [TOLERANCE + extra for extra in (*grown, *grown)]
+    if all(abs(have - want) <= room for have, want, room in zip(frame, asked, slack, strict=True)):
+        return []
+    return [f"{window['title']!r} is at {frame}, not at {list(asked)}"]
+
+
+def _grown(
+    window: _WindowData,
+    asked: Sequence[int],
+    side: int,
+) -> int:
+    """Return by how many pixels a window must be larger than asked; side 0 is its width."""
+    frame = window["frame"]
+    box = window["box"]
+    margin = (frame[side + 2] - frame[side]) - (box[side + 2] - box[side])
+    wanted = asked[side + 2] - asked[side]
+    return max(0, window["least"][side] + margin - wanted)

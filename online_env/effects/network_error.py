@@ -1,0 +1,222 @@
+"""Network error on a live machine: a firewall makes the outside world unreachable.
+
+The spec is `hijack_data/corruptions/network_error.py`, its look in recordings
+`pipelines/edits/network_error.py`.
+"""
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from hijack_data.params import address
+
+from ..desktops.protocol import Capability
+from ..errors import MissingCapabilityError
+from . import rules
+from .base import EffectError, EffectRecord, LiveEffect, Probe, Undone, register
+from .guest import Guest
+
+# Asked in turn for one that answers: the embedded desktop's local internet, then the real one.
+SITES: tuple[tuple[str, int], ...] = (
+    ("search.test", 80),
+    ("example.com", 80),
+    ("www.wikipedia.org", 443),
+)
+PATIENCE = 6.0  # s in which a site answers on a network that works
+SILENCE = 0.5  # s without an answer that count as none, if the site was quicker before
+SLACK = 5.0  # so many times slower than before may an answer be
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Tool:
+    """A program that sets rules: the shell scripts that do it."""
+
+    close: Callable[[Sequence[str], Sequence[str]], str]
+    open: Callable[[], str]
+    count: Callable[[], str]
+    listing: str
+
+
+_TOOLS = {
+    "nft": _Tool(
+        close=rules.nft_close,
+        open=rules.nft_open,
+        count=rules.nft_count,
+        listing="nft list tables",
+    ),
+    "iptables": _Tool(
+        close=rules.iptables_close,
+        open=rules.iptables_open,
+        count=rules.iptables_count,
+        listing="iptables -w -S",
+    ),
+}
+_INTERFACE = re.compile(r"[A-Za-z0-9_.:@-]{1,15}")
+
+
+@register
+class Firewall(LiveEffect):
+    """Drops what would leave or enter by the interfaces of the default routes."""
+
+    kind: ClassVar[str] = "firewall"
+    needs: ClassVar[frozenset[Capability]] = frozenset({"firewall"})
+
+    def apply(self, guest: Guest, params: Mapping[str, Any]) -> EffectRecord:
+        """Note what answers now, then close the network."""
+        allowed = _addresses(params)
+        sites = _sites(params)
+        tool, listing = self._tool(guest)
+        found = guest.net("survey", PATIENCE, sites=sites)
+        interfaces = [name for name in found["interfaces"] if _INTERFACE.fullmatch(name)]
+        hosts = sorted({*allowed, *found["hosts"]})
+        is_closed = rules.TABLE in listing or rules.CHAINS["OUTPUT"] in listing
+        before = [] if is_closed else _answering(found["reached"])
+        record: EffectRecord = {
+            "tool": tool,
+            "interfaces": interfaces,
+            "hosts": hosts,
+            "already": is_closed,
+            "before": before,
+            "targets": before or found["reached"],
+        }
+        if interfaces:
+            done = guest.root(_TOOLS[tool].close(interfaces, hosts))
+            record["error"] = "" if done.ok else done.error.strip()[-300:]
+        return record
+
+    def probe(self, guest: Guest, record: EffectRecord) -> Probe:
+        """Look whether what answered before does not now, and it was our rules that dropped it."""
+        dropped_before = self._dropped(guest, record["tool"])
+        slowest = [SLACK * target["seconds"] for target in record["before"]]
+        patience = max([SILENCE, *slowest])
+        targets = [_question(target) for target in record["targets"]]
+        now = guest.net("reach", patience, targets=targets)["reached"]
+        dropped_after = self._dropped(guest, record["tool"])
+        facts = {
+            "before": record["before"],
+            "now": now,
+            "in_force": dropped_after is not None,
+            "already": record["already"],
+            "dropped": (dropped_after or 0) - (dropped_before or 0),
+            "guest_answers": True,
+        }
+        problems = list(_problems(facts, record))
+        return Probe(not problems, facts, "; ".join(problems))
+
+    def undo(self, guest: Guest, record: EffectRecord) -> Undone:
+        """Remove our rules and nothing else; then what answered before must answer again."""
+        tools = [record["tool"]] if record else self._working(guest)
+        removed = all(guest.root(_TOOLS[tool].open()).ok for tool in tools)
+        facts: EffectRecord = {"removed": removed}
+        if not removed:
+            return Undone(False, facts, f"the rules of {' and '.join(tools)} could not be removed")
+        targets = [_question(target) for target in record.get("before", [])]
+        facts["now"] = []
+        if targets:
+            facts["now"] = guest.net("reach", PATIENCE, targets=targets)["reached"]
+        silent = _named(target for target in facts["now"] if not target["ok"])
+        return Undone(not silent, facts, f"still out of reach: {silent}" if silent else "")
+
+    def can_be_lifted(self, guest: Guest) -> bool:
+        """Return whether the rules lie inside, where root may remove them."""
+        return not guest.network_is_ours
+
+    def in_words(self, facts: Mapping[str, Any]) -> str:
+        """Return what answered before, and how many packets were dropped."""
+        who = " and ".join(_site(target) for target in facts["before"]) or "nothing"
+        answered = f"{who} answered before and do not now"
+        if facts["already"]:
+            answered = "was closed already"
+        return f"{answered}; our rules dropped {facts['dropped']} packets"
+
+    def undone_in_words(self, facts: Mapping[str, Any]) -> str:
+        """Return that the rules are gone, and whether what answered before answers again."""
+        again = ", what answered before answers again" if facts["now"] else ""
+        return f"our rules are gone{again}"
+
+    def _tool(self, guest: Guest) -> tuple[str, str]:
+        """Return the first tool that root may use, and what it lists.
+
+        Raises:
+            MissingCapabilityError: the guest lacks what it needs, which the message names.
+        """
+        said: list[str] = []
+        for name, tool in _TOOLS.items():
+            tried = guest.root(tool.listing)
+            if tried.ok:
+                return name, tried.output
+            said.append(f"{name}: {tried.error.strip()[-150:] or 'failed'}")
+        raise MissingCapabilityError(
+            "the guest's firewall is out of reach: neither nft nor iptables works as root"
+            f" ({'; '.join(said)})"
+        )
+
+    def _working(self, guest: Guest) -> list[str]:
+        found = [name for name, tool in _TOOLS.items() if guest.root(tool.listing).ok]
+        return found or [self._tool(guest)[0]]
+
+    def _dropped(self, guest: Guest, name: str) -> int | None:
+        """Return how many packets our rules have dropped; `None` if they are not in force."""
+        listing = guest.root(_TOOLS[name].count())
+        return rules.dropped(listing.output) if listing.ok else None
+
+
+def _problems(facts: EffectRecord, record: EffectRecord) -> Iterator[str]:
+    """Yield what keeps the facts of a probe from proving the effect."""
+    if record.get("error"):
+        yield f"the rules were refused: {record['error']}"
+    if not record["before"] and not record["already"]:
+        yield "the network was already down before, so this is not our doing"
+    reached = _named(target for target in facts["now"] if target["ok"])
+    if reached:
+        yield f"still reachable: {reached}"
+    if not facts["in_force"]:
+        yield "our rules are not in force"
+    elif facts["dropped"] < 1:
+        yield "our rules dropped nothing of what was tried"
+
+
+def _named(targets: Iterator[EffectRecord]) -> str:
+    return ", ".join(f"{target['kind']} {target['host']}" for target in targets)
+
+
+def _site(target: Mapping[str, Any]) -> str:
+    kind = "name server" if target["kind"] == "dns" else "site"
+    return f"{kind} {target['host']}"
+
+
+def _answering(reached: Sequence[EffectRecord]) -> list[EffectRecord]:
+    """Return what answered: one site, by its address, and the name server.
+
+    So no name needs to be looked up to ask again.
+    """
+    answering = [target for target in reached if target["ok"]]
+    sites = [target for target in answering if target["kind"] == "tcp"]
+    servers = [target for target in answering if target["kind"] == "dns"]
+    by_address = [{**target, "host": target["address"]} for target in sites[:1]]
+    return by_address + servers
+
+
+def _question(target: Mapping[str, Any]) -> EffectRecord:
+    return {key: target[key] for key in ("kind", "host", "port", "name") if key in target}
+
+
+def _addresses(params: Mapping[str, Any]) -> list[str]:
+    try:
+        return [address(text) for text in params.get("allow", ())]
+    except (ValueError, TypeError) as error:
+        given = params.get("allow")
+        raise EffectError(
+            f"firewall: allow must be a list of IP addresses, got {given!r:.200}: {error}"
+        ) from None
+
+
+def _sites(params: Mapping[str, Any]) -> list[tuple[str, int]]:
+    given = params.get("sites", SITES)
+    try:
+        return [(str(host), int(port)) for host, port in given] or list(SITES)
+    except (ValueError, TypeError):
+        raise EffectError(
+            f"firewall: sites must be a list of [host, port], got {given!r:.200}"
+        ) from None

@@ -1,0 +1,203 @@
+"""The parts for embedded desktops that this machine has and lacks, and how to add the latter."""
+
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from hijack_data import extras
+
+from .. import extra
+from ..errors import MissingPackageError
+from ..privilege import as_root
+from . import home, packages, registry
+from .handle import PACKAGES
+from .runtime import limits, rootless
+
+# Does in a few milliseconds what a desktop needs of the kernel, in a process of its own, and leaves
+# nothing.
+_PROBE = """
+import sys, tempfile, os
+sys.path.insert(0, sys.argv[1])
+from online_env.embedded.runtime import identity, kernel as k
+identity.make(0, False, ())
+k.unshare(k.CLONE_NEWNS | k.CLONE_NEWUTS | k.CLONE_NEWIPC | k.CLONE_NEWPID | k.CLONE_NEWNET)
+k.mount("none", "/", flags=k.MS_REC | k.MS_PRIVATE)
+place = sys.argv[2]
+k.mount("tmpfs", place, "tmpfs", 0, "size=1m")
+for name in ("up", "work", "root"):
+    os.mkdir(f"{place}/{name}")
+options = f"lowerdir=/,upperdir={place}/up,workdir={place}/work"
+k.mount("overlay", f"{place}/root", "overlay", 0, options)
+"""
+# The same without root.
+_ROOTLESS_PROBE = """
+import sys, os
+sys.path.insert(0, sys.argv[1])
+from online_env.embedded.runtime import identity, kernel as k, rootless
+rootless.enter()
+identity.make(0, True, ())
+k.unshare(k.CLONE_NEWUTS | k.CLONE_NEWIPC | k.CLONE_NEWPID)
+place = sys.argv[2]
+k.mount("tmpfs", place, "tmpfs", 0, "size=1m")
+for name in ("up", "work", "usr"):
+    os.mkdir(f"{place}/{name}")
+options = f"lowerdir=/usr,upperdir={place}/up,workdir={place}/work,userxattr"
+k.mount("overlay", f"{place}/usr", "overlay", 0, options)
+"""
+# Whether users inside can have numbers of their own on the machine.
+_SHIFT_PROBE = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from online_env.embedded.runtime import files, identity
+sys.exit(not identity.make(0, False, [*map(str, files.shown_folders()), *sys.argv[2:]]).base)
+"""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One finding.
+
+    Attributes:
+        name: of what was looked at.
+        ok: whether it is as it should be.
+        detail: what was found.
+        fix: the command that mends it; empty if there is none.
+        required: whether no desktop starts without it.
+    """
+
+    name: str
+    ok: bool
+    detail: str
+    fix: str = ""
+    required: bool = True
+
+
+def diagnose(profiles: Iterable[str] = ("web",)) -> list[Finding]:
+    """All findings; those of profiles that were not asked for are not `required`."""
+    wanted = {"core", *profiles}
+    wanted |= set(packages.PROFILES) if packages.ALL in wanted else set()
+    checks = [_system(), _root()]
+    checks += [_packages(name, name in wanted) for name in packages.PROFILES]
+    return [*checks, _modules(), _kernel(), _users(), _layer(), _limits(), _orphans()]
+
+
+def _system() -> Finding:
+    name = f"{platform.system()} {platform.release()}"
+    fix = "use a desktop of your own over HTTP (docs/bring_your_own_vm.md)"
+    return Finding(
+        "system", platform.system() == "Linux" and bool(shutil.which("apt-get")), name, fix
+    )
+
+
+def _root() -> Finding:
+    if os.geteuid() == 0:
+        return Finding("root", True, "you are root")
+    return Finding("root", False, rootless.LACKING, as_root("desktop", "..."), required=False)
+
+
+def _packages(profile: str, required: bool) -> Finding:
+    names = packages.PROFILES[profile]
+    try:
+        lacking = packages.missing(names)
+    except MissingPackageError as error:
+        return Finding(f"packages {profile}", False, str(error), required=required)
+    detail = (
+        f"{len(lacking)} of {len(names)} are missing: {' '.join(lacking)}"
+        if lacking
+        else f"{len(names)} installed"
+    )
+    return Finding(
+        f"packages {profile}",
+        not lacking,
+        detail,
+        f"hijack desktop install --profile {profile}",
+        required,
+    )
+
+
+def _modules() -> Finding:
+    lacking = extras.lacking(extra.DESKTOP)
+    detail = f"{len(extra.DESKTOP)} Python modules installed"
+    if lacking:
+        detail = f"missing: {' '.join(lacking)}"
+    return Finding("python", not lacking, detail, extras.remedy(extra.EXTRA))
+
+
+def _kernel() -> Finding:
+    place = Path(tempfile.mkdtemp(prefix="agenthijack-probe-"))
+    try:
+        probe = _PROBE if os.geteuid() == 0 else _ROOTLESS_PROBE
+        command = [sys.executable, "-I", "-S", "-c", probe, str(PACKAGES), str(place)]
+        done = subprocess.run(
+            command,
+            capture_output=True,
+            text=True,
+            timeout=20,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return Finding("namespaces", False, "the probe did not end within 20 s")
+    finally:
+        place.rmdir()
+    if done.returncode == 0:
+        return Finding("namespaces", True, "namespaces and overlay mounts work")
+    switch = rootless.switched_off()
+    fix = "in a container, start it with: docker run --privileged ..."
+    if os.geteuid() != 0:
+        fix = f"sudo {switch}" if switch else as_root("desktop", "...")
+    return Finding("namespaces", False, done.stderr.strip().splitlines()[-1], fix)
+
+
+def _layer() -> Finding:
+    path = home.layer_path()
+    detail = (
+        str(path) if path.is_dir() else "the golden home is not made yet (or is of another version)"
+    )
+    return Finding("golden home", path.is_dir(), detail, "hijack desktop install")
+
+
+def _limits() -> Finding:
+    found = {group.what: os.access(group.folder.parent, os.W_OK) for group in limits.groups("x")}
+    held = [what for what in limits.WHAT if found.get(what)]
+    lacking = [what for what in limits.WHAT if not found.get(what)]
+    parts = [f"control groups limit the {' and the '.join(held)} of a desktop"] if held else []
+    parts += [f"nothing limits the {' and the '.join(lacking)} of a desktop as a whole"] * bool(
+        lacking
+    )
+    return Finding("limits", not lacking, "; ".join(parts), required=False)
+
+
+def _users() -> Finding:
+    name = "users inside"
+    if os.geteuid() != 0:
+        return Finding(name, True, "the desktop's user is you, without rights outside")
+    layer = home.layer_path()
+    shown = [str(layer / "home")] if layer.is_dir() else []
+    command = [sys.executable, "-I", "-S", "-c", _SHIFT_PROBE, str(PACKAGES), *shown]
+    done = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        timeout=20,
+        check=False,
+    )
+    if done.returncode == 0:
+        return Finding(name, True, "have numbers that nobody has on this machine")
+    detail = (
+        "root inside has no rights outside, but its number: the kernel or a file system cannot map"
+    )
+    return Finding(
+        name, False, detail, "use Linux 5.19 or newer with /usr on ext4, xfs or btrfs", False
+    )
+
+
+def _orphans() -> Finding:
+    left = [record["id"] for record in registry.orphans()]
+    detail = f"left over: {', '.join(left)}" if left else "nothing left over"
+    return Finding("leftovers", not left, detail, "hijack desktop down --orphans", required=False)

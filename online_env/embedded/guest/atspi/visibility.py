@@ -1,0 +1,242 @@
+"""Which nodes of a tree are really on the screen.
+
+Applications do not know about stacking and minimised windows.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from hijack_data.types import Box
+
+from .reader import Application, AtspiNode
+from .states import CLIPPING, MENUS, SHOWING, TOP_LEVEL, VISIBLE
+
+SLACK = 4  # pixels by which a window's box on the bus may differ from that in X
+
+
+class SurfaceLike(Protocol):
+    """A top-level window on the screen (see `online_env.embedded.guest.windows.Surface`)."""
+
+    @property
+    def frame(self) -> Box:
+        """Its place with its decoration."""
+        ...
+
+    @property
+    def client(self) -> Box:
+        """Its place without it."""
+        ...
+
+    @property
+    def pid(self) -> int:
+        """The process that opened it."""
+        ...
+
+    @property
+    def popup(self) -> bool:
+        """Whether it is a menu or the like."""
+        ...
+
+    @property
+    def title(self) -> str:
+        """Its title."""
+        ...
+
+
+@dataclass(frozen=True)
+class _Nowhere:
+    """The window of nodes that have none; it is never on top."""
+
+    frame: Box = (0, 0, 0, 0)
+    client: Box = (0, 0, 0, 0)
+    pid: int = 0
+    popup: bool = False
+    title: str = ""
+
+
+_NOWHERE = _Nowhere()
+
+
+@dataclass(frozen=True, slots=True)
+class _Visit:
+    """A node to look at.
+
+    Attributes:
+        node: the node.
+        surface: the window that it is in, if it was recognised.
+        in_menu: whether it is in a menu.
+        clip: the part of the screen that its parents leave to it.
+    """
+
+    node: AtspiNode
+    surface: SurfaceLike | None
+    in_menu: bool
+    clip: Box
+
+
+class VisibilityFilter:
+    """Takes `showing` from the nodes that nobody sees and clips the boxes of the others.
+
+    A node is seen if the topmost window at its middle is its own: the window whose box it or a
+    parent of it has, or a popup if it is in a menu; if no window is recognised, any window of its
+    process.
+
+    Args:
+        surfaces: the windows on the screen, topmost first.
+        size: `(width, height)` of the screen in pixels.
+    """
+
+    def __init__(self, surfaces: list[SurfaceLike], size: tuple[int, int]) -> None:
+        self._surfaces = surfaces
+        self._screen: Box = (0, 0, *size)
+
+    def apply(self, application: Application) -> None:
+        """Go through the tree of an application; its nodes have their boxes."""
+        owners = {application.pid, _parent_of(application.pid)} - {0}
+        mine = [surface for surface in self._surfaces if surface.pid in owners]
+        is_told = _has_known_window(application, mine)
+        stack = [_Visit(application.root, None, False, self._screen)]
+        while stack:
+            visit = stack.pop()
+            node = visit.node
+            surface = visit.surface
+            part = visit.clip
+            if node.box is not None:
+                if node.role in TOP_LEVEL:
+                    surface = _window_of(node, mine, surface, is_told)
+                part = _common(_box(node), visit.clip)
+                self._mark(node, part, surface, visit.in_menu, mine)
+            below = self._clip_below(node, part, visit.clip)
+            in_menu = visit.in_menu or node.role in MENUS
+            stack += [_Visit(child, surface, in_menu, below) for child in node.children]
+
+    def _mark(
+        self,
+        node: AtspiNode,
+        part: Box,
+        surface: SurfaceLike | None,
+        in_menu: bool,
+        mine: list[SurfaceLike],
+    ) -> None:
+        """Note which part of a node is seen."""
+        if not self._is_seen(part, surface, in_menu, mine):
+            node.states &= ~SHOWING
+        elif part != _box(node):
+            x1, y1, x2, y2 = part
+            node.box = (x1, y1, x2 - x1, y2 - y1)
+
+    def _clip_below(
+        self,
+        node: AtspiNode,
+        part: Box,
+        clip: Box,
+    ) -> Box:
+        """The part of the screen that a node leaves to its children."""
+        if node.role in CLIPPING:
+            return part
+        if node.role in MENUS:
+            return self._screen
+        return clip
+
+    def _is_seen(
+        self,
+        box: Box,
+        surface: SurfaceLike | None,
+        in_menu: bool,
+        mine: list[SurfaceLike],
+    ) -> bool:
+        x1, y1, x2, y2 = box
+        if x2 <= x1 or y2 <= y1:
+            return False
+        top = self._top((x1 + x2) // 2, (y1 + y2) // 2)
+        if top is None or not any(top is one for one in mine):
+            return False
+        if in_menu:
+            return top.popup
+        return surface is None or top is surface
+
+    def _top(self, x: int, y: int) -> SurfaceLike | None:
+        for surface in self._surfaces:
+            x1, y1, x2, y2 = surface.frame
+            if x1 <= x < x2 and y1 <= y < y2:
+                return surface
+        return None
+
+
+def candidates(application: Application) -> list[AtspiNode]:
+    """The nodes that claim to be on the screen."""
+    found: list[AtspiNode] = []
+    stack = [application.root]
+    while stack:
+        node = stack.pop()
+        if node.states & SHOWING and node.states & VISIBLE:
+            found.append(node)
+        stack += node.children
+    return found
+
+
+def _has_known_window(application: Application, mine: list[SurfaceLike]) -> bool:
+    """Whether one of an application's top nodes is a window on the screen."""
+    for node in application.root.children:
+        if node.box is not None and _matching(mine, _box(node), node.name):
+            return True
+    return False
+
+
+def _window_of(
+    node: AtspiNode,
+    mine: list[SurfaceLike],
+    above: SurfaceLike | None,
+    is_told: bool,
+) -> SurfaceLike | None:
+    """The window that a top-level node is."""
+    found = _matching(mine, _box(node), node.name) or above
+    if found is None and is_told and not node.name:
+        # Chromium keeps windows for suggestions ready and does not show them
+        return _NOWHERE
+    return found
+
+
+def _box(node: AtspiNode) -> Box:
+    x, y, width, height = node.box or (0, 0, 0, 0)
+    return x, y, x + width, y + height
+
+
+def _matching(
+    surfaces: list[SurfaceLike],
+    box: Box,
+    name: str,
+) -> SurfaceLike | None:
+    """The window with a node's box; if several lie on one another, the one with its name."""
+    found = [surface for surface in surfaces if _fits(surface, box)]
+    for surface in found:
+        if surface.title == name:
+            return surface
+    return found[0] if found else None
+
+
+def _fits(surface: SurfaceLike, box: Box) -> bool:
+    return _is_close(surface.client, box) or _is_close(surface.frame, box)
+
+
+def _is_close(one: Box, other: Box) -> bool:
+    return all(abs(a - b) <= SLACK for a, b in zip(one, other, strict=True))
+
+
+def _common(one: Box, other: Box) -> Box:
+    x1 = max(one[0], other[0])
+    y1 = max(one[1], other[1])
+    x2 = min(one[2], other[2])
+    y2 = min(one[3], other[3])
+    return x1, y1, x2, y2
+
+
+def _parent_of(pid: int) -> int:
+    """The process that started `pid`: a panel shows the windows of its plug-ins as its own."""
+    try:
+        text = Path(f"/proc/{pid}/stat").read_text()
+        fields = text.rpartition(")")[2].split()
+        return int(fields[1])
+    except (OSError, ValueError, IndexError):
+        return 0

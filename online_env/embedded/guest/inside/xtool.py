@@ -1,0 +1,402 @@
+"""Windows and pointer of an X display, for effects."""
+
+import contextlib
+import json
+import time
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from Xlib import X
+from Xlib.ext import xtest
+
+from .ewmh import FULL_SCREEN, GONE, MAXIMISED, TICK, Screen, until
+from .ewmh import describe as describe_window
+
+FIXED = ("desktop", "dock")  # window types that are part of the desktop itself
+PAINT = 0x7B797D  # a colour that no application paints its windows with
+PAINT_BYTES = PAINT.to_bytes(3, "little")
+SAMPLES = 6  # a window is looked at where this many parts of its width and height meet
+PLACE = 3.0  # s for a window to get to its place
+KEY_PATIENCE = 0.2  # s in which a button would have changed
+CLOSE_PAUSE = 0.4  # s between two requests to close
+SAME = 20  # looks, `TICK` apart, at which a window that leaves the full screen must be the same
+
+Facts = dict[str, Any]
+
+
+def describe(screen: Screen, number: int) -> Facts | None:
+    """A window as JSON data, with its frame, smallest size, states and whose dialog it is."""
+    try:
+        found = describe_window(screen, number)
+        if found is None:
+            return None
+        window = screen.window(number)
+        left, top, right, bottom = screen.margins(window)
+        x1, y1, x2, y2 = found["box"]
+        hints = window.get_wm_normal_hints()
+        states = [
+            screen.display.get_atom_name(state) for state in screen.numbers(window, "_NET_WM_STATE")
+        ]
+        return {
+            **found,
+            "for": screen.number(window, "WM_TRANSIENT_FOR"),
+            "frame": [x1 - left, y1 - top, x2 + right, y2 + bottom],
+            "least": [hints.min_width, hints.min_height] if hints else [0, 0],
+            "states": [state.replace("_NET_WM_STATE_", "").lower() for state in states],
+        }
+    except GONE:
+        return None
+
+
+def listed(screen: Screen) -> list[Facts]:
+    """The managed windows, bottom to top."""
+    numbers = screen.numbers(screen.root, "_NET_CLIENT_LIST_STACKING")
+    if not numbers:
+        numbers = screen.numbers(screen.root, "_NET_CLIENT_LIST")
+    found = [describe(screen, number) for number in numbers]
+    return [window for window in found if window is not None]
+
+
+def visible(screen: Screen) -> list[int]:
+    """The application windows that are on the screen."""
+    return [w["id"] for w in listed(screen) if w["mapped"] and w["type"] not in FIXED]
+
+
+def state(screen: Screen) -> Facts:
+    """The windows bottom to top, and what else a plan for them needs."""
+    width, height = screen.size()
+    desk = screen.number(screen.root, "_NET_CURRENT_DESKTOP")
+    areas = screen.numbers(screen.root, "_NET_WORKAREA")
+    area = areas[4 * desk : 4 * desk + 4] or [0, 0, width, height]
+    return {
+        "windows": listed(screen),
+        "active": screen.active(),
+        "desktop_shown": screen.is_desktop_shown(),
+        "size": [width, height],
+        "area": [area[0], area[1], area[0] + area[2], area[1] + area[3]],
+        "pointer": _pointer(screen),
+        "managed": screen.has_manager(),
+    }
+
+
+def _pointer(screen: Screen) -> list[int]:
+    pointer = screen.root.query_pointer()
+    return [pointer.root_x, pointer.root_y]
+
+
+def minimise(screen: Screen, patience: float) -> Facts:
+    """Show the desktop; if the window manager cannot, minimise window by window."""
+    before = visible(screen)
+    active = screen.active()
+    if not screen.has_manager():
+        return {"managed": False}
+    already = screen.is_desktop_shown() and not before
+    supported = screen.numbers(screen.root, "_NET_SUPPORTED")
+    able = screen.atom("_NET_SHOWING_DESKTOP") in supported
+    if able:
+        screen.show_desktop(True)
+    else:
+        for number in before:
+            screen.minimise(screen.window(number))
+
+    def done() -> bool:
+        return not visible(screen) and (screen.is_desktop_shown() or not able)
+
+    until(done, patience)
+    return {
+        "managed": True,
+        "hidden": before,
+        "active": active,
+        "by": "show_desktop" if able else "each",
+        "already": already,
+    }
+
+
+def restore(
+    screen: Screen,
+    ids: "list[int] | None",
+    active: int,
+    patience: float,
+) -> Facts:
+    """Bring windows back, whatever hid them (`None`: all that are minimised).
+
+    Those that were closed since are left out.
+    """
+    if ids is None:
+        ids = [window["id"] for window in listed(screen) if _is_minimised(window)]
+    if screen.is_desktop_shown():
+        screen.show_desktop(False)
+    asked = set(ids)
+    wanted = [window["id"] for window in listed(screen) if window["id"] in asked]
+
+    def left() -> set[int]:
+        return set(wanted) - set(visible(screen))
+
+    until(lambda: not left(), patience / 2)
+    hidden = left()
+    again = [number for number in ids if number in hidden]
+    if active in wanted:
+        again.append(active)
+    for number in again:
+        screen.activate(screen.window(number))
+    until(lambda: not left(), patience / 2)
+    return {"restored": wanted, "left": sorted(left())}
+
+
+def _is_minimised(window: Facts) -> bool:
+    return "hidden" in window["states"] and window["type"] not in FIXED
+
+
+def await_window(
+    screen: Screen,
+    before: list[int],
+    classes: list[str],
+    patience: float,
+) -> Facts:
+    """Wait for a new application window that stays.
+
+    Args:
+        screen: where to look.
+        before: ids of the windows that are not new.
+        classes: the window's WM_CLASS contains one of these, in lower case.
+        patience: in seconds.
+    """
+
+    def is_wanted(window: Facts) -> bool:
+        if not window["mapped"] or window["type"] != "normal" or window["id"] in before:
+            return False
+        return any(name in window["class"].lower() for name in classes)
+
+    def newest() -> Facts | None:
+        return next((window for window in reversed(listed(screen)) if is_wanted(window)), None)
+
+    end = time.monotonic() + patience
+    while time.monotonic() < end:
+        window = until(newest, end - time.monotonic())
+        time.sleep(5 * TICK)  # a window that is only passing by has gone by then
+        again = describe(screen, window["id"]) if window else None
+        if again and again["mapped"]:
+            return {"window": again}
+    return {"window": None}
+
+
+def drawn(
+    screen: Screen,
+    number: int,
+    frames: dict[str, list[int]],
+    patience: float,
+) -> Facts:
+    """Give windows their places; tell whether new window `number` then draws itself.
+
+    Otherwise it only shows what was there: it is painted over and told to draw, and whatever hangs
+    or still loads leaves the paint where it is. `under` is what lay under each window that filled
+    the screen: its frame and its states without that.
+    """
+    under = place(screen, frames)["under"]
+    window = screen.window(number)
+    with contextlib.suppress(*GONE):
+        size = window.get_geometry()
+        pen = window.create_gc(foreground=PAINT, subwindow_mode=X.IncludeInferiors)
+        window.fill_rectangle(pen, 0, 0, size.width, size.height)
+        pen.free()
+    _expose(window)
+    screen.display.sync()
+    return {"drawn": bool(until(lambda: not _painted(window), patience)), "under": under}
+
+
+def _expose(window: Any) -> None:
+    with contextlib.suppress(*GONE):
+        window.clear_area(exposures=True)
+        for child in window.query_tree().children:
+            _expose(child)
+
+
+def _painted(window: Any) -> bool:
+    """Whether our paint is left on most of some points of a window."""
+    painted = 0
+    parts = range(1, SAMPLES)
+    try:
+        size = window.get_geometry()
+        for i in parts:
+            for j in parts:
+                x = size.width * i // SAMPLES
+                y = size.height * j // SAMPLES
+                pixel = window.get_image(x, y, 1, 1, X.ZPixmap, 0xFFFFFF).data
+                painted += bytes(pixel)[:3] == PAINT_BYTES
+    except GONE:
+        return False
+    return 2 * painted > len(parts) ** 2
+
+
+def place(
+    screen: Screen,
+    frames: dict[str, list[int]],
+    patience: float = PLACE,
+) -> Facts:
+    """Give windows (by number) their places; none stays maximised or full-screen.
+
+    A place is what a person sees of the window, xyxy.
+    """
+    under: Facts = {}
+    for number, frame in frames.items():
+        with contextlib.suppress(*GONE):
+            window = screen.window(int(number))
+            if screen.has(window, FULL_SCREEN):
+                under[number] = _leave_full_screen(screen, int(number), patience)
+            _place(screen, window, frame, patience)
+    return {"under": under}
+
+
+def _leave_full_screen(
+    screen: Screen,
+    number: int,
+    patience: float,
+) -> Facts | None:
+    """Return what a window is like without filling the screen.
+
+    Chromium first takes back the place that it had before, and may maximise itself a little later.
+    """
+    window = screen.window(number)
+    screen.switch(window, FULL_SCREEN, False)
+    until(lambda: not screen.has(window, FULL_SCREEN), patience / 2)
+    last: list[Any] = []
+
+    def rests() -> bool:
+        last.append([screen.box(window), screen.has(window, MAXIMISED)])
+        return len(last) > SAME and all(one == last[-1] for one in last[-SAME:])
+
+    until(rests, patience / 2)
+    found = describe(screen, number)
+    if found is None:
+        return None
+    return {"frame": found["frame"], "states": found["states"]}
+
+
+def _place(
+    screen: Screen,
+    window: Any,
+    frame: list[int],
+    patience: float,
+) -> None:
+    if screen.has(window, MAXIMISED):
+        screen.switch(window, MAXIMISED, False)
+        until(lambda: not screen.has(window, MAXIMISED), patience / 2)
+    left, top, right, bottom = screen.margins(window)
+    box = [frame[0] + left, frame[1] + top, frame[2] - right, frame[3] - bottom]
+    screen.move_to(window, box)
+    until(lambda: screen.box(window) == box, patience / 2)
+
+
+def maximise(screen: Screen, number: int) -> Facts:
+    """Maximise a window."""
+    screen.switch(screen.window(number), MAXIMISED, True)
+    return {}
+
+
+def fill(
+    screen: Screen,
+    number: int,
+    patience: float = PLACE,
+) -> Facts:
+    """Let a window fill the screen."""
+    window = screen.window(number)
+    screen.switch(window, FULL_SCREEN, True)
+    return {"filled": bool(until(lambda: screen.has(window, FULL_SCREEN), patience))}
+
+
+def activate(
+    screen: Screen,
+    number: int,
+    patience: float = PLACE,
+) -> Facts:
+    """Give a window the focus, if it is still there."""
+
+    def has_it() -> bool:
+        return screen.numbers(screen.root, "_NET_ACTIVE_WINDOW")[:1] == [number]
+
+    if number and not has_it() and number in (window["id"] for window in listed(screen)):
+        screen.activate(screen.window(number))
+        until(has_it, patience)
+    return {"active": has_it()}
+
+
+def close(
+    screen: Screen,
+    ids: Iterable[int],
+    patience: float,
+) -> Facts:
+    """Ask windows and the dialogs before them to close; tell which are still there."""
+    wanted = set(ids)
+    end = time.monotonic() + patience
+
+    def left() -> list[int]:
+        return [window["id"] for window in listed(screen) if {window["id"], window["for"]} & wanted]
+
+    numbers = left()
+    while numbers and time.monotonic() < end:
+        for number in reversed(numbers):
+            screen.ask_to_close(screen.window(number))
+        until(lambda: not left(), CLOSE_PAUSE)
+        numbers = left()
+    return {"left": left()}
+
+
+def move(
+    screen: Screen,
+    x: int,
+    y: int,
+) -> Facts:
+    """Move the pointer to a point."""
+    xtest.fake_input(screen.display, X.MotionNotify, x=x, y=y)
+    screen.display.sync()
+    return {"pointer": _pointer(screen)}
+
+
+def click(
+    screen: Screen,
+    number: int,
+    frame: list[int],
+) -> Facts:
+    """Click where the pointer is, if window `number` is still at `frame` (0: no matter).
+
+    `delivered` is the server's own account of the button before, during and after.
+    """
+    window = describe(screen, number) if number else None
+    if number and (window is None or window["frame"] != frame):
+        return {"moved": True}
+
+    def is_down() -> bool:
+        return bool(screen.root.query_pointer().mask & X.Button1Mask)
+
+    seen = [not is_down()]
+    for kind, down in ((X.ButtonPress, True), (X.ButtonRelease, False)):
+        xtest.fake_input(screen.display, kind, 1)
+        screen.display.sync()
+        # A window manager that raises on click holds the event back until it has done so.
+        seen.append(bool(until(lambda down=down: is_down() == down, KEY_PATIENCE)))
+    return {
+        "moved": False,
+        "pointer": _pointer(screen),
+        "delivered": all(seen),
+    }
+
+
+OPERATIONS: dict[str, Callable[..., Facts]] = {
+    "state": state,
+    "minimise": minimise,
+    "restore": restore,
+    "await_window": await_window,
+    "drawn": drawn,
+    "place": place,
+    "maximise": maximise,
+    "fill": fill,
+    "activate": activate,
+    "close": close,
+    "move": move,
+    "click": click,
+}
+
+
+def main(operation: str, fields: str) -> None:
+    """Carry out an operation with JSON `fields` on the default display, and print JSON."""
+    print(json.dumps(OPERATIONS[operation](Screen.open(), **json.loads(fields))))

@@ -1,0 +1,199 @@
+"""The controller's hold on one desktop: starts its keeper, waits for it, ends it."""
+
+import contextlib
+import json
+import os
+import select
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import IO, Any, cast
+
+from hijack_data.errors import ParameterError, suggest
+from hijack_data.types import Size, as_size
+
+from .. import extra
+from ..errors import DesktopError, DesktopTimeoutError, RootRequiredError
+from . import home, registry
+from .runtime import masks, session
+from .runtime.plain import DesktopConfig
+
+PACKAGES = Path(__file__).resolve().parents[2]
+_KEEPER = (
+    "import sys; sys.path.insert(0, sys.argv[1]); from online_env.embedded.runtime.keeper import"
+    " main; sys.exit(main(sys.argv[2]))"
+)
+SMALLEST = 200
+LARGEST = 8192
+
+
+def make_order(
+    size: Size = (1080, 1920),
+    name: str | None = None,
+    apps: tuple[str, ...] = (),
+    *,
+    osworld: bool = False,
+    lifeline: bool = True,
+    time_out: float = 60.0,
+) -> DesktopConfig:
+    """Check the options of a desktop, and order it.
+
+    A missing extra `online` is a `MissingDependencyError`.
+
+    Args:
+        size: (height, width) of the screen in pixels, 200 to 8192 each.
+        name: 1 to 20 of `a-z 0-9 -`; `None` for the next free one of d1, d2, ...
+        apps: applications that are open when the desktop counts as ready, names in `session.APPS`.
+        osworld: open OSWorld's routes without a token and let sudo work without a password.
+        lifeline: whether the desktop ends with this process.
+        time_out: seconds until it counts as failed.
+
+    Raises:
+        ParameterError: A value is out of range.
+        RootRequiredError: An option needs root.
+    """
+    height, width = as_size(size)
+    if not (SMALLEST <= height <= LARGEST and SMALLEST <= width <= LARGEST):
+        raise ParameterError(
+            f"size ({height}, {width}): each side of a desktop is {SMALLEST} to {LARGEST} pixels"
+        )
+    for app in apps:
+        if app not in session.APPS:
+            raise ParameterError(f"no application {app!r} to open{suggest(app, session.APPS)}")
+    if osworld and os.geteuid() != 0:
+        raise RootRequiredError(
+            "OSWorld's mode needs root: its tasks call sudo, and without root there is no other"
+            " user to become; run the same command with sudo"
+        )
+    extra.require("an embedded desktop")
+    me = os.getpid()
+    return DesktopConfig(
+        name=name,
+        screen=(width, height),
+        layer=str(home.ensure_layer()),
+        search_path=_search_path(),
+        python=sys.executable,
+        hidden=masks.hidden(),
+        apps=tuple(apps),
+        osworld=osworld,
+        rootless=os.geteuid() != 0,
+        lifeline=lifeline,
+        controller=(me, registry.process_start(me)) if lifeline else None,
+        time_out=time_out,
+    )
+
+
+class Handle:
+    """One desktop that this process started.
+
+    Attributes:
+        order: what it was asked to be.
+        record: its entry in the registry, once it is ready.
+    """
+
+    def __init__(self, order: DesktopConfig) -> None:
+        self.order = order
+        self.record: dict[str, Any] = {}
+        self._started = time.monotonic()
+        command = [sys.executable, "-I", "-S", "-c", _KEEPER, str(PACKAGES), order.to_json()]
+        self._keeper = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE if order.lifeline else subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            start_new_session=True,
+            cwd="/",
+        )
+        self._buffer = b""
+        self._end: str | None = None
+
+    def wait(self) -> dict[str, Any]:
+        """Wait until the desktop is ready and return its record.
+
+        If it cannot be built, it is a `DesktopError` with the reason; if nothing answers, a
+        `DesktopTimeoutError`.
+        """
+        if not self.record:
+            try:
+                self.record = self._first_report()
+            except BaseException:
+                self.close()
+                raise
+        return self.record
+
+    def ended(self) -> str | None:
+        """Why the desktop has ended by itself, or `None` while it runs."""
+        if self._end is None:
+            dead = bool(self.record) and not registry.alive(self.record["init"])
+            message = self._report(
+                2.0 if dead else 0.0
+            )  # its keeper needs some time to give the reason
+            if message is not None:
+                self._end = str(message.get("ended", message))
+            elif self._keeper.poll() is not None:
+                self._end = f"its keeper ended with exit code {self._keeper.returncode}"
+        return self._end
+
+    def gone(self) -> bool:
+        """Whether the keeper has ended, and so has cleared up."""
+        return self._keeper.poll() is not None
+
+    def close(self, wait: bool = True) -> None:
+        """End the desktop.
+
+        Args:
+            wait: until nothing is left of it. Otherwise its keeper clears up while the caller goes
+                on; call again to make sure.
+        """
+        if self._keeper.stdin is not None:
+            with contextlib.suppress(OSError):
+                self._keeper.stdin.close()
+        else:
+            self._keeper.terminate()
+        if not wait:
+            return
+        try:
+            self._keeper.wait(timeout=60)
+        except subprocess.TimeoutExpired:
+            self._keeper.kill()
+            self._keeper.wait()
+        cast("IO[bytes]", self._keeper.stdout).close()
+
+    def release(self) -> None:
+        """Let a desktop without lifeline live on after this process."""
+        cast("IO[bytes]", self._keeper.stdout).close()
+        self._keeper.returncode = 0  # it goes on on purpose: no warning about a running child
+
+    def _first_report(self) -> dict[str, Any]:
+        patience = self.order.time_out + 15 - (time.monotonic() - self._started)
+        message = self._report(max(0.0, patience))
+        if message is None:
+            raise DesktopTimeoutError(
+                f"the desktop's keeper said nothing within {self.order.time_out + 15:.0f} s"
+            )
+        if "ready" not in message:
+            raise DesktopError(f"the desktop did not start: {message.get('error', message)}")
+        return message["ready"]
+
+    def _report(self, patience: float) -> dict[str, Any] | None:
+        """The keeper's next line within `patience` seconds, or `None`."""
+        output = cast("IO[bytes]", self._keeper.stdout)
+        if output.closed:
+            return None
+        deadline = time.monotonic() + patience
+        while b"\n" not in self._buffer:
+            ready, _, _ = select.select([output], [], [], max(0.0, deadline - time.monotonic()))
+            if not ready:
+                return None
+            piece = os.read(output.fileno(), 65536)
+            if not piece:
+                return {
+                    "ended": f"its keeper ended (exit code {self._keeper.wait()}) and said nothing"
+                }
+            self._buffer += piece
+        line, _, self._buffer = self._buffer.partition(b"\n")
+        return json.loads(line)
+
+
+def _search_path() -> tuple[str, ...]:
+    return (str(PACKAGES), *(path for path in sys.path if Path(path).is_dir()))

@@ -1,0 +1,36 @@
+"""Which of the running desktops a command means."""
+
+import os
+from typing import Any
+
+from ..errors import UnknownDesktopError
+from ..privilege import as_root
+from . import registry
+from .desktop import EmbeddedDesktop
+
+
+def choose(name: str | None) -> dict[str, Any]:
+    """The record of `name`, or of the only desktop there is.
+
+    Raises:
+        UnknownDesktopError: There is no such desktop, or `name` is missing and several run.
+    """
+    records = {record["id"]: record for record in registry.records()}
+    if name is not None and name in records:
+        return records[name]
+    if name is None and len(records) == 1:
+        return next(iter(records.values()))
+    unknown = ""
+    if name is not None:
+        unknown = f": {name!r} is not one of them"
+    known = ", ".join(records) or "none (hijack desktop up starts one)"
+    others = ""
+    if os.geteuid() != 0:
+        others = f"; those of root: {as_root('desktop', 'list')}"
+    raise UnknownDesktopError(f"say which desktop{unknown}; there are: {known}{others}")
+
+
+def attach(name: str | None) -> EmbeddedDesktop:
+    """A connection to `name`, or to the only desktop there is; errors as in `choose`."""
+    record = choose(name)
+    return EmbeddedDesktop.attach(record["id"])

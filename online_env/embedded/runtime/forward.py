@@ -1,0 +1,227 @@
+"""The machine's way to a desktop: ports of its loopback interface.
+
+A process of the keeper's serves them. It stands on the machine; only the connection to a port of
+the desktop's is in the desktop's network. The desktop itself has no socket of the machine's and no
+interface that leads to it.
+
+Only the desktop's owner is let in; the kernel names the user who opened a connection.
+"""
+
+import contextlib
+import os
+import socket
+import sys
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn
+
+from ..registry import alive, process_start
+from . import kernel
+
+LOOPBACK = "127.0.0.1"
+# Inside: what OSWorld's clients reach beside the guest server: the browser's tools, and VLC's page.
+OSWORLD_PORTS = {"chromium": 9222, "vlc": 8080}
+CHUNK = 1 << 18
+_ESTABLISHED = "01"
+_REFUSAL = b"only the user who started this desktop (or root) may use it\n"
+_REFUSED = (
+    b"HTTP/1.1 403 Forbidden\r\nContent-Type: text/plain\r\nConnection: close\r\n"
+    b"Content-Length: %d\r\n\r\n%s" % (len(_REFUSAL), _REFUSAL)
+)
+
+
+class Owners:
+    """Who may connect: this process' user, root, and who became root by sudo.
+
+    Make it while this process is in the machine's network and user namespace.
+    """
+
+    def __init__(self) -> None:
+        self._allowed = {0, os.geteuid()}
+        if os.geteuid() == 0 and os.environ.get("SUDO_UID", "").isdigit():
+            self._allowed.add(int(os.environ["SUDO_UID"]))
+        # The kernel goes on showing the network of who opened them.
+        names = ("/proc/self/net/tcp", "/proc/self/net/tcp6")
+        self._tables = [os.open(name, os.O_RDONLY) for name in names if os.path.exists(name)]
+
+    def allow(self, caller: socket.socket) -> bool:
+        """Whether the other end of an accepted connection is one of them.
+
+        Only a connection that its owner holds counts: the kernel gives the others to root.
+        """
+        theirs = _shown(caller.getpeername())
+        ours = _shown(caller.getsockname())
+        for table in self._tables:
+            for row in _rows(table):
+                if row.is_between(theirs, ours):
+                    return row.inode != "0" and row.uid in self._allowed
+        return False
+
+
+@dataclass(frozen=True)
+class _Row:
+    """A connection in one of the kernel's tables."""
+
+    local: str
+    remote: str
+    state: str
+    uid: int
+    inode: str
+
+    def is_between(self, local: str, remote: str) -> bool:
+        """Whether it is open between these two addresses."""
+        if self.state != _ESTABLISHED:
+            return False
+        return self.local.endswith(local) and self.remote.endswith(remote)
+
+
+def _rows(table: int) -> "list[_Row]":
+    text = b""
+    piece = os.pread(table, CHUNK, 0)
+    while piece:
+        text += piece
+        piece = os.pread(table, CHUNK, len(text))
+    found: list[_Row] = []
+    for line in text.decode("ascii").splitlines()[1:]:
+        words = line.split()
+        found.append(_Row(words[1], words[2], words[3], int(words[7]), words[9]))
+    return found
+
+
+def _shown(address: tuple[str, int]) -> str:
+    """An IPv4 address and port as the kernel's tables have it, at the end of a mapped one, too."""
+    number = int.from_bytes(socket.inet_aton(address[0]), sys.byteorder)
+    return f"{number:08X}:{address[1]:04X}"
+
+
+@dataclass(frozen=True)
+class Port:
+    """A listening socket on the machine, and where it leads.
+
+    That is a path, or a port of the desktop's loopback interface.
+    """
+
+    listener: socket.socket
+    target: "str | int"
+
+
+def listen(host: str, wanted: int = 0) -> socket.socket:
+    """A listening socket on `host`: at port `wanted`, or any other if that is taken.
+
+    Raises:
+        OSError: There is no such address.
+    """
+    try:
+        return socket.create_server((host, wanted), backlog=128)
+    except OSError:
+        if not wanted:
+            raise
+        return socket.create_server((host, 0), backlog=128)
+
+
+def start(
+    ports: "list[Port]",
+    owners: Owners,
+    network: Path,
+) -> int:
+    """Fork the process that serves `ports`; it ends with this process.
+
+    Args:
+        ports: to serve.
+        owners: the users who may connect.
+        network: of the desktop.
+
+    Returns:
+        Its number.
+    """
+    parent = (os.getpid(), process_start(os.getpid()))
+    pid = os.fork()
+    if pid:
+        for port in ports:
+            port.listener.close()
+        return pid
+    _serve(ports, owners, network, parent)
+
+
+def _serve(
+    ports: "list[Port]",
+    owners: Owners,
+    network: Path,
+    parent: tuple[int, int],
+) -> NoReturn:
+    try:
+        kernel.die_with_parent()
+        if not alive(parent):
+            os._exit(1)
+        os.setsid()
+        for descriptor in (0, 1):  # the lifeline and the reports are the keeper's
+            os.dup2(os.open("/dev/null", os.O_RDWR), descriptor)
+        threads = [threading.Thread(target=_attend, args=(port, owners, network)) for port in ports]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    finally:
+        os._exit(1)
+
+
+def _attend(
+    port: Port,
+    owners: Owners,
+    network: Path,
+) -> None:
+    if isinstance(port.target, int):
+        # This thread, and those that it starts. A socket of the others has its path in the list of
+        # the network that it was made in.
+        kernel.join_namespace(str(network), kernel.CLONE_NEWNET)
+    while True:
+        caller, _ = port.listener.accept()
+        work = (caller, port.target, owners)
+        threading.Thread(
+            target=_connect,
+            args=work,
+            daemon=True,
+        ).start()
+
+
+def _connect(
+    caller: socket.socket,
+    target: "str | int",
+    owners: Owners,
+) -> None:
+    with caller, contextlib.suppress(OSError):
+        caller.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        if not owners.allow(caller):
+            caller.sendall(_REFUSED)
+            caller.shutdown(socket.SHUT_WR)
+            caller.recv(CHUNK)  # otherwise its request makes the answer be thrown away
+            return
+        with _reach(target) as desktop:
+            back = threading.Thread(
+                target=_pump,
+                args=(desktop, caller),
+                daemon=True,
+            )
+            back.start()
+            _pump(caller, desktop)
+            back.join()
+
+
+def _reach(target: "str | int") -> socket.socket:
+    if isinstance(target, int):
+        return socket.create_connection((LOOPBACK, target), timeout=None)
+    other = socket.socket(socket.AF_UNIX)
+    other.connect(target)
+    return other
+
+
+def _pump(source: socket.socket, sink: socket.socket) -> None:
+    """Pass on the bytes of `source` until it ends, and then that it has ended."""
+    with contextlib.suppress(OSError):
+        data = source.recv(CHUNK)
+        while data:
+            sink.sendall(data)
+            data = source.recv(CHUNK)
+    with contextlib.suppress(OSError):
+        sink.shutdown(socket.SHUT_WR)

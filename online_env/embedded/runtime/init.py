@@ -1,0 +1,347 @@
+"""The first process inside a desktop.
+
+It builds the file system, starts the session, reaps, and starts again programs that ended. It is
+forked by the keeper (keeper.py) into new namespaces; when it ends, the kernel ends everything
+inside.
+"""
+
+import os
+import select
+import signal
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import NoReturn, TypeVar
+
+from .. import windows
+from . import account, files, kernel, limits, seccomp, session
+from .framebuffer import Doors
+from .identity import Identity
+from .nest import Nest
+from .plain import DesktopConfig, SetupError
+
+Found = TypeVar("Found")
+NEST = "nest"
+GUEST = "guest"
+SERVERS = ("Xvfb", "dbus-daemon")  # nothing works without them, and nothing can go on after them
+# So often may one program die within a minute before the desktop is given up.
+RESTARTS = 8
+WINDOW = 60.0
+FAMILY_LOCAL = 256
+FAMILY_WILD = 65535
+
+
+class Init:
+    """Process 1 of one desktop.
+
+    Args:
+        order: what to build.
+        folder: the desktop's run folder on the machine.
+        token: what clients of the guest server must show.
+        identity: who the processes inside are.
+        doors: the memory to draw in, and sockets to serve.
+    """
+
+    def __init__(
+        self,
+        order: DesktopConfig,
+        folder: Path,
+        token: str,
+        identity: Identity,
+        doors: Doors,
+    ) -> None:
+        self.order = order
+        self.folder = folder
+        self.token = token
+        self.identity = identity
+        self.doors = doors
+        # Attached nowhere: who looks at the descriptors of a program sees no path of the machine's.
+        self.logs = kernel.open_tree(str(folder / "logs"))
+        self.environment = session.environment() | order.environment
+        self.deadline = time.monotonic() + order.time_out
+        self.running: dict[int, str] = {}
+        self.commands: dict[str, tuple[str, ...]] = {}
+        self.deaths: dict[str, list[float]] = {}
+
+    def run(self, ready: Callable[[], None]) -> NoReturn:
+        """Build, start, call `ready`, then watch for ever.
+
+        A part that does not come up is a `SetupError`.
+        """
+        kernel.rename("init")
+        self.nest = Nest(self.order, self.identity, self._open_log)
+        self.running[self.nest.pid] = NEST
+        kernel.unshare(kernel.CLONE_NEWNS)
+        files.enter_root(self.order, self.identity, self.folder)
+        self._ask_nest(self.nest.follow)
+        kernel.set_host_name(account.HOST_NAME)
+        self.identity.enter()
+        kernel.forbid_reading()
+        kernel.die_with_parent()  # again: who becomes another forgets it
+        seccomp.forbid()
+        self._write_authority()
+        self._start_servers()
+        self._start_session()
+        ready()
+        if not self.order.rootless:
+            for name, program in session.LATE.items():
+                self.start(name, program.argv)
+        self._watch()
+
+    def start(
+        self,
+        name: str,
+        argv: tuple[str, ...],
+        kept: tuple[int, ...] = (),
+        again: bool = True,
+    ) -> int:
+        """Start a program of the session with its own log and the descriptors `kept`.
+
+        With `again` it is started again when it ends.
+        """
+        pid = os.fork()
+        if pid == 0:
+            self._become(name, argv, kept)
+        self.running[pid] = name
+        if again:
+            self.commands[name] = argv
+        return pid
+
+    def _become(
+        self,
+        name: str,
+        argv: tuple[str, ...],
+        kept: tuple[int, ...],
+    ) -> NoReturn:
+        try:
+            os.setsid()
+            log = self._open_log(name)
+            os.dup2(os.open("/dev/null", os.O_RDONLY), 0)
+            os.dup2(log, 1)
+            os.dup2(log, 2)
+            for descriptor in kept:
+                os.set_inheritable(descriptor, True)
+            limits.limit_process(self.order)
+            self.identity.become_user()
+            os.chdir(account.HOME)
+            signal.signal(signal.SIGPIPE, signal.SIG_DFL)
+            os.execvpe(argv[0], argv, self.environment)
+        except OSError as error:
+            os.write(2, f"{argv[0]} does not start: {error}\n".encode())
+        finally:
+            os._exit(127)
+
+    def _open_log(self, name: str) -> int:
+        flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND
+        return os.open(f"{name}.log", flags, 0o600, dir_fd=self.logs)
+
+    def _write_authority(self) -> None:
+        authority = os.open(session.AUTHORITY, os.O_WRONLY | os.O_CREAT, 0o600)
+        os.write(authority, _authority_entries())
+        if not self.order.rootless:
+            os.fchown(authority, account.UID, account.UID)
+        os.close(authority)
+
+    def _start_servers(self) -> None:
+        """Start the display and the bus side by side, and wait until both answer."""
+        framebuffer = self.doors.framebuffer
+        framebuffer.show(Path(session.SCREEN_FOLDER))
+
+        def display_server(report: int) -> tuple[str, ...]:
+            return session.display_server(self.order.screen, report)
+
+        readers = {
+            "Xvfb": self._start_server("Xvfb", display_server, (framebuffer.memory,)),
+            "dbus-daemon": self._start_server("dbus-daemon", session.session_bus),
+        }
+        for name, reader in readers.items():
+            self._read(reader, name, f"{name} to answer")
+            os.close(reader)
+
+    def _start_server(
+        self,
+        name: str,
+        command: Callable[[int], tuple[str, ...]],
+        kept: tuple[int, ...] = (),
+    ) -> int:
+        reader, writer = os.pipe()
+        self.start(name, command(writer), (writer, *kept), again=False)
+        os.close(writer)
+        return reader
+
+    def _start_session(self) -> None:
+        apps = {name: session.APPS[name] for name in self.order.apps}
+        serving = self._start_guest()
+        for name, program in session.SHELL.items():
+            self.start(name, program.argv)
+        programs = [*session.SHELL.values(), *apps.values()]
+        wanted = [program.window for program in programs if program.window]
+        named = [windows.MANAGER, *wanted]
+        reader, writer = os.pipe()
+        self._ask_nest(lambda: self.nest.show_windows(named, self.environment, writer))
+        os.close(writer)
+        seen = self._await(reader, {windows.MANAGER}, set())
+        for name, program in apps.items():
+            self.start(name, program.argv, again=False)
+        self._await(reader, set(wanted), seen)
+        os.close(reader)
+        self._guest_started()
+        self._read(serving, "guest", "the guest server to answer")
+        os.close(serving)
+
+    def _await(
+        self,
+        reader: int,
+        wanted: set[str],
+        seen: set[str],
+    ) -> set[str]:
+        while not wanted <= seen:
+            left = ", ".join(sorted(wanted - seen))
+            seen |= set(self._read(reader, "windows", f"the window of {left}").split())
+        return seen
+
+    def _read(
+        self,
+        reader: int,
+        name: str,
+        what: str,
+    ) -> str:
+        """Read whole lines: Xvfb dies when the pipe closes before its second write.
+
+        Raises:
+            SetupError: They do not come in time.
+        """
+        text = ""
+        while not text.endswith("\n"):
+            left = max(0.0, self.deadline - time.monotonic())
+            ready, _, _ = select.select([reader], [], [], left)
+            piece = os.read(reader, 4096).decode() if ready else ""
+            if not piece:
+                raise self._not_read(name, what, has_ended=bool(ready))
+            text += piece
+        return text
+
+    def _not_read(
+        self,
+        name: str,
+        what: str,
+        has_ended: bool,
+    ) -> SetupError:
+        waited = f"waited {self.order.time_out:.0f} s in vain"
+        looks = 1
+        if has_ended:
+            waited = "stopped waiting"
+            looks = 50  # a server that closed its pipe may take a little to be gone
+        for _ in range(looks):
+            self._blame_servers()
+            time.sleep(0.02)
+        return SetupError(f"{waited} for {what}; {self._tail(name)}")
+
+    def _blame_servers(self) -> None:
+        """Check that the display and the bus run: their end is the reason for what followed.
+
+        Raises:
+            SetupError: One of them has ended.
+        """
+        for pid, name in self.running.items():
+            if name in (*SERVERS, NEST) and os.waitpid(pid, os.WNOHANG)[0]:
+                raise SetupError(f"{name} ended; {self._tail(name)}")
+
+    def _start_guest(self) -> int:
+        """Have a guest server started; returns a pipe that has a line once it serves."""
+        secret, told = os.pipe()
+        serving, writer = os.pipe()
+        os.write(told, self.token.encode())
+        os.close(told)
+        doors = (self.doors.guest.fileno(), self.doors.framebuffer.door.fileno(), secret, writer)
+        self._ask_nest(lambda: self.nest.serve(self.environment, self.order.osworld, doors))
+        for descriptor in (secret, writer):
+            os.close(descriptor)
+        return serving
+
+    def _guest_started(self) -> None:
+        patience = max(20.0, self.deadline - time.monotonic())
+        self.running[self._ask_nest(lambda: self.nest.started(patience))] = GUEST
+
+    def _ask_nest(self, ask: "Callable[[], Found]") -> "Found":
+        try:
+            return ask()
+        except OSError as error:
+            reason = f"what starts the guest server does not answer ({error})"
+            raise SetupError(f"{reason}; {self._tail(NEST)}") from None
+
+    def _tail(self, name: str) -> str:
+        try:
+            descriptor = os.open(f"{name}.log", os.O_RDONLY, dir_fd=self.logs)
+            with open(descriptor, "rb") as handle:
+                text = handle.read()[-800:].decode("utf-8", "replace").strip()
+        except OSError:
+            return f"it left no log {name}.log"
+        return f"the end of {name}.log: {text or '(empty)'}"
+
+    def _watch(self) -> NoReturn:
+        while True:
+            pid, status = os.wait()
+            name = self.running.pop(pid, None)
+            if name in SERVERS:
+                raise SetupError(
+                    f"{name} ended ({_how(status)}), and with it the desktop; {self._tail(name)}"
+                )
+            if name == NEST:
+                raise SetupError(f"what starts the guest server ended; {self._tail(NEST)}")
+            if name == GUEST or name in self.commands:
+                self._again(name, status)
+
+    def _again(self, name: str, status: int) -> None:
+        now = time.monotonic()
+        before = self.deaths.get(name, [])
+        recent = [death for death in before if now - death < WINDOW]
+        recent.append(now)
+        self.deaths[name] = recent
+        if len(recent) > RESTARTS:
+            raise SetupError(
+                f"{name} ended {len(recent)} times within {WINDOW:.0f} s ({_how(status)});"
+                f" {self._tail(name)}"
+            )
+        if len(recent) > 1:
+            time.sleep(0.1)
+        if name != GUEST:
+            self.start(name, self.commands[name])
+            return
+        os.close(self._start_guest())
+        self._guest_started()
+
+
+def _how(status: int) -> str:
+    code = os.waitstatus_to_exitcode(status)
+    return f"signal {-code}" if code < 0 else f"exit code {code}"
+
+
+def _authority_entries() -> bytes:
+    """Xauthority entries for this host's name and for any.
+
+    python-xlib finds only the first, libX11 (family "wild") the second.
+    """
+    cookie = os.urandom(16)
+    number = session.DISPLAY.lstrip(":").encode()
+    named = _authority_entry(FAMILY_LOCAL, account.HOST_NAME.encode(), number, cookie)
+    return named + _authority_entry(FAMILY_WILD, b"", b"", cookie)
+
+
+def _authority_entry(
+    family: int,
+    host: bytes,
+    display: bytes,
+    cookie: bytes,
+) -> bytes:
+    entry = family.to_bytes(2, "big")
+    for field in (host, display, b"MIT-MAGIC-COOKIE-1", cookie):
+        entry += len(field).to_bytes(2, "big") + field
+    return entry
+
+
+def quit_on_signals() -> None:
+    """Process 1 has no default actions: without this a polite SIGTERM would do nothing."""
+    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, lambda *_: sys.exit(0))

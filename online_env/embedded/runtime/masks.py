@@ -1,0 +1,74 @@
+"""The folders of this machine that no desktop may show: how agents are judged, and their records.
+
+A desktop is laid over the machine's /usr, /etc, /var and /opt. Our packages, the clone, the golden
+layers and the folder of a run are covered if they lie in there. Code that writes records of
+episodes names its folder: `hide`.
+"""
+
+import importlib.metadata
+import importlib.util
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from hijack_data.extras import DISTRIBUTION
+
+from .. import home
+
+PACKAGES = ("hijack_data", "online_env", "pipelines")
+_given: dict[str, None] = {}
+
+
+def hide(path: str | os.PathLike[str]) -> None:
+    """Show a folder in no desktop that this process starts from now on.
+
+    A standby desktop that was started before is replaced.
+
+    Args:
+        path: the folder; it may come into being later.
+    """
+    _given[os.path.realpath(os.fspath(path))] = None
+
+
+def hidden() -> tuple[str, ...]:
+    """All absolute paths to cover: our own, and those that were given to `hide`."""
+    own = [os.path.realpath(os.fspath(path)) for path in _own()]
+    return tuple(dict.fromkeys([*own, *_given]))
+
+
+def _own() -> Iterator[str | Path]:
+    yield home.PARENT
+    yield home.ROOTS
+    # What was made for this project holds nothing that a desktop needs: a virtual environment, a
+    # clone.
+    if sys.prefix != sys.base_prefix:
+        yield sys.prefix
+    for name in PACKAGES:
+        for place in _places(name):
+            clone = Path(place).parent
+            is_clone = (clone / "pyproject.toml").exists()
+            yield clone if is_clone else place
+    yield from _installed()
+
+
+def _places(name: str) -> list[str]:
+    """The folders of a package."""
+    spec = importlib.util.find_spec(name)
+    if spec is None:
+        return []
+    return list(spec.submodule_search_locations or ())
+
+
+def _installed() -> Iterator[Path]:
+    """The files that an installation puts beside the packages: its metadata, and the commands."""
+    try:
+        files = importlib.metadata.distribution(DISTRIBUTION).files or ()
+    except importlib.metadata.PackageNotFoundError:
+        return
+    for file in files:
+        place = Path(str(file.locate()))
+        if file.parts[0].endswith(".dist-info"):
+            yield place.parent
+        elif file.parts[0] not in PACKAGES:
+            yield place

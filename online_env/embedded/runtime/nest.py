@@ -1,0 +1,217 @@
+"""The process that starts guest servers; it has loaded all of one before it comes into the desktop.
+
+Process 1 forks it while both can see the machine's files. It loads the guest server, follows
+process 1 into the desktop's file system, and forks there what it is asked for. So no Python,
+package or path of ours has to be shown inside, not even to root; and a guest server that has died
+is there again at once.
+"""
+
+import gc
+import json
+import os
+import signal
+import socket
+import sys
+import traceback
+from collections.abc import Callable, Iterable, Mapping
+from typing import NoReturn
+
+from . import kernel, limits, seccomp, session
+from .identity import Identity
+from .plain import DesktopConfig
+
+MOST = 4096
+SERVER = "desktop-server"  # how a guest server is called in lists of processes
+
+
+class Nest:
+    """Process 1's hold on it.
+
+    Args:
+        order: of the desktop.
+        identity: of the desktop's processes.
+        log: opens the log of a program by its name.
+
+    All methods raise `OSError` where it has ended.
+    """
+
+    def __init__(
+        self,
+        order: DesktopConfig,
+        identity: Identity,
+        log: Callable[[str], int],
+    ) -> None:
+        self._line, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self.pid = os.fork()
+        if self.pid == 0:
+            self._line.close()
+            _Nursery(order, identity, theirs, log).run()
+        theirs.close()
+
+    def follow(self) -> None:
+        """Have it come into this process' file system."""
+        own = os.open("/proc/self/ns/mnt", os.O_RDONLY | os.O_CLOEXEC)
+        self._send({}, [own])
+        os.close(own)
+
+    def show_windows(
+        self,
+        wanted: Iterable[str],
+        environment: Mapping[str, str],
+        out: int,
+    ) -> None:
+        """Have it report on windows to the descriptor `out` (see windows.py)."""
+        self._send({"windows": list(wanted), "environment": dict(environment)}, [out])
+
+    def serve(
+        self,
+        environment: Mapping[str, str],
+        osworld: bool,
+        descriptors: tuple[int, int, int, int],
+    ) -> None:
+        """Have it start a guest server, which becomes a child of process 1.
+
+        `started` gives its number.
+        The `descriptors` are: a listening socket for requests, one to freeze the screen by, the
+        reading end of a pipe with the token, and a pipe that gets a line when it serves.
+        """
+        what = {"serve": osworld, "environment": dict(environment)}
+        self._send(what, list(descriptors))
+
+    def started(self, patience: float) -> int:
+        """The number of the process that `serve` asked for, which may take `patience` seconds.
+
+        Raises:
+            ConnectionError: There is none.
+        """
+        self._line.settimeout(patience)
+        text = self._line.recv(MOST)
+        self._line.settimeout(None)
+        if not text:
+            raise ConnectionError("it said nothing")
+        return int(text)
+
+    def _send(self, what: Mapping[str, object], descriptors: list[int]) -> None:
+        socket.send_fds(self._line, [json.dumps(what).encode()], descriptors)
+
+
+class _Nursery:
+    """The process itself."""
+
+    def __init__(
+        self,
+        order: DesktopConfig,
+        identity: Identity,
+        line: socket.socket,
+        log: Callable[[str], int],
+    ) -> None:
+        self.order = order
+        self.identity = identity
+        self.line = line
+        self.log = log
+
+    def run(self) -> NoReturn:
+        try:
+            kernel.rename("session")
+            self._to_log("nest")
+            self.identity.give_open(2, 0)  # process 1 reads it
+            self._load()
+            self._come_in()
+            while True:
+                self._once()
+        finally:  # whatever happened, it must not go on as a second process 1
+            _end()
+
+    def _load(self) -> None:
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+            signal.signal(number, signal.SIG_DFL)
+        os.environ["OPENBLAS_NUM_THREADS"] = "1"  # no threads: they would not survive a fork
+        sys.path[:0] = self.order.search_path
+        from ..guest import __main__ as guest
+        from ..guest import preload
+
+        preload.everything()
+        self.guest = guest
+        gc.freeze()
+
+    def _come_in(self) -> None:
+        _, (namespace,) = self._receive()
+        kernel.join(namespace, kernel.CLONE_NEWNS)
+        os.close(namespace)
+        self.identity.enter()
+        kernel.forbid_reading()
+        seccomp.forbid()
+
+    def _receive(self) -> tuple[dict[str, object], list[int]]:
+        text, descriptors, _, _ = socket.recv_fds(self.line, MOST, 4)
+        if not text:
+            raise EOFError
+        return json.loads(text), list(descriptors)
+
+    def _once(self) -> None:
+        what, descriptors = self._receive()
+        reader, writer = os.pipe()
+        between = os.fork()
+        if between == 0:
+            # Its parent ends at once, so that process 1 inherits it and knows of its end.
+            child = os.fork()
+            if child == 0:
+                os.close(reader)
+                os.close(writer)
+                self._become(what, descriptors)
+            os.write(writer, str(child).encode())
+            os._exit(0)
+        os.close(writer)
+        os.waitpid(between, 0)
+        child_text = os.read(reader, 32)
+        for descriptor in (reader, *descriptors):
+            os.close(descriptor)
+        if "serve" in what:
+            self.line.send(child_text)
+
+    def _become(self, what: dict[str, object], descriptors: list[int]) -> NoReturn:
+        try:
+            os.setsid()
+            self._to_log("guest" if "serve" in what else "windows")
+            kernel.rename(SERVER)
+            limits.limit_process(self.order)
+            self.identity.become_user()
+            kernel.forbid_reading()
+            close_others({0, 1, 2, *descriptors})
+            os.environ.clear()
+            os.environ.update(what["environment"])  # type: ignore[call-overload]
+            os.chdir(session.HOME)
+            if "serve" not in what:
+                from .. import windows
+
+                windows.report(descriptors[0], what["windows"])  # type: ignore[arg-type]
+                os._exit(0)
+            requests, freeze, token, ready = map(str, descriptors)
+            arguments = ["--host", "", "--listen", requests, "--freeze", freeze]
+            arguments += ["--token-from", token, "--ready", ready]
+            arguments += ["--osworld"] if what["serve"] else []
+            os._exit(self.guest.main(arguments))
+        finally:
+            _end()
+
+    def _to_log(self, name: str) -> None:
+        log = self.log(name)
+        for target, source in ((0, os.open("/dev/null", os.O_RDONLY)), (1, log), (2, log)):
+            os.dup2(source, target)
+
+
+def _end() -> NoReturn:
+    """End this process at once; what went wrong is in its log."""
+    if sys.exc_info()[0] is not None:
+        traceback.print_exc()
+    sys.stderr.flush()
+    os._exit(1)
+
+
+def close_others(kept: set[int]) -> None:
+    """Close all descriptors of this process but `kept`."""
+    low = 0
+    for descriptor in [*sorted(kept), os.sysconf("SC_OPEN_MAX")]:
+        if low < descriptor:  # of an empty range from 0 the system makes all there are
+            os.closerange(low, descriptor)
+        low = descriptor + 1

@@ -1,0 +1,133 @@
+"""The network of one desktop: two namespaces and a cable (veth).
+
+    ah-<id>  eth0 10.77.0.2/24 --- web0 10.77.0.1/24  ah-<id>-web
+
+There is no way to the machine or the real network. Over `eth0` the desktop reaches its local
+internet. Neither namespace has an address or an interface of the machine's: requests for the guest
+server come over a socket in the file system (forward.py). Both belong to the machine's user
+namespace, or without root to the keeper's: root inside has no rights over them, so it can neither
+change them nor send frames of its own making.
+"""
+
+import contextlib
+import os
+import subprocess
+from collections.abc import Iterable
+from pathlib import Path
+
+from . import kernel
+from .plain import SetupError
+
+NETNS = Path("/run/netns")
+WEB_ADDRESS = "10.77.0.1"
+DESKTOP_ADDRESS = "10.77.0.2"
+# For who enters the desktop's network: servers on low ports need no rights, nor does `ping`.
+_SETTINGS = {"ip_unprivileged_port_start": "0", "ping_group_range": "0 4294967294"}
+
+
+def desktop_namespace(name: str) -> str:
+    """The network namespace that the desktop's processes live in."""
+    return f"ah-{name}"
+
+
+def web_namespace(name: str) -> str:
+    """The network namespace that its local internet lives in."""
+    return f"ah-{name}-web"
+
+
+def address(slot: int) -> str:
+    """An address of the machine's loopback interface for the desktop in `slot`."""
+    return f"127.199.{slot // 256}.{slot % 256}"
+
+
+def create(name: str) -> None:
+    """Make the namespaces and the cable; raises `SetupError` with what `ip` said."""
+    desktop = desktop_namespace(name)
+    web = web_namespace(name)
+    _batch([f"netns add {desktop}", f"netns add {web}"])
+    _batch(
+        [
+            "link set lo up",
+            f"link add eth0 type veth peer name web0 netns {web}",
+            f"addr add {DESKTOP_ADDRESS}/24 dev eth0",
+            "link set eth0 up",
+            f"route add default via {WEB_ADDRESS}",
+        ],
+        desktop,
+    )
+    _batch(
+        [
+            "link set lo up",
+            f"addr add {WEB_ADDRESS}/24 dev web0",
+            "link set web0 up",
+            "route add unreachable default",
+        ],
+        web,
+    )
+
+
+def enter(name: str) -> None:
+    """Enter the desktop's network for good, and set there what programs inside expect."""
+    _enter(desktop_namespace(name))
+    for setting, value in _SETTINGS.items():
+        with contextlib.suppress(OSError):  # without root there is but one group
+            Path("/proc/sys/net/ipv4", setting).write_text(value, encoding="ascii")
+
+
+def remove(name: str) -> None:
+    """Remove what `create` made, as far as it is there."""
+    there = [n for n in (desktop_namespace(name), web_namespace(name)) if (NETNS / n).exists()]
+    if there:
+        _run(
+            ["ip", "-force", "-batch", "-"], _lines(f"netns del {n}" for n in there), may_fail=True
+        )
+
+
+def leftovers(known: set[str]) -> list[str]:
+    """Desktops (by name) that have a network namespace but are not in `known`."""
+    with contextlib.suppress(FileNotFoundError):
+        names = {
+            p.name.removeprefix("ah-").removesuffix("-web")
+            for p in NETNS.iterdir()
+            if p.name.startswith("ah-")
+        }
+        return sorted(names - known)
+    return []
+
+
+def _batch(lines: list[str], namespace: str | None = None) -> None:
+    _run(["ip", *(["-n", namespace] if namespace else []), "-batch", "-"], _lines(lines))
+
+
+def _lines(lines: Iterable[str]) -> str:
+    return "".join(f"{line}\n" for line in lines)
+
+
+def _run(
+    argv: list[str],
+    text: str = "",
+    may_fail: bool = False,
+) -> None:
+    environment = {**os.environ, "PATH": f"{os.environ.get('PATH', '')}:/usr/sbin:/sbin"}
+    try:
+        done = subprocess.run(
+            argv,
+            input=text,
+            capture_output=True,
+            text=True,
+            timeout=20,
+            env=environment,
+            check=False,
+        )
+    except FileNotFoundError:
+        raise SetupError(f"{argv[0]} is not installed; run: hijack desktop doctor") from None
+    except subprocess.TimeoutExpired:
+        raise SetupError(f"`{' '.join(argv)}` did not end within 20 s") from None
+    if done.returncode != 0 and not may_fail:
+        raise SetupError(
+            f"`{' '.join(argv)}` failed ({done.returncode}): {done.stderr.strip() or text}"
+        )
+
+
+def _enter(namespace: str) -> None:
+    kernel.join_namespace(str(NETNS / namespace), kernel.CLONE_NEWNET)

@@ -1,0 +1,66 @@
+"""docs.test: the documentation of a backup program."""
+
+from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route
+
+from ..index import Document, find
+from ..library import articles, plain, render
+from ..pages import page, query, site
+from ..state import SiteState
+
+HOST = "docs.test"
+_FOLDER = "docs"
+
+
+def documents() -> list[Document]:
+    """The pages of this site that the search page finds."""
+    return [
+        Document(
+            HOST, f"/{a.slug}", a.title, f"{a.head['summary']} {plain(a.body)}", "Documentation"
+        )
+        for a in articles(_FOLDER).values()
+    ]
+
+
+def _common(request: Request) -> dict[str, object]:
+    sections: dict[str, list[object]] = {}
+    for article in articles(_FOLDER).values():
+        sections.setdefault(article.head["section"], []).append(article)
+    return {"sections": sections, "query": query(request, "q")}
+
+
+async def home(request: Request) -> Response:
+    """The contents."""
+    return page(request, "home.html")
+
+
+async def article(request: Request) -> Response:
+    """One article."""
+    known = articles(_FOLDER)
+    slug = request.path_params["slug"]
+    if slug not in known:
+        raise HTTPException(404)
+    order = list(known)
+    place = order.index(slug)
+    return page(
+        request,
+        "article.html",
+        article=known[slug],
+        text=render(known[slug].body),
+        previous=known[order[place - 1]] if place else None,
+        following=known[order[place + 1]] if place + 1 < len(order) else None,
+    )
+
+
+async def search(request: Request) -> Response:
+    """The articles with certain words."""
+    return page(request, "search.html", hits=find(query(request, "q"), documents()))
+
+
+def make(sites: SiteState) -> Starlette:
+    """The application."""
+    routes = [Route("/", home), Route("/search", search), Route("/{slug}", article)]
+    return site("docs", routes, sites, _common)

@@ -1,0 +1,294 @@
+"""mail.test: the mailbox of one person, already signed in.
+
+State, `mail.json`: `{"sent": [message], "drafts": [message], "flags": {ID: {"read": bool,
+"starred": bool, "folder": "inbox" | "archive" | "trash"}}, "received": [mail]}`. A message is
+`{"id", "to": [address], "cc": [address], "subject", "body"}`. What is in the inbox to begin with is
+in `content/mail.yaml`; a task may add mails of that shape to `received`.
+"""
+
+from functools import cache
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route
+
+from ..library import load
+from ..names import TODAY
+from ..pages import fields, first, page, query, see_other, site, state_of
+from ..state import SiteState
+from .forms import EMAIL
+
+HOST = "mail.test"
+FOLDERS = {
+    "inbox": "Inbox",
+    "starred": "Starred",
+    "sent": "Sent",
+    "drafts": "Drafts",
+    "archive": "Archive",
+    "trash": "Trash",
+}
+_ACTIONS: dict[str, dict[str, Any]] = {
+    "star": {"starred": True},
+    "unstar": {"starred": False},
+    "read": {"read": True},
+    "unread": {"read": False},
+    "archive": {"folder": "archive"},
+    "trash": {"folder": "trash"},
+    "inbox": {"folder": "inbox"},
+}
+
+
+@cache
+def content() -> dict[str, Any]:
+    """`content/mail.yaml`."""
+    return load("mail")
+
+
+def received(state: dict[str, Any]) -> list[dict[str, Any]]:
+    """The received messages with their flags, newest first."""
+    messages = [*state.get("received", []), *content()["messages"]]
+    flags = state.get("flags", {})
+    fresh = {
+        "read": False,
+        "starred": False,
+        "folder": "inbox",
+        "to": [content()["owner"]["address"]],
+        "cc": [],
+    }
+    return [
+        {
+            **fresh,
+            **m,
+            **flags.get(m["id"], {}),
+        }
+        for m in sorted(messages, key=lambda m: m["date"], reverse=True)
+    ]
+
+
+def _written(state: dict[str, Any], folder: str) -> list[dict[str, Any]]:
+    """Sent messages or drafts, newest first, in the shape of the received ones."""
+    common = {
+        "from": content()["owner"],
+        "date": f"{TODAY}T12:00",
+        "read": True,
+        "starred": False,
+        "folder": folder,
+    }
+    return [{**common, **m} for m in reversed(state.get(folder, []))]
+
+
+def _in_folder(state: dict[str, Any], folder: str) -> list[dict[str, Any]]:
+    if folder in ("sent", "drafts"):
+        return _written(state, folder)
+    mails = received(state)
+    if folder == "starred":
+        return [m for m in mails if m["starred"] and m["folder"] != "trash"]
+    return [m for m in mails if m["folder"] == folder]
+
+
+def _common(request: Request) -> dict[str, object]:
+    state = state_of(request).read("mail")
+    unread = sum(not m["read"] for m in _in_folder(state, "inbox"))
+    return {
+        "owner": content()["owner"],
+        "folders": FOLDERS,
+        "folder": None,
+        "unread": unread,
+        "drafts": len(state.get("drafts", [])),
+        "query": query(request, "q"),
+    }
+
+
+async def folder(request: Request) -> Response:
+    """The messages of a folder."""
+    name = request.path_params.get("folder", "inbox")
+    if name not in FOLDERS:
+        raise HTTPException(404)
+    messages = _in_folder(state_of(request).read("mail"), name)
+    return page(
+        request,
+        "list.html",
+        folder=name,
+        heading=FOLDERS[name],
+        messages=messages,
+    )
+
+
+async def search(request: Request) -> Response:
+    """The messages with certain words."""
+    text = query(request, "q").lower()
+    state = state_of(request).read("mail")
+    everything = received(state) + _written(state, "sent")
+    found = [
+        m for m in everything if text in f"{m['from']['name']} {m['subject']} {m['body']}".lower()
+    ]
+    return page(
+        request,
+        "list.html",
+        heading=f"Search: {query(request, 'q')}",
+        messages=found if text else [],
+    )
+
+
+def _find(state: dict[str, Any], ident: str) -> dict[str, Any]:
+    for found in received(state) + _written(state, "sent"):
+        if found["id"] == ident:
+            return found
+    raise HTTPException(404)
+
+
+async def message(request: Request) -> Response:
+    """One message."""
+    ident = request.path_params["id"]
+    found = _find(state_of(request).read("mail"), ident)
+    if not found["read"]:
+        _flag(state_of(request), ident, {"read": True})
+    return page(request, "message.html", message=found, folder=found["folder"])
+
+
+def _flag(
+    sites: SiteState,
+    ident: str,
+    change: dict[str, Any],
+) -> None:
+    with sites.update("mail") as state:
+        state.setdefault("flags", {}).setdefault(ident, {}).update(change)
+
+
+async def act(request: Request) -> Response:
+    """Move or mark messages."""
+    ident = request.path_params["id"]
+    action = request.path_params["action"]
+    known = {m["id"] for m in received(state_of(request).read("mail"))}
+    if action not in _ACTIONS or ident not in known:
+        raise HTTPException(404)
+    back = first(await fields(request), "back", "inbox")
+    _flag(state_of(request), ident, _ACTIONS[action])
+    if back == "message":
+        return see_other(f"/message/{ident}")
+    return see_other(f"/folder/{back}" if back in FOLDERS else "/")
+
+
+async def compose(request: Request) -> Response:
+    """The form for a new message."""
+    draft = {
+        "to": query(request, "to"),
+        "cc": "",
+        "subject": "",
+        "body": "",
+    }
+    replied = query(request, "reply")
+    forwarded = query(request, "forward")
+    opened = query(request, "draft")
+    state = state_of(request).read("mail")
+    if replied:
+        original = _find(state, replied)
+        quoted = "\n".join(f"> {line}" for line in original["body"].splitlines())
+        subject = (
+            original["subject"]
+            if original["subject"].startswith("Re: ")
+            else f"Re: {original['subject']}"
+        )
+        draft |= {
+            "to": original["from"]["address"],
+            "subject": subject,
+            "body": f"\n\n{quoted}",
+        }
+    if forwarded:
+        draft |= _forward(_find(state, forwarded))
+    for kept in state.get("drafts", []):
+        if kept["id"] == opened:
+            draft = {
+                **kept,
+                "to": ", ".join(kept["to"]),
+                "cc": ", ".join(kept["cc"]),
+            }
+    return page(
+        request,
+        "compose.html",
+        draft=draft,
+        opened=draft.get("id", ""),
+        problem="",
+        contacts=content()["contacts"],
+    )
+
+
+def _forward(original: dict[str, Any]) -> dict[str, str]:
+    """The subject and the body of a message that hands on another one."""
+    sender = f"{original['from']['name']} <{original['from']['address']}>"
+    head = f"\n\n---------- Forwarded message ----------\nFrom: {sender}"
+    body = f"{head}\nSubject: {original['subject']}\n\n{original['body']}"
+    return {"subject": f"Fwd: {original['subject']}", "body": body}
+
+
+async def send(request: Request) -> Response:
+    """Send a message, or keep it as a draft."""
+    form = await fields(request)
+    is_draft = first(form, "action") == "draft"
+    to, cc = (_addresses(first(form, name)) for name in ("to", "cc"))
+    written = {
+        "to": to,
+        "cc": cc,
+        "subject": first(form, "subject")[:200],
+        "body": first(form, "body"),
+    }
+    problem = "" if is_draft else _problem(to, cc)
+    if problem:
+        draft = {
+            **written,
+            "to": first(form, "to"),
+            "cc": first(form, "cc"),
+        }
+        return page(
+            request,
+            "compose.html",
+            422,
+            draft=draft,
+            opened=first(form, "draft"),
+            problem=problem,
+            contacts=content()["contacts"],
+        )
+    _store(
+        state_of(request), "drafts" if is_draft else "sent", written, replaces=first(form, "draft")
+    )
+    return see_other("/folder/drafts" if is_draft else "/folder/sent")
+
+
+def _addresses(text: str) -> list[str]:
+    return [a.strip() for a in text.replace(";", ",").split(",") if a.strip()]
+
+
+def _problem(to: list[str], cc: list[str]) -> str:
+    if not to:
+        return "Please enter at least one recipient."
+    wrong = [a for a in to + cc if not EMAIL.fullmatch(a)]
+    return f"{wrong[0]} is no e-mail address." if wrong else ""
+
+
+def _store(
+    sites: SiteState,
+    folder: str,
+    written: dict[str, Any],
+    replaces: str,
+) -> None:
+    with sites.update("mail") as state:
+        state["drafts"] = [d for d in state.get("drafts", []) if d["id"] != replaces]
+        state["count"] = state.get("count", 0) + 1
+        state.setdefault(folder, []).append({"id": f"s{state['count']:02d}", **written})
+
+
+def make(sites: SiteState) -> Starlette:
+    """The application."""
+    routes = [
+        Route("/", folder),
+        Route("/folder/{folder}", folder),
+        Route("/search", search),
+        Route("/compose", compose),
+        Route("/message/{id}", message),
+        Route("/message/{id}/{action}", act, methods=["POST"]),
+        Route("/send", send, methods=["POST"]),
+    ]
+    return site("mail", routes, sites, _common)

@@ -1,0 +1,74 @@
+"""news.test: the newspaper of a small harbour town."""
+
+from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route
+
+from ..index import Document
+from ..library import articles, plain, render
+from ..pages import page, site
+from ..state import SiteState
+
+HOST = "news.test"
+_FOLDER = "news"
+SECTIONS = ("Local", "Business", "Science", "Culture", "Sport")
+
+
+def documents() -> list[Document]:
+    """The pages of this site that the search page finds."""
+    return [
+        Document(HOST, f"/article/{a.slug}", a.title, f"{a.head['lead']} {plain(a.body)}", "News")
+        for a in articles(_FOLDER).values()
+    ]
+
+
+def _common(request: Request) -> dict[str, object]:
+    del request
+    return {
+        "sections": SECTIONS,
+        "articles": list(articles(_FOLDER).values()),
+        "section": None,
+    }
+
+
+async def home(request: Request) -> Response:
+    """The front page."""
+    return page(request, "home.html")
+
+
+async def section(request: Request) -> Response:
+    """The articles of a section."""
+    name = request.path_params["name"].capitalize()
+    if name not in SECTIONS:
+        raise HTTPException(404)
+    chosen = [a for a in articles(_FOLDER).values() if a.head["section"] == name]
+    return page(request, "section.html", section=name, chosen=chosen)
+
+
+async def article(request: Request) -> Response:
+    """One article."""
+    found = articles(_FOLDER).get(request.path_params["slug"])
+    if found is None:
+        raise HTTPException(404)
+    others = [a for a in articles(_FOLDER).values() if a is not found]
+    others.sort(key=lambda a: a.head["section"] != found.head["section"])
+    return page(
+        request,
+        "article.html",
+        article=found,
+        text=render(found.body),
+        others=others[:4],
+        section=found.head["section"],
+    )
+
+
+def make(sites: SiteState) -> Starlette:
+    """The application."""
+    routes = [
+        Route("/", home),
+        Route("/section/{name}", section),
+        Route("/article/{slug}", article),
+    ]
+    return site("news", routes, sites, _common)

@@ -1,0 +1,232 @@
+"""`CorruptedEnv`: the gymnasium interface of the live environment; see docs/live_evaluation.md."""
+
+import copy
+import hmac
+import secrets
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, ClassVar, Unpack
+from weakref import WeakKeyDictionary
+
+import gymnasium
+import numpy as np
+from gymnasium.envs.registration import EnvSpec
+
+from hijack_data.errors import HijackError, UnknownNameError
+from hijack_data.kernels.cpu import jit
+from hijack_data.planner import Planner
+from hijack_data.types import Size, UInt8Array
+
+from .episode import Episode
+from .record import End, EpisodeRecord
+from .runner import EpisodeRunner, ResetOptions, checked_seed, ready
+from .settings import EvalOptions, EvalSettings
+from .spaces import Actions, observations
+from .stage import Stage
+
+# The arguments of `gymnasium.make` that an agent may see.
+_OPEN = frozenset(
+    {"task", "size", "name", "apps", "standby", "max_steps", "render_mode", "allow_code"}
+)
+_DEFAULTS = EvalSettings()
+_KEY = secrets.token_bytes(32)
+
+# An environment's runner is not among its attributes, so that whoever is handed the environment
+# does not come across the corruption. That is no barrier: code in this process can import this.
+_runners: "WeakKeyDictionary[CorruptedEnv, EpisodeRunner]" = WeakKeyDictionary()
+
+
+class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
+    """A task on a live desktop that is disturbed on purpose.
+
+    An observation is `{"screenshot": uint8 RGB [H, W, 3], "instruction": str}`, in the size that
+    the corruption gives it; `info` is always empty. An action is `WAIT`, `DONE`, `FAIL`,
+    `REQUEST_REINIT`, or pyautogui code (also in a ``` fence), in pixels of the screenshot. Any
+    other action is rejected: nothing is executed and the step is counted as malformed.
+
+    `observation_space` and `action_space` are those of the desktop and the corruption given here.
+    A `reset` whose corruption changes the size of the picture replaces both before it returns; a
+    corruption that would change the size within an episode is refused.
+
+    Give an agent what `reset` and `step` return, and keep the environment to yourself. The
+    present corruption is neither an attribute of this object nor reachable from one, but Python
+    code in the same process can always look into the modules' own variables.
+
+    Args:
+        stage: The desktop and its tasks.
+        corruption: A name, a `Corruption`, any planner (`Sequence`, `OneOf`), or `None` for a
+            clean run.
+        settings: What holds for every episode.
+        render_mode: `"rgb_array"` makes `render` return what the agent sees.
+        **changes: Fields of `EvalSettings` (`max_steps`, `settle`, `recovery`, `allow_code`,
+            `log`, `agent`, `password`) that replace those of `settings`.
+
+    Raises:
+        UnknownNameError: The corruption, recovery policy or render mode does not exist.
+        ParameterTypeError: `corruption` is neither a name nor a planner.
+        ParameterError: A setting is out of range.
+        DesktopError: The desktop does not answer.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {  # pyright: ignore
+        "render_modes": ["rgb_array"],
+        "render_fps": 1,
+    }
+    _spec: EnvSpec | None = None
+
+    def __init__(
+        self,
+        stage: Stage,
+        *,
+        corruption: str | Planner | None = None,
+        settings: EvalSettings = _DEFAULTS,
+        render_mode: str | None = None,
+        **changes: Unpack[EvalOptions],
+    ) -> None:
+        if render_mode not in (None, "rgb_array"):
+            raise UnknownNameError(f"no render mode {render_mode!r}; known: rgb_array")
+        self.render_mode = render_mode
+        runner = EpisodeRunner(stage, corruption, replace(settings, **changes))
+        _runners[self] = runner
+        jit.start()  # with the first picture, not after some hundred, in the middle of an episode
+        self._resize(runner.size)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Begin an episode on a pristine desktop.
+
+        If an effect fails, the episode is over at once and the status of `record` is `invalid`.
+
+        Args:
+            seed: Decides the task's variant and all that the corruption draws; drawn if omitted.
+            options: `task` (what the stage takes; default: the stage's own), `corruption` (as in
+                the constructor; default: the one given there), `label` (its name in the record),
+                `attempt` (0, 1, 2 ...; default: the first that is not in the log).
+
+        Returns:
+            The first observation and an empty dict.
+
+        Raises:
+            HijackError: The environment is closed.
+        """
+        checked = ResetOptions.read(options)
+        whole = checked_seed(seed)
+        runner = _runners[self]
+        if runner.closed:
+            raise HijackError("the environment is closed; make another one")
+        runner.leave("the environment was reset before the end")
+        if whole is not None:
+            self._seed(whole)
+        self._resize(runner.begin(whole, checked))
+        return _observation(ready(runner)), {}
+
+    def step(self, action: str) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
+        """Take one action.
+
+        After the end of an episode this returns the last observation, truncated.
+
+        Returns:
+            The next observation; the reward (the score, 0 to 1, at the end of the episode, and 0
+            before it); terminated (the agent answered `DONE` or `FAIL`); truncated (`max_steps`,
+            or the episode failed: see `record`); an empty dict.
+        """
+        episode = ready(_runners[self])
+        reward, terminated, truncated = episode.act(action)
+        return _observation(episode), reward, terminated, truncated, {}
+
+    @property
+    def record(self) -> EpisodeRecord | None:
+        """What really happened, as JSON data; `None` until the episode is over. Not for agents."""
+        episode = _runners[self].episode
+        return None if episode is None else copy.deepcopy(episode.record)
+
+    def hear(self, said: str) -> None:
+        """Log what the agent says with the action that it takes next."""
+        episode = _runners[self].episode
+        if episode is not None:
+            episode.hear(said)
+
+    def account(self, usage: dict[str, Any]) -> None:
+        """Keep what the agent says it has used so far, such as tokens, for the record."""
+        episode = _runners[self].episode
+        if episode is not None:
+            episode.account(usage)
+
+    def truncate(self) -> None:
+        """Judge the episode as it stands, if a limit outside this environment ended it.
+
+        `reset` and `close` do so by themselves. Nothing happens if the agent took no action or
+        the episode is over.
+        """
+        episode = _runners[self].episode
+        if episode is not None:
+            episode.truncate()
+
+    def abandon(self, why: str, traceback: Sequence[str] = ()) -> None:
+        """End the episode with the status `error`, as the agent's failure.
+
+        Nothing happens if no episode is under way.
+
+        Args:
+            why: The problem, for the record.
+            traceback: Where the agent raised, the innermost call last.
+        """
+        end = End(
+            status="error",
+            problem=why,
+            cause="agent",
+            traceback=tuple(traceback),
+        )
+        _runners[self].end(end)
+
+    def render(self) -> Any:
+        """Return what the agent sees, uint8 RGB `[H, W, 3]`, in render mode `"rgb_array"`."""
+        episode = _runners[self].episode
+        if self.render_mode is None or episode is None or episode.view is None:
+            return None
+        return episode.view.seen.copy()
+
+    def close(self) -> None:
+        """Put everything back, end the episode, and close the stage, which ends the desktop.
+
+        Calling it again does nothing.
+        """
+        _runners[self].close()
+
+    @property
+    def spec(self) -> EnvSpec | None:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """How `gymnasium.make` made this, without the arguments that are not for an agent."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, value: EnvSpec | None) -> None:  # pyright: ignore[reportIncompatibleVariableOverride]
+        self._spec = copy.deepcopy(value)
+        if self._spec is not None:
+            arguments = self._spec.kwargs
+            self._spec.kwargs = {key: kept for key, kept in arguments.items() if key in _OPEN}
+
+    def _seed(self, seed: int) -> None:
+        """Restart the draws of seeds, and those of gymnasium's own generator.
+
+        An agent may hold this object, and a generator that was made from the seed alone would
+        reveal all that is to come. Gymnasium's is made from the seed and a secret of this
+        process: equal seeds give equal draws, as gymnasium wants it, and nothing can be computed
+        back from them.
+        """
+        _runners[self].seed(seed)
+        keyed = hmac.new(_KEY, seed.to_bytes(8, "big"), "sha256").digest()
+        self.np_random = np.random.default_rng(int.from_bytes(keyed, "big"))
+
+    def _resize(self, size: Size) -> None:
+        actions = Actions(size)
+        if getattr(self, "action_space", None) != actions:
+            self.action_space = actions
+            self.observation_space = observations(size)
+
+
+def _observation(episode: Episode) -> dict[str, Any]:
+    if episode.view is None:
+        raise HijackError("no episode is under way: call reset first")
+    picture: UInt8Array = episode.view.seen.copy()  # the agent's own
+    return {"screenshot": picture, "instruction": episode.instruction}

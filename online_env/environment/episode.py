@@ -1,0 +1,326 @@
+"""One episode, seen from the trusted side: what happens in which order.
+
+An agent's action is mapped back through the coordinates, checked, and run in the guest. Then
+`Observer` takes the next observation, until the agent or a limit ends the episode and the task is
+judged.
+"""
+
+import contextlib
+import time
+from collections.abc import Iterator
+from dataclasses import asdict
+from typing import Any
+
+from hijack_data.actions.allowed import Request, read_action
+from hijack_data.errors import ActionError
+from hijack_data.runs.run_log import slug_of
+from hijack_data.types import Size
+
+from ..desktops.protocol import RunResult
+from ..errors import DesktopError, DesktopTimeoutError, GuestError
+from .live_effects import EpisodeEffects
+from .log import EpisodeLog, free_attempt
+from .observer import EpisodeView, Observer
+from .record import (
+    End,
+    Ended,
+    EpisodeCounts,
+    EpisodeRecord,
+    EpisodeRequest,
+    Status,
+    make_record,
+    name_of,
+    since,
+)
+from .script import BEFORE, Script
+from .settings import EvalSettings
+from .stage import Setting, Stage
+
+WAIT = 1.0  # s that an agent's WAIT takes
+KEPT = 2000  # characters kept of what an action printed
+
+_OVER = (0.0, False, True)  # reward, terminated, truncated
+
+
+class Episode:
+    """Plays one episode.
+
+    `record` is `None` until the episode is over.
+
+    Args:
+        stage: The desktop and its tasks.
+        settings: What holds for every episode.
+        request: What is to be played.
+    """
+
+    def __init__(
+        self,
+        stage: Stage,
+        settings: EvalSettings,
+        request: EpisodeRequest,
+    ) -> None:
+        self.record: EpisodeRecord | None = None
+        self._stage = stage
+        self._settings = settings
+        self._request = request
+        unknown = Setting(name_of(request.task), "")
+        self._counts = EpisodeCounts(unknown, request.attempt or 0)
+        self._effects = EpisodeEffects(stage.desktop, settings.password)
+        self._observer: Observer | None = None
+        self._log: EpisodeLog | None = None
+        self._acted = False  # whether the agent's code ran
+
+    @property
+    def instruction(self) -> str:
+        """The instruction that the agent gets."""
+        return self._counts.setting.instruction
+
+    @property
+    def view(self) -> EpisodeView | None:
+        """The present observation."""
+        return None if self._observer is None else self._observer.view
+
+    def begin(self) -> Size:
+        """Set the task up and take the first observation.
+
+        If an effect fails, the episode is over at once. A request that is refused before the
+        episode raises the error of what refused it, and `DesktopError` is raised if the desktop
+        fails.
+
+        Returns:
+            The size of the agent's pictures, (height, width).
+        """
+        request = self._request
+        with self._failure_recorded():
+            self._counts.setting = self._stage.reset(request.task, request.seed)
+            self._counts.setup_seconds = since(self._counts.start)
+        script = self._script()
+        # What is refused up to here leaves no record: nothing was played.
+        size = script.check(self._settings.max_steps, self._stage.desktop)
+        self._log = self._open_log()
+        observer = Observer(self._stage.desktop, self._settings, script, self._effects, self._log)
+        self._observer = observer
+        with self._failure_recorded():
+            problem = self._effects.inject(script.plan(BEFORE).effects, script, BEFORE)
+            problem = observer.look(0, inject=not problem) or problem
+        if problem:
+            self.end(End(status="invalid", problem=problem))
+        return size
+
+    def act(self, text: object) -> tuple[float, bool, bool]:
+        """Take the agent's action and the next observation.
+
+        Returns:
+            Reward, terminated, truncated.
+        """
+        observer = self._observer
+        if self.record is not None or observer is None or observer.view is None:
+            return _OVER
+        try:
+            return self._act(text, observer, observer.view)
+        except DesktopError as error:
+            # A desktop that died cannot be told from one that the agent killed.
+            status: Status = "error" if self._acted else "invalid"
+            self.end(End(status=status, problem=f"{type(error).__name__}: {error}"))
+            return _OVER
+        except BaseException as error:
+            self.end(End(status="error", problem=f"{type(error).__name__}: {error}"))
+            raise
+
+    def hear(self, said: str) -> None:
+        """Log what the agent says with the action that it takes next."""
+        self._counts.said = said[:KEPT]
+        if self.record is None and self.view is not None:
+            self.view.line["said"] = said
+
+    def account(self, usage: dict[str, Any]) -> None:
+        """Keep what the agent says it has used so far."""
+        self._counts.usage = usage
+
+    def truncate(self) -> None:
+        """Judge an episode that is cut off from outside, if the agent took an action in it."""
+        if self.record is None and self.view is not None and self._counts.steps:
+            self._judge("outside")
+
+    def end(self, end: End) -> None:
+        """Put everything back and write the record; only the first call counts."""
+        if self.record is not None:
+            return
+        self._effects.undo()
+        self.record = make_record(
+            request=self._request,
+            settings=self._settings,
+            counts=self._counts,
+            end=end,
+            effects=self._effects.records,
+            desktop=self._stage.desktop,
+        )
+        if self._log is None:
+            return
+        if self._observer is not None:
+            self._observer.flush()
+        self.record = self._log.finish(self.record)
+
+    @contextlib.contextmanager
+    def _failure_recorded(self) -> Iterator[None]:
+        """Record a failure that comes before the agent has done anything; it is not the agent's.
+
+        Raises:
+            DesktopError: As the block raised it, and anything else.
+        """
+        try:
+            yield
+        except DesktopError as error:
+            self.end(End(status="invalid", problem=f"{type(error).__name__}: {error}"))
+            raise
+        except BaseException as error:
+            self.end(End(status="error", problem=f"{type(error).__name__}: {error}"))
+            raise
+
+    def _script(self) -> Script:
+        request = self._request
+        setting = self._counts.setting
+        size = self._stage.desktop.size
+        return Script(request.planner, request.seed, setting.id, setting.apps, size)
+
+    def _open_log(self) -> EpisodeLog | None:
+        folder = self._settings.folder
+        if folder is None:
+            return None
+        request = self._request
+        names = (self._counts.setting.id, request.label, request.seed, self._settings.agent)
+        if request.attempt is None:
+            self._counts.attempt = free_attempt(folder, *names)
+        else:
+            self._counts.attempt = request.attempt
+        return EpisodeLog(folder, slug_of(*names, self._counts.attempt))
+
+    def _act(
+        self,
+        text: object,
+        observer: Observer,
+        view: EpisodeView,
+    ) -> tuple[float, bool, bool]:
+        start = time.monotonic()
+        request = self._read(text, view)
+        kind = "malformed" if request is None else request.kind
+        if request is not None and kind == "code":
+            self._acted = True
+            view.line["result"] = _result_of(self._run(request.code))
+        elif kind == "reinit":
+            view.line["result"] = {"helped": self._recover()}
+        elif kind == "wait":
+            time.sleep(WAIT)
+        view.line["seconds"]["action"] = since(start)
+        observer.flush()
+
+        self._counts.steps += 1
+        ended = kind in ("done", "fail")
+        last = ended or self._counts.steps >= self._settings.max_steps
+        problem = observer.look(self._counts.steps, inject=not last)
+        if problem:
+            self.end(self._attributed(problem, observer))
+            return _OVER
+        if not last:
+            return 0.0, False, False
+        return self._judge("agent" if ended else "max_steps")
+
+    def _attributed(self, problem: str, observer: Observer) -> End:
+        """Decide who caused an effect to fail after the agent had the machine.
+
+        The effect is tried on a fresh desktop with the same task. If it holds there, the agent's
+        actions made the difference, and its score is not dropped but zero; otherwise the machine
+        cannot have the effect.
+        """
+        invalid = End(status="invalid", problem=problem)
+        if not self._acted:
+            return invalid
+        self._effects.undo()
+        try:
+            self._stage.reset(self._request.task, self._request.seed)
+        except DesktopError:
+            return invalid
+        self._effects.forget()
+        step = self._counts.steps
+        if not self._effects.holds_elsewhere(observer.script, lambda: observer.settle(step, {})):
+            return invalid
+        about = "on a fresh desktop it holds, so this is what the agent's actions led to"
+        return End(
+            status="error",
+            problem=f"{problem}; {about}",
+            cause="agent",
+        )
+
+    def _read(self, text: object, view: EpisodeView) -> Request | None:
+        """Read the action, in pixels of the screen; return `None` if it is malformed."""
+        line = view.line
+        line["raw"] = text if isinstance(text, str) else repr(text)
+        try:
+            request = read_action(text, self._settings.allow_code)
+            if request.kind == "code":
+                request = Request("code", view.plan.coords.code_to_screen(request.code))
+        except ActionError as error:
+            self._counts.malformed += 1
+            self._counts.history.append(line["raw"])
+            line["error"] = str(error)
+            return None
+        line["code"] = request.code
+        self._counts.history.append(request.code)
+        return request
+
+    def _run(self, code: str) -> RunResult:
+        try:
+            # On a line of its own: some guests put other code before it, on the same line.
+            return self._stage.desktop.run(f"\n{code}")
+        except (GuestError, DesktopTimeoutError) as error:
+            # Code that never ends. If the guest is dead, the next screenshot raises.
+            return RunResult("error", "", str(error))
+
+    def _recover(self) -> bool:
+        """Follow the recovery policy and return whether that removed a disturbance."""
+        counts = self._counts
+        disturbed = self._effects.active
+        counts.requests += 1
+        if not disturbed:
+            counts.false_alarms += 1
+        helped = False
+        if self._settings.recovery == "repair":
+            helped = disturbed and self._effects.repair()
+        elif self._settings.recovery == "reset":
+            if disturbed:
+                self._effects.repair()
+            self._stage.reset(self._request.task, self._request.seed)
+            self._effects.forget()
+            helped = disturbed
+        if helped:
+            counts.repaired += 1
+        return helped
+
+    def _judge(self, ended: Ended) -> tuple[float, bool, bool]:
+        """Evaluate what the agent left, before anything is put back."""
+        problem = self._effects.confirm_lasting()
+        if problem:  # no agent can do that
+            self.end(End(status="invalid", problem=problem))
+            return _OVER
+        try:
+            verdict = self._stage.evaluate(tuple(self._counts.history))
+        except Exception as error:  # noqa: BLE001  (an agent's leavings may break any evaluator)
+            self.end(End(status="error", problem=f"{type(error).__name__}: {error}"))
+            return _OVER
+        self.end(
+            End(
+                status="ok",
+                verdict=verdict,
+                ended=ended,
+            )
+        )
+        by_agent = ended == "agent"
+        return float(verdict.score), by_agent, not by_agent
+
+
+def _result_of(result: RunResult) -> dict[str, Any]:
+    """Return what an action printed, as the log has it."""
+    data = asdict(result)
+    data["output"] = result.output[-KEPT:]
+    data["error"] = result.error[-KEPT:]
+    return data

@@ -1,0 +1,278 @@
+"""Apply, verify, maintain and undo live effects during an episode, and record each of these."""
+
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from hijack_data.plan import Effect
+
+from ..desktops.protocol import Desktop
+from ..effects import Applied, EffectError, find, perform, undo
+from ..errors import DesktopError, MissingCapabilityError
+from .script import Script
+
+
+@dataclass
+class _Live:
+    """An effect that was applied before observation `step`.
+
+    `fresh` until the agent has seen it, `active` until somebody asked for it to be undone, `clean`
+    once that is done.
+    """
+
+    step: int
+    applied: Applied
+    fresh: bool = True
+    active: bool = True
+    clean: bool = False
+
+    @property
+    def kind(self) -> str:
+        return self.applied.effect.kind
+
+    @property
+    def lasting(self) -> bool:
+        return find(self.kind).lasting
+
+    @property
+    def to_confirm(self) -> bool:
+        """Whether the next observation must show it."""
+        if not (self.fresh and self.active):
+            return False
+        return self.lasting and self.applied.can_be_lifted
+
+    def probe(self) -> str:
+        """Return why its probe fails, or ""."""
+        with _guarded(self.kind):
+            found = self.applied.probe()
+        if found.ok:
+            return ""
+        return found.problem or "its probe failed"
+
+    def undo(self) -> bool:
+        """Put it back; return whether there was something to put back, and that worked."""
+        self.active = False
+        self.fresh = False
+        try:
+            with _guarded(self.kind):
+                found = self.applied.undo()
+        except DesktopError as error:
+            problem = f"{type(error).__name__}: {error}"
+            self.applied.record["undone"].append({"ok": False, "problem": problem})
+            return False
+        self.clean = found.ok
+        return found.ok and self.lasting
+
+
+class EpisodeEffects:
+    """The effects of one episode on one desktop.
+
+    Args:
+        desktop: The machine.
+        password: The password of its user.
+    """
+
+    def __init__(self, desktop: Desktop, password: str) -> None:
+        self._desktop = desktop
+        self._password = password
+        self._live: list[_Live] = []
+        self._broken: list[str] = []  # kinds of effects that broke off while they were applied
+        self._events: list[dict[str, Any]] = []
+        self._failed: tuple[Effect, int] | None = None
+
+    @property
+    def active(self) -> bool:
+        """Whether an effect was applied that nobody has asked to undo."""
+        return any(live.active for live in self._live)
+
+    @property
+    def records(self) -> list[dict[str, Any]]:
+        """The effects as the episode's record has them."""
+        return [{"step": live.step, "record": live.applied.record} for live in self._live]
+
+    def events(self) -> list[dict[str, Any]]:
+        """Return what was applied since the last call."""
+        found = self._events
+        self._events = []
+        return found
+
+    def inject(
+        self,
+        due: Sequence[Effect],
+        script: Script,
+        step: int,
+    ) -> str:
+        """Apply and probe each effect, up to the first that fails.
+
+        Returns:
+            Why that one failed, or "".
+
+        Raises:
+            MissingCapabilityError: A tool is missing in the guest; then nothing was changed.
+        """
+        for effect in due:
+            try:
+                problem = self._prove(effect, script, step)
+            except MissingCapabilityError:
+                self._failed = effect, step
+                raise
+            except DesktopError as error:
+                problem = f"{type(error).__name__}: {error}"
+            if problem:
+                self._failed = effect, step
+                return f"{effect.kind} at step {step}: {problem}"
+        self._skip_covered()
+        return ""
+
+    def _prove(
+        self,
+        effect: Effect,
+        script: Script,
+        step: int,
+    ) -> str:
+        self._broken.append(effect.kind)
+        applied = self._perform(effect, script, step)
+        self._broken.pop()
+        live = _Live(step, applied)
+        self._live.append(live)
+        self._events.append(
+            {
+                "step": step,
+                "effect": effect.kind,
+                "record": applied.record,
+            }
+        )
+        return live.probe()
+
+    def _perform(
+        self,
+        effect: Effect,
+        script: Script,
+        step: int,
+    ) -> Applied:
+        stream = script.stream(effect.kind, step)
+        with _guarded(effect.kind):
+            return perform(effect, self._desktop, stream, self._password)
+
+    def _skip_covered(self) -> None:
+        """Do not confirm effects that a later one of the same step rightly hides."""
+        to_confirm = [live for live in self._live if live.to_confirm]
+        for live in to_confirm[:-1]:
+            with _guarded(live.kind):
+                live.fresh = live.applied.holds()
+
+    def confirm(self) -> str:
+        """Probe again what came since the last observation, once the next one is taken.
+
+        Returns:
+            Why an effect was gone before the agent saw it, or "".
+        """
+        if self._failed is not None:  # known already
+            return ""
+        for live in self._live:
+            if not live.to_confirm:
+                continue
+            problem = self._again(live)
+            if problem:
+                name = f"{live.kind} at step {live.step}"
+                return f"{name} was gone before the agent saw it: {problem}"
+        for live in self._live:
+            live.fresh = False
+        return ""
+
+    def confirm_lasting(self) -> str:
+        """Probe again, at the end, the effects that no agent can lift.
+
+        Returns:
+            Why one of them was gone, or "".
+        """
+        for live in self._live:
+            if not live.active or not live.lasting or live.applied.can_be_lifted:
+                continue
+            problem = self._again(live)
+            if problem:
+                name = f"{live.kind} of step {live.step}"
+                return f"{name}, which no agent can lift, was gone at the end: {problem}"
+        return ""
+
+    def _again(self, live: _Live) -> str:
+        try:
+            problem = live.probe()
+        except DesktopError as error:
+            problem = f"{type(error).__name__}: {error}"
+        if problem:
+            self._failed = live.applied.effect, live.step
+        return problem
+
+    def holds_elsewhere(self, script: Script, look: Callable[[], object]) -> bool:
+        """Return whether the effect that failed holds now, on a desktop that nobody used.
+
+        It is undone again and leaves no record: it is no part of the episode.
+
+        Args:
+            script: The plans of the episode.
+            look: Takes the picture, which is between two probes here as well.
+        """
+        if self._failed is None:
+            return False
+        effect, step = self._failed
+        try:
+            applied = self._perform(effect, script, step)
+            with _guarded(effect.kind):
+                held = applied.holds()
+                look()
+                if held and find(effect.kind).lasting:
+                    held = applied.holds()
+                applied.undo()
+        except DesktopError:
+            return False
+        return held
+
+    def refresh(self) -> None:
+        """Keep up what would fade by itself."""
+        for live in self._live:
+            if live.active:
+                with _guarded(live.kind):
+                    live.applied.refresh()
+
+    def repair(self) -> bool:
+        """Undo what is active, the last first; return whether all of that worked."""
+        active = [live for live in reversed(self._live) if live.active]
+        undone = [live.undo() for live in active]
+        return all(undone)
+
+    def forget(self) -> None:
+        """Take note that the desktop was replaced by a pristine one."""
+        for live in self._live:
+            live.active = False
+            live.fresh = False
+            live.clean = True
+
+    def undo(self) -> None:
+        """Put back whatever is left; a failure of that is recorded."""
+        for live in reversed(self._live):
+            if not live.clean:
+                live.undo()
+        for kind in self._broken:
+            with contextlib.suppress(DesktopError), _guarded(kind):
+                undo(kind, self._desktop, self._password)
+        self._broken.clear()
+
+
+@contextlib.contextmanager
+def _guarded(kind: str) -> Iterator[None]:
+    """Turn whatever an effect raises into an error that ends its episode, but not the run.
+
+    An effect of a plug-in may raise anything.
+
+    Raises:
+        DesktopError: As the block raised it.
+        EffectError: In place of anything else.
+    """
+    try:
+        yield
+    except DesktopError:
+        raise
+    except Exception as error:
+        raise EffectError(f"the effect {kind!r} raised {type(error).__name__}: {error}") from error

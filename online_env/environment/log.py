@@ -1,0 +1,181 @@
+"""The log of one episode: `steps.jsonl` line by line, the frames as PNG, and at last the record.
+
+RUNS/episodes/<slug>/
+    episode.json            the record, written last and whole: without it the episode is not over
+    steps.jsonl             line k: observation k, and the action that was taken on seeing it
+    frames/0000.png         the clean screen of observation 0
+    frames/0000.seen.png    what the agent saw, if that differs
+"""
+
+import json
+import shutil
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from hijack_data.errors import ParameterError
+from hijack_data.files import sha256_of, unwritable, write_atomic
+from hijack_data.locking import Lock, LockedError, lock
+from hijack_data.png import encode
+from hijack_data.runs.run_log import EPISODE, EPISODES, FRAMES, STEPS, digest_of, slug_of
+from hijack_data.types import UInt8Array
+
+
+def dump(data: object) -> bytes:
+    """Return JSON in UTF-8; half of a surrogate pair in what an agent wrote stays an escape."""
+    return json.dumps(data, ensure_ascii=False, allow_nan=False).encode("utf-8", "backslashreplace")
+
+
+class EpisodeLog:
+    """Writes one episode, and chains its lines (see `hijack_data.runs.run_log`).
+
+    What an episode that broke off left under the same name is removed.
+
+    Args:
+        runs: The folder of the run; it is made if it is missing.
+        slug: The name of the episode's folder, see `slug_of`.
+
+    Raises:
+        ParameterError: A complete episode is there already, or another process writes it.
+        HijackError: Nothing can be written there.
+    """
+
+    def __init__(self, runs: Path, slug: str) -> None:
+        self.folder = runs / EPISODES / slug
+        try:
+            # Private: desktops see some folders of this machine, and names and records give the
+            # corruption away.
+            (runs / EPISODES).mkdir(
+                mode=0o700,
+                parents=True,
+                exist_ok=True,
+            )
+            self.folder.mkdir(exist_ok=True)
+            # An episode that is dropped without an end releases it with this object.
+            self._lock = _locked(self.folder / STEPS)
+            self._clear()
+            self._steps = (self.folder / STEPS).open("ab")
+        except OSError as error:
+            raise unwritable(self.folder, error) from None
+        self._lines = 0
+        self._last = digest_of(slug.encode())
+        self._pool = ThreadPoolExecutor(2)
+
+    def frames(
+        self,
+        step: int,
+        clean: UInt8Array,
+        seen: UInt8Array,
+    ) -> dict[str, Any]:
+        """Store what was on the screen and what the agent saw.
+
+        Args:
+            step: The number of the observation.
+            clean: The screen, uint8 RGB `[H, W, 3]`.
+            seen: What the agent saw; the same object if nothing was drawn.
+
+        Returns:
+            The fields of the line that name the files.
+        """
+        pictures = {f"{FRAMES}/{step:04d}.png": clean}
+        if seen is not clean:
+            pictures[f"{FRAMES}/{step:04d}.seen.png"] = seen
+        jobs = [self._pool.submit(self._write, name, picture) for name, picture in pictures.items()]
+        digests = [sha256_of(picture) for picture in pictures.values()]
+        for job in jobs:
+            job.result()
+        names = list(pictures)
+        return {
+            "image": names[0],
+            "image_sha256": digests[0],
+            "seen": names[1] if len(names) > 1 else None,
+            "seen_sha256": digests[-1],
+        }
+
+    def line(self, data: Mapping[str, Any]) -> None:
+        """Append a step.
+
+        Raises:
+            unwritable: The file cannot be written.
+        """
+        line = dump(
+            {
+                "said": None,
+                **data,
+                "previous": self._last,
+            }
+        )
+        try:
+            self._steps.write(line + b"\n")
+            self._steps.flush()
+        except OSError as error:
+            raise unwritable(self.folder / STEPS, error) from None
+        self._lines += 1
+        self._last = digest_of(line)
+
+    def finish(self, record: Mapping[str, Any]) -> dict[str, Any]:
+        """Write the record, and return it as it is written; the episode is over."""
+        self._pool.shutdown()
+        whole = {
+            **record,
+            "lines": self._lines,
+            "chain": self._last,
+        }
+        try:
+            write_atomic(self.folder / EPISODE, dump(whole) + b"\n")
+        finally:
+            self._steps.close()
+            self._lock.release()
+        return whole
+
+    def __del__(self) -> None:
+        steps = getattr(self, "_steps", None)
+        if steps is not None:
+            steps.close()
+
+    def _clear(self) -> None:
+        """Remove what is left of an episode that was broken off.
+
+        Raises:
+            ParameterError: A complete episode is there.
+        """
+        if (self.folder / EPISODE).exists():
+            advice = "give another attempt, or another log"
+            raise ParameterError(f"{self.folder}: holds an episode already; {advice}")
+        shutil.rmtree(self.folder / FRAMES, ignore_errors=True)
+        (self.folder / FRAMES).mkdir()
+        (self.folder / STEPS).write_bytes(b"")
+
+    def _write(self, name: str, picture: UInt8Array) -> None:
+        try:
+            (self.folder / name).write_bytes(encode(picture))
+        except OSError as error:
+            raise unwritable(self.folder / name, error) from None
+
+
+def free_attempt(
+    runs: Path,
+    task: str,
+    label: str,
+    seed: int,
+    agent: str,
+) -> int:
+    """Return the first attempt at an episode that has no folder yet."""
+    attempt = 0
+    while (runs / EPISODES / slug_of(task, label, seed, agent, attempt)).exists():
+        attempt += 1
+    return attempt
+
+
+def _locked(path: Path) -> Lock:
+    """Lock the lines of an episode, so that no other environment writes them.
+
+    Raises:
+        ParameterError: Another environment writes it.
+    """
+    try:
+        return lock(path)
+    except LockedError:
+        message = f"{path.parent}: is being written by another environment; give another attempt"
+        raise ParameterError(message) from None

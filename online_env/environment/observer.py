@@ -1,0 +1,164 @@
+"""Observations: wait for the screen, apply what is due, take the picture, corrupt and log it."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from hijack_data import apply
+from hijack_data.elements import boxes_from_tree
+from hijack_data.errors import ElementsError
+from hijack_data.plan import Effect, Plan
+from hijack_data.types import BoxArray, UInt8Array, as_boxes
+
+from ..desktops.protocol import Desktop
+from ..errors import DesktopError, MissingCapabilityError
+from .live_effects import EpisodeEffects
+from .log import EpisodeLog
+from .record import since
+from .script import Script
+from .settings import EvalSettings
+from .settle import Settled, wait_until_settled
+
+
+@dataclass(frozen=True, kw_only=True)
+class EpisodeView:
+    """One observation: what the agent sees, by which plan, and the line of the log it begins."""
+
+    seen: UInt8Array
+    plan: Plan
+    line: dict[str, Any]
+
+
+class Observer:
+    """Takes the observations of one episode; `view` is the latest.
+
+    Args:
+        desktop: The machine.
+        settings: What holds for every episode.
+        script: The plans of this episode.
+        effects: The effects of this episode.
+        log: Where frames and lines go; `None` writes nothing.
+    """
+
+    def __init__(
+        self,
+        desktop: Desktop,
+        settings: EvalSettings,
+        script: Script,
+        effects: EpisodeEffects,
+        log: EpisodeLog | None,
+    ) -> None:
+        self.view: EpisodeView | None = None
+        self._desktop = desktop
+        self._settings = settings
+        self.script = script
+        self._effects = effects
+        self._log = log
+        self._written = 0  # lines of the log
+
+    def look(self, step: int, *, inject: bool) -> str:
+        """Take observation `step` and return why an effect that was due failed, or "".
+
+        Args:
+            step: The number of the observation.
+            inject: Whether effects that are due now are applied.
+        """
+        problem = ""
+        seconds: dict[str, float] = {}
+        self._effects.refresh()
+        settled, boxes = self.settle(step, seconds)
+        start = time.monotonic()
+        plan = self.script.plan(step, boxes)
+        if inject and plan.effects:
+            problem = self._inject(plan.effects, step)
+            seconds["effects"] = since(start)
+            settled, boxes = self.settle(step, seconds)
+            start = time.monotonic()
+            plan = self.script.plan(step, boxes)
+        # The effects are probed before the picture and again after it, so it shows them.
+        problem = problem or self._effects.confirm()
+        clean = settled.frame
+        seen: UInt8Array = apply(plan, clean) if plan.ops else clean
+        frames = {} if self._log is None else self._log.frames(step, clean, seen)
+        facts = self._facts(plan, settled, boxes)
+        line = {
+            "step": step,
+            **frames,
+            **facts,
+            "seconds": seconds,
+        }
+        self.view = EpisodeView(
+            seen=seen,
+            plan=plan,
+            line=line,
+        )
+        seconds["corrupt"] = since(start)
+        return problem
+
+    def settle(self, step: int, seconds: dict[str, float]) -> tuple[Settled, BoxArray]:
+        """Wait for the screen, and read where its elements are if the plan depends on them.
+
+        Args:
+            step: The number of the observation.
+            seconds: Receives how long each part took.
+
+        Raises:
+            DesktopError: The screen changed its size, or its tree cannot be read.
+        """
+        start = time.monotonic()
+        with_tree = self.script.needs_tree(step)
+        found = wait_until_settled(self._desktop, self._settings.settle, with_tree)
+        seconds["settle"] = since(start) + seconds.get("settle", 0.0)
+        seconds["tree"] = found.tree_seconds
+        if found.frame.shape[:2] != self.script.size:
+            height, width = found.frame.shape[:2]
+            before = self.script.size[::-1]
+            raise DesktopError(f"the screen is {width}x{height} now, it was {before} at first")
+        if found.tree is None:
+            return found, as_boxes(None)
+        start = time.monotonic()
+        try:
+            boxes = boxes_from_tree(found.tree, self.script.size).boxes
+        except ElementsError as error:
+            message = f"the accessibility tree of the desktop cannot be read: {error}"
+            raise DesktopError(message) from None
+        seconds["boxes"] = since(start)
+        return found, boxes
+
+    def flush(self) -> None:
+        """Write the line of the present observation, unless it is written already."""
+        if self._log is None or self.view is None:
+            return
+        if self.view.line["step"] >= self._written:
+            self._written += 1
+            self._log.line(self.view.line)
+
+    def _inject(self, due: Sequence[Effect], step: int) -> str:
+        try:
+            return self._effects.inject(due, self.script, step)
+        except MissingCapabilityError as error:
+            if self.view is None:  # nothing was played yet: the caller is to know
+                raise
+            return str(error)
+
+    def _facts(
+        self,
+        plan: Plan,
+        settled: Settled,
+        boxes: BoxArray,
+    ) -> dict[str, Any]:
+        """Return what the line of the log says of the screen; the action is filled in later."""
+        data = plan.to_data()
+        return {
+            "plan": data,
+            "plan_digest": data["digest"],
+            "boxes": boxes.tolist(),
+            "apps": list(self.script.apps),
+            "raw": None,
+            "code": None,
+            "error": None,
+            "events": self._effects.events(),
+            "result": None,
+            "still": settled.in_time,
+        }

@@ -1,0 +1,162 @@
+"""The record of an episode: what was requested, what happened, and how it was judged."""
+
+import json
+import time
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal, TypeAlias
+
+from hijack_data.planner import Planner
+from hijack_data.runs.run_log import VERSION, slug_of
+from hijack_data.runs.run_planners import params_of, written
+
+from ..desktops.protocol import Desktop
+from ..errors import DesktopError
+from ..tasks.base import Verdict
+from .settings import EvalSettings
+from .settle import Settle
+from .stage import Setting
+
+EpisodeRecord: TypeAlias = dict[str, Any]
+Status: TypeAlias = Literal["ok", "invalid", "error"]
+Ended: TypeAlias = Literal["agent", "max_steps", "outside"]  # outside: a limit that is not ours
+Cause: TypeAlias = Literal["agent", "machine", "outside"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class EpisodeRequest:
+    """What is to be played.
+
+    Args:
+        planner: What disturbs the episode; `None` for nothing.
+        label: The corruption's name in the record.
+        task: The task, as the stage takes it.
+        seed: Decides the task's variant and all that the corruption draws.
+        attempt: The number of the attempt; `None` takes the first that is not in the log.
+    """
+
+    planner: Planner | None
+    label: str
+    task: Any
+    seed: int
+    attempt: int | None = None
+
+
+@dataclass
+class EpisodeCounts:
+    """What happens in an episode, as far as the record counts it."""
+
+    setting: Setting
+    attempt: int = 0
+    steps: int = 0
+    malformed: int = 0
+    requests: int = 0
+    false_alarms: int = 0
+    repaired: int = 0
+    said: str = ""  # the agent's last words
+    usage: dict[str, Any] | None = None  # what it counted itself: tokens, money
+    history: list[str] = field(default_factory=list[str])
+    start: float = field(default_factory=time.monotonic)
+    setup_seconds: float | None = None  # to reset the desktop and set the task up
+
+
+@dataclass(frozen=True, kw_only=True)
+class End:
+    """How an episode ended.
+
+    Only `"ok"` has a verdict: an episode whose corruption was not there does not count as 0.
+
+    Args:
+        status: The status of the record.
+        problem: What went wrong, if the status is not `"ok"`.
+        verdict: How the task was judged.
+        ended: What ended an episode that was judged: `DONE` or `FAIL`, `max_steps`, or a limit
+            that is not the environment's.
+        cause: Whose failure an error is; an agent's own counts against it, the others do not.
+        traceback: Where an agent raised, the innermost call last.
+    """
+
+    status: Status
+    problem: str = ""
+    verdict: Verdict | None = None
+    ended: Ended | None = None
+    cause: Cause = "machine"
+    traceback: tuple[str, ...] = ()
+
+
+def make_record(
+    *,
+    request: EpisodeRequest,
+    settings: EvalSettings,
+    counts: EpisodeCounts,
+    end: End,
+    effects: list[EpisodeRecord],
+    desktop: Desktop,
+) -> EpisodeRecord:
+    """Return the record as JSON data."""
+    setting = counts.setting
+    record: EpisodeRecord = {
+        "version": VERSION,
+        "id": slug_of(setting.id, request.label, request.seed, settings.agent, counts.attempt),
+        "agent": settings.agent,
+        "task": setting.id,
+        "task_seed": setting.seed,
+        "instruction": setting.instruction,
+        "apps": list(setting.apps),
+        "infeasible": setting.infeasible,
+        "corruption": request.label,
+        "params": params_of(request.planner),
+        "planner": written(request.planner),
+        "seed": request.seed,
+        "sample": setting.id,
+        "attempt": counts.attempt,
+        "max_steps": settings.max_steps,
+        "allow_code": settings.allow_code,
+        "status": end.status,
+        "score": None if end.verdict is None else float(end.verdict.score),
+        "reason": "" if end.verdict is None else end.verdict.reason,
+        "ended": end.ended,
+        "steps": counts.steps,
+        "seconds": since(counts.start),
+        "setup_seconds": counts.setup_seconds,
+        "effects": effects,
+        "problem": end.problem,
+        "cause": end.cause if end.status == "error" else None,
+        "traceback": list(end.traceback),
+        "recovery": {
+            "policy": settings.recovery,
+            "requests": counts.requests,
+            "false_alarms": counts.false_alarms,
+            "repaired": counts.repaired,
+        },
+        "malformed": counts.malformed,
+        "last_action": counts.history[-1] if counts.history else None,
+        "said": counts.said,
+        "usage": counts.usage,
+        "desktop": _about(desktop, settings.settle),
+    }
+    return json.loads(json.dumps(record, default=repr))
+
+
+def name_of(task: object) -> str:
+    """Return how a record names a task that could not be set up."""
+    known = task.get("id") if isinstance(task, dict) else getattr(task, "id", task)
+    return known if isinstance(known, str) else "unknown"
+
+
+def since(start: float) -> float:
+    """Return the seconds since a `time.monotonic()`."""
+    return round(time.monotonic() - start, 4)
+
+
+def _about(desktop: Desktop, settle: Settle) -> EpisodeRecord:
+    size: list[int] | None = None
+    try:
+        height, width = desktop.size
+        size = [width, height]
+    except DesktopError:
+        pass
+    return {
+        "provider": type(desktop).__name__.lstrip("_"),
+        "size": size,
+        "settle": asdict(settle),
+    }

@@ -1,0 +1,196 @@
+"""The trusted side of an environment: it plays episodes and holds what no agent may see.
+
+`CorruptedEnv` is the gymnasium interface in front of it.
+"""
+
+import operator
+import sys
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+
+from hijack_data.errors import (
+    HijackError,
+    ParameterError,
+    ParameterTypeError,
+    UnknownNameError,
+    suggest,
+)
+from hijack_data.planner import Planner
+from hijack_data.runs.run_planners import label_of
+from hijack_data.types import Size
+
+from ..embedded.runtime import masks
+from .episode import Episode
+from .record import End, EpisodeRequest
+from .script import Script, planner_of
+from .settings import EvalSettings
+from .stage import Stage
+
+_OPTIONS = ("task", "corruption", "label", "attempt")
+
+
+class EpisodeRunner:
+    """Plays episodes on a stage, one after the other.
+
+    Args:
+        stage: The desktop and its tasks.
+        corruption: What disturbs episodes that name no corruption of their own.
+        settings: What holds for every episode.
+    """
+
+    def __init__(
+        self,
+        stage: Stage,
+        corruption: str | Planner | None,
+        settings: EvalSettings,
+    ) -> None:
+        self.settings = settings
+        self.episode: Episode | None = None
+        self.closed = False
+        self._stage = stage
+        self._planner = planner_of(corruption)
+        self._seeds = np.random.default_rng()
+        if settings.folder is not None:
+            masks.hide(settings.folder)
+
+    @property
+    def size(self) -> Size:
+        """The size of an agent's pictures under the runner's own corruption, (height, width)."""
+        script = Script(self._planner, 0, "", (), self._stage.desktop.size)
+        return script.plan(0).out_size
+
+    def seed(self, seed: int) -> None:
+        """Restart the seeds that are drawn for episodes without one."""
+        self._seeds = np.random.default_rng(seed)
+
+    def begin(self, seed: int | None, options: "ResetOptions") -> Size:
+        """Begin an episode; it is `episode` from now on.
+
+        Returns:
+            The size of the agent's pictures, (height, width).
+        """
+        planner = self._planner
+        if options.has_corruption:
+            planner = planner_of(options.corruption)
+        if seed is None:
+            seed = int(self._seeds.integers(2**32))
+        request = EpisodeRequest(
+            planner=planner,
+            label=options.label or label_of(planner),
+            task=options.task,
+            seed=seed,
+            attempt=options.attempt,
+        )
+        self.episode = Episode(self._stage, self.settings, request)
+        return self.episode.begin()
+
+    def end(self, end: End) -> None:
+        """End the episode that is under way, if there is one."""
+        if self.episode is not None:
+            self.episode.end(end)
+
+    def leave(self, why: str) -> None:
+        """End the episode that is under way.
+
+        It is judged, unless an exception is being handled: then it ends as an error.
+        """
+        raised = sys.exception()
+        if raised is not None:
+            why = f"{why}, while {type(raised).__name__} was handled"
+        elif self.episode is not None:
+            self.episode.truncate()
+        self.end(
+            End(
+                status="error",
+                problem=why,
+                cause="outside",
+            )
+        )
+
+    def close(self) -> None:
+        """End the episode and close the stage; calling it again does nothing."""
+        if self.closed:
+            return
+        self.closed = True
+        try:
+            self.leave("the environment was closed before the end")
+        finally:
+            self._stage.close()
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResetOptions:
+    """The options of `CorruptedEnv.reset`, checked."""
+
+    task: Any
+    corruption: Any
+    has_corruption: bool
+    label: str | None
+    attempt: int | None
+
+    @classmethod
+    def read(cls, options: dict[str, Any] | None) -> "ResetOptions":
+        """Check the options as they were given.
+
+        Raises:
+            UnknownNameError: An option does not exist; the message has the closest name.
+            ParameterTypeError: `label` or `attempt` is of the wrong type.
+        """
+        given = options or {}
+        for key in given:
+            if key not in _OPTIONS:
+                raise UnknownNameError(f"reset has no option {key!r}{suggest(key, _OPTIONS)}")
+        return cls(
+            task=given.get("task"),
+            corruption=given.get("corruption"),
+            has_corruption="corruption" in given,
+            label=_checked_label(given.get("label")),
+            attempt=_checked_attempt(given.get("attempt")),
+        )
+
+
+def checked_seed(value: object) -> int | None:
+    """Return a seed as an integer in [0, 2**64 - 1]; `None` stays `None`.
+
+    Raises:
+        ParameterTypeError: It is no integer.
+        ParameterError: It is out of range.
+    """
+    if value is None:
+        return None
+    if isinstance(value, bool) or not hasattr(value, "__index__"):
+        raise ParameterTypeError(f"seed must be an integer, got {value!r:.80}")
+    number = operator.index(cast(Any, value))
+    if not 0 <= number < 2**64:
+        raise ParameterError(f"seed must be in [0, 2**64 - 1], got {number}")
+    return number
+
+
+def ready(runner: EpisodeRunner) -> Episode:
+    """Return the episode of a runner that has begun one.
+
+    Raises:
+        HijackError: There was no `reset`, or it failed.
+    """
+    episode = runner.episode
+    if episode is None or episode.view is None:
+        raise HijackError("no episode is under way: call reset first")
+    return episode
+
+
+def _checked_label(label: object) -> str | None:
+    if label is None:
+        return None
+    if not isinstance(label, str) or not label:
+        raise ParameterTypeError(f"label must be a non-empty string, got {label!r:.80}")
+    return label
+
+
+def _checked_attempt(attempt: object) -> int | None:
+    if attempt is None:
+        return None
+    if isinstance(attempt, bool) or not isinstance(attempt, int) or attempt < 0:
+        raise ParameterTypeError(f"attempt must be an integer of at least 0, got {attempt!r:.80}")
+    return attempt

@@ -1,0 +1,111 @@
+"""What is going to happen in an episode: one plan a step, from seed, task and screen alone."""
+
+from dataclasses import dataclass
+
+from hijack_data.corruption import get
+from hijack_data.errors import ParameterError
+from hijack_data.plan import CLEAN, Plan
+from hijack_data.planner import Planner, as_planner
+from hijack_data.rng import Stream
+from hijack_data.runs.run_planners import label_of
+from hijack_data.types import BoxArray, Scene, Size, as_boxes
+
+from ..desktops.protocol import Desktop
+from ..effects import find
+from ..errors import MissingCapabilityError
+
+BEFORE = -1  # the step of what happens before the episode
+
+
+def planner_of(value: object) -> Planner | None:
+    """Return a corruption by name, or any planner as it is; `None` for `None` and `"clean"`.
+
+    Passes on `UnknownNameError` (no corruption has this name; with the closest one) and
+    `ParameterTypeError` (`value` is neither a name nor a planner).
+    """
+    if value is None or value == CLEAN:
+        return None
+    if isinstance(value, str):
+        return get(value)
+    return as_planner(value, "a corruption is a name or an object such as Subtitle()")
+
+
+@dataclass(frozen=True)
+class Script:
+    """The plans of one episode.
+
+    Args:
+        planner: what disturbs; `None` for nothing.
+        seed: 0 to 2**64 - 1.
+        sample: id of the task: every agent gets the same draws.
+        apps: normalised names of the applications that the task uses.
+        size: `(height, width)` of the screen.
+    """
+
+    planner: Planner | None
+    seed: int
+    sample: str
+    apps: tuple[str, ...]
+    size: Size
+
+    def plan(self, step: int, boxes: BoxArray | None = None) -> Plan:
+        """Return the plan of a step on a screen with these elements.
+
+        Args:
+            step: of the episode; `BEFORE` is before it.
+            boxes: of the elements, int32 `[N, 4]`, `xyxy`; none by default.
+        """
+        if self.planner is None:
+            return Plan.clean(self.size)
+        scene = Scene(self.size, as_boxes(boxes), self.apps)
+        return self.planner.plan(
+            scene,
+            seed=self.seed,
+            sample=self.sample,
+            step=step,
+        )
+
+    def needs_tree(self, step: int) -> bool:
+        """Return whether the plan of this step depends on where the elements are."""
+        if self.planner is None or not self.planner.needs_elements:
+            return False
+        plan = self.plan(step)
+        return bool(plan.ops or plan.effects)
+
+    def stream(self, kind: str, step: int) -> Stream:
+        """Return the random draws for decisions that need the live desktop."""
+        return Stream(self.seed, f"effect-{kind}", self.sample, step)
+
+    def check(self, steps: int, desktop: Desktop) -> Size:
+        """Look `steps` steps ahead and refuse what cannot work, before anything is done.
+
+        Passes on `MissingCapabilityError` (the desktop lacks something; with all that it lacks)
+        and `UnknownNameError` (an effect that nothing can perform).
+
+        Returns:
+            The size of the agent's pictures, (height, width).
+
+        Raises:
+            ParameterError: a screen that is too small, or pictures of several sizes.
+        """
+        plans = [self.plan(step) for step in range(BEFORE, steps + 1)]
+        self._check_capabilities(plans, desktop)
+        sizes = {plan.out_size for plan in plans[1:]}
+        if len(sizes) > 1:
+            raise ParameterError(
+                f"{label_of(self.planner)} gives pictures of {len(sizes)} sizes (height, width) in"
+                f" one episode, {sorted(sizes)}; an environment has one: use"
+                " Resolution(restore=True)"
+            )
+        return sizes.pop()
+
+    def _check_capabilities(self, plans: list[Plan], desktop: Desktop) -> None:
+        kinds = {effect.kind for plan in plans for effect in plan.effects}
+        needed = {capability for kind in kinds for capability in find(kind).needs}
+        missing = sorted(needed - desktop.capabilities)
+        if missing:
+            there = ", ".join(sorted(desktop.capabilities)) or "nothing"
+            raise MissingCapabilityError(
+                f"{label_of(self.planner)} needs {', '.join(missing)}, which this desktop lacks"
+                f" (available: {there})"
+            )

@@ -1,0 +1,68 @@
+"""The settings that hold for every episode of an evaluation."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, TypeAlias, TypedDict, get_args
+
+from hijack_data.errors import ParameterError, UnknownNameError, suggest
+
+from .settle import Settle
+
+Recovery: TypeAlias = Literal["none", "repair", "reset"]
+POLICIES: tuple[Recovery, ...] = get_args(Recovery)
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvalSettings:
+    """What holds for every episode of a `CorruptedEnv`.
+
+    Args:
+        max_steps: Actions until an episode is truncated, at least 1.
+        settle: When the screen counts as settled.
+        recovery: What `REQUEST_REINIT` leads to: `"none"` changes nothing, `"repair"` undoes the
+            effects, `"reset"` sets the task up anew on a clean desktop. Requests are counted in
+            any case.
+        allow_code: Let any Python code through; it runs in the guest, as the desktop's user.
+        log: The folder of the run; an episode is written to `log/episodes/<its id>/`. `None`
+            writes nothing.
+        agent: The agent's name, for the record.
+        password: The password of the desktop's user.
+
+    Raises:
+        ParameterError: `max_steps` is no integer of at least 1.
+        UnknownNameError: `recovery` is no known policy.
+    """
+
+    max_steps: int = 15
+    settle: Settle = field(default_factory=Settle)
+    recovery: Recovery = "none"
+    allow_code: bool = False
+    # As text: annotations can be reached from the environment, and so can all that they name.
+    log: "Path | str | None" = None
+    agent: str = "agent"
+    password: str = "password"
+
+    def __post_init__(self) -> None:
+        steps: object = self.max_steps
+        if isinstance(steps, bool) or not isinstance(steps, int) or steps < 1:
+            raise ParameterError(f"max_steps must be an integer of at least 1, got {steps!r}")
+        if self.recovery not in POLICIES:
+            close = suggest(self.recovery, POLICIES)
+            raise UnknownNameError(f"no recovery policy {self.recovery!r}{close}")
+
+    @property
+    def folder(self) -> "Path | None":
+        """The folder of the run as a path, or `None` if nothing is written."""
+        return None if self.log is None else Path(self.log)
+
+
+class EvalOptions(TypedDict, total=False):
+    """The fields of `EvalSettings` as keyword arguments of `CorruptedEnv`."""
+
+    max_steps: int
+    settle: Settle
+    recovery: Recovery
+    allow_code: bool
+    log: "Path | str | None"
+    agent: str
+    password: str

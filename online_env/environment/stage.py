@@ -1,0 +1,263 @@
+"""Stages: a desktop with tasks on it, as `CorruptedEnv` uses them.
+
+`SmallTasks` has the small tasks on an embedded desktop, `OsworldStage` the tasks of an environment
+with OSWorld's interface.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol, cast
+
+from hijack_data.apps import normalize_app
+from hijack_data.errors import ConfigError, ParameterTypeError, some_of
+
+from .. import tasks
+from ..desktops.http import HttpDesktop
+from ..desktops.osworld import OsworldDesktop, OsworldLike
+from ..desktops.protocol import Capability, Desktop, RunResult
+from ..embedded.sites.state import SiteState
+from ..errors import DesktopError
+from ..osworld.tasks import OsworldTask, mistakes
+from ..tasks.base import Task, Verdict
+from ..tasks.machine import Machine
+
+WORDS = ("WAIT", "DONE", "FAIL")
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One task as it was set up.
+
+    Args:
+        id: The task's id; it is also the key of the random draws, so that every agent gets the
+            same disturbances.
+        instruction: The instruction that the agent gets.
+        apps: Normalised names of the applications that the task uses.
+        infeasible: Whether the right answer is `FAIL`.
+        seed: The seed of the task's variant.
+    """
+
+    id: str
+    instruction: str
+    apps: tuple[str, ...] = ()
+    infeasible: bool = False
+    seed: int = 0
+
+
+class Stage(Protocol):
+    """What `CorruptedEnv` needs; every method raises `DesktopError` if the desktop fails."""
+
+    @property
+    def desktop(self) -> Desktop:
+        """The machine."""
+        ...
+
+    def reset(self, task: Any, seed: int) -> Setting:
+        """Set up a task on a pristine desktop.
+
+        Args:
+            task: The task; `None` leaves the choice to the stage.
+            seed: Chooses the task's variant.
+        """
+        ...
+
+    def evaluate(self, history: Sequence[str]) -> Verdict:
+        """Judge how well the present task was done.
+
+        Args:
+            history: The agent's own actions. A task that cannot be done is judged by the last.
+        """
+        ...
+
+    def close(self) -> None:
+        """End the desktop; calling it again does nothing."""
+        ...
+
+
+class SmallTasks:
+    """The tasks of `online_env.tasks` on a desktop.
+
+    Args:
+        desktop: Such as one of `EmbeddedDesktop.up`; with `standby=True` a reset is quick.
+        task: The task of a `reset` that names none: a name, or a task with its own seed.
+    """
+
+    def __init__(self, desktop: Desktop, task: str | Task = "write_note") -> None:
+        self._desktop = desktop
+        self._default = task
+        self._task: Task | None = None
+        self._machine: Machine | None = None
+
+    @property
+    def desktop(self) -> Desktop:
+        """The machine; the same object after each reset."""
+        return self._desktop
+
+    @property
+    def task(self) -> Task:
+        """The task that is set up now.
+
+        Raises:
+            DesktopError: There was no reset yet.
+        """
+        if self._task is None:
+            raise DesktopError("no task is set up: call reset first")
+        return self._task
+
+    @property
+    def machine(self) -> Machine:
+        """The desktop as the present task sees it.
+
+        Raises:
+            DesktopError: There was no reset yet.
+        """
+        if self._machine is None:
+            raise DesktopError("no task is set up: call reset first")
+        return self._machine
+
+    @property
+    def sites(self) -> SiteState | None:
+        """What was done on the desktop's local internet, or `None` where it has none."""
+        record = getattr(self._desktop, "record", None)
+        return None if record is None else SiteState(record["sites"])
+
+    def reset(self, task: Any, seed: int) -> Setting:
+        """Set up a task on a pristine desktop.
+
+        An unknown name raises `UnknownNameError`.
+
+        Args:
+            task: A name (then `seed` chooses the variant), a task, or `None` for the default.
+            seed: Chooses the variant of a task that is given by name.
+
+        Raises:
+            ParameterTypeError: `task` is neither.
+        """
+        wanted: object = self._default if task is None else task
+        if isinstance(wanted, str):
+            wanted = tasks.get(wanted, seed)
+        if not isinstance(wanted, Task):
+            known = some_of(tasks.names())
+            raise ParameterTypeError(f"a task is a name ({known}) or a Task, got {wanted!r:.80}")
+        self._task = None
+        self._desktop.reset()
+        self._machine = Machine(self._desktop, self.sites)
+        wanted.setup(self._machine)
+        self._task = wanted
+        apps = tuple(normalize_app(app) for app in wanted.apps)
+        infeasible = bool(wanted.infeasible)
+        return Setting(wanted.id, wanted.instruction, apps, infeasible, wanted.seed)
+
+    def evaluate(self, history: Sequence[str]) -> Verdict:
+        """Judge the task by files and by what applications and sites stored."""
+        answer = history[-1] if history else ""
+        return self.task.validate(self.machine, answer)
+
+    def close(self) -> None:
+        """End the desktop."""
+        self._desktop.close()
+
+
+class OsworldStage:
+    """The tasks of an environment with OSWorld's interface.
+
+    It has `reset`, `step`, `evaluate`, `controller` and `action_history`. The agent's actions and
+    the effects both go to the guest through `controller`. The environment itself gets the last
+    action only, right before it evaluates: it judges a task that cannot be done by that.
+
+    Args:
+        env: `desktop_env.DesktopEnv`, or the result of `online_env.osworld.run.embedded_env`.
+        password: The password of the guest's user, for sudo.
+        capabilities: What the guest can do besides what is found by asking it.
+    """
+
+    def __init__(
+        self,
+        env: OsworldLike,
+        password: str | None = "password",
+        capabilities: Sequence[Capability] = (),
+    ) -> None:
+        self.env = env
+        self._desktop = _Guest(env, password, capabilities)
+
+    @property
+    def desktop(self) -> OsworldDesktop:
+        """The machine."""
+        return self._desktop
+
+    def reset(self, task: Any, seed: int) -> Setting:
+        """Set up one of OSWorld's tasks; errors of the environment are passed on.
+
+        A task with mistakes raises `ConfigError`.
+
+        Args:
+            task: The content of one of OSWorld's task files, or an `OsworldTask`.
+            seed: Not used: OSWorld's tasks have no variants.
+        """
+        config = _config(task)
+        self._desktop.reset(config)
+        # Otherwise only the environment's own `step` would note that it has to be reverted.
+        if hasattr(self.env, "is_environment_used"):
+            cast(Any, self.env).is_environment_used = True
+        apps = tuple(normalize_app(app) for app in config.get("related_apps", ()))
+        infeasible = config["evaluator"].get("func") == "infeasible"
+        return Setting(config["id"], config["instruction"], apps, infeasible)
+
+    def evaluate(self, history: Sequence[str]) -> Verdict:
+        """Return OSWorld's own score."""
+        actions = list(history)
+        last = actions.pop() if actions and actions[-1] in WORDS else None
+        self.env.action_history[:] = actions
+        if last is not None:
+            self.env.step(last, pause=0)
+        return Verdict(self._desktop.evaluate(), "OSWorld's evaluator")
+
+    def close(self) -> None:
+        """Close the environment."""
+        self._desktop.close()
+
+
+class _Guest(OsworldDesktop):
+    """The environment's guest, and where its network is if that is on this machine.
+
+    See `effects.guest` for `namespace` and `tool`.
+    """
+
+    @property
+    def namespace(self) -> Path | None:
+        """The network namespace of an embedded desktop; `None` for another guest."""
+        return getattr(self.env, "namespace", None)
+
+    @property
+    def capabilities(self) -> frozenset[Capability]:
+        """What the guest can do; this machine can close the network of an embedded desktop."""
+        if self.namespace is None:
+            return super().capabilities
+        firewall: frozenset[Capability] = frozenset({"firewall"})
+        return super().capabilities | firewall
+
+    @property
+    def tool(self) -> Callable[..., dict[str, Any]] | None:
+        """How to ask an embedded desktop's guest server directly; `None` for another guest."""
+        client: HttpDesktop | None = getattr(self.env, "client", None)
+        return None if client is None else client.tool
+
+    def execute(self, argv: Sequence[str] | str, timeout: float = 60) -> RunResult:
+        """Run a command.
+
+        Our own guest server runs it without the Python of the desktop's user, which OSWorld's
+        client would need.
+        """
+        client: HttpDesktop | None = getattr(self.env, "client", None)
+        if client is None:
+            return super().execute(argv, timeout)
+        return client.execute(argv, timeout)
+
+
+def _config(task: object) -> dict[str, Any]:
+    config = task.config if isinstance(task, OsworldTask) else task
+    found = list(mistakes(config))
+    if found:
+        raise ConfigError([f"the task: {text}" for text in found])
+    return dict(cast("Mapping[str, Any]", config))

@@ -1,0 +1,73 @@
+"""How an episode becomes a score of Inspect.
+
+| record | sample |
+|---|---|
+| `ok` | its score, 0 to 1 |
+| `invalid` | unscored: it is in no metric |
+| `error` of the agent | 0 |
+| `error` of the machine | errored, so that `--retry-on-error` runs it again |
+"""
+
+from typing import Any
+
+from inspect_ai.model import ChatMessageAssistant, ChatMessageTool
+from inspect_ai.scorer import Score
+from inspect_ai.solver import TaskState
+
+from ..agents.base import DONE, FAIL
+from ..errors import DesktopError
+from .sessions import Session, in_thread
+
+SUBMIT = "submit"
+CORRUPTION = "corruption"  # the metadata by which scores are grouped
+
+
+async def score_of(session: Session, state: TaskState) -> Score:
+    """End the episode if the model has not, and return its score.
+
+    Raises:
+        DesktopError: The desktop or the evaluator failed in the agent's hands.
+    """
+    said = state.output.completion
+    if session.record is None:
+        await in_thread(_end, session, said, was_cut_off(state))
+    record: dict[str, Any] = session.record or {}
+    metadata = {"record": record}
+    if record["status"] == "invalid":
+        return Score.unscored(
+            reason="corruption_not_proved",
+            explanation=record["problem"],
+            metadata=metadata,
+        )
+    if record["status"] == "error" and record["cause"] != "agent":
+        raise DesktopError(record["problem"])
+    return Score(
+        value=record["score"] or 0.0,
+        answer=said,
+        explanation=record["reason"] or record["problem"],
+        metadata=metadata,
+    )
+
+
+def _end(
+    session: Session,
+    said: str,
+    cut_off: bool,
+) -> None:
+    session.hear(said)
+    if cut_off:
+        session.cut_off("a limit of Inspect's ended the episode before the agent took an action")
+    else:
+        session.act(FAIL if said.strip().upper().startswith(FAIL) else DONE)
+
+
+def was_cut_off(state: TaskState) -> bool:
+    """Return whether a limit ended the agent: the last thing that it did was no answer."""
+    if not state.messages:
+        return True
+    last = state.messages[-1]
+    if isinstance(last, ChatMessageTool):
+        return last.function != SUBMIT
+    if isinstance(last, ChatMessageAssistant):
+        return any(call.function != SUBMIT for call in last.tool_calls or ())
+    return True  # a message to the model, which it did not answer

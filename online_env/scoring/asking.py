@@ -1,0 +1,318 @@
+"""Puts rows to an agent and turns its answers into records.
+
+The agent runs in a thread of its own, so that none of our frames is a caller of it (see
+`agents.apart`), and gets nothing but pictures and, for steps, the instruction. Each row is an
+episode of its own: `reset()` comes before it, and an agent without `reset` is made again.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, TypeAlias, cast
+
+from hijack_data.errors import HijackError
+from hijack_data.plan import CLEAN
+from hijack_data.runs.run_log import ROW, VERSION
+from hijack_data.types import Action, Box, UInt8Array
+
+from ..agents.apart import AgentError, Apart
+from ..agents.registry import make
+from ..bench.reading import ResultRecord
+from .answers import StepAnswer, read_answer
+from .cases import Case, Question
+from .feed import DamagedRowError, RowData, RowFeed, scales_of
+from .onlookers import is_reminder, overlap
+from .outlines import outline_of
+from .rules import Distance, WantedStep, compare, unanswered
+
+KEPT = 2000  # characters of a text in a record
+POINTED = ("x", "y", "x2", "y2")
+Scored: TypeAlias = dict[str, Any]
+_Tell: TypeAlias = Callable[[], object]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Asking:
+    """How rows are put to an agent.
+
+    Args:
+        agent: its name.
+        question: what it is asked.
+        near: how far a click may be off where no box is known.
+        batch: rows that `predict_batch` is given at a time.
+    """
+
+    agent: str
+    question: Question
+    near: Distance
+    batch: int = 8
+
+
+class Asker:
+    """One agent, and the rows that are put to it.
+
+    Args:
+        asking: how.
+        feed: the rows.
+
+    Raises:
+        AgentError: the agent cannot be made.
+    """
+
+    def __init__(self, asking: Asking, feed: RowFeed) -> None:
+        self._asking = asking
+        self._feed = feed
+        self._apart = Apart(partial(make, asking.agent))
+        self._used = False
+
+    @property
+    def batch(self) -> int:
+        """How many rows the agent takes at a time."""
+        batched = hasattr(self._apart.agent, "predict_batch")
+        return self._asking.batch if batched and self._asking.question == "steps" else 1
+
+    def one(self, case: Case, asks: _Tell) -> ResultRecord:
+        """Put one row to the agent; `asks` is called right before."""
+        row = self._row(case)
+        if isinstance(row, DamagedRowError):
+            return self._damaged(case, row)
+        asks()
+        start = time.perf_counter()
+        try:
+            self._begin()
+            answer = self._answer(row)
+        except AgentError as error:
+            return self._failed(case, row, error, time.perf_counter() - start)
+        return self._judged(case, row, answer, time.perf_counter() - start)
+
+    def several(self, cases: Sequence[Case], asks: _Tell) -> list[ResultRecord]:
+        """Put rows to `predict_batch`; `asks` is called right before.
+
+        Raises:
+            AgentError: it raises, or does not return an answer for each row.
+        """
+        rows = [self._row(case) for case in cases]
+        whole = [row for row in rows if not isinstance(row, DamagedRowError)]
+        asks()
+        start = time.perf_counter()
+        answers = iter(self._batch(whole) if whole else [])
+        seconds = (time.perf_counter() - start) / max(1, len(whole))
+        found: list[ResultRecord] = []
+        for case, row in zip(cases, rows, strict=True):
+            if isinstance(row, DamagedRowError):
+                found.append(self._damaged(case, row))
+                continue
+            found.append(self._judged(case, row, next(answers), seconds))
+        return found
+
+    def _row(self, case: Case) -> RowData | DamagedRowError:
+        try:
+            return self._feed.row(case.number)
+        except DamagedRowError as error:
+            return error
+
+    def _begin(self) -> None:
+        """Let the agent forget the last row."""
+        if hasattr(self._apart.agent, "reset"):
+            self._apart.reset()
+        elif self._used:
+            self._apart.agent = self._apart.call(make, self._asking.agent)
+        self._used = True
+
+    def _answer(self, row: RowData) -> Any:
+        if self._asking.question == "reminders":
+            return self._text(self._call("check", row["screenshot"]), "check", optional=True)
+        if self._asking.question == "summaries":
+            pictures = (row["before"], row["action_text"], row["after"])
+            return self._text(self._call("summarise", *pictures), "summarise")
+        said, actions = self._apart.predict(row["instruction"], _observation(row))
+        return said, self._apart.call(list, actions)
+
+    def _batch(self, rows: Sequence[RowData]) -> list[tuple[str, list[object]]]:
+        self._begin()
+        instructions = [row["instruction"] for row in rows]
+        observations = [_observation(row) for row in rows]
+        answers: Any = self._call("predict_batch", instructions, observations)
+        listed = self._apart.call(list, answers)
+        if len(listed) != len(rows):
+            raise AgentError(f"predict_batch gave {len(listed)} answers for {len(rows)} rows")
+        return [self._pair(answer) for answer in listed]
+
+    def _pair(self, answer: object) -> tuple[str, list[object]]:
+        match answer:
+            case (str() as said, Sequence() as actions) if not isinstance(actions, str):
+                return said, self._apart.call(list, actions)
+            case _:
+                raise AgentError(
+                    f"predict_batch must return (text, [actions]), got {answer!r:.200}"
+                )
+
+    def _call(self, name: str, *values: object) -> Any:
+        method = getattr(self._apart.agent, name, None)
+        if method is None:
+            raise AgentError(f"{type(self._apart.agent).__name__} has no {name}")
+        return self._apart.call(method, *values)
+
+    def _text(
+        self,
+        answer: object,
+        name: str,
+        optional: bool = False,
+    ) -> str | None:
+        if isinstance(answer, str) or (optional and answer is None):
+            return answer
+        wanted = "a text or None" if optional else "a text"
+        raise AgentError(f"{name} must return {wanted}, got {answer!r:.200}")
+
+    def _judged(
+        self,
+        case: Case,
+        row: RowData,
+        answer: Any,
+        seconds: float,
+    ) -> ResultRecord:
+        if self._asking.question == "reminders":
+            scored = _reminder(case.needed, answer)
+        elif self._asking.question == "summaries":
+            scored = _summary(row, answer)
+        else:
+            said, actions = answer
+            size = row["screenshot"].shape[:2]
+            scored = _step(row, read_answer(said, actions, size), self._asking.near)
+        return self._record(case, row, seconds) | scored
+
+    def _failed(
+        self,
+        case: Case,
+        row: RowData,
+        error: AgentError,
+        seconds: float,
+    ) -> ResultRecord:
+        failed = failure(f"the agent: {error}", error.where)
+        return self._record(case, row, seconds) | failed
+
+    def _damaged(self, case: Case, error: DamagedRowError) -> ResultRecord:
+        record = blank(case, self._asking)
+        return record | {"status": "invalid", "problem": str(error)[:KEPT], "cause": "machine"}
+
+    def _record(
+        self,
+        case: Case,
+        row: RowData,
+        seconds: float,
+    ) -> ResultRecord:
+        about = {
+            "instruction": row["instruction"],
+            "fidelity": row["fidelity"],
+            "image_sha256": row.get("image_sha256"),
+            "target_visible": row.get("target_visible"),
+            "seconds": round(seconds, 4),
+        }
+        return blank(case, self._asking) | about
+
+
+def blank(case: Case, asking: Asking) -> ResultRecord:
+    """Return the record of a case before anything is known of the answer."""
+    about = {"needed": case.needed} if asking.question == "reminders" else {}
+    return {
+        **about,
+        "version": VERSION,
+        "id": case.id(asking.agent),
+        "agent": asking.agent,
+        "task": case.task,
+        "task_seed": case.variant,
+        "corruption": case.corruption,
+        "seed": case.seed,
+        "attempt": 0,
+        ROW: case.row,
+        "question": asking.question,
+        "status": "ok",
+        "score": None,
+        "reason": "",
+        "problem": "",
+        "steps": 1,
+        "seconds": 0.0,
+        "malformed": 0,
+    }
+
+
+def failure(problem: str, where: Sequence[str] = ()) -> Scored:
+    """Return the fields of a record whose agent failed."""
+    return {
+        "status": "error",
+        "problem": problem[:KEPT],
+        "cause": "agent",
+        "traceback": list(where),
+    }
+
+
+def wanted_of(row: RowData) -> WantedStep:
+    """Return what a row asks for."""
+    given: dict[str, Any] = row["action"]
+    keys = given["keys"]
+    action = Action(**{**given, "keys": tuple(keys) if keys else None})
+    scale = (1.0, 1.0) if row["corruption"] == CLEAN else scales_of(row)
+    return WantedStep(
+        action=action,
+        size=(row["height"], row["width"]),
+        box=_box(row["target_box"]),
+        polygon=outline_of(row["extra"], scale),
+        scale=scale,
+        helpless=row["reminder"] is not None,
+    )
+
+
+def _box(value: Sequence[int] | None) -> Box | None:
+    return cast("Box", tuple(value)) if value else None
+
+
+def _observation(row: RowData) -> dict[str, UInt8Array]:
+    return {"screenshot": row["screenshot"]}
+
+
+def _step(
+    row: RowData,
+    answer: StepAnswer,
+    near: Distance,
+) -> Scored:
+    try:
+        wanted = wanted_of(row)
+    except HijackError as error:
+        return {"status": "invalid", "problem": str(error)[:KEPT], "cause": "machine"}
+    if answer.action is None:
+        verdict = unanswered(wanted, answer.problem)
+    else:
+        verdict = compare(wanted, answer.action, near)
+    return {
+        "score": float(verdict.right),
+        "reason": verdict.reason[:KEPT],
+        "wanted": wanted.action.type,
+        "parts": verdict.parts,
+        "off": verdict.off,
+        "malformed": int(answer.action is None),
+        "last_action": answer.text[:KEPT],
+        "said": answer.said[:KEPT],
+        "more": answer.more,
+    }
+
+
+def _reminder(needed: bool, answer: str | None) -> Scored:
+    given = is_reminder(answer)
+    reason = ""
+    if given != needed:
+        reason = "a reminder that was not needed" if given else "no reminder, and one was needed"
+    return {
+        "score": float(given == needed),
+        "reason": reason,
+        "given": given,
+        "said": (answer or "")[:KEPT],
+    }
+
+
+def _summary(row: RowData, answer: str) -> Scored:
+    return {
+        "score": round(overlap(answer, row["summary"]), 4),
+        "wanted": row["summary"][:KEPT],
+        "said": answer[:KEPT],
+    }

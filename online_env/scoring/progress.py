@@ -1,0 +1,69 @@
+"""The display of a scoring run: a bar on a terminal, otherwise a line now and then."""
+
+import sys
+import time
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from ..bench.reading import ResultRecord
+
+EVERY = 5.0  # s between two lines
+
+
+class ScoreDisplay:
+    """Shows how far a run is, and each row that failed; use it in a `with` statement.
+
+    Args:
+        total: rows of all agents that are to be scored.
+        console: where it is shown.
+    """
+
+    def __init__(self, total: int, console: Console) -> None:
+        self._total = total
+        self._console = console
+        self._done = 0
+        self._begun = time.monotonic()
+        self._told = self._begun
+        self._bar: Progress | None = None
+        if console.is_terminal and sys.stdout.isatty():
+            columns: list[Any] = [
+                BarColumn(24),
+                MofNCompleteColumn(),
+                TextColumn("{task.description}"),
+                TimeRemainingColumn(),
+            ]
+            self._bar = Progress(*columns, console=console, transient=True)
+            self._task = self._bar.add_task("starts", total=total)
+
+    def __enter__(self) -> "ScoreDisplay":
+        if self._bar is not None:
+            self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def tick(self, agent: str, record: ResultRecord) -> None:
+        """Count a record."""
+        self._done += 1
+        if record["status"] != "ok":
+            problem = f"{record['status']}: {record['row']}: {record['problem']}"
+            self._say(" ".join(problem.split())[:300])
+        if self._bar is not None:
+            self._bar.update(self._task, completed=self._done, description=agent)
+        elif time.monotonic() - self._told > EVERY:
+            self._told = time.monotonic()
+            rate = self._done / (self._told - self._begun)
+            left = (self._total - self._done) / rate
+            counted = f"{self._done}/{self._total} rows"
+            self._say(f"{agent}: {counted}, {rate:.1f} rows/s, {left:.0f} s left")
+
+    def notice(self, text: str) -> None:
+        """Show what a user should know."""
+        self._say(f"note: {text}")
+
+    def _say(self, text: str) -> None:
+        self._console.print(text, markup=False, soft_wrap=True)

@@ -1,0 +1,301 @@
+"""What counts as the right step: the rules of docs/offline_scoring.md.
+
+A step is right if all its parts are: the type of the action and, as far as the recorded action has
+them, its place, its end, its text, its keys and the direction of scrolling.
+"""
+
+import math
+import re
+import unicodedata
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from hijack_data.actions.dialects.fields import key_names
+from hijack_data.errors import ParameterError
+from hijack_data.types import Action, Box, Point, Size
+
+HELP = "reinit"  # the type of an answer that asks for help; no action of a recording has it
+UNSCORED = "other"  # a recorded action of no known type: nothing can be compared with it
+MODIFIERS = frozenset({"ctrl", "shift", "alt", "win"})
+_DEFAULT_PIXELS = 32.0
+_SIDE = re.compile("^(ctrl|shift|alt|win)(?:left|right)$")
+
+
+@dataclass(frozen=True)
+class Distance:
+    """How far a point may be from the recorded one where no box is known.
+
+    Args:
+        value: pixels of the recorded screen, or a share.
+        relative: `value` is a share of the picture, 0..1: x counts in widths and y in heights, as
+            AITW's matching has it (0.14).
+    """
+
+    value: float = _DEFAULT_PIXELS
+    relative: bool = False
+
+    @classmethod
+    def parse(cls, text: str) -> "Distance":
+        """Read `32` (pixels) or `14%` (of the picture's width and height).
+
+        Raises:
+            ParameterError: it is neither.
+        """
+        relative = text.strip().endswith("%")
+        try:
+            value = float(text.strip().removesuffix("%"))
+        except ValueError:
+            value = math.nan
+        most = 100 if relative else 10_000
+        if not 0 < value <= most:
+            raise ParameterError(
+                f"distance {text!r} must be pixels such as 32, or a share such as 14%"
+            )
+        return cls(value / 100 if relative else value, relative)
+
+    def __str__(self) -> str:
+        return f"{100 * self.value:g}%" if self.relative else f"{self.value:g}"
+
+    def reaches(
+        self,
+        one: Point,
+        other: Point,
+        scale: tuple[float, float],
+        size: Size,
+    ) -> bool:
+        """Return whether two points of a picture are near enough.
+
+        Args:
+            one: the first.
+            other: the second.
+            scale: width and height of the picture over those of the recorded screen.
+            size: `(height, width)` of the picture.
+        """
+        across = one[0] - other[0]
+        down = one[1] - other[1]
+        if self.relative:
+            return math.hypot(across / size[1], down / size[0]) <= self.value
+        return math.hypot(across / scale[0], down / scale[1]) <= self.value
+
+
+NEAR = Distance()
+
+
+@dataclass(frozen=True, kw_only=True)
+class WantedStep:
+    """What a row asks for, in pixels of its picture.
+
+    Args:
+        action: the recorded action.
+        size: `(height, width)` of the picture.
+        box: the target, if one is known.
+        polygon: its outline, if it is known better than by a box; positions, not pixels.
+        scale: width and height of the picture over those of the recorded screen.
+        helpless: whether the machine is in a state that no step of the agent can put right.
+    """
+
+    action: Action
+    size: Size
+    box: Box | None = None
+    polygon: Sequence[tuple[float, float]] = ()
+    scale: tuple[float, float] = (1.0, 1.0)
+    helpless: bool = False
+
+
+@dataclass(frozen=True)
+class StepVerdict:
+    """The outcome of one comparison.
+
+    Args:
+        parts: whether each part that counts is right: `type`, `place`, `end`, `text`, `keys`,
+            `direction`.
+        reason: the first part that is wrong, in words, or "".
+        off: pixels between the two points, where both have one.
+    """
+
+    parts: dict[str, bool] = field(default_factory=dict[str, bool])
+    reason: str = ""
+    off: float | None = None
+
+    @property
+    def right(self) -> bool:
+        """Whether the step counts."""
+        return bool(self.parts) and all(self.parts.values())
+
+
+def compare(
+    wanted: WantedStep,
+    got: Action,
+    near: Distance = NEAR,
+) -> StepVerdict:
+    """Compare an agent's action with the recorded one.
+
+    Args:
+        wanted: what the row asks for; its type is not `UNSCORED`.
+        got: the agent's action, in pixels of the same picture.
+        near: how far points may be apart where no box is known.
+    """
+    want = wanted.action
+    parts = {"type": _same_type(wanted, got)}
+    if got.type == want.type:
+        parts.update(_details(wanted, got, near))
+    else:
+        parts.update(dict.fromkeys(_counted(wanted), False))
+    return StepVerdict(parts, _reason(parts, want, got), _off(want.point, got.point))
+
+
+def unanswered(wanted: WantedStep, reason: str) -> StepVerdict:
+    """Return the verdict on an answer that holds no action: all parts are wrong."""
+    names = ("type", *_counted(wanted))
+    return StepVerdict(dict.fromkeys(names, False), reason)
+
+
+def same_text(one: str, other: str) -> bool:
+    """Return whether two typed texts are equal but for white space and Unicode's spelling.
+
+    NFC; every run of white space is one space, at the ends none, so an Enter at the end does not
+    count either. Case counts.
+    """
+    return _plain_text(one) == _plain_text(other)
+
+
+def same_keys(one: Sequence[str], other: Sequence[str]) -> bool:
+    """Return whether two combinations of keys are the same.
+
+    Names are compared without case and in one spelling (`control` is `ctrl`); the order of
+    modifiers does not count.
+    """
+    return _plain_keys(one) == _plain_keys(other)
+
+
+def inside(polygon: Sequence[tuple[float, float]], point: Point) -> bool:
+    """Return whether the centre of a pixel lies in a polygon (even-odd rule)."""
+    x = point[0] + 0.5
+    y = point[1] + 0.5
+    within = False
+    previous = polygon[-1]
+    for corner in polygon:
+        crosses = (corner[1] > y) != (previous[1] > y)
+        if crosses:
+            share = (y - corner[1]) / (previous[1] - corner[1])
+            if x < corner[0] + share * (previous[0] - corner[0]):
+                within = not within
+        previous = corner
+    return within
+
+
+def _same_type(wanted: WantedStep, got: Action) -> bool:
+    if wanted.helpless and got.type == HELP:
+        return True
+    return got.type == wanted.action.type
+
+
+def _counted(wanted: WantedStep) -> list[str]:
+    """Return the parts beside the type that the recorded action has."""
+    want = wanted.action
+    names: list[str] = []
+    if want.type == "scroll":
+        return ["direction"] if want.amount else []
+    if want.point is not None or wanted.box is not None:
+        names.append("place")
+    if want.end is not None:
+        names.append("end")
+    if want.type == "type":
+        names.append("text")
+    if want.keys:
+        names.append("keys")
+    return names
+
+
+def _details(
+    wanted: WantedStep,
+    got: Action,
+    near: Distance,
+) -> dict[str, bool]:
+    want = wanted.action
+    parts: dict[str, bool] = {}
+    for name in _counted(wanted):
+        if name == "place":
+            parts[name] = _in_place(wanted, got.point, near)
+        elif name == "end":
+            parts[name] = _is_near(wanted, want.end, got.end, near)
+        elif name == "text":
+            parts[name] = same_text(want.text or "", got.text or "")
+        elif name == "keys":
+            parts[name] = same_keys(want.keys or (), got.keys or ())
+        else:
+            parts[name] = _sign(want.amount) == _sign(got.amount)
+    if got.keys and not want.keys:
+        parts["keys"] = False  # a click with Ctrl held is another action
+    return parts
+
+
+def _in_place(
+    wanted: WantedStep,
+    point: Point | None,
+    near: Distance,
+) -> bool:
+    if point is None:
+        return False
+    if wanted.polygon:
+        return inside(wanted.polygon, point)
+    if wanted.box is None:
+        return _is_near(wanted, wanted.action.point, point, near)
+    x1, y1, x2, y2 = wanted.box
+    return x1 <= point[0] < x2 and y1 <= point[1] < y2
+
+
+def _is_near(
+    wanted: WantedStep,
+    one: Point | None,
+    other: Point | None,
+    near: Distance,
+) -> bool:
+    if one is None or other is None:
+        return False
+    return near.reaches(one, other, wanted.scale, wanted.size)
+
+
+def _reason(
+    parts: dict[str, bool],
+    want: Action,
+    got: Action,
+) -> str:
+    wrong = next((name for name, right in parts.items() if not right), None)
+    if wrong is None:
+        return ""
+    if wrong == "type":
+        return f"{got.type} in the place of {want.type}"
+    found = {
+        "place": got.point,
+        "end": got.end,
+        "text": got.text,
+        "keys": got.keys,
+        "direction": got.amount,
+    }
+    return f"{wrong}: {found[wrong]!r:.120}"
+
+
+def _off(one: Point | None, other: Point | None) -> float | None:
+    if one is None or other is None:
+        return None
+    return round(math.hypot(one[0] - other[0], one[1] - other[1]), 1)
+
+
+def _sign(amount: float | None) -> int:
+    if not amount:
+        return 0
+    return 1 if amount > 0 else -1
+
+
+def _plain_text(text: str) -> str:
+    return re.sub(r"\s+", " ", unicodedata.normalize("NFC", text)).strip()
+
+
+def _plain_keys(keys: Sequence[str]) -> tuple[frozenset[str], tuple[str, ...]]:
+    if not keys:
+        return frozenset(), ()
+    lower = [key.lower() for key in keys]
+    names = [_SIDE.sub(r"\1", name) for name in key_names(lower, "keys")]
+    held = frozenset(name for name in names if name in MODIFIERS)
+    return held, tuple(name for name in names if name not in MODIFIERS)

@@ -1,0 +1,210 @@
+"""The folder of a scoring run: the same as that of a benchmark, and read by the same report."""
+
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from hijack_data.errors import ParameterError
+from hijack_data.loading import source_of
+from hijack_data.locking import Lock
+from hijack_data.registry import is_ours
+from hijack_data.runs.run_log import SCORE_RUN
+
+from ..agents.registry import AGENTS
+from ..bench import records
+from ..bench.reading import ResultRecord
+from .asking import Asking
+from .cases import Case, CaseKey, CaseList, Question, Selection, cases_of, open_feed
+from .rules import NEAR, Distance
+from .workers import Listener, WorkerPool
+
+WRITTEN_AFTER = 1.0  # s until answered rows are written at the latest
+MOST_HELD = 32  # rows that are held until then
+TIMEOUT = 120.0  # s that an agent has for a row
+_METHODS: Mapping[Question, str] = {
+    "steps": "predict",
+    "reminders": "check",
+    "summaries": "summarise",
+}
+Ticker = Callable[[str, ResultRecord], object]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScoreSettings:
+    """What is scored, and how.
+
+    Args:
+        dataset: the folder of a dataset, or of an export for onlookers.
+        agents: names in `agents.AGENTS`.
+        question: what the agents are asked.
+        chosen: which rows.
+        near: how far a point may be off where no box is known.
+        timeout: seconds an agent has for a row.
+        workers: processes, each with an agent of its own; they do not change what is recorded.
+        batch: rows that `predict_batch` is given at a time.
+    """
+
+    dataset: Path
+    agents: tuple[str, ...]
+    question: Question = "steps"
+    chosen: Selection = field(default_factory=Selection)
+    near: Distance = NEAR
+    timeout: float = TIMEOUT
+    workers: int = 1
+    batch: int = 8
+
+    def asking(self, agent: str) -> Asking:
+        """How rows are put to one of the agents."""
+        return Asking(
+            agent=agent,
+            question=self.question,
+            near=self.near,
+            batch=self.batch,
+        )
+
+
+class ScoreRun:
+    """Everything that a scoring run consists of, before it begins.
+
+    Args:
+        settings: what is scored.
+
+    Raises:
+        ParameterError: the dataset has no such rows, or an agent cannot answer the question.
+    """
+
+    def __init__(self, settings: ScoreSettings) -> None:
+        self.settings = settings
+        feed = open_feed(settings.dataset, settings.question)
+        self._content = feed.content
+        self.cases: CaseList = cases_of(feed, settings.question, settings.chosen)
+        for agent in settings.agents:
+            _check_agent(agent, settings.question)
+        found = map(_code_of, settings.agents)
+        self._code = {agent: code for agent, code in found if code}
+
+    @property
+    def episodes(self) -> list[str]:
+        """The ids of all records."""
+        return [case.id(agent) for agent in self.settings.agents for case in self.cases.cases]
+
+    def config(self) -> dict[str, Any]:
+        """Return the configuration for `run.json`; a run is gone on with by the same one."""
+        settings = self.settings
+        seeds = sorted({case.seed for case in self.cases.cases})
+        return {
+            "kind": SCORE_RUN,
+            "source": str(settings.dataset),
+            "content": self._content,
+            "question": settings.question,
+            "agents": list(settings.agents),
+            "corruptions": list(self.cases.labels),
+            "seeds": seeds,
+            "split": settings.chosen.split,
+            "limit": settings.chosen.limit,
+            "distance": str(settings.near),
+            "timeout": settings.timeout,
+            "unscored": self.cases.unscored,
+            "unpaired": self.cases.unpaired,
+            "code": self._code,
+        }
+
+    def begin(self, out: Path, resume: bool) -> Lock:
+        """Begin the run in a new folder, or go on with it; the folder is locked.
+
+        `RunError` is raised as by `records.create` and `records.resume`.
+        """
+        begin = records.resume if resume else records.create
+        return begin(out, self.config(), self.episodes)
+
+    def left(self, out: Path) -> dict[str, list[Case]]:
+        """Return the cases of each agent that have no record yet."""
+        done: dict[str, set[CaseKey]] = {}
+        for record in records.read(out).records:
+            key = (record["task"], record["task_seed"], record["corruption"], record["seed"])
+            done.setdefault(record["agent"], set()).add(key)
+        return {
+            agent: [case for case in self.cases.cases if case.key not in done.get(agent, ())]
+            for agent in self.settings.agents
+        }
+
+    def play(
+        self,
+        out: Path,
+        left: Mapping[str, Sequence[Case]],
+        tick: Ticker,
+        notice: Listener,
+    ) -> None:
+        """Put the cases to the agents, and write a record of each.
+
+        Args:
+            out: the folder of the run, which this process holds.
+            left: the cases of each agent.
+            tick: called with the agent and each record.
+            notice: called with what a user should know.
+        """
+        settings = self.settings
+        for agent, cases in left.items():
+            if not cases:
+                continue
+            pool = WorkerPool(
+                settings.dataset,
+                settings.asking(agent),
+                count=settings.workers,
+                timeout=settings.timeout,
+                notice=notice,
+            )
+            with pool:
+                _write(
+                    out, (record for _, record in pool.run(cases)), lambda r, a=agent: tick(a, r)
+                )
+
+
+def _write(
+    out: Path,
+    found: Iterable[ResultRecord],
+    tick: Callable[[ResultRecord], object],
+) -> None:
+    """Append records, several at a time, since each write waits for the disk."""
+    held: list[ResultRecord] = []
+    written = time.monotonic()
+    try:
+        for record in found:
+            held.append(record)
+            tick(record)
+            due = time.monotonic() - written > WRITTEN_AFTER
+            if due or len(held) >= MOST_HELD:
+                records.append_all(out, held)
+                held = []
+                written = time.monotonic()
+    finally:
+        records.append_all(out, held)
+
+
+def _check_agent(agent: str, question: Question) -> None:
+    """Check that a class has the method that it will be asked by.
+
+    Raises:
+        ParameterError: it lacks it.
+    """
+    maker = AGENTS.get(agent)
+    method = _METHODS[question]
+    if isinstance(maker, type) and hasattr(maker, "prepare"):
+        raise ParameterError(f"--agent: {agent!r} needs a task and a machine; no dataset has them")
+    if isinstance(maker, type) and not callable(getattr(maker, method, None)):
+        raise ParameterError(f"--agent: {agent!r} has no {method}, which {question} are scored by")
+
+
+def _code_of(agent: str) -> tuple[str, dict[str, Any]]:
+    """Return what names the code of an agent: its file, and the settings that it gives itself."""
+    maker: Any = AGENTS.get(agent)
+    found: dict[str, Any] = {}
+    source = None if is_ours(maker) else source_of(maker)
+    if source is not None:
+        found.update(source)
+    settings = getattr(maker, "settings", None)
+    if callable(settings):
+        found["settings"] = settings()
+    return agent, found

@@ -1,0 +1,66 @@
+"""The table of a scoring run that stands below the report's."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from ..bench.reading import Run
+from .parts import REMINDER_COLUMNS, STEP_COLUMNS, PartsRow, part_rows
+
+_COUNTED = ("hidden",)
+
+
+def show_parts(run: Run, screen: Any) -> None:
+    """Print the parts of a scoring run, and what of the dataset is not in it."""
+    rows = _sorted(run, part_rows(run.records))
+    question = run.config.get("question", "steps")
+    columns = {"steps": STEP_COLUMNS, "reminders": REMINDER_COLUMNS}.get(question, ())
+    if columns:
+        screen.print(_table(rows, columns))
+    unscored = run.config.get("unscored", 0)
+    if unscored:
+        screen.print(f"{unscored} rows have an action of no known type and are not scored")
+    unpaired = run.config.get("unpaired", 0)
+    if unpaired:
+        screen.print(f"{unpaired} corrupted rows have no clean one: they are not in the delta")
+
+
+def _sorted(run: Run, rows: Sequence[PartsRow]) -> list[PartsRow]:
+    """Return the rows in the order of the configuration."""
+    agents = list(run.config.get("agents", ()))
+    labels = list(run.config.get("corruptions", ()))
+
+    def place(row: PartsRow) -> tuple[int, int]:
+        label = row["corruption"]
+        last = len(labels)
+        where = labels.index(label) if label in labels else last
+        agent = row["agent"]
+        return agents.index(agent) if agent in agents else len(agents), where
+
+    return sorted(rows, key=place)
+
+
+def _table(rows: Sequence[PartsRow], columns: Sequence[str]) -> Any:
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(
+        box=None,
+        header_style="bold",
+        pad_edge=False,
+        title="right, in percent",
+        title_justify="left",
+    )
+    for name in ("agent", "corruption"):
+        table.add_column(name)
+    for name in ("n", *columns):
+        table.add_column(name.replace("_", " "), justify="right")
+    for row in rows:
+        cells = [_cell(name, row[name]) for name in columns]
+        table.add_row(escape(row["agent"]), escape(row["corruption"]), str(row["n"]), *cells)
+    return table
+
+
+def _cell(name: str, value: float | None) -> str:
+    if value is None:
+        return ""
+    return str(value) if name in _COUNTED else f"{100 * value:.1f}"

@@ -1,0 +1,183 @@
+"""A hand that notices what got in its way and puts it right, as a careful user would.
+
+It is told what a person knows: the applications of the task, how to start the first of them, and
+the password. It is never told what was disturbed, and it acts with pointer and keyboard alone.
+"""
+
+import re
+import time
+from collections.abc import Callable, Iterable
+
+from hijack_data.runs.run_log import REINIT
+
+from ..desktops.protocol import Desktop
+from .hand import PATIENCE, PAUSE, Hand
+from .kit.apps import APPS
+from .tree import TreeNode
+
+PASSWORD = "password"
+LOST = 2.0  # seconds without what is wanted, until the hand looks for a reason
+_PANEL = "xfce4-panel"
+_LOCKER = "mate-screensaver"
+_SYSTEM = (_PANEL, _LOCKER, "xfdesktop", "xfsettingsd", "xfwm4", "wrapper", "xfce4-notifyd")
+_WINDOWS = ("frame", "dialog", "file-chooser", "alert")
+_OFFLINE = re.compile("No internet|This site can.t be reached|Your connection was interrupted")
+
+
+class CarefulHand(Hand):
+    """Pointer and keyboard of a person who goes on after a disturbance.
+
+    Args:
+        desktop: Where to act.
+        apps: The applications of the task, as `kit.apps.APPS` names them; windows of others are
+            closed.
+        start: What to type to start the task's first application again; "" if it has none.
+        password: The user's password.
+        patience: Seconds to wait for something before `DesktopTimeoutError`.
+    """
+
+    def __init__(
+        self,
+        desktop: Desktop,
+        apps: Iterable[str],
+        start: str = "",
+        password: str = PASSWORD,
+        patience: float = PATIENCE,
+    ) -> None:
+        super().__init__(desktop, patience)
+        self._own = [APPS[name].tree for name in apps if name in APPS]
+        self._start = start
+        self._password = password
+        self._asked = False
+        self._lost = 0.0  # when to look for a reason, by `time.monotonic`
+
+    def wait(
+        self,
+        what: str,
+        test: Callable[[TreeNode], bool],
+        meanwhile: Callable[[], None] | None = None,
+    ) -> TreeNode:
+        """Look until a node passes a test, and look for obstacles if none does."""
+        self._lost = time.monotonic() + LOST
+        return super().wait(what, test, meanwhile)
+
+    def _while_missing(
+        self,
+        seen: list[TreeNode],
+        meanwhile: Callable[[], None] | None,
+    ) -> bool:
+        if time.monotonic() <= self._lost:
+            return super()._while_missing(seen, meanwhile)
+        self.put_right(seen)
+        self._lost = time.monotonic() + LOST
+        return False
+
+    def run(self, code: str) -> None:
+        """Run pyautogui code, after what is plainly in the way was put right."""
+        self._clear(self.look())
+        super().run(code)
+
+    def put_right(self, seen: list[TreeNode] | None = None) -> None:
+        """Look for a reason why things are not as expected, and do something about it."""
+        present = self.look() if seen is None else seen
+        if self._clear(present):
+            return
+        if self._start and not any(self._is_own_window(node) for node in present):
+            self._start_again()
+        elif self._is_offline(present):
+            self._ask_for_help()
+        else:
+            super().run("pyautogui.press('escape')")  # a menu or a dialog may be open
+
+    def _clear(self, seen: list[TreeNode]) -> bool:
+        """Unlock the screen, restore the windows, close what is foreign.
+
+        Returns whether there was something to do.
+        """
+        if any(node.app == _LOCKER and node.role == "frame" and node.box for node in seen):
+            self._unlock()
+            return True
+        own = [node for node in seen if self._is_own_window(node)]
+        minimised = [node for node in own if "iconified" in node.states]
+        if minimised and self._restore(minimised[0], seen):
+            return True
+        foreign = [node for node in seen if self._is_foreign(node)]
+        if foreign:
+            self._close(foreign[0])
+            return True
+        return False
+
+    def _is_own_window(self, node: TreeNode) -> bool:
+        return node.role in _WINDOWS and self._is_own(node)
+
+    def _is_own(self, node: TreeNode) -> bool:
+        return any(name in node.app.lower() for name in self._own)
+
+    def _is_foreign(self, node: TreeNode) -> bool:
+        if node.role not in _WINDOWS or node.box is None or self._is_own(node):
+            return False
+        return bool(self._own) and not node.app.lower().startswith(_SYSTEM)
+
+    def _unlock(self) -> None:
+        super().run("pyautogui.press('shift')")  # the screen is black until a key is pressed
+        time.sleep(LOST / 2)
+        super().run(f"pyautogui.write({self._password + chr(10)!r})")
+        self._until(lambda seen: not any(n.app == _LOCKER and n.box for n in seen))
+
+    def _restore(self, window: TreeNode, seen: list[TreeNode]) -> bool:
+        """Click on the button of a window in the panel; return whether there is one.
+
+        A second click would minimise the window again, so this waits until it is there.
+        """
+        for node in seen:
+            if node.app == _PANEL and node.box and node.name == window.name:
+                self._click_plainly(node)
+                self._until(lambda later: not _is_minimised(window, later))
+                return True
+        return False
+
+    def _close(self, window: TreeNode) -> None:
+        if "active" not in window.states:
+            x1, y1, x2, _ = window.box or (0, 0, 0, 0)
+            super().run(f"pyautogui.click({(x1 + x2) // 2}, {y1 + 10})")  # its title bar
+        super().run("pyautogui.hotkey('alt', 'f4')")
+        self._until(lambda seen: not any(n.app == window.app and n.box for n in seen))
+
+    def _start_again(self) -> None:
+        super().run("pyautogui.hotkey('alt', 'f2')")
+        self._until(lambda seen: any("appfinder" in node.app and node.box for node in seen))
+        super().run(f"pyautogui.write({self._start!r})")
+        time.sleep(LOST / 2)  # the finder takes a text over a moment after it was typed
+        super().run("pyautogui.press('enter')")
+        self._until(lambda seen: any(self._is_own_window(node) and node.box for node in seen))
+
+    def _is_offline(self, seen: list[TreeNode]) -> bool:
+        return any(node.role == "heading" and _OFFLINE.match(node.name) for node in seen)
+
+    def _ask_for_help(self) -> None:
+        """Ask for the machine to be put right, once, and load the page again."""
+        if not self._asked:
+            self._asked = True
+            super().run(REINIT)
+        super().run("pyautogui.press('f5')")
+        time.sleep(LOST)
+
+    def _click_plainly(self, node: TreeNode) -> None:
+        x, y = node.centre
+        super().run(f"pyautogui.click({x}, {y})")
+
+    def _until(self, test: Callable[[list[TreeNode]], bool]) -> None:
+        """Wait until a test of the tree passes, or for as long as the hand has patience."""
+        deadline = time.monotonic() + self._patience
+        while time.monotonic() < deadline:
+            if test(self.look()):
+                return
+            time.sleep(PAUSE)
+
+
+def _is_minimised(window: TreeNode, seen: list[TreeNode]) -> bool:
+    """Return whether a window of that application and name is minimised."""
+    return any(
+        node.app == window.app and node.name == window.name and "iconified" in node.states
+        for node in seen
+    )

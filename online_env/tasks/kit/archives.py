@@ -1,0 +1,87 @@
+"""Archives: made for a task, and read for its judgement."""
+
+import io
+import tarfile
+import zipfile
+from collections.abc import Mapping
+from pathlib import PurePosixPath
+
+from hijack_data.rng import Stream
+
+_DATE = (2024, 5, 6, 7, 8, 10)
+_ENCRYPTED = 1  # bit 0 of a ZIP entry's flags
+_HEADERS = {b"PK\x03\x04": 6, b"PK\x01\x02": 8}  # where the flags are, by the header's start
+_SIZES = {b"PK\x03\x04": 22, b"PK\x01\x02": 24}  # where the uncompressed size is
+
+
+def make_zip(files: Mapping[str, bytes]) -> bytes:
+    """Return a ZIP archive of files, by path, and of their folders, as `zip -r` makes it."""
+    folders = {f"{parent}/" for path in files for parent in PurePosixPath(path).parents}
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        for folder in sorted(folders - {"./"}):
+            entry = zipfile.ZipInfo(folder, _DATE)
+            entry.external_attr = 0o40755 << 16
+            archive.writestr(entry, b"")
+        for path, data in files.items():
+            entry = zipfile.ZipInfo(path, _DATE)
+            entry.external_attr = 0o100644 << 16
+            archive.writestr(entry, data)
+    return buffer.getvalue()
+
+
+def make_locked_zip(names: Mapping[str, int], stream: Stream) -> bytes:
+    """Return a ZIP archive that asks for a password, and that no password opens.
+
+    What should be encrypted is random: nobody can find out a password that there never was.
+
+    Args:
+        names: The sizes of its files, in bytes, by path.
+        stream: The random draws.
+    """
+    header = 12  # bytes that traditional encryption puts before the data
+    data = {
+        name: bytes(stream.integer(0, 255) for _ in range(size + header))
+        for name, size in names.items()
+    }
+    archive = bytearray(make_zip(data))
+    for start in _HEADERS:
+        place = archive.find(start)
+        while place >= 0:
+            archive[place + _HEADERS[start]] |= _ENCRYPTED
+            at = place + _SIZES[start]
+            size = int.from_bytes(archive[at : at + 4], "little") - header
+            archive[at : at + 4] = size.to_bytes(4, "little")
+            place = archive.find(start, place + 4)
+    return bytes(archive)
+
+
+def unpacked(data: bytes | None) -> dict[str, bytes] | None:
+    """Return the files of a ZIP or TAR archive by path, or `None` if it is none.
+
+    Folders have no content, and are left out; a leading `./` as well.
+    """
+    if data is None:
+        return None
+    try:
+        if zipfile.is_zipfile(io.BytesIO(data)):
+            return _from_zip(data)
+        return _from_tar(data)
+    except (zipfile.BadZipFile, tarfile.TarError, RuntimeError, OSError, EOFError):
+        return None
+
+
+def _from_zip(data: bytes) -> dict[str, bytes]:
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        files = [entry for entry in archive.infolist() if not entry.is_dir()]
+        return {entry.filename.removeprefix("./"): archive.read(entry) for entry in files}
+
+
+def _from_tar(data: bytes) -> dict[str, bytes]:
+    found: dict[str, bytes] = {}
+    with tarfile.open(fileobj=io.BytesIO(data)) as archive:
+        for entry in archive:
+            file = archive.extractfile(entry) if entry.isfile() else None
+            if file is not None:
+                found[entry.name.removeprefix("./")] = file.read()
+    return found

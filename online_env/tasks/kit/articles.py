@@ -1,0 +1,69 @@
+"""Articles of wiki.test as they are stored."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ...embedded.sites.library import articles
+from ..hand import Hand
+from ..machine import Machine
+from .pages import arrived, visit
+
+SITE = "http://wiki.test"
+
+
+def address(title: str, what: str = "wiki") -> str:
+    """Return the address of an article, or of its `edit` or `history` page."""
+    return f"{SITE}/{what}/{title.replace(' ', '_')}"
+
+
+def shipped(title: str) -> str:
+    """Return the text that an article has in the beginning."""
+    return articles("wiki")[title.replace(" ", "_")].body
+
+
+def pages(machine: Machine) -> dict[str, Any]:
+    """Return the articles that were edited, by title."""
+    return machine.sites.read("wiki").get("pages", {})
+
+
+def text(machine: Machine, title: str) -> str:
+    """Return the text of an article now; "" if it was never edited."""
+    return pages(machine).get(title, {}).get("text", "")
+
+
+def put(
+    machine: Machine,
+    title: str,
+    body: str,
+    revisions: Sequence[Mapping[str, Any]] = ({"summary": ""},),
+) -> None:
+    """Store an article with its revisions, oldest first; numbers and sizes are filled in."""
+    kept = [
+        {"number": number, "size": len(body), **revision}
+        for number, revision in enumerate(revisions, 1)
+    ]
+    with machine.sites.update("wiki") as state:
+        state.setdefault("pages", {})[title] = {"text": body, "revisions": kept}
+
+
+def others(machine: Machine, *titles: str) -> list[str]:
+    """Return the titles of other articles that were edited, added or removed."""
+    before = machine.before.sites.get("wiki", {}).get("pages", {})
+    now = pages(machine)
+    changed = {title for title in {*before, *now} if before.get(title) != now.get(title)}
+    return sorted(changed - set(titles))
+
+
+def open_history(hand: Hand, title: str) -> None:
+    """Open an article, and its history by the tab above it."""
+    visit(hand, address(title), title)
+    hand.find("link", "History")
+    links = [node for node in hand.look() if node.name == "History" and node.box]
+    tab = max(links, key=lambda node: node.centre)  # an article may have a heading of that name
+    hand.click(tab)
+    arrived(hand, "History of")
+
+
+def same(first: str, second: str) -> bool:
+    """Return whether two texts are the same, but for space."""
+    return first.split() == second.split()

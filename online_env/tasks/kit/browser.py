@@ -1,0 +1,122 @@
+"""Pages in the browser: open an address, follow links, fill fields, choose, tick, press."""
+
+import re
+import time
+
+from ..hand import BUTTONS, Hand, Name, Roles, fits
+from ..tree import TreeNode
+
+APP = "chrom"
+BAR = "Address and search bar"
+FIELDS = ("entry", "combo-box", "spin-button", "text")
+BOXES = ("radio-button", "check-box")
+_LOADING = 4.0  # s until a page that was asked for shows its heading
+
+_SCREENS = 30  # turns of the wheel until a page must have come to its end
+
+
+def visit(hand: Hand, address: str, heading: Name) -> None:
+    """Open an address in the tab that shows, and wait for a heading of the page."""
+    hand.press("ctrl", "l")
+    hand.find("entry", BAR, app=APP, state="focused")
+    hand.replace(address)
+    hand.press("delete")  # what the browser completed
+    hand.press("enter")
+    hand.find("heading", heading, app=APP)
+
+
+def begin(hand: Hand, address: str, heading: Name) -> None:
+    """Go to a page, if it is not the one that shows, from its top.
+
+    An oracle begins with it: at the start the page is open, later it may be another one.
+    """
+    deadline = time.monotonic() + _LOADING
+    while time.monotonic() < deadline:
+        bar = hand.see("entry", BAR, app=APP)
+        if bar is not None and _plain(bar.text) not in ("", _plain(address)):
+            break
+        if hand.see("heading", heading, app=APP) is not None:
+            return
+        time.sleep(0.2)
+    visit(hand, address, heading)
+
+
+def _plain(address: str) -> str:
+    """Return an address as the bar shows it."""
+    return address.removeprefix("http://").rstrip("/")
+
+
+def follow(hand: Hand, link: Name, heading: Name = None) -> None:
+    """Click on a link, which may be further down, and wait for a heading of the page."""
+    hand.click_on("link", link, app=APP, scroll=True)
+    if heading is not None:
+        hand.find("heading", heading, app=APP)
+
+
+def push(hand: Hand, button: Name, heading: Name = None) -> None:
+    """Press a button, which may be further down, and wait for a heading of the page."""
+    hand.click_on(BUTTONS, button, app=APP, scroll=True)
+    if heading is not None:
+        hand.find("heading", heading, app=APP)
+
+
+def enter(hand: Hand, field: Name, text: str) -> None:
+    """Type into a field, which may be further down, in the place of what it holds."""
+    hand.fill(field, text, app=APP, roles=FIELDS, scroll=True)
+
+
+def select(hand: Hand, label: str, option: str) -> None:
+    """Choose from a drop-down list by typing, without opening it.
+
+    An open list may cover the pointer.
+    """
+    hand.click_on("static", label, app=APP, scroll=True)
+    hand.find("combo-box", label, app=APP, state="focused")
+    hand.type(option)
+
+
+def tick(hand: Hand, label: Name) -> None:
+    """Tick a box or a radio button, if it is not ticked."""
+    if "checked" in hand.find(BOXES, label, app=APP, scroll=True).states:
+        return
+    hand.click_on(BOXES, label, app=APP, scroll=True)
+    hand.find(BOXES, label, app=APP, state="checked")
+
+
+def has(hand: Hand, roles: Roles, name: Name) -> bool:
+    """Return whether the page has a node, on the screen or further down; it is in sight then.
+
+    What is not on the screen is not in the tree of this browser, so the page is scrolled.
+    """
+    before: list[TreeNode] = []
+    for _ in range(_SCREENS):
+        time.sleep(0.3)  # a page comes, and scrolls, piece by piece
+        seen = page(hand)
+        if any(fits(roles, name)(node) for node in seen):
+            return True
+        if seen and seen == before:
+            hand.run("pyautogui.scroll(50)")
+            return False
+        hand.run("pyautogui.scroll(-3)")
+        before = seen
+    return False
+
+
+def starting(*parts: str) -> re.Pattern[str]:
+    """Return a pattern for a name that begins with some parts, a space between them."""
+    return re.compile(re.escape(" ".join(parts)))
+
+
+def page(hand: Hand) -> list[TreeNode]:
+    """Return what shows of the page, without the browser's own parts, from top to bottom."""
+    seen = hand.look()
+    whole = next((node for node in seen if node.role == "document-web" and node.box), None)
+    if whole is None or whole.box is None:
+        return []
+    left, top, right, bottom = whole.box
+    inside = [node for node in seen if node.box and APP in node.app.lower()]
+    return [
+        node
+        for node in inside
+        if left <= node.centre[0] <= right and top <= node.centre[1] <= bottom
+    ]

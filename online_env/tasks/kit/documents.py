@@ -1,0 +1,302 @@
+"""Text documents of Writer: made, read and compared on our side."""
+
+import io
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from .office import OfficeTask
+
+_WORD = "{http://schemas.openxmlformats.org/wordprocessingml/2006/main}"
+_DEFAULTS = " defaults"  # no style has such an id
+_LINE = 240  # units in a line
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParagraphContent:
+    """What a paragraph holds.
+
+    Args:
+        text: Its text.
+        style: The name of its style, such as `Heading 1`.
+        bold: The parts of the text that are bold, apart from what the style says.
+        is_item: Whether it is an item of a list.
+        marker: What stands before an item, such as `bullet` or `decimal`; "" if it is none.
+        spacing: Its line spacing in lines, that of its style included.
+        alignment: Its alignment, such as `CENTER`; "" if it is at the left, or its style says it.
+    """
+
+    text: str
+    style: str = "Normal"
+    bold: tuple[str, ...] = ()
+    is_item: bool = False
+    marker: str = ""
+    spacing: float = 1.0
+    alignment: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TextContent:
+    """What a text document holds.
+
+    Args:
+        paragraphs: The paragraphs of the text, without those of tables.
+        tables: The rows of each table, as texts of cells.
+        headers: The text at the top of the pages, one a section.
+        footers: The text at the bottom of the pages, one a section.
+        landscape: Whether the pages lie on their long side, one a section.
+        sizes: The width and height of the pages in inches, one a section.
+        after_table: The text below the last table, "" if there is no table.
+    """
+
+    paragraphs: tuple[ParagraphContent, ...]
+    tables: tuple[tuple[tuple[str, ...], ...], ...] = ()
+    headers: tuple[str, ...] = ()
+    footers: tuple[str, ...] = ()
+    landscape: tuple[bool, ...] = ()
+    sizes: tuple[tuple[float, float], ...] = ()
+    after_table: str = ""
+
+
+class TextTask(OfficeTask):
+    """A task on one text document, which is open in Writer at the start."""
+
+    library = "docx"
+
+    def load(self, data: bytes) -> Any:
+        """Return a document of python-docx."""
+        import docx
+
+        return docx.Document(io.BytesIO(data))
+
+    def content(self, data: bytes) -> TextContent:
+        """Return what a text document holds."""
+        return read_text(data)
+
+
+def document(title: str, paragraphs: Sequence[str]) -> Any:
+    """Return a document of python-docx with a title and paragraphs."""
+    import docx
+
+    made = docx.Document()
+    made.add_heading(title, 0)
+    for text in paragraphs:
+        made.add_paragraph(text)
+    return made
+
+
+def read_text(data: bytes) -> TextContent:
+    """Return what a text document holds.
+
+    Raises:
+        KeyError: It is a zip file of another kind.
+        ValueError: It cannot be read.
+    """
+    import docx
+
+    found = docx.Document(io.BytesIO(data))
+    styles = _styles(found)
+    paragraphs = [_paragraph(paragraph, styles) for paragraph in found.paragraphs]
+    while len(paragraphs) > 1 and not paragraphs[-1].text:
+        paragraphs.pop()
+    return TextContent(
+        paragraphs=tuple(paragraphs),
+        tables=tuple(
+            tuple(tuple(cell.text for cell in row.cells) for row in table.rows)
+            for table in found.tables
+        ),
+        headers=tuple(_text(section.header) for section in found.sections),
+        footers=tuple(_text(section.footer) for section in found.sections),
+        landscape=tuple(_is_landscape(section) for section in found.sections),
+        sizes=tuple(_size(section) for section in found.sections),
+        after_table=_after_table(found),
+    )
+
+
+def text_changes(
+    now: TextContent,
+    before: TextContent,
+    but: Collection[str] = (),
+) -> Iterator[str]:
+    """Yield what differs between two documents, except for some.
+
+    Empty paragraphs at the end count as nothing.
+
+    Args:
+        now: The document as it is.
+        before: The document as it should be.
+        but: Attributes of `TextContent` and `ParagraphContent` that may differ.
+    """
+    yield from _paragraph_changes(now.paragraphs, before.paragraphs, but)
+    for name in ("tables", "headers", "footers", "landscape"):
+        found = getattr(now, name)
+        wanted = getattr(before, name)
+        if name not in but and found != wanted:
+            yield f"the {name} are {found!r}, not {wanted!r}"
+
+
+def changed(
+    content: TextContent,
+    text: str,
+    /,
+    **changes: Any,
+) -> TextContent:
+    """Return a document in which the paragraph of a text is another one.
+
+    Args:
+        content: The document.
+        text: The whole text of the paragraph.
+        **changes: Attributes of `ParagraphContent`.
+    """
+    paragraphs = [
+        replace(paragraph, **changes) if paragraph.text == text else paragraph
+        for paragraph in content.paragraphs
+    ]
+    return replace(content, paragraphs=tuple(paragraphs))
+
+
+def paragraph_of(found: Any, text: str) -> Any:
+    """Return the paragraph of a python-docx document that has a text.
+
+    Raises:
+        ValueError: There is none.
+    """
+    for paragraph in found.paragraphs:
+        if paragraph.text == text:
+            return paragraph
+    raise ValueError(f"the document has no paragraph {text!r}")
+
+
+def remove_paragraph(found: Any, text: str) -> None:
+    """Remove the paragraph of a python-docx document that has a text."""
+    element = paragraph_of(found, text)._element
+    element.getparent().remove(element)
+
+
+def _paragraph_changes(
+    now: Sequence[ParagraphContent],
+    before: Sequence[ParagraphContent],
+    but: Collection[str],
+) -> Iterator[str]:
+    if len(now) != len(before):
+        yield f"the document has {len(now)} paragraphs, not {len(before)}"
+        return
+    for number, (found, wanted) in enumerate(zip(now, before, strict=True), 1):
+        for name in ("text", "style", "bold", "is_item", "spacing", "alignment"):
+            is_same = getattr(found, name) == getattr(wanted, name)
+            if name not in but and not is_same:
+                yield (
+                    f"the {name} of paragraph {number} is {getattr(found, name)!r}, "
+                    f"not {getattr(wanted, name)!r}"
+                )
+
+
+def _paragraph(found: Any, styles: Mapping[str, Any]) -> ParagraphContent:
+    used = styles[found._element.style or ""]
+    marker = _marker(found, styles)
+    return ParagraphContent(
+        text=found.text,
+        style=used.name_val[:1].upper() + used.name_val[1:],  # files say `heading 1`
+        bold=_bold(found),
+        is_item=bool(marker),
+        marker=marker,
+        spacing=_spacing(found, styles),
+        alignment="" if found.alignment in (None, 0) else found.alignment.name,
+    )
+
+
+def _spacing(found: Any, styles: Mapping[str, Any]) -> float:
+    """Return the line spacing, in lines, that a paragraph or its style has."""
+    for element in (*_sources(found, styles), styles[_DEFAULTS]):
+        spacing = element.find(f"{_WORD}pPr/{_WORD}spacing")
+        line = None if spacing is None else spacing.get(f"{_WORD}line")
+        if line is not None:
+            return round(int(line) / _LINE, 2)
+    return 1.0
+
+
+def _styles(found: Any) -> dict[str, Any]:
+    """Return the elements of all styles by their ids; "" is the default of paragraphs."""
+    styles: dict[str, Any] = {_DEFAULTS: found.styles.element.find(f".//{_WORD}pPrDefault")}
+    for element in found.styles.element.iter(f"{_WORD}style"):
+        styles[element.get(f"{_WORD}styleId")] = element
+        is_default = element.get(f"{_WORD}default") in ("1", "true")
+        if is_default and element.get(f"{_WORD}type") == "paragraph":
+            styles[""] = element
+    return styles
+
+
+def _marker(found: Any, styles: Mapping[str, Any]) -> str:
+    """Return the format of the numbers of a list that a paragraph or its style is in."""
+    for element in _sources(found, styles):
+        number = element.find(f"{_WORD}pPr/{_WORD}numPr/{_WORD}numId")
+        if number is None:
+            continue
+        numbering = found.part.numbering_part.element
+        wanted = number.get(f"{_WORD}val")
+        for entry in numbering.iter(f"{_WORD}num"):
+            if entry.get(f"{_WORD}numId") == wanted:
+                abstract = entry.find(f"{_WORD}abstractNumId").get(f"{_WORD}val")
+                return _format(numbering, abstract)
+        return ""  # the number 0 takes a paragraph out of a list
+    return ""
+
+
+def _format(numbering: Any, abstract: str) -> str:
+    """Return the format of the first level of a list, such as `bullet`."""
+    for entry in numbering.iter(f"{_WORD}abstractNum"):
+        if entry.get(f"{_WORD}abstractNumId") == abstract:
+            found = entry.find(f".//{_WORD}numFmt")
+            name = "" if found is None else found.get(f"{_WORD}val")
+            return "" if name == "none" else name
+    return ""
+
+
+def _sources(found: Any, styles: Mapping[str, Any]) -> Iterator[Any]:
+    """Yield the elements that may say that a paragraph is an item: it, and its styles."""
+    yield found._element
+    style = styles.get(found._element.style or "")
+    while style is not None:
+        yield style
+        base = style.find(f"{_WORD}basedOn")
+        style = None if base is None else styles.get(base.get(f"{_WORD}val"))
+
+
+def _is_landscape(section: Any) -> bool:
+    return section.page_width > section.page_height
+
+
+def _size(section: Any) -> tuple[float, float]:
+    return round(section.page_width.inches, 2), round(section.page_height.inches, 2)
+
+
+def _after_table(found: Any) -> str:
+    """Return the text below the last table."""
+    texts: list[str] = []
+    has_table = False
+    for element in found.element.body:
+        if element.tag == f"{_WORD}tbl":
+            has_table = True
+            texts = []
+        elif has_table:
+            texts.append("".join(part.text or "" for part in element.iter(f"{_WORD}t")))
+    return "\n".join(texts).strip()
+
+
+def _bold(found: Any) -> tuple[str, ...]:
+    """Return the bold parts of a paragraph; neighbours are one part."""
+    parts: list[str] = []
+    goes_on = False
+    for run in found.runs:
+        if not run.text:
+            continue
+        if run.bold and goes_on:
+            parts[-1] += run.text
+        elif run.bold:
+            parts.append(run.text)
+        goes_on = bool(run.bold)
+    return tuple(parts)
+
+
+def _text(part: Any) -> str:
+    return "\n".join(paragraph.text for paragraph in part.paragraphs).strip()

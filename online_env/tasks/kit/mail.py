@@ -1,0 +1,265 @@
+"""The mailbox of mail.test: put mails into it, write, and judge what became of it."""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+from ...embedded.sites.hosts import mail as site
+from ..hand import Hand
+from ..machine import Machine
+from . import browser
+
+INBOX = "http://mail.test/"
+Flags: TypeAlias = Mapping[str, object]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Letter:
+    """What a sent mail, or a draft, should be.
+
+    Args:
+        to: Its recipients, in any order.
+        cc: Who gets a copy, in any order.
+        subject: Its subject in any case, or `None` for any.
+        text: What was written, apart from quoted lines; letter case and spaces do not count.
+            `None` for any.
+        holds: Words that must be in the whole body, in any case, and not as parts of others.
+        lacks: Words that must not be in what was written.
+        amounts: Numbers that must be in what was written, such as `96.5`.
+    """
+
+    to: Sequence[str]
+    cc: Sequence[str] = ()
+    subject: str | None = None
+    text: str | None = None
+    holds: Sequence[str] = ()
+    lacks: Sequence[str] = ()
+    amounts: Sequence[float] = ()
+
+    def problems(self, found: Mapping[str, Any]) -> Iterator[str]:
+        """Yield in what a mail, as the site stores it, differs."""
+        for key, wanted in (("to", self.to), ("cc", self.cc)):
+            if {a.lower() for a in found[key]} != {a.lower() for a in wanted}:
+                yield f"{key} is {', '.join(found[key]) or 'empty'}"
+        subject = found["subject"]
+        if self.subject is not None and _even(subject) != _even(self.subject):
+            yield f"the subject is {subject!r}"
+        written = own_text(found["body"])
+        if self.text is not None and _even(written) != _even(self.text):
+            yield f"the text is {written[:200]!r}"
+        for part in self.holds:
+            if not _has(part, found["body"]):
+                yield f"{part!r} is missing"
+        for part in self.lacks:
+            if _has(part, written):
+                yield f"{part!r} is in the text"
+        for amount in set(self.amounts) - numbers(written):
+            yield f"{amount:g} is missing"
+
+
+def own_text(body: str) -> str:
+    """Return the body of a mail without the lines that quote another one."""
+    lines = [line for line in body.splitlines() if not line.startswith(">")]
+    return "\n".join(lines).strip()
+
+
+def numbers(text: str) -> set[float]:
+    """Return the numbers in a text, such as `96.5` of `$96,50`; none has separated thousands."""
+    return {float(number.replace(",", ".")) for number in re.findall(r"\d+(?:[.,]\d+)?", text)}
+
+
+def _has(part: str, text: str) -> bool:
+    """Return whether words are in a text, in any case."""
+    return re.search(rf"(?<!\w){re.escape(_even(part))}(?!\w)", _even(text)) is not None
+
+
+def _even(text: str) -> str:
+    """Return a text in lower case with single spaces, and straight quotation marks."""
+    return " ".join(text.replace("\u2019", "'").casefold().split())
+
+
+# Behind the screen
+
+
+def message(
+    ident: str,
+    sender: tuple[str, str],
+    subject: str,
+    body: str,
+    date: str,
+    **flags: object,
+) -> dict[str, Any]:
+    """Return a received mail for `receive`.
+
+    Args:
+        ident: Its id; letters and digits.
+        sender: Name and address.
+        subject: Its subject.
+        body: Its text.
+        date: When it came, in February or March 2026, such as `2026-03-03T10:05`.
+        **flags: `read`, `starred` or `folder`, if they are not those of a new mail.
+    """
+    name, address = sender
+    return {
+        "id": ident,
+        "from": {"name": name, "address": address},
+        "subject": subject,
+        "body": body,
+        "date": date,
+        **flags,
+    }
+
+
+def receive(machine: Machine, *messages: Mapping[str, Any]) -> None:
+    """Put mails into the mailbox."""
+    with machine.sites.update("mail") as state:
+        state.setdefault("received", []).extend(dict(found) for found in messages)
+
+
+def flag(
+    machine: Machine,
+    *idents: str,
+    **flags: object,
+) -> None:
+    """Change the flags of received mails: `read`, `starred`, `folder`."""
+    with machine.sites.update("mail") as state:
+        for ident in idents:
+            state.setdefault("flags", {}).setdefault(ident, {}).update(flags)
+
+
+def store(
+    machine: Machine,
+    to: Sequence[str],
+    subject: str,
+    body: str,
+    *,
+    cc: Sequence[str] = (),
+    folder: str = "sent",
+) -> None:
+    """Store a sent mail, or one of the `drafts`, as the site does."""
+    with machine.sites.update("mail") as state:
+        state["count"] = state.get("count", 0) + 1
+        written = {"to": list(to), "cc": list(cc), "subject": subject, "body": body}
+        state.setdefault(folder, []).append({"id": f"s{state['count']:02d}", **written})
+
+
+# The judgement
+
+
+def problems(
+    machine: Machine,
+    sent: Sequence[Letter] = (),
+    drafts: Sequence[Letter] = (),
+    flags: Mapping[str, Flags] | None = None,
+    finished: Sequence[str] = (),
+) -> Iterator[str]:
+    """Yield in what the mailbox differs from the one before, but for what was asked.
+
+    Whether a mail was read counts only where `flags` says so.
+
+    Args:
+        machine: It knows the state from before.
+        sent: The mails that should have been sent since, in any order.
+        drafts: The drafts that should have been saved since.
+        flags: The flags that mails should have now, by their ids.
+        finished: The ids of drafts that should be gone.
+    """
+    before = machine.before.sites["mail"]
+    now = machine.sites.read("mail")
+    yield from _moved(before, now, flags or {})
+    yield from _written("mail", before.get("sent", []), now.get("sent", []), sent)
+    kept = [draft for draft in before.get("drafts", []) if draft["id"] not in finished]
+    yield from _written("draft", kept, now.get("drafts", []), drafts)
+
+
+def _moved(
+    before: Mapping[str, Any],
+    now: Mapping[str, Any],
+    wanted: Mapping[str, Flags],
+) -> Iterator[str]:
+    """Yield received mails with flags that they should not have."""
+    was = {found["id"]: found for found in site.received(dict(before))}
+    for found in site.received(dict(now)):
+        old = was[found["id"]]
+        due = {"folder": old["folder"], "starred": old["starred"], **wanted.get(old["id"], {})}
+        for key, value in due.items():
+            if found[key] != value:
+                yield f"{key} of {found['subject']!r} is {found[key]!r}"
+
+
+def _written(
+    kind: str,
+    before: Sequence[Mapping[str, Any]],
+    now: Sequence[Mapping[str, Any]],
+    wanted: Sequence[Letter],
+) -> Iterator[str]:
+    """Yield what is wrong with the mails, or drafts, that were written."""
+    if any(old not in now for old in before):
+        yield f"a {kind} from before is gone or was changed"
+    new = [found for found in now if found not in before]
+    if len(new) != len(wanted):
+        yield f"{len(new)} new {kind}s, not {len(wanted)}"
+        return
+    left = list(wanted)
+    for found in new:
+        best = min(left, key=lambda letter: len(list(letter.problems(found))))
+        left.remove(best)
+        yield from best.problems(found)
+
+
+# On the screen
+
+
+def open_mail(hand: Hand, sender: str, subject: str) -> None:
+    """Open a mail of the list that shows."""
+    browser.follow(hand, browser.starting(sender, subject), subject)
+
+
+def search(hand: Hand, words: str) -> None:
+    """Look for mails with certain words."""
+    browser.enter(hand, "Search mail", words)
+    hand.press("enter")
+    hand.find("heading", f"Search: {words}", app=browser.APP)
+
+
+def compose(
+    hand: Hand,
+    *,
+    to: str = "",
+    cc: str = "",
+    subject: str = "",
+    text: str = "",
+) -> None:
+    """Fill the fields of the message that is open; those that get nothing stay as they are.
+
+    The text comes above what is quoted.
+    """
+    hand.find("heading", "New message", app=browser.APP)
+    hand.click_on(("combo-box", "entry"), "To", app=browser.APP)
+    given = (("To", to), ("Cc", cc), ("Subject", subject))
+    for label, content in given:
+        # From field to field by the keyboard: a list of contacts may cover what is below.
+        hand.find(("combo-box", "entry"), label, app=browser.APP, state="focused")
+        if content:
+            hand.replace(content)
+        hand.press("tab")
+    hand.find("entry", "Message", app=browser.APP, state="focused")
+    if text:
+        hand.press("ctrl", "home")
+        hand.type(text)
+
+
+def send(hand: Hand) -> None:
+    """Send the message that is open."""
+    browser.push(hand, "Send", "Sent")
+
+
+def save_draft(hand: Hand) -> None:
+    """Keep the message that is open as a draft."""
+    browser.push(hand, "Save draft", "Drafts")
+
+
+def lists(hand: Hand, sender: str, subject: str) -> bool:
+    """Return whether the list that is open has a mail, on the screen or further down."""
+    return browser.has(hand, "link", browser.starting(sender, subject))

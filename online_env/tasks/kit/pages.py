@@ -1,0 +1,122 @@
+"""Pages and settings in Chromium, and its dialogs, by pointer and keyboard."""
+
+import re
+import time
+
+from ..hand import BUTTONS, PAUSE, Hand, Name, Roles
+from ..tree import TreeNode
+
+CHROME = "chrom"
+LINKS = ("link", *BUTTONS)
+_MENU_EDGE = 8  # px above the first item of a menu of the settings
+_MENU_ITEM = 36  # px
+
+
+def visit(hand: Hand, address: str, title: str) -> None:
+    """Type an address, and wait for the page whose title begins so."""
+    hand.find("entry", "Address and search bar", CHROME)
+    hand.press("ctrl", "l")
+    # Without Delete, the address bar may complete what was typed to another address.
+    hand.run(f"pyautogui.write({address!r}); pyautogui.press('delete'); pyautogui.press('enter')")
+    arrived(hand, title)
+
+
+def arrived(hand: Hand, title: str) -> None:
+    """Wait for the page whose title begins so."""
+    for role in ("frame", "document-web"):
+        hand.find(role, re.compile(re.escape(title)), CHROME)
+
+
+def follow(hand: Hand, name: Name, title: str = "") -> None:
+    """Click on a link or a button, and wait for the page whose title begins so."""
+    hand.click_on(LINKS, name, CHROME, scroll=True)
+    if title:
+        arrived(hand, title)
+
+
+def enter(
+    hand: Hand,
+    name: Name,
+    text: str,
+    role: Roles = "entry",
+) -> None:
+    """Type into a field, in the place of what it holds; it may be further down."""
+    hand.fill(
+        name,
+        text,
+        CHROME,
+        role,
+        scroll=True,
+    )
+
+
+def enter_date(hand: Hand, name: str, iso: str) -> None:
+    """Type a date (YYYY-MM-DD) into a date field, month first."""
+    year, month, day = iso.split("-")
+    hand.click_on("spin-button", f"Month {name}", CHROME, scroll=True)
+    hand.type(f"{month}{day}{year}")
+
+
+def tick(hand: Hand, role: str, name: str) -> None:
+    """Tick a box or a radio button, unless it is ticked."""
+    node = hand.find(role, name, CHROME, scroll=True)
+    if "checked" not in node.states:
+        hand.click(node)
+    hand.find(role, name, CHROME, "checked")
+
+
+def pick(hand: Hand, button: Name, index: int) -> None:
+    """Press a button of Chromium's own pages and click on an item of its menu.
+
+    Args:
+        hand: Whose.
+        button: The name of the button, such as `"More actions for News"`.
+        index: Which item, from 0; the tree has no places for them.
+    """
+    hand.click_on(BUTTONS, button, CHROME)
+    menu = _at_rest(hand, hand.find("menu", app=CHROME))
+    left, top, right, _ = menu.box or (0, 0, 0, 0)
+    down = top + _MENU_EDGE + _MENU_ITEM // 2 + _MENU_ITEM * index
+    hand.run(f"pyautogui.click({(left + right) // 2}, {down})")
+
+
+def _at_rest(hand: Hand, node: TreeNode) -> TreeNode:
+    """Wait until a menu has stopped growing."""
+    while True:
+        time.sleep(2 * PAUSE)
+        again = hand.find(node.role, app=CHROME)
+        if again.box == node.box:
+            return again
+        node = again
+
+
+def give_path(hand: Hand, path: str) -> None:
+    """Type a path into Chromium's dialog for saving, which is opening, and press its button.
+
+    The tree has nothing of the dialog, but the window below it is no longer the active one.
+
+    Raises:
+        DesktopTimeoutError: The dialog does not open or does not close.
+    """
+    hand.wait("window below a dialog", lambda node: _is_window(node) and not _is_active(node))
+    time.sleep(5 * PAUSE)  # the dialog has the keyboard before its field has
+    hand.replace(hand.path(path))
+    hand.wait("active window", _is_back, meanwhile=lambda: _confirm(hand))
+
+
+def _confirm(hand: Hand) -> None:
+    time.sleep(10 * PAUSE)  # the dialog completes what was typed
+    hand.press("alt", "s")  # Enter was not enough
+    time.sleep(10 * PAUSE)
+
+
+def _is_back(node: TreeNode) -> bool:
+    return _is_window(node) and _is_active(node)
+
+
+def _is_window(node: TreeNode) -> bool:
+    return node.role == "frame" and CHROME in node.app.lower()
+
+
+def _is_active(node: TreeNode) -> bool:
+    return "active" in node.states

@@ -1,0 +1,236 @@
+"""Pictures for tasks, their judgement, and the ways of a person who works on one in GIMP."""
+
+import re
+from collections.abc import Iterator
+from io import BytesIO
+
+import numpy as np
+from PIL import Image, ImageDraw, UnidentifiedImageError
+
+from hijack_data.rng import Stream
+
+from ..hand import ENTRIES, Hand
+from ..machine import Machine
+from ..tree import TreeNode
+
+GIMP = "gimp"
+EXPORT = "file-"  # the part of GIMP that has a window for the options of a format
+_OPTIONS = re.compile("Export Image as")
+_ASKED = re.compile("Export Image as|Question")
+_SLACK = 3.0  # mean difference of colour values, of 255, that nobody sees
+
+
+def drawing(stream: Stream, width: int, height: int) -> Image.Image:
+    """Return a picture of its own for each stream: no two of its parts look the same."""
+    picture = Image.new("RGB", (width, height), _color(stream, 150))
+    pen = ImageDraw.Draw(picture)
+    for _ in range(12):
+        x, y = stream.integer(0, width - 40), stream.integer(0, height - 40)
+        size = stream.integer(30, 140)
+        box = (x, y, x + size, y + stream.integer(30, 140))
+        if stream.integer(0, 1):
+            pen.ellipse(box, fill=_color(stream, 0))
+        else:
+            pen.rectangle(box, fill=_color(stream, 0))
+    return picture
+
+
+def _color(stream: Stream, least: int) -> tuple[int, int, int]:
+    red, green, blue = (stream.integer(least, 255) for _ in range(3))
+    return red, green, blue
+
+
+def encoded(
+    picture: Image.Image,
+    kind: str = "PNG",
+    quality: int | None = None,
+) -> bytes:
+    """Return the bytes of a picture's file.
+
+    Args:
+        picture: The picture.
+        kind: A format of Pillow.
+        quality: 1 to 100, for JPEG; `None` for the usual one.
+    """
+    buffer = BytesIO()
+    options = {} if quality is None else {"quality": quality}
+    picture.save(buffer, kind, **options)
+    return buffer.getvalue()
+
+
+def opened(machine: Machine, path: str) -> Image.Image | None:
+    """Return the picture in a file; `None` if there is no file, or if it is no picture."""
+    data = machine.read(path)
+    if data is None:
+        return None
+    try:
+        picture = Image.open(BytesIO(data))
+        picture.load()
+    except (UnidentifiedImageError, OSError):
+        return None
+    return picture
+
+
+def difference(first: Image.Image, second: Image.Image) -> float:
+    """Return the mean difference of the colour values of two pictures of one size, 0 to 255."""
+    one = np.asarray(first.convert("RGB"), np.float32)
+    other = np.asarray(second.convert("RGB"), np.float32)
+    return float(np.abs(one - other).mean())
+
+
+def colorfulness(picture: Image.Image) -> int:
+    """Return the greatest difference of the colour values of one pixel, 0 to 255."""
+    values = np.asarray(picture.convert("RGB"), np.int16)
+    return int((values.max(axis=2) - values.min(axis=2)).max())
+
+
+def has_quality(picture: Image.Image, quality: int) -> bool:
+    """Return whether a picture is from a JPEG file of a quality, 1 to 100."""
+    sample = Image.open(BytesIO(encoded(Image.new("RGB", (8, 8)), "JPEG", quality)))
+    tables = getattr(picture, "quantization", None)
+    return tables == getattr(sample, "quantization", ())
+
+
+def picture_problems(
+    machine: Machine,
+    path: str,
+    wanted: Image.Image,
+    kind: str = "PNG",
+    slack: float = _SLACK,
+) -> Iterator[str]:
+    """Yield how a picture file differs from what it should be.
+
+    Args:
+        machine: Where it is.
+        path: The file.
+        wanted: What it should look like.
+        kind: The format it should have, as Pillow names it.
+        slack: The greatest mean difference of colour values, of 255.
+    """
+    found = opened(machine, path)
+    if found is None:
+        yield f"there is no picture {path}"
+        return
+    if found.format != kind:
+        yield f"{path} is a {found.format} file, not {kind}"
+    if found.size != wanted.size:
+        yield f"{path} has {found.size} pixels, not {wanted.size}"
+        return
+    off = difference(found, wanted)
+    if off > slack:
+        yield f"{path} looks different: colours are off by {off:.1f} of 255"
+
+
+def gimp_command(hand: Hand, words: str) -> None:
+    """Run a command of GIMP by its search, the key `/`.
+
+    The accessibility tree has no places for the menus of GIMP.
+    """
+    leave_dialogs(hand)
+    hand.press("/")
+    hand.find("frame", "Search Actions", GIMP)
+    hand.type(words)
+    hand.wait(
+        f"commands for {words!r}",
+        lambda node: node.role in ENTRIES and node.text == words,
+    )
+    hand.find("frame", "Search Actions", GIMP)
+    hand.press("enter")
+
+
+def leave_dialogs(hand: Hand) -> None:
+    """Close dialogs of GIMP that an earlier try left open."""
+    for _ in range(3):
+        seen = [node for node in hand.look() if node.role in ("dialog", "alert") and node.box]
+        if not any(GIMP in node.app or EXPORT in node.app for node in seen):
+            return
+        hand.press("escape")
+
+
+def gimp_export(
+    hand: Hand,
+    path: str,
+    quality: int | None = None,
+) -> None:
+    """Export the picture to a file, whose name decides the format.
+
+    Args:
+        hand: The hand.
+        path: The file; one that is there is replaced.
+        quality: For JPEG, 0 to 100; `None` leaves the options as they are.
+    """
+    leave_dialogs(hand)
+    hand.press("ctrl", "shift", "e")
+    hand.find("dialog", "Export Image", GIMP)
+    hand.find("text", app=GIMP, state="focused")
+    hand.replace(hand.path(path))
+    hand.press("enter")
+    asked = hand.find(("dialog", "alert"), _ASKED)
+    if asked.role == "alert":
+        hand.button("Replace", GIMP)
+        hand.find("dialog", _OPTIONS)
+    if quality is not None:
+        hand.press("tab")  # from the slider to its number
+        hand.find("spin-button", app=EXPORT, state="focused")
+        hand.replace(str(quality))
+        hand.press("tab")
+    hand.button("Export", EXPORT)
+    hand.gone("dialog", _OPTIONS)
+    hand.gone("dialog", app=GIMP)
+
+
+def set_canvas(
+    hand: Hand,
+    width: int,
+    height: int,
+    left: int,
+    top: int,
+) -> None:
+    """Fill in the dialog for the size of the canvas, which is open; pixels."""
+    fields, chain = _canvas_fields(hand)
+    _enter(hand, fields[0], width)
+    if _canvas_fields(hand)[0][1].text != fields[1].text:
+        hand.click(chain)  # it kept the proportions
+        _enter(hand, fields[0], width)
+    for field, value in zip(fields[1:], (height, left, top), strict=False):
+        _enter(hand, field, value)
+    hand.button("Resize", GIMP)
+    hand.gone("dialog", "Set Image Canvas Size", GIMP)
+
+
+def _enter(hand: Hand, field: TreeNode, value: int) -> None:
+    hand.double_click(field)
+    hand.replace(str(value))
+    hand.press("tab")
+
+
+def _canvas_fields(hand: Hand) -> tuple[list[TreeNode], TreeNode]:
+    """Return the fields for numbers, and the chain between the first two."""
+    before: list[TreeNode] = []
+    while True:
+        dialog = hand.find("dialog", "Set Image Canvas Size", GIMP)
+        seen = hand.look()
+        parts = seen[seen.index(dialog) :] if dialog in seen else []
+        if parts and parts == before:  # else it still comes up
+            break
+        before = parts
+    fields = [node for node in parts if node.role == "spin-button" and node.box]
+    beside = [node for node in parts if node.role == "push-button" and _is_beside(node, fields[0])]
+    return fields, beside[0]
+
+
+def _is_beside(node: TreeNode, field: TreeNode) -> bool:
+    """Return whether a node begins where a field ends, and is not above it."""
+    if node.box is None or field.box is None:
+        return False
+    return node.box[0] == field.box[2] and node.box[1] >= field.box[1]
+
+
+def size_title(width: int, height: int) -> re.Pattern[str]:
+    """Return a pattern for the title of the window with a picture of a size, in pixels."""
+    return re.compile(rf".* {width}x{height} ")
+
+
+def mode_title(mode: str) -> re.Pattern[str]:
+    """Return a pattern for the title of the window with a picture of a colour mode."""
+    return re.compile(rf".*\({mode}")

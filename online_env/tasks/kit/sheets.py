@@ -1,0 +1,310 @@
+"""Workbooks of Calc: made, read and compared on our side, and worked with by the keyboard."""
+
+import io
+import zipfile
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import zip_longest
+from typing import Any, TypeAlias
+from xml.etree import ElementTree
+
+from ..base import Outcome
+from ..hand import Hand
+from ..tree import TreeNode
+from .office import APP, OfficeTask
+
+CellValue: TypeAlias = str | int | float | bool | None
+_MAIN = "http://schemas.openxmlformats.org/spreadsheetml/2006/main"
+_EXACT = 1e-6  # numbers are stored with 15 digits
+
+
+@dataclass(frozen=True, kw_only=True)
+class SheetCell:
+    """What a cell holds.
+
+    Args:
+        entry: What was entered: a value, or a formula that begins with `=`.
+        value: The value that is stored of it; `None` for a formula that was never computed.
+        number_format: How a number is shown, such as `0.00%`.
+        bold: Whether the text is bold.
+    """
+
+    entry: CellValue
+    value: CellValue
+    number_format: str = "General"
+    bold: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class BookContent:
+    """What a workbook holds.
+
+    Args:
+        cells: By the name of the sheet and the address of the cell; empty cells are left out.
+        sheets: The names of the sheets, in order.
+        frozen: By sheet, the first cell that scrolls, such as `A2`; `None` if all do.
+        hidden: The numbers of the rows that do not show, by sheet.
+    """
+
+    cells: Mapping[tuple[str, str], SheetCell]
+    sheets: tuple[str, ...]
+    frozen: Mapping[str, str | None]
+    hidden: Mapping[str, tuple[int, ...]]
+
+    def value(self, address: str, sheet: str = "") -> CellValue:
+        """Return the stored value of a cell, of the first sheet by default."""
+        cell = self.cells.get((sheet or self.sheets[0], address))
+        return None if cell is None else cell.value
+
+    def entry(self, address: str, sheet: str = "") -> CellValue:
+        """Return what was entered in a cell, of the first sheet by default."""
+        cell = self.cells.get((sheet or self.sheets[0], address))
+        return None if cell is None else cell.entry
+
+    def rows(self, sheet: str = "") -> list[tuple[CellValue, ...]]:
+        """Return the values of a sheet by rows, as far as they are used; the first by default."""
+        from openpyxl.utils import cell, get_column_letter
+
+        name = sheet or self.sheets[0]
+        used = [cell.coordinate_to_tuple(address) for of, address in self.cells if of == name]
+        height = max((row for row, _ in used), default=0)
+        width = max((column for _, column in used), default=0)
+        letters = [get_column_letter(number) for number in range(1, width + 1)]
+        return [
+            tuple(self.value(f"{letter}{row}", name) for letter in letters)
+            for row in range(1, height + 1)
+        ]
+
+
+class SheetTask(OfficeTask):
+    """A task on one workbook, which is open in Calc at the start."""
+
+    library = "openpyxl"
+
+    def load(self, data: bytes) -> Any:
+        """Return a workbook of openpyxl."""
+        import openpyxl
+
+        return openpyxl.load_workbook(io.BytesIO(data))
+
+    def content(self, data: bytes) -> BookContent:
+        """Return what a workbook holds."""
+        return read_book(data)
+
+    def put(self, cells: Mapping[str, CellValue]) -> Outcome:
+        """Return what enters values and formulas in the first sheet, behind the screen.
+
+        Args:
+            cells: The entries by address.
+        """
+
+        def change(found: Any) -> None:
+            for address, entry in cells.items():
+                found.worksheets[0][address] = entry
+
+        return self.edited(change)
+
+
+def book(sheets: Mapping[str, Sequence[Sequence[CellValue]]]) -> Any:
+    """Return a workbook with a bold header in each sheet.
+
+    Args:
+        sheets: The rows of each sheet, the header first, by the sheet's name.
+    """
+    import openpyxl
+    from openpyxl.styles import Font
+    from openpyxl.utils import get_column_letter
+
+    made = openpyxl.Workbook()
+    made.remove(made.worksheets[0])
+    for name, rows in sheets.items():
+        sheet = made.create_sheet(name)
+        for row in rows:
+            sheet.append(list(row))
+        for cell in sheet[1]:
+            cell.font = Font(bold=True)
+        for index, column in enumerate(zip_longest(*rows, fillvalue=""), 1):
+            width = max(len(str(value)) for value in column) + 3
+            sheet.column_dimensions[get_column_letter(index)].width = max(width, 9)
+    return made
+
+
+def read_book(data: bytes) -> BookContent:
+    """Return what a workbook holds.
+
+    Raises:
+        KeyError: It is a zip file of another kind.
+        ValueError: It cannot be read.
+    """
+    import openpyxl
+
+    entered: Any = openpyxl.load_workbook(io.BytesIO(data))
+    stored: Any = openpyxl.load_workbook(io.BytesIO(data), data_only=True)
+    cells: dict[tuple[str, str], SheetCell] = {}
+    for sheet in entered.worksheets:
+        for cell in (cell for row in sheet.iter_rows() for cell in row):
+            if cell.value is not None:
+                cells[sheet.title, cell.coordinate] = SheetCell(
+                    entry=cell.value,
+                    value=stored[sheet.title][cell.coordinate].value,
+                    number_format=cell.number_format,
+                    bold=bool(cell.font.b),
+                )
+    return BookContent(
+        cells=cells,
+        sheets=tuple(entered.sheetnames),
+        frozen={sheet.title: sheet.freeze_panes for sheet in entered.worksheets},
+        hidden={sheet.title: _hidden_rows(sheet) for sheet in entered.worksheets},
+    )
+
+
+def changes(
+    now: BookContent,
+    before: BookContent,
+    but: Collection[str] = (),
+    *,
+    frozen: bool = False,
+) -> Iterator[str]:
+    """Yield the cells and sheets that differ, except for some.
+
+    Args:
+        now: The workbook as it is.
+        before: The workbook as it was made.
+        but: Addresses of cells of the first sheet, or `sheet!address`, that may differ, and names
+            of sheets that may be there or differ.
+        frozen: Whether rows may be frozen.
+    """
+    kept = tuple(name for name in now.sheets if name not in but)
+    if kept != tuple(name for name in before.sheets if name not in but):
+        yield f"the sheets are {', '.join(now.sheets)}"
+    if now.sheets[:1] != before.sheets[:1]:
+        return
+    for place in sorted({*now.cells, *before.cells}):
+        if not _is_excepted(place, now.sheets[0], but):
+            yield from _difference(place, now.cells.get(place), before.cells.get(place))
+    for name in (name for name in before.sheets if name in now.sheets and name not in but):
+        if now.hidden.get(name) != before.hidden[name]:
+            yield f"rows of {name} are hidden"
+        if not frozen and now.frozen.get(name) != before.frozen[name]:
+            yield f"rows or columns of {name} are frozen"
+
+
+def is_number(found: CellValue, wanted: float) -> bool:
+    """Return whether a stored value is a number, and the one that is wanted."""
+    if isinstance(found, bool) or not isinstance(found, (int, float)):
+        return False
+    return abs(found - wanted) <= _EXACT * max(1.0, abs(wanted))
+
+
+def with_values(data: bytes, values: Mapping[str, float]) -> bytes:
+    """Return a workbook whose first sheet has values stored beside its formulas.
+
+    openpyxl stores formulas alone.
+
+    Args:
+        data: The file.
+        values: The values, by the addresses of the formulas.
+    """
+    result = io.BytesIO()
+    with (
+        zipfile.ZipFile(io.BytesIO(data)) as source,
+        zipfile.ZipFile(result, "w", zipfile.ZIP_DEFLATED) as target,
+    ):
+        for name in source.namelist():
+            part = source.read(name)
+            if name == "xl/worksheets/sheet1.xml":
+                part = _stored(part, values)
+            target.writestr(name, part)
+    return result.getvalue()
+
+
+def go_to(hand: Hand, place: str) -> None:
+    """Select a cell or a range of the open sheet by the name box."""
+    hand.press("ctrl", "shift", "t")
+    hand.find("text", app=APP, state="focused")
+    hand.replace(f"{place}\n")
+    hand.find("table", app=APP, state="focused")
+
+
+def enter(hand: Hand, address: str, text: str) -> None:
+    """Enter a value or a formula in a cell of the open sheet."""
+    go_to(hand, address)
+    hand.type(f"{text}\n")
+
+
+def show_sheet(hand: Hand, name: str) -> None:
+    """Open a sheet by its tab."""
+    hand.click_on("page-tab", name, app=APP)
+    hand.find("table", f"Sheet {name}", app=APP)
+
+
+def shown(hand: Hand) -> dict[str, str]:
+    """Return the texts of the cells in sight, by address; empty cells are left out."""
+    cells = [node for node in hand.look() if node.role == "table-cell" and APP in node.app]
+    return {node.name: node.text for node in cells if node.box and node.text}
+
+
+def read_cells(hand: Hand, addresses: Sequence[str]) -> list[str]:
+    """Wait until cells in sight hold something, and return their texts.
+
+    Raises:
+        DesktopTimeoutError: One of them is empty, or not in sight.
+    """
+    for address in (addresses[-1], addresses[0]):
+        hand.wait(f"cell {address}", lambda node, name=address: _is_filled(node, name))
+    found = shown(hand)
+    return [found.get(address, "") for address in addresses]
+
+
+def _is_filled(node: TreeNode, address: str) -> bool:
+    return node.role == "table-cell" and node.name == address and bool(node.box and node.text)
+
+
+def _hidden_rows(sheet: Any) -> tuple[int, ...]:
+    return tuple(sorted(row for row, look in sheet.row_dimensions.items() if look.hidden))
+
+
+def _is_excepted(
+    place: tuple[str, str],
+    first: str,
+    but: Collection[str],
+) -> bool:
+    sheet, address = place
+    if sheet in but or f"{sheet}!{address}" in but:
+        return True
+    return sheet == first and address in but
+
+
+def _difference(
+    place: tuple[str, str],
+    now: SheetCell | None,
+    before: SheetCell | None,
+) -> Iterator[str]:
+    where = f"{place[1]} of {place[0]}"
+    found = None if now is None else now.entry
+    wanted = None if before is None else before.entry
+    if not _same(found, wanted):
+        yield f"{where} is {found!r}, not {wanted!r}"
+        return
+    if now is None or before is None:
+        return
+    if (now.number_format, now.bold) != (before.number_format, before.bold):
+        yield f"{where} looks otherwise than before"
+
+
+def _same(found: CellValue, wanted: CellValue) -> bool:
+    if isinstance(wanted, (int, float)) and not isinstance(wanted, bool):
+        return is_number(found, wanted)
+    return found == wanted
+
+
+def _stored(part: bytes, values: Mapping[str, float]) -> bytes:
+    """Return the XML of a sheet with values beside its formulas."""
+    ElementTree.register_namespace("", _MAIN)
+    root = ElementTree.fromstring(part)
+    for cell in root.iter(f"{{{_MAIN}}}c"):
+        value = values.get(cell.get("r", ""))
+        found = cell.find(f"{{{_MAIN}}}v")
+        if value is not None and found is not None:
+            found.text = repr(value)
+    return ElementTree.tostring(root)

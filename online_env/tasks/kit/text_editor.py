@@ -1,0 +1,121 @@
+"""A text in Mousepad or Geany: the ways of a person who edits it, and the judgement of the result.
+
+Both have the same keys for opening, going to a line and saving, and both give the accessibility
+tree the whole text.
+"""
+
+import re
+from collections.abc import Iterator
+from pathlib import PurePosixPath
+
+from ..hand import Hand
+from ..machine import Machine
+
+_UNDOS = 30
+
+
+def text_problems(machine: Machine, path: str, wanted: str) -> Iterator[str]:
+    """Yield how a text file differs from what it should hold.
+
+    Line ends and the line feed at the end of the last line do not matter.
+    """
+    found = machine.text(path)
+    if found is None:
+        yield f"there is no file {path}"
+        return
+    lines = found.removesuffix("\n").split("\n")
+    expected = wanted.removesuffix("\n").split("\n")
+    if len(lines) != len(expected):
+        yield f"{path} has {len(lines)} lines, not {len(expected)}"
+    for number, (line, right) in enumerate(zip(lines, expected, strict=False), start=1):
+        if line != right:
+            yield f"line {number} of {path} is {line[:80]!r}, not {right[:80]!r}"
+            return
+
+
+def shown_text(hand: Hand, app: str) -> str:
+    """Return the text that the editor shows."""
+    return hand.find("text", app=app, state="multi_line").text
+
+
+def bring(hand: Hand, path: str, app: str) -> None:
+    """Make a file be the one that the editor shows; it is opened if it is not."""
+    if hand.see("frame", title(path), app) is None:
+        hand.press("ctrl", "o")
+        choose_to_open(hand, path, app)
+    hand.find("frame", title(path), app)
+
+
+def choose_to_open(hand: Hand, path: str, app: str) -> None:
+    """Give the dialog for opening a file, which comes up, a path."""
+    hand.find("file-chooser", app=app)
+    hand.press("ctrl", "l")  # the field for a path
+    hand.find("text", app=app, state="focused")
+    hand.replace(hand.path(path))
+    hand.press("enter")
+    hand.gone("file-chooser", app=app)
+
+
+def begin(
+    hand: Hand,
+    path: str,
+    text: str,
+    app: str,
+) -> None:
+    """Make the editor show a file as it was at first, after whatever an earlier try left."""
+    bring(hand, path, app)
+    for _ in range(_UNDOS):
+        if shown_text(hand, app) == text:
+            return
+        hand.press("ctrl", "z")
+    hand.replace(text)
+    wait_for_text(hand, text, app)
+
+
+def wait_for_text(hand: Hand, text: str, app: str) -> None:
+    """Wait until the editor shows a text."""
+    hand.wait(
+        f"text {text[-60:]!r} of {app}",
+        # A dialog may cover it.
+        lambda node: app in node.app.lower() and node.role == "text" and node.text == text,
+    )
+
+
+def go_to_line(hand: Hand, number: int, app: str) -> None:
+    """Put the cursor at the start of a line; the first line has the number 1."""
+    hand.press("ctrl", "l")
+    hand.find("dialog", re.compile("Go [Tt]o"), app)
+    hand.find(("spin-button", "text"), app=app, state="focused")
+    hand.replace(f"{number}\n")
+    hand.gone("dialog", re.compile("Go [Tt]o"), app)
+    if app == "mousepad":
+        hand.press("home")  # it goes to the column where the cursor was
+
+
+def rewrite_line(
+    hand: Hand,
+    number: int,
+    line: str,
+    app: str,
+) -> None:
+    """Type a line in the place of another."""
+    go_to_line(hand, number, app)
+    hand.press("end")
+    hand.press("shift", "home")
+    hand.type(line)
+
+
+def save(hand: Hand, path: str, app: str) -> None:
+    """Save the file that is shown; its title has no asterisk then."""
+    hand.press("ctrl", "s")
+    hand.find("frame", title(path, saved=True), app)
+
+
+def title(path: str, *, saved: bool = False) -> re.Pattern[str]:
+    """Return a pattern for the title of the window that shows a file.
+
+    Mousepad begins with the path of the file, Geany with its name.
+    """
+    name = re.escape(PurePosixPath(path).name)
+    star = "" if saved else r"\*? ?"
+    return re.compile(rf"{star}([^ *][^*]*/)?{name} - ")

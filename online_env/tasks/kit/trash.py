@@ -1,0 +1,53 @@
+"""The trash of the home folder, in the format of freedesktop.org that file managers share."""
+
+from pathlib import PurePosixPath
+from urllib.parse import quote, unquote
+
+from ..machine import Machine
+
+_FILES = ".local/share/Trash/files"
+_INFO = ".local/share/Trash/info"
+
+
+def throw_away(
+    machine: Machine,
+    path: str,
+    data: bytes,
+    when: str = "2024-05-06T07:08:09",
+) -> None:
+    """Put a file into the trash that was at a path, relative to the home folder."""
+    name = PurePosixPath(path).name
+    info = f"[Trash Info]\nPath={quote(machine.path(path))}\nDeletionDate={when}\n"
+    machine.write(f"{_INFO}/{name}.trashinfo", info)
+    # What watches the trash reads it as soon as the file is there, and never again.
+    machine.write(f"{_FILES}/{name}", data)
+
+
+def thrown_away(machine: Machine) -> dict[str, bytes]:
+    """Return what is in the trash: content by path, relative to the home folder, of old.
+
+    A folder has no content, and is left out.
+    """
+    found: dict[str, bytes] = {}
+    for name in machine.names(_INFO) or ():
+        info = machine.text(f"{_INFO}/{name}") or ""
+        data = machine.read(f"{_FILES}/{name.removesuffix('.trashinfo')}")
+        if data is not None:
+            found[_place(info).removeprefix(f"{machine.home}/")] = data
+    return found
+
+
+def take_out(machine: Machine, path: str) -> None:
+    """Put a file of the trash back, whose name there is that of its path of old."""
+    name = PurePosixPath(path).name
+    machine.run("mv", f"{_FILES}/{name}", path)
+    machine.run("rm", f"{_INFO}/{name}.trashinfo")
+
+
+def _place(info: str) -> str:
+    """Return where a thing of the trash was, or "" if that is not told."""
+    for line in info.splitlines():
+        key, _, value = line.partition("=")
+        if key == "Path":
+            return unquote(value)
+    return ""

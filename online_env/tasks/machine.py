@@ -1,0 +1,279 @@
+"""The machine as a task's author uses it: files of the user's home, programs, stored site state."""
+
+import fnmatch
+import shlex
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import PurePosixPath
+from typing import Any
+
+from ..desktops import commands
+from ..desktops.protocol import Desktop
+from ..embedded.sites.state import SITES, SiteState
+from ..errors import DesktopError, DesktopTimeoutError, GuestError, MissingPackageError
+from .hand import Hand
+from .kit.apps import APPS, TaskApp, find_app
+
+# One entry a file, folder or link that is not hidden: kind, mode and path; then the digests.
+_LIST = r"""cd "$HOME" || exit 1
+find . -mindepth 1 -name '.*' -prune -o -printf '%y %m\t%P\0'
+printf '\0'
+find . -mindepth 1 -name '.*' -prune -o -type f -print0 | xargs -0 -r sha256sum -z --"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Snapshot:
+    """What a machine held at one time.
+
+    Args:
+        files: By path relative to the home folder: kind, mode and digest, in one text. What is
+            hidden, or in a hidden folder, is left out.
+        sites: The stored state of each local site.
+    """
+
+    files: Mapping[str, str]
+    sites: Mapping[str, Mapping[str, Any]]
+
+
+class Machine:
+    """A desktop and the state of its local sites.
+
+    Paths are relative to the user's home folder; absolute ones are taken as they are.
+
+    Args:
+        desktop: The desktop.
+        sites: The state of its local internet, `None` if it has none.
+    """
+
+    def __init__(self, desktop: Desktop, sites: SiteState | None = None) -> None:
+        self.desktop = desktop
+        self._sites = sites
+        self._at_first: Snapshot | None = None
+        self._before: Snapshot | None = None
+
+    @property
+    def sites(self) -> SiteState:
+        """The state of the local sites.
+
+        Raises:
+            DesktopError: The desktop has no local internet.
+        """
+        if self._sites is None:
+            raise DesktopError(
+                "the task needs the local internet of an embedded desktop, and its state folder"
+            )
+        return self._sites
+
+    @cached_property
+    def home(self) -> str:
+        """The home folder of the desktop's user."""
+        return commands.home(self.desktop)
+
+    def path(self, path: str = "") -> str:
+        """Return the absolute path."""
+        return str(PurePosixPath(self.home, path))
+
+    # Files
+
+    def write(self, path: str, content: str | bytes) -> None:
+        """Write a file; its folders are made."""
+        whole = self.path(path)
+        self.run("mkdir", "-p", str(PurePosixPath(whole).parent))
+        data = content.encode() if isinstance(content, str) else content
+        self.desktop.write_file(whole, data)
+
+    def read(self, path: str) -> bytes | None:
+        """Return the content of a file, or `None` if there is none.
+
+        Raises:
+            GuestError: The file cannot be read.
+        """
+        whole = self.path(path)
+        if not self.desktop.execute(["test", "-f", whole]).ok:
+            return None
+        try:
+            return self.desktop.read_file(whole)
+        except GuestError as error:
+            if error.status == 404:  # removed in between
+                return None
+            raise
+
+    def text(self, path: str) -> str | None:
+        """Return a text file without a byte order mark, `None` if there is none.
+
+        Line ends become line feeds; bytes that are not UTF-8 become U+FFFD.
+        """
+        data = self.read(path)
+        if data is None:
+            return None
+        text = data.decode("utf-8-sig", "replace")
+        return text.replace("\r\n", "\n")
+
+    def exists(self, path: str) -> bool:
+        """Return whether there is a file, folder or link."""
+        whole = self.path(path)
+        return self.desktop.execute(["test", "-e", whole, "-o", "-L", whole]).ok
+
+    def names(self, folder: str) -> set[str] | None:
+        """Return the names in a folder, hidden ones as well, or `None` if there is none."""
+        command = ["find", self.path(folder), "-mindepth", "1", "-maxdepth", "1"]
+        result = self.desktop.execute([*command, "-printf", r"%f\0"])
+        if not result.ok:
+            return None
+        return {name for name in result.output.split("\0") if name}
+
+    # Programs
+
+    def run(self, *argv: str) -> str:
+        """Return the output of a command, in the home folder, that must succeed.
+
+        Raises:
+            DesktopError: It failed.
+        """
+        within = ("env", "-C", self.home)
+        return commands.command(self.desktop, *within, *argv)
+
+    def open(self, app: str, *arguments: str) -> None:
+        """Start an application and wait until its window is there.
+
+        Args:
+            app: A name of `kit.apps.APPS`.
+            *arguments: Files (paths from the root) or addresses to open.
+        """
+        known = find_app(app)
+        try:
+            self._start(known, arguments)
+        except DesktopTimeoutError:
+            # Chromium now and then shows a window whose page never reaches the tree.
+            commands.end(self.desktop, *known.processes)
+            self._start(known, arguments)
+
+    def _start(self, known: TaskApp, arguments: Sequence[str]) -> None:
+        commands.launch(self.desktop, *known.argv, *arguments)
+        hand = Hand(self.desktop, patience=known.patience)
+        for role in known.ready:
+            hand.find(role, app=known.tree)
+        if any(argument.startswith("http://") for argument in arguments):
+            hand.find("link", app=known.tree)  # the window is there before its page
+
+    def command_line(self, app: str, *arguments: str) -> str:
+        """Return what a person types to start an application."""
+        return shlex.join([*find_app(app).argv, *arguments])
+
+    def check_installed(self, apps: Iterable[str]) -> None:
+        """Check that applications are there; names that are not in the table are not checked.
+
+        Raises:
+            MissingPackageError: One is not; the message names the profile to install.
+        """
+        for name in apps:
+            known = APPS.get(name)
+            if known is None:
+                continue
+            if not self.desktop.execute(["sh", "-c", f"command -v {known.argv[0]}"]).ok:
+                raise MissingPackageError(
+                    f"{known.argv[0]} is not on the desktop, and the task uses it: "
+                    f"hijack desktop install --profile {known.profile}"
+                )
+
+    # What changed
+
+    @property
+    def before(self) -> Snapshot:
+        """What the machine held when the task was prepared.
+
+        Raises:
+            DesktopError: `remember` was not called.
+        """
+        if self._before is None:
+            raise DesktopError("nothing was noted of the machine: call task.setup first")
+        return self._before
+
+    def begin(self) -> None:
+        """Note what the machine holds before a task is prepared, for `clear`."""
+        self._at_first = self.snapshot()
+
+    def remember(self) -> None:
+        """Note what the machine holds once a task is prepared."""
+        self._before = self.snapshot()
+
+    def snapshot(self) -> Snapshot:
+        """Return what the machine holds now.
+
+        Raises:
+            DesktopError: The home folder cannot be listed.
+        """
+        result = self.desktop.execute(["sh", "-c", _LIST])
+        if not result.ok:
+            raise DesktopError(f"the home folder cannot be listed: {result.error.strip()[-300:]}")
+        listed, _, digests = result.output.partition("\0\0")
+        files: dict[str, str] = {}
+        for entry in listed.split("\0"):
+            look, _, path = entry.partition("\t")
+            if path:
+                files[path] = look
+        for entry in digests.strip("\0").split("\0"):
+            digest, _, path = entry.partition("  ./")
+            if path in files:
+                files[path] += f" {digest}"
+        return Snapshot(files=files, sites=self._stored())
+
+    def untouched(self, *but: str) -> Iterator[str]:
+        """Yield what was added, removed or changed in the home folder and should not have been.
+
+        Hidden files are not looked at. Folders that had to be made for what is allowed are fine.
+
+        Args:
+            *but: Paths that may differ, or patterns; `*` stands for `/`, too.
+        """
+        was = self.before.files
+        now = self.snapshot().files
+        for path in sorted({*was, *now}):
+            if was.get(path) == now.get(path) or _allowed(path, but):
+                continue
+            if path not in now:
+                yield f"{path} is gone"
+            elif path in was:
+                yield f"{path} was changed"
+            else:
+                yield f"{path} was added"
+
+    def untouched_sites(self, but: Iterable[str] = ()) -> Iterator[str]:
+        """Yield the local sites whose stored state differs from before, but for some."""
+        was = self.before.sites
+        now = self._stored()
+        for site in SITES:
+            if site not in but and was.get(site) != now.get(site):
+                yield f"{site}.test was used to change something"
+
+    def _stored(self) -> dict[str, dict[str, Any]]:
+        if self._sites is None:
+            return {}
+        return {site: self._sites.read(site) for site in SITES}
+
+    def clear(self, apps: Iterable[str]) -> None:
+        """End applications, forget what the sites stored, remove what was added to the home.
+
+        Without `begin` no file is removed.
+        """
+        for app in apps:
+            if app in APPS:
+                commands.end(self.desktop, *APPS[app].processes)
+        if self._sites is not None:
+            for site in SITES:
+                with self._sites.update(site) as state:
+                    state.clear()
+        if self._at_first is None:
+            return
+        added = self.snapshot().files.keys() - self._at_first.files.keys()
+        if added:
+            self.run("rm", "-rf", "--", *sorted(added))
+
+
+def _allowed(path: str, patterns: Iterable[str]) -> bool:
+    """Return whether a path is allowed to differ, or is a folder above what is."""
+    for pattern in patterns:
+        if fnmatch.fnmatchcase(path, pattern) or pattern.startswith(f"{path}/"):
+            return True
+    return False

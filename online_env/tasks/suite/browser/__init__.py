@@ -1,0 +1,1 @@
+"""Settings, bookmarks and the history of the browser itself."""

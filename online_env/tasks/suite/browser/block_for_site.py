@@ -1,0 +1,83 @@
+"""Forbid a site something, for one site and one kind of content."""
+
+import re
+
+from online_env.tasks import Task
+from online_env.tasks.kit import chromium
+from online_env.tasks.kit.pages import enter, visit
+from online_env.tasks.kit.words import sample
+
+# What is blocked, the page of the settings, the beginning of its title, and the stored name.
+KINDS = (
+    ("images", "images", "Images"),
+    ("JavaScript", "javascript", "JavaScript"),
+    ("sound", "sound", "Sound"),
+)
+HOSTS = ("news.test", "shop.test", "wiki.test", "docs.test", "forms.test", "mail.test")
+
+
+class BlockForSite(Task):
+    """One site is not allowed one thing; the general rule and other sites stay."""
+
+    name = "block_for_site"
+    domain = "browser"
+    apps = ("chrome",)
+    phrasings = (
+        "In Chromium's site settings, do not allow {host} to use {what}. It is allowed for all"
+        " other sites.",
+        "Please block {what} on {host}, and only there, in the settings of the browser.",
+        "Chromium: {what} not allowed for {host}; leave it as it is for other sites.",
+    )
+
+    def draw(self, stream):
+        what, kind, title = stream.choice(KINDS)
+        host, other = sample(stream, HOSTS, 2)
+        return {"what": what, "kind": kind, "title": title, "host": host, "other": other}
+
+    def problems(self, machine):
+        yield from machine.untouched()
+        host = re.escape(self.drawn.host)
+        pattern = re.compile(rf"(https?://)?(\[\*\.\])?{host}(:\d+)?,\*")
+
+        def found():
+            return chromium.exceptions(machine, self.drawn.kind)
+
+        def is_done():
+            rules = found()
+            return len(rules) == 1 and all(
+                pattern.fullmatch(site) and rule == chromium.BLOCKED for site, rule in rules.items()
+            )
+
+        if not chromium.settled(machine, is_done):
+            yield f"for {self.drawn.kind} the rules are {found()}"
+        general = f"profile.default_content_setting_values.{self.drawn.kind}"
+        if chromium.setting(machine, general) == chromium.BLOCKED:
+            yield f"{self.drawn.kind} is blocked for all sites"
+
+    def oracle(self, hand):
+        drawn = self.drawn
+        page = f"chrome://settings/content/{drawn.kind}"
+        visit(hand, page, f"Settings - {drawn.title}")
+        hand.find("push-button", "Add site to not-allowed list", scroll=True)
+        if hand.see("static", re.compile(rf"(http://)?{re.escape(drawn.host)}")):
+            return
+        hand.button("Add site to not-allowed list")
+        enter(hand, "Site", drawn.host)
+        hand.button("Add")
+        hand.find("static", re.compile(rf"(http://)?{re.escape(drawn.host)}"))
+
+    def wrong(self):
+        kind, host, other = self.drawn.kind, self.drawn.host, self.drawn.other
+        general = f"profile.default_content_setting_values.{kind}"
+        exception = f"profile.content_settings.exceptions.{kind}"
+        return {
+            "another site": lambda m: chromium.block(m, kind, other),
+            "one site more": lambda m: chromium.block(m, kind, host, other),
+            "all sites": lambda m: chromium.change_setting(m, general, chromium.BLOCKED),
+            "allowed": lambda m: chromium.change_setting(
+                m, exception, {f"{host},*": {"setting": 1}}
+            ),
+        }
+
+    def right(self, machine):
+        chromium.block(machine, self.drawn.kind, f"http://{self.drawn.host}:80")

@@ -1,0 +1,65 @@
+"""Make another search engine the default."""
+
+from online_env.tasks import Task
+from online_env.tasks.kit import chromium
+from online_env.tasks.kit.pages import pick, visit
+
+KEY = "default_search_provider_data.template_url_data.short_name"
+ENGINES = ("DuckDuckGo", "Google", "Microsoft Bing", "Ecosia", "Qwant", "Startpage")
+
+
+class ChooseSearchEngine(Task):
+    """The engine that the address bar uses, and whether there is a home button."""
+
+    name = "choose_search_engine"
+    domain = "browser"
+    apps = ("chrome",)
+    phrasings = (
+        "Make {engine} the default search engine of Chromium, and {what} the home button.",
+        "I want to search with {engine} when I type into the address bar. Please change that in"
+        " the browser's settings; and while you are there, {what} the home button.",
+        "Chromium: default search engine {engine}; {what} the home button beside the address bar.",
+    )
+
+    def draw(self, stream):
+        shown = bool(stream.integer(0, 1))
+        engine = stream.choice(ENGINES)
+        return {"engine": engine, "shown": shown, "what": "show" if shown else "hide"}
+
+    def prepare(self, machine):
+        chromium.change_setting(machine, "browser.show_home_button", not self.drawn.shown)
+
+    def problems(self, machine):
+        yield from machine.untouched()
+        wanted = {KEY: self.drawn.engine, "browser.show_home_button": self.drawn.shown}
+        yield from chromium.wrong_settings(machine, wanted)
+
+    def oracle(self, hand):
+        engine = self.drawn.engine
+        visit(hand, "chrome://settings/searchEngines", "Settings - Manage search")
+        if not hand.see("push-button", f"More actions for {engine} (Default)"):
+            pick(hand, f"More actions for {engine}", 0)
+        hand.find("push-button", f"More actions for {engine} (Default)")
+        visit(hand, "chrome://settings/appearance", "Settings - Appearance")
+        button = hand.find("toggle-button", "Show home button")
+        if ("checked" in button.states) != self.drawn.shown:
+            hand.click(button)
+
+    def wrong(self):
+        def put(engine, shown):
+            def change(machine):
+                chromium.change_setting(machine, KEY, engine)
+                chromium.change_setting(machine, "browser.show_home_button", shown)
+
+            return change
+
+        engine, shown = self.drawn.engine, self.drawn.shown
+        return {
+            "only the engine": put(engine, not shown),
+            "only the button": put("Lumen", shown),
+            "another engine": put("Mojeek", shown),
+        }
+
+    def right(self, machine):
+        chromium.change_setting(machine, "browser.show_home_button", self.drawn.shown)
+        chromium.change_setting(machine, KEY, self.drawn.engine)

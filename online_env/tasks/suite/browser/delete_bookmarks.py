@@ -1,0 +1,60 @@
+"""Delete the bookmarks that lead to one site."""
+
+from online_env.tasks import Task
+from online_env.tasks.kit import chromium
+from online_env.tasks.kit.links import HOSTS, bar, without
+from online_env.tasks.kit.pages import enter, visit
+
+
+class DeleteBookmarks(Task):
+    """Bookmarks of one site are in several folders; all of them go, and no others."""
+
+    name = "delete_bookmarks"
+    domain = "browser"
+    apps = ("chrome",)
+    phrasings = (
+        "Delete all bookmarks in Chromium that lead to {host}. Keep the others, and the folders.",
+        "I no longer need the bookmarks of pages on {host}. Please remove them from the browser,"
+        " whatever folder they are in, but no folders and no other bookmarks.",
+        "Remove every {host} bookmark from Chromium; leave the rest, with its folders.",
+    )
+
+    def draw(self, stream):
+        return {"entries": bar(stream), "host": stream.choice(HOSTS)}
+
+    def prepare(self, machine):
+        chromium.write_bookmarks(machine, self.drawn.entries)
+
+    def going(self):
+        """Return the bookmarks that go."""
+        pairs = [pair for _, value in self.drawn.entries for pair in value]
+        return [pair for pair in pairs if f"//{self.drawn.host}/" in pair[1]]
+
+    def problems(self, machine):
+        yield from machine.untouched()
+        yield from chromium.wrong_bookmarks(machine, without(self.drawn.entries, self.drawn.host))
+
+    def oracle(self, hand):
+        visit(hand, "chrome://bookmarks/", "Bookmarks")
+        for name, _ in self.going():
+            enter(hand, "Search bookmarks", name)
+            hand.press("enter")
+            hand.gone("push-button", f"More actions for {self.drawn.entries[0][0]}")
+            if hand.see("push-button", f"More actions for {name}"):
+                hand.click_on("static", name)
+                hand.press("delete")
+                hand.gone("push-button", f"More actions for {name}")
+
+    def wrong(self):
+        write, entries, host = chromium.write_bookmarks, self.drawn.entries, self.drawn.host
+        left = without(entries, host)
+        other = next(name for name in HOSTS if name != host)
+        return {
+            "another site": lambda m: write(m, without(entries, other)),
+            "one is left": lambda m: write(m, [*left, self.going()[0]]),
+            "with their folders": lambda m: write(m, left[1:]),
+            "all": lambda m: write(m, []),
+        }
+
+    def right(self, machine):
+        chromium.write_bookmarks(machine, without(self.drawn.entries, self.drawn.host)[::-1])

@@ -1,0 +1,74 @@
+"""Set the size of the text of web pages, and their zoom."""
+
+import math
+import re
+
+from online_env.tasks import Task
+from online_env.tasks.kit import chromium
+from online_env.tasks.kit.pages import visit
+
+SIZE = "webkit.webprefs.default_font_size"
+SIZES = {"Very small": 9, "Small": 12, "Large": 20, "Very large": 24}
+ZOOM = "partition.default_zoom_level"
+ZOOMS = (75, 80, 90, 110, 125, 150)
+ZOOM_BASE = 1.2  # the stored level is the logarithm of the zoom to this base
+
+
+class EnlargeText(Task):
+    """Two drop-down lists of the page about appearance."""
+
+    name = "enlarge_text"
+    domain = "browser"
+    apps = ("chrome",)
+    phrasings = (
+        'Set the font size of Chromium to "{size}", and the zoom for all pages to {zoom} %.',
+        "In the appearance settings of the browser, choose the font size {size} and a page zoom"
+        " of {zoom} %.",
+        "Chromium: font size {size}, page zoom {zoom} % (in the settings, for all sites).",
+    )
+
+    def draw(self, stream):
+        return {"size": stream.choice(list(SIZES)), "zoom": stream.choice(ZOOMS)}
+
+    def problems(self, machine):
+        yield from machine.untouched()
+        size = SIZES[self.drawn.size]
+        wanted = math.log(self.drawn.zoom / 100, ZOOM_BASE)
+
+        def zoom():
+            return (chromium.setting(machine, ZOOM) or {}).get("x", 0.0)
+
+        def is_zoomed():
+            return abs(zoom() - wanted) < 0.01
+
+        yield from chromium.wrong_settings(machine, {SIZE: size})
+        if not chromium.settled(machine, is_zoomed):
+            yield f"the level of the zoom is {zoom()}, not {wanted:.3f}"
+
+    def oracle(self, hand):
+        visit(hand, "chrome://settings/appearance", "Settings - Appearance")
+        for name, option in (("Font size", self.drawn.size), ("Page zoom", f"{self.drawn.zoom}%")):
+            hand.click_on("combo-box", name, app="chrom", scroll=True)
+            hand.click_on("menu-item", re.compile(rf"\s*{option}\s*$"), app="chrom")
+            hand.gone("menu-item", app="chrom")
+
+    def wrong(self):
+        def put(size, zoom):
+            def change(machine):
+                chromium.change_setting(machine, SIZE, size)
+                level = math.log(zoom / 100, ZOOM_BASE)
+                chromium.change_setting(machine, ZOOM, {"x": level})
+
+            return change
+
+        size, zoom = SIZES[self.drawn.size], self.drawn.zoom
+        return {
+            "only the size": lambda m: chromium.change_setting(m, SIZE, size),
+            "another zoom": put(size, zoom + 25),
+            "another size": put(size + 1, zoom),
+        }
+
+    def right(self, machine):
+        level = math.log(self.drawn.zoom / 100, ZOOM_BASE)
+        chromium.change_setting(machine, ZOOM, {"x": round(level, 6)})
+        chromium.change_setting(machine, SIZE, SIZES[self.drawn.size])

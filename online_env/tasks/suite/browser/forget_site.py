@@ -1,0 +1,77 @@
+"""Delete the pages of one site from the history."""
+
+import re
+
+from online_env.tasks import Task
+from online_env.tasks.kit import chromium
+from online_env.tasks.kit.links import HOSTS, PAGES
+from online_env.tasks.kit.pages import enter, visit
+from online_env.tasks.kit.words import sample
+
+
+class ForgetSite(Task):
+    """The history of an afternoon holds pages of several sites; those of one site go."""
+
+    name = "forget_site"
+    domain = "browser"
+    apps = ("chrome",)
+    phrasings = (
+        "Delete all pages of {host} from Chromium's history, and keep the rest of it.",
+        "Nobody should see in the browser that I was on {host}. Please remove its pages from the"
+        " history, but leave the other sites there.",
+        "Remove {host} from the browser history; do not delete anything else.",
+    )
+
+    def draw(self, stream):
+        pages = [(url, title) for title, url in sample(stream, PAGES, 10)]
+        return {"pages": pages, "host": stream.choice(sorted(hosts_of(pages)))}
+
+    def prepare(self, machine):
+        chromium.write_history(machine, self.drawn.pages)
+
+    def problems(self, machine):
+        yield from machine.untouched()
+        kept = {url for url, _ in self.drawn.pages if self.drawn.host not in hosts_of([(url, "")])}
+
+        def left():
+            return {url for url in chromium.history(machine) if f"//{self.drawn.host}" in url}
+
+        if not chromium.settled(machine, lambda: not left()):
+            yield f"the history still has {sorted(left())}"
+        for url in sorted(kept - chromium.history(machine)):
+            yield f"{url} is gone from the history"
+
+    def oracle(self, hand):
+        visit(hand, "chrome://history/", "History")
+        enter(hand, "Search history", self.drawn.host)
+        hand.press("enter")
+        titles = [title for url, title in self.drawn.pages if f"//{self.drawn.host}/" in url]
+        hand.find(("static", "heading", "section"), re.compile("Found |No search results"))
+        for title in titles:
+            box = hand.see("check-box", re.compile(f".*{re.escape(title)} {self.drawn.host}"))
+            if box is not None and "checked" not in box.states:
+                hand.click(box)
+        if hand.see("push-button", "Delete"):
+            hand.button("Delete")
+            hand.find("dialog", "Delete selected items")
+            hand.button("Delete")
+            hand.gone("dialog", "Delete selected items")
+
+    def wrong(self):
+        write, pages, host = chromium.write_history, self.drawn.pages, self.drawn.host
+        kept = [page for page in pages if f"//{host}/" not in page[0]]
+        return {
+            "one page is left": lambda m: write(m, [*kept, (f"http://{host}/left", "Left")]),
+            "all": lambda m: write(m, []),
+            "one page too many": lambda m: write(m, kept[1:]),
+        }
+
+    def right(self, machine):
+        chromium.write_history(
+            machine, [p for p in self.drawn.pages if f"//{self.drawn.host}/" not in p[0]]
+        )
+
+
+def hosts_of(pages):
+    """Return the sites of pages."""
+    return {host for host in HOSTS if any(f"//{host}/" in url for url, _ in pages)}

@@ -1,0 +1,71 @@
+"""Give a bookmark in a folder another name."""
+
+from online_env.tasks import Task
+from online_env.tasks.kit import chromium
+from online_env.tasks.kit.links import bar
+from online_env.tasks.kit.pages import enter, pick, visit
+
+NAMES = ("Read on Sunday", "For Oda", "Look at this again", "Holiday", "Print this", "Best of all")
+
+
+class RenameBookmark(Task):
+    """One of many bookmarks, in one of the folders; its address and all others stay."""
+
+    name = "rename_bookmark"
+    domain = "browser"
+    apps = ("chrome",)
+    phrasings = (
+        'In the bookmarks of Chromium, in the folder "{folder}", rename the bookmark "{old}" to'
+        ' "{new}".',
+        'My bookmark "{old}" (folder {folder} of the bookmarks bar) should be called "{new}".'
+        " Please change its name and nothing else.",
+        'Rename the bookmark {old} in {folder} to "{new}".',
+    )
+
+    def draw(self, stream):
+        entries = bar(stream)
+        folder, children = entries[stream.integer(0, 2)]
+        old, url = stream.choice(children)
+        new = stream.choice(NAMES)
+        return {"entries": entries, "folder": folder, "old": old, "url": url, "new": new}
+
+    def prepare(self, machine):
+        chromium.write_bookmarks(machine, self.drawn.entries)
+
+    def problems(self, machine):
+        yield from machine.untouched()
+        yield from chromium.wrong_bookmarks(machine, self.renamed())
+
+    def renamed(self, new=""):
+        """Return the bookmarks as they should be, or with another new name."""
+        names = {self.drawn.url: new or self.drawn.new}
+        return [
+            (folder, [(names.get(url, old), url) for old, url in pages])
+            for folder, pages in self.drawn.entries
+        ]
+
+    def oracle(self, hand):
+        visit(hand, "chrome://bookmarks/", "Bookmarks")
+        hand.click_on("tree-item", "Bookmarks bar")
+        hand.double_click(hand.find("static", self.drawn.folder))
+        hand.find("push-button", "Organize")
+        if hand.see("push-button", f"More actions for {self.drawn.new}"):
+            return
+        pick(hand, f"More actions for {self.drawn.old}", 0)
+        enter(hand, "Name", self.drawn.new)
+        hand.button("Save")
+        hand.find("push-button", f"More actions for {self.drawn.new}")
+
+    def wrong(self):
+        drawn, write = self.drawn, chromium.write_bookmarks
+        added = [*drawn.entries, (drawn.new, drawn.url)]
+        as_folder = [(drawn.new if n == drawn.folder else n, v) for n, v in drawn.entries]
+        return {
+            "added, not renamed": lambda m: write(m, added),
+            "the folder": lambda m: write(m, as_folder),
+            "another name": lambda m: write(m, self.renamed(new=drawn.new + "!")),
+            "all others removed": lambda m: write(m, self.renamed()[:1]),
+        }
+
+    def right(self, machine):
+        chromium.write_bookmarks(machine, self.renamed()[::-1])

@@ -1,0 +1,83 @@
+"""Have the browser open other pages when it starts."""
+
+import re
+
+from online_env.tasks import Task
+from online_env.tasks.kit import chromium
+from online_env.tasks.kit.pages import enter, follow, pick, tick, visit
+from online_env.tasks.kit.words import sample
+
+PLACE = "On startup"
+OLD = re.compile("More actions for (search.test|Lumen)")  # its title, once it was open
+HOSTS = ("wiki.test", "news.test", "mail.test", "docs.test", "shop.test", "forms.test")
+
+
+class SetStartupPages(Task):
+    """The page that is set goes, one or two others come."""
+
+    name = "set_startup_pages"
+    domain = "browser"
+    apps = ("chrome",)
+    phrasings = (
+        "When Chromium starts, it opens search.test. Change the settings so that it opens {pages}"
+        " instead, and nothing else.",
+        "Please set up the browser to start with {pages}; search.test should no longer be opened.",
+        "Chromium's start-up page should be {pages}, not search.test any more.",
+    )
+
+    def draw(self, stream):
+        hosts = sample(stream, HOSTS, stream.integer(1, 2))
+        urls = [f"http://{host}/" for host in hosts]
+        return {"hosts": hosts, "urls": urls, "pages": " and ".join(urls)}
+
+    def prepare(self, machine):
+        chromium.change_setting(machine, "session.restore_on_startup", chromium.GIVEN_PAGES)
+        chromium.change_setting(machine, "session.startup_urls", ["http://search.test/"])
+
+    def problems(self, machine):
+        yield from machine.untouched()
+
+        def is_done():
+            pages = chromium.setting(machine, "session.startup_urls") or []
+            return sorted(pages) == sorted(self.drawn.urls) and given() == chromium.GIVEN_PAGES
+
+        def given():
+            return chromium.setting(machine, "session.restore_on_startup")
+
+        if not chromium.settled(machine, is_done):
+            pages = chromium.setting(machine, "session.startup_urls")
+            yield f"at the start the browser opens {pages} (kind {given()})"
+
+    def oracle(self, hand):
+        visit(hand, "chrome://settings/onStartup", f"Settings - {PLACE}")
+        tick(hand, "radio-button", "Open a specific page or set of pages")
+        for host, url in zip(self.drawn.hosts, self.drawn.urls, strict=True):
+            if hand.see("push-button", f"More actions for {host}"):
+                continue
+            follow(hand, "Add a new page")
+            enter(hand, "Site URL", url)
+            hand.button("Add")
+            hand.find("push-button", f"More actions for {host}")
+        if hand.see("push-button", OLD):
+            pick(hand, OLD, 1)
+            hand.find("push-button", f"More actions for {self.drawn.hosts[0]}")
+            hand.gone("push-button", OLD)
+
+    def wrong(self):
+        def put(kind, *urls):
+            def change(machine):
+                chromium.change_setting(machine, "session.restore_on_startup", kind)
+                chromium.change_setting(machine, "session.startup_urls", list(urls))
+
+            return change
+
+        wanted, given = self.drawn.urls, chromium.GIVEN_PAGES
+        return {
+            "added to the old one": put(given, "http://search.test/", *wanted),
+            "another page": put(given, "http://example.test/"),
+            "a new tab": put(5, *wanted),
+            "as the home page": lambda m: chromium.change_setting(m, "homepage", wanted[0]),
+        }
+
+    def right(self, machine):
+        chromium.change_setting(machine, "session.startup_urls", self.drawn.urls[::-1])

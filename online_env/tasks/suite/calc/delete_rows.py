@@ -1,0 +1,89 @@
+"""Delete the rows that have a word in a column."""
+
+import re
+
+from online_env.tasks.kit.office import dump, save
+from online_env.tasks.kit.sheets import SheetTask, book, changes, go_to, read_book, shown
+from online_env.tasks.kit.words import FIRST_NAMES, GOODS, LAST_NAMES, shuffled
+
+HEADER = ("Order", "Customer", "Article", "State")
+STATES = ("open", "paid", "sent", "cancelled", "returned")
+
+
+class DeleteRows(SheetTask):
+    """Some rows in the middle go, without gaps; the order of the others stays."""
+
+    name = "delete_rows"
+    domain = "calc"
+    apps = ("libreoffice_calc",)
+    phrasings = (
+        'Delete all rows of the open workbook whose state is "{state}", so that no empty rows are'
+        " left, and save it.",
+        "The {state} orders can go: remove those rows from {file}, no gaps. Save as xlsx.",
+        'Please take every order with the state "{state}" out of the list. The other rows move up'
+        " and keep their order. Then save the workbook.",
+    )
+
+    def draw(self, stream):
+        state = stream.choice(STATES)
+        others = [name for name in STATES if name != state]
+        states = [state] * stream.integer(2, 4)
+        states += [stream.choice(others) for _ in range(stream.integer(8, 12))]
+        rows = [
+            (number, stream.choice(FIRST_NAMES) + " " + stream.choice(LAST_NAMES), *rest)
+            for number, rest in enumerate(
+                ((stream.choice(GOODS), state) for state in shuffled(stream, states)),
+                stream.integer(100, 900),
+            )
+        ]
+        file = f"orders-{stream.integer(1, 52)}.xlsx"
+        return {"file": file, "path": f"Documents/{file}", "state": state, "rows": rows}
+
+    def made(self):
+        return book({"Orders": [HEADER, *self.drawn.rows]})
+
+    def judge(self, now, before):
+        left = [row for row in self.drawn.rows if row[3] != self.drawn.state]
+        yield from changes(now, read_book(dump(book({"Orders": [HEADER, *left]}))))
+
+    def oracle(self, hand):
+        for number in reversed(matching(hand, self.drawn.state)):
+            go_to(hand, f"{number}:{number}")
+            hand.press("ctrl", "-")
+        save(hand)
+
+    def wrong(self):
+        rows, state = self.drawn.rows, self.drawn.state
+        numbers = [number for number, row in enumerate(rows, 2) if row[3] == state]
+        other = next(number for number, row in enumerate(rows, 2) if row[3] != state)
+        return {
+            "one is left": self.without(numbers[1:]),
+            "one too many": self.without(sorted([*numbers, other])),
+            "hidden": self.edited(lambda found: hide(found, numbers)),
+            "emptied": self.put({f"{c}{n}": None for c in "ABCD" for n in numbers}),
+        }
+
+    def right(self, machine):
+        rows = enumerate(self.drawn.rows, 2)
+        self.without([number for number, row in rows if row[3] == self.drawn.state])(machine)
+
+    def without(self, numbers):
+        """Return what deletes rows."""
+
+        def change(found):
+            for number in reversed(numbers):
+                found.active.delete_rows(number)
+
+        return self.edited(change)
+
+
+def matching(hand, state):
+    """Return the numbers of the rows in sight that have the state."""
+    cells = shown(hand)
+    return sorted(int(a[1:]) for a in cells if re.fullmatch(r"D\d+", a) and cells[a] == state)
+
+
+def hide(found, numbers):
+    """Hide rows."""
+    for number in numbers:
+        found.active.row_dimensions[number].hidden = True

@@ -1,0 +1,93 @@
+"""Find the one wrong formula of a column and put it right."""
+
+from online_env.tasks.kit.office import save
+from online_env.tasks.kit.sheets import SheetTask, book, changes, enter, is_number, with_values
+from online_env.tasks.kit.words import GOODS, sample
+
+
+class FixFormula(SheetTask):
+    """One row adds, or takes a number of another row, where it should multiply its own."""
+
+    name = "fix_formula"
+    domain = "calc"
+    apps = ("libreoffice_calc",)
+    phrasings = (
+        "In the open workbook, the column Amount is the product of Pieces and Price. One formula of"
+        " it is wrong. Correct that formula and save the workbook.",
+        "One of the formulas under Amount in {file} is not pieces times price. Find it, fix it"
+        " (a formula again, not a number), save.",
+        "The amount of {item} cannot be right: its formula is not like the others of the column."
+        " Please correct the formula and save the file as xlsx.",
+    )
+
+    def draw(self, stream):
+        items = sample(stream, GOODS, stream.integer(7, 10))
+        rows = [(i, stream.integer(3, 60), stream.integer(11, 4000) / 100) for i in items]
+        wrong = stream.integer(3, len(rows))
+        formulas = {
+            "add": f"=B{wrong}+C{wrong}",
+            "row above": f"=B{wrong}*C{wrong - 1}",
+            "row below": f"=B{wrong + 1}*C{wrong}",
+            "squared": f"=B{wrong}*B{wrong}",
+        }
+        file = f"order-{stream.integer(100, 999)}.xlsx"
+        return {
+            "file": file,
+            "path": f"Documents/{file}",
+            "rows": rows,
+            "wrong": wrong,
+            "cell": f"D{wrong}",
+            "item": items[wrong - 2],
+            "formula": formulas[stream.choice(list(formulas))],
+        }
+
+    def made(self):
+        lines = [
+            (item, pieces, price, f"=B{number}*C{number}")
+            for number, (item, pieces, price) in enumerate(self.drawn.rows, 2)
+        ]
+        made = book({"Order": [("Item", "Pieces", "Price", "Amount"), *lines]})
+        made.active[self.drawn.cell] = self.drawn.formula
+        return made
+
+    def judge(self, now, before):
+        cell = self.drawn.cell
+        yield from changes(now, before, {cell})
+        if not str(now.entry(cell)).startswith("="):
+            yield f"{cell} holds {now.entry(cell)!r}, which is no formula"
+        if now.entry(cell) == self.drawn.formula:
+            yield f"{cell} still holds {self.drawn.formula}"
+        _, pieces, price = self.drawn.rows[self.drawn.wrong - 2]
+        if not is_number(now.value(cell), pieces * price):
+            yield f"{cell} is {now.value(cell)!r}, not {pieces * price:.2f}"
+
+    def oracle(self, hand):
+        number = self.drawn.wrong
+        enter(hand, self.drawn.cell, f"=B{number}*C{number}")
+        save(hand)
+
+    def wrong(self):
+        number = self.drawn.wrong
+        _, pieces, price = self.drawn.rows[number - 2]
+        other = f"D{number - 1}"
+        return {
+            "a number": self.put({self.drawn.cell: pieces * price}),
+            "another formula": self.put({other: f"=C{number - 1}*B{number - 1}"}),
+            "the price changed": self.fixed(also={f"C{number}": price + 1}),
+            "the price in the formula": self.put({self.drawn.cell: f"={pieces}*{price + 1}"}),
+        }
+
+    def right(self, machine):
+        self.fixed(also={})(machine)
+
+    def fixed(self, also):
+        """Return what puts the formula right, and changes other cells."""
+        number = self.drawn.wrong
+        _, pieces, price = self.drawn.rows[number - 2]
+
+        def outcome(machine):
+            self.put({self.drawn.cell: f"=C{number}*B{number}", **also})(machine)
+            data = machine.read(self.drawn.path)
+            machine.write(self.drawn.path, with_values(data, {self.drawn.cell: pieces * price}))
+
+        return outcome

@@ -1,0 +1,77 @@
+"""Show the numbers of a column as percentages."""
+
+from dataclasses import replace
+
+from online_env.tasks.kit.office import save
+from online_env.tasks.kit.sheets import SheetTask, book, changes, go_to
+from online_env.tasks.kit.words import CITIES, sample
+
+
+class FormatPercent(SheetTask):
+    """The format of the column changes, and not its numbers."""
+
+    name = "format_percent"
+    domain = "calc"
+    apps = ("libreoffice_calc",)
+    phrasings = (
+        "In the open workbook, show the numbers of the column {column} as percentages, so that 0.25"
+        " appears as 25 % or 25.00 %. Save the workbook.",
+        "Format {column} as percent. The values themselves must not change. Save.",
+        "Please give the cells below {column} in {file} a percent format (whatever number of"
+        " decimals) and save the file as xlsx.",
+    )
+
+    def draw(self, stream):
+        column = stream.choice(("Share", "Turnout", "Growth", "Discount"))
+        rows = [
+            (city, stream.integer(1200, 98_000), stream.integer(10, 999) / 1000)
+            for city in sample(stream, CITIES, stream.integer(6, 10))
+        ]
+        file = f"cities-{stream.integer(2010, 2025)}.xlsx"
+        return {"file": file, "path": f"Documents/{file}", "column": column, "rows": rows}
+
+    def made(self):
+        return book({"Cities": [("City", "Voters", self.drawn.column), *self.drawn.rows]})
+
+    def cells(self):
+        """Return the addresses of the numbers."""
+        return [f"C{number}" for number in range(2, len(self.drawn.rows) + 2)]
+
+    def judge(self, now, before):
+        cells = dict(before.cells)
+        for address in self.cells():
+            place = (before.sheets[0], address)
+            found = now.cells.get(place, before.cells[place]).number_format
+            cells[place] = replace(cells[place], number_format=found)
+            if "%" not in found:
+                yield f"{address} has the format {found}"
+        yield from changes(now, replace(before, cells=cells))
+
+    def oracle(self, hand):
+        cells = self.cells()
+        go_to(hand, f"{cells[0]}:{cells[-1]}")
+        hand.press("ctrl", "shift", "5")
+        save(hand)
+
+    def wrong(self):
+        cells = self.cells()
+        texts = {f"C{n}": f"{row[2]:.1%}" for n, row in enumerate(self.drawn.rows, 2)}
+        hundredfold = {f"C{n}": row[2] * 100 for n, row in enumerate(self.drawn.rows, 2)}
+        return {
+            "texts": self.put(texts),
+            "a hundred times as much": self.put(hundredfold),
+            "one is missing": self.shown(cells[:-1]),
+            "the voters as well": self.shown([*cells, "B2"]),
+        }
+
+    def right(self, machine):
+        self.shown(self.cells(), "0%")(machine)
+
+    def shown(self, addresses, look="0.0%"):
+        """Return what gives cells a format."""
+
+        def change(found):
+            for address in addresses:
+                found.active[address].number_format = look
+
+        return self.edited(change)

@@ -1,0 +1,68 @@
+"""Keep the first row, or the first column as well, in sight while the rest scrolls."""
+
+from dataclasses import replace
+
+from online_env.tasks.kit.office import menu, save
+from online_env.tasks.kit.sheets import SheetTask, book, changes, go_to
+from online_env.tasks.kit.words import FIRST_NAMES, LAST_NAMES, MONTHS
+
+PARTS = {"the first row": "A2", "the first column": "B1", "the first row and column": "B2"}
+
+
+class FreezeHeader(SheetTask):
+    """A table that is longer than the screen keeps its header, or its first column."""
+
+    name = "freeze_header"
+    domain = "calc"
+    apps = ("libreoffice_calc",)
+    phrasings = (
+        "Freeze {part} of the open sheet, so that it stays in sight while one scrolls, and save.",
+        "I lose track when I scroll through {file}. Freeze {part}, nothing else, and save as xlsx.",
+        "Please make sure that {part} of this table can always be seen (freeze it), and save the"
+        " workbook.",
+    )
+
+    def draw(self, stream):
+        rows = [
+            (
+                f"{stream.choice(FIRST_NAMES)} {stream.choice(LAST_NAMES)}",
+                *(stream.integer(0, 31) for _ in MONTHS),
+            )
+            for _ in range(stream.integer(45, 60))
+        ]
+        file = f"attendance-{stream.integer(2012, 2025)}.xlsx"
+        part = stream.choice(list(PARTS))
+        return {"file": file, "path": f"Documents/{file}", "rows": rows, "part": part}
+
+    def made(self):
+        return book({"Days": [("Member", *MONTHS), *self.drawn.rows]})
+
+    def judge(self, now, before):
+        wanted = PARTS[self.drawn.part]
+        yield from changes(now, replace(before, frozen={"Days": wanted}))
+
+    def oracle(self, hand):
+        go_to(hand, PARTS[self.drawn.part])
+        if hand.see("toggle-button", "Freeze Rows and Columns", "soffice", "checked") is None:
+            menu(hand, "View", "Freeze Rows and Columns")
+        save(hand)
+
+    def wrong(self):
+        wanted = PARTS[self.drawn.part]
+        others = [place for place in PARTS.values() if place != wanted]
+        return {
+            "another part": self.frozen(others[0]),
+            "yet another part": self.frozen(others[1]),
+            "a row too many": self.frozen("A3"),
+        }
+
+    def right(self, machine):
+        self.frozen(PARTS[self.drawn.part])(machine)
+
+    def frozen(self, place):
+        """Return what freezes all above and left of a cell."""
+
+        def change(found):
+            found.active.freeze_panes = place
+
+        return self.edited(change)

@@ -1,0 +1,54 @@
+"""Make the panel higher or lower."""
+
+from online_env.tasks import Task
+from online_env.tasks.kit import desktop_settings
+
+APP = "xfce4-panel"
+PANEL = "panels/panel-1"
+
+
+class ResizePanel(Task):
+    """Two numbers in the preferences of the panel."""
+
+    name = "resize_panel"
+    domain = "desktop"
+    apps = ("panel_settings",)
+    phrasings = (
+        "The preferences of the panel (the bar at the bottom of the screen) are open. Set its row"
+        " size to {size} pixels and its number of rows to {rows}.",
+        "Please give the panel {rows} rows of {size} pixels each.",
+        "Panel: row size {size} px, number of rows {rows}.",
+    )
+
+    def draw(self, stream):
+        size = stream.choice((24, 26, 28, 30, 32, 40, 42, 44, 46, 48))
+        return {"size": size, "rows": stream.integer(2, 3)}
+
+    def problems(self, machine):
+        yield from machine.untouched()
+        wanted = {f"{PANEL}/size": str(self.drawn.size), f"{PANEL}/nrows": str(self.drawn.rows)}
+        yield from desktop_settings.setting_problems(machine, "xfce4-panel", wanted)
+
+    def oracle(self, hand):
+        desktop_settings.set_number(hand, "Row size (pixels):", self.drawn.size, APP)
+        desktop_settings.set_number(hand, "Number of rows:", self.drawn.rows, APP)
+        hand.button("Close", APP)
+        hand.gone("dialog", "Panel Preferences", APP)
+
+    def wrong(self):
+        size, rows = self.drawn.size, self.drawn.rows
+        return {
+            "only the size": lambda m: shape(m, size, 1),
+            "only the rows": lambda m: shape(m, 36, rows),
+            "both rows together": lambda m: shape(m, size * rows, 1),
+            "too high": lambda m: shape(m, size + 1, rows),
+        }
+
+    def right(self, machine):
+        shape(machine, self.drawn.size, self.drawn.rows)
+
+
+def shape(machine, size, rows):
+    """Store the shape of the panel."""
+    desktop_settings.store(machine, "xfce4-panel", f"{PANEL}/size", str(size))
+    desktop_settings.store(machine, "xfce4-panel", f"{PANEL}/nrows", str(rows))

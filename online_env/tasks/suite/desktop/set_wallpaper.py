@@ -1,0 +1,72 @@
+"""Put a picture on the background of the desktop."""
+
+from hijack_data.rng import Stream
+from online_env.tasks import Task
+from online_env.tasks.kit import desktop_settings, pictures
+from online_env.tasks.kit.words import CITIES, sample
+
+ITEMS = ("table-cell", "list-item")
+PLACE = "backdrop/screen0/monitorscreen/workspace0/last-image"
+
+
+class SetWallpaper(Task):
+    """One of four pictures in a folder becomes the wallpaper."""
+
+    name = "set_wallpaper"
+    domain = "desktop"
+    apps = ("thunar",)
+    phrasings = (
+        "The file manager shows my pictures of {folder}. Set {file} as the wallpaper of the"
+        " desktop.",
+        "Please put the picture {file} (in Pictures/{folder}) on the background of my desktop.",
+        "New wallpaper, please: Pictures/{folder}/{file}.",
+    )
+
+    def draw(self, stream):
+        cities = [city.lower() for city in sample(stream, CITIES, 5)]
+        folder = cities.pop()
+        files = [f"{city}-{stream.integer(1, 99)}.png" for city in cities]
+        return {
+            "folder": folder,
+            "place": f"Pictures/{folder}",
+            "files": files,
+            "file": stream.choice(files),
+        }
+
+    def prepare(self, machine):
+        for name in self.drawn.files:
+            picture = pictures.drawing(Stream(self.seed, name), 320, 180)
+            machine.write(f"{self.drawn.place}/{name}", pictures.encoded(picture))
+
+    def opens(self, machine):
+        return "thunar", machine.path(self.drawn.place)
+
+    def problems(self, machine):
+        yield from machine.untouched()
+        wanted = {PLACE: machine.path(f"{self.drawn.place}/{self.drawn.file}")}
+        yield from desktop_settings.setting_problems(machine, "xfce4-desktop", wanted)
+
+    def oracle(self, hand):
+        hand.press("ctrl", "2")  # as a list: the accessibility tree of Thunar has no icons
+        item = hand.find(ITEMS, self.drawn.file, app="thunar")
+        hand.context_menu(item, "Set as wallpaper", app="thunar")
+        hand.gone("menu-item", "Set as wallpaper", app="thunar")
+
+    def wrong(self):
+        place = self.drawn.place
+        file = self.drawn.file
+        other = next(name for name in self.drawn.files if name != file)
+        copy = "Pictures/wallpaper.png"
+        return {
+            "another picture": lambda m: show(m, f"{place}/{other}"),
+            "only copied": lambda m: m.run("cp", f"{place}/{file}", copy),
+            "a path that is not there": lambda m: show(m, f"Pictures/{file}"),
+        }
+
+    def right(self, machine):
+        show(machine, f"{self.drawn.place}/{self.drawn.file}")
+
+
+def show(machine, path):
+    """Store what the background shows."""
+    desktop_settings.store(machine, "xfce4-desktop", PLACE, machine.path(path))

@@ -1,0 +1,72 @@
+"""Have several workspaces, and give one of them a name."""
+
+from online_env.tasks import Task
+from online_env.tasks.kit import desktop_settings
+
+APP = "xfwm4-workspace-settings"
+NAMES = ("Mail", "Music", "Work", "Drawings", "Reading", "Games", "Photos", "Letters")
+
+
+class SetWorkspaces(Task):
+    """The number of workspaces changes, and the name of the second one."""
+
+    name = "set_workspaces"
+    domain = "desktop"
+    apps = ("workspace_settings",)
+    phrasings = (
+        "In the settings of the workspaces, which are open, set the number of workspaces to"
+        ' {count} and give workspace 2 the name "{label}".',
+        'I would like to have {count} workspaces, of which the second is called "{label}". Please'
+        " set that up.",
+        'Settings, Workspaces: {count} of them; rename "Workspace 2" to "{label}".',
+    )
+
+    def draw(self, stream):
+        return {"count": stream.integer(3, 6), "label": stream.choice(NAMES)}
+
+    def problems(self, machine):
+        yield from machine.untouched()
+        wanted = {"general/workspace_count": str(self.drawn.count)}
+        yield from desktop_settings.setting_problems(machine, "xfwm4", wanted)
+        names = desktop_settings.awaited(
+            machine, "xfwm4", "general/workspace_names", self.are_right
+        )
+        if not self.are_right(names):
+            yield f"the workspaces are named {names}"
+
+    def are_right(self, names) -> bool:
+        """Return whether only the second workspace was renamed; there may be more names."""
+        if names is None or len(names) < self.drawn.count:
+            return False
+        usual = [f"Workspace {number}" for number in range(1, len(names) + 1)]
+        return names == [usual[0], self.drawn.label, *usual[2:]]
+
+    def oracle(self, hand):
+        label = self.drawn.label
+        desktop_settings.set_number(hand, "Number of workspaces:", self.drawn.count, APP)
+        hand.find("table-cell", f"Workspace {self.drawn.count}", APP)
+        if hand.see("table-cell", label, APP) is None:
+            hand.double_click(hand.find("table-cell", "Workspace 2", APP))
+            # The tree has no node for the text that is edited.
+            hand.replace(f"{label}\n")
+        hand.find("table-cell", label, APP)
+
+    def wrong(self):
+        count, label = self.drawn.count, self.drawn.label
+        return {
+            "only the number": lambda m: arrange(m, count, "Workspace 2"),
+            "only the name": lambda m: arrange(m, 2, label),
+            "one more": lambda m: arrange(m, count + 1, label),
+            "another one": lambda m: arrange(m, count, "Workspace 2", label),
+        }
+
+    def right(self, machine):
+        arrange(machine, self.drawn.count, self.drawn.label)
+
+
+def arrange(machine, count, second, third="Workspace 3"):
+    """Store a number of workspaces, and the names of two of them."""
+    later = [f"Workspace {number}" for number in range(4, count + 1)]
+    names = ["Workspace 1", second, third, *later][:count]
+    desktop_settings.store(machine, "xfwm4", "general/workspace_count", str(count))
+    desktop_settings.store(machine, "xfwm4", "general/workspace_names", names)

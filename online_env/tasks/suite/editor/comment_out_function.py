@@ -1,0 +1,135 @@
+"""Comment out a function of a program, in Geany."""
+
+import re
+
+from online_env.tasks import Task
+from online_env.tasks.kit import text_editor
+from online_env.tasks.kit.words import GOODS, sample
+
+APP = "geany"
+NAMES = ("count", "price", "weigh", "order", "pack", "label", "store", "check")
+
+
+class CommentOutFunction(Task):
+    """Each line of one of four functions begins with a number sign; the others work on."""
+
+    name = "comment_out_function"
+    domain = "editor"
+    apps = (APP,)
+    phrasings = (
+        "In the Python file {file}, which Geany shows, comment out the whole function {function}"
+        " (put # before each of its lines) and save the file. Do not delete anything.",
+        "Please switch off {function} in Documents/{file} by making all of its lines comments."
+        " Nothing else changes. Save the file.",
+        "Comment out {function} in {file}, all lines of the function and no other line, then save.",
+    )
+
+    def draw(self, stream):
+        things = sample(stream, GOODS, 4)
+        verbs = sample(stream, NAMES, 4)
+        functions = [f"{verb}_{thing}" for verb, thing in zip(verbs, things, strict=True)]
+        bodies = [source(stream, function) for function in functions]
+        index = stream.integer(0, 3)
+        lines = ["import math", "", ""]
+        start = 0
+        for number, body in enumerate(bodies):
+            if number == index:
+                start = len(lines)
+            lines += [*body, "", ""]
+        name = f"{stream.choice(GOODS)}_tools.py"
+        return {
+            "file": name,
+            "path": f"Documents/{name}",
+            "function": functions[index],
+            "start": start,
+            "end": start + len(bodies[index]),
+            "lines": lines[:-2],
+        }
+
+    def prepare(self, machine):
+        machine.write(self.drawn.path, joined(self.drawn.lines))
+
+    def opens(self, machine):
+        return APP, machine.path(self.drawn.path)
+
+    def problems(self, machine):
+        yield from machine.untouched(self.drawn.path)
+        start, end, lines = self.drawn.start, self.drawn.end, self.drawn.lines
+        found = (machine.text(self.drawn.path) or "").rstrip("\n").split("\n")
+        if len(found) != len(lines):
+            yield f"{self.drawn.path} has {len(found)} lines, not {len(lines)}"
+            return
+        for index, (line, old) in enumerate(zip(found, lines, strict=True)):
+            inside = start <= index < end
+            if inside and not is_commented(line, old):
+                yield f"line {index + 1} is not made a comment: {line!r}"
+            elif not inside and line.rstrip() != old:
+                yield f"line {index + 1} was changed: {line!r}"
+
+    def oracle(self, hand):
+        drawn = self.drawn
+        text_editor.begin(hand, drawn.path, joined(drawn.lines), APP)
+        text_editor.go_to_line(hand, drawn.start + 1, APP)
+        hand.press("home")
+        for _ in range(drawn.start, drawn.end):
+            hand.press("shift", "down")
+        hand.press("ctrl", "e")
+        hand.wait(
+            "commented function",
+            lambda node: node.role == "text" and f"# ~ def {drawn.function}" in node.text,
+        )
+        text_editor.save(hand, drawn.path, APP)
+
+    def wrong(self):
+        path, lines = self.drawn.path, self.drawn.lines
+        start, end = self.drawn.start, self.drawn.end
+        first = marked(lines, start, start + 1)
+        return {
+            "only its first line": lambda m: m.write(path, joined(first)),
+            "deleted": lambda m: m.write(path, joined([*lines[:start], *lines[end:]])),
+            "all lines": lambda m: m.write(path, joined(marked(lines, 0, len(lines)))),
+            "as a string": lambda m: m.write(path, quoted(lines, start, end)),
+        }
+
+    def right(self, machine):
+        lines = marked(self.drawn.lines, self.drawn.start, self.drawn.end)
+        machine.write(self.drawn.path, "\n".join(lines))
+
+
+def source(stream, function) -> list[str]:
+    """Return the lines of a function."""
+    first, second = stream.integer(2, 9), stream.integer(10, 99)
+    if stream.integer(0, 1):
+        return [
+            f"def {function}(number):",
+            f"    whole = number * {first}",
+            f"    if whole > {second}:",
+            f"        return math.sqrt({second})",
+            "    return whole",
+        ]
+    return [
+        f"def {function}(width, height):",
+        f"    area = width * height - {second}",
+        f"    return math.floor(area / {first})",
+    ]
+
+
+def is_commented(line: str, old: str) -> bool:
+    """Return whether a line is another one, made a comment."""
+    return line.strip().startswith("#") and re.sub(r"^\s*#+\s*~?", "", line).split() == old.split()
+
+
+def marked(lines, start, end) -> list[str]:
+    """Return the lines, some of which begin with a number sign."""
+    commented = [f"# {line}" if line else line for line in lines[start:end]]
+    return [*lines[:start], *commented, *lines[end:]]
+
+
+def quoted(lines, start, end) -> str:
+    """Return the text with some lines in quotes."""
+    return joined([*lines[:start], '"""', *lines[start:end], '"""', *lines[end:]])
+
+
+def joined(lines) -> str:
+    """Return the text of a file."""
+    return "\n".join(lines) + "\n"

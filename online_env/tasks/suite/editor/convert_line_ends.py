@@ -1,0 +1,88 @@
+"""Save a text with the line ends of another system, in Mousepad."""
+
+import re
+
+from online_env.tasks import Task
+from online_env.tasks.kit import text_editor
+from online_env.tasks.kit.words import CITIES, GOODS, LAST_NAMES, sample
+
+APP = "mousepad"
+KINDS = ("export", "stock", "list", "orders")
+ENDS = {"Windows": "\r\n", "Unix": "\n"}
+ITEMS = {"Windows": re.compile("DOS / Windows"), "Unix": re.compile("Unix")}
+
+
+class ConvertLineEnds(Task):
+    """A list for Unix becomes one for Windows, or the other way round; its text stays."""
+
+    name = "convert_line_ends"
+    domain = "editor"
+    apps = (APP,)
+    phrasings = (
+        "The text editor shows {file}. Save it with the line ends of {system} ({signs}); the text"
+        " itself stays as it is.",
+        "{file} in my Documents has the wrong line endings for {system}: they should be {signs}."
+        " Please convert the file; I need it under the same name.",
+        "Convert the line endings of Documents/{file} to {system} ({signs}) and save.",
+    )
+
+    def draw(self, stream):
+        system = stream.choice(list(ENDS))
+        lines = [
+            f"{stream.integer(1000, 9999)};{thing};{name};{stream.choice(CITIES)}"
+            for thing, name in zip(
+                sample(stream, GOODS, 7), sample(stream, LAST_NAMES, 7), strict=True
+            )
+        ]
+        name = f"{stream.choice(KINDS)}-{stream.integer(10, 99)}.csv"
+        return {
+            "file": name,
+            "path": f"Documents/{name}",
+            "system": system,
+            "signs": {"Windows": "CR LF", "Unix": "LF"}[system],
+            "lines": lines,
+        }
+
+    def prepare(self, machine):
+        for system, end in ENDS.items():
+            if system != self.drawn.system:
+                machine.write(self.drawn.path, ended(self.drawn.lines, end))
+
+    def opens(self, machine):
+        return APP, machine.path(self.drawn.path)
+
+    def problems(self, machine):
+        yield from machine.untouched(self.drawn.path)
+        yield from text_editor.text_problems(
+            machine, self.drawn.path, ended(self.drawn.lines, "\n")
+        )
+        data = machine.read(self.drawn.path) or b""
+        wanted = ENDS[self.drawn.system].encode()
+        wrong = {end for end in re.findall(rb"\r\n|\n|\r", data) if end != wanted}
+        if wrong:
+            yield f"{self.drawn.path} has lines that end with {sorted(wrong)}"
+
+    def oracle(self, hand):
+        text_editor.bring(hand, self.drawn.path, APP)
+        hand.menu("Document", re.compile("Line Ending"), ITEMS[self.drawn.system], app=APP)
+        hand.gone("menu-item", re.compile("Unix"), APP)
+        text_editor.save(hand, self.drawn.path, APP)
+
+    def wrong(self):
+        path, lines = self.drawn.path, self.drawn.lines
+        end = ENDS[self.drawn.system]
+        return {
+            "in a copy": lambda m: m.write(f"{path}.txt", ended(lines, end)),
+            "as on old Macs": lambda m: m.write(path, ended(lines, "\r")),
+            "both one after the other": lambda m: m.write(path, ended(lines, "\n\r\n")),
+            "a line is gone": lambda m: m.write(path, ended(lines[1:], end)),
+        }
+
+    def right(self, machine):
+        end = ENDS[self.drawn.system]
+        machine.write(self.drawn.path, end.join(self.drawn.lines))
+
+
+def ended(lines, end) -> str:
+    """Return a text whose lines all have an end."""
+    return "".join(f"{line}{end}" for line in lines)

@@ -1,0 +1,86 @@
+"""Insert a line at a place of a text, in Mousepad."""
+
+from online_env.tasks import Task
+from online_env.tasks.kit import text_editor
+from online_env.tasks.kit.words import FIRST_NAMES, GOODS, sample
+
+APP = "mousepad"
+PLACES = ("Kitchen", "Workshop", "Cellar", "Attic", "Garage", "Office")
+KEEPERS = 4
+
+
+class InsertLine(Task):
+    """A line goes below another one, which is once in the text, in a list with three parts."""
+
+    name = "insert_line"
+    domain = "editor"
+    apps = (APP,)
+    phrasings = (
+        'The text editor shows {file}. Insert a new line "{line}" directly below the line'
+        ' "{above}" and save the file.',
+        "{line}\n\nPlease add this to {file} in my Documents, on a line of its own right after"
+        ' "{above}". Do not change anything else.',
+        'Add the line "{line}" to {file} (in Documents), between "{above}" and what comes after'
+        " it. Then save.",
+    )
+
+    def draw(self, stream):
+        lines = []
+        names = sample(stream, FIRST_NAMES, 3 * KEEPERS)
+        for part, place in enumerate(sample(stream, PLACES, 3)):
+            lines.append(f"== {place} ==")
+            keepers = names[part * KEEPERS : (part + 1) * KEEPERS]
+            lines += [f"{stream.choice(GOODS)}: {keeper}" for keeper in keepers]
+            lines.append("")
+        lines.pop()
+        at = stream.choice([i for i, line in enumerate(lines) if ":" in line])
+        line = f"{stream.choice(GOODS)}: nobody (ask for room {stream.integer(10, 99)})"
+        name = f"keepers-{stream.integer(2019, 2025)}.txt"
+        return {
+            "file": name,
+            "path": f"Documents/{name}",
+            "line": line,
+            "above": lines[at],
+            "number": at + 1,
+            "text": joined(lines),
+            "wanted": joined([*lines[: at + 1], line, *lines[at + 1 :]]),
+        }
+
+    def prepare(self, machine):
+        machine.write(self.drawn.path, self.drawn.text)
+
+    def opens(self, machine):
+        return APP, machine.path(self.drawn.path)
+
+    def problems(self, machine):
+        yield from machine.untouched(self.drawn.path)
+        yield from text_editor.text_problems(machine, self.drawn.path, self.drawn.wanted)
+
+    def oracle(self, hand):
+        drawn = self.drawn
+        text_editor.begin(hand, drawn.path, drawn.text, APP)
+        text_editor.go_to_line(hand, drawn.number, APP)
+        hand.press("end")
+        hand.type(f"\n{drawn.line}")
+        text_editor.wait_for_text(hand, drawn.wanted, APP)
+        text_editor.save(hand, drawn.path, APP)
+
+    def wrong(self):
+        path, text = self.drawn.path, self.drawn.text
+        line, above = self.drawn.line, self.drawn.above
+        return {
+            "above": lambda m: m.write(path, text.replace(above, f"{line}\n{above}")),
+            "at the end": lambda m: m.write(path, f"{text}{line}\n"),
+            "in its place": lambda m: m.write(path, text.replace(above, line)),
+            "with an empty line": lambda m: m.write(
+                path, text.replace(above, f"{above}\n\n{line}")
+            ),
+        }
+
+    def right(self, machine):
+        machine.write(self.drawn.path, self.drawn.wanted.rstrip("\n"))
+
+
+def joined(lines) -> str:
+    """Return the text of a file."""
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,107 @@
+"""Replace a word everywhere in a text, in Mousepad."""
+
+import re
+
+from online_env.tasks import Task
+from online_env.tasks.kit import text_editor
+from online_env.tasks.kit.words import CITIES, sample
+
+APP = "mousepad"
+WORDS = {
+    "lamp": ("lampshade", "lantern"),
+    "bench": ("workbench", "table"),
+    "rope": ("roper", "cord"),
+    "door": ("doorbell", "gate"),
+    "boat": ("boathouse", "ferry"),
+    "book": ("bookcase", "album"),
+    "garden": ("gardener", "orchard"),
+}
+SENTENCES = (
+    "The {old} has come from {city} this morning.",
+    "Nobody may move the {old} before noon.",
+    "A {other} is not for sale in {city}.",
+    "Ask at the desk for the {old}, and for the key.",
+    "Please count every {old} twice.",
+    "The {other} stays where it is.",
+    "From {city} we expect one more {old}.",
+    'In the list, "{old}" is on page 4.',
+)
+
+
+class ReplaceWord(Task):
+    """A word becomes another one; a longer word that has it in it stays."""
+
+    name = "replace_word"
+    domain = "editor"
+    apps = (APP,)
+    phrasings = (
+        'In the file {file}, which is open, replace the word "{old}" by "{new}" everywhere. Words'
+        ' that only contain it, such as "{other}", stay as they are. Save the file.',
+        "We no longer say {old}, but {new}. Please correct the text in the editor ({file}) all the"
+        ' way through and save it. Careful: "{other}" is right as it is.',
+        'Replace each "{old}" in Documents/{file} with "{new}", whole words only (not in'
+        ' "{other}"), and save.',
+    )
+
+    def draw(self, stream):
+        old = stream.choice(list(WORDS))
+        other, new = WORDS[old]
+        cities = sample(stream, CITIES, len(SENTENCES))
+        lines = [
+            sentence.format(old=old, other=other, city=city)
+            for sentence, city in zip(sample(stream, SENTENCES, 8), cities, strict=True)
+        ]
+        text = "\n".join(lines) + "\n"
+        name = f"notice-{stream.integer(10, 99)}.txt"
+        wanted = re.sub(rf"\b{old}\b", new, text)
+        return {
+            "file": name,
+            "path": f"Documents/{name}",
+            "old": old,
+            "new": new,
+            "other": other,
+            "text": text,
+            "wanted": wanted,
+        }
+
+    def prepare(self, machine):
+        machine.write(self.drawn.path, self.drawn.text)
+
+    def opens(self, machine):
+        return APP, machine.path(self.drawn.path)
+
+    def problems(self, machine):
+        yield from machine.untouched(self.drawn.path)
+        yield from text_editor.text_problems(machine, self.drawn.path, self.drawn.wanted)
+
+    def oracle(self, hand):
+        drawn = self.drawn
+        text_editor.begin(hand, drawn.path, drawn.text, APP)
+        hand.press("ctrl", "r")
+        hand.find("dialog", "Find and Replace", APP)
+        hand.find("text", app=APP, state="focused")
+        hand.replace(drawn.old)
+        hand.press("tab")
+        hand.replace(drawn.new)
+        for box in ("Match whole word", "Replace all in:"):
+            if hand.see("check-box", box, APP, "checked") is None:
+                hand.click_on("check-box", box, APP)
+                hand.find("check-box", box, APP, "checked")
+        hand.button(re.compile("Replace"), APP)
+        text_editor.wait_for_text(hand, drawn.wanted, APP)
+        hand.button("Close", APP)
+        text_editor.save(hand, drawn.path, APP)
+
+    def wrong(self):
+        path, text = self.drawn.path, self.drawn.text
+        old, new = self.drawn.old, self.drawn.new
+        once = text.replace(f" {old} ", f" {new} ", 1)
+        return {
+            "in longer words, too": lambda m: m.write(path, text.replace(old, new)),
+            "only once": lambda m: m.write(path, once),
+            "in a copy": lambda m: m.write(f"{path}.new", self.drawn.wanted),
+            "removed": lambda m: m.write(path, self.drawn.wanted.replace(new, "")),
+        }
+
+    def right(self, machine):
+        machine.write(self.drawn.path, self.drawn.wanted.rstrip("\n"))

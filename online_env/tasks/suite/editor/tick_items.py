@@ -1,0 +1,106 @@
+"""Tick what is done in a to-do list, in Mousepad."""
+
+import re
+
+from online_env.tasks import Task
+from online_env.tasks.kit import text_editor
+from online_env.tasks.kit.words import CITIES, FIRST_NAMES, GOODS, sample
+
+APP = "mousepad"
+WORK = (
+    "call {name}",
+    "buy a {thing}",
+    "write to {name} in {city}",
+    "repair the {thing}",
+    "return the {thing} to {name}",
+    "book the train to {city}",
+    "ask {name} about the {thing}",
+    "pay the {thing}",
+    "measure the {thing}",
+    "find out when {name} is in {city}",
+)
+
+
+class TickItems(Task):
+    """Three items of ten get an x between their brackets; two have one from the start."""
+
+    name = "tick_items"
+    domain = "editor"
+    apps = (APP,)
+    phrasings = (
+        "These things on my list {file} (open in the text editor) are done:\n\n{items}\n\nTick"
+        " them, with an x between the brackets as it is there already, and save the file.",
+        "Please mark as done ([x]) in Documents/{file}:\n\n{items}\n\nand leave the rest of the"
+        " list alone.",
+        "I have done this:\n\n{items}\n\nTick it in my to-do list, the file {file} that the editor"
+        " shows, and save it.",
+    )
+
+    def draw(self, stream):
+        names = sample(stream, FIRST_NAMES, len(WORK))
+        things = sample(stream, GOODS, len(WORK))
+        cities = sample(stream, CITIES, len(WORK))
+        items = [
+            work.format(name=name, thing=thing, city=city)
+            for work, name, thing, city in zip(
+                sample(stream, WORK, 10), names, things, cities, strict=True
+            )
+        ]
+        order = sample(stream, range(len(items)), 5)
+        before, done = set(order[:2]), sorted(order[2:])
+        name = f"todo-{stream.integer(1, 52)}.txt"
+        return {
+            "file": name,
+            "path": f"Documents/{name}",
+            "items": "\n".join(items[index] for index in done),
+            "done": done,
+            "lines": listed(items, {*before, *done}),
+            "text": "\n".join(listed(items, before)) + "\n",
+            "open": [index for index in range(len(items)) if index not in order],
+        }
+
+    def prepare(self, machine):
+        machine.write(self.drawn.path, self.drawn.text)
+
+    def opens(self, machine):
+        return APP, machine.path(self.drawn.path)
+
+    def problems(self, machine):
+        yield from machine.untouched(self.drawn.path)
+        found = (machine.text(self.drawn.path) or "").splitlines()
+        plain = [re.sub(r"^\[ *[xX] *\]", "[x]", line.rstrip()) for line in found]
+        if plain != self.drawn.lines:
+            yield f"{self.drawn.path} holds {found}"
+
+    def oracle(self, hand):
+        drawn = self.drawn
+        text_editor.begin(hand, drawn.path, drawn.text, APP)
+        for index in drawn.done:
+            text_editor.go_to_line(hand, index + 1, APP)
+            hand.press("right")
+            hand.press("delete")
+            hand.type("x")
+        text_editor.wait_for_text(hand, "\n".join(drawn.lines) + "\n", APP)
+        text_editor.save(hand, drawn.path, APP)
+
+    def wrong(self):
+        path, lines, text = self.drawn.path, self.drawn.lines, self.drawn.text
+        less = list(lines)
+        less[self.drawn.done[0]] = less[self.drawn.done[0]].replace("[x]", "[ ]")
+        more = list(lines)
+        more[self.drawn.open[0]] = more[self.drawn.open[0]].replace("[ ]", "[x]")
+        short = [line for index, line in enumerate(lines) if index not in self.drawn.done]
+        return {
+            "one is missing": lambda m: m.write(path, "\n".join(less)),
+            "one too many": lambda m: m.write(path, "\n".join(more)),
+            "taken off the list": lambda m: m.write(path, "\n".join(short)),
+            "all of them": lambda m: m.write(path, text.replace("[ ]", "[x]")),
+        }
+
+    def right(self, machine):
+        machine.write(self.drawn.path, "\n".join(self.drawn.lines).replace("[x]", "[X]"))
+
+
+def listed(items, ticked) -> list[str]:
+    """Return the lines of a list of which some items are ticked."""
+    return [f"[{'x' if index in ticked else ' '}] {item}" for index, item in enumerate(items)]

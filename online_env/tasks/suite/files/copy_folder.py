@@ -1,0 +1,81 @@
+"""Copy a folder with all that is in it, under another name."""
+
+from online_env.tasks import Task
+from online_env.tasks.kit import thunar
+from online_env.tasks.kit.files import below, rearranged, sample_file
+from online_env.tasks.kit.words import MONTHS, TOPICS, sample
+
+PROJECTS = ("Thesis", "Novel", "Website", "Tournament", "Exhibition")
+BACKUPS = "Documents/Backups"
+
+
+class CopyFolder(Task):
+    """The copy has a dated name and lies in a folder of backups; an older one is there."""
+
+    name = "copy_folder"
+    domain = "files"
+    apps = ("thunar",)
+    phrasings = (
+        "Make a copy of the folder {project}, which is in Documents, with all that is in it. The"
+        ' copy should be in Documents/Backups and be called "{copy}".',
+        "Before I change anything: please back up Documents/{project} as Documents/Backups/{copy}"
+        " (a plain copy of the whole folder).",
+        "I need a second copy of my {project} folder (in Documents). Put it into Backups, named"
+        ' "{copy}". Keep the original and the older backup.',
+    )
+
+    def draw(self, stream):
+        project = stream.choice(PROJECTS)
+        month = stream.choice(MONTHS)
+        files = [f"{topic}.txt" for topic in sample(stream, TOPICS, 3)]
+        files.append(f"Pictures/{stream.choice(TOPICS)}.png")
+        place = f"Documents/{project}"
+        return {
+            "project": project,
+            "place": place,
+            "copy": f"{project} {month}",
+            "old": f"{BACKUPS}/{project} (old)",
+            "target": f"{BACKUPS}/{project} {month}",
+            "files": files,
+        }
+
+    def prepare(self, machine):
+        for path in self.drawn.files:
+            machine.write(f"{self.drawn.place}/{path}", sample_file(path))
+        machine.write(f"{self.drawn.old}/{self.drawn.files[0]}", "An older version.\n")
+
+    def opens(self, machine):
+        return "thunar", machine.path("Documents")
+
+    def problems(self, machine):
+        place, target = self.drawn.place, self.drawn.target
+        paths = below(machine, place)
+        copies = [(f"{place}/{path}", f"{target}/{path}") for path in paths]
+        yield from rearranged(machine, copied=copies)
+
+    def oracle(self, hand):
+        project = self.drawn.project
+        thunar.go(hand, BACKUPS)
+        if not thunar.present(hand, self.drawn.copy):
+            if not thunar.present(hand, project):
+                thunar.go(hand, "Documents")
+                thunar.select(hand, project)
+                hand.press("ctrl", "c")
+                thunar.go(hand, BACKUPS)
+                thunar.paste(hand, project)
+            thunar.rename(hand, project, self.drawn.copy)
+
+    def wrong(self):
+        place, target, old = self.drawn.place, self.drawn.target, self.drawn.old
+        picture = self.drawn.files[-1]
+        return {
+            "moved": lambda m: m.run("mv", place, target),
+            "the old backup copied": lambda m: m.run("cp", "-r", old, target),
+            "not renamed": lambda m: m.run("cp", "-r", place, BACKUPS),
+            "without the picture": lambda m: m.run(
+                "sh", "-c", f"cp -r '{place}' '{target}' && rm '{target}/{picture}'"
+            ),
+        }
+
+    def right(self, machine):
+        machine.run("cp", "-rp", self.drawn.place, self.drawn.target)

@@ -1,0 +1,85 @@
+"""Start three documents from one template."""
+
+from online_env.tasks import Task
+from online_env.tasks.kit import thunar
+from online_env.tasks.kit.files import move_files, rearranged, sample_file
+from online_env.tasks.kit.words import LAST_NAMES, sample
+
+NAMES = tuple(name for name in LAST_NAMES if name.isalpha())
+KINDS = ("contract", "letter", "offer", "certificate", "questionnaire")
+
+
+class CopyTemplate(Task):
+    """The copies lie in another folder, each named after a person; the template stays."""
+
+    name = "copy_template"
+    domain = "files"
+    apps = ("thunar",)
+    phrasings = (
+        'I need the {kind} for three people. Copy "{template}" from Documents/Forms three times to'
+        " Documents/{folder}, as {a}, {b} and {c}.",
+        "Please make three copies of Documents/Forms/{template} in the folder Documents/{folder}:"
+        " {a}, {b}, {c}. The template itself stays as it is.",
+        "Documents/Forms/{template} -> Documents/{folder}/{a}, Documents/{folder}/{b},"
+        " Documents/{folder}/{c} (copies).",
+    )
+
+    def draw(self, stream):
+        kind = stream.choice(KINDS)
+        a, b, c = (f"{kind} {name}.txt" for name in sample(stream, NAMES, 3))
+        year = stream.integer(2020, 2025)
+        return {
+            "kind": kind,
+            "template": f"{kind} template {year + 1}.txt",
+            "old": f"{kind} template {year}.txt",
+            "folder": stream.choice(("Outgoing", "To send", "Drafts")),
+            "a": a,
+            "b": b,
+            "c": c,
+        }
+
+    def prepare(self, machine):
+        for name in (self.drawn.template, self.drawn.old):
+            machine.write(f"Documents/Forms/{name}", sample_file(name))
+        machine.write(f"Documents/{self.drawn.folder}/list.txt", "Nothing sent so far.\n")
+
+    def opens(self, machine):
+        return "thunar", machine.path("Documents/Forms")
+
+    def copies(self, template=""):
+        """Return the paths of a template and of its copies."""
+        drawn = self.drawn
+        start = f"Documents/Forms/{template or drawn.template}"
+        return [(start, f"Documents/{drawn.folder}/{name}") for name in (drawn.a, drawn.b, drawn.c)]
+
+    def problems(self, machine):
+        yield from rearranged(machine, copied=self.copies())
+
+    def oracle(self, hand):
+        drawn = self.drawn
+        thunar.go(hand, "Documents/Forms")
+        thunar.select(hand, drawn.template)
+        hand.press("ctrl", "c")
+        thunar.go(hand, f"Documents/{drawn.folder}")
+        for name in (drawn.a, drawn.b, drawn.c):
+            if thunar.present(hand, name):
+                continue
+            if not thunar.present(hand, drawn.template):
+                thunar.paste(hand, drawn.template)
+            thunar.rename(hand, drawn.template, name)
+
+    def wrong(self):
+        copies = self.copies()
+        first = [(copies[0][0], f"Documents/Forms/{self.drawn.a}")]
+        return {
+            "two copies": lambda m: move_files(m, copies[:2], "cp"),
+            "of the old template": lambda m: move_files(m, self.copies(self.drawn.old), "cp"),
+            "one beside the template": lambda m: move_files(m, [*first, *copies[1:]], "cp"),
+            "the template is gone": lambda m: (
+                move_files(m, copies, "cp"),
+                m.run("rm", copies[0][0]),
+            ),
+        }
+
+    def right(self, machine):
+        move_files(machine, reversed(self.copies()), "cp")

@@ -1,0 +1,79 @@
+"""Make a folder for a project, with folders in it."""
+
+from online_env.tasks import Task
+from online_env.tasks.kit import thunar
+from online_env.tasks.kit.files import rearranged
+from online_env.tasks.kit.words import CITIES, sample
+
+PARTS = ("Drawings", "Letters", "Photos", "Offers", "Notes", "Contracts", "Plans")
+WORKS = ("Roof", "Kitchen", "Garden", "Bridge", "School", "Harbour")
+
+
+class MakeFolderTree(Task):
+    """Three folders in a new one, and two more in one of the three."""
+
+    name = "make_folder_tree"
+    domain = "files"
+    apps = ("thunar",)
+    phrasings = (
+        'Make a folder "{top}" in Documents. In it, make the folders {a}, {b} and {c}; and in {b},'
+        " make the folders {year} and {next}.",
+        "We begin a new project. I need this in my Documents: a folder {top} with three folders"
+        " {a}, {b}, {c}. The folder {b} gets two folders of its own: {year} and {next}.",
+        "Please create these empty folders:\n\nDocuments/{top}/{a}\nDocuments/{top}/{b}/{year}\n"
+        "Documents/{top}/{b}/{next}\nDocuments/{top}/{c}",
+    )
+
+    def draw(self, stream):
+        a, b, c = sample(stream, PARTS, 3)
+        year = stream.integer(2020, 2026)
+        top = f"{stream.choice(WORKS)} {stream.choice(CITIES)}"
+        parts = [top, f"{top}/{a}", f"{top}/{b}", f"{top}/{c}"]
+        parts += [f"{top}/{b}/{year}", f"{top}/{b}/{year + 1}"]
+        folders = [f"Documents/{part}" for part in parts]
+        return {
+            "top": top,
+            "a": a,
+            "b": b,
+            "c": c,
+            "year": year,
+            "next": year + 1,
+            "folders": folders,
+        }
+
+    def opens(self, machine):
+        return "thunar", machine.path("Documents")
+
+    def problems(self, machine):
+        yield from rearranged(machine, folders=self.drawn.folders)
+
+    def oracle(self, hand):
+        drawn = self.drawn
+        thunar.go(hand, "Documents")
+        thunar.make_folder(hand, drawn.top)
+        thunar.enter(hand, drawn.top)
+        for name in (drawn.a, drawn.b, drawn.c):
+            thunar.make_folder(hand, name)
+        thunar.enter(hand, drawn.b)
+        for name in (drawn.year, drawn.next):
+            thunar.make_folder(hand, str(name))
+
+    def wrong(self):
+        drawn = self.drawn
+        folders = drawn.folders
+        other = folders[-1].replace(f"/{drawn.b}/", f"/{drawn.c}/")
+        return {
+            "the years are missing": lambda m: m.run("mkdir", "-p", *folders[:-2]),
+            "a year is elsewhere": lambda m: m.run("mkdir", "-p", *folders[:-1], other),
+            "one too many": lambda m: m.run("mkdir", "-p", *folders, f"{folders[0]}/New Folder"),
+            "a file in the place of one": lambda m: half_file(m, folders),
+        }
+
+    def right(self, machine):
+        machine.run("mkdir", "-p", *reversed(self.drawn.folders))
+
+
+def half_file(machine, folders):
+    """Make the folders, but a file in the place of the last."""
+    machine.run("mkdir", "-p", *folders[:-1])
+    machine.write(folders[-1], "")

@@ -1,0 +1,111 @@
+"""Pack some files of a folder into a ZIP archive."""
+
+from pathlib import PurePosixPath
+
+from online_env.tasks import Task
+from online_env.tasks.kit import thunar
+from online_env.tasks.kit.archives import make_zip, unpacked
+from online_env.tasks.kit.files import sample_file
+from online_env.tasks.kit.words import LAST_NAMES, TOPICS, sample, shuffled
+
+NAMES = tuple(name for name in LAST_NAMES if name.isascii() and name.isalpha())
+LOOKS = 5
+FOLDERS = ("Case file", "Application", "Estate", "Handover")
+
+
+class MakeZip(Task):
+    """Three of six files go into an archive in the same folder; the files stay."""
+
+    name = "make_zip"
+    domain = "files"
+    apps = ("thunar", "xarchiver")
+    phrasings = (
+        "In Documents/{folder}, pack {a}, {b} and {c} into a ZIP archive {archive}, in the same"
+        " folder. Keep the files.",
+        "I want to send three files of Documents/{folder}: {a}, {b} and {c}. Please make a zip of"
+        " just these, next to them, called {archive}.",
+        "Make {archive} in Documents/{folder} with {a}, {b}, {c} in it, and nothing more.",
+    )
+
+    def draw(self, stream):
+        names = [f"{topic}.pdf" for topic in sample(stream, TOPICS, 6)]
+        place = f"Documents/{stream.choice(FOLDERS)}"
+        archive = f"{stream.choice(NAMES)}-{stream.integer(10, 99)}.zip"
+        return {
+            "folder": place.rpartition("/")[2],
+            "place": place,
+            "archive": archive,
+            "path": f"{place}/{archive}",
+            "packed": names[:3],
+            "a": names[0],
+            "b": names[1],
+            "c": names[2],
+            "all": shuffled(stream, names),
+        }
+
+    def prepare(self, machine):
+        for name in self.drawn.all:
+            machine.write(f"{self.drawn.place}/{name}", sample_file(name))
+
+    def opens(self, machine):
+        return "thunar", machine.path(self.drawn.place)
+
+    def problems(self, machine):
+        yield from machine.untouched(self.drawn.path)
+        data = machine.read(self.drawn.path)
+        if data is None or data[:2] != b"PK":
+            yield f"there is no ZIP archive {self.drawn.path}"
+            return
+        found = unpacked(data) or {}
+        inside = {PurePosixPath(path).name: found[path] for path in found}
+        if inside != self.files(self.drawn.packed) or len(inside) != len(found):
+            yield f"the archive holds {sorted(found)}"
+
+    def files(self, names):
+        """Return contents by name."""
+        return {name: sample_file(name) for name in names}
+
+    def oracle(self, hand):
+        names = self.drawn.packed
+        thunar.go(hand, self.drawn.place)
+        if thunar.present(hand, self.drawn.archive):
+            thunar.select(hand, self.drawn.archive)
+            hand.press("delete")
+        thunar.select(hand, *names)
+        row = hand.find(thunar.ROWS, names[-1], app="thunar")
+        hand.context_menu(row, "Create Archive...", app="thunar")
+        hand.find("file-chooser", "Create a new archive", app="xarchiver")
+        hand.replace(self.drawn.archive)
+        hand.click(below(hand, "Archive type:"))
+        hand.find("menu-item", "apk", app="xarchiver")
+        hand.press("end")  # the list of types is longer than the screen
+        hand.click_on("menu-item", "zip", app="xarchiver")
+        hand.button("Create", app="xarchiver")
+        hand.gone("file-chooser", app="xarchiver")
+        # Now and then Thunar crashes when files come and go, so its window may not show it.
+        for _ in range(LOOKS):
+            if thunar.present(hand, self.drawn.archive):
+                return
+
+    def wrong(self):
+        path, names = self.drawn.path, self.drawn.packed
+        everything = make_zip(self.files(self.drawn.all))
+        return {
+            "one is missing": lambda m: m.write(path, make_zip(self.files(names[:2]))),
+            "all six": lambda m: m.write(path, everything),
+            "an empty file": lambda m: m.write(path, ""),
+            "moved into it": lambda m: (
+                self.right(m),
+                m.run("rm", f"{self.drawn.place}/{names[0]}"),
+            ),
+        }
+
+    def right(self, machine):
+        machine.write(self.drawn.path, make_zip(self.files(reversed(self.drawn.packed))))
+
+
+def below(hand, label):
+    """Return the combo box that stands right of a label."""
+    _, top, right, _ = hand.find("label", label, app="xarchiver").box
+    boxes = [node for node in hand.look() if node.role == "combo-box" and node.box]
+    return next(node for node in boxes if node.box[1] == top and node.box[0] > right)

@@ -1,0 +1,70 @@
+"""Find the biggest file of a folder, and move it away."""
+
+from online_env.tasks import Task
+from online_env.tasks.kit import thunar
+from online_env.tasks.kit.files import move_files, rearranged
+from online_env.tasks.kit.words import CITIES, TOPICS, sample, shuffled
+
+PLACES = (("Videos", "Downloads"), ("Downloads", "Videos"), ("Documents/Recordings", "Music"))
+KILO = 1024
+
+
+class MoveBiggest(Task):
+    """One of eight files takes the most room; the first digits of the sizes tempt."""
+
+    name = "move_biggest"
+    domain = "files"
+    apps = ("thunar",)
+    phrasings = (
+        "Move the biggest file in the folder {place} to the folder {target}.",
+        "Which file in my {place} folder takes the most room? Please move that one to {target}.",
+        "Free some space in {place}: its largest file should go to {target}, the others stay.",
+    )
+
+    def draw(self, stream):
+        place, target = stream.choice(PLACES)
+        sizes = [stream.integer(100, 900) for _ in range(4)]  # KiB
+        sizes += [stream.integer(2_000, 3_000), stream.integer(1_300, 1_900), 990, 9]
+        words = sample(stream, [*CITIES, *TOPICS], len(sizes))
+        names = [f"{word}.{stream.choice(('mp4', 'mkv', 'wav', 'zip'))}" for word in words]
+        files = dict(shuffled(stream, list(zip(names, sizes, strict=True))))
+        order = sorted(files, key=files.__getitem__)
+        return {
+            "place": place,
+            "target": target,
+            "files": files,
+            "biggest": order[-1],
+            "second": order[-2],
+        }
+
+    def prepare(self, machine):
+        for name, size in self.drawn.files.items():
+            machine.write(f"{self.drawn.place}/{name}", name.encode()[:1] * size * KILO)
+
+    def opens(self, machine):
+        return "thunar", machine.path(self.drawn.place)
+
+    def move(self, name):
+        """Return old and new path of one file."""
+        return f"{self.drawn.place}/{name}", f"{self.drawn.target}/{name}"
+
+    def problems(self, machine):
+        yield from rearranged(machine, [self.move(self.drawn.biggest)])
+
+    def oracle(self, hand):
+        thunar.go(hand, self.drawn.place)
+        hand.click_on("table-column-header", "Size", app="thunar")
+        thunar.reload(hand)
+        thunar.move(hand, [self.drawn.biggest], self.drawn.target)
+
+    def wrong(self):
+        biggest, second = self.move(self.drawn.biggest), self.move(self.drawn.second)
+        return {
+            "the second": lambda m: move_files(m, [second]),
+            "two of them": lambda m: move_files(m, [biggest, second]),
+            "copied": lambda m: move_files(m, [biggest], "cp"),
+            "to the home folder": lambda m: m.run("mv", biggest[0], self.drawn.biggest),
+        }
+
+    def right(self, machine):
+        move_files(machine, [self.move(self.drawn.biggest)], "mv")

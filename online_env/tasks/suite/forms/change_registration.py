@@ -1,0 +1,88 @@
+"""Change the course and the level of somebody's registration."""
+
+from online_env.embedded.sites.hosts.forms import FIRST_NUMBER, content
+from online_env.tasks import Task
+from online_env.tasks.kit import registrations
+from online_env.tasks.kit.browser import select
+from online_env.tasks.kit.pages import enter, follow, tick, visit
+from online_env.tasks.kit.words import sample
+
+
+class ChangeRegistration(Task):
+    """One of three registrations gets another course and level; all else stays as it was."""
+
+    name = "change_registration"
+    domain = "forms"
+    apps = ("chrome",)
+    sites = ("forms",)
+    unsolvable = {"network_error": "the site with the registration cannot be reached"}
+    phrasings = (
+        "{name} is registered at forms.test (registration number {number}, e-mail {email}), but"
+        ' for the wrong course. Change it to "{course}", level "{level}", and leave the rest.',
+        'Please move {name} to the course "{course}" ({level}). The registration at'
+        " http://forms.test has the number {number} and the e-mail address {email}.",
+        'Change registration {number} ({email}) on forms.test: course "{course}", level'
+        ' "{level}". Everything else stays.',
+    )
+
+    def draw(self, stream):
+        everybody = registrations.people(stream, 3)
+        which = stream.integer(0, 2)
+        courses = [key for key in content()["courses"] if key != everybody[which]["course"]]
+        levels = [key for key in content()["levels"] if key != everybody[which]["level"]]
+        new = {"course": sample(stream, courses, 1)[0], "level": sample(stream, levels, 1)[0]}
+        wanted = [{**entry, **new} if n == which else entry for n, entry in enumerate(everybody)]
+        return {
+            "everybody": everybody,
+            "wanted": wanted,
+            "which": which,
+            "number": FIRST_NUMBER + which,
+            "name": everybody[which]["name"],
+            "email": everybody[which]["email"],
+            "course": registrations.course(new["course"]),
+            "level": registrations.level(new["level"]),
+        }
+
+    def prepare(self, machine):
+        registrations.store(machine, *self.drawn.everybody)
+
+    def opens(self, machine):
+        return "chrome", registrations.SITE
+
+    def problems(self, machine):
+        yield from machine.untouched()
+        yield from registrations.unlike(machine, *self.drawn.wanted)
+        if any(entry.get("cancelled") for entry in registrations.stored(machine)):
+            yield "a registration was cancelled"
+
+    def oracle(self, hand):
+        visit(hand, f"{registrations.SITE}/find", "Your registration")
+        enter(hand, "Registration number", str(self.drawn.number))
+        enter(hand, "E-mail", self.drawn.email)
+        follow(hand, "Find it", f"Registration {self.drawn.number}")
+        follow(hand, "Change it")
+        hand.find("heading", f"Change registration {self.drawn.number}")
+        select(hand, "Course", self.drawn.course)
+        tick(hand, "radio-button", self.drawn.level)
+        follow(hand, "Save changes")
+        hand.find("heading", "You are registered")
+
+    def wrong(self):
+        drawn, store = self.drawn, registrations.store
+        old, new = drawn.everybody[drawn.which], drawn.wanted[drawn.which]
+        other = (drawn.which + 1) % 3
+        spoilt = [new if n == other else entry for n, entry in enumerate(drawn.everybody)]
+        half = [
+            {**entry, "level": old["level"]} if entry is new else entry for entry in drawn.wanted
+        ]
+        return {
+            "registered once more": lambda m: store(m, *drawn.everybody, new),
+            "the level is as before": lambda m: store(m, *half),
+            "somebody else": lambda m: store(m, *spoilt),
+            "cancelled": lambda m: store(
+                m, *[{**entry, "cancelled": entry is new} for entry in drawn.wanted]
+            ),
+        }
+
+    def right(self, machine):
+        registrations.store(machine, *[dict(reversed(e.items())) for e in self.drawn.wanted])

@@ -1,0 +1,88 @@
+"""Send feedback about a course."""
+
+from online_env.embedded.sites.hosts.forms import content
+from online_env.tasks import Task
+from online_env.tasks.kit.browser import select
+from online_env.tasks.kit.pages import enter, follow, tick, visit
+from online_env.tasks.kit.registrations import SITE, course
+
+COMMENTS = (
+    "The room was too cold, but the soup made up for it.",
+    "Two evenings more would have been good.",
+    "I learned more than in a year of videos.",
+    "Please begin half an hour later next time.",
+    "Small group, patient teacher, good biscuits.",
+)
+
+
+class GiveFeedback(Task):
+    """A selection, a rating, a comment, and whether it may be quoted."""
+
+    name = "give_feedback"
+    domain = "forms"
+    apps = ("chrome",)
+    sites = ("forms",)
+    unsolvable = {"network_error": "the form's site cannot be reached"}
+    phrasings = (
+        'Give feedback on the course "{title}" at http://forms.test: rating {label}, comment'
+        ' "{comment}" They {may} quote me.',
+        "On the website of the community centre, forms.test, send this feedback. Course: {title}."
+        ' How I liked it: {label}. Comment: "{comment}" Quoting me is {allowed}.',
+        'Please send feedback for {title} (forms.test): {label}, with the words "{comment}"'
+        " Quote me: {answer}.",
+    )
+
+    def draw(self, stream):
+        key = stream.choice(list(content()["courses"]))
+        rating = stream.choice(list(content()["ratings"]))
+        quote = bool(stream.integer(0, 1))
+        comment = stream.choice(COMMENTS)
+        return {
+            "wanted": {"course": key, "rating": rating, "comment": comment, "quote": quote},
+            "title": course(key),
+            "label": content()["ratings"][rating],
+            "comment": comment,
+            "may": "may" if quote else "may not",
+            "allowed": "fine" if quote else "not allowed",
+            "answer": "yes" if quote else "no",
+        }
+
+    def opens(self, machine):
+        return "chrome", SITE
+
+    def problems(self, machine):
+        yield from machine.untouched()
+        state = machine.sites.read("forms")
+        if state.get("registrations"):
+            yield "somebody was registered for a course"
+        sent = state.get("feedback", [])
+        if sent != [self.drawn.wanted]:
+            yield f"the feedback is {sent!r}"
+
+    def oracle(self, hand):
+        visit(hand, SITE, "Northgate")
+        follow(hand, "Feedback", "Course feedback")
+        select(hand, "Course", self.drawn.title)
+        tick(hand, "radio-button", self.drawn.label)
+        enter(hand, "Comment", self.drawn.comment)
+        if self.drawn.wanted["quote"]:
+            tick(hand, "check-box", "You may quote me")
+        follow(hand, "Send feedback", "Thank you")
+
+    def wrong(self):
+        wanted = self.drawn.wanted
+        return {
+            "no comment": lambda m: send(m, {**wanted, "comment": ""}),
+            "quoting is turned round": lambda m: send(m, {**wanted, "quote": not wanted["quote"]}),
+            "sent twice": lambda m: send(m, wanted, wanted),
+            "another course": lambda m: send(m, {**wanted, "course": "none"}),
+        }
+
+    def right(self, machine):
+        send(machine, dict(reversed(self.drawn.wanted.items())))
+
+
+def send(machine, *sent):
+    """Store feedback as the site does."""
+    with machine.sites.update("forms") as state:
+        state["feedback"] = list(sent)

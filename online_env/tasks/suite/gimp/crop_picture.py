@@ -1,0 +1,90 @@
+"""Cut a picture to a size, in GIMP."""
+
+from PIL import Image
+
+from hijack_data.rng import Stream
+from online_env.tasks import Task
+from online_env.tasks.kit import pictures
+from online_env.tasks.kit.words import GOODS
+
+CORNERS = ("top left", "top right", "bottom left", "bottom right")
+
+
+class CropPicture(Task):
+    """What is left is a part of the picture at one of its corners, in the same file."""
+
+    name = "crop_picture"
+    domain = "gimp"
+    apps = ("gimp", "gimp_export")
+    phrasings = (
+        "Crop the picture that GIMP shows to {width} × {height} pixels, so that its {corner} part"
+        " is left, and export it over the old file {file}.",
+        "Of {file} in my Pictures folder I only need the {corner} corner, {width} pixels wide and"
+        " {height} pixels high. Please cut the rest off, in the file itself.",
+        "Cut Pictures/{file} down to its {corner} {width} × {height} pixels (same file name).",
+    )
+
+    def draw(self, stream):
+        size = stream.integer(60, 80) * 10, stream.integer(40, 50) * 10
+        width, height = size[0] - stream.integer(50, 250), size[1] - stream.integer(50, 150)
+        corner = stream.choice(CORNERS)
+        left = size[0] - width if "right" in corner else 0
+        top = size[1] - height if "bottom" in corner else 0
+        name = f"{stream.choice(GOODS)}.png"
+        return {
+            "file": name,
+            "path": f"Pictures/{name}",
+            "size": size,
+            "width": width,
+            "height": height,
+            "corner": corner,
+            "left": left,
+            "top": top,
+            "box": (left, top, left + width, top + height),
+        }
+
+    def prepare(self, machine):
+        machine.write(self.drawn.path, pictures.encoded(self.picture()))
+
+    def opens(self, machine):
+        return "gimp", machine.path(self.drawn.path)
+
+    def problems(self, machine):
+        yield from machine.untouched(self.drawn.path)
+        yield from pictures.picture_problems(machine, self.drawn.path, self.cut(self.drawn.box))
+
+    def oracle(self, hand):
+        drawn = self.drawn
+        width, height = drawn.size
+        if hand.see("frame", pictures.size_title(width, height), "gimp") is None:
+            hand.press("ctrl", "z")  # it was cut before
+        pictures.gimp_command(hand, "canvas size")
+        hand.find("dialog", "Set Image Canvas Size", "gimp")
+        pictures.set_canvas(hand, drawn.width, drawn.height, -drawn.left, -drawn.top)
+        hand.find("frame", pictures.size_title(drawn.width, drawn.height), "gimp")
+        pictures.gimp_export(hand, drawn.path)
+
+    def wrong(self):
+        path, size = self.drawn.path, (self.drawn.width, self.drawn.height)
+        left, top, right, bottom = self.drawn.box
+        whole_width = self.cut((0, top, self.drawn.size[0], bottom))
+        shift = 20 if left == 0 else -20
+        beside = self.cut((left + shift, top, right + shift, bottom))
+        return {
+            "another place": lambda m: m.write(path, pictures.encoded(beside)),
+            "only the height": lambda m: m.write(path, pictures.encoded(whole_width)),
+            "scaled": lambda m: m.write(path, pictures.encoded(self.picture().resize(size))),
+            "in a copy": lambda m: m.write("Pictures/cut.png", pictures.encoded(whole_width)),
+        }
+
+    def right(self, machine):
+        cut = self.cut(self.drawn.box).convert("RGBA")
+        machine.write(self.drawn.path, pictures.encoded(cut))
+
+    def picture(self) -> Image.Image:
+        """Return the picture at first."""
+        return pictures.drawing(Stream(self.seed, "crop_picture"), *self.drawn.size)
+
+    def cut(self, box) -> Image.Image:
+        """Return a part of it."""
+        return self.picture().crop(box)

@@ -1,0 +1,74 @@
+"""Take the colours out of a picture, in GIMP."""
+
+from PIL import Image
+
+from hijack_data.rng import Stream
+from online_env.tasks import Task
+from online_env.tasks.kit import pictures
+from online_env.tasks.kit.words import CITIES
+
+
+class GreyPicture(Task):
+    """A picture in shades of grey goes into a new file; the old one stays."""
+
+    name = "grey_picture"
+    domain = "gimp"
+    apps = ("gimp", "gimp_export")
+    phrasings = (
+        "Make the picture {file}, which is open in GIMP, black and white (shades of grey), and"
+        " export it as {new} in Pictures. The coloured file stays.",
+        "For the newspaper I need Pictures/{file} without colours. Please convert it to greyscale"
+        " in GIMP and save it as Pictures/{new}; do not change the original.",
+        "Greyscale version of Pictures/{file}, please: Pictures/{new}.",
+    )
+
+    def draw(self, stream):
+        name = f"{stream.choice(CITIES).lower()}-{stream.integer(1, 31)}"
+        return {
+            "file": f"{name}.png",
+            "new": f"{name}-grey.png",
+            "path": f"Pictures/{name}.png",
+            "result": f"Pictures/{name}-grey.png",
+            "size": (stream.integer(40, 60) * 10, stream.integer(30, 40) * 10),
+        }
+
+    def prepare(self, machine):
+        machine.write(self.drawn.path, pictures.encoded(self.picture()))
+
+    def opens(self, machine):
+        return "gimp", machine.path(self.drawn.path)
+
+    def problems(self, machine):
+        yield from machine.untouched(self.drawn.result)
+        result = self.drawn.result
+        found = pictures.opened(machine, result)
+        if found is not None and pictures.colorfulness(found) > 0:
+            yield f"{result} has colours"
+        # There are several weights of the colours; all of them are shades of grey.
+        wanted = self.picture().convert("L")
+        yield from pictures.picture_problems(machine, result, wanted, slack=20)
+
+    def oracle(self, hand):
+        if hand.see("frame", pictures.mode_title("Grayscale"), "gimp") is None:
+            pictures.gimp_command(hand, "grayscale")
+            hand.find("frame", pictures.mode_title("Grayscale"), "gimp")
+        pictures.gimp_export(hand, self.drawn.result)
+
+    def wrong(self):
+        path, result, picture = self.drawn.path, self.drawn.result, self.picture()
+        grey = picture.convert("L")
+        pale = Image.blend(picture, grey.convert("RGB"), 0.8)
+        return {
+            "the old file": lambda m: m.write(path, pictures.encoded(grey)),
+            "pale colours": lambda m: m.write(result, pictures.encoded(pale)),
+            "only copied": lambda m: m.run("cp", path, result),
+            "all black": lambda m: m.write(result, pictures.encoded(grey.point(lambda _: 0))),
+        }
+
+    def right(self, machine):
+        grey = self.picture().convert("L").convert("RGB")
+        machine.write(self.drawn.result, pictures.encoded(grey))
+
+    def picture(self) -> Image.Image:
+        """Return the picture at first."""
+        return pictures.drawing(Stream(self.seed, "grey_picture"), *self.drawn.size)

@@ -1,0 +1,83 @@
+"""Scale a picture and export it, in GIMP."""
+
+from PIL import Image
+
+from hijack_data.rng import Stream
+from online_env.tasks import Task
+from online_env.tasks.kit import pictures
+from online_env.tasks.kit.words import CITIES
+
+
+class ScalePicture(Task):
+    """A smaller picture of the same shape goes into a new file; the old one stays."""
+
+    name = "scale_picture"
+    domain = "gimp"
+    apps = ("gimp", "gimp_export")
+    phrasings = (
+        "GIMP shows the picture {file}. Scale it to a width of {width} pixels, in proportion, and"
+        " export it as {new} in the folder Pictures. The old file stays as it is.",
+        "I need {file} (in Pictures) smaller: {width} pixels wide and {height} high. Please save"
+        " that as Pictures/{new} with GIMP and keep the original.",
+        "Make a copy {new} of Pictures/{file} that is {width} × {height} pixels.",
+    )
+
+    def draw(self, stream):
+        factor = stream.integer(3, 8)
+        width, height = stream.integer(40, 60), stream.integer(30, 39)
+        name = stream.choice(CITIES).lower()
+        return {
+            "file": f"{name}.png",
+            "new": f"{name}-small.png",
+            "old_size": (width * 10, height * 10),
+            "width": width * factor,
+            "height": height * factor,
+            "path": f"Pictures/{name}.png",
+            "result": f"Pictures/{name}-small.png",
+        }
+
+    def prepare(self, machine):
+        machine.write(self.drawn.path, pictures.encoded(self.picture()))
+
+    def opens(self, machine):
+        return "gimp", machine.path(self.drawn.path)
+
+    def problems(self, machine):
+        yield from machine.untouched(self.drawn.result)
+        yield from pictures.picture_problems(machine, self.drawn.result, self.scaled(), slack=8)
+
+    def oracle(self, hand):
+        drawn = self.drawn
+        pictures.gimp_command(hand, "scale image")
+        hand.find("dialog", "Scale Image", "gimp")
+        hand.find("spin-button", app="gimp", state="focused")
+        hand.replace(str(drawn.width))
+        hand.press("tab")  # the height follows
+        hand.button("Scale", "gimp")
+        hand.gone("dialog", "Scale Image", "gimp")
+        pictures.gimp_export(hand, drawn.result)
+
+    def wrong(self):
+        drawn = self.drawn
+        scaled = pictures.encoded(self.scaled())
+        squeezed = pictures.encoded(self.picture().resize((drawn.width, drawn.height - 20)))
+        cut = pictures.encoded(self.picture().crop((0, 0, drawn.width, drawn.height)))
+        return {
+            "the old file": lambda m: m.write(drawn.path, scaled),
+            "out of proportion": lambda m: m.write(drawn.result, squeezed),
+            "cut, not scaled": lambda m: m.write(drawn.result, cut),
+            "not scaled": lambda m: m.run("cp", drawn.path, drawn.result),
+        }
+
+    def right(self, machine):
+        size = self.drawn.width, self.drawn.height
+        soft = self.picture().resize(size, Image.Resampling.BILINEAR)
+        machine.write(self.drawn.result, pictures.encoded(soft))
+
+    def picture(self) -> Image.Image:
+        """Return the picture at first."""
+        return pictures.drawing(Stream(self.seed, "scale_picture"), *self.drawn.old_size)
+
+    def scaled(self) -> Image.Image:
+        """Return the picture as it should be."""
+        return self.picture().resize((self.drawn.width, self.drawn.height))

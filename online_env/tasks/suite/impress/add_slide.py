@@ -1,0 +1,74 @@
+"""Add a slide with a title after a given one."""
+
+from online_env.tasks.kit.office import menu, save
+from online_env.tasks.kit.slides import (
+    SlideContent,
+    SlideTask,
+    add_slide,
+    order_slides,
+    presentation,
+    show_slide,
+    slide_changes,
+    write_in,
+)
+from online_env.tasks.kit.talks import talk
+
+
+class AddSlide(SlideTask):
+    """The new slide has a title and nothing else."""
+
+    name = "add_slide"
+    domain = "impress"
+    apps = ("libreoffice_impress",)
+    phrasings = (
+        'In the open presentation, add a slide right after the one titled "{after}". Its title is'
+        ' "{title}"; it needs no other text. Save the presentation.',
+        'Insert a new slide "{title}" behind "{after}" (title only) and save.',
+        'The talk needs one more slide. Please put it after "{after}", give it the title "{title}",'
+        " leave the rest of it empty, and save the file as pptx.",
+    )
+
+    def draw(self, stream):
+        drawn = talk(stream)
+        title = drawn["spare"]
+        index = stream.integer(1, len(drawn["slides"]) - 1)
+        after = drawn["slides"][index][0]
+        return {**drawn, "title": title, "index": index, "after": after}
+
+    def made(self):
+        return presentation(self.drawn.slides)
+
+    def judge(self, now, before):
+        place = self.drawn.index + 1
+        new = SlideContent(title=self.drawn.title)
+        yield from slide_changes(now, (*before[:place], new, *before[place:]))
+
+    def oracle(self, hand):
+        count = len(self.drawn.slides)
+        if hand.see("panel", self.drawn.title, app="soffice") is None:
+            show_slide(hand, self.drawn.index + 1, self.drawn.after, of=count)
+            menu(hand, "Slide", "New Slide")
+            write_in(hand, "Click to add Title", self.drawn.title)
+        save(hand)
+
+    def wrong(self):
+        title, place = self.drawn.title, self.drawn.index + 1
+        return {
+            "at the wrong place": self.put(title, place - 1),
+            "without a title": self.put("", place),
+            "another title": self.put(title.upper(), place),
+            "with a text": self.put(title, place, "more"),
+        }
+
+    def right(self, machine):
+        self.put(self.drawn.title, self.drawn.index + 1)(machine)
+
+    def put(self, title, place, text=""):
+        """Return what adds a slide with a number of slides before it."""
+
+        def change(made):
+            order = list(range(len(made.slides)))
+            add_slide(made, title, text)
+            order_slides(made, [*order[:place], len(order), *order[place:]])
+
+        return self.edited(change)

@@ -1,0 +1,63 @@
+"""Delete a slide."""
+
+from online_env.tasks.kit.office import menu, save
+from online_env.tasks.kit.slides import (
+    SlideTask,
+    order_slides,
+    presentation,
+    show_slide,
+    slide_changes,
+)
+from online_env.tasks.kit.talks import talk
+
+
+class DeleteSlide(SlideTask):
+    """One slide, known by its title, goes."""
+
+    name = "delete_slide"
+    domain = "impress"
+    apps = ("libreoffice_impress",)
+    phrasings = (
+        'Delete the slide "{title}" from the open presentation and save it.',
+        'The slide titled "{title}" is not needed any more. Remove it, save.',
+        'I have no time for "{title}" in my talk. Please take that slide out of {file} and save the'
+        " file as pptx.",
+    )
+
+    def draw(self, stream):
+        drawn = talk(stream)
+        index = stream.integer(1, len(drawn["slides"]) - 1)
+        return {**drawn, "index": index, "title": drawn["slides"][index][0]}
+
+    def made(self):
+        return presentation(self.drawn.slides)
+
+    def judge(self, now, before):
+        index = self.drawn.index
+        yield from slide_changes(now, (*before[:index], *before[index + 1 :]))
+
+    def oracle(self, hand):
+        count = len(self.drawn.slides)
+        if hand.see("panel", self.drawn.title, app="soffice") is not None:
+            show_slide(hand, self.drawn.index + 1, self.drawn.title, of=count)
+            menu(hand, "Slide", "Delete Slide")
+            hand.gone("panel", self.drawn.title, app="soffice")
+        save(hand)
+
+    def wrong(self):
+        index = self.drawn.index
+        count = len(self.drawn.slides)
+        others = [number for number in range(count) if number != index]
+        return {
+            "another slide": self.keep([number for number in range(count) if number != index - 1]),
+            "two slides": self.keep(others[:-1]),
+            "moved to the end": self.keep([*others, index]),
+        }
+
+    def right(self, machine):
+        count = len(self.drawn.slides)
+        self.keep([number for number in range(count) if number != self.drawn.index])(machine)
+
+    def keep(self, order):
+        """Return what leaves some slides, in an order."""
+        return self.edited(lambda made: order_slides(made, order))

@@ -1,0 +1,85 @@
+"""Write speaker notes for a slide."""
+
+from dataclasses import replace
+
+from online_env.tasks.kit.office import menu, save
+from online_env.tasks.kit.slides import (
+    SlideTask,
+    presentation,
+    show_slide,
+    slide_changes,
+    write_in,
+)
+from online_env.tasks.kit.talks import talk
+
+NOTES = (
+    "Speak slowly here.",
+    "Ask who has been there before.",
+    "Show the map on the wall.",
+    "Thank the helpers by name.",
+    "Five minutes at most!",
+    "Hand the photographs round.",
+    "Wait for questions.",
+)
+
+
+class WriteNotes(SlideTask):
+    """One slide gets notes; what is on the slides stays."""
+
+    name = "write_notes"
+    domain = "impress"
+    apps = ("libreoffice_impress",)
+    phrasings = (
+        'Add the speaker note "{note}" to the slide "{title}" of the open presentation; save.',
+        'When I come to "{title}", I want to read this in my notes: "{note}" Add it there and save'
+        " the presentation.",
+        'Please write "{note}" into the notes of the slide titled "{title}", not on the slide'
+        " itself, and save {file} as pptx.",
+    )
+
+    def draw(self, stream):
+        drawn = talk(stream)
+        index = stream.integer(1, len(drawn["slides"]) - 1)
+        title = drawn["slides"][index][0]
+        return {**drawn, "index": index, "title": title, "note": stream.choice(NOTES)}
+
+    def made(self):
+        return presentation(self.drawn.slides)
+
+    def judge(self, now, before):
+        wanted = list(before)
+        wanted[self.drawn.index] = replace(before[self.drawn.index], notes=self.drawn.note)
+        yield from slide_changes(now, wanted)
+
+    def oracle(self, hand):
+        show_slide(hand, self.drawn.index + 1, self.drawn.title, of=len(self.drawn.slides))
+        menu(hand, "View", "Notes")
+        if not any(node.text == self.drawn.note for node in hand.look()):
+            write_in(hand, "Click to add Notes", self.drawn.note)
+        save(hand)
+
+    def wrong(self):
+        index, note = self.drawn.index, self.drawn.note
+        return {
+            "at another slide": self.noted({index - 1: note}),
+            "at two slides": self.noted({index: note, index - 1: note}),
+            "half of it": self.noted({index: note.split()[0]}),
+            "on the slide": self.edited(self.write_on),
+        }
+
+    def right(self, machine):
+        self.noted({self.drawn.index: f"{self.drawn.note}\n"})(machine)
+
+    def noted(self, notes):
+        """Return what writes notes, by the index of the slide."""
+
+        def change(made):
+            for index, note in notes.items():
+                made.slides[index].notes_slide.notes_text_frame.text = note
+
+        return self.edited(change)
+
+    def write_on(self, made):
+        """Write the note on the slide."""
+        frame = made.slides[self.drawn.index].placeholders[1].text_frame
+        frame.text = f"{frame.text}\n{self.drawn.note}"

@@ -1,0 +1,58 @@
+"""Copy a folder to a USB stick that is not plugged in."""
+
+from online_env.tasks import Task
+from online_env.tasks.kit import thunar
+from online_env.tasks.kit.files import sample_file
+from online_env.tasks.kit.words import CITIES, TOPICS, sample
+
+STICKS = ("KINGSTON", "SANDISK", "INTENSO", "TRANSCEND")
+
+
+class CopyToStick(Task):
+    """The file manager lists all devices, and there is none; a folder of that name tempts."""
+
+    name = "copy_to_stick"
+    domain = "infeasible"
+    apps = ("thunar",)
+    infeasible = "there is no USB stick in the computer"
+    phrasings = (
+        "Copy the folder Documents/{folder} to my USB stick {stick}.",
+        "The stick {stick} is in the USB port. Please put a copy of my folder {folder} (it is in"
+        " Documents) on it.",
+        "I need Documents/{folder} on the USB drive named {stick}. Copy it there.",
+    )
+
+    def draw(self, stream):
+        names = [f"{topic}.txt" for topic in sample(stream, TOPICS, 3)]
+        folder = f"Trip to {stream.choice(CITIES)}"
+        stick = f"{stream.choice(STICKS)}-{stream.integer(2, 64)}GB"
+        return {"folder": folder, "place": f"Documents/{folder}", "names": names, "stick": stick}
+
+    def prepare(self, machine):
+        for name in self.drawn.names:
+            machine.write(f"{self.drawn.place}/{name}", sample_file(name))
+        machine.write(f"Documents/Old {self.drawn.stick}/list.txt", "Copied in spring.\n")
+
+    def opens(self, machine):
+        return "thunar", machine.path("Documents")
+
+    def problems(self, machine):
+        yield from machine.untouched()
+
+    def oracle(self, hand):
+        thunar.go(hand, "Documents")
+        hand.click_on("table-cell", "Computer", app="thunar")
+        hand.find("frame", "Computer - Thunar", app="thunar")
+        thunar.as_list(hand)
+        hand.find(thunar.ROWS, "File System", app="thunar")
+        if not thunar.present(hand, self.drawn.stick):
+            hand.give_up(f"no stick {self.drawn.stick} is plugged in")
+
+    def wrong(self):
+        place, stick = self.drawn.place, self.drawn.stick
+        old = f"Documents/Old {stick}"
+        return {
+            "a folder of that name": lambda m: m.run("cp", "-r", place, f"Documents/{stick}"),
+            "into a folder with the name": lambda m: m.run("cp", "-r", place, old),
+            "on the desktop": lambda m: m.run("cp", "-r", place, f"Desktop/{stick}"),
+        }

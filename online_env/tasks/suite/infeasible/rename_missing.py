@@ -1,0 +1,64 @@
+"""Rename a file that is not there, though others have nearly its name."""
+
+from online_env.tasks import Task
+from online_env.tasks.kit import thunar
+from online_env.tasks.kit.files import sample_file
+from online_env.tasks.kit.words import TOPICS, sample
+
+FOLDERS = ("Council", "Tenants", "Orchestra", "Workshop")
+
+
+class RenameMissing(Task):
+    """The years before and after are there, and the same name with another ending."""
+
+    name = "rename_missing"
+    domain = "infeasible"
+    apps = ("thunar",)
+    infeasible = "there is no file of that name"
+    phrasings = (
+        'Rename the file {old} in Documents/{folder} to "{new}".',
+        "Please give Documents/{folder}/{old} the name {new}. Only this file, not one of the other"
+        " years.",
+        "In the folder {folder} of my Documents, {old} should be called {new} from now on.",
+    )
+
+    def draw(self, stream):
+        topic, *others = sample(stream, TOPICS, 3)
+        year = stream.integer(2015, 2024)
+        place = f"Documents/{stream.choice(FOLDERS)}"
+        names = [f"{topic}-{year - 1}.pdf", f"{topic}-{year + 1}.pdf", f"{topic}-{year}.txt"]
+        names += [f"{other}-{year}.pdf" for other in others]
+        return {
+            "folder": place.rpartition("/")[2],
+            "place": place,
+            "old": f"{topic}-{year}.pdf",
+            "new": f"{topic} {year} signed.pdf",
+            "names": names,
+        }
+
+    def prepare(self, machine):
+        for name in self.drawn.names:
+            machine.write(f"{self.drawn.place}/{name}", sample_file(name))
+
+    def opens(self, machine):
+        return "thunar", machine.path(self.drawn.place)
+
+    def problems(self, machine):
+        yield from machine.untouched()
+
+    def oracle(self, hand):
+        thunar.go(hand, self.drawn.place)
+        found = thunar.present(hand, self.drawn.old)
+        hand.click_on("table-cell", "Trash", app="thunar")
+        hand.find("frame", "Trash - Thunar", app="thunar")
+        found += thunar.present(hand, self.drawn.old)
+        if not found:
+            hand.give_up(f"there is no {self.drawn.old}, neither in the folder nor in the trash")
+
+    def wrong(self):
+        place, new, names = self.drawn.place, self.drawn.new, self.drawn.names
+        return {
+            "another year": lambda m: m.run("mv", f"{place}/{names[0]}", f"{place}/{new}"),
+            "another ending": lambda m: m.run("mv", f"{place}/{names[2]}", f"{place}/{new}"),
+            "a new file": lambda m: m.write(f"{place}/{new}", ""),
+        }

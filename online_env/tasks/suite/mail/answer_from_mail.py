@@ -1,0 +1,110 @@
+"""Answer a question with a fact that stands in another mail."""
+
+from online_env.tasks import Task
+from online_env.tasks.kit import browser, mail
+from online_env.tasks.kit.words import FIRST_NAMES, sample
+
+QUESTIONS = (
+    ("the code of the bicycle shed", "The code of the bicycle shed", 4000, 9999),
+    ("the room for the rehearsal", "The room for the rehearsal", 100, 499),
+    ("Piet's telephone extension", "The extension of Piet", 200, 899),
+    ("the locker at the swimming club", "Our locker at the swimming club", 10, 99),
+    ("the number of the parcel", "The number of the parcel", 10000, 99999),
+)
+
+
+class AnswerFromMail(Task):
+    """The fact has changed since an older mail; the newer one counts, and stands in the archive."""
+
+    name = "answer_from_mail"
+    domain = "mail"
+    apps = ("chrome",)
+    sites = ("mail",)
+    unsolvable = {"network_error": "the mailbox cannot be reached"}
+    phrasings = (
+        "{asker} asks in a mail for {thing}. Look for the number in my other mails, the latest"
+        " one counts, and reply with it.",
+        "Please answer {asker}'s mail at mail.test. What they want to know, {thing}, is in my"
+        " archive; it has changed, so take the newest.",
+        "Reply to {asker} with {thing}. You'll find it in my mail (mind the date: only the most"
+        " recent one is right).",
+    )
+
+    def draw(self, stream):
+        asker, teller, third = sample(stream, FIRST_NAMES, 3)
+        thing, subject, low, high = stream.choice(QUESTIONS)
+        old, new = sample(stream, range(low, high), 2)
+        day = stream.integer(12, 20)
+        told = (
+            (third, old, f"2026-02-{day}T10:05"),
+            (teller, new, f"2026-02-{day + 4}T16:20"),
+        )
+        mails = [
+            mail.message(
+                f"r{index}",
+                (name, f"house{index}@mail.test"),
+                subject,
+                f"Dear all,\n\nfrom now on it is {number}.\n\n{name}",
+                date,
+                read=True,
+                folder="archive",
+            )
+            for index, (name, number, date) in enumerate(told)
+        ]
+        question = f"Hello Robin,\n\ncould you tell me {thing}? I have lost it.\n\n{asker}"
+        sender = (asker, "asker@mail.test")
+        asked = mail.message("q", sender, "A question", question, "2026-03-04T08:50")
+        return {
+            "mails": [*mails, asked],
+            "asker": asker,
+            "teller": teller,
+            "thing": thing,
+            "subject": subject,
+            "old": str(old),
+            "new": str(new),
+        }
+
+    def prepare(self, machine):
+        mail.receive(machine, *self.drawn.mails)
+
+    def opens(self, machine):
+        return "chrome", mail.INBOX
+
+    def problems(self, machine):
+        yield from machine.untouched()
+        drawn = self.drawn
+        letter = mail.Letter(
+            to=["asker@mail.test"],
+            subject="Re: A question",
+            holds=[drawn.new],
+            lacks=[drawn.old],
+        )
+        yield from mail.problems(machine, sent=[letter])
+
+    def oracle(self, hand):
+        browser.begin(hand, mail.INBOX, "Inbox")
+        mail.search(hand, self.drawn.subject)
+        mail.open_mail(hand, self.drawn.teller, self.drawn.subject)
+        browser.follow(hand, browser.starting("Inbox"), "Inbox")
+        mail.open_mail(hand, self.drawn.asker, "A question")
+        browser.follow(hand, "Reply")
+        mail.compose(hand, text=f"It is {self.drawn.new}. Robin")
+        mail.send(hand)
+
+    def wrong(self):
+        to, subject, old, new = (
+            ["asker@mail.test"],
+            "Re: A question",
+            self.drawn.old,
+            self.drawn.new,
+        )
+        return {
+            "the old number": lambda m: mail.store(m, to, subject, f"It is {old}."),
+            "both numbers": lambda m: mail.store(m, to, subject, f"It is {old} or {new}."),
+            "to who told it": lambda m: mail.store(m, ["house1@mail.test"], subject, new),
+            "only a draft": lambda m: mail.store(m, to, subject, new, folder="drafts"),
+        }
+
+    def right(self, machine):
+        body = f"Dear {self.drawn.asker},\n{self.drawn.thing} is {self.drawn.new}.\n\n> Hello Robin"
+        mail.store(machine, ["asker@mail.test"], "RE: A question", body)

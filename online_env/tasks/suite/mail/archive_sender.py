@@ -1,0 +1,72 @@
+"""Archive all mails of one sender."""
+
+from online_env.tasks import Task
+from online_env.tasks.kit import browser, mail
+from online_env.tasks.kit.words import FIRST_NAMES, LAST_NAMES, TOPICS, sample, shuffled
+
+
+class ArchiveSender(Task):
+    """Three or four mails of one sender; a namesake has written, too."""
+
+    name = "archive_sender"
+    domain = "mail"
+    apps = ("chrome",)
+    sites = ("mail",)
+    unsolvable = {"network_error": "the mailbox cannot be reached"}
+    phrasings = (
+        "Archive all mails from {who} that are in my inbox at mail.test.",
+        "Please move every mail that {who} has sent me to the archive. Nobody else's.",
+        "Inbox at mail.test: everything from {who} belongs in the archive.",
+    )
+
+    def draw(self, stream):
+        first, other = sample(stream, FIRST_NAMES, 2)
+        last, second = sample(stream, LAST_NAMES, 2)
+        count = stream.integer(3, 4)
+        senders = [(f"{first} {last}", "first@mail.test")] * count
+        senders += [(f"{first} {second}", "second@mail.test"), (f"{other} {last}", "o@mail.test")]
+        topics = sample(stream, TOPICS, len(senders))
+        mails = []
+        for index, sender in enumerate(shuffled(stream, senders)):
+            body = f"Robin,\n\nthe {topics[index]} is done. Have a look.\n\n{sender[0]}"
+            date = f"2026-03-0{stream.integer(1, 3)}T1{index}:{stream.integer(10, 59)}"
+            subject = f"{topics[index].capitalize()} {stream.integer(2, 40)}"
+            mails.append(mail.message(f"r{index}", sender, subject, body, date))
+        chosen = [m for m in mails if m["from"]["address"] == "first@mail.test"]
+        return {
+            "mails": mails,
+            "who": f"{first} {last}",
+            "chosen": [m["id"] for m in chosen],
+            "subjects": [m["subject"] for m in chosen],
+            "others": [m["id"] for m in mails if m not in chosen],
+        }
+
+    def prepare(self, machine):
+        mail.receive(machine, *self.drawn.mails)
+
+    def opens(self, machine):
+        return "chrome", mail.INBOX
+
+    def problems(self, machine):
+        yield from machine.untouched()
+        flags = {ident: {"folder": "archive"} for ident in self.drawn.chosen}
+        yield from mail.problems(machine, flags=flags)
+
+    def oracle(self, hand):
+        browser.begin(hand, mail.INBOX, "Inbox")
+        for subject in self.drawn.subjects:
+            if mail.lists(hand, self.drawn.who, subject):
+                mail.open_mail(hand, self.drawn.who, subject)
+                browser.push(hand, "Archive", "Inbox")
+
+    def wrong(self):
+        chosen, others = self.drawn.chosen, self.drawn.others
+        return {
+            "one is left": lambda m: mail.flag(m, *chosen[1:], folder="archive"),
+            "deleted": lambda m: mail.flag(m, *chosen, folder="trash"),
+            "the namesake's": lambda m: mail.flag(m, *others, folder="archive"),
+            "all": lambda m: mail.flag(m, *chosen, *others, folder="archive"),
+        }
+
+    def right(self, machine):
+        mail.flag(machine, *reversed(self.drawn.chosen), folder="archive", read=True)

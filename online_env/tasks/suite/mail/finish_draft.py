@@ -1,0 +1,98 @@
+"""Complete a draft, and send it."""
+
+import re
+
+from online_env.tasks import Task
+from online_env.tasks.kit import browser, mail
+from online_env.tasks.kit.words import CITIES, MONTHS, TOPICS, sample
+
+PEOPLE = ("ilse@mail.test", "piet@mail.test", "jun@mail.test", "adaeze@mail.test")
+LAST_LINES = (
+    "Please answer by {day} {month}.",
+    "I can be there on {day} {month}.",
+    "Shall we say {day} {month}?",
+)
+
+
+class FinishDraft(Task):
+    """Two drafts, of which one gets a recipient and a last line, and is sent."""
+
+    name = "finish_draft"
+    domain = "mail"
+    apps = ("chrome",)
+    sites = ("mail",)
+    unsolvable = {"network_error": "the mailbox cannot be reached"}
+    phrasings = (
+        'Among my drafts at mail.test is one called "{subject}". Add the line "{line}" at its end,'
+        " and send it to {to}.",
+        "Please finish the draft {subject}: its last line should be: {line} Then send it to {to}."
+        " The other draft stays a draft.",
+        'mail.test, drafts, "{subject}": append "{line}", recipient {to}, send.',
+    )
+
+    def draw(self, stream):
+        topics = sample(stream, TOPICS, 2)
+        city = stream.choice(CITIES)
+        subjects = [f"{topic.capitalize()} from {city}" for topic in topics]
+        line = stream.choice(LAST_LINES)
+        return {
+            "subjects": subjects,
+            "subject": subjects[0],
+            "texts": [f"Hello,\n\nthe {topic} from {city} is ready." for topic in topics],
+            "line": line.format(day=stream.integer(2, 28), month=stream.choice(MONTHS)),
+            "to": stream.choice(PEOPLE),
+            "first": stream.integer(0, 1),
+        }
+
+    def prepare(self, machine):
+        drafts = list(zip(self.drawn.subjects, self.drawn.texts, strict=True))
+        for subject, text in drafts if self.drawn.first else reversed(drafts):
+            mail.store(machine, [], subject, text, folder="drafts")
+
+    def opens(self, machine):
+        return "chrome", mail.INBOX
+
+    @property
+    def ident(self):
+        """The id of the draft that is sent."""
+        return "s01" if self.drawn.first else "s02"
+
+    @property
+    def whole(self):
+        """The text of the mail."""
+        return f"{self.drawn.texts[0]}\n{self.drawn.line}"
+
+    def problems(self, machine):
+        yield from machine.untouched()
+        letter = mail.Letter(to=[self.drawn.to], subject=self.drawn.subject, text=self.whole)
+        yield from mail.problems(machine, sent=[letter], finished=[self.ident])
+        left = [draft["id"] for draft in machine.sites.read("mail").get("drafts", [])]
+        if self.ident in left:
+            yield "the draft is still there"
+
+    def oracle(self, hand):
+        browser.begin(hand, mail.INBOX, "Inbox")
+        browser.follow(hand, browser.starting("Drafts"), "Drafts")
+        browser.follow(hand, re.compile(f"To: *{self.drawn.subject}"), "New message")
+        mail.compose(hand, to=self.drawn.to)
+        hand.replace(self.whole)
+        mail.send(hand)
+
+    def finish(self, machine, to, text):
+        """Send the draft, as the site does."""
+        with machine.sites.update("mail") as state:
+            state["drafts"] = [draft for draft in state["drafts"] if draft["id"] != self.ident]
+        mail.store(machine, [to], self.drawn.subject, text)
+
+    def wrong(self):
+        to, subject, texts = self.drawn.to, self.drawn.subject, self.drawn.texts
+        return {
+            "without the line": lambda m: self.finish(m, to, texts[0]),
+            "to somebody else": lambda m: self.finish(m, "oda@mail.test", self.whole),
+            "the other text": lambda m: self.finish(m, to, f"{texts[1]}\n{self.drawn.line}"),
+            "the draft is left": lambda m: mail.store(m, [to], subject, self.whole),
+            "not sent": lambda m: mail.store(m, [to], subject, self.whole, folder="drafts"),
+        }
+
+    def right(self, machine):
+        self.finish(machine, self.drawn.to, f"{self.drawn.texts[0]}\n\n{self.drawn.line}\n")

@@ -1,0 +1,95 @@
+"""Forward a mail with a line of one's own."""
+
+from online_env.tasks import Task
+from online_env.tasks.kit import browser, mail
+from online_env.tasks.kit.words import FIRST_NAMES, TOPICS, sample
+
+LINES = (
+    "Can you take this over, please?",
+    "For your information.",
+    "This concerns you more than me.",
+    "Could you have a look at it by Friday?",
+)
+FACTS = (
+    "The room is {number} on the second floor.",
+    "The code for the door is {number}.",
+    "It comes to ${number} in all.",
+    "The reference is PA-{number}.",
+)
+FRIENDS = {"Tomas": "tomas@mail.test", "Oda": "oda@mail.test", "Maren": "maren@mail.test"}
+
+
+class ForwardMail(Task):
+    """One of three mails goes on to somebody else, whole, with a given line."""
+
+    name = "forward_mail"
+    domain = "mail"
+    apps = ("chrome",)
+    sites = ("mail",)
+    unsolvable = {"network_error": "the mailbox cannot be reached"}
+    phrasings = (
+        'Forward the mail "{subject}" to {friend} ({to}) and write above it: {line}',
+        'Please pass {who}\'s mail about the {topic} on to {to}, with the words "{line}"',
+        'mail.test: send {to} the mail "{subject}" as it is, with this on top: {line}',
+    )
+
+    def draw(self, stream):
+        names = sample(stream, FIRST_NAMES, 3)
+        topics = sample(stream, TOPICS, 3)
+        mails = []
+        for index, (name, topic) in enumerate(zip(names, topics, strict=True)):
+            fact = stream.choice(FACTS).format(number=stream.integer(101, 989))
+            body = f"Hi Robin,\n\nthis is about the {topic}.\n{fact}\n\n{name}"
+            date = f"2026-03-0{index + 1}T{stream.integer(10, 20)}:15"
+            sender = (name, f"office{index}@mail.test")
+            mails.append(mail.message(f"r{index}", sender, f"The {topic}", body, date))
+        chosen = mails[stream.integer(0, 2)]
+        friend = stream.choice(list(FRIENDS))
+        return {
+            "mails": mails,
+            "subject": chosen["subject"],
+            "body": chosen["body"],
+            "who": chosen["from"]["name"],
+            "topic": chosen["subject"].removeprefix("The "),
+            "friend": friend,
+            "to": FRIENDS[friend],
+            "line": stream.choice(LINES),
+        }
+
+    def prepare(self, machine):
+        mail.receive(machine, *self.drawn.mails)
+
+    def opens(self, machine):
+        return "chrome", mail.INBOX
+
+    def problems(self, machine):
+        yield from machine.untouched()
+        parts = [self.drawn.line, *self.drawn.body.splitlines()]
+        yield from mail.problems(machine, sent=[mail.Letter(to=[self.drawn.to], holds=parts)])
+
+    def oracle(self, hand):
+        browser.begin(hand, mail.INBOX, "Inbox")
+        mail.open_mail(hand, self.drawn.who, self.drawn.subject)
+        browser.follow(hand, "Forward")
+        mail.compose(hand, to=self.drawn.to, text=self.drawn.line)
+        mail.send(hand)
+
+    def wrong(self):
+        to, line, body = self.drawn.to, self.drawn.line, self.drawn.body
+        whole = f"{line}\n\n{body}"
+        other = next(m["body"] for m in self.drawn.mails if m["body"] != body)
+        return {
+            "without the line": lambda m: mail.store(m, [to], "Fwd", body),
+            "only the line": lambda m: mail.store(m, [to], "Fwd", line),
+            "another mail": lambda m: mail.store(m, [to], "Fwd", f"{line}\n\n{other}"),
+            "to somebody else": lambda m: mail.store(m, ["jun@mail.test"], "Fwd", whole),
+            "deleted after that": lambda m: [
+                mail.store(m, [to], "Fwd", whole),
+                mail.flag(m, "r0", folder="trash"),
+            ],
+        }
+
+    def right(self, machine):
+        quoted = "\n".join(f"> {line}" for line in self.drawn.body.splitlines())
+        body = f"{self.drawn.line}\n\n{quoted}"
+        mail.store(machine, [self.drawn.to], f"Fwd: {self.drawn.subject}", body)

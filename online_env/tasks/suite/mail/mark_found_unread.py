@@ -1,0 +1,78 @@
+"""Find an old mail by its words, and mark it as unread."""
+
+from online_env.tasks import Task
+from online_env.tasks.kit import browser, mail
+from online_env.tasks.kit.words import CITIES, FIRST_NAMES, GOODS, MONTHS, sample
+
+
+class MarkFoundUnread(Task):
+    """Six read mails in the archive with the same subject; only the text tells them apart."""
+
+    name = "mark_found_unread"
+    domain = "mail"
+    apps = ("chrome",)
+    sites = ("mail",)
+    unsolvable = {"network_error": "the mailbox cannot be reached"}
+    phrasings = (
+        "Somewhere in my mail (mail.test) somebody wrote about a {thing} from {city}. Find that"
+        " mail, and mark it as unread.",
+        "Please search my mailbox for the mail that mentions the {thing} from {city} and set it to"
+        " unread, so that I see it tomorrow.",
+        "Mark the mail about the {thing} from {city} as unread.",
+    )
+
+    def draw(self, stream):
+        things = sample(stream, GOODS, 6)
+        cities = sample(stream, CITIES, 6)
+        names = sample(stream, FIRST_NAMES, 6)
+        mails = [
+            mail.message(
+                f"r{index}",
+                (name, f"market{index}@mail.test"),
+                "From the market",
+                f"Hi Robin,\n\nI have found it in {stream.choice(MONTHS)}: a {thing} from {city}."
+                f" Do you want it?\n\n{name}",
+                f"2026-02-{10 + index}T11:{stream.integer(10, 59)}",
+                read=True,
+                folder="archive",
+            )
+            for index, (name, thing, city) in enumerate(zip(names, things, cities, strict=True))
+        ]
+        index = stream.integer(0, 5)
+        return {
+            "mails": mails,
+            "ident": f"r{index}",
+            "other": f"r{(index + 1) % 6}",
+            "who": names[index],
+            "thing": things[index],
+            "city": cities[index],
+        }
+
+    def prepare(self, machine):
+        mail.receive(machine, *self.drawn.mails)
+
+    def opens(self, machine):
+        return "chrome", mail.INBOX
+
+    def problems(self, machine):
+        yield from machine.untouched()
+        yield from mail.problems(machine, flags={self.drawn.ident: {"read": False}})
+
+    def oracle(self, hand):
+        browser.begin(hand, mail.INBOX, "Inbox")
+        mail.search(hand, f"{self.drawn.thing} from {self.drawn.city}")
+        mail.open_mail(hand, self.drawn.who, "From the market")
+        browser.push(hand, "Mark as unread", "Inbox")
+
+    def wrong(self):
+        ident, other = self.drawn.ident, self.drawn.other
+        return {
+            "another one": lambda m: mail.flag(m, other, read=False),
+            "only read": lambda m: mail.flag(m, ident, read=True),
+            "moved to the inbox": lambda m: mail.flag(m, ident, read=False, folder="inbox"),
+            "starred": lambda m: mail.flag(m, ident, starred=True),
+        }
+
+    def right(self, machine):
+        mail.flag(machine, self.drawn.other, read=True)
+        mail.flag(machine, self.drawn.ident, read=False)

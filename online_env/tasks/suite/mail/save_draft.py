@@ -1,0 +1,66 @@
+"""Write a mail, and keep it as a draft."""
+
+from online_env.tasks import Task
+from online_env.tasks.kit import browser, mail
+from online_env.tasks.kit.words import CITIES, MONTHS, TOPICS
+
+PEOPLE = ("ilse@mail.test", "piet@mail.test", "jun@mail.test", "adaeze@mail.test")
+TEXTS = (
+    "I shall be in {city} in {month}. Could you look after the {topic}?",
+    "The {topic} from {city} arrives in {month}, so we should meet before.",
+    "What do you think of {city} in {month}? The {topic} would be ready by then.",
+)
+
+
+class SaveDraft(Task):
+    """Recipient, subject and text; the mail is not sent."""
+
+    name = "save_draft"
+    domain = "mail"
+    apps = ("chrome",)
+    sites = ("mail",)
+    unsolvable = {"network_error": "the mailbox cannot be reached"}
+    phrasings = (
+        'Write a mail to {to} with the subject "{subject}" and the text "{text}" at mail.test, but'
+        " only save it as a draft. I want to sleep on it.",
+        "Please draft a mail, don't send it. To: {to}. Subject: {subject}. Text: {text}",
+        'A draft for mail.test: {to}, subject "{subject}", "{text}" Not to be sent yet.',
+    )
+
+    def draw(self, stream):
+        city, month = stream.choice(CITIES), stream.choice(MONTHS)
+        topic = stream.choice(TOPICS)
+        text = stream.choice(TEXTS).format(city=city, month=month, topic=topic)
+        return {"to": stream.choice(PEOPLE), "subject": f"{city} in {month}", "text": text}
+
+    def opens(self, machine):
+        return "chrome", mail.INBOX
+
+    def problems(self, machine):
+        yield from machine.untouched()
+        drawn = self.drawn
+        letter = mail.Letter(to=[drawn.to], subject=drawn.subject, text=drawn.text)
+        yield from mail.problems(machine, drafts=[letter])
+
+    def oracle(self, hand):
+        browser.begin(hand, mail.INBOX, "Inbox")
+        browser.follow(hand, "Compose")
+        drawn = self.drawn
+        mail.compose(hand, to=drawn.to, subject=drawn.subject, text=drawn.text)
+        mail.save_draft(hand)
+
+    def wrong(self):
+        to, subject, text = self.drawn.to, self.drawn.subject, self.drawn.text
+        return {
+            "sent": lambda m: mail.store(m, [to], subject, text),
+            "no recipient": lambda m: mail.store(m, [], subject, text, folder="drafts"),
+            "no subject": lambda m: mail.store(m, [to], "", text, folder="drafts"),
+            "half the text": lambda m: mail.store(m, [to], subject, text[:20], folder="drafts"),
+            "two drafts": lambda m: [
+                mail.store(m, [to], subject, text, folder="drafts") for _ in range(2)
+            ],
+        }
+
+    def right(self, machine):
+        drawn = self.drawn
+        mail.store(machine, [drawn.to], drawn.subject, drawn.text + "\n", folder="drafts")

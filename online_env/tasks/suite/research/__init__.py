@@ -1,0 +1,1 @@
+"""Facts from an encyclopedia, a handbook, a newspaper and a search page."""

@@ -1,0 +1,96 @@
+"""Compare two articles of the wiki and save the difference."""
+
+from online_env.tasks import Task
+from online_env.tasks.kit import articles
+from online_env.tasks.kit.notes import take_note, unlike
+from online_env.tasks.kit.pages import visit
+from online_env.tasks.kit.words import sample
+
+FERRIES = ("Heron", "Puffin", "Cormorant", "Avocet", "Plover", "Sandpiper", "Tern", "Curlew")
+# What is compared, and how an article puts it.
+MEASURES = (
+    ("carries more passengers", "It carries {} passengers.", (80, 900)),
+    ("is longer, in metres", "It is {} metres long.", (22, 160)),
+    ("has made more crossings", "It has made {} crossings so far.", (400, 9000)),
+    ("carries more bicycles", "There is room for {} bicycles.", (5, 95)),
+)
+
+
+class CompareFerries(Task):
+    """Two figures in two long articles; the name of the larger and the difference are wanted."""
+
+    name = "compare_ferries"
+    domain = "research"
+    apps = ("chrome", "mousepad")
+    unsolvable = {"network_error": "the wiki cannot be reached"}
+    phrasings = (
+        "At wiki.test there are articles about the ferries {one} and {two}. Which of them {what},"
+        " and by how much? Save two lines in {path}: the name of that ferry, then the difference"
+        " as a number.",
+        "Compare the wiki.test articles Ferry {one} and Ferry {two}: which ferry {what}? Write its"
+        " name in the first line of {path} and the difference (just the number) in the second.",
+        "I want to know which ferry {what}, {one} or {two} (see wiki.test). Put the name and, on"
+        " the next line, by how much, into {path}.",
+    )
+
+    def draw(self, stream):
+        names = sample(stream, FERRIES, 3)
+        chosen = stream.integer(0, len(MEASURES) - 1)
+        figures = {name: [stream.integer(*limits) for *_, limits in MEASURES] for name in names}
+        one, two = names[:2]
+        if figures[one][chosen] == figures[two][chosen]:
+            figures[one][chosen] += 1
+        larger = max((one, two), key=lambda name: figures[name][chosen])
+        return {
+            "figures": figures,
+            "one": one,
+            "two": two,
+            "what": MEASURES[chosen][0],
+            "larger": larger,
+            "smaller": two if larger == one else one,
+            "difference": abs(figures[one][chosen] - figures[two][chosen]),
+            "path": f"Documents/ferries-{stream.integer(10, 99)}.txt",
+        }
+
+    def prepare(self, machine):
+        for name, figures in self.drawn.figures.items():
+            said = [text.format(n) for (_, text, _), n in zip(MEASURES, figures, strict=True)]
+            lead = f"The **{name}** is a ferry in the harbour of Port Alder."
+            articles.put(machine, f"Ferry {name}", "\n\n".join([lead, *said]))
+
+    def opens(self, machine):
+        return "chrome", articles.SITE
+
+    def problems(self, machine):
+        yield from machine.untouched(self.drawn.path)
+        found = list(unlike(machine, self.drawn.path, self.lines()))
+        whole = [f"Ferry {self.drawn.larger}", str(self.drawn.difference)]
+        if found and list(unlike(machine, self.drawn.path, whole)):
+            yield from found
+
+    def lines(self):
+        return [self.drawn.larger, str(self.drawn.difference)]
+
+    def oracle(self, hand):
+        visit(hand, "http://wiki.test/all", "All articles")
+        for name in (self.drawn.one, self.drawn.two):
+            title = f"Ferry {name}"
+            visit(hand, articles.address(title), title)
+            hand.find("heading", title)
+        take_note(hand, self.drawn.path, "\n".join(self.lines()))
+
+    def wrong(self):
+        path, drawn = self.drawn.path, self.drawn
+        return {
+            "the other ferry": lambda m: m.write(path, f"{drawn.smaller}\n{drawn.difference}"),
+            "only the name": lambda m: m.write(path, drawn.larger),
+            "another difference": lambda m: m.write(
+                path, f"{drawn.larger}\n{drawn.difference + 1}"
+            ),
+            "the lines changed round": lambda m: m.write(
+                path, f"{drawn.difference}\n{drawn.larger}"
+            ),
+        }
+
+    def right(self, machine):
+        machine.write(self.drawn.path, f"Ferry {self.drawn.larger}\n\n{self.drawn.difference}\n")

@@ -1,0 +1,93 @@
+"""Correct a mistake in an article of the wiki."""
+
+from online_env.tasks import Task
+from online_env.tasks.kit import articles
+from online_env.tasks.kit.pages import arrived, enter, follow, visit
+
+MISTAKES = (
+    ("Chess", "64 squares", ("46 squares", "81 squares", "100 squares")),
+    ("Chess", "fifteenth century", ("sixteenth century", "tenth century")),
+    ("Bicycle", "in 1817", ("in 1871", "in 1718", "in 1917")),
+    ("Lighthouse", "In 1822", ("In 1922", "In 1282", "In 1872")),
+    ("Telescope", "in 1608", ("in 1806", "in 1680", "in 1508")),
+    ("Paper", "eighth century", ("eighteenth century", "sixth century")),
+    ("Sourdough", "300 g water", ("30 g water", "3000 g water", "500 g water")),
+    ("Tea", "three minutes", ("thirteen minutes", "thirty minutes")),
+    ("Honey bee", "in 1973", ("in 1937", "in 1793")),
+    ("Suspension bridge", "In 1940", ("In 1904", "In 1840", "In 2040")),
+    ("Aurora", "110 kilometres", ("11 kilometres", "1100 kilometres")),
+)
+SUMMARIES = ("Corrected a figure", "Slip of the pen", "Fixed a typo", "Checked with a book")
+
+
+class CorrectArticle(Task):
+    """A few words of a long text change, and the comment says why; nothing else does."""
+
+    name = "correct_article"
+    domain = "research"
+    apps = ("chrome",)
+    sites = ("wiki",)
+    unsolvable = {"network_error": "the wiki cannot be reached"}
+    phrasings = (
+        'In the wiki.test article "{title}", somebody wrote "{wrong}"; it should be "{right_}".'
+        ' Correct that, and put "{summary}" into the field for what you changed.',
+        'Please edit "{title}" on http://wiki.test: replace "{wrong}" by "{right_}", leave the'
+        ' rest of the text alone, and describe the change as "{summary}".',
+        'wiki.test, article "{title}": "{wrong}" is a mistake for "{right_}". Fix it, with the'
+        ' comment "{summary}".',
+    )
+
+    def draw(self, stream):
+        title, right, wrongs = stream.choice(MISTAKES)
+        wrong = stream.choice(wrongs)
+        body = articles.shipped(title)
+        return {
+            "title": title,
+            "right_": right,
+            "wrong": wrong,
+            "summary": stream.choice(SUMMARIES),
+            "wanted": body,
+            "spoilt": body.replace(right, wrong),
+        }
+
+    def prepare(self, machine):
+        articles.put(machine, self.drawn.title, self.drawn.spoilt)
+
+    def opens(self, machine):
+        return "chrome", articles.SITE
+
+    def problems(self, machine):
+        yield from machine.untouched()
+        for title in articles.others(machine, self.drawn.title):
+            yield f"the article {title} was changed"
+        if not articles.same(articles.text(machine, self.drawn.title), self.drawn.wanted):
+            yield f"the article {self.drawn.title} is not as it should be"
+        last = articles.pages(machine)[self.drawn.title]["revisions"][-1]
+        if last["summary"].casefold() != self.drawn.summary.casefold():
+            yield f"the comment is {last['summary']!r}"
+
+    def oracle(self, hand):
+        visit(hand, articles.address(self.drawn.title), self.drawn.title)
+        follow(hand, "Edit", "Editing")
+        enter(hand, "Text", self.drawn.wanted)
+        enter(hand, "What did you change?", self.drawn.summary)
+        follow(hand, "Save changes")
+        arrived(hand, f"{self.drawn.title} - Openfolio")
+
+    def wrong(self):
+        def save(title, body, summary):
+            changes = ({"summary": ""}, {"summary": summary})
+            return lambda m: articles.put(m, title, body, changes)
+
+        title, wanted, summary = self.drawn.title, self.drawn.wanted, self.drawn.summary
+        short = f"The figure is {self.drawn.right_}."
+        return {
+            "no comment": save(title, wanted, ""),
+            "only the comment": save(title, self.drawn.spoilt, summary),
+            "the rest is gone": save(title, short, summary),
+            "another article": save("Tide", wanted, summary),
+        }
+
+    def right(self, machine):
+        changes = ({"summary": ""}, {"summary": ""}, {"summary": self.drawn.summary})
+        articles.put(machine, self.drawn.title, self.drawn.wanted + "\n", changes)

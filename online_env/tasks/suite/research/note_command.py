@@ -1,0 +1,75 @@
+"""Find a command in the handbook and save it."""
+
+import re
+
+from online_env.tasks import Task
+from online_env.tasks.kit.notes import take_note, unlike
+from online_env.tasks.kit.pages import arrived, enter, follow, visit
+
+# What somebody needs, the page that has it, and the command.
+COMMANDS = (
+    ("change the passphrase of a store", "Encryption keys", "stow key change"),
+    ("see which snapshots tidying up would remove", "Retention rules", "stow tidy --dry-run"),
+    ("check the configuration file for mistakes", "Configuration file", "stow config check"),
+    ("print the last run for other programs", "Logs and alerts", "stow log --json"),
+    ("list the last three snapshots", "Restore files", "stow list --last 3"),
+    ("see whether the system service runs", "Back up a server", "sudo stow service status"),
+    ("remove a lock that another machine left", "Troubleshooting", "stow unlock"),
+    ("install it on Fedora", "Installation", "sudo dnf install stowaway"),
+    ("install it on Debian", "Installation", "sudo apt install stowaway"),
+    ("restore a whole machine", "Restore files", "stow restore latest / --as-root"),
+    ("read back five per cent of a store", "Quick start", "stow check --sample 5%"),
+)
+
+
+class NoteCommand(Task):
+    """The right command among many on the pages of a handbook, into a text file."""
+
+    name = "note_command"
+    domain = "research"
+    apps = ("chrome", "mousepad")
+    unsolvable = {"network_error": "the handbook cannot be reached"}
+    phrasings = (
+        "The handbook of the backup program Stowaway is at docs.test. Which command do I need to"
+        " {need}? Save the whole command, with its options, in {path}.",
+        "Please find out at http://docs.test how to {need} with Stowaway, and write the command,"
+        " exactly as given there and nothing else, to {path}.",
+        "How do I {need} with Stowaway? Look at docs.test (the page {page} has it) and put the"
+        " command line into {path}.",
+    )
+
+    def draw(self, stream):
+        need, page, command = stream.choice(COMMANDS)
+        folder = stream.choice(("Documents", "Desktop"))
+        path = f"{folder}/stowaway-{stream.integer(10, 99)}.txt"
+        return {"need": need, "page": page, "command": command, "path": path}
+
+    def opens(self, machine):
+        return "chrome", "http://docs.test/"
+
+    def problems(self, machine):
+        yield from machine.untouched(self.drawn.path)
+        yield from unlike(machine, self.drawn.path, [self.drawn.command])
+
+    def oracle(self, hand):
+        visit(hand, "http://docs.test/", "Stowaway")
+        enter(hand, "Search the documentation", self.drawn.page)
+        hand.press("enter")
+        arrived(hand, "Search")
+        follow(hand, self.drawn.page, f"{self.drawn.page} - Stowaway")
+        hand.find(
+            ("static", "section"), re.compile(f".*{re.escape(self.drawn.command)}"), scroll=True
+        )
+        take_note(hand, self.drawn.path, self.drawn.command)
+
+    def wrong(self):
+        path, command = self.drawn.path, self.drawn.command
+        return {
+            "half the command": lambda m: m.write(path, command.rpartition(" ")[0]),
+            "with a sentence": lambda m: m.write(path, f"You need {command}."),
+            "in the home folder": lambda m: m.write("stowaway.txt", command),
+            "other capitals of an option": lambda m: m.write(path, f"{command} --help"),
+        }
+
+    def right(self, machine):
+        machine.write(self.drawn.path, f"{self.drawn.command}\n\n")

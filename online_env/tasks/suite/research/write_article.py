@@ -1,0 +1,73 @@
+"""Write a new article of the wiki."""
+
+from online_env.tasks import Task
+from online_env.tasks.kit import articles
+from online_env.tasks.kit.pages import arrived, enter, follow, visit
+
+PLACES = ("Gull Rock", "Sorrel Hill", "Weir Street", "Quay Row", "Otter Creek", "Bell Island")
+THINGS = ("lighthouse", "foot bridge", "bakery", "observatory", "ferry pier", "water mill")
+ENDS = (
+    "It is closed on Mondays.",
+    "Nobody knows who drew the plans.",
+    "A tram stops at the door.",
+    "School classes visit it every spring.",
+)
+
+
+class WriteArticle(Task):
+    """A title that the wiki does not have, and two paragraphs with a heading between them."""
+
+    name = "write_article"
+    domain = "research"
+    apps = ("chrome",)
+    sites = ("wiki",)
+    unsolvable = {"network_error": "the wiki cannot be reached"}
+    phrasings = (
+        'Write a new article "{title}" in the encyclopedia at wiki.test, with this text:\n\n{text}',
+        'wiki.test has no article "{title}" yet. Please make one; it should read:\n\n{text}',
+        "Add an article to http://wiki.test. Title: {title}. Text (the line with ## is a"
+        " heading):\n\n{text}",
+    )
+
+    def draw(self, stream):
+        place, thing = stream.choice(PLACES), stream.choice(THINGS)
+        title = f"{place} {thing}"
+        year, height = stream.integer(1790, 1990), stream.integer(4, 60)
+        text = (
+            f"The **{title}** in Port Alder was built in {year} and is {height} metres high.\n\n"
+            f"## Visitors\n\n{stream.integer(2, 90)} people came on the first day."
+            f" {stream.choice(ENDS)}"
+        )
+        return {"title": title, "text": text}
+
+    def opens(self, machine):
+        return "chrome", articles.SITE
+
+    def problems(self, machine):
+        yield from machine.untouched()
+        for title in articles.others(machine, self.drawn.title):
+            yield f"the article {title} was changed"
+        found = articles.text(machine, self.drawn.title)
+        if not articles.same(found, self.drawn.text):
+            yield f"the article {self.drawn.title} reads {found[:300]!r}"
+
+    def oracle(self, hand):
+        title = self.drawn.title
+        visit(hand, "http://wiki.test/all", "All articles")
+        visit(hand, articles.address(title), title)
+        follow(hand, ("Write it" if hand.see("link", "Write it") else "Edit"), "Editing")
+        enter(hand, "Text", self.drawn.text)
+        follow(hand, "Save changes")
+        arrived(hand, f"{title} - Openfolio")
+
+    def wrong(self):
+        title, text = self.drawn.title, self.drawn.text
+        return {
+            "without a heading": lambda m: articles.put(m, title, text.replace("## ", "")),
+            "half of it": lambda m: articles.put(m, title, text.partition("\n\n")[0]),
+            "another title": lambda m: articles.put(m, title.partition(" ")[0], text),
+            "added to an article": lambda m: articles.put(m, "Tide", text),
+        }
+
+    def right(self, machine):
+        articles.put(machine, self.drawn.title, self.drawn.text.replace("\n\n", "\n\n\n") + "\n")

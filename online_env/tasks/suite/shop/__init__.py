@@ -1,0 +1,1 @@
+"""Shopping on shop.test."""

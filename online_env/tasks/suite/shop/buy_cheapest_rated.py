@@ -1,0 +1,67 @@
+"""Find the cheapest product of a category with a minimum rating, and put some into the cart."""
+
+from online_env.tasks import Task
+from online_env.tasks.kit import browser, shop
+
+
+class BuyCheapestRated(Task):
+    """The cheapest product of all is not the one: its rating is too low, or it is there already."""
+
+    name = "buy_cheapest_rated"
+    domain = "shop"
+    apps = ("chrome",)
+    sites = ("shop",)
+    unsolvable = {"network_error": "the shop cannot be reached"}
+    phrasings = (
+        "At shop.test, put {count} of the cheapest product in the category {label} into the cart"
+        ' that is rated {rating} stars or better. Not "{owned}", though: we have that.',
+        "Which {label} article at shop.test is the cheapest with at least {rating} stars, apart"
+        " from {owned}? Please put {count} of it into my cart. No order yet.",
+        "Cart at shop.test: {count} x the cheapest thing from {label} with a rating of {rating} or"
+        " more ({owned} does not count, we own it).",
+    )
+
+    def draw(self, stream):
+        category = stream.choice(list(shop.categories()))
+        everything = [shop.product(ident) for ident in shop.in_category(category)]
+        rating = stream.choice(sorted({p.rating for p in everything})[:2])
+        fitting = sorted((p for p in everything if p.rating >= rating), key=lambda p: p.cents)
+        owned = fitting.pop(stream.integer(0, 1))
+        chosen = fitting[0]
+        others = [p.id for p in everything if p.id not in (chosen.id, owned.id)]
+        return {
+            "category": category,
+            "label": shop.categories()[category],
+            "rating": rating,
+            "owned": owned.name,
+            "chosen": chosen,
+            "others": others,
+            "count": stream.integer(2, 5),
+        }
+
+    def opens(self, machine):
+        return "chrome", shop.HOME
+
+    def problems(self, machine):
+        yield from machine.untouched()
+        yield from shop.problems(machine, cart={self.drawn.chosen.id: self.drawn.count})
+
+    def oracle(self, hand):
+        shop.empty_cart(hand)
+        browser.follow(hand, self.drawn.label, self.drawn.label)
+        browser.select(hand, "Sort by", "Price: low")
+        browser.push(hand, "Apply", self.drawn.label)
+        shop.open_product(hand, self.drawn.chosen.name)
+        shop.add(hand, self.drawn.count)
+
+    def wrong(self):
+        chosen, count = self.drawn.chosen.id, self.drawn.count
+        return {
+            "another product": lambda m: shop.fill(m, {self.drawn.others[0]: count}),
+            "only one": lambda m: shop.fill(m, {chosen: 1}),
+            "another one as well": lambda m: shop.fill(m, {chosen: count, self.drawn.others[0]: 1}),
+            "ordered": lambda m: shop.order(m, {chosen: count}, shop.NOBODY),
+        }
+
+    def right(self, machine):
+        shop.fill(machine, {self.drawn.chosen.id: self.drawn.count})

@@ -1,0 +1,71 @@
+"""Compare two products, and put the better one into the cart."""
+
+from online_env.tasks import Task
+from online_env.tasks.kit import browser, shop
+from online_env.tasks.kit.words import sample
+
+ASPECTS = {
+    "weighs less": shop.grams,
+    "costs less": lambda p: p.cents,
+    "has the better rating": lambda p: -p.rating,
+    "has more reviews": lambda p: -p.reviews,
+}
+
+
+class CompareProducts(Task):
+    """Weight, price, rating or number of reviews decides; one piece goes into the cart."""
+
+    name = "compare_products"
+    domain = "shop"
+    apps = ("chrome",)
+    sites = ("shop",)
+    unsolvable = {"network_error": "the shop cannot be reached"}
+    phrasings = (
+        'Compare "{a}" and "{b}" at shop.test, and put the one that {aspect} into the cart: one'
+        " piece.",
+        "I can't decide between {a} and {b} (both at shop.test). Please add the one that {aspect}"
+        " to my cart, just one.",
+        "shop.test: {a} or {b}? Whichever {aspect} goes into the cart, once.",
+    )
+
+    def draw(self, stream):
+        aspect = stream.choice(list(ASPECTS))
+        value = ASPECTS[aspect]
+        pair = sample(stream, [p for p in shop.goods(stream, 18) if shop.grams(p)], 2)
+        while value(pair[0]) == value(pair[1]):
+            pair = sample(stream, [p for p in shop.goods(stream, 18) if shop.grams(p)], 2)
+        best, other = sorted(pair, key=value)
+        return {
+            "a": pair[0].name,
+            "b": pair[1].name,
+            "aspect": aspect,
+            "best": best,
+            "other": other,
+        }
+
+    def opens(self, machine):
+        return "chrome", shop.HOME
+
+    def problems(self, machine):
+        yield from machine.untouched()
+        yield from shop.problems(machine, cart={self.drawn.best.id: 1})
+
+    def oracle(self, hand):
+        shop.empty_cart(hand)
+        for product in (self.drawn.other, self.drawn.best):
+            shop.search(hand, product.name)
+            shop.open_product(hand, product.name)
+            hand.find("heading", "Details", app=browser.APP)
+        shop.add(hand)
+
+    def wrong(self):
+        best, other = self.drawn.best.id, self.drawn.other.id
+        return {
+            "the other one": lambda m: shop.fill(m, {other: 1}),
+            "both": lambda m: shop.fill(m, {other: 1, best: 1}),
+            "two pieces": lambda m: shop.fill(m, {best: 2}),
+            "ordered": lambda m: shop.order(m, {best: 1}, shop.NOBODY),
+        }
+
+    def right(self, machine):
+        shop.fill(machine, {self.drawn.best.id: 1})

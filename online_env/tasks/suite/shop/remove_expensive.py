@@ -1,0 +1,64 @@
+"""Take what costs more than a limit out of the cart."""
+
+from online_env.tasks import Task
+from online_env.tasks.kit import browser, shop
+
+
+class RemoveExpensive(Task):
+    """Five products in the cart, of which two are too expensive; the quantities mislead."""
+
+    name = "remove_expensive"
+    domain = "shop"
+    apps = ("chrome",)
+    sites = ("shop",)
+    unsolvable = {"network_error": "the shop cannot be reached"}
+    phrasings = (
+        "Take everything out of my cart at shop.test that costs more than ${limit} apiece, and"
+        " leave the rest as it is.",
+        "My cart (shop.test, open in the browser) has become too expensive. Please remove each"
+        " product with a price above ${limit} a piece; the others stay.",
+        "shop.test cart: remove what costs over ${limit} each.",
+    )
+
+    def draw(self, stream):
+        chosen = shop.goods(stream, 5)
+        by_price = sorted(chosen, key=lambda p: p.cents)
+        limit = -(-by_price[2].cents // 100)
+        return {
+            "had": {p.id: stream.integer(1, 3) for p in chosen},
+            "dear": by_price[3:],
+            "limit": limit,
+        }
+
+    def prepare(self, machine):
+        shop.fill(machine, self.drawn.had)
+
+    def opens(self, machine):
+        return "chrome", shop.CART
+
+    def problems(self, machine):
+        yield from machine.untouched()
+        yield from shop.problems(machine, cart=self.without(*self.drawn.dear))
+
+    def oracle(self, hand):
+        browser.begin(hand, shop.CART, "Your cart")
+        for product in self.drawn.dear:
+            shop.remove(hand, product.name)
+
+    def without(self, *products):
+        """What the cart holds without some products."""
+        gone = {p.id for p in products}
+        return {ident: n for ident, n in self.drawn.had.items() if ident not in gone}
+
+    def wrong(self):
+        first, second = self.drawn.dear
+        cheap = next(iter(self.without(first, second)))
+        return {
+            "only one": lambda m: shop.fill(m, self.without(second)),
+            "the cart is empty": lambda m: shop.fill(m, {}),
+            "one of each left": lambda m: shop.fill(m, {**self.without(second), first.id: 1}),
+            "another quantity": lambda m: shop.fill(m, {**self.without(first, second), cheap: 4}),
+        }
+
+    def right(self, machine):
+        shop.fill(machine, dict(reversed(self.without(*self.drawn.dear).items())))

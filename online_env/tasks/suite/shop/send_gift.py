@@ -1,0 +1,83 @@
+"""Send a wrapped present with a card."""
+
+from online_env.tasks import Task
+from online_env.tasks.kit import browser, shop
+
+CARDS = (
+    "Happy birthday, {first}! See you in {month}.",
+    "Congratulations on the new flat, {first}. Your neighbours from number {number}",
+    "For {number} years of patience: thank you! R.",
+    "Get well soon, {first}. We all miss you in {month}.",
+)
+MONTHS = ("April", "May", "June", "July")
+
+
+class SendGift(Task):
+    """One product, wrapped, with a message, to somebody's address by express."""
+
+    name = "send_gift"
+    domain = "shop"
+    apps = ("chrome",)
+    sites = ("shop",)
+    unsolvable = {"network_error": "the shop cannot be reached"}
+    phrasings = (
+        'Send "{product}" from shop.test as a present to {address} (e-mail {email}). Have it'
+        ' wrapped, with this message on the card: "{card}" Express delivery; I pay by invoice.',
+        "Please order one {product} at shop.test as a gift for {address}, e-mail {email}. It should"
+        " be wrapped, come by express, and be paid by invoice. The card says: {card}",
+        "Gift order at shop.test, wrapped: 1 x {product}. To: {address}, {email}. Express, invoice."
+        " Message on the card: {card}",
+    )
+
+    def draw(self, stream):
+        product = shop.goods(stream, 1)[0]
+        person = shop.recipient(stream)
+        card = stream.choice(CARDS).format(
+            first=person["name"].split()[0],
+            month=stream.choice(MONTHS),
+            number=stream.integer(2, 40),
+        )
+        return {
+            "id": product.id,
+            "product": product.name,
+            "label": shop.categories()[product.category],
+            "person": person,
+            "address": shop.address_line(person),
+            "email": person["email"],
+            "card": card,
+        }
+
+    def opens(self, machine):
+        return "chrome", shop.HOME
+
+    def problems(self, machine):
+        yield from machine.untouched()
+        drawn = self.drawn
+        how = {"delivery": "express", "payment": "invoice", "gift": True, "message": drawn.card}
+        wanted = {"lines": {drawn.id: 1}, **drawn.person, **how}
+        yield from shop.problems(machine, cart={}, orders=[wanted])
+
+    def oracle(self, hand):
+        drawn = self.drawn
+        shop.empty_cart(hand)
+        browser.follow(hand, drawn.label, drawn.label)
+        shop.open_product(hand, drawn.product)
+        shop.add(hand)
+        shop.check_out(hand, drawn.person, delivery="express", message=drawn.card)
+
+    def order(self, machine, **changed):
+        """Store the order, with changes."""
+        how = {"delivery": "express", "gift": True, "message": self.drawn.card, **changed}
+        shop.order(machine, {self.drawn.id: how.pop("count", 1)}, self.drawn.person, **how)
+
+    def wrong(self):
+        return {
+            "not wrapped": lambda m: self.order(m, gift=False),
+            "no message": lambda m: self.order(m, message=""),
+            "by standard delivery": lambda m: self.order(m, delivery="standard"),
+            "two pieces": lambda m: self.order(m, count=2),
+            "only in the cart": lambda m: shop.fill(m, {self.drawn.id: 1}),
+        }
+
+    def right(self, machine):
+        self.order(machine, message=self.drawn.card + "\n")

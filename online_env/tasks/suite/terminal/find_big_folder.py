@@ -1,0 +1,71 @@
+"""Find the folder that takes the most room on the disk."""
+
+from online_env.tasks import Task
+from online_env.tasks.kit import shell
+from online_env.tasks.kit.words import CITIES, sample, shuffled
+
+KILO = 1024
+
+
+class FindBigFolder(Task):
+    """Most of its room is in a subfolder; another folder has more files."""
+
+    name = "find_big_folder"
+    domain = "terminal"
+    apps = ("terminal",)
+    phrasings = (
+        "Which of the folders in Documents/{place} takes the most disk space? Write its name, and"
+        " nothing else, into the file Documents/{answer}.",
+        "My disk is filling up. Find out which folder directly in ~/Documents/{place} is the"
+        " biggest, with all that is in it, and save just its name as ~/Documents/{answer}.",
+        "Use du to find the largest folder of Documents/{place}; its name goes into"
+        " Documents/{answer}.",
+    )
+
+    def draw(self, stream):
+        biggest, second, many, *rest = sample(stream, CITIES, 6)
+        files = {f"{biggest}/info.txt": 2, f"{biggest}/raw/data/film.bin": stream.integer(700, 900)}
+        files[f"{second}/film.bin"] = stream.integer(400, 550)
+        files.update({f"{many}/{index}.txt": 4 for index in range(12)})
+        files.update({f"{name}/notes.bin": stream.integer(20, 90) for name in rest})
+        return {
+            "place": stream.choice(("Travel", "Footage", "Reports", "Tours")),
+            "answer": f"biggest-{stream.integer(10, 99)}.txt",
+            "files": dict(shuffled(stream, list(files.items()))),
+            "biggest": biggest,
+            "second": second,
+            "many": many,
+        }
+
+    def prepare(self, machine):
+        for path, size in self.drawn.files.items():
+            machine.write(f"Documents/{self.drawn.place}/{path}", b"0" * size * KILO)
+
+    def problems(self, machine):
+        answer = f"Documents/{self.drawn.answer}"
+        yield from machine.untouched(answer)
+        found = (machine.text(answer) or "").strip().rstrip("/")
+        if found.rpartition("/")[2] != self.drawn.biggest or "\n" in found:
+            yield f"{answer} holds {found[:80]!r}, not {self.drawn.biggest!r}"
+
+    def oracle(self, hand):
+        shell.command(hand, f"cd ~/Documents/{self.drawn.place}")
+        shell.command(hand, "du -sk * | sort -n")
+        shell.command(hand, f"echo {self.drawn.biggest} > ../{self.drawn.answer}")
+
+    def wrong(self):
+        biggest, second = self.drawn.biggest, self.drawn.second
+        return {
+            "the biggest file of its own": lambda m: self.save(m, second),
+            "the most files": lambda m: self.save(m, self.drawn.many),
+            "both": lambda m: self.save(m, f"{biggest}\n{second}"),
+            "with its size": lambda m: self.save(m, f"904\t{biggest}"),
+            "in the home folder": lambda m: m.write(self.drawn.answer, biggest),
+        }
+
+    def right(self, machine):
+        self.save(machine, f"./{self.drawn.biggest}/\n")
+
+    def save(self, machine, answer):
+        """Write an answer."""
+        machine.write(f"Documents/{self.drawn.answer}", answer)

@@ -1,0 +1,72 @@
+"""Set an environment variable for every login."""
+
+from online_env.tasks import Task
+from online_env.tasks.kit import shell
+from online_env.tasks.kit.words import CITIES, GOODS
+
+FILE = ".profile"
+NAMES = ("PROJECT_HOME", "REPORT_LANG", "BACKUP_TARGET", "MAP_STYLE", "TEAM_NAME")
+SHELL = f'timeout 9 env -i HOME="$HOME" PATH="$PATH" sh -c ". ./{FILE} && env"'
+
+
+class SetVariable(Task):
+    """The file has other variables, which stay; one of them has nearly the same name."""
+
+    name = "set_variable"
+    domain = "terminal"
+    apps = ("terminal",)
+    phrasings = (
+        'Add the environment variable {key} with the value "{value}" to the file .profile in my'
+        " home folder, so that it is exported at every login. Keep what is in the file.",
+        "Please make sure that {key} is set to {value} and exported whenever I log in: put it into"
+        " ~/.profile, next to the other lines.",
+        "~/.profile should export {key}={value}. The rest of the file stays as it is.",
+    )
+
+    def draw(self, stream):
+        key = stream.choice(NAMES)
+        value = f"{stream.choice(GOODS)}-{stream.integer(100, 999)}"
+        lines = [
+            '[ -n "$BASH_VERSION" ] && [ -f "$HOME/.bashrc" ] && . "$HOME/.bashrc"',
+            f"export {key}_OLD={stream.choice(GOODS)}",
+            f"export HOME_TOWN={stream.choice(CITIES)}",
+            "umask 022",
+        ]
+        return {"key": key, "value": value, "before": "\n".join(lines) + "\n"}
+
+    def prepare(self, machine):
+        machine.write(FILE, self.drawn.before)
+
+    def problems(self, machine):
+        yield from machine.untouched()
+        lines = (machine.text(FILE) or "").splitlines()
+        lost = [line for line in self.drawn.before.splitlines() if line not in lines]
+        if lost:
+            yield f"{FILE} lacks {lost}"
+        result = machine.desktop.execute(["sh", "-c", f"cd && {SHELL}"])
+        found = [
+            line for line in result.output.splitlines() if line.startswith(f"{self.drawn.key}=")
+        ]
+        if found != [f"{self.drawn.key}={self.drawn.value}"]:
+            yield f"a login shell exports {found} ({result.error.strip()[-100:]})"
+
+    def oracle(self, hand):
+        line = f"export {self.drawn.key}={self.drawn.value}"
+        shell.command(hand, f"cat ~/{FILE}")
+        shell.command(hand, f"grep -qxF '{line}' ~/{FILE} || echo '{line}' >> ~/{FILE}")
+        shell.command(hand, f"tail -2 ~/{FILE}")
+
+    def wrong(self):
+        before, key, value = self.drawn.before, self.drawn.key, self.drawn.value
+        line = f"export {key}={value}\n"
+        return {
+            "the rest is gone": lambda m: m.write(FILE, line),
+            "not exported": lambda m: m.write(FILE, f"{before}{key}={value}\n"),
+            "another value": lambda m: m.write(FILE, f"{before}export {key}={value}0\n"),
+            "in another file": lambda m: m.write(".bashrc", line),
+            "the old variable": lambda m: m.write(FILE, f"{before}export {key}_OLD={value}\n"),
+        }
+
+    def right(self, machine):
+        key, value = self.drawn.key, self.drawn.value
+        machine.write(FILE, f"{key}='{value}'\nexport {key}\n{self.drawn.before}")

@@ -1,0 +1,1 @@
+"""Work across two or three applications."""

@@ -1,0 +1,85 @@
+"""Look up two prices in the shop, and mail what it comes to."""
+
+from online_env.tasks import Task
+from online_env.tasks.kit import browser, mail, shop
+from online_env.tasks.kit.words import FIRST_NAMES
+
+
+class MailShopTotal(Task):
+    """A mail asks what some products cost together; the answer is worked out from shop.test."""
+
+    name = "mail_shop_total"
+    domain = "workflows"
+    apps = ("chrome",)
+    sites = ("mail",)
+    unsolvable = {"network_error": "neither site can be reached"}
+    phrasings = (
+        "{who} asks by mail what some things from shop.test would cost. Look the prices up, and"
+        " reply with the total for all of them, without delivery.",
+        "Please answer {who}'s mail at mail.test: work out the total from the prices at shop.test"
+        " (no delivery) and send it as a reply. Don't put anything into the cart.",
+        "Reply to {who} with what the things in the mail cost altogether at shop.test, delivery not"
+        " counted.",
+    )
+
+    def draw(self, stream):
+        first, second = shop.goods(stream, 2)
+        counts = [stream.integer(2, 3), stream.integer(1, 3)]
+        who = stream.choice(FIRST_NAMES)
+        total = first.cents * counts[0] + second.cents * counts[1]
+        return {
+            "who": who,
+            "names": [first.name, second.name],
+            "total": f"{total / 100:.2f}",
+            "single": f"{(first.cents + second.cents) / 100:.2f}",
+            "body": f"Hi Robin,\n\nwhat would {counts[0]} x {first.name} and {counts[1]} x"
+            f" {second.name} cost at shop.test, all together?\n\n{who}",
+        }
+
+    def prepare(self, machine):
+        sender = (self.drawn.who, "asker@mail.test")
+        new = mail.message("r1", sender, "What does it cost?", self.drawn.body, "2026-03-04T07:40")
+        mail.receive(machine, new)
+
+    def opens(self, machine):
+        return "chrome", mail.INBOX
+
+    def problems(self, machine):
+        yield from machine.untouched()
+        letter = mail.Letter(
+            to=["asker@mail.test"],
+            subject="Re: What does it cost?",
+            amounts=[float(self.drawn.total)],
+        )
+        yield from mail.problems(machine, sent=[letter])
+
+    def oracle(self, hand):
+        browser.begin(hand, mail.INBOX, "Inbox")
+        mail.open_mail(hand, self.drawn.who, "What does it cost?")
+        browser.visit(hand, shop.HOME, "Things that last.")
+        for name in self.drawn.names:
+            shop.search(hand, name)
+            hand.find("link", shop.card(name), app=browser.APP)
+        browser.visit(hand, mail.INBOX, "Inbox")
+        mail.open_mail(hand, self.drawn.who, "What does it cost?")
+        browser.follow(hand, "Reply")
+        mail.compose(hand, text=f"That would be ${self.drawn.total}.")
+        mail.send(hand)
+
+    def wrong(self):
+        to, subject = ["asker@mail.test"], "Re: What does it cost?"
+        total = f"It is ${self.drawn.total}."
+        return {
+            "one of each": lambda m: mail.store(m, to, subject, f"It is ${self.drawn.single}."),
+            "to somebody else": lambda m: mail.store(m, ["oda@mail.test"], subject, total),
+            "only a draft": lambda m: mail.store(m, to, subject, total, folder="drafts"),
+            "into the cart as well": lambda m: [
+                mail.store(m, to, subject, total),
+                shop.fill(m, {"mug": 1}),
+            ],
+        }
+
+    def right(self, machine):
+        total = self.drawn.total.removesuffix("0").replace(".", ",")
+        body = f"Hello,\n{total} dollars altogether.\n\n> Hi Robin"
+        mail.store(machine, ["asker@mail.test"], "Re: What does it cost?", body)

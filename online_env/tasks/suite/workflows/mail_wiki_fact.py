@@ -1,0 +1,102 @@
+"""Answer a question in a mail with a fact from the encyclopedia."""
+
+from online_env.tasks import Task
+from online_env.tasks.kit import browser, mail
+from online_env.tasks.kit.words import FIRST_NAMES
+
+FACTS = (
+    ("in which town the printing press was invented", "Printing press", "Mainz"),
+    ("what the tea plant is called in Latin", "Tea", "Camellia sinensis"),
+    ("which family the honey bee belongs to", "Honey bee", "Apidae"),
+    ("which coral reef is the largest", "Coral reef", "Great Barrier Reef"),
+    ("who had the first patent for a telescope", "Telescope", "Lippershey"),
+    ("where the tides are highest", "Tide", "Bay of Fundy"),
+    ("where the first known lighthouse stood", "Lighthouse", "Alexandria"),
+    ("in which year the safety bicycle came", "Bicycle", "1885"),
+    ("where sourdough was used first", "Sourdough", "Egypt"),
+    ("which country chess comes from", "Chess", "India"),
+)
+
+
+class MailWikiFact(Task):
+    """A friend asks something; wiki.test knows it."""
+
+    name = "mail_wiki_fact"
+    domain = "workflows"
+    apps = ("chrome",)
+    sites = ("mail",)
+    unsolvable = {"network_error": "neither site can be reached"}
+    phrasings = (
+        "{who} wants to know something, see the mail at mail.test. Look it up at wiki.test, and"
+        " reply with the answer.",
+        "Please answer the question in {who}'s mail (mail.test). The encyclopedia at wiki.test"
+        " should know.",
+        "Find the answer to {who}'s mail in the article {title} at wiki.test, and send it as a"
+        " reply.",
+    )
+
+    def draw(self, stream):
+        who = stream.choice(FIRST_NAMES)
+        question, title, fact = stream.choice(FACTS)
+        body = f"Dear Robin,\n\nat the quiz somebody asked {question}. Do you know?\n\n{who}"
+        others = [other for _, _, other in FACTS if other != fact]
+        return {
+            "who": who,
+            "title": title,
+            "fact": fact,
+            "body": body,
+            "subject": f"Quiz question {stream.integer(2, 30)}",
+            "other": stream.choice(others),
+        }
+
+    def prepare(self, machine):
+        sender = (self.drawn.who, "quiz@mail.test")
+        body, subject = self.drawn.body, self.drawn.subject
+        mail.receive(machine, mail.message("r1", sender, subject, body, "2026-03-04T10:20"))
+
+    def opens(self, machine):
+        return "chrome", mail.INBOX
+
+    def problems(self, machine):
+        yield from machine.untouched()
+        drawn = self.drawn
+        letter = mail.Letter(
+            to=["quiz@mail.test"],
+            subject=f"Re: {drawn.subject}",
+            holds=[drawn.fact],
+        )
+        yield from mail.problems(machine, sent=[letter])
+
+    def oracle(self, hand):
+        drawn = self.drawn
+        browser.begin(hand, mail.INBOX, "Inbox")
+        mail.open_mail(hand, drawn.who, drawn.subject)
+        page = drawn.title.replace(" ", "_")
+        browser.visit(hand, f"http://wiki.test/wiki/{page}", drawn.title)
+        browser.visit(hand, mail.INBOX, "Inbox")
+        mail.open_mail(hand, drawn.who, drawn.subject)
+        browser.follow(hand, "Reply")
+        mail.compose(hand, text=f"Yes: {drawn.fact}.")
+        mail.send(hand)
+
+    def wrong(self):
+        to, subject, fact = ["quiz@mail.test"], f"Re: {self.drawn.subject}", self.drawn.fact
+        return {
+            "another answer": lambda m: mail.store(m, to, subject, self.drawn.other),
+            "to somebody else": lambda m: mail.store(m, ["oda@mail.test"], subject, fact),
+            "only a draft": lambda m: mail.store(m, to, subject, fact, folder="drafts"),
+            "the article was changed": lambda m: [
+                mail.store(m, to, subject, fact),
+                edit(m, self.drawn.title),
+            ],
+        }
+
+    def right(self, machine):
+        body = f"Dear {self.drawn.who},\nit is {self.drawn.fact.upper()}!\n> Dear Robin"
+        mail.store(machine, ["quiz@mail.test"], f"Re: {self.drawn.subject}", body)
+
+
+def edit(machine, title):
+    """Change an article, as the site does."""
+    with machine.sites.update("wiki") as state:
+        state["pages"] = {title: {"text": "Quiz", "revisions": []}}

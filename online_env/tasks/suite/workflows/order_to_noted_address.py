@@ -1,0 +1,91 @@
+"""Order the cart to an address that stands in a text file."""
+
+from online_env.tasks import Task
+from online_env.tasks.kit import browser, panel, shop
+from online_env.tasks.kit.words import TOPICS
+
+
+class OrderToNotedAddress(Task):
+    """Three addresses in a file that is open; the full cart goes to one of them."""
+
+    name = "order_to_noted_address"
+    domain = "workflows"
+    apps = ("mousepad", "chrome")
+    sites = ("shop",)
+    unsolvable = {"network_error": "the shop cannot be reached"}
+    phrasings = (
+        "Order what is in my cart at shop.test for {who}, whose address is in the file that is"
+        " open. Delivery: {how}. Payment: {pay}.",
+        "The text editor shows some addresses. Please have the things in my cart at shop.test sent"
+        ' to {who}: "{how}", "{pay}".',
+        "Check out my shop.test cart: to {who} (address in {file}), {how}, {pay}.",
+    )
+
+    def draw(self, stream):
+        people = [shop.recipient(stream) for _ in range(3)]
+        while len({person["name"] for person in people}) < 3:
+            people = [shop.recipient(stream) for _ in range(3)]
+        person = people[stream.integer(0, 2)]
+        delivery = stream.choice(("standard", "express"))
+        payment = stream.choice(("invoice", "transfer"))
+        return {
+            "people": people,
+            "person": person,
+            "who": person["name"],
+            "file": f"Documents/{stream.choice(TOPICS)}-addresses.txt",
+            "cart": {p.id: stream.integer(1, 3) for p in shop.goods(stream, 2)},
+            "delivery": delivery,
+            "payment": payment,
+            "how": shop.delivery_label(delivery),
+            "pay": shop.payment_label(payment),
+        }
+
+    def prepare(self, machine):
+        machine.write(self.drawn.file, "\n\n".join(map(entry, self.drawn.people)) + "\n")
+        shop.fill(machine, self.drawn.cart)
+
+    def opens(self, machine):
+        return "mousepad", machine.path(self.drawn.file)
+
+    def problems(self, machine):
+        yield from machine.untouched()
+        drawn = self.drawn
+        how = {"delivery": drawn.delivery, "payment": drawn.payment}
+        wanted = {"lines": drawn.cart, **drawn.person, **how}
+        yield from shop.problems(machine, cart={}, orders=[wanted])
+
+    def oracle(self, hand):
+        drawn = self.drawn
+        panel.bring(hand, "chrom")
+        browser.visit(hand, shop.CART, "Your cart")
+        shop.check_out(hand, drawn.person, delivery=drawn.delivery, payment=drawn.payment)
+
+    def order(self, machine, person, **changed):
+        """Store an order for somebody, with changes."""
+        how = {"delivery": self.drawn.delivery, "payment": self.drawn.payment, **changed}
+        shop.order(machine, how.pop("cart", self.drawn.cart), person, **how)
+
+    def wrong(self):
+        person = self.drawn.person
+        other = next(p for p in self.drawn.people if p is not person)
+        fewer = dict.fromkeys(self.drawn.cart, 9)
+        return {
+            "to another one": lambda m: self.order(m, other),
+            "another street": lambda m: self.order(m, {**person, "street": other["name"]}),
+            "another quantity": lambda m: self.order(m, person, cart=fewer),
+            "picked up": lambda m: self.order(m, person, delivery="pickup"),
+            "the file was changed": lambda m: [
+                self.order(m, person),
+                m.write(self.drawn.file, entry(person)),
+            ],
+        }
+
+    def right(self, machine):
+        self.order(machine, {**self.drawn.person, "name": self.drawn.who.upper()})
+
+
+def entry(person):
+    """Return what the file has of somebody."""
+    town = f"{person['postcode']} {person['city']}"
+    lines = (person["name"], person["street"], town, person["country"], person["email"])
+    return "\n".join(lines)

@@ -1,0 +1,97 @@
+"""Write the prices of a mail and their sum into a text file."""
+
+from online_env.tasks import Task
+from online_env.tasks.kit import browser, mail, notes
+from online_env.tasks.kit.words import FIRST_NAMES, GOODS, TOPICS, sample
+
+
+class SumMailedPrices(Task):
+    """Three to five things with prices; a line for each in a new file, and the sum below."""
+
+    name = "sum_mailed_prices"
+    domain = "workflows"
+    apps = ("chrome", "mousepad")
+    sites = ("mail",)
+    unsolvable = {"network_error": "the mailbox cannot be reached"}
+    phrasings = (
+        "{who} has sent me prices by mail (mail.test). Put them into a text file {file} in my"
+        " Documents: one line for each thing with its name and price, and in the last line"
+        " the word Total and the sum.",
+        "Please make the file Documents/{file} from {who}'s mail about prices: a line an item (name"
+        ' and price), then one last line "Total" with the sum of all prices.',
+        "List what {who} offers in the mail, one item and its price a line, in Documents/{file},"
+        " and finish with a line that says Total and what it all comes to.",
+    )
+
+    def draw(self, stream):
+        who = stream.choice(FIRST_NAMES)
+        goods = sample(stream, GOODS, stream.integer(3, 5))
+        cents = [stream.integer(150, 9999) for _ in goods]
+        listed = [f"{thing}: ${c / 100:.2f}" for thing, c in zip(goods, cents, strict=True)]
+        body = "Hello Robin,\n\nhere is what you asked for:\n\n  {}\n\n{}"
+        return {
+            "who": who,
+            "file": f"{stream.choice(TOPICS)}-{stream.integer(10, 99)}.txt",
+            "listed": listed,
+            "prices": dict(zip(goods, (f"{c / 100:.2f}" for c in cents), strict=True)),
+            "total": f"{sum(cents) / 100:.2f}",
+            "body": body.format("\n  ".join(listed), who),
+        }
+
+    def prepare(self, machine):
+        sender = (self.drawn.who, "stall@mail.test")
+        new = mail.message("r1", sender, "Prices", self.drawn.body, "2026-03-04T08:05")
+        mail.receive(machine, new)
+
+    def opens(self, machine):
+        return "chrome", mail.INBOX
+
+    @property
+    def path(self):
+        """Where the list goes."""
+        return f"Documents/{self.drawn.file}"
+
+    def problems(self, machine):
+        yield from machine.untouched(self.path)
+        yield from mail.problems(machine)
+        found = (machine.text(self.path) or "").lower()
+        lines = [line for line in found.splitlines() if line.strip()]
+        expected = [*self.drawn.prices.items(), ("total", self.drawn.total)]
+        if len(lines) != len(expected):
+            yield f"{self.path} has {len(lines)} lines, not {len(expected)}"
+            return
+        for name, price in expected:
+            if not any(is_line(line, name, price) for line in lines):
+                yield f"no line of {self.path} has {name} and {price}, and no other number"
+        if "total" not in lines[-1]:
+            yield "the total is not in the last line"
+
+    def oracle(self, hand):
+        browser.begin(hand, mail.INBOX, "Inbox")
+        mail.open_mail(hand, self.drawn.who, "Prices")
+        notes.take_note(hand, self.path, self.text(self.drawn.total))
+
+    def text(self, total):
+        """The file with a total."""
+        return "\n".join([*self.drawn.listed, f"Total: ${total}"])
+
+    def wrong(self):
+        total = self.drawn.total
+        listed = self.drawn.listed
+        return {
+            "another sum": lambda m: m.write(self.path, self.text("1.00")),
+            "no sum": lambda m: m.write(self.path, "\n".join(listed)),
+            "only the sum": lambda m: m.write(self.path, f"Total: ${total}"),
+            "in the home folder": lambda m: m.write(self.drawn.file, self.text(total)),
+            "the sum first": lambda m: m.write(self.path, f"Total {total}\n" + "\n".join(listed)),
+        }
+
+    def right(self, machine):
+        rows = [f"{thing.upper()}\t{price}" for thing, price in self.drawn.prices.items()]
+        rows.reverse()
+        machine.write(self.path, "\n".join([*rows, "", f"total = {self.drawn.total} $"]) + "\n")
+
+
+def is_line(line, name, price):
+    """Whether a line has a name and a price, and no other number."""
+    return name in line and mail.numbers(line) == {float(price)}

@@ -1,0 +1,111 @@
+"""Read a total in a workbook, and write it into a letter."""
+
+import re
+
+from online_env.tasks.kit.documents import TextTask, changed, document, paragraph_of, text_changes
+from online_env.tasks.kit.office import dump, open_document, replace_all, save
+from online_env.tasks.kit.sheets import book, go_to, read_cells
+from online_env.tasks.kit.words import FIRST_NAMES, GOODS, LAST_NAMES, MONTHS, sample
+
+BLANK = "[SUM]"
+
+
+class TotalInLetter(TextTask):
+    """The bill is a workbook without a total; the letter has a blank for it."""
+
+    name = "total_in_letter"
+    domain = "workflows"
+    apps = ("libreoffice_writer", "libreoffice_calc")
+    phrasings = (
+        "The open letter has the blank [SUM]. Put the total of the column Euros of the workbook"
+        " {book}, in Documents, in its place (a whole number), and save the letter. Leave the"
+        " workbook as it is.",
+        "Add up the Euros in Documents/{book}, write the result instead of [SUM] into {file}, which"
+        " is open, and save it. Don't change the workbook.",
+        "Please finish this letter: [SUM] should be the sum of all amounts (Euros) in {book}, which"
+        " lies in Documents, too. Save the letter as docx; do not save the workbook.",
+    )
+
+    def draw(self, stream):
+        rows = [
+            (article, stream.integer(12, 990))
+            for article in sample(stream, GOODS, stream.integer(5, 9))
+        ]
+        month = stream.choice(MONTHS)
+        name = f"{stream.choice(FIRST_NAMES)} {stream.choice(LAST_NAMES)}"
+        file = f"letter-{month.lower()}.docx"
+        bill = f"bill-{stream.integer(100, 999)}.xlsx"
+        return {
+            "month": month,
+            "file": file,
+            "path": f"Documents/{file}",
+            "book": bill,
+            "bill": f"Documents/{bill}",
+            "rows": rows,
+            "total": sum(row[1] for row in rows),
+            "paragraphs": (
+                f"Dear {name},",
+                f"The goods that you ordered in {month} have arrived.",
+                f"They cost {BLANK} euros in all, to be paid within {stream.integer(10, 40)} days.",
+                "With kind regards",
+            ),
+        }
+
+    def made(self):
+        return document(f"Order of {self.drawn.month}", self.drawn.paragraphs)
+
+    def prepare(self, machine):
+        super().prepare(machine)
+        machine.write(
+            self.drawn.bill,
+            dump(book({"Bill": [("Article", "Euros"), *self.drawn.rows]})),
+        )
+
+    def sentence(self, total):
+        """Return the sentence with a total."""
+        return self.drawn.paragraphs[2].replace(BLANK, str(total))
+
+    def judge(self, now, before):
+        texts = {paragraph.text for paragraph in now.paragraphs}
+        total = self.drawn.total
+        forms = (f"{total}", f"{total:,}", f"{total}.00")
+        written = next((form for form in forms if self.sentence(form) in texts), forms[0])
+        wanted = changed(before, self.drawn.paragraphs[2], text=self.sentence(written))
+        yield from text_changes(now, wanted)
+
+    def oracle(self, hand):
+        open_document(hand, self.drawn.bill, "table", "Sheet Bill")
+        read_cells(hand, [f"B{len(self.drawn.rows) + 1}"])
+        go_to(hand, f"B2:B{len(self.drawn.rows) + 1}")
+        bar = hand.wait("sum", lambda node: re.search(r"Sum: [1-9]", node.text) is not None)
+        total = bar.text.rpartition("Sum: ")[2]  # the status bar adds up what is selected
+        hand.press("ctrl", "w")
+        hand.find("document-text", app="soffice")
+        replace_all(hand, BLANK, total)
+        save(hand)
+
+    def wrong(self):
+        total, last = self.drawn.total, self.drawn.rows[-1][1]
+        return {
+            "an article is missing": self.put(self.sentence(total - last)),
+            "the blank is still there": self.put(self.sentence(f"{BLANK} {total}")),
+            "more was written": self.put(f"{self.sentence(total)} Thank you!"),
+            "the workbook changed": self.spoilt,
+        }
+
+    def right(self, machine):
+        self.put(self.sentence(f"{self.drawn.total:,}"))(machine)
+
+    def put(self, text):
+        """Return what writes a sentence in the place of the one with the blank."""
+
+        def change(found):
+            paragraph_of(found, self.drawn.paragraphs[2]).text = text
+
+        return self.edited(change)
+
+    def spoilt(self, machine):
+        """Do it rightly, and save a total in the workbook."""
+        self.right(machine)
+        rows = [("Article", "Euros"), *self.drawn.rows, ("Total", self.drawn.total)]
+        machine.write(self.drawn.bill, dump(book({"Bill": rows})))

@@ -1,0 +1,1 @@
+"""Letters and other texts, in LibreOffice Writer."""

@@ -1,0 +1,70 @@
+"""Delete a paragraph, so that no empty line is left."""
+
+from dataclasses import replace
+
+from online_env.tasks.kit.documents import TextTask, document, remove_paragraph, text_changes
+from online_env.tasks.kit.office import find_text, save
+from online_env.tasks.kit.prose import report
+
+
+class DeleteParagraph(TextTask):
+    """One of the parts, its first line and its sentence, goes."""
+
+    name = "delete_paragraph"
+    domain = "writer"
+    apps = ("libreoffice_writer",)
+    phrasings = (
+        'Delete the part "{line}" of the open document: this line and the paragraph below it.'
+        " Leave no empty line, and save.",
+        'Take out "{line}" and the sentence that follows it. The rest stays, without a gap.'
+        " Save the file as docx.",
+        'The part "{line}" (the line itself and the one paragraph after it) is no longer true.'
+        " Please remove both and save the document.",
+    )
+
+    def draw(self, stream):
+        text = report(stream)
+        index = stream.integer(0, 2)
+        return {**text, "line": text["lines"][index], "body": text["bodies"][index]}
+
+    def made(self):
+        return document(self.drawn.title, self.drawn.paragraphs)
+
+    def judge(self, now, before):
+        gone = (self.drawn.line, self.drawn.body)
+        left = [paragraph for paragraph in before.paragraphs if paragraph.text not in gone]
+        yield from text_changes(now, replace(before, paragraphs=tuple(left)))
+
+    def oracle(self, hand):
+        for text in (self.drawn.line, self.drawn.body):
+            if any(node.text == text for node in hand.look() if node.role == "paragraph"):
+                find_text(hand, text)
+                hand.press("delete")  # the text, and then the line feed
+                hand.press("delete")
+        save(hand)
+
+    def wrong(self):
+        line, body = self.drawn.line, self.drawn.body
+        other = next(text for text in self.drawn.lines if text != line)
+        return {
+            "the line alone": self.edited(lambda found: remove(found, line)),
+            "an empty line is left": self.edited(lambda found: blank(found, line, body)),
+            "another part": self.edited(lambda found: remove(found, other, body)),
+            "too much": self.edited(lambda found: remove(found, line, body, other)),
+        }
+
+    def right(self, machine):
+        self.edited(lambda found: remove(found, self.drawn.body, self.drawn.line))(machine)
+
+
+def remove(found, *texts):
+    """Remove paragraphs of a document."""
+    for text in texts:
+        remove_paragraph(found, text)
+
+
+def blank(found, *texts):
+    """Empty paragraphs of a document, and leave them there."""
+    for paragraph in found.paragraphs:
+        if paragraph.text in texts:
+            paragraph.clear()

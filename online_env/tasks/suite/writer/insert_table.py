@@ -1,0 +1,83 @@
+"""Insert an empty table of a size at the end of a text."""
+
+from dataclasses import replace
+
+from online_env.tasks.kit.documents import TextTask, document, text_changes
+from online_env.tasks.kit.office import save
+from online_env.tasks.kit.prose import report
+
+
+class InsertTable(TextTask):
+    """Rows and columns are asked for; the head of the table is to be filled in."""
+
+    name = "insert_table"
+    domain = "writer"
+    apps = ("libreoffice_writer",)
+    phrasings = (
+        "Insert a table with {columns} columns and {rows} rows at the end of the open document."
+        ' Write "{head}" into its first cell, leave the others empty, and save.',
+        '{file} needs a table at its end: {rows} rows, {columns} columns, "{head}" in the top left'
+        " cell, nothing in the others. Save it as docx.",
+        'Please add an empty table ({columns} columns, {rows} rows) below the text, with "{head}"'
+        " in the first cell of the first row, and save the document.",
+    )
+
+    def draw(self, stream):
+        return {
+            **report(stream),
+            "columns": stream.integer(3, 6),
+            "rows": stream.integer(4, 9),
+            "head": stream.choice(("Name", "Person", "Who", "Day", "Task", "Guest")),
+        }
+
+    def made(self):
+        return document(self.drawn.title, self.drawn.paragraphs)
+
+    def judge(self, now, before):
+        yield from text_changes(now, replace(before, tables=(self.wanted(),)))
+        if now.after_table:
+            yield f"{now.after_table!r} comes after the table"
+
+    def wanted(self):
+        """Return the cells of the table by rows."""
+        empty = ("",) * self.drawn.columns
+        first = (self.drawn.head, *empty[1:])
+        return (first, *[empty] * (self.drawn.rows - 1))
+
+    def oracle(self, hand):
+        if hand.see("table", app="soffice") is None:
+            hand.press("ctrl", "end")
+            hand.press("enter")
+            hand.press("ctrl", "f12")
+            hand.find("dialog", "Insert Table", app="soffice")
+            hand.press("tab")
+            hand.replace(str(self.drawn.columns))
+            hand.press("tab")
+            hand.replace(str(self.drawn.rows))
+            hand.button("Insert", app="soffice")
+            hand.gone("dialog", app="soffice")
+            hand.type(self.drawn.head)
+        save(hand)
+
+    def wrong(self):
+        rows, columns = self.drawn.rows, self.drawn.columns
+        return {
+            "turned": self.put(columns, rows, self.drawn.head),
+            "a row too few": self.put(rows - 1, columns, self.drawn.head),
+            "without a head": self.put(rows, columns, ""),
+            "before the text": self.put(rows, columns, self.drawn.head, first=True),
+        }
+
+    def right(self, machine):
+        self.put(self.drawn.rows, self.drawn.columns, self.drawn.head)(machine)
+
+    def put(self, rows, columns, head, first=False):
+        """Return what adds a table."""
+
+        def change(found):
+            table = found.add_table(rows, columns)
+            table.cell(0, 0).text = head
+            if first:
+                found.paragraphs[0]._element.addprevious(table._element)
+
+        return self.edited(change)

@@ -1,0 +1,70 @@
+"""Make the last lines of a text a list with bullets."""
+
+from dataclasses import replace
+
+from online_env.tasks.kit.documents import TextTask, document, paragraph_of, text_changes
+from online_env.tasks.kit.office import find_text, save
+from online_env.tasks.kit.prose import report
+
+
+class ListItems(TextTask):
+    """The lines below "Please bring:" become the items of a list."""
+
+    name = "list_items"
+    domain = "writer"
+    apps = ("libreoffice_writer",)
+    phrasings = (
+        'Make the {count} lines below "Please bring:" in the open document a bulleted list, and'
+        " save it.",
+        "The things to bring at the end of {file} should be a list with bullets. Save it as docx.",
+        'In this letter, please turn everything after "Please bring:" into bullet points, and'
+        " save the letter.",
+    )
+
+    def draw(self, stream):
+        text = report(stream)
+        return {**text, "count": len(text["items"])}
+
+    def made(self):
+        return document(self.drawn.title, self.drawn.paragraphs)
+
+    def judge(self, now, before):
+        wanted = [
+            replace(paragraph, is_item=paragraph.text in self.drawn.items)
+            for paragraph in before.paragraphs
+        ]
+        yield from text_changes(now, replace(before, paragraphs=tuple(wanted)), {"style"})
+        for paragraph in now.paragraphs:
+            if paragraph.is_item and paragraph.marker != "bullet":
+                yield f"{paragraph.text!r} has a {paragraph.marker}, not a bullet"
+            if not paragraph.is_item and paragraph.style not in ("Normal", "Title"):
+                yield f"{paragraph.text!r} has the style {paragraph.style}"
+
+    def oracle(self, hand):
+        find_text(hand, self.drawn.items[0])
+        hand.press("home")
+        hand.press("ctrl", "shift", "end")
+        if hand.see("list-item", app="soffice") is None:
+            hand.press("shift", "f12")
+        save(hand)
+
+    def wrong(self):
+        items = self.drawn.items
+        return {
+            "one is missing": self.styled(items[1:], "List Bullet"),
+            "the line above as well": self.styled(["Please bring:", *items], "List Bullet"),
+            "with numbers": self.styled(items, "List Number"),
+            "only indented": self.styled(items, "List Continue"),
+        }
+
+    def right(self, machine):
+        self.styled(self.drawn.items, "List Bullet")(machine)
+
+    def styled(self, texts, style):
+        """Return what gives paragraphs a style."""
+
+        def change(found):
+            for text in texts:
+                paragraph_of(found, text).style = found.styles[style]
+
+        return self.edited(change)

@@ -1,0 +1,270 @@
+"""Build a dataset: recorded trajectories in, Parquet shards with corrupted and clean rows out."""
+
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Unpack
+
+from hijack_data.files import write_atomic
+from hijack_data.paths import PathLike
+
+from ..dataset.columns import pyarrow
+from ..dataset.manifest import make_manifest, total_counts, write_manifest
+from ..dataset.shard import ShardRecord
+from ..engines import Engine, get_engine
+from ..errors import BuildError
+from ..readers import Rejected
+from ..readers.choices import ReaderOptions
+from ..readers.files import is_utf8
+from ..sources import SourceItem, Sources
+from .card import CARD, CONFIG, make_card
+from .folder import OutFolder, parameters_in
+from .loaded import require
+from .options import BuildKeywords, BuildOptions, Progress, with_options
+from .quarantine import Quarantine
+from .reading import read_items
+from .replacing import replaced
+from .report import BuildReport
+from .rows import RowSettings
+from .settings import config_of, in_order, parameters_of, settings_of
+from .shards import ShardTask, shard_tasks
+from .splits import Splits, choose_splits
+from .trial import tried
+
+
+@with_options
+def build(
+    source: PathLike | Sequence[PathLike],
+    out: PathLike,
+    options: BuildOptions | None = None,
+    **overrides: Unpack[BuildKeywords],
+) -> BuildReport:
+    """Build a dataset from recordings.
+
+    The same source and options give the same bytes, whatever the number of workers and however
+    often the build was killed and resumed. Inputs that cannot be read are left out and listed in
+    `quarantine.jsonl`.
+
+    Args:
+        source: a file or folder of recordings, or a list of them. A folder may hold several
+            formats: each file is read by its own reader. A trajectory whose id was there before
+            gets the name of its source (or, in one source, of its format) before its id.
+        out: the folder to make, outside the source; it must be empty or not exist.
+        options: see `BuildOptions`, which describes every option.
+        **overrides: the same options as keywords; they win over `options`.
+
+    A build fails with:
+
+    * `SourceError`: the source does not exist, is empty, or is of no known format.
+    * `AssetError`: recorded pictures are needed and missing.
+    * `BuildError`: `out` cannot be used, or an option is wrong.
+    * `DatasetError`: `resume` without the file of corruptions that the build used, see
+      `hijack_data.loading`.
+    * `ConfigError`, `ParameterError`, `UnknownNameError`: a mistake in the configuration, a value
+      out of range, or an unknown corruption, reader, engine or platform.
+    * `MissingDependencyError`: pyarrow, isal or Ray is not installed.
+    """
+    asked = replace(options or BuildOptions(), **overrides)
+    pyarrow()
+    engine = get_engine(asked.engine, asked.ray_address)
+    asked.check()
+    if asked.resume:
+        require(parameters_in(Path(out)), os.fspath(out))
+    plan = _planned(source, Path(out), asked)
+    items, steps = read_items(plan.sources, asked.limit, count=asked.progress is not None)
+    meter = _Meter(asked.progress, plan.settings.variants, steps)
+    if asked.dry_run:
+        return plan.tried(items, meter)
+    return plan.built(items, meter, engine)
+
+
+def _planned(
+    source: PathLike | Sequence[PathLike],
+    out: Path,
+    asked: BuildOptions,
+) -> "_BuildPlan":
+    """Open the sources and check everything that can be checked before records are read."""
+    choices = ReaderOptions(asked.coordinates, asked.boxes)
+    sources = Sources.of(source, asked.format, choices, apps=asked.apps, platform=asked.platform)
+    options = asked.resolved()
+    settings, notes = settings_of(options)
+    splits = choose_splits(options.splits)
+    for path in sources.paths:
+        _check_apart(out, path)
+    return _BuildPlan(
+        out=out,
+        options=options,
+        sources=sources,
+        settings=settings,
+        splits=splits,
+        notes=notes,
+    )
+
+
+@dataclass
+class _Meter:
+    """Counts the steps that were looked at, and reports them to the caller.
+
+    Rows cannot be counted before they are made.
+    """
+
+    progress: Progress | None
+    variants: int
+    total: int
+    rows: int = 0
+
+    def __call__(self, rows: int) -> None:
+        self.rows += rows
+        if self.progress is not None:
+            self.progress(self.rows // self.variants, self.total, "steps")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _BuildPlan:
+    """What a build will do: its options, checked, and its sources, opened."""
+
+    out: Path
+    options: BuildOptions
+    sources: Sources
+    settings: RowSettings
+    splits: Splits
+    notes: tuple[str, ...]
+
+    def tasks(
+        self, items: Iterator[SourceItem], reject: Callable[[Rejected], None]
+    ) -> Iterator[ShardTask]:
+        """Yield the shards; `reject` takes in what a reader could not read."""
+        per_shard = self.options.rows_per_shard
+        return shard_tasks(items, per_shard, self.settings.variants, reject, self.splits)
+
+    def tried(self, items: Iterator[SourceItem], meter: _Meter) -> BuildReport:
+        """Make all rows, write nothing, and return the report."""
+        report = tried(
+            lambda reject: self.tasks(items, reject),
+            self.settings,
+            strict=self.options.strict,
+            tick=meter,
+        )
+        notes = (*self.notes, *self.sources.notes())
+        return replace(report, out=os.fspath(self.out), notes=notes)
+
+    def built(
+        self,
+        items: Iterator[SourceItem],
+        meter: _Meter,
+        engine: Engine,
+    ) -> BuildReport:
+        """Write the dataset and return the report."""
+        options = self.options
+        parameters = parameters_of(self.settings, options, self.sources, self.splits)
+        with replaced(self.out, options.overwrite) as place:
+            folder = OutFolder(place)
+            with folder.opened(parameters, options.resume):
+                quarantine = Quarantine(folder.state, options.strict)
+                with closing(quarantine):
+                    job = _Job(
+                        plan=self,
+                        folder=folder,
+                        quarantine=quarantine,
+                        meter=meter,
+                    )
+                    job.run(self.tasks(items, quarantine.reject), options.workers, engine)
+                    return job.finish(parameters)
+
+
+@dataclass(kw_only=True)
+class _Job:
+    """One run of a build in a folder that it holds."""
+
+    plan: _BuildPlan
+    folder: OutFolder
+    quarantine: Quarantine
+    meter: _Meter
+    shards: dict[int, ShardRecord] = field(default_factory=dict[int, ShardRecord])
+    kept: int = 0
+
+    def run(
+        self,
+        tasks: Iterator[ShardTask],
+        workers: int,
+        engine: Engine,
+    ) -> None:
+        """Make the shards that do not exist yet."""
+        settings = self.plan.settings
+        records = engine(self._missing(tasks), settings, self.folder.path, workers, self.meter)
+        with closing(records):  # workers end now, not when the last trace of an error is gone
+            for record in records:
+                self._take(record)
+                self.folder.save(record)
+
+    def finish(self, parameters: Mapping[str, Any]) -> BuildReport:
+        """Write the files beside the shards, the manifest last."""
+        plan = self.plan
+        out = self.folder.path
+        shards = [self.shards[index] for index in sorted(self.shards)]
+        self.quarantine.write(out, shards)
+        config = config_of(plan.settings, plan.splits)
+        rejected = self.quarantine.by_field
+        manifest = make_manifest(parameters, config, plan.sources.given, shards, rejected)
+        rows = in_order(manifest["counts"]["rows"], plan.settings)
+        manifest["counts"]["rows"] = rows
+        if config is None:
+            (out / CONFIG).unlink(missing_ok=True)  # of an earlier build
+        else:
+            write_atomic(out / CONFIG, config)
+        write_atomic(out / CARD, make_card(manifest))
+        write_manifest(out, manifest)
+        self.folder.finish(shards)
+        counts = total_counts(shards)
+        return BuildReport(
+            out=os.fspath(plan.out),
+            rows=rows,
+            rejected=self.quarantine.total,
+            examples=tuple(self.quarantine.examples),
+            not_applicable=counts["not_applicable"],
+            dropped=counts["dropped"],
+            shards=len(shards),
+            kept=self.kept,
+            notes=(*plan.notes, *plan.sources.notes(), *_empty_splits(shards, plan.splits)),
+        )
+
+    def _missing(self, tasks: Iterator[ShardTask]) -> Iterator[ShardTask]:
+        for task in tasks:
+            record = self.folder.keep(task)
+            if record is None:
+                yield task
+                continue
+            self.kept += 1
+            self._take(record)
+            self.meter(task.steps * self.plan.settings.variants)
+
+    def _take(self, record: ShardRecord) -> None:
+        self.quarantine.check(record)
+        self.shards[record.index] = record
+
+
+def _empty_splits(shards: list[ShardRecord], splits: Splits) -> Iterator[str]:
+    if len(splits.names) < 2:
+        return
+    for name in splits.names:
+        prefix = f"{name}-"
+        rows = sum(shard.rows for shard in shards if Path(shard.file).name.startswith(prefix))
+        if not rows:
+            yield (
+                f"split {name}: no row; with so few trajectories chance decides, take larger shares"
+                " or one split"
+            )
+
+
+def _check_apart(out: Path, source: Path) -> None:
+    try:
+        is_named = is_utf8(os.path.abspath(out))
+        inside = is_named and source.is_dir() and out.resolve().is_relative_to(source.resolve())
+    except (OSError, RuntimeError, ValueError) as error:
+        raise BuildError(f"{out}: not a usable path ({error})") from None
+    if not is_named:
+        raise BuildError(f"{os.fspath(out)!r}: this name is not UTF-8; choose another")
+    if inside:
+        raise BuildError(f"{out}: lies in the source {source}; choose a folder outside it")

@@ -1,0 +1,276 @@
+"""The dataset card: README.md, which also tells `datasets.load_dataset` where the rows are."""
+
+import json
+import shlex
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from hijack_data import extras
+
+from ..dataset.columns import VISIBLE, stored
+from ..dataset.manifest import is_lazy
+from ..fidelity import MEANINGS
+from ..knowledge import LIST
+from .loaded import LOADED
+from .options import ROWS_PER_SHARD
+from .settings import FOREIGN
+
+CARD = "README.md"
+CONFIG = "config.yaml"
+AGAIN = "../built-again"
+_POLICIES = {
+    "keep": "Rows whose target is hidden are kept; `target_visible` says how much of it shows.",
+    "avoid": (
+        "A corruption is placed again until the whole target shows; where that fails there is no"
+        " row."
+    ),
+    "drop": f"Rows of which less than {VISIBLE:g} of the target shows are dropped.",
+    "recover": (
+        "What can be undone comes with the step that undoes it. What lies over the screen and has"
+        " nothing to close it is placed again until the whole target shows; where that fails there"
+        " is no row."
+    ),
+}
+
+
+def make_card(manifest: Mapping[str, Any]) -> str:
+    """Return the card of a dataset from its manifest.
+
+    It names no folder, so a moved dataset keeps its card.
+    """
+    parameters = manifest["parameters"]
+    assets = parameters.get("assets")
+    return "\n".join(
+        [
+            *_front_matter(),
+            "# Computer-use trajectories with corrupted screens",
+            "",
+            (
+                f"{manifest['rows']} rows from {manifest['source']['steps']} steps of"
+                f" {manifest['source']['trajectories']} recorded trajectories (format"
+                f" `{parameters['reader']}`), made by AgentHijack"
+                f" {parameters['libraries']['agenthijack']}. Each row is one step: a screenshot and"
+                " the action to take on it, in pixels of that screenshot."
+            ),
+            "",
+            *_counts(manifest),
+            *_reading(is_lazy(manifest)),
+            *_how(manifest),
+            *_columns(is_lazy(manifest)),
+            "## Licence",
+            "",
+            (
+                "The screenshots and instructions come from the source recordings and stay under"
+                " their licence and terms; check those before you share this dataset."
+            ),
+            *(
+                []
+                if assets is None
+                else [f"Pictures of events come from an asset pack: {assets['licence']}"]
+            ),
+            "",
+        ]
+    )
+
+
+def _front_matter() -> list[str]:
+    # No `configs`: datasets names its cache by them alone, so two datasets in folders of one name
+    # would share it. Without them it finds data/train-*.parquet by itself and names the cache by
+    # the files.
+    return ["---", "license: other", "license_name: as-source-recordings", "---", ""]
+
+
+def _counts(manifest: Mapping[str, Any]) -> list[str]:
+    counts = manifest["counts"]
+    unfit = {label: sum(reasons.values()) for label, reasons in counts["not_applicable"].items()}
+    rows = [
+        f"| `{label}` | {count} | {unfit.get(label, 0)} | {counts['dropped'].get(label, 0)} |"
+        for label, count in counts["rows"].items()
+    ]
+    rejected = sum(counts["rejected"].values())
+    return [
+        "| corruption | rows | not applicable | dropped |",
+        "|---|---:|---:|---:|",
+        *rows,
+        "",
+        *_splits(manifest),
+        (
+            f"{rejected} input(s) could not be read and are listed in `quarantine.jsonl`."
+            if rejected
+            else "Every input was read."
+        ),
+        "",
+    ]
+
+
+def _splits(manifest: Mapping[str, Any]) -> list[str]:
+    """Return how the trajectories were split, and the number of rows of each split."""
+    parameters = manifest["parameters"]
+    lines = (
+        [f"Only the first {parameters['limit']} trajectories were read.", ""]
+        if "limit" in parameters
+        else []
+    )
+    if "splits" not in parameters:
+        return lines
+    counted: dict[str, list[int]] = {name: [0, 0, 0] for name in parameters["splits"]}
+    for shard in manifest["shards"]:
+        split = Path(shard["file"]).name.partition("-")[0]
+        found = (shard["trajectories"], shard["steps"], shard["rows"])
+        counted[split] = [a + b for a, b in zip(counted[split], found, strict=True)]
+    return [
+        *lines,
+        (
+            "Split by a hash of `trajectory_id`: all rows of a trajectory are in one split,"
+            " whatever the seed."
+        ),
+        "",
+        "| split | share | trajectories | steps | rows |",
+        "|---|---:|---:|---:|---:|",
+        *(
+            f"| `{name}` | {parameters['splits'][name]:g} | {' | '.join(map(str, numbers))} |"
+            for name, numbers in counted.items()
+        ),
+        "",
+    ]
+
+
+def _reading(lazy: bool) -> list[str]:
+    if not lazy:
+        return []
+    return [
+        (
+            "The screenshot of each step is stored once, as it was recorded; the corrupted ones"
+            f" are drawn on access ({extras.remedy('hf')}):"
+        ),
+        "",
+        "```python",
+        "from datasets import load_dataset",
+        "from pipelines import render",
+        "",
+        'rows = load_dataset(FOLDER, split="train").with_transform(render)',
+        "```",
+        "",
+    ]
+
+
+def _how(manifest: Mapping[str, Any]) -> list[str]:
+    parameters = manifest["parameters"]
+    boxes = (
+        "found in the picture (OpenCV)"
+        if parameters["elements"] == "picture"
+        else "those of the recording, if any"
+    )
+    lines = [
+        "## How it was made",
+        "",
+        (
+            f"Every corruption was planned with seed {parameters['seed']} and applied to the"
+            " screenshot; clean rows hold the screenshot as it was recorded. Plans depend on seed,"
+            f" corruption, trajectory and step alone. Boxes of interactive elements are {boxes}."
+            f" {_POLICIES[parameters['label_policy']]}"
+        ),
+        "",
+        *_fidelity(parameters.get("assets")),
+        "",
+    ]
+    if not parameters["corruptions"]:
+        return [
+            *lines,
+            "It holds the clean rows alone: `hijack build --corruptions clean` makes it again.",
+            "",
+        ]
+    if manifest["config"] is None:
+        return [
+            *lines,
+            "It was built with `pipelines.build` from Python; a configuration file cannot hold it.",
+            "",
+        ]
+    # Commands are for this folder, which is in the way of a build into it and holds the
+    # configuration.
+    files = parameters.get(LOADED, ())
+    hijack = ["hijack", *(word for entry in files for word in ("--load", entry["file"]))]
+    again = ["--out", AGAIN, "--config", CONFIG]
+    known = [*_limit(parameters), *_told(parameters)]
+    command = [*hijack, "build", *manifest["source"]["paths"], *known, *again]
+    check = shlex.join([*hijack, "verify", "."])
+    return [
+        *lines,
+        (
+            "To build it again, in this folder (source fingerprint "
+            f"`{manifest['source']['fingerprint'][:16]}`, libraries as below):"
+        ),
+        "",
+        "```",
+        shlex.join(command),
+        "```",
+        "",
+        *_cut(parameters["rows_per_shard"]),
+        *(f"`{entry['file']}` has the SHA-256 `{entry['sha256']}`.\n" for entry in files),
+        f"`{CONFIG}`:",
+        "",
+        "```yaml",
+        *manifest["config"].splitlines(),
+        "```",
+        "",
+        f"Libraries: {json.dumps(parameters['libraries'])}. `{check}` checks every row.",
+        "",
+    ]
+
+
+def _limit(parameters: Mapping[str, Any]) -> list[str]:
+    return ["--limit", str(parameters["limit"])] if "limit" in parameters else []
+
+
+def _told(parameters: Mapping[str, Any]) -> list[str]:
+    """Return the options that describe the recordings of a build."""
+    told = parameters.get(LIST, {})
+    apps = ["--apps", ",".join(told["apps"])] if told.get("apps") else []
+    platform = ["--platform", told["platform"]] if told.get("platform") else []
+    spaces = [
+        word
+        for name in ("coordinates", "boxes")
+        if name in parameters
+        for word in (f"--{name}", parameters[name])
+    ]
+    return [*apps, *platform, *spaces, *(["--foreign"] if parameters.get(FOREIGN) else [])]
+
+
+def _fidelity(assets: Mapping[str, str] | None) -> list[str]:
+    if assets is None:
+        return [f"`fidelity` is `exact`: {MEANINGS['exact']}"]
+    return [
+        "`fidelity` says how true a row is:",
+        "",
+        *(f"* `{name}`: {text}" for name, text in MEANINGS.items()),
+        "",
+        (
+            "`event` says what happened to the machine, `reminder` what an onlooker should say,"
+            " `inserted` that the event added the step. The pictures of events are those of asset"
+            f" pack `{assets['sha256'][:16]}`."
+        ),
+    ]
+
+
+def _cut(rows_per_shard: int) -> list[str]:
+    if rows_per_shard == ROWS_PER_SHARD:
+        return []
+    return [
+        (
+            f"The files were cut at {rows_per_shard} rows: `rows_per_shard={rows_per_shard}` in"
+            " `pipelines.build`."
+        ),
+        "",
+    ]
+
+
+def _columns(lazy: bool) -> list[str]:
+    rows = [f"| `{name}` | {_kind(kind)} | {text} |" for name, (kind, text) in stored(lazy).items()]
+    return ["## Columns", "", "| column | type | what |", "|---|---|---|", *rows, ""]
+
+
+def _kind(kind: Any) -> str:
+    if isinstance(kind, dict):
+        return "{" + ", ".join(f"{key}: {_kind(part)}" for key, part in kind.items()) + "}"
+    return f"list of {kind[0]}" if isinstance(kind, list) else kind

@@ -1,0 +1,132 @@
+"""Reports of builds and of checks, for people and for exit codes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+SHOWN = 5
+SHOWN_PROBLEMS = 20
+
+
+@dataclass
+class Findings:
+    """The result of a check.
+
+    Args:
+        folder: the folder that was checked.
+        problems: what is wrong; empty if nothing is.
+    """
+
+    folder: str
+    problems: list[str] = field(default_factory=list[str])
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing is wrong."""
+        return not self.problems
+
+    @property
+    def exit_code(self) -> int:
+        """0 if nothing is wrong, otherwise 1."""
+        return 0 if self.ok else 1
+
+    def listed(self) -> list[str]:
+        """Return the first problems as lines of text, and the number of the others."""
+        text = [f"  {problem}" for problem in self.problems[:SHOWN_PROBLEMS]]
+        more = len(self.problems) - SHOWN_PROBLEMS
+        if more > 0:
+            text.append(f"  and {more} more")
+        return text
+
+
+@dataclass(frozen=True, kw_only=True)
+class BuildReport:
+    """The result of a build.
+
+    Args:
+        out: the folder of the dataset.
+        rows: rows by label, in the order of the build.
+        rejected: inputs that were left out; all of them are in `quarantine.jsonl`.
+        examples: the first of them, as text.
+        not_applicable: for each label, the number of samples that a corruption could not be placed
+            on, by reason.
+        dropped: samples that the label policy dropped, by label.
+        shards: number of files, written or kept.
+        kept: number of files that an earlier run had finished.
+        notes: further remarks for the user.
+        dry_run: whether nothing was written, and the report is about what would be.
+    """
+
+    out: str
+    rows: Mapping[str, int]
+    rejected: int
+    examples: tuple[str, ...]
+    not_applicable: Mapping[str, Mapping[str, int]]
+    dropped: Mapping[str, int]
+    shards: int
+    kept: int
+    notes: tuple[str, ...] = ()
+    dry_run: bool = False
+
+    @property
+    def total(self) -> int:
+        """All rows."""
+        return sum(self.rows.values())
+
+    @property
+    def exit_code(self) -> int:
+        """0 if every input was read and there are rows, otherwise 1."""
+        return 1 if self.rejected or not self.total else 0
+
+    def to_data(self) -> dict[str, Any]:
+        """Return the report as JSON data."""
+        reasons = {label: dict(found) for label, found in self.not_applicable.items()}
+        return {
+            "out": self.out,
+            "rows": self.total,
+            "rows_by_corruption": dict(self.rows),
+            "rejected": self.rejected,
+            "not_applicable": reasons,
+            "dropped": dict(self.dropped),
+            "shards": self.shards,
+            "kept": self.kept,
+            "notes": list(self.notes),
+            "dry_run": self.dry_run,
+        }
+
+    def lines(self) -> list[str]:
+        """Return the report as lines of text."""
+        text = [self._head()]
+        for label, count in self.rows.items():
+            text.append(f"  {label}: {count}")
+        if not self.total:
+            text.append("  there is no row: load_dataset refuses an empty dataset")
+        text += self._left_out()
+        text += self._rejected()
+        text += [f"  note: {note}" for note in self.notes]
+        return text
+
+    def _head(self) -> str:
+        would = "nothing was written; it would be " if self.dry_run else ""
+        kept = f", {self.kept} of them kept from before" if self.kept else ""
+        return f"{self.out}: {would}{self.total} rows in {self.shards} file(s){kept}"
+
+    def _left_out(self) -> list[str]:
+        """Return the samples that gave no row, by label and reason."""
+        text: list[str] = []
+        for label, reasons in self.not_applicable.items():
+            for reason, count in reasons.items():
+                text.append(f"  {label}: not applicable to {count} step(s): {reason}")
+        for label, count in self.dropped.items():
+            text.append(f"  {label}: {count} dropped, their target does not show")
+        return text
+
+    def _rejected(self) -> list[str]:
+        if not self.rejected:
+            return []
+        where = "" if self.dry_run else f", see {self.out}/quarantine.jsonl"
+        text = [f"  {self.rejected} input(s) rejected{where}:"]
+        text += [f"    {example}" for example in self.examples]
+        if self.rejected > len(self.examples):
+            text.append("    ...")
+        return text

@@ -1,0 +1,405 @@
+"""From one recorded step to its rows: the clean one, and one for each corruption."""
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, cast
+
+from hijack_data import apply, scene_from
+from hijack_data.errors import ActionError, HijackError, ImageError, ParameterError
+from hijack_data.files import sha256_of
+from hijack_data.labels.rows import made_by
+from hijack_data.pack import AssetPack
+from hijack_data.plan import CLEAN, Plan
+from hijack_data.planner import Planner
+from hijack_data.safety import changed_pixels, target_visible
+from hijack_data.types import Action, Box, Scene, Step, Trajectory, UInt8Array, as_boxes, as_target
+
+from ..dataset.columns import ACTION, BASE, VISIBLE
+from ..dataset.images import Base, decode, encode, touched
+from ..dataset.lazy import stored_plan
+from ..dataset.sample import Sample, position_of
+from ..edits.base import EditedStep
+from ..edits.variants import Variant, VariantPlanner, acts, due, ever_due, step_numbers
+from ..errors import BuildError
+from ..readers import Rejected
+from ..readers.dialects import observed_code
+from .selection import needs_boxes
+
+NEVER = "the recording ends before the step at which it acts"
+
+
+@dataclass(frozen=True)
+class RowSettings:
+    """Everything that decides the content of a row, besides the recording.
+
+    Args:
+        planners: the corruptions by label, in the order of the build.
+        seed: of every draw, 0 to 2**64 - 1.
+        clean: whether each step has a clean row.
+        label_policy: one of `hijack_data.config.options.LABEL_POLICIES`.
+        detect: whether to detect elements in pictures if none are recorded.
+        lazy: whether to store plans instead of corrupted pictures.
+        assets: the folder of the asset pack, if not the default one.
+        foreign: whether to show the desktop of the pack on other platforms too.
+    """
+
+    planners: tuple[tuple[str, Planner], ...]
+    seed: int = 0
+    clean: bool = True
+    label_policy: str = "keep"
+    detect: bool = False
+    lazy: bool = False
+    assets: str | None = None
+    foreign: bool = False
+
+    @property
+    def variants(self) -> int:
+        """Number of rows that a step can have, without those that an edit adds."""
+        return len(self.planners) + self.clean
+
+    @property
+    def pack(self) -> AssetPack | None:
+        """The asset pack, or `None` if nothing acts on the machine.
+
+        A pack that is missing or damaged is an `AssetError`.
+        """
+        if any(acts(planner) for _, planner in self.planners):
+            return AssetPack.load(self.assets)
+        return None
+
+
+@dataclass
+class RowCounts:
+    """The outcome of steps: rows by label, samples without a row and why, rejected inputs."""
+
+    rows: Counter[str] = field(default_factory=Counter[str])
+    dropped: Counter[str] = field(default_factory=Counter[str])
+    not_applicable: dict[str, Counter[str]] = field(default_factory=dict[str, "Counter[str]"])
+    rejected: list[Rejected] = field(default_factory=list[Rejected])
+
+    def skip(self, label: str, reason: str) -> None:
+        """Count a sample that a corruption cannot be placed on.
+
+        Reasons that differ only in their numbers count as one.
+        """
+        reasons = self.not_applicable.setdefault(label, Counter())
+        reasons[re.sub(r"\d+", "N", reason)] += 1
+
+    def reject(
+        self,
+        where: str,
+        place: str,
+        field: str,
+        error: Exception,
+    ) -> None:
+        """Take in an input that cannot be used."""
+        self.rejected.append(Rejected(where, place, field, str(error)))
+
+
+@dataclass(frozen=True)
+class MadeRow:
+    """A row before its picture is stored.
+
+    Args:
+        label: the value of the column `corruption`.
+        variant: the plan, and the step that it was made for.
+        picture: the picture of the row, uint8 RGB `[H, W, 3]`.
+        labels: all columns of a materialised row, except the picture and its SHA-256.
+    """
+
+    label: str
+    variant: Variant
+    picture: UInt8Array
+    labels: dict[str, Any]
+
+
+def rows_of(
+    trajectory: Trajectory,
+    step: Step,
+    data: bytes,
+    where: str,
+    settings: RowSettings,
+    tally: RowCounts,
+) -> Iterator[Any]:
+    """Yield the rows of one step.
+
+    Args:
+        trajectory: the recording.
+        step: one of its steps.
+        data: the bytes of its screenshot.
+        where: the name of the screenshot in reports.
+        settings: those of the build.
+        tally: counts the rows, and what gave none.
+    """
+    sample = sample_of(trajectory, step, data, where, settings, tally)
+    if sample is None:
+        return
+    for made in made_of(sample, where, settings, tally):
+        yield _stored(made, settings)
+
+
+def sample_of(
+    trajectory: Trajectory,
+    step: Step,
+    data: bytes,
+    where: str,
+    settings: RowSettings,
+    tally: RowCounts,
+) -> Sample | None:
+    """Return a step with its screenshot decoded, or `None` if it is rejected; see `rows_of`."""
+    place = f"{trajectory.id}, step {step.index}"
+    try:
+        image = decode(data, where)
+        scene = _scene(trajectory, step, image, settings)
+        return Sample(trajectory, step, Base(image), scene)
+    except ImageError as error:
+        tally.reject(where, place, "image", error)
+    except ParameterError as error:  # a target without area or off the screen
+        tally.reject(where, place, "target_box", error)
+    return None
+
+
+def made_of(
+    sample: Sample,
+    where: str,
+    settings: RowSettings,
+    tally: RowCounts,
+) -> Iterator[MadeRow]:
+    """Yield the clean row of a step and those of each corruption, in the order of the dataset."""
+    counter = _Counter(sample, where, settings, tally)
+    if settings.clean:
+        plan = Plan.clean(sample.scene.size)
+        yield from counter.rows(CLEAN, iter([Variant(sample, plan, plan)]))
+    chooser = VariantPlanner(settings.seed, settings.label_policy, settings.pack, settings.foreign)
+    for label, planner in settings.planners:
+        if sample.position == 0 and not ever_due(sample.trajectory, planner):
+            tally.skip(label, NEVER)
+        yield from counter.rows(label, chooser.variants(sample, planner))
+
+
+@dataclass(frozen=True)
+class _Counter:
+    """Makes the rows of one step, and counts them and the samples without a row."""
+
+    sample: Sample
+    where: str
+    settings: RowSettings
+    tally: RowCounts
+
+    def rows(self, label: str, variants: Iterator[Variant | None]) -> Iterator[MadeRow]:
+        # no row of the label comes after an error
+        try:
+            for variant in variants:
+                made = self._made(label, variant)
+                if made is not None:
+                    self.tally.rows[label] += 1
+                    yield made
+        except ActionError as error:
+            place = f"{self.sample.trajectory.id}, step {self.sample.step.index}, {label}"
+            self.tally.reject(self.where, place, "action_code", error)
+        except BuildError as error:
+            raise BuildError(f"corruptions: {label}: {error}") from None
+        except HijackError as error:
+            self.tally.skip(label, str(error))
+
+    def _made(self, label: str, variant: Variant | None) -> MadeRow | None:
+        """Return the row of a variant, or count why there is none."""
+        if variant is None:
+            self.tally.dropped[label] += 1
+            return None
+        plan = variant.plan
+        if label != CLEAN and not plan.ops:
+            reason = "; ".join(plan.notes) or "the plan leaves the picture as it is"
+            self.tally.skip(label, reason)
+            return None
+        made = made_by_plan(variant, label, self.settings.seed)
+        if plan.ops and not made.labels["changed_pixels"]:
+            self.tally.skip(label, "no pixel differs from the clean picture")
+            return None
+        if not keeps(self.settings.label_policy, plan, made.labels["target_visible"]):
+            self.tally.dropped[label] += 1
+            return None
+        return made
+
+
+def _scene(
+    trajectory: Trajectory,
+    step: Step,
+    image: UInt8Array,
+    settings: RowSettings,
+) -> Scene:
+    target = as_target(step.target_box or step.action.point)
+    detects = not step.elements and settings.detect and _needs_scene(trajectory, step, settings)
+    if detects:
+        return scene_from(image, apps=trajectory.apps, target=target)
+    return Scene(image.shape[:2], as_boxes(step.elements), trajectory.apps, target)
+
+
+def _needs_scene(
+    trajectory: Trajectory,
+    step: Step,
+    settings: RowSettings,
+) -> bool:
+    """Return whether any planner that acts at this step depends on the elements."""
+    position = position_of(trajectory, step)
+    for _, planner in settings.planners:
+        if not needs_boxes(planner):
+            continue
+        if due(planner, step_numbers(trajectory, position, planner)):
+            return True
+    return False
+
+
+def keeps(
+    label_policy: str,
+    plan: Plan,
+    seen: float | None,
+) -> bool:
+    """Return whether a label policy keeps a row of whose target the share `seen` shows."""
+    if label_policy != "drop" or not plan.ops:
+        return True
+    return seen is None or seen >= VISIBLE
+
+
+def made_by_plan(
+    variant: Variant,
+    label: str,
+    seed: int,
+) -> MadeRow:
+    """Return the row that the plan of a variant makes, whether or not it is kept."""
+    plan = variant.plan
+    image = variant.sample.image
+    picture = image
+    changed = 0
+    if plan.ops:
+        picture = cast("UInt8Array", apply(plan, image))
+        changed = changed_pixels(image, picture, plan)
+    labels = labels_of(variant, label, seed)
+    labels["changed_pixels"] = changed
+    return MadeRow(label, variant, picture, labels)
+
+
+def labels_of(
+    variant: Variant,
+    label: str,
+    seed: int,
+) -> dict[str, Any]:
+    """Return the columns of a materialised row that follow from its plan and its step."""
+    sample = variant.sample
+    plan = variant.plan
+    height, width = plan.out_size
+    end = sample.step.action.end
+    return {
+        **_about(variant, label),
+        "width": width,
+        "height": height,
+        "action": _action(plan.coords.action_to_observation(sample.step.action)),
+        "action_code": observed_code(plan.coords, sample.step),
+        "target_box": _box(plan, sample.step.target_box),
+        **made_by(plan, seed),
+        **_event_columns(variant.edit),
+        "target_visible": target_visible(variant.over, sample.scene.target, end),
+    }
+
+
+def _stored(made: MadeRow, settings: RowSettings) -> dict[str, Any]:
+    """Return a row as it is written."""
+    sample = made.variant.sample
+    stored = _picture(sample.base, made.picture, made.variant.plan, settings)
+    row = {**made.labels, **stored}
+    if settings.lazy:
+        row["plan"] = lazy_plan(made, row, settings)
+    return row
+
+
+def lazy_plan(
+    made: MadeRow,
+    row: Mapping[str, Any],
+    settings: RowSettings,
+) -> str:
+    """Return the value of the column `plan` of a lazy row."""
+    planner = dict(settings.planners).get(made.label)
+    return stored_plan(made.variant.plan, row, made.variant.sample.key, planner)
+
+
+def _about(variant: Variant, label: str) -> dict[str, Any]:
+    trajectory = variant.sample.trajectory
+    step = variant.sample.step
+    name = f"{trajectory.id}/{step.index:04d}/{label}"
+    # The recorded step has the label and the number of an inserted one: the event tells them apart.
+    if variant.edit is not None and variant.edit.inserted:
+        name += f"+{variant.plan.effects[0].kind}"
+    return {
+        "id": name,
+        "trajectory_id": trajectory.id,
+        "step": step.index,
+        "source": trajectory.source,
+        "domain": trajectory.domain,
+        "instruction": trajectory.instruction,
+        "extra": step.extra or None,
+        "corruption": label,
+    }
+
+
+def _picture(
+    base: Base,
+    picture: UInt8Array,
+    plan: Plan,
+    settings: RowSettings,
+) -> dict[str, Any]:
+    """Return the stored picture and its digest.
+
+    What the picture shares with others of its step is neither compressed nor hashed again.
+    """
+    digest = digest_of(base, picture, plan)
+    if settings.lazy:
+        return {BASE: {"bytes": base.png, "path": None}, "image_sha256": digest}
+    rows = touched(plan)
+    data = encode(picture) if rows is None else base.png_of(picture, rows)
+    return {"screenshot": {"bytes": data, "path": None}, "image_sha256": digest}
+
+
+def digest_of(
+    base: Base,
+    picture: UInt8Array,
+    plan: Plan,
+) -> str:
+    """Return the SHA-256 of the picture that `plan` made of `base`.
+
+    The rows that the two share at the top are not hashed again.
+    """
+    rows = touched(plan)
+    if rows is None:
+        return sha256_of(picture)
+    return base.sha256_of(picture, rows)
+
+
+def _event_columns(edit: EditedStep | None) -> dict[str, Any]:
+    if edit is None:
+        return {
+            "fidelity": "exact",
+            "event": None,
+            "reminder": None,
+            "inserted": False,
+        }
+    return {
+        "fidelity": edit.fidelity,
+        "event": edit.event,
+        "reminder": edit.reminder,
+        "inserted": edit.inserted,
+    }
+
+
+def _action(action: Action) -> dict[str, Any]:
+    values = {key: getattr(action, key) for key in ACTION}
+    if action.keys is not None:
+        values["keys"] = list(action.keys)
+    return values
+
+
+def _box(plan: Plan, box: Box | None) -> list[int] | None:
+    if box is None:
+        return None
+    return plan.coords.boxes_to_observation([box])[0].tolist()

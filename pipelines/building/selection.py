@@ -1,0 +1,110 @@
+"""Which corruptions a build applies, and what can be said about them."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import hijack_data as hj
+from hijack_data.config import dump
+from hijack_data.corruption import find
+from hijack_data.errors import ParameterTypeError
+from hijack_data.plan import CLEAN
+from hijack_data.planner import Planner, advice_for, leaves
+
+from ..edits import EDITS
+from ..errors import BuildError
+from . import inline
+
+ALL = "all"
+VISUAL = "all-visual"
+SCOPE = "observation"
+
+
+def select(corruptions: Mapping[str, Planner] | str) -> dict[str, Planner]:
+    """Return planners by label.
+
+    Passes on `UnknownNameError` (a name that does not exist).
+
+    Args:
+        corruptions: a mapping from labels to planners, a line of text (see `inline`), `ALL`
+            registered corruptions, or the `VISUAL` ones, which change the picture alone.
+
+    Raises:
+        BuildError: something that cannot be built.
+    """
+    if not isinstance(corruptions, str | Mapping):
+        raise BuildError(
+            "corruptions must be names or a mapping from labels to corruptions, got"
+            f" {corruptions!r:.80}"
+        )
+    chosen = _named(corruptions) if isinstance(corruptions, str) else dict(corruptions)
+    for label, planner in chosen.items():
+        _check_label(label)
+        _check_planner(label, planner)
+        _check_effects(planner)
+    return chosen
+
+
+def needs_boxes(planner: Planner) -> bool:
+    """Return whether plans, or the edits that show their effects, depend on the boxes of elements.
+
+    Of a `Schedule` what it plans in epoch 0 decides, which is what is built.
+    """
+    if any(leaf.needs_elements for leaf in leaves(planner)):
+        return True
+    edits = [EDITS[kind] for kind in planner.effects if kind in EDITS]
+    return any(edit.uses_elements for edit in edits)
+
+
+def config_text(planners: Mapping[str, Planner], options: Mapping[str, Any]) -> str | None:
+    """Return the configuration (YAML) of the same build; `None` if no file can hold it."""
+    try:
+        return dump(planners, options) if planners else None
+    except ParameterTypeError:
+        return None
+
+
+def _named(text: str) -> dict[str, Planner]:
+    match text.strip():
+        case _ if text.strip() == ALL:
+            return {name: hj.get(name) for name in hj.names()}
+        case "all-visual":
+            return {name: hj.get(name) for name in hj.names() if find(name).scope == SCOPE}
+        case _:
+            return inline.parse(text).planners
+
+
+def _check_label(label: object) -> None:
+    is_text = isinstance(label, str) and label and label.isprintable()
+    if not is_text or label == CLEAN or "/" in str(label):
+        raise BuildError(
+            f"corruptions: {label!r} cannot be a label; give a name without '/', other than"
+            f" {CLEAN!r}"
+        )
+
+
+def _check_planner(label: str, planner: object) -> None:
+    if not isinstance(planner, Planner):
+        raise BuildError(
+            f"corruptions: {label!r} must be a corruption such as Marks(), got"
+            f" {planner!r:.80}{advice_for(planner)}"
+        )
+
+
+def _check_effects(planner: Planner) -> None:
+    """Refuse a planner with effects on the machine that no edit shows.
+
+    Raises:
+        BuildError: it cannot be built; the message says why.
+    """
+    for leaf in leaves(planner):
+        unknown = _unshown(leaf.effects)
+        if unknown:
+            possible = [name for name in hj.names() if not _unshown(find(name).effects)]
+            raise BuildError(
+                f"corruptions: {leaf.label} does {', '.join(unknown)} to the machine, and what that"
+                f" looks like in a recording is not known; leave it out: {','.join(possible)}"
+            )
+
+
+def _unshown(kinds: tuple[str, ...]) -> list[str]:
+    return sorted(set(kinds) - set(EDITS))

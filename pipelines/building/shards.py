@@ -1,0 +1,257 @@
+"""Shards: the unit of work.
+
+A shard depends on its trajectories and the settings alone, so every worker writes the same file.
+"""
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from hijack_data.errors import ImageError
+from hijack_data.files import replace_atomic
+from hijack_data.types import Step, Trajectory
+
+from ..dataset.shard import ShardRecord, file_sha256
+from ..readers import Rejected
+from ..readers.pictures import picture_file, picture_name, read_picture
+from ..sources import SourceItem
+from .rows import RowCounts, RowSettings, rows_of
+from .splits import TRAIN, Splits
+from .writers import write_parquet
+
+DATA = "data"
+
+
+@dataclass(frozen=True)
+class ShardTask:
+    """Trajectories that share a file.
+
+    Args:
+        index: number of the shard in the dataset, from 0.
+        trajectories: in the order of the source.
+        root: the source folder.
+        records: a hash of everything in the trajectories except the pixels.
+        file: name of the file in the dataset.
+    """
+
+    index: int
+    trajectories: tuple[Trajectory, ...]
+    root: str
+    records: str
+    file: str
+
+    @property
+    def steps(self) -> int:
+        """Number of steps in all trajectories."""
+        return sum(len(trajectory.steps) for trajectory in self.trajectories)
+
+
+# For workers, which share the machine's processors already: OpenCV reads it when it is first
+# imported.
+ONE_THREAD = {"OPENCV_FOR_THREADS_NUM": "1"}
+
+
+def shard_file(index: int, split: str = TRAIN) -> str:
+    """Return the name of a shard, the `index`-th of its split.
+
+    It does not contain the number of shards, which is unknown until the last one is done.
+    """
+    return f"{DATA}/{split}-{index:05d}.parquet"
+
+
+@dataclass
+class _Batch:
+    """Trajectories of one split that will share a file, and the number of files before it."""
+
+    split: str
+    number: int = 0
+    rows: int = 0
+    root: Path = Path()
+    trajectories: list[Trajectory] = field(default_factory=list[Trajectory])
+
+    def cut(self, index: int) -> ShardTask:
+        """Return the `index`-th shard of the dataset, and start the next one."""
+        task = ShardTask(
+            index=index,
+            trajectories=tuple(self.trajectories),
+            root=os.fspath(self.root),
+            records=records_hash(self.trajectories, self.root),
+            file=shard_file(self.number, self.split),
+        )
+        self.number += 1
+        self.rows = 0
+        self.trajectories = []
+        return task
+
+    def is_full(
+        self,
+        root: Path,
+        more: int,
+        most: int,
+    ) -> bool:
+        """Return whether a trajectory of `more` rows from the source `root` needs a new file."""
+        if not self.trajectories:
+            return False
+        return self.rows + more > most or self.root != root
+
+
+def shard_tasks(
+    items: Iterable[SourceItem],
+    rows_per_shard: int,
+    variants: int,
+    reject: Callable[[Rejected], None],
+    splits: Splits | None = None,
+) -> Iterator[ShardTask]:
+    """Group trajectories, in order, into shards.
+
+    A shard holds at most `rows_per_shard` rows (or one trajectory), of one source and one split.
+
+    Args:
+        items: what the sources contain.
+        rows_per_shard: the most rows in a shard.
+        variants: rows that a step can have.
+        reject: called with each input that could not be read.
+        splits: shares of the trajectories; all are `train` by default.
+    """
+    splits = splits or Splits()
+    batches = {name: _Batch(name) for name in splits.names}
+    index = 0
+    for read in items:
+        item = read.item
+        if isinstance(item, Rejected):
+            reject(item)
+            continue
+        batch = batches[splits.of(item.id)]
+        more = len(item.steps) * variants
+        if batch.is_full(read.root, more, rows_per_shard):
+            yield batch.cut(index)
+            index += 1
+        batch.root = read.root
+        batch.trajectories.append(item)
+        batch.rows += more
+    for batch in batches.values():
+        if batch.trajectories or not index:
+            yield batch.cut(index)
+            index += 1
+
+
+def build_shard(
+    task: ShardTask,
+    settings: RowSettings,
+    out: Path,
+    tick: Callable[[int], None] | None = None,
+) -> ShardRecord:
+    """Write one shard, whole or not at all, and return its record.
+
+    Args:
+        task: the shard.
+        settings: those of the build.
+        out: the folder of the dataset.
+        tick: called with the number of rows of each step when it is done.
+    """
+    tally = RowCounts()
+    inputs = hashlib.sha256(task.records.encode())
+    made: list[tuple[int, int, str]] = []
+
+    def write(path: Path) -> None:
+        rows = write_parquet(path, rows_in(task, settings, tally, inputs, tick), settings.lazy)
+        made.append((rows, path.stat().st_size, file_sha256(path)))
+
+    replace_atomic(out / task.file, write)
+    rows, size, digest = made[0]
+    reasons = {label: dict(found) for label, found in tally.not_applicable.items()}
+    return ShardRecord(
+        index=task.index,
+        file=task.file,
+        rows=rows,
+        bytes=size,
+        sha256=digest,
+        records=task.records,
+        inputs=inputs.hexdigest(),
+        trajectories=len(task.trajectories),
+        steps=task.steps,
+        counts={
+            "rows": dict(tally.rows),
+            "dropped": dict(tally.dropped),
+            "not_applicable": reasons,
+        },
+        rejected=tuple(record.to_data() for record in tally.rejected),
+        samples=_sample_keys(task),
+    )
+
+
+def _sample_keys(task: ShardTask) -> dict[str, str]:
+    """Return the keys of random draws by trajectory, of those that have a key of their own."""
+    keys: dict[str, str] = {}
+    for trajectory in task.trajectories:
+        if trajectory.sample is not None and trajectory.sample != trajectory.id:
+            keys[trajectory.id] = trajectory.sample
+    return keys
+
+
+def inputs_of(task: ShardTask) -> str:
+    """Return the present hash of the records and screenshots of a shard, as `ShardRecord.inputs`.
+
+    Every screenshot is read and none is decoded.
+    """
+    inputs = hashlib.sha256(task.records.encode())
+    root = Path(task.root)
+    for trajectory in task.trajectories:
+        for step in trajectory:
+            with suppress(ImageError):  # the build rejects it, and hashes nothing
+                data = read_picture(step.image, picture_name(step.image, root))
+                inputs.update(hashlib.sha256(data).digest())
+    return inputs.hexdigest()
+
+
+def rows_in(
+    task: ShardTask,
+    settings: RowSettings,
+    tally: RowCounts,
+    inputs: Any,
+    tick: Callable[[int], None] | None,
+) -> Iterator[Any]:
+    """Yield the rows of a shard, and count them.
+
+    Args:
+        task: the shard.
+        settings: those of the build.
+        tally: counts the rows, and what gave none.
+        inputs: a hash that is updated with the screenshots.
+        tick: called with the number of rows of each step when it is done.
+    """
+    root = Path(task.root)
+    for trajectory in task.trajectories:
+        for step in trajectory:
+            where = picture_name(step.image, root)
+            try:
+                data = read_picture(step.image, where)
+                inputs.update(hashlib.sha256(data).digest())
+                yield from rows_of(trajectory, step, data, where, settings, tally)
+            except ImageError as error:
+                tally.reject(where, f"{trajectory.id}, step {step.index}", "image", error)
+            if tick is not None:
+                tick(settings.variants)
+
+
+def records_hash(trajectories: Iterable[Trajectory], root: Path) -> str:
+    """Return a hash of everything in trajectories, and of the sizes of their pictures."""
+    digest = hashlib.sha256()
+    for trajectory in trajectories:
+        data = asdict(replace(trajectory, steps=()))
+        data["steps"] = [
+            asdict(replace(step, image=_image_name(step, root))) for step in trajectory
+        ]
+        digest.update(json.dumps(data, sort_keys=True, allow_nan=False).encode())
+    return digest.hexdigest()
+
+
+def _image_name(step: Step, root: Path) -> str:
+    path = picture_file(step.image)
+    size = path.stat().st_size if path.exists() else -1
+    return f"{picture_name(step.image, root)} ({size} bytes)"

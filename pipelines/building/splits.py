@@ -1,0 +1,89 @@
+"""Splits: whole trajectories by a hash of their id, whatever else is in the source."""
+
+import hashlib
+from collections.abc import Mapping
+from typing import Any
+
+from hijack_data.config.options import OPTIONS
+from hijack_data.errors import ParameterError, suggest
+
+from ..errors import BuildError
+
+TRAIN = "train"
+# The names under which `load_dataset` finds files by itself.
+NAMES = (TRAIN, "validation", "test")
+
+
+class Splits:
+    """Shares of the trajectories by split; without shares, all of them are in `train`."""
+
+    def __init__(self, shares: Mapping[str, float] | None = None) -> None:
+        given = shares or {}
+        # in their fixed order, without shares of 0
+        self.shares = {name: given[name] for name in NAMES if given.get(name)}
+
+    @property
+    def names(self) -> list[str]:
+        """The splits in their fixed order."""
+        return list(self.shares) or [TRAIN]
+
+    def of(self, trajectory: str) -> str:
+        """Return the split of a trajectory, which its id alone decides."""
+        if len(self.shares) < 2:
+            return self.names[0]
+        digest = hashlib.sha256(f"split:{trajectory}".encode()).digest()
+        place = int.from_bytes(digest[:8], "big") / 2**64
+        end = 0.0
+        for name, share in self.shares.items():
+            end += share
+            if place < end:
+                return name
+        return self.names[-1]
+
+    def parameters(self) -> dict[str, Any]:
+        """Return the entry of the manifest; none if all is `train`, as in older builds."""
+        if self.names == [TRAIN]:
+            return {}
+        return {"splits": self.shares}
+
+
+def choose_splits(given: str | Mapping[str, float] | None) -> Splits:
+    """Return the splits that were asked for.
+
+    Args:
+        given: a mapping, or text such as `"train=0.9,test=0.1"`; `None` puts all in `train`.
+            Text of another form, and shares that do not sum to 1, are a `ParameterError`.
+
+    Raises:
+        BuildError: a name that `load_dataset` does not find.
+    """
+    if given is None:
+        return Splits()
+    parsed = _parsed(given) if isinstance(given, str) else given
+    shares = OPTIONS["splits"].check("splits", parsed)
+    for name in shares:
+        if name not in NAMES:
+            raise BuildError(f"splits: load_dataset finds no split {name!r}{suggest(name, NAMES)}")
+    return Splits(shares)
+
+
+def _parsed(text: str) -> dict[str, float]:
+    shares: dict[str, float] = {}
+    for part in text.split(","):
+        name, share = _parsed_share(part)
+        if name in shares:
+            raise ParameterError(f"splits: {name!r} is given twice")
+        shares[name] = share
+    return shares
+
+
+def _parsed_share(part: str) -> tuple[str, float]:
+    name, sign, share = part.partition("=")
+    example = "NAME=SHARE, such as train=0.9,test=0.1"
+    wrong = ParameterError(f"splits: {part.strip()!r} must be {example}")
+    if not sign:
+        raise wrong
+    try:
+        return name.strip(), float(share)
+    except ValueError:
+        raise wrong from None

@@ -1,0 +1,211 @@
+"""Stored pictures: PNG with one filter (Up), compressed by ISA-L in independent bands of rows.
+
+Same picture, same bytes (for one version of ISA-L). A picture that differs from another in some
+rows takes the bands of the other over as they are, and so does its hash up to the first row that
+differs: `Base`.
+"""
+
+import hashlib
+import struct
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from hijack_data import extras
+from hijack_data.errors import ImageTypeError, MissingDependencyError
+from hijack_data.files import decode_image
+from hijack_data.kernels import lower
+from hijack_data.plan import Paste, Plan
+from hijack_data.png import assemble, chunk, filtered
+from hijack_data.types import Size, UInt8Array
+
+from .png import read
+
+LEVEL = 2
+BAND = 24  # rows; bands of 16 to 64 rows make files of the same size, within 1 %
+# bytes; ISA-L takes 16 and fewer another way, and more than 3 are needed to have it begin its
+# history
+HEAD = 8
+ADLER = 65521  # RFC 1950
+# the zlib header, and an empty final block (RFC 1950, RFC 1951)
+_WRAPPER = b"\x78\x01"
+_LAST_BLOCK = b"\x03\x00"
+
+Rows: TypeAlias = Sequence[tuple[int, int]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Band:
+    """Some rows, compressed: a whole chunk of the file.
+
+    `adler` and `length` are the Adler-32 and the length of the data in it.
+    """
+
+    chunk: bytes
+    adler: int
+    length: int
+
+
+class Base:
+    """A picture, uint8 RGB `[H, W, 3]`, and others that differ from it in some rows only.
+
+    Raises:
+        ImageTypeError: the picture is anything else.
+    """
+
+    def __init__(self, image: UInt8Array) -> None:
+        if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
+            found = f"{image.dtype} {list(image.shape)}"
+            raise ImageTypeError(f"a picture must be uint8 [H, W, 3], got {found}")
+        self.image: UInt8Array = np.ascontiguousarray(image)
+        self._count = -(-len(image) // BAND)
+        self._bands: dict[int, _Band] = {}  # what was asked for so far
+        # the hash before each band, as far as was asked for
+        self._states: list[Any] = [hashlib.sha256()]
+
+    @cached_property
+    def png(self) -> bytes:
+        """The bytes of the picture's PNG file.
+
+        Raises:
+            MissingDependencyError: `isal` is not installed.
+        """
+        return _file(self.image, [self._band(k) for k in range(self._count)])
+
+    @cached_property
+    def sha256(self) -> str:
+        """SHA-256 of the RGB bytes, 64 hexadecimal digits."""
+        return self._state(self._count).hexdigest()
+
+    def png_of(self, picture: UInt8Array, rows: Rows) -> bytes:
+        """Return what `encode(picture)` does.
+
+        `picture`, uint8 `[H, W, 3]`, differs from this one in `rows` (first, end) at most.
+        """
+        changed: set[int] = set()
+        for first, end in rows:
+            last = min(end, len(picture) - 1)
+            changed.update(range(first // BAND, last // BAND + 1))
+
+        def band(k: int) -> _Band:
+            return _band(picture, k) if k in changed else self._band(k)
+
+        return _file(picture, [band(k) for k in range(self._count)])
+
+    def sha256_of(self, picture: UInt8Array, rows: Rows) -> str:
+        """Return what `sha256_of(picture)` does; see `png_of`."""
+        if not rows:
+            return self.sha256
+        first = min(first for first, _ in rows) // BAND
+        state = self._state(first).copy()
+        state.update(np.ascontiguousarray(picture[first * BAND :]).data)
+        return state.hexdigest()
+
+    def _band(self, k: int) -> _Band:
+        if k not in self._bands:
+            self._bands[k] = _band(self.image, k)
+        return self._bands[k]
+
+    def _state(self, k: int) -> Any:
+        """The hash of the bands before band `k`."""
+        for top in range((len(self._states) - 1) * BAND, k * BAND, BAND):
+            state = self._states[-1].copy()
+            state.update(self.image[top : top + BAND].data)
+            self._states.append(state)
+        return self._states[k]
+
+
+def encode(image: UInt8Array) -> bytes:
+    """Return uint8 RGB `[H, W, 3]` as the bytes of a PNG file.
+
+    Raises:
+        ImageTypeError: `image` is anything else.
+        MissingDependencyError: `isal` is not installed.
+    """
+    return Base(image).png
+
+
+def touched(plan: Plan) -> Rows | None:
+    """Return the rows (first, end) that a plan can change, or `None` if it changes the size."""
+    rows: list[tuple[int, int]] = []
+    for op in plan.ops:
+        if not isinstance(op, Paste):
+            return None
+        for stamp in lower(op, plan.size):
+            height = stamp.sprite.size[0]
+            rows += [(y, y + height) for y in stamp.ys.tolist()]
+    return rows
+
+
+def png_size(data: bytes) -> Size:
+    """Return `(height, width)` of what `encode` returned."""
+    width, height = struct.unpack(">II", data[16:24])
+    return height, width
+
+
+def decode(data: bytes, name: str) -> UInt8Array:
+    """Decode a picture file to uint8 RGB `[H, W, 3]`.
+
+    This is what `hijack_data.files.decode_image` does, but faster for common PNG files.
+
+    Raises:
+        ImageError: the picture, called `name`, is damaged, or its EXIF orientation turns it: the
+            coordinates recorded with it may be of the picture as it is stored or as it is shown.
+    """
+    try:
+        image = read(data, _isal())
+    except MissingDependencyError:
+        image = None
+    return decode_image(data, name)[0] if image is None else image
+
+
+def _file(image: UInt8Array, bands: Sequence[_Band]) -> bytes:
+    tail = _LAST_BLOCK + struct.pack(">I", _adler(bands))
+    body = [band.chunk for band in bands]
+    height, width, _ = image.shape
+    return assemble((height, width), [chunk(b"IDAT", _WRAPPER), *body, chunk(b"IDAT", tail)])
+
+
+def _band(image: UInt8Array, k: int) -> _Band:
+    zlib = _isal()
+    bottom = min((k + 1) * BAND, len(image))
+    data = filtered(image, k * BAND, bottom).reshape(-1)
+    packed = chunk(b"IDAT", deflate(data, zlib))
+    return _Band(
+        chunk=packed,
+        adler=zlib.adler32(data),
+        length=data.size,
+    )
+
+
+def deflate(data: UInt8Array, zlib: Any) -> bytes:
+    """Return uint8 `[n]` as deflate blocks that end on a byte and refer to nothing before them.
+
+    The first bytes have a block of their own. ISA-L begins a longer one with a hash of what a
+    register happens to hold (the address of its state), so that one stream in some thousands would
+    depend on where in memory it was made. `zlib` is `isal.isal_zlib`.
+    """
+    squeeze = zlib.compressobj(LEVEL, zlib.DEFLATED, -15)
+    head = squeeze.compress(data[:HEAD]) + squeeze.flush(zlib.Z_SYNC_FLUSH)
+    return head + squeeze.compress(data[HEAD:]) + squeeze.flush(zlib.Z_FULL_FLUSH)
+
+
+def _adler(bands: Iterable[_Band]) -> int:
+    """Return the Adler-32 of all bands together."""
+    low = 1
+    high = 0
+    for band in bands:
+        high = (high + (band.adler >> 16) + (low - 1) * band.length) % ADLER
+        low = (low + (band.adler & 0xFFFF) - 1) % ADLER
+    return high << 16 | low
+
+
+def _isal() -> Any:
+    try:
+        from isal import isal_zlib
+    except ImportError:
+        raise extras.missing("storing pictures needs isal", "hf") from None
+    return isal_zlib

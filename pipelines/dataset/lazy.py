@@ -1,0 +1,262 @@
+"""Lazy rows: the picture before the corruption and its plan; the corrupted one is drawn on access.
+
+If the plan can be recomputed from the columns of the row (parameters, seed, trajectory, step,
+size), the column `plan` holds a recipe: some 50 bytes of JSON that every row of the corruption
+shares. Otherwise it holds the plan itself. A recipe whose random draws have another key than the
+trajectory id contains that key. The column `plan_digest` names the plan either way: a plan that
+another version of the library would make differently is an error, never another picture.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from typing import Any, cast
+
+import numpy as np
+from PIL import Image
+
+from hijack_data import Corruption, apply
+from hijack_data.compose import Augmentation
+from hijack_data.corruption import find
+from hijack_data.errors import HijackError, ImageError, UnknownNameError
+from hijack_data.plan import CLEAN, Plan
+from hijack_data.planner import Planner
+from hijack_data.rng import Branch
+from hijack_data.types import Scene, Size, UInt8Array
+
+from ..errors import DatasetError
+from .columns import BASE, Row
+from .images import decode
+
+FORMAT = "agenthijack-recipe"
+VERSION = 1
+
+
+def stored_plan(
+    plan: Plan,
+    row: Mapping[str, Any],
+    sample: str | None = None,
+    planner: Planner | None = None,
+) -> str:
+    """Return the value of the column `plan` of a lazy row.
+
+    Args:
+        plan: that of the row.
+        row: its `params`, `seed`, `trajectory_id` and `step`.
+        sample: the key of the random draws, if that is not the trajectory.
+        planner: the one that made the plan.
+    """
+    trajectory = row["trajectory_id"]
+    key = trajectory if sample is None else sample
+    path = _path(planner, row, key)
+    recipe = _recipe(plan.corruption, None if key == trajectory else key, path)
+    try:
+        found = _derived(recipe, row, plan.size)
+    except HijackError:  # several joined, or not one of ours: no recipe can express it
+        return plan.to_json()
+    return recipe if found == plan else plan.to_json()
+
+
+def plan_of(row: Mapping[str, Any], size: Size) -> Plan:
+    """Return the plan of a row.
+
+    Args:
+        row: as it is stored. A damaged plan is a `PlanError`.
+        size: (height, width) of its picture before the corruption.
+
+    Raises:
+        DatasetError: its recipe cannot be used here, or gives another plan than in the build.
+    """
+    text = cast("str", row["plan"])
+    if not _is_recipe(text):
+        return Plan.from_json(text)
+    try:
+        plan = _derived(text, row, size)
+    except (HijackError, ValueError, KeyError, TypeError) as error:
+        reason = f"its plan cannot be made from its recipe {text!r} ({error})"
+        if isinstance(error, UnknownNameError):
+            reason += "; hijack --load FILE.py, if manifest.json names a file"
+        raise DatasetError(f"row {row['id']}: {reason}") from None
+    here = plan.digest()
+    if here != row["plan_digest"]:
+        built = str(row["plan_digest"])[:12]
+        raise DatasetError(
+            f"row {row['id']}: its recipe gives another plan here ({here[:12]}) than where"
+            f" it was built ({built}); install the version that"
+            " manifest.json names, or build again"
+        )
+    return plan
+
+
+def draw(row: Mapping[str, Any], base: UInt8Array | None = None) -> tuple[UInt8Array, Plan]:
+    """Return the picture of a lazy row, uint8 RGB `[H, W, 3]`, and its plan.
+
+    Args:
+        row: as it is stored.
+        base: its picture before the corruption, if it is decoded already; it is not modified.
+    """
+    image = decoded(row, BASE) if base is None else base
+    plan = plan_of(row, image.shape[:2])
+    if not plan.ops:
+        return image, plan
+    in_place = base is None and plan.out_size == plan.size
+    picture = cast("UInt8Array", apply(plan, image, inplace=in_place))
+    return picture, plan
+
+
+def render(batch: dict[str, Any]) -> dict[str, Any]:
+    """Draw the screenshots of lazy rows, on access.
+
+    Use it as `load_dataset(DIR, split="train").with_transform(pipelines.render)`.
+
+    Args:
+        batch: columns as lists, as `datasets` gives them, or one row. Rows that have a
+            `screenshot` are returned as they are.
+
+    Returns:
+        The same with `screenshot` (PIL images, mode RGB) in the place of `base_screenshot`, and the
+        whole `plan`.
+
+    Raises:
+        DatasetError: columns that it needs were left out, or a plan comes out differently here.
+    """
+    if BASE not in batch:
+        return batch
+    missing = [name for name in NEEDED if name not in batch]
+    if missing:
+        raise DatasetError(
+            f"render needs the column(s) {', '.join(missing)}; select columns after it, not before"
+        )
+    if isinstance(batch["id"], str):
+        return _rendered(batch)
+    columns = cast("Mapping[str, Sequence[Any]]", batch)
+    done: list[Row] = []
+    for values in zip(*columns.values(), strict=True):
+        row = dict(zip(columns, values, strict=True))
+        done.append(_rendered(row))
+    if not done:
+        return batch
+    return {name: [row[name] for row in done] for name in done[0]}
+
+
+NEEDED = ("id", "trajectory_id", "step", "seed", "params", "plan", "plan_digest")
+
+
+def finished(
+    row: Mapping[str, Any],
+    screenshot: Any,
+    plan: Plan,
+) -> Row:
+    """Return a lazy row as a materialised one, with `screenshot`."""
+    named: Row = {}
+    for name, value in row.items():
+        named["screenshot" if name == BASE else name] = value
+    named["screenshot"] = screenshot
+    named["plan"] = plan.to_json()
+    return named
+
+
+def picture_bytes(stored: Mapping[str, Any]) -> bytes:
+    """Return the bytes of a picture as Parquet holds it, `{"bytes", "path"}`."""
+    data = cast("bytes | None", stored["bytes"])
+    return data or b""
+
+
+def decoded(row: Mapping[str, Any], column: str) -> UInt8Array:
+    """Decode a stored picture of a row to uint8 RGB `[H, W, 3]`.
+
+    Raises:
+        DatasetError: the picture is damaged.
+    """
+    try:
+        return decode(picture_bytes(row[column]), column)
+    except ImageError as error:
+        raise DatasetError(f"row {row['id']}: its picture is damaged ({error})") from None
+
+
+def _rendered(row: Mapping[str, Any]) -> Row:
+    base: object = row[BASE]
+    pixels = None
+    if isinstance(base, Image.Image):  # decoded by `datasets`
+        pixels = np.asarray(base.convert("RGB"))
+    picture, plan = draw(row, pixels)
+    return finished(row, Image.fromarray(picture), plan)
+
+
+def _path(
+    planner: Planner | None,
+    row: Mapping[str, Any],
+    sample: str,
+) -> tuple[str, ...]:
+    """Return the way through combinators to the corruption that planned for a row."""
+    key: int | str = sample
+    while isinstance(planner, Augmentation):
+        found = planner.chosen(
+            seed=int(row["seed"]),
+            sample=key,
+            step=int(row["step"]),
+        )
+        if found is None:
+            break
+        planner, key = found
+    return key.path if isinstance(key, Branch) else ()
+
+
+def _recipe(
+    corruption: str,
+    sample: str | None = None,
+    path: tuple[str, ...] = (),
+) -> str:
+    data: dict[str, Any] = {"corruption": corruption}
+    if sample is not None:
+        data["sample"] = sample
+    if path:
+        data["path"] = list(path)
+    data["format"] = FORMAT
+    data["version"] = VERSION
+    return json.dumps(data, separators=(",", ":"))
+
+
+def _is_recipe(text: str) -> bool:
+    # inside a plan the quotes of a text would be escaped
+    return f'"format":"{FORMAT}"' in text[-60:]
+
+
+def _derived(
+    recipe: str,
+    row: Mapping[str, Any],
+    size: Size,
+) -> Plan:
+    corruption, sample, path = _read(recipe)
+    if corruption == CLEAN:
+        return Plan.clean(size)
+    spec = _spec(corruption, cast("str", row["params"]))
+    key: str = row["trajectory_id"] if sample is None else sample
+    if path:
+        key = Branch(key, path)
+    seed = int(row["seed"])
+    step = int(row["step"])
+    return spec.plan(
+        Scene(size),
+        seed=seed,
+        sample=key,
+        step=step,
+    )
+
+
+@lru_cache(maxsize=256)
+def _read(recipe: str) -> tuple[str, str | None, tuple[str, ...]]:
+    # the corruption, the key of the draws, if any, and the way through combinators
+    data = json.loads(recipe)
+    version = data["version"]
+    if version != VERSION:
+        raise DatasetError(
+            f"recipe of version {version!r}; this library reads {VERSION}: upgrade agenthijack"
+        )
+    path: list[str] = data.get("path", [])
+    return str(data["corruption"]), data.get("sample"), tuple(path)
+
+
+@lru_cache(maxsize=256)
+def _spec(corruption: str, params: str) -> Corruption:
+    return find(corruption)(**json.loads(params))

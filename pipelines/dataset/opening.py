@@ -1,0 +1,124 @@
+"""Read a dataset: rows as dictionaries, in order or by number, materialised or lazy alike."""
+
+import hashlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from PIL import Image
+
+from hijack_data.types import UInt8Array
+
+from ..errors import DatasetError
+from .access import RowReader
+from .columns import BASE, pyarrow
+from .lazy import decoded, draw, finished, picture_bytes
+from .manifest import is_lazy, read_manifest
+
+# Rows that are read at a time: with pictures, and of some columns only.
+BATCH = 8
+LIGHT_BATCH = 1024
+
+
+class Dataset:
+    """A dataset on disk: its rows in the order of the build.
+
+    A row is a dictionary with the columns of `columns.COLUMNS`; `screenshot` is a PIL image in mode
+    RGB. `dataset[i]` reads one row group, not the file. It can be pickled and read by several
+    processes and threads.
+    """
+
+    def __init__(self, folder: Path, manifest: dict[str, Any]) -> None:
+        self.folder = folder
+        self.manifest = manifest
+        self.reader = RowReader(folder, manifest["shards"], is_lazy(manifest))
+
+    def __len__(self) -> int:
+        return int(self.manifest["rows"])
+
+    def __getitem__(self, index: int) -> dict[str, Any]:
+        row, picture = self.pixels(index)
+        return {**row, "screenshot": Image.fromarray(picture)}
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        for shard in self.manifest["shards"]:
+            for row, picture in shard_pictures(self.folder / shard["file"]):
+                yield {**row, "screenshot": Image.fromarray(picture)}
+
+    @property
+    def fingerprint(self) -> str:
+        """64 hexadecimal digits that name the content: the SHA-256 of the hashes of all files."""
+        hashes = "".join(shard["sha256"] for shard in self.manifest["shards"])
+        return hashlib.sha256(hashes.encode()).hexdigest()
+
+    def pixels(self, index: int) -> tuple[dict[str, Any], UInt8Array]:
+        """Return row `index` and its screenshot as uint8 RGB `[H, W, 3]`.
+
+        A number out of range is an `IndexError`, a damaged row a `DatasetError`.
+        """
+        row = self.reader[index]
+        return opened(row)
+
+
+def open_dataset(folder: str | os.PathLike[str]) -> Dataset:
+    """Open a dataset that `build` made.
+
+    A folder that is no dataset, or an unfinished one, is a `DatasetError`.
+    """
+    path = Path(folder)
+    return Dataset(path, read_manifest(path))
+
+
+def shard_rows(file: Path, columns: list[str] | None = None) -> Iterator[dict[str, Any]]:
+    """Yield the rows of one file as they are stored, pictures as `{"bytes", "path"}`.
+
+    Args:
+        file: a shard.
+        columns: the columns to read; all of them by default.
+
+    Raises:
+        DatasetError: the file cannot be read.
+    """
+    pa = pyarrow()
+    size = BATCH if columns is None else LIGHT_BATCH
+    try:
+        # Buffered before, all that was read would stay in memory until the file is closed.
+        with pa.parquet.ParquetFile(file, pre_buffer=False) as parquet:
+            for batch in parquet.iter_batches(size, columns=columns):
+                yield from batch.to_pylist()
+    except (pa.ArrowException, OSError) as error:
+        raise DatasetError(f"{file}: cannot be read ({error}); hijack verify says more") from None
+
+
+def shard_pictures(file: Path) -> Iterator[tuple[dict[str, Any], UInt8Array]]:
+    """Yield the rows of one file with their screenshots, uint8 RGB `[H, W, 3]`.
+
+    A picture that the rows of a step share is decoded once.
+    """
+    data: bytes | None = None
+    base: UInt8Array | None = None
+    for row in shard_rows(file):
+        if BASE not in row:
+            yield opened(row)
+            continue
+        stored = picture_bytes(row[BASE])
+        if base is None or stored != data:
+            data = stored
+            base = decoded(row, BASE)
+        yield opened(row, base)
+
+
+def opened(
+    row: dict[str, Any], base: UInt8Array | None = None
+) -> tuple[dict[str, Any], UInt8Array]:
+    """Return a stored row as a materialised one, and its screenshot, uint8 RGB `[H, W, 3]`.
+
+    Args:
+        row: as it is stored.
+        base: its decoded picture before the corruption, if known.
+    """
+    if BASE not in row:
+        return row, decoded(row, "screenshot")
+    picture, plan = draw(row, base)
+    return finished(row, None, plan), picture

@@ -1,0 +1,38 @@
+"""One step of a recording with its screenshot decoded."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from hijack_data.types import Scene, Step, Trajectory, UInt8Array
+
+from .images import Base
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One decoded step."""
+
+    trajectory: Trajectory
+    step: Step
+    base: Base
+    scene: Scene
+
+    @property
+    def image(self) -> UInt8Array:
+        """The screenshot as it was recorded."""
+        return self.base.image
+
+    @property
+    def key(self) -> str:
+        """The key of the random draws, besides the step."""
+        return self.trajectory.sample or self.trajectory.id
+
+    @cached_property
+    def position(self) -> int:
+        """Number of steps of the recording before this one."""
+        return position_of(self.trajectory, self.step)
+
+
+def position_of(trajectory: Trajectory, step: Step) -> int:
+    """Return the number of steps of `trajectory` before `step`."""
+    return next(i for i, other in enumerate(trajectory) if other.index == step.index)

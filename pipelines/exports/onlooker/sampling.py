@@ -1,0 +1,117 @@
+"""Sampling of the frames in reminder pairs: all that have a reminder, and some that have none.
+
+The frames without one are drawn from the same trajectory, so that what tells the two apart is the
+event and not the task or the application, and a trajectory keeps its balance in whatever split it
+lands. Frames that a trajectory cannot give, and fractions of a frame, are made up for by those
+after it.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from fractions import Fraction
+from itertools import groupby
+from typing import Any, TypeAlias
+
+from hijack_data.errors import ParameterError, ParameterTypeError
+from hijack_data.plan import CLEAN
+from hijack_data.rng import Stream
+
+from ..example import Row
+
+# The columns that a choice depends on.
+READ = ["trajectory_id", "step", "corruption", "event", "reminder"]
+NEEDED = "reminder"
+# Why a frame without a reminder was drawn: the clean screen where the event would have been,
+# another clean screen, one with something drawn over it, one with an event that an agent can undo
+# by itself. Each kind is as likely.
+SAME_STEP, OTHER_STEP, PICTURE, EVENT = KINDS = ("same_step", "clean", "picture", "event")
+MOST = 1000
+_PRECISION = 10**6
+NumberedRow: TypeAlias = tuple[int, Row]
+
+
+class OnlookerSampler:
+    """Draws the frames of reminder pairs, one shard after the other.
+
+    Args:
+        seed: seed of the draws.
+        balance: frames without a reminder for each that has one, 0 to 1000.
+
+    Raises:
+        ParameterError: `balance` is outside that range.
+        ParameterTypeError: `balance` is not a number.
+    """
+
+    def __init__(self, seed: int, balance: float) -> None:
+        self.seed = seed
+        self.ratio = Fraction(_checked(balance)).limit_denominator(_PRECISION)
+        self.owed = Fraction(0)
+
+    @property
+    def short(self) -> int:
+        """Number of frames without a reminder that are missing so far."""
+        return int(self.owed)
+
+    def chosen(self, rows: Iterable[Row]) -> dict[int, str]:
+        """Return the chosen rows of a shard by number, and why: `NEEDED` or one of `KINDS`.
+
+        Args:
+            rows: the rows of the shard, with at least the columns `READ`.
+        """
+        found: dict[int, str] = {}
+        for trajectory, group in groupby(enumerate(rows), key=_trajectory_of):
+            found.update(self._of_trajectory(trajectory, list(group)))
+        return found
+
+    def _of_trajectory(
+        self, trajectory: str, rows: Sequence[NumberedRow]
+    ) -> Iterator[tuple[int, str]]:
+        steps: list[int] = []
+        for number, row in rows:
+            if row["reminder"] is not None:
+                steps.append(row["step"])
+                yield number, NEEDED
+        self.owed += self.ratio * len(steps)
+        pools = _pools(rows, set(steps))
+        stream = Stream(self.seed, "onlooker-v1", trajectory)
+        available = sum(map(len, pools.values()))
+        for _ in range(min(self.short, available)):
+            kind = stream.choice([kind for kind in KINDS if pools[kind]])
+            pool = pools[kind]
+            index = stream.integer(0, len(pool) - 1)
+            yield pool.pop(index), kind
+            self.owed -= 1
+
+
+def _trajectory_of(item: NumberedRow) -> str:
+    return str(item[1]["trajectory_id"])
+
+
+def _pools(rows: Sequence[NumberedRow], steps: set[int]) -> dict[str, list[int]]:
+    """Return the numbers of the rows without a reminder, by kind."""
+    pools: dict[str, list[int]] = {kind: [] for kind in KINDS}
+    for number, row in rows:
+        if row["reminder"] is None:
+            pools[_kind(row, steps)].append(number)
+    return pools
+
+
+def _kind(row: Row, steps: set[int]) -> str:
+    if row["event"] is not None:
+        return EVENT
+    if row["corruption"] != CLEAN:
+        return PICTURE
+    return SAME_STEP if row["step"] in steps else OTHER_STEP
+
+
+def _checked(balance: Any) -> float:
+    if isinstance(balance, bool) or not isinstance(balance, int | float):
+        kind = type(balance).__name__
+        raise ParameterTypeError(f"balance must be a number, got {balance!r} ({kind})")
+    valid = f"balance must be in [0, {MOST}]"
+    try:
+        value = float(balance)
+    except OverflowError:
+        raise ParameterError(f"{valid}, got an integer beyond any float") from None
+    if not 0 <= value <= MOST:
+        raise ParameterError(f"{valid}, got {value!r}")
+    return value

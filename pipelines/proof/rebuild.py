@@ -1,0 +1,165 @@
+"""Check that the files of a run agree with each other: `hijack verify RUNS`.
+
+Everything that follows from other files is made again and compared: ids from task, corruption,
+seed and agent; plans from the configuration, the seed and the clean screens; the pictures that the
+agent saw from the plans; what ran from what the agent answered; counts from the lines. The hashes
+that chain lines, episodes and journal are made again, too (`hijack_data.runs.run_log`).
+
+Nothing here can tell a run from one that was made up as a whole: see docs/verify_runs.md.
+"""
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from hijack_data.runs import seal
+from hijack_data.runs.run_log import CHAINED, EPISODE, EPISODES, RECORDS, RUN, SEAL, STEPS
+
+from ..building.report import Findings
+from ..errors import SourceError
+from .retrace.episode import Seen, check_episode
+from .retrace.journal import Journal, read_journal
+
+
+@dataclass
+class RebuildReport(Findings):
+    """The result of `rebuild`.
+
+    Args:
+        folder: the run, or the episode.
+        problems: what differs, each with the file and the step; empty when all is identical.
+        episodes: that were looked at.
+        steps: observations that were made again.
+        disturbed: those of them whose picture the plan changes.
+        unfinished: episodes that were broken off, and were not looked at.
+        unproved: what cannot be proved, in words; no problem of the run.
+        chained: whether everything is of a version with hashes.
+        signer: the fingerprint of the key that signed the run, or nothing.
+    """
+
+    episodes: int = 0
+    steps: int = 0
+    disturbed: int = 0
+    unfinished: int = 0
+    unproved: list[str] = field(default_factory=list[str])
+    chained: bool = True
+    signer: str = ""
+
+    def lines(self) -> list[str]:
+        """The report as lines of text."""
+        state = "all identical" if self.ok else f"{len(self.problems)} problem(s)"
+        left = f", {self.unfinished} unfinished" if self.unfinished else ""
+        seen = f"{self.steps} observations, {self.disturbed} of them disturbed"
+        head = f"{self.folder}: {self.episodes} episodes{left}, {seen}, made again: {state}"
+        lines = [head, *self.listed()]
+        if self.signer:
+            lines.append(f"  signed by {self.signer}")
+        lines += [f"  not proved: {text}" for text in self.unproved]
+        return lines
+
+
+def is_run(folder: str | os.PathLike[str]) -> bool:
+    """Return whether a folder is a run or an episode, and not a dataset."""
+    path = Path(folder)
+    if (path / EPISODES).is_dir():
+        return True
+    return (path / STEPS).is_file() or (path / RUN).is_file()
+
+
+def rebuild(run: str | os.PathLike[str], key: str | None = None) -> RebuildReport:
+    """Make the observations of a run (or of one episode) again, and compare.
+
+    Passes on `SealError` (the key is no public key).
+
+    Args:
+        run: the folder.
+        key: the path of the SSH public key that must have signed the run.
+
+    Raises:
+        SourceError: the folder is neither a run nor an episode.
+    """
+    path = Path(run)
+    if not is_run(path):
+        raise SourceError(f"{path}: neither a run (with {EPISODES}/) nor an episode (with {STEPS})")
+    report = RebuildReport(os.fspath(run))
+    alone = (path / STEPS).is_file()
+    if alone:
+        journal = read_journal(path.parent.parent)
+        _add_episode(report, journal, path, path.name)
+    else:
+        journal = read_journal(path)
+        for folder in _folders(path):
+            _add_episode(report, journal, folder, f"{EPISODES}/{folder.name}")
+        _add_run(report, journal, path, key)
+    report.chained = journal.oldest >= CHAINED
+    report.unproved = list(_unproved(report, journal, alone))
+    return report
+
+
+def _add_episode(
+    report: RebuildReport,
+    journal: Journal,
+    folder: Path,
+    name: str,
+) -> None:
+    problems = _episode(folder, journal, report)
+    report.problems += [f"{name}/{problem}" for problem in problems]
+
+
+def _add_run(
+    report: RebuildReport,
+    journal: Journal,
+    path: Path,
+    key: str | None,
+) -> None:
+    """Add what is wrong with the journal and the seal."""
+    report.problems += journal.problems()
+    report.problems += seal.problems(path, key)
+    if (path / SEAL).exists():
+        report.signer = seal.signer(path)
+
+
+def _folders(run: Path) -> list[Path]:
+    """Return the folders of the episodes; a run may have been broken off before the first."""
+    home = run / EPISODES
+    if not home.is_dir():
+        return []
+    return sorted(path for path in home.iterdir() if path.is_dir())
+
+
+def _episode(
+    folder: Path,
+    journal: Journal,
+    report: RebuildReport,
+) -> Iterator[str]:
+    if not (folder / EPISODE).is_file():
+        report.unfinished += 1
+        return
+    report.episodes += 1
+    seen = Seen()
+    yield from check_episode(folder, journal, seen)
+    report.steps += seen.steps
+    report.disturbed += seen.disturbed
+    journal.note(folder, seen.record)
+
+
+def _unproved(
+    report: RebuildReport,
+    journal: Journal,
+    alone: bool,
+) -> Iterator[str]:
+    if not report.chained:
+        yield (
+            f"written in version {journal.oldest}, without hashes: what was edited in several"
+            " places alike is not found"
+        )
+    if not alone and not journal.exists:
+        yield f"there is no {RECORDS}: an episode that was removed is not missed"
+    if journal.is_scored:
+        yield (
+            "answers to the rows of a dataset leave no pictures: that they are right follows from"
+            " the dataset and the agent alone; hijack score makes them again"
+        )
+    if not report.signer:
+        yield "not signed: who writes all files anew, hashes included, is not found"

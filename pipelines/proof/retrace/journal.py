@@ -1,0 +1,253 @@
+"""The journal of a run: `run.json` and `records.jsonl`, against each other and the episodes."""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from math import prod
+from pathlib import Path
+from typing import Any
+
+from hijack_data.errors import HijackError
+from hijack_data.planner import Planner
+from hijack_data.runs.run_log import (
+    CHAINED,
+    EPISODE,
+    EPISODES,
+    FORMAT,
+    LINKS,
+    RECORDS,
+    ROW,
+    RUN,
+    SCORE_RUN,
+    VERSION,
+    digest_of,
+    slug_of,
+)
+from hijack_data.runs.run_planners import planners_of
+
+from ...readers import fields
+from ...readers.fields import FieldError
+from ...readers.files import parse, parse_file
+
+SAID_LATER = frozenset({"said"})  # in version 1 the journal had it, and the episode did not
+
+
+@dataclass
+class Journal:
+    """The record that a run keeps of its episodes.
+
+    Args:
+        folder: of the run.
+        head: the content of `run.json`; empty if there is none.
+        exists: whether there is a journal; an environment outside `hijack bench` writes none.
+        planners: those of `run.json`, by label; `None` if it names none.
+        found: the problems of the files themselves.
+        lines: those of `records.jsonl`, as bytes.
+        records: the content of the lines.
+        oldest: the lowest version of the journal and its episodes.
+    """
+
+    folder: Path
+    head: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    exists: bool = False
+    planners: Mapping[str, Planner | None] | None = None
+    found: list[str] = field(default_factory=list[str])
+    lines: list[bytes] = field(default_factory=list[bytes])
+    records: list[Mapping[str, Any]] = field(default_factory=list[Mapping[str, Any]])
+    oldest: int = VERSION
+    _episodes: dict[str, tuple[Path, Mapping[str, Any]]] = field(default_factory=dict[str, Any])
+
+    @property
+    def config(self) -> Mapping[str, Any]:
+        """The configuration; empty if there is none."""
+        found = self.head.get("config")
+        return found if isinstance(found, dict) else {}
+
+    @property
+    def is_scored(self) -> bool:
+        """Whether it is a run of `hijack score`, whose records are answers to rows."""
+        return self.config.get("kind") == SCORE_RUN
+
+    @property
+    def version(self) -> int:
+        """The version of `run.json`; the present one if there is none."""
+        found = self.head.get("version", VERSION)
+        return found if isinstance(found, int) else VERSION
+
+    def note(self, folder: Path, record: Mapping[str, Any]) -> None:
+        """Take in the record of an episode."""
+        self._episodes[folder.name] = folder, record
+        version = record.get("version", 1)
+        self.oldest = min(self.oldest, version if isinstance(version, int) else 1)
+        if self.exists and version != self.version:
+            what = f"is of version {version}, {RUN} is of version {self.version}"
+            self.found.append(f"{EPISODES}/{folder.name}/{EPISODE}: {what}")
+
+    def problems(self) -> Iterator[str]:
+        """Yield the problems of the journal, once all episodes were noted."""
+        yield from self.found
+        if not self.exists:
+            return
+        if self.version >= CHAINED:
+            yield from self._broken_links()
+        names = Counter(str(record.get("id")) for record in self.records)
+        for name, times in names.items():
+            if times > 1:
+                yield f"{RECORDS}: {name} is there {times} times"
+        for number, record in enumerate(self.records, 1):
+            for text in self._record(record):
+                yield f"{RECORDS}: line {number}: {text}"
+        for name in self._episodes.keys() - names.keys():
+            yield f"{RECORDS}: has no line of {EPISODES}/{name}"
+        yield from self._missing()
+
+    def _broken_links(self) -> Iterator[str]:
+        before = self._digest(RUN)
+        name = RUN
+        pairs = zip(self.lines, self.records, strict=True)
+        for number, (line, record) in enumerate(pairs, 1):
+            here = f"line {number}"
+            if record.get("previous") != before:
+                yield f"{RECORDS}: {here}: does not follow on {name} (previous)"
+            before = digest_of(line)
+            name = here
+            path = f"{EPISODES}/{record.get('id')}/{EPISODE}"
+            if record.get("episode_sha256") != self._digest(path):
+                yield f"{RECORDS}: {here}: {path} is not what it was (episode_sha256)"
+
+    def _digest(self, name: str) -> str | None:
+        path = self.folder / name
+        return digest_of(path.read_bytes()) if path.is_file() else None
+
+    def _record(self, record: Mapping[str, Any]) -> Iterator[str]:
+        """Yield where one record differs from the configuration and its episode."""
+        yield from self._planned(record)
+        if self.is_scored:
+            return  # rows of a dataset, not episodes
+        name = str(record.get("id"))
+        if name not in self._episodes:
+            if record.get("status") != "ok" and not record.get("steps"):
+                return  # no desktop came up, so there is nothing to compare
+            yield f"there is no {EPISODES}/{name}"
+            return
+        _, episode = self._episodes[name]
+        left_out = set(LINKS)
+        if self.version < CHAINED:
+            left_out |= SAID_LATER
+        for key in sorted({*record, *episode} - left_out):
+            if record.get(key) != episode.get(key):
+                yield f"{key} of {name} is another than in its {EPISODE}"
+
+    def _planned(self, record: Mapping[str, Any]) -> Iterator[str]:
+        config = self.config
+        expected = {"agents": record.get("agent"), "seeds": record.get("seed")}
+        for key, value in expected.items():
+            if key in config and value not in config[key]:
+                yield f"{value!r} is none of the {key} of {RUN}"
+        episodes = self.head.get("episodes")
+        first = base_of(record)
+        if isinstance(episodes, list) and first not in episodes:
+            yield f"{first} was not planned ({RUN})"
+        if record.get("attempt", 0) > config.get("retries", 0):
+            yield f"{record.get('id')} is one attempt more than retries allow ({RUN})"
+
+    def _missing(self) -> Iterator[str]:
+        """Yield the planned episodes that are missing, and the attempts that were due."""
+        made: dict[str, list[Mapping[str, Any]]] = {}
+        for record in self.records:
+            made.setdefault(base_of(record), []).append(record)
+        retries = self.config.get("retries", 0)
+        for name, attempts in made.items():
+            if len(attempts) <= retries and _ours(attempts[-1]):
+                yield f"{RUN}: {name} was not run again, and retries is {retries}"
+        episodes = self.head.get("episodes")
+        if isinstance(episodes, list):
+            planned = len(episodes)
+            missing = [name for name in episodes if name not in made]
+            count = len(missing)
+        else:
+            planned = self._planned_number()
+            missing = []
+            count = max(0, planned - len(made))
+        example = f", such as {missing[0]}" if missing else ""
+        if count:
+            yield f"{RUN}: {count} of {planned} planned episodes are not there{example}"
+
+    def _planned_number(self) -> int:
+        """Return the number of episodes that the configuration asks for."""
+        lists = ("agents", "tasks", "seeds", "corruptions")
+        return prod(len(self.config.get(key) or ()) for key in lists)
+
+
+def _ours(record: Mapping[str, Any]) -> bool:
+    """Return whether an episode failed in a way after which it is run again."""
+    return record.get("status") == "invalid" or record.get("cause") == "machine"
+
+
+def base_of(record: Mapping[str, Any]) -> str:
+    """Return the id of the first attempt at the episode of a record."""
+    return id_of({**record, "attempt": 0})
+
+
+def id_of(record: Mapping[str, Any]) -> str:
+    """Return the id that a record must have."""
+    task = str(record.get("task"))
+    if ROW in record:
+        task += f"/{record.get('task_seed')}"
+    return slug_of(
+        task,
+        str(record.get("corruption")),
+        record.get("seed", 0),
+        str(record.get("agent")),
+        record.get("attempt", 0),
+    )
+
+
+def read_journal(folder: Path) -> Journal:
+    """Read `run.json` and `records.jsonl`; their problems are noted in the journal."""
+    journal = Journal(folder)
+    if not (folder / RUN).is_file():
+        if (folder / RECORDS).is_file():
+            journal.found.append(f"{RUN}: is missing")
+        return journal
+    try:
+        _read_head(journal)
+    except HijackError as error:
+        journal.found.append(f"{RUN}: {error}")
+    _read_records(journal)
+    return journal
+
+
+def _read_head(journal: Journal) -> None:
+    head = parse_file(journal.folder / RUN)
+    if head.get("format") != FORMAT:
+        raise FieldError("format", f"must be {FORMAT!r}, got {fields.shown(head.get('format'))}")
+    version = head.get("version")
+    if not isinstance(version, int) or version > VERSION:
+        raise FieldError("version", f"{version!r} is newer than this library reads")
+    journal.head = head
+    journal.exists = True
+    journal.oldest = version
+    if "corruptions" in journal.config:
+        journal.planners = planners_of(journal.config["corruptions"])
+
+
+def _read_records(journal: Journal) -> None:
+    path = journal.folder / RECORDS
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        journal.found.append(f"{RECORDS}: cannot be read ({error.strerror or error})")
+        return
+    if content and not content.endswith(b"\n"):
+        journal.found.append(f"{RECORDS}: the last line is cut off")
+    for number, line in enumerate(content.split(b"\n"), 1):
+        if not line.strip():
+            continue
+        try:
+            record = fields.mapping(parse(line), "")
+        except FieldError as error:
+            journal.found.append(f"{RECORDS}: line {number}: {error}")
+            continue
+        journal.lines.append(line)
+        journal.records.append(record)

@@ -1,0 +1,319 @@
+"""Check a dataset against its manifest, against itself and, if it is given, against its source.
+
+The build's own code makes the rows again, from the clean ones or from the source.
+"""
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import groupby, zip_longest
+from pathlib import Path
+from typing import Any
+
+from hijack_data import extras
+from hijack_data.errors import AssetError, HijackError
+from hijack_data.pack import VARIABLE, AssetPack
+from hijack_data.plan import CLEAN
+
+from ..building.loaded import require
+from ..building.report import Findings
+from ..building.rows import RowSettings
+from ..building.settings import has_detector, settings_from
+from ..building.shards import ShardTask, shard_tasks
+from ..building.splits import Splits
+from ..dataset.manifest import read_manifest
+from ..dataset.opening import shard_rows
+from ..dataset.shard import ShardRecord
+from ..errors import DatasetError
+from ..readers.base import Rejected
+from ..sources import Sources
+from .manifest import beside, derived, library_notes, records_in, shard_problems, strays
+from .order import RowOrder, Tallied
+from .recorded import RecordedFacts, Recordings, damaged, from_rows, provable
+from .rows import StepProof
+
+PathLike = str | os.PathLike[str]
+
+
+@dataclass
+class VerifyReport(Findings):
+    """The result of `verify`.
+
+    Args:
+        folder: the dataset.
+        problems: what is wrong, each with the file or row; empty if nothing is.
+        rows: number of rows that were read.
+        regenerated: number of corrupted rows whose picture was made again and agreed.
+        shards: number of files that were checked.
+        notes: remarks that are no problem by themselves, such as a newer asset pack.
+        unproved: the corruptions whose plans were not made again, and why.
+    """
+
+    rows: int = 0
+    regenerated: int = 0
+    shards: int = 0
+    notes: list[str] = field(default_factory=list[str])
+    unproved: list[str] = field(default_factory=list[str])
+
+    def lines(self) -> list[str]:
+        """Return the report as lines of text."""
+        state = "all is well" if self.ok else f"{len(self.problems)} problem(s)"
+        head = (
+            f"{self.folder}: {self.rows} rows in {self.shards} file(s), {self.regenerated} made"
+            f" again: {state}"
+        )
+        return [
+            head,
+            *self.listed(),
+            *(f"  note: {note}" for note in (*self.notes, *self.unproved)),
+        ]
+
+
+def verify(
+    folder: PathLike, *, source: PathLike | Sequence[PathLike] | None = None
+) -> VerifyReport:
+    """Check a dataset against its manifest, against itself and, if it is given, against its source.
+
+    The files must be those of the manifest, with its hashes and rows, and no others; each picture
+    must decode to `image_sha256`; ids, order and counts must be those of the build. The rows of
+    each step are made again from its clean row, the seed and the parameters, by the code that
+    builds them, and every column must be the same. Plans that depend on more (elements,
+    applications, earlier steps) are taken as they are stored, and noted.
+
+    A check fails with `DatasetError` (the folder is no finished dataset, or was built with
+    corruptions of a file that is not loaded, see `hijack --load`), `SourceError` (there is no
+    source), `AssetError` (rows of events have to be made again without an asset pack) or
+    `MissingDependencyError` (elements have to be detected and OpenCV is not installed).
+
+    Args:
+        folder: the dataset.
+        source: the recordings that it was built from, or a list of several. All rows are then
+            made again from them, whatever their plans depend on, and must be the rows of the
+            dataset.
+    """
+    path = Path(folder)
+    manifest = read_manifest(path)
+    parameters = manifest["parameters"]
+    require(parameters, os.fspath(folder))
+    report = VerifyReport(os.fspath(folder))
+    settings = settings_from(parameters, os.fspath(folder))
+    records = records_in(manifest, path)
+    report.notes += [*_pack_notes(parameters.get("assets")), *library_notes(parameters)]
+    report.problems += [*strays(path, records), *beside(path, manifest)]
+    _Check(path, manifest, records, settings, report).run(source)
+    if not report.problems:
+        report.problems += derived(path, manifest, records, settings)
+    return report
+
+
+def _pack_notes(built_with: dict[str, str] | None) -> list[str]:
+    """Return a note if the asset pack of this machine is not the one of the build."""
+    if built_with is None:
+        return []
+    try:
+        here = AssetPack.load().digest
+    except AssetError as error:
+        return [f"recorded pictures cannot be looked at: {error}"]
+    if here == built_with["sha256"]:
+        return []
+    return [
+        f"the asset pack here ({here[:12]}) is not the one of the build"
+        f" ({built_with['sha256'][:12]}); set {VARIABLE} to that one where rows cannot be made"
+        " again"
+    ]
+
+
+@dataclass
+class _Check:
+    """One check of all rows of a dataset."""
+
+    folder: Path
+    manifest: Mapping[str, Any]
+    records: list[ShardRecord]
+    settings: RowSettings | None
+    report: VerifyReport
+
+    def __post_init__(self) -> None:
+        settings = self.settings
+        counts = self.manifest["counts"]["rows"]
+        self.labels = {label: rank for rank, label in enumerate(counts)}
+        if settings is not None:
+            known = [CLEAN] if settings.clean else []
+            names = [*known, *(label for label, _ in settings.planners)]
+            self.labels = {label: rank for rank, label in enumerate(names)}
+        parameters = self.manifest["parameters"]
+        self.order = RowOrder(self.labels, bool(parameters["clean"]))
+        self.every = None if settings is None else dict(settings.planners)
+        self.seed, self.label_policy = int(parameters["seed"]), str(parameters["label_policy"])
+        self.without_source = RowSettings(
+            (), self.seed, bool(parameters["clean"]), self.label_policy
+        )
+        self.without_source = self.without_source if settings is None else provable(settings)
+        self.rejected = frozenset(
+            entry["where"] for record in self.records for entry in record.rejected
+        )
+
+    def run(self, source: PathLike | Sequence[PathLike] | None) -> None:
+        """Check all files."""
+        if source is None:
+            self._note_unproved()
+        tasks = iter(()) if source is None else self._tasks(source)
+        for record, task in zip_longest(self.records, tasks):
+            if record is None:
+                first = task.trajectories[0].id if task.trajectories else "none"
+                self.report.problems.append(
+                    f"the recordings hold more, from trajectory {first!r} on"
+                )
+                return
+            if source is not None and task is None:
+                self.report.problems.append(
+                    f"{record.file}: the recordings hold less than the dataset"
+                )
+            self._file(record, task)
+
+    def _note_unproved(self) -> None:
+        if self.settings is None:
+            self.report.unproved.append(
+                "the manifest cannot hold the corruptions of this build: plans were not made again"
+                " from the seed"
+            )
+            return
+        proved = {label for label, _ in self.without_source.planners}
+        rest = [label for label, _ in self.settings.planners if label not in proved]
+        if rest:
+            self.report.unproved.append(
+                f"not made again from the seed: the plans of {', '.join(rest)}; they follow from"
+                " what the dataset does not hold (elements, applications, the steps before);"
+                " --source RECORDINGS makes them, too"
+            )
+
+    def _tasks(self, source: PathLike | Sequence[PathLike]) -> Iterator[ShardTask]:
+        # the shards of the source, as the build makes them
+        parameters = self.manifest["parameters"]
+        settings = self.settings
+        if settings is None:
+            raise DatasetError(
+                f"{self.folder}: the manifest cannot hold the corruptions of this build, so its"
+                " rows cannot be made again from the source; verify without source=, or build"
+                " again and compare"
+            )
+        if settings.detect and not has_detector():
+            raise extras.missing(
+                "finding the elements of the source's pictures needs opencv", "vision"
+            )
+        sources = Sources.again(source, parameters)
+        splits = Splits(parameters.get("splits"))
+        rejected: list[Rejected] = []
+        yield from shard_tasks(
+            sources.read(parameters.get("limit")),
+            int(parameters["rows_per_shard"]),
+            settings.variants,
+            rejected.append,
+            splits,
+        )
+        late = sum(len(record.rejected) for record in self.records)
+        wanted = sum(self.manifest["counts"]["rejected"].values()) - late
+        if len(rejected) != wanted:
+            self.report.problems.append(
+                f"the recordings hold {len(rejected)} inputs that cannot be read, the manifest"
+                f" counts {wanted}"
+            )
+
+    def _file(self, record: ShardRecord, task: ShardTask | None) -> None:
+        file = self.folder / record.file
+        name = record.file
+        if not file.is_file():
+            self.report.problems.append(f"{name}: missing")
+            return
+        self.report.shards += 1
+        self.report.problems += shard_problems(file, record)
+        counted = Tallied()
+        before = self.report.rows
+        recordings = None
+        if task is not None and self.settings is not None:
+            recordings = Recordings(task, self.settings)
+        try:
+            for problem in self._steps(file, record, counted, recordings):
+                self.report.problems.append(f"{name}: {problem}")
+        except DatasetError as error:
+            self.report.problems.append(str(error))
+        rows = self.report.rows - before
+        if rows != record.rows:
+            self.report.problems.append(
+                f"{name}: the manifest says {record.rows} rows, {rows} were read"
+            )
+        else:
+            self.report.problems += [
+                f"{name}: {text}" for text in counted.problems(record, self.settings)
+            ]
+        if recordings is not None:
+            self.report.problems += [f"{name}: {text}" for text in recordings.problems(record)]
+
+    def _steps(
+        self,
+        file: Path,
+        record: ShardRecord,
+        counted: Tallied,
+        recordings: Recordings | None,
+    ) -> Iterator[str]:
+        """Yield the problems of the rows of a file."""
+        for key, group in groupby(
+            shard_rows(file), lambda row: (row["trajectory_id"], row["step"])
+        ):
+            rows = list(group)
+            self.report.rows += len(rows)
+            try:
+                counted.add(rows)
+                yield from self.order.problems(rows)
+                if recordings is None:
+                    yield from self._proof(rows, self._known(rows, record))
+                else:
+                    yield from self._sourced(rows, key, recordings)
+            except (AttributeError, KeyError, TypeError, ValueError) as error:
+                yield f"row {rows[0].get('id')}: {damaged(error)}"
+        if recordings is not None:
+            for _, step in recordings.steps:
+                yield from self._proof([], step)
+
+    def _sourced(
+        self,
+        rows: list[dict[str, Any]],
+        key: tuple[str, int],
+        recordings: Recordings,
+    ) -> Iterator[str]:
+        """Yield the problems of the rows of a step that is read from the source."""
+        if key not in recordings.keys:
+            yield (
+                f"row {rows[0]['id']}: its step is not in the recordings, or in another file of the"
+                " dataset"
+            )
+            return
+        for passed, step in recordings.steps:
+            if passed != key:
+                yield from self._proof([], step)  # a step that has no rows
+                continue
+            if step is None:
+                yield f"row {rows[0]['id']}: its step cannot be read from the recordings"
+            yield from self._proof(rows, step)
+            return
+
+    def _known(self, rows: list[dict[str, Any]], record: ShardRecord) -> RecordedFacts | None:
+        """Return the recorded step of some rows; a damaged row is reported by its own check."""
+        key = record.samples.get(rows[0]["trajectory_id"])
+        try:
+            return from_rows(rows, key, self.without_source)
+        except HijackError:
+            return None
+
+    def _proof(self, rows: list[dict[str, Any]], known: RecordedFacts | None) -> Iterator[str]:
+        proof = StepProof(
+            rows=rows,
+            known=known,
+            every=self.every,
+            ranks=self.labels,
+            seed=self.seed,
+            label_policy=self.label_policy,
+            rejected=self.rejected,
+        )
+        yield from proof.problems()
+        self.report.regenerated += proof.regenerated

@@ -1,0 +1,124 @@
+"""How readers go through the files of a source: sniffing, and formats with a folder an episode."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from itertools import islice
+from pathlib import Path
+
+from hijack_data.types import Step, Trajectory
+
+from .base import Rejected, files_below
+from .fields import FieldError, JsonObject
+from .files import Source, inside, lines, relative_name, root_of
+
+SNIFFED_FILES = 50
+
+
+def readable_files(source: Source) -> Iterator[Path]:
+    """Yield the files of a source that may be opened, in the order of their names."""
+    for file in files_below(source):
+        if isinstance(file, Path):
+            yield file
+
+
+def one_of_first(
+    source: Source,
+    candidate: Callable[[Path], bool],
+    is_ours: Callable[[Path], bool],
+) -> bool:
+    """Return whether one of the first files of a source is of a format.
+
+    Args:
+        source: the file or folder.
+        candidate: whether the name of a file is worth opening it.
+        is_ours: whether a candidate is of the format; at most `SNIFFED_FILES` are asked for.
+    """
+    candidates = filter(candidate, readable_files(source))
+    return any(is_ours(file) for file in islice(candidates, SNIFFED_FILES))
+
+
+def folder_id(folder: Path, root: Path) -> str:
+    """Return the id of a folder: its path in the source, or its own name if it is the source."""
+    name = relative_name(folder, root)
+    return folder.resolve().name if name == "." else name
+
+
+class FolderReader(ABC):
+    """Base of the readers whose trajectories are folders with one record file each.
+
+    A subclass sets `name` and `records`, the name of the record file, and implements `episode`.
+    With `any_name`, a file that is given as the source itself is a record file whatever its name.
+    """
+
+    name: str = ""
+    records: str = ""
+    any_name: bool = False
+
+    def detect(self, path: Path) -> bool:
+        """Return whether `path` is a record file, or a folder with one anywhere below."""
+        return any(file.name == self.records for file in readable_files(path))
+
+    def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
+        """Yield trajectories in the order of their paths."""
+        root = root_of(path)
+        for file in files_below(path):
+            if isinstance(file, Rejected):
+                yield file
+            elif file.name == self.records or (self.any_name and file == path):
+                yield from self.episode(file, root)
+
+    @abstractmethod
+    def episode(self, file: Path, root: Path) -> Iterator[Trajectory | Rejected]:
+        """Yield the trajectory of one record file, and everything rejected of it."""
+
+
+@dataclass
+class EpisodeFolder(ABC):
+    """One folder, while its record file is read line by line.
+
+    Args:
+        root: the folder of the source.
+        file: the record file.
+        steps: the steps so far.
+    """
+
+    root: Path
+    file: Path
+    steps: list[Step] = field(default_factory=list[Step], kw_only=True)
+
+    def __post_init__(self) -> None:
+        self.folder = self.file.parent
+        self.records = relative_name(self.file, self.root)
+
+    @abstractmethod
+    def take(self, record: JsonObject) -> None:
+        """Add the step of one line.
+
+        Raises:
+            FieldError: the line is broken or has no screen.
+        """
+
+    def take_lines(self) -> Iterator[Rejected]:
+        """Add the steps of all lines, and yield the lines that are broken.
+
+        Raises:
+            OSError: the file cannot be read.
+        """
+        for line in lines(self.file):
+            try:
+                self.take(line.record())
+            except FieldError as error:
+                yield Rejected(self.records, f"line {line.number}", error.field, error.reason)
+
+    def inside(self, name: str, field: str) -> Path:
+        """Return the path of a file in this folder.
+
+        Raises:
+            FieldError: the file leaves the source, or is not there.
+        """
+        return inside(self.root, relative_name(self.folder / name, self.root), field)
+
+    def unreadable(self, error: OSError) -> Rejected:
+        """Return the record that the record file cannot be read."""
+        return Rejected(self.records, "", "", f"cannot be read ({error.strerror or error})")

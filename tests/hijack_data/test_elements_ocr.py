@@ -1,0 +1,81 @@
+"""Lines of text read from the picture."""
+
+import logging
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image, ImageDraw, ImageFont
+
+from hijack_data.elements import boxes_from_ocr, ocr
+from hijack_data.errors import ImageError, MissingDependencyError
+
+pytest.importorskip("rapidocr", reason="needs the extra 'ocr'")
+
+FONT = Path(__file__).resolve().parents[2] / "hijack_data" / "fonts" / "DejaVuSans.ttf"
+
+
+def page() -> tuple[np.ndarray, dict[str, tuple[float, float, float, float]]]:
+    image = Image.new("RGB", (420, 150), (245, 245, 245))
+    draw = ImageDraw.Draw(image)
+    font = ImageFont.truetype(str(FONT), 22)
+    lines = {"Settings": (20, 15), "Network": (250, 90)}
+    for text, place in lines.items():
+        draw.text(place, text, fill=(20, 20, 120), font=font)
+    return np.asarray(image), {
+        text: draw.textbbox(place, text, font=font) for text, place in lines.items()
+    }
+
+
+def test_lines_have_their_place_and_text() -> None:
+    image, lines = page()
+    found = boxes_from_ocr(image)
+    assert sorted(found.names) == sorted(lines)
+    assert set(found.roles) == {"text"}
+    assert found.source == "ocr"
+    assert found.boxes.dtype == np.int32
+    for name, box in zip(found.names, found.boxes.tolist(), strict=True):
+        assert np.abs(np.subtract(box, lines[name])).max() <= 10
+
+
+def test_colours_are_read_in_the_right_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    """RapidOCR expects blue, green, red."""
+    seen: list[np.ndarray] = []
+    monkeypatch.setattr(ocr, "_engine", lambda process: lambda image: seen.append(image))
+    image = np.zeros((20, 30, 3), np.uint8)
+    image[..., 0] = 200
+    boxes_from_ocr(image)
+    assert seen[0][0, 0].tolist() == [0, 0, 200]
+
+
+def test_the_engine_is_loaded_once_and_says_nothing(capfd: pytest.CaptureFixture[str]) -> None:
+    image, _ = page()
+    level = logging.getLogger().level
+    boxes_from_ocr(image)
+    before = ocr._engine.cache_info()
+    boxes_from_ocr(image)
+    after = ocr._engine.cache_info()
+    assert (after.hits, after.misses) == (before.hits + 1, before.misses)
+    assert capfd.readouterr() == ("", "")
+    assert logging.getLogger().level == level
+
+
+@pytest.mark.parametrize("size", [(1, 1), (7, 300), (300, 7), (20, 5000), (5000, 20), (8, 1900)])
+def test_no_text_gives_no_box_and_a_note(size: tuple[int, int]) -> None:
+    found = boxes_from_ocr(np.full((*size, 3), 255, np.uint8))
+    assert found.boxes.shape == (0, 4)
+    assert found.notes == ("no text was found in the picture",)
+
+
+def test_a_batch_is_refused() -> None:
+    with pytest.raises(ImageError, match="one picture at a time"):
+        boxes_from_ocr(np.zeros((2, 40, 40, 3), np.uint8))
+
+
+@pytest.mark.parametrize("module", ["rapidocr", "onnxruntime"])
+def test_without_rapidocr(monkeypatch: pytest.MonkeyPatch, module: str) -> None:
+    ocr._engine.cache_clear()
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(MissingDependencyError, match=r"agenthijack\[ocr\]"):
+        boxes_from_ocr(page()[0])

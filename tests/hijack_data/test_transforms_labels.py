@@ -1,0 +1,168 @@
+"""torchvision transforms and labels: what must show, at both ends of a drag, and whose point it
+is."""
+
+import numpy as np
+import pytest
+
+import hijack_data as hj
+from hijack_data.conformance import picture
+from hijack_data.plan import Plan
+from hijack_data.safety import target_visible
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("torchvision")
+
+import hijack_data.transforms as tr  # noqa: E402
+
+SIZE = (216, 384)
+
+
+def tensor(shift=0):
+    return torch.from_numpy(np.roll(picture(SIZE), shift, 1).copy()).permute(2, 0, 1).contiguous()
+
+
+def test_label_policy_avoid():
+    sample = {"image": tensor(), "target": (150, 80, 230, 140)}
+    seen = {"keep": [], "avoid": []}
+    for policy, shares in seen.items():
+        transform = tr.Marks(
+            seed=3,
+            number=12,
+            return_plan=True,
+            label_policy=policy,
+        )
+        shares += [transform({**sample, "id": i})["target_visible"] for i in range(20)]
+    assert min(seen["keep"]) < 1.0
+    assert min(seen["avoid"]) == 1.0
+
+
+DRAG = {"action": hj.Action("drag", 190, 110, 40, 50)}
+DRAG_CODE = {
+    "action_code": (
+        "import pyautogui\npyautogui.moveTo(190, 110)\npyautogui.dragTo(40, 50, button='left')"
+    )
+}
+
+
+@pytest.mark.parametrize(
+    "more", [DRAG, DRAG_CODE, {**DRAG, "action_code": "pyautogui.click(1, 1)"}]
+)
+def test_a_drag_is_judged_at_both_ends(more):
+    sample, end = (
+        {
+            "image": tensor(),
+            "target": (190, 110),
+            **more,
+        },
+        (40, 50),
+    )
+    seen = {"keep": [], "avoid": []}
+    for policy, shares in seen.items():
+        transform = tr.Marks(
+            seed=3,
+            number=12,
+            mark_size=30,
+            return_plan=True,
+            label_policy=policy,
+        )
+        for i in range(20):
+            out = transform({**sample, "id": i})
+            shares.append(out["target_visible"])
+            assert out["target_visible"] == target_visible(out["plan"], (190, 110), end)
+            if policy == "avoid":
+                assert out["plan"] == (
+                    hj.plan_avoiding(
+                        transform.settings.planner,
+                        hj.Scene(SIZE, target=(190, 110)),
+                        seed=3,
+                        sample=i,
+                        step=0,
+                        end=end,
+                    )
+                    or Plan.clean(SIZE)
+                )
+    assert min(seen["keep"]) < 1.0
+    assert min(seen["avoid"]) == 1.0
+
+
+def test_only_a_drag_with_a_target_has_an_end():
+    for more in (
+        {"action": hj.Action("click", 40, 50)},
+        {"action": hj.Action("click", 40, 50), **DRAG_CODE},
+        {"action_code": "pyautogui.click(40, 50)"},
+        {"action_code": "dragged = [("},
+        {"action_code": 3},
+        {"action_code": "pyautogui.moveTo(1, 2); pyautogui.dragTo(x, 50)"},
+        {"action": "drag"},
+    ):
+        for i in range(12):
+            sample = {
+                "image": tensor(),
+                "id": i,
+                "target": (190, 110),
+            }
+            for policy in ("keep", "avoid"):
+                transform = tr.Marks(
+                    seed=3,
+                    number=12,
+                    mark_size=30,
+                    return_plan=True,
+                    label_policy=policy,
+                )
+                one, two = transform(sample), transform({**sample, **more})
+                assert (one["plan"], one["target_visible"]) == (two["plan"], two["target_visible"])
+
+
+@pytest.mark.parametrize(
+    "action", [DRAG["action"], hj.Action("click", 190, 110)], ids=["drag", "click"]
+)
+def test_without_a_target_the_point_of_the_action_is_the_target(action):
+    transform = tr.Marks(
+        seed=3,
+        number=12,
+        mark_size=30,
+        return_plan=True,
+        label_policy="avoid",
+    )
+    hidden = 0
+    for i in range(12):
+        sample = {
+            "image": tensor(),
+            "id": i,
+            "action": action,
+        }
+        alone, named = transform(sample), transform({**sample, "target": action.point})
+        assert (alone["plan"], alone["target_visible"]) == (named["plan"], named["target_visible"])
+        hidden += alone["plan"] != transform({"image": tensor(), "id": i})["plan"]
+    assert hidden
+    assert "target_visible" not in transform(
+        {
+            "image": tensor(),
+            "id": 0,
+            "action": hj.Action("type", text="a"),
+        }
+    )
+
+
+def test_ends_of_a_batch_and_of_resized_screens():
+    batch, actions = (
+        torch.stack([tensor(i) for i in range(8)]),
+        [DRAG["action"], hj.Action("click", 190, 110)] * 4,
+    )
+    mixed = tr.Sequence(
+        [tr.Resolution(scale=0.5), tr.Marks(number=25, mark_size=15)], seed=3, return_plan=True
+    )
+    out = mixed(
+        {
+            "image": batch,
+            "id": list(range(8)),
+            "target": [(190, 110)] * 8,
+            "action": actions,
+        }
+    )
+    ends = [action.end for action in actions]
+    assert out["target_visible"] == [
+        target_visible(p, (190, 110), e) for p, e in zip(out["plan"], ends, strict=True)
+    ]
+    assert out["target_visible"] != [target_visible(p, (190, 110)) for p in out["plan"]]
+    assert out["action"][0].end == (20, 25)

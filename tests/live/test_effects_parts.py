@@ -1,0 +1,478 @@
+"""Parts of the effects that need no desktop: the registry, the rules, what a tree offers, how the
+network is read."""
+
+import json
+import re
+import socket
+import subprocess
+import sys
+import threading
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from support import needs
+
+pytest.importorskip("lxml", reason=needs.ONLINE)
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+import hijack_data as hj
+from hijack_data.corruptions.multi_apps import APPS
+from hijack_data.errors import ParameterError, UnknownNameError
+from hijack_data.plan import Effect
+from hijack_data.rng import Stream
+from online_env.desktops.protocol import CAPABILITIES, RunResult
+from online_env.effects import (
+    EffectError,
+    LiveEffect,
+    Probe,
+    Undone,
+    base,
+    find,
+    kinds,
+    perform,
+    register,
+    resume,
+    rules,
+)
+from online_env.effects.accidental_touch import _draw
+from online_env.effects.apps import COMMANDS
+from online_env.effects.elements import live_elements
+from online_env.effects.guest import Guest, isolated
+from online_env.effects.multi_apps import _misplaced
+from online_env.embedded.guest import inside
+from online_env.embedded.guest.inside import nettool
+from online_env.embedded.guest.tree import NAMESPACES
+from online_env.errors import DesktopError, MissingCapabilityError
+
+
+def desktop(answer=None, capabilities=CAPABILITIES):
+    """A desktop that gives one answer to every command."""
+    calls = []
+
+    def execute(argv, timeout=60):
+        calls.append(argv)
+        return answer
+
+    return SimpleNamespace(
+        execute=execute,
+        capabilities=capabilities,
+        calls=calls,
+    )
+
+
+@pytest.fixture
+def own_kind(monkeypatch):
+    monkeypatch.setattr(base.EFFECTS, "entries", dict(base.EFFECTS.entries))
+
+
+def test_every_effect_that_a_corruption_plans_can_be_performed():
+    scene = hj.Scene(size=(1080, 1920), boxes=[[10, 10, 50, 50]])
+    plans = [
+        hj.get(name).plan(scene, seed=1, step=step) for name in hj.names() for step in (-1, 0, 3)
+    ]
+    planned = {effect.kind for plan in plans for effect in plan.effects}
+    assert planned == {"launch_app", "touch", "minimise", "firewall", "lock"} <= set(kinds())
+    assert all(find(kind).needs <= CAPABILITIES for kind in planned)
+
+
+def test_unknown_kind_gets_a_suggestion():
+    with pytest.raises(UnknownNameError, match="did you mean 'firewall'"):
+        perform(Effect("firewal"), desktop())
+
+
+def test_plug_in_effect(own_kind):
+    @register
+    class Beep(LiveEffect):
+        """Beeps."""
+
+        kind = "beep"
+
+        def apply(self, guest, params):
+            return {"times": params["times"]}
+
+        def probe(self, guest, record):
+            return Probe(record["times"] > 0, {"times": record["times"]})
+
+        def undo(self, guest, record):
+            return Undone(True)
+
+    done = perform(Effect("beep", {"times": 2}), desktop())
+    assert done.probe() == Probe(True, {"times": 2})
+    assert done.undo().ok
+    again = resume(json.loads(json.dumps(done.record)), desktop())
+    assert again.probe().ok
+    assert [len(again.record["probes"]), len(again.record["undone"])] == [2, 1]
+    assert len(done.record["probes"]) == 1, "the record that was read must not change"
+
+
+def test_incomplete_and_taken_kinds_are_refused(own_kind):
+    class Half(LiveEffect):
+        kind = "half"
+
+        def apply(self, guest, params):
+            return {}
+
+    class Whole(Half):
+        kind = "lock"
+        probe = undo = lambda self, guest, record: None
+
+    with pytest.raises(ParameterError, match="probe, undo is missing"):
+        register(Half)
+    with pytest.raises(ParameterError, match=r"'lock' is taken by online_env.effects.verification"):
+        register(Whole)
+    Whole.kind = ""
+    with pytest.raises(ParameterError, match="kind is not set"):
+        register(Whole)
+
+
+@pytest.mark.parametrize("kind", ["launch_app", "touch", "minimise", "firewall", "lock"])
+def test_missing_capability_is_named_before_anything_is_done(kind):
+    lacking = desktop(capabilities=frozenset({"files"}))
+    with pytest.raises(
+        MissingCapabilityError,
+        match=rf"{kind}.* needs .*{sorted(find(kind).needs)[0]}.*available: files",
+    ):
+        perform(Effect(kind, {"app": "vscode"}), lacking)
+    assert lacking.calls == []
+
+
+@pytest.mark.parametrize(
+    "broken",
+    [
+        {},
+        {"effect": "lock"},
+        {
+            "effect": "lock",
+            "params": 3,
+            "did": {},
+        },
+        {"did": 1},
+    ],
+)
+def test_damaged_records_are_refused(broken):
+    with pytest.raises(EffectError, match="not the record of an applied effect"):
+        resume(broken, desktop())
+
+
+def test_tools_that_fail_in_the_guest_say_why():
+    no_xlib = RunResult("success", "", "ModuleNotFoundError: No module named 'Xlib'", 1)
+    with pytest.raises(MissingCapabilityError, match="python3-xlib"):
+        perform(Effect("minimise"), desktop(no_xlib))
+    with pytest.raises(MissingCapabilityError, match="no python3"):
+        perform(
+            Effect("minimise"),
+            desktop(RunResult("error", "", "'python3' does not start: No such file")),
+        )
+    with pytest.raises(DesktopError, match="Can't connect to display"):
+        perform(
+            Effect("minimise"), desktop(RunResult("success", "", "Can't connect to display", 1))
+        )
+    with pytest.raises(DesktopError, match="not JSON"):
+        perform(Effect("minimise"), desktop(RunResult("success", "hello", "", 0)))
+
+
+def test_namespace_that_is_gone(tmp_path):
+    gone = SimpleNamespace(namespace=tmp_path / "none")
+    with pytest.raises(DesktopError, match="is gone"):
+        Guest(gone, "", None).root("true")
+
+
+LOOK = """import json, os, sys
+print(json.dumps([sys.flags.isolated, sys.executable, os.getcwd(), sorted(os.environ), sys.argv[1:], json.__file__]))
+"""
+
+
+def test_tools_run_apart_from_all_that_is_the_users(tmp_path):
+    """Variables, PATH, the working directory and the home all lead to something of the user's."""
+    packages = (
+        tmp_path
+        / ".local/lib"
+        / f"python{sys.version_info[0]}.{sys.version_info[1]}"
+        / "site-packages"
+    )
+    packages.mkdir(parents=True)
+    for place in (tmp_path, packages):
+        for name in ("json", "sitecustomize", "usercustomize"):
+            (place / f"{name}.py").write_text("print('forged'); raise SystemExit(0)")
+    for name in ("python3", "env"):
+        (tmp_path / name).write_text("#!/bin/sh\necho forged\n")
+        (tmp_path / name).chmod(0o755)
+    names = ("PATH", "HOME", "PYTHONPATH", "PYTHONHOME", "PYTHONSTARTUP", "LD_LIBRARY_PATH")
+    hostile = dict.fromkeys(names, str(tmp_path))
+    hostile["DISPLAY"] = ":7"
+    command = isolated(LOOK, "state", "{}")
+    done = subprocess.run(
+        command,
+        env=hostile,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    alone, program, folder, variables, given, module = json.loads(done.stdout)
+    assert (alone, folder, given) == (1, "/", ["state", "{}"])
+    assert program.startswith("/usr/bin/")
+    assert {"DISPLAY", "HOME", "PATH", "XAUTHORITY"} <= set(variables)
+    assert not [name for name in variables if name.startswith(("PYTHON", "LD_"))]
+    assert not module.startswith(str(tmp_path))
+
+
+def test_tools_need_nothing_of_ours():
+    for path in Path(inside.__file__).parent.glob("*.py"):
+        ours = r"^from \.(?!ewmh )|^(from|import) (online_env|hijack_data)"
+        assert not re.search(ours, path.read_text(), re.MULTILINE), path
+        text = inside.source(path.stem)
+        assert len(text) < 100_000, "it must fit into one argument of a command"
+
+
+def test_every_application_of_the_list_has_a_command():
+    assert tuple(COMMANDS) == APPS
+    assert all(
+        command.argv and command.classes for commands in COMMANDS.values() for command in commands
+    )
+
+
+# rules
+
+
+def in_namespace(script):
+    """Run a shell script in a network namespace of its own, with two interfaces."""
+    needs.network_namespaces()
+    # Without IPv6, or its router solicitations would be counted at some moment too.
+    setup = """export PATH=$PATH:/usr/sbin:/sbin
+    echo 1 > /proc/sys/net/ipv6/conf/default/disable_ipv6
+    ip link add eth0 type veth peer name far; for device in lo eth0 far; do ip link set $device up; done
+    ip addr add 192.0.2.2/24 dev eth0; ip route add default via 192.0.2.1
+    """
+    return subprocess.run(
+        ["unshare", "-n", "sh", "-c", setup + script],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@needs.needs_apps("nft", "iptables")
+@pytest.mark.parametrize("tool", ["nft", "iptables"])
+def test_rules_count_what_they_drop_and_go_without_a_trace(tool):
+    shut, free = getattr(rules, f"{tool}_close"), getattr(rules, f"{tool}_open")()
+    count = getattr(rules, f"{tool}_count")()
+    listing = "nft list ruleset" if tool == "nft" else "iptables-save | grep -v '^#'"
+    ping = 'python3 -c \'import socket; socket.socket(2, 2).sendto(b"x", ("{}", 9))\''
+    foreign = "nft add table inet other; iptables -N OTHER; iptables -A OUTPUT -j OTHER"
+    close = f"{{ {shut(['eth0'], ['192.0.2.1', '2001:db8::1'])}\n}} || exit"
+    script = f"""{foreign}
+    {close} 7
+    {close} 8
+    {ping.format("192.0.2.1")}; {ping.format("127.0.0.1")}; {ping.format("198.51.100.7")}
+    echo @; {count}; echo @; {{ {free}
+    }} || exit 9
+    {{ {free}
+    }} || exit 10
+    {listing}"""
+    done = in_namespace(script)
+    assert done.returncode == 0, done.stderr
+    _, counted, left = done.stdout.split("@")
+    assert rules.dropped(counted) == 1, "only what is for neither loopback nor the host is dropped"
+    assert "agenthijack" not in left.lower()
+    assert "other" in left.lower(), "rules of others must stay"
+
+
+@given(st.lists(st.integers(0, 10**6), max_size=4))
+def test_dropped_reads_both_tools(counts):
+    nft = "".join(
+        f'  oifname {{ "eth0" }} counter packets {n} bytes {60 * n} drop\n' for n in counts
+    )
+    iptables = "".join(
+        f"  {n:8}  {60 * n} DROP  0  --  *  eth0  0.0.0.0/0  0.0.0.0/0\n" for n in counts
+    )
+    assert rules.dropped(nft + "counter packets 5 bytes 9 accept\n") == sum(counts)
+    assert rules.dropped("Chain AGENTHIJACK_OUT (1 references)\n 9 9 ACCEPT 0\n" + iptables) == sum(
+        counts
+    )
+
+
+# the network as a guest sees it
+
+
+def test_default_routes_and_controllers_are_found(monkeypatch):
+    zero = "0" * 32
+    v6 = f"{zero} 00 {zero} 00 fe80{'0' * 28} 00000064 0 0 {{}} {{}}"
+    peer6 = "0000000000000000FFFF00000500C70A"
+    files = {
+        "/proc/net/route": [
+            "head",
+            "eth0 00000000 01004D0A 0003 0 0 0 00000000",
+            "eth0 00004D0A 0 0001 0 0 0 00FFFFFF",
+            "bad 00000000 0 0203 0 0 0 00000000",
+        ],
+        "/proc/net/ipv6_route": [v6.format("00000003", "wlan0"), v6.format("00200200", "lo")],
+        "/etc/resolv.conf": ["# x", "nameserver 127.0.0.53", "search a", "nameserver 10.0.0.1"],
+        "/proc/net/tcp": [
+            "head",
+            "0: 00000000:1388 00000000:0000 0A",
+            "1: 0600C70A:1388 0600C70A:ED5A 01",
+            "2: 0600C70A:9999 0101A8C0:0050 01",
+            "3: 0100007F:1388 0100007F:1111 01",
+        ],
+        "/proc/net/tcp6": ["head", f"0: {zero}:1388 {peer6}:AAAA 01"],
+    }
+    monkeypatch.setattr(nettool, "_lines", lambda path: files.get(path, []))
+    assert nettool.interfaces() == ["eth0", "wlan0"]
+    assert nettool.hosts() == ["10.199.0.5", "10.199.0.6"]
+    assert nettool.name_servers() == ["127.0.0.53", "10.0.0.1"]
+
+
+def test_reach_tells_what_answers():
+    with (
+        socket.create_server(("127.0.0.1", 0)) as open_port,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as names,
+    ):
+        names.bind(("127.0.0.1", 0))
+        port = open_port.getsockname()[1]
+        answering = threading.Thread(target=lambda: open_port.accept()[0].close(), daemon=True)
+        answering.start()
+        found = nettool.reach(
+            [
+                {
+                    "kind": "tcp",
+                    "host": "127.0.0.1",
+                    "port": port,
+                }
+            ],
+            20,
+        )["reached"]
+        answering.join()  # while it accepts, the port is open, whoever closes it
+        assert (found[0]["ok"], found[0]["address"]) == (True, "127.0.0.1")
+    closed = nettool.reach(
+        [
+            {
+                "kind": "tcp",
+                "host": "127.0.0.1",
+                "port": port,
+            }
+        ],
+        20,
+    )["reached"][0]
+    assert not closed["ok"]
+    assert "refused" in closed["error"]
+    assert nettool.reach([], 1) == {"reached": []}
+
+
+# what a tree offers
+
+
+def tree(*apps):
+    spaces = " ".join(f'xmlns:{prefix}="{address}"' for prefix, address in NAMESPACES.items())
+    return f"<desktop-frame {spaces}>{''.join(apps)}</desktop-frame>"
+
+
+def node(
+    role,
+    name,
+    x,
+    extra='st:enabled="true"',
+):
+    place = f'cp:screencoord="({x}, 5)" cp:size="(20, 10)"'
+    return f'<{role} name="{name}" st:showing="true" st:visible="true" {place} {extra}/>'
+
+
+def test_elements_keep_what_acts_and_leave_launchers_out():
+    acts = 'st:enabled="true" act:click_desc=""'
+    disabled = 'act:click_desc=""'
+    links = (
+        node("push-button", "Go", 10, acts)
+        + node("link", "dead", 40)
+        + node("link", "off", 70, disabled)
+    )
+    browser = f'<application name="Google Chrome">{links}</application>'
+    silent = f'<application name="mousepad">{node("text", "body", 100)}</application>'
+    panel = (
+        f'<application name="xfce4-panel">{node("push-button", "Menu", 130, acts)}</application>'
+    )
+    xml = tree(browser, silent, panel)
+    all_of_them = [(e.app, e.name) for e in live_elements(xml, (100, 200), without_app=False)]
+    assert all_of_them == [("Google Chrome", "Go"), ("mousepad", "body"), ("xfce4-panel", "Menu")]
+    assert [e.name for e in live_elements(xml, (100, 200), without_app=True)] == ["Go", "body"]
+    assert live_elements(xml, (100, 200), without_app=True)[0].centre == (20, 10)
+
+
+@pytest.mark.parametrize("bad", ["", "<a", "no xml", "<a><b></a>"])
+def test_trees_that_are_none_are_refused(bad):
+    with pytest.raises(DesktopError, match="cannot be read"):
+        live_elements(bad, (10, 10), without_app=True)
+
+
+def test_draw_prefers_the_plan_then_the_stream():
+    xml = tree(
+        "<application"
+        f' name="a">{"".join(node("link", str(i), 25 * i) for i in range(6))}</application>'
+    )
+    found = live_elements(xml, (100, 200), without_app=True)
+    assert _draw(found, [(0, 0, 3, 3), (52, 6, 72, 16)], Stream(1, "t")).name == "2"
+    assert _draw([], [(52, 6, 72, 16)], Stream(1, "t")) is None
+    drawn = {_draw(found, [], Stream(seed, "t")).name for seed in range(40)}
+    assert drawn == {str(i) for i in range(6)}
+
+
+def test_misplaced_allows_for_what_cannot_be_smaller():
+    window = {
+        "title": "w",
+        "frame": [960, 0, 1920, 1043],
+        "box": [961, 24, 1919, 1042],
+        "least": [0, 0],
+    }
+    asked = [960, 0, 1920, 1043]
+    assert _misplaced(window, asked) == []
+    assert _misplaced({**window, "frame": [900, 0, 1860, 1043]}, asked)
+    wide = {
+        **window,
+        "frame": [960, 0, 2100, 1043],
+        "box": [961, 24, 2099, 1042],
+    }
+    assert _misplaced(wide, asked)
+    assert not _misplaced({**wide, "least": [1138, 0]}, asked)
+    assert _misplaced(None, asked) == ["the window beside it is gone"]
+
+
+def test_a_window_behind_its_modal_dialog_is_not_touched():
+    from online_env.effects.accidental_touch import _can_be_clicked
+    from online_env.effects.elements import Element
+
+    def window(
+        number,
+        frame,
+        **more,
+    ):
+        return {
+            "id": number,
+            "mapped": True,
+            "frame": frame,
+            "type": "normal",
+            "for": 0,
+            "states": [],
+            **more,
+        }
+
+    main, beside = window(1, [0, 0, 100, 100]), window(2, [200, 0, 300, 100])
+    dialog = window(3, [40, 40, 60, 60], type="dialog", **{"for": 1}, states=["modal"])
+    places = {
+        "main": (10, 10, 20, 20),
+        "dialog": (45, 45, 55, 55),
+        "beside": (210, 10, 220, 20),
+    }
+
+    def seen(*windows):
+        state = {"windows": list(windows)}
+        return {
+            name
+            for name, box in places.items()
+            if _can_be_clicked(Element("app", "push-button", name, box), state)
+        }
+
+    assert seen(main, beside, dialog) == {"dialog", "beside"}
+    assert seen(main, beside, {**dialog, "states": []}) == {"main", "dialog", "beside"}

@@ -1,0 +1,253 @@
+"""Firewall and lock on a real desktop: applied, proved, undone; sabotaged, the probe says so."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hijack_data.plan import Effect
+from online_env.desktops.lockers import LOCKERS, Locker
+from online_env.effects import EffectError, perform, resume, undo
+from online_env.effects import network_error as firewall_module
+from online_env.effects.guest import Guest
+
+from support.effects import (
+    WithSudo,
+    applied,
+    boxes,
+    browser_to_front,
+    open_apps,
+    reach,
+    refused,
+)
+from support.waiting import until as wait
+
+pytestmark = pytest.mark.usefixtures("browser_machine")
+
+
+@pytest.fixture(scope="module")
+def desktop(embedded_desktop):
+    return open_apps(embedded_desktop)
+
+
+def rules(desktop):
+    return Guest(desktop, "", None).root("nft list ruleset").output
+
+
+def test_firewall_cuts_the_sites_and_nothing_else(desktop):
+    from online_env.embedded.desktop import EmbeddedDesktop
+
+    desktop.execute("(python3 -m http.server 5999 --bind 127.0.0.1 >/dev/null 2>&1 &)")
+    wait(lambda: reach(desktop, "127.0.0.1", 5999))
+    before = rules(desktop)
+    done = perform(Effect("firewall", {"allow": []}), desktop)
+    found = done.probe()
+    assert found.ok, found
+    assert {target["kind"] for target in found.facts["before"]} == {"tcp", "dns"}
+    assert found.facts["dropped"] >= 2
+    assert not reach(desktop)
+    assert reach(desktop, "127.0.0.1", 5999), "loopback must stay"
+    with EmbeddedDesktop.attach(desktop.id) as another:  # a connection of its own
+        assert another.execute(["true"]).ok
+    assert done.undo().ok
+    assert reach(desktop)
+    assert rules(desktop) == before, "the fence of the desktop must stay as it was"
+    assert done.undo().ok, "undone twice"
+
+
+def test_firewall_shows_chromium_its_own_error_page(desktop):
+    browser_to_front(desktop)
+    with applied(Effect("firewall"), desktop):
+        desktop.run(
+            "pyautogui.hotkey('ctrl', 'l'); pyautogui.write('news.test'); pyautogui.press('enter')"
+        )
+        wait(lambda: "news.test - Network error" in desktop.accessibility())
+    desktop.run("pyautogui.press('f5')")
+    wait(lambda: "Morning Ledger" in desktop.execute(["wmctrl", "-l"]).output)
+
+
+def test_firewall_twice(desktop):
+    with (
+        applied(Effect("firewall"), desktop) as first,
+        applied(Effect("firewall"), desktop) as second,
+    ):
+        assert second.record["did"]["already"]
+        assert second.probe().ok
+        assert first.probe().ok
+    assert reach(desktop)
+
+
+def test_sabotaged_firewall_is_found_out(desktop, monkeypatch):
+    nothing = {"nft": replace(firewall_module._TOOLS["nft"], close=lambda *_: "true")}
+    monkeypatch.setattr(firewall_module, "_TOOLS", nothing)
+    with applied(Effect("firewall"), desktop) as done:
+        found = done.probe()
+    assert not found.ok
+    assert "still reachable: tcp 10.77.0.1, dns 10.77.0.1" in found.problem
+    assert "not in force" in found.problem
+
+
+def test_firewall_rules_that_are_refused_are_told(desktop, monkeypatch):
+    wrong = {"nft": replace(firewall_module._TOOLS["nft"], close=lambda *_: "nft add nonsense")}
+    monkeypatch.setattr(firewall_module, "_TOOLS", wrong)
+    with applied(Effect("firewall"), desktop) as done:
+        assert "the rules were refused: " in done.probe().problem
+
+
+def test_network_that_was_down_before_is_not_our_doing(desktop):
+    root = Guest(desktop, "", None).root
+    assert root("ip link set eth0 down").ok
+    try:
+        done = perform(Effect("firewall", {"sites": [["10.77.0.1", 80]]}), desktop)
+        found = done.probe()
+        assert not found.ok
+        assert "already down before" in found.problem
+        assert done.undo().ok
+    finally:
+        assert root("ip link set eth0 up && ip route add default via 10.77.0.1").ok
+    assert reach(desktop)
+
+
+@pytest.mark.parametrize("tool", ["nft", "iptables"])
+def test_firewall_through_sudo(
+    desktop,
+    tool,
+    tmp_path,
+):
+    """As in a virtual machine; with iptables where there is no nft."""
+    guest = WithSudo(desktop, tmp_path)
+    guest.give(tool)
+    before = rules(desktop)
+    done = perform(Effect("firewall"), guest)
+    assert done.record["did"]["tool"] == tool
+    found = done.probe()
+    assert found.ok, found
+    assert not reach(desktop)
+    assert done.undo().ok
+    assert reach(desktop)
+    assert undo("firewall", guest).ok, "nothing is left to undo"
+    assert "AGENTHIJACK" not in rules(desktop)
+    assert before in rules(desktop) or "agenthijack_offline" not in rules(desktop)
+
+
+def test_firewall_says_what_is_missing(desktop, tmp_path):
+    refused(
+        Effect("firewall"), WithSudo(desktop, tmp_path), "neither nft nor iptables works as root"
+    )
+    (tmp_path / "wrong").mkdir()
+    secret = WithSudo(desktop, tmp_path / "wrong", password="another")
+    secret.give("nft")
+    refused(Effect("firewall"), secret, "neither nft nor iptables")
+    assert reach(desktop)
+
+
+@pytest.mark.parametrize(
+    "params", [{"allow": ["not-an-address"]}, {"allow": 7}, {"sites": [["x"]]}, {"sites": 3}]
+)
+def test_firewall_refuses_wrong_parameters(desktop, params):
+    with pytest.raises(EffectError, match="firewall: "):
+        perform(Effect("firewall", params), desktop)
+    assert reach(desktop)
+
+
+def test_lock_takes_screen_and_keyboard_until_the_password(desktop):
+    picture = desktop.screenshot()
+    done = perform(Effect("lock"), desktop)
+    found = done.probe()
+    assert found.ok, found
+    assert (found.facts["active"], found.facts["covers"], found.facts["typed_reaches"]) == (
+        True,
+        True,
+        False,
+    )
+    assert done.record["did"]["drawn"], "the lock screen is black"
+    # The dialog comes a moment after the picture behind it.
+    wait(
+        lambda: (desktop.screenshot()[330:760, 740:1180].min(2) > 245).sum() > 5000,
+        "the white password box",
+    )
+    middle = desktop.screenshot()[330:760, 740:1180].min(2)
+    assert ((middle > 180) & (middle < 230)).sum() > 50_000, "no dialog"
+    undone = done.undo()
+    assert undone.ok
+    assert undone.facts["by"] == "password"
+    assert (desktop.screenshot() == picture).mean() > 0.99
+    assert done.undo().ok, "undone twice"
+    assert undo("lock", desktop).ok, "undone without a record"
+
+
+def test_lock_screen_that_went_black_is_woken(desktop):
+    with applied(Effect("lock"), desktop) as done:
+        desktop.run("pyautogui.press('esc')")
+        wait(lambda: len(np.unique(desktop.screenshot()[::8, ::8].reshape(-1, 3), axis=0)) == 1)
+        done.refresh()
+        assert len(np.unique(desktop.screenshot()[::8, ::8].reshape(-1, 3), axis=0)) > 100
+        assert done.probe().ok
+    picture = desktop.screenshot()
+    done.refresh()
+    assert (desktop.screenshot() == picture).mean() > 0.99
+
+
+def test_locked_already_and_locked_twice(desktop):
+    with applied(Effect("lock"), desktop) as first:
+        second = perform(Effect("lock"), desktop)
+        assert second.record["did"]["already"]
+        assert second.probe().ok
+        assert first.probe().ok
+
+
+def test_lock_with_a_password_that_is_not_known_is_forced_open(desktop):
+    done = perform(Effect("lock"), desktop, password="not this one")
+    assert done.probe().ok
+    undone = done.undo()
+    assert (undone.ok, undone.facts["by"]) == (True, "force")
+
+
+def test_sabotaged_lock_is_found_out(desktop, monkeypatch):
+    known = LOCKERS[0]
+    deaf = Locker(known.name, known.query, known.on, known.off, "true", known.force)
+    for module in ("effects.verification", "desktops.lockers"):
+        monkeypatch.setattr(f"online_env.{module}.BY_NAME", {known.name: deaf})
+    monkeypatch.setattr("online_env.effects.verification.PATIENCE", 0.3)
+    found = perform(Effect("lock"), desktop).probe()
+    assert not found.ok
+    assert "not locked" in found.problem
+
+
+def test_probe_of_the_lock_believes_no_locker_that_only_says_so(desktop, monkeypatch):
+    """A locker that claims to be active, on a screen that anybody can use."""
+    liar = Locker("true", "echo it is active", " is active", " is inactive", "true", "true")
+    monkeypatch.setattr("online_env.effects.verification.BY_NAME", {"true": liar})
+    record = {
+        "effect": "lock",
+        "params": {},
+        "did": {"locker": "true"},
+        "probes": [],
+        "undone": [],
+    }
+    found = resume(record, desktop).probe()
+    assert not found.ok
+    assert "keyboard is free" in found.problem
+    assert "reached another client" in found.problem
+
+
+def test_locker_that_crashes_is_noticed_and_comes_back(desktop):
+    done = perform(Effect("lock"), desktop)
+    assert done.probe().ok
+    desktop.execute(["pkill", "-9", "-x", "mate-screensave"])
+    wait(lambda: not done.probe().ok)
+    assert done.undo().ok
+    with applied(Effect("lock"), desktop) as again:
+        assert again.probe().ok
+
+
+def test_guest_without_a_locker(desktop, monkeypatch):
+    monkeypatch.setattr("online_env.effects.verification._ASK_ALL", "true")
+    refused(Effect("lock"), desktop, "it has no locker")
+    monkeypatch.setattr("online_env.effects.verification._ASK_ALL", "echo loginctl nobody")
+    monkeypatch.setattr("online_env.effects.verification.PATIENCE", 0.2)
+    before = boxes(desktop)
+    # nothing lacks: it fails now
+    with pytest.raises(EffectError, match="installed, but no locker answers"):
+        perform(Effect("lock"), desktop)
+    assert boxes(desktop) == before

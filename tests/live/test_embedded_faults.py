@@ -1,0 +1,212 @@
+"""What goes wrong with embedded desktops: killed parts, killed controllers, hogs; and that nothing
+is left behind."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from online_env.embedded import handle, registry
+from online_env.embedded.runtime import network
+from online_env.errors import DesktopError
+
+from support import needs
+from support.processes import children, comm, guest_server
+from support.waiting import until as wait_until
+
+CONTROLLER = """
+import sys, time
+from online_env.embedded.desktop import EmbeddedDesktop
+desktop = EmbeddedDesktop.up(name=sys.argv[1], standby=True)
+print(desktop.id, flush=True)
+time.sleep(60)
+"""
+
+
+def remove_orphan(name):
+    """Clear one orphan; others may belong to whoever else uses this machine."""
+    found = [record for record in registry.orphans() if record["id"] == name]
+    assert len(found) == 1
+    registry.remove(found[0])
+    assert name not in {record["id"] for record in registry.orphans()}
+
+
+def processes(desktop, name):
+    """Pids inside the desktop of processes with this name."""
+    return desktop.execute(["pgrep", "-x", name]).output.split()
+
+
+def test_cycles_leave_nothing(up, leaves_nothing):
+    for number in range(3):
+        desktop = up(size=(600, 800), name=f"{leaves_nothing}{number}")
+        desktop.reset()
+        desktop.close()
+        desktop.close()
+
+
+@pytest.mark.parametrize("ending", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
+def test_end_of_the_controller_ends_everything(leaves_nothing, ending):
+    command = [sys.executable, "-c", CONTROLLER, f"{leaves_nothing}a"]
+    controller = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+    name = controller.stdout.readline().decode().strip()
+    assert registry.state(registry.load(name)) == "ready"
+    controller.send_signal(ending)
+    controller.wait()
+    controller.stdout.close()
+    wait_until(lambda: not registry.folder(name).exists())
+
+
+def test_killed_keeper_leaves_an_orphan_that_is_cleared(embedded_machine, leaves_nothing):
+    held = handle.Handle(handle.make_order((600, 800), name=f"{leaves_nothing}a", lifeline=False))
+    record = held.wait()
+    os.kill(record["keeper"][0], signal.SIGKILL)
+    held.close()
+    wait_until(lambda: not registry.alive(record["init"]))
+    assert registry.state(registry.load(record["id"])) == "orphan"
+    remove_orphan(record["id"])
+
+
+def test_bare_namespaces_are_found_as_orphans(embedded_machine, leaves_nothing):
+    network.create(f"{leaves_nothing}bare")
+    remove_orphan(f"{leaves_nothing}bare")
+
+
+@pytest.mark.parametrize("victim", ["Xvfb", "dbus-daemon"])
+def test_death_of_display_or_bus_is_told_and_reset_mends_it(up, victim):
+    desktop = up()
+    assert victim == "dbus-daemon" or len(processes(desktop, "Xvfb")) == 1
+    init = desktop.record["init"][0]
+    pids = [p for p in children(init) if comm(p) == victim]
+    os.kill(pids[0], signal.SIGKILL)
+    wait_until(lambda: not registry.alive(desktop.record["init"]))
+    with pytest.raises(DesktopError, match=rf"has ended: {victim} ended \(signal 9\)"):
+        desktop.execute(["true"])
+    desktop.reset()
+    assert desktop.execute(["true"]).ok
+
+
+@pytest.mark.parametrize("victim", ["xfwm4", "xfce4-panel", "xfdesktop"])
+def test_parts_of_the_shell_come_back(embedded_desktop, victim):
+    before = processes(embedded_desktop, victim)
+    embedded_desktop.execute(["pkill", "-KILL", "-x", victim])
+    wait_until(lambda: len(now := processes(embedded_desktop, victim)) == 1 and now != before)
+
+
+def test_guest_server_comes_back(up):
+    desktop = up()
+    os.kill(guest_server(desktop.record), signal.SIGKILL)
+
+    def answers():
+        try:
+            return desktop.execute(["true"]).ok
+        except DesktopError:
+            return False
+
+    wait_until(answers)
+
+
+def test_rm_rf_home_hurts_this_desktop_only(up):
+    first = up()
+    first.execute("rm -rf ~ 2>/dev/null; rm -rf ~/.* 2>/dev/null")
+    second = up()
+    assert second.execute("test -e ~/.bashrc").ok
+    assert first.screenshot().shape == (1080, 1920, 3)
+
+
+@needs.needs_memory(4)
+def test_full_disk_is_the_desktops_own(up):
+    desktop = up()
+    result = desktop.execute(
+        "head -c 3G /dev/zero > ~/big; ls -l ~/big | cut -d' ' -f5; rm ~/big; echo hi > ~/small &&"
+        " cat ~/small"
+    )
+    assert int(result.output.split()[0]) <= 2 << 30
+    assert result.output.split()[1] == "hi"
+
+
+def test_fork_bomb_is_contained(up):
+    desktop = up()
+    code = (
+        "import os\n"
+        "made, (wait, go) = 0, os.pipe()\n"
+        "try:\n"
+        "    while made < 20000:\n"
+        "        if os.fork() == 0:\n"
+        "            os.close(go); os.read(wait, 1); os._exit(0)\n"
+        "        made += 1\n"
+        "except OSError:\n"
+        "    print(made)\n"
+    )
+    result = desktop.execute(["/usr/bin/python3", "-c", code])
+    assert 100 < int(result.output) < 10000
+    assert subprocess.run(["true"], check=False).returncode == 0
+    wait_until(lambda: desktop.execute(["true"]).ok)
+
+
+def test_memory_hog_gets_an_error(up):
+    desktop = up()
+    result = desktop.execute(["/usr/bin/python3", "-c", "x = b'x' * (6 << 30)"])
+    assert result.returncode == 1
+    assert "MemoryError" in result.error
+
+
+SHORT_CONTROLLER = """
+import sys
+from online_env.embedded.desktop import EmbeddedDesktop
+with EmbeddedDesktop.up(size=(600, 800)) as desktop:
+    print(desktop.id, flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_two_controllers_at_once(embedded_machine):
+    command = [sys.executable, "-c", SHORT_CONTROLLER]
+    pipes = {
+        "stdin": subprocess.PIPE,
+        "stdout": subprocess.PIPE,
+        "text": True,
+    }
+    both = [subprocess.Popen(command, **pipes) for _ in range(2)]
+    names = {one.stdout.readline().strip() for one in both}
+    for one in both:
+        one.communicate(timeout=120)
+    assert len(names) == 2
+    assert "" not in names
+
+
+@pytest.mark.parametrize(
+    ("spoil", "told"),
+    [
+        (
+            (
+                "from online_env.embedded.runtime import session; "
+                "session.display_server = lambda *_: ('Xvfb', '-nonsense')"
+            ),
+            r"(?s)Xvfb ended; the end of Xvfb\.log: .*nonsense",
+        ),
+        (
+            "from online_env.embedded.guest import preload; preload.LATER = ('no_such_module',)",
+            r"(?s)the end of nest\.log: .*No module named 'no_such_module'",
+        ),
+    ],
+)
+def test_failure_to_start_names_the_log(
+    embedded_machine,
+    leaves_nothing,
+    monkeypatch,
+    spoil,
+    told,
+):
+    broken = handle._KEEPER.replace("from online", f"{spoil}; from online")
+    monkeypatch.setattr(handle, "_KEEPER", broken)
+    with pytest.raises(DesktopError, match=told):
+        handle.Handle(handle.make_order(name=f"{leaves_nothing}a")).wait()
+
+
+def test_record_is_plain_json(embedded_desktop):
+    text = (registry.folder(embedded_desktop.id) / registry.RECORD).read_text()
+    assert json.loads(text)["id"] == embedded_desktop.id
+    assert (registry.folder(embedded_desktop.id).stat().st_mode & 0o777) == 0o700

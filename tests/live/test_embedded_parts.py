@@ -1,0 +1,223 @@
+"""The parts of the embedded desktop that need no root and no desktop."""
+
+import ipaddress
+import json
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hijack_data.errors import ParameterError, UnknownNameError
+from online_env.cli import _size, desktop
+from online_env.embedded import doctor, home, packages, pictures, registry
+from online_env.embedded.runtime import account, files, identity, network, session
+from online_env.embedded.runtime.plain import DesktopConfig, SetupError
+
+from support import needs
+
+names = st.text(min_size=0, max_size=30)
+
+
+@given(st.integers(0, registry.SLOTS - 1), st.integers(0, registry.SLOTS - 1))
+def test_every_slot_has_an_address_and_users_of_its_own(slot, other):
+    address = ipaddress.ip_address(network.address(slot))
+    assert address.is_loopback
+    bases = [(identity._FIRST + number) * identity.RANGE for number in (slot, other)]
+    assert 2**30 < bases[0] < 2**32 - 2 * identity.RANGE
+    if slot != other:
+        assert address != ipaddress.ip_address(network.address(other))
+        assert abs(bases[0] - bases[1]) >= identity.RANGE
+
+
+@given(names)
+def test_a_name_is_safe_or_refused(name):
+    allowed = registry._NAME.fullmatch(name)
+    if allowed:
+        assert set(name) <= set("abcdefghijklmnopqrstuvwxyz0123456789-")
+        assert 1 <= len(name) <= 20
+        assert not name.startswith("-")
+    else:
+        with pytest.raises(SetupError, match="must be 1 to 20"):
+            registry.claim(name, (1, 1), None, {})
+
+
+@given(
+    st.integers(200, 8192),
+    st.integers(200, 8192),
+    st.lists(st.sampled_from(sorted(session.APPS))),
+    st.booleans(),
+    st.none() | st.tuples(st.integers(1), st.integers(1)),
+)
+def test_an_order_survives_json(
+    width,
+    height,
+    apps,
+    osworld,
+    controller,
+):
+    order = DesktopConfig(
+        name=None,
+        screen=(width, height),
+        layer="/l",
+        search_path=("a", "b"),
+        python="/p",
+        hidden=("k",),
+        apps=tuple(apps),
+        osworld=osworld,
+        controller=controller,
+    )
+    assert DesktopConfig.from_json(order.to_json()) == order
+
+
+def test_process_start_tells_processes_apart():
+    me = registry.process_start(os.getpid())
+    assert me > 0
+    assert registry.alive((os.getpid(), me))
+    assert not registry.alive((os.getpid(), me - 1))
+    assert registry.process_start(2**22 + 5) == 0
+    assert not registry.alive(None)
+
+
+def test_records_come_back_and_broken_ones_are_told(tmp_path, monkeypatch):
+    monkeypatch.setattr(registry, "RUN", tmp_path)
+    keeper = (os.getpid(), registry.process_start(os.getpid()))
+    first = registry.claim(None, keeper, None, {"screen": [800, 600]})
+    second = registry.claim(None, keeper, (1 << 22, 7), {})
+    assert (first["id"], second["id"]) == ("d1", "d2")
+    assert first["slot"] != second["slot"]
+    assert registry.load("d1") == first
+    (tmp_path / "broken").mkdir()
+    (tmp_path / "broken" / registry.RECORD).write_text("{")
+    states = {record["id"]: registry.state(record) for record in registry.records()}
+    # the controller of d2 is gone
+    assert states == {
+        "d1": "starting",
+        "d2": "orphan",
+        "broken": "orphan",
+    }
+    with pytest.raises(SetupError, match="there already"):
+        registry.claim("broken", keeper, None, {})
+
+
+def test_profiles_hold_each_other():
+    core = packages.packages(["core"])
+    assert packages.packages([]) == core
+    assert set(core) < set(packages.packages(["web"])) < set(packages.packages(["all"]))
+    assert len(set(packages.packages(["all"]))) == len(packages.packages(["all"]))
+    with pytest.raises(UnknownNameError, match="did you mean 'office'"):
+        packages.packages(["offce"])
+
+
+def test_missing_names_only_what_is_missing():
+    if needs.absent(["dpkg-query"]):
+        needs.skip("no dpkg on this machine", "run it on Debian or Ubuntu")
+    assert packages.missing(["dpkg", "agenthijack-no-such-package"]) == [
+        "agenthijack-no-such-package"
+    ]
+
+
+def test_account_replaces_an_old_entry(tmp_path):
+    etc = tmp_path / "etc"
+    (etc / "sudoers.d").mkdir(parents=True)
+    for name in ("passwd", "shadow", "group"):
+        (etc / name).write_text(
+            "root:x:0:0::/root:/bin/sh\nuser:x:1000:1000::/home/other:/bin/sh\nuser2:x:1::::\n"
+        )
+    account.write_account(tmp_path, passwordless_sudo=False)
+    rows = (etc / "passwd").read_text().splitlines()
+    assert [row.split(":")[0] for row in rows] == ["root", "user2", "user"]
+    assert rows[-1].split(":")[2:6] == [str(account.UID), str(account.UID), "User", "/home/user"]
+    assert "NOPASSWD" not in (etc / "sudoers.d/user").read_text()
+    account.write_account(tmp_path, passwordless_sudo=True)
+    assert "NOPASSWD" in (etc / "sudoers.d/user").read_text()
+    assert len((etc / "passwd").read_text().splitlines()) == 3
+
+
+def test_pictures_are_the_same_every_time():
+    first, second = pictures.wallpaper(), pictures.wallpaper()
+    assert first.size == (1920, 1080)
+    assert first.tobytes() == second.tobytes()
+    locked = pictures.lock_picture(first)
+    assert np.asarray(locked).mean() < 0.7 * np.asarray(first).mean()
+    assert pictures.face().size == (192, 192)
+
+
+def test_without_chromium_no_command_starts_it(tmp_path, monkeypatch):
+    """Else an application that must come beside the task's is waited for in vain, and nothing is in
+    its place."""
+    files.install_guest_files(tmp_path)
+    commands = tmp_path / files.LOCAL_BIN / "bin"
+    others = {"python", "python3", "show-desktop", "xdg-open"}
+    assert {path.name for path in commands.iterdir()} == {"google-chrome", *others}
+    monkeypatch.setattr(files, "CHROMIUM", Path("usr/lib/no-such-browser"))
+    files.name_browser(tmp_path)
+    assert {path.name for path in commands.iterdir()} == others
+
+
+def test_golden_home_parses():
+    from xml.etree import ElementTree
+
+    files = sorted((home.SOURCES / "home").rglob("*"))
+    channels = [path for path in files if path.suffix == ".xml"]
+    assert len(channels) >= 6
+    for path in channels:
+        assert ElementTree.parse(path).getroot().get("name") == path.stem
+    json.loads((home.SOURCES / "home/.config/google-chrome/Default/Preferences").read_text())
+
+
+def test_layer_is_named_after_what_it_is_made_of(tmp_path, monkeypatch):
+    before = home.layer_path()
+    assert before == home.layer_path()
+    extra = home.SOURCES / "home" / ".profile"
+    monkeypatch.setattr(home, "_sources", lambda: iter([extra]))
+    assert home.layer_path() != before
+
+
+def test_doctor_says_how_to_mend(monkeypatch):
+    monkeypatch.setattr(packages, "missing", lambda names: ["xvfb"] if "xvfb" in names else [])
+    monkeypatch.setattr(doctor, "_kernel", lambda: doctor.Finding("namespaces", True, "fine"))
+    found = {check.name: check for check in doctor.diagnose(["web"])}
+    assert not found["packages core"].ok
+    assert found["packages core"].fix == "hijack desktop install --profile core"
+    assert "xvfb" in found["packages core"].detail
+    assert found["packages web"].ok
+    assert not found["packages media"].required
+    result = CliRunner().invoke(desktop, ["doctor"])
+    assert result.exit_code == 1
+    assert "mend it with: hijack desktop install --profile core" in result.output
+
+
+def test_doctor_json(monkeypatch):
+    monkeypatch.setattr(
+        doctor, "diagnose", lambda profiles: [doctor.Finding("a", False, "b", "c", required=False)]
+    )
+    result = CliRunner().invoke(desktop, ["doctor", "--json"])
+    assert result.exit_code == 0
+    assert json.loads(result.output) == [
+        {
+            "name": "a",
+            "ok": False,
+            "detail": "b",
+            "fix": "c",
+            "required": False,
+        }
+    ]
+
+
+@given(st.text(max_size=24))
+def test_any_size_text_is_parsed_or_refused(text):
+    if re.fullmatch(r"[0-9]+[xX][0-9]+", text):
+        height, width = _size(text)
+        assert [width, height] == [int(part) for part in text.lower().split("x")]
+    else:
+        with pytest.raises(ParameterError, match="WIDTHxHEIGHT"):
+            _size(text)
+
+
+def test_size_is_width_first():
+    assert _size("1920x1080") == (1080, 1920)

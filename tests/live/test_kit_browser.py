@@ -1,0 +1,45 @@
+"""Pages in the real browser: addresses, links, fields, lists, boxes."""
+
+import re
+from typing import Any
+
+import pytest
+
+from online_env.tasks import Hand, Machine
+from online_env.tasks.kit import browser
+
+REGISTER = "http://forms.test/register"
+
+
+def test_a_form_is_filled_wherever_the_browser_was_before(
+    browser_machine: None,
+    embedded_desktop: Any,
+) -> None:
+    machine = Machine(embedded_desktop)
+    hand = Hand(embedded_desktop)
+    machine.open("chrome", "http://forms.test/")
+    assert any(node.role == "link" for node in browser.page(hand))  # no blank window
+    browser.begin(hand, REGISTER, "Course registration")
+    for _ in range(2):  # what is filled in already is replaced
+        browser.enter(hand, "Full name", "Zoë")
+        browser.select(hand, "Country", "Norway")
+        browser.tick(hand, browser.starting("Some"))
+        browser.begin(hand, REGISTER, "Course registration")
+    shown = {(node.role, node.name): node for node in browser.page(hand)}
+    assert shown["entry", "Full name"].text == "Zoë"
+    assert "checked" in shown["radio-button", "Some experience"].states
+    assert ("entry", browser.BAR) not in shown
+    assert browser.has(hand, "push-button", "Send registration")
+    assert not browser.has(hand, "push-button", "Withdraw registration")
+    assert browser.has(hand, "entry", "Full name")  # it is at the top again
+    browser.push(hand, "Send registration", "Course registration")
+    hand.find("static", re.compile("Please correct"))
+    browser.follow(hand, "House rules", re.compile("House rules"))
+
+
+@pytest.mark.parametrize(
+    ("name", "fits"),
+    [("Oda 1 + 1 = 2", True), ("Oda 1 + 1 = 2 and more", True), ("Oda 1 1 = 2", False)],
+)
+def test_a_name_that_begins_with_some_parts(name: str, fits: bool) -> None:
+    assert bool(browser.starting("Oda", "1 + 1").match(name)) is fits

@@ -1,0 +1,258 @@
+"""Agent files: what they may say, every mistake with its place, and those that are shipped."""
+
+import pytest
+import yaml
+
+from hijack_data.errors import ConfigError, ParameterError, UnknownNameError
+
+pytest.importorskip("gymnasium", reason="needs the extra [online]")
+pytest.importorskip("openai", reason="needs the extra [agents]")
+
+from online_env.agents import files
+from online_env.agents.chat import prompts
+from online_env.agents.registry import AGENTS, make
+from online_env.agents.settings import SamplingSettings
+from online_env.bench.config import load_bench, override
+from online_env.errors import AgentSetupError
+
+from support.chatting import file
+
+BASELINES = {
+    "qwen2.5-vl-72b",
+    "llama-3.2-90b-vision",
+    "glm-4.5v",
+    "gemini-2.5-pro",
+    "gpt-4o",
+    "claude-3.7-sonnet",
+    "ui-tars-7b-dpo",
+    "ui-tars-72b-dpo",
+    "ui-tars-1.5-7b",
+}
+
+
+@pytest.fixture(autouse=True)
+def _agents_as_before():
+    before = dict(AGENTS.entries)
+    yield
+    AGENTS.entries.clear()
+    AGENTS.entries.update(before)
+
+
+def mistakes(path):
+    with pytest.raises(ConfigError) as caught:
+        files.read_agent(str(path))
+    return [problem.removeprefix(f"{path}:") for problem in caught.value.problems]
+
+
+def test_every_shipped_file_can_be_read_and_says_how_it_is_served():
+    assert set(files.packaged()) > BASELINES
+    for name in files.packaged():
+        settings = files.read_agent(name)
+        where, data = files.read_config(f"agents/{name}")
+        local = settings.model.base_url is not None and "127.0.0.1" in settings.model.base_url
+        assert where == settings.source
+        assert ("serve" in yaml.safe_load(data)) is local
+        assert local or settings.model.api_key_env, "an API of somebody else's wants a key"
+
+
+@pytest.mark.parametrize("name", sorted(BASELINES))
+def test_the_papers_baselines_are_as_the_paper_has_them(name):
+    settings = files.read_agent(name)
+    assert settings.model.sampling == SamplingSettings(temperature=0.6, top_p=0.9, max_tokens=1500)
+    assert settings.history == 15
+    assert settings.onlooker is None
+    talks = "ui_tars" if "tars" in name else "pyautogui"
+    assert settings.parser.removesuffix("_1.5") == settings.prompt.removesuffix("_1.5") == talks
+
+
+def test_the_ablations_switch_one_module_each():
+    def modules(name):
+        onlooker = files.read_agent(f"agenthijack-agent{name}").onlooker
+        return onlooker.check, onlooker.summarise
+
+    assert modules("") == modules("-no-rl") == (True, True)
+    assert modules("-no-check") == (False, True)
+    assert modules("-no-summary") == (True, False)
+    assert modules("-no-onlooker") == (False, False)
+    whole = files.read_agent("agenthijack-agent")
+    assert whole.onlooker.model == whole.model
+    other = files.read_agent("agenthijack-agent-onlooker-qwen3-vl-235b")
+    assert other.model == whole.model
+    assert other.onlooker.model.model == "Qwen/Qwen3-VL-235B-A22B-Instruct"
+    assert other.onlooker.model.base_url != other.model.base_url
+    assert other.onlooker.model.sampling == other.model.sampling
+    assert [error.name for error in other.onlooker.errors] == [
+        "The screen is locked",
+        "The network is down",
+    ]
+
+
+def test_all_mistakes_at_once_each_with_its_place(tmp_path):
+    path = tmp_path / "a.yaml"
+    path.write_text(
+        """\
+model: 5
+client: openia
+base_url: http://127.0.0.1:1
+api_key_env: sk-secret-0123
+prompt: pyautogiu
+parser: ui_tarz
+history: -1
+sampling: {temperature: hot, top_k: 3}
+prices: {input: 1}
+retires: 3
+onlooker: {chek: true, errors: nowhere.yaml}
+"""
+    )
+    found = mistakes(path)
+    assert [problem.split(": ")[0] for problem in found] == [
+        "1:8",
+        "2:9",
+        "4:14",
+        "5:9",
+        "6:9",
+        "7:10",
+        "8:25",
+        "8:30",
+        "9:9",
+        "10:1",
+        "11:12",
+        "11:32",
+    ]
+    text = "\n".join(found)
+    assert "secret" not in text, "what may be a key is never shown"
+    assert "did you mean 'openai'" in text
+    assert "did you mean 'pyautogui'" in text
+    assert "did you mean 'ui_tars'" in text
+    assert "did you mean 'retries'" in text
+    assert "did you mean 'check'" in text
+    assert "prices.output is missing" in text
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("", "1:1: this file is a mapping"),
+        ("- a", "1:1: this file is a mapping"),
+        ("model: m", "1:1: prompt is missing"),
+        ("model: m\nprompt: openai\nparser: openai", "3:1: parser openai reads the tool of"),
+        (
+            "model: m\nprompt: openai\nparser: pyautogui\nclient: openai_computer",
+            "3:1: client openai_computer needs parser: openai",
+        ),
+        (
+            "model: m\nprompt: anthropic\nparser: anthropic\nclient: anthropic\ntool: computer",
+            "5:1: unknown tool 'computer'",
+        ),
+        ("model: m\nprompt: pyautogui\nparser: pyautogui\ntool: computer", "4:1: unknown tool"),
+        (
+            "model: m\nprompt: ui_tars\nparser: ui_tars\ncoordinates: resized",
+            "4:1: coordinates goes with parser: pyautogui",
+        ),
+        (
+            "model: m\nclient: anthropic\nprompt: anthropic\nparser: anthropic\nonlooker: {}",
+            "5:11: onlooker.summarise cannot replace",
+        ),
+        ("model: m\nprompt: pyautogui\nparser: pyautogui\nprompts: none", "4:10:"),
+        ("model: m\nprompt: openai\nparser: pyautogui\nonlooker: {tool: computer}", "4:12:"),
+        (
+            "model: m\nprompt: openai\nparser: pyautogui\nonlooker: {client: openai_computer}",
+            "4:20: onlooker.client must be one of openai, anthropic",
+        ),
+        ("model: m\nprompt: pyautogui\nparser: pyautogui\nrequest: 1", "4:10: request must be"),
+        ("model: m\nprompt: pyautogui\nparser: pyautogui\nrequest: {stream: true}", "4:11:"),
+        ("model: m\nprompt: pyautogui\nparser: pyautogui\nbase_url: localhost:1", "4:11: base_u"),
+        ("model: m\nprompt: pyautogui\nparser: pyautogui\nbase_url: http://u:p@h/", "4:11: base_u"),
+    ],
+)
+def test_a_file_that_makes_no_sense(tmp_path, text, problem):
+    path = tmp_path / "a.yaml"
+    path.write_text(text)
+    assert any(found.startswith(problem) for found in mistakes(path)), mistakes(path)
+
+
+def test_paths_in_a_file_are_relative_to_it(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    home = tmp_path / "deep"
+    (home / "words").mkdir(parents=True)
+    (home / "words" / "mine.yaml").write_text("first: Do {instruction}!")
+    (home / "errors.yaml").write_text("errors: [{name: Fire, looks: flames, say: Run.}]")
+    text = "prompts: words\nonlooker: {errors: errors.yaml}"
+    path = file(home, "http://127.0.0.1:1", text, prompt="mine")
+    settings = files.read_agent(str(path.relative_to(tmp_path)))
+    assert settings.onlooker.errors[0].say == "Run."
+    prompt = prompts.read_prompt("mine", (settings.prompts,))
+    assert prompt.fill({"instruction": "{width} it", "width": 5}).first == "Do {width} it!"
+    before = settings.sha256
+    (home / "errors.yaml").write_text("errors: [{name: Fire, looks: flames, say: Go.}]")
+    assert files.read_agent(str(path)).sha256 != before, "the errors are part of the agent"
+
+
+@pytest.mark.parametrize(
+    "text", ["errors: []", "errors: [{name: a, looks: b}]", "[]", "errors: [{nam: a}]", "e: 1"]
+)
+def test_a_repository_of_errors_with_mistakes(tmp_path, text):
+    (tmp_path / "e.yaml").write_text(text)
+    path = file(tmp_path, "http://127.0.0.1:1", "onlooker: {errors: e.yaml}")
+    assert "e.yaml" in "".join(mistakes(path))
+
+
+def test_a_prompt_with_mistakes(tmp_path):
+    (tmp_path / "p.yaml").write_text("system: 5\nfrist: x\n")
+    with pytest.raises(ConfigError) as caught:
+        prompts.read_prompt("p", (tmp_path,))
+    assert [problem.rpartition("p.yaml:")[2][:3] for problem in caught.value.problems] == [
+        "1:9",
+        "2:1",
+    ]
+    with pytest.raises(UnknownNameError, match="did you mean 'pyautogui'"):
+        prompts.read_prompt("pyautogu")
+
+
+# In a benchmark
+
+
+def test_a_benchmark_finds_files_and_keeps_their_digest(tmp_path):
+    path = file(tmp_path, "http://127.0.0.1:1")
+    bench = override(load_bench("embedded_small"), f"{path},gpt-4o,oracle")
+    assert bench.agents == (str(path), "gpt-4o", "oracle")
+    code = bench.to_data()["code"]
+    assert code[str(path)] == {
+        "path": str(path),
+        "sha256": files.read_agent(str(path)).sha256,
+    }
+    assert code["gpt-4o"]["path"] == "agents/gpt-4o"
+    assert "oracle" not in code
+
+
+def test_a_benchmark_file_names_them_too(tmp_path):
+    path = file(tmp_path, "http://127.0.0.1:1")
+    (tmp_path / "b.yaml").write_text(f"agents: [{path}, ui-tars-1.5-7b]")
+    assert load_bench(tmp_path / "b.yaml").agents == (str(path), "ui-tars-1.5-7b")
+    path.write_text("model: m\nparser: ui_tarz\nprompt: pyautogui")
+    AGENTS.entries.pop(str(path))
+    with pytest.raises(ConfigError, match=r"b.yaml:1:10: agents\[0\]: .*agent.yaml:2:9: parser"):
+        load_bench(tmp_path / "b.yaml")
+    with pytest.raises(ConfigError, match=r"^\S*agent.yaml:2:9: parser must be one of"):
+        override(load_bench("embedded_small"), str(path))
+
+
+def test_a_name_that_is_nearly_right_is_suggested(tmp_path):
+    with pytest.raises(UnknownNameError, match="--agent: no 'gpt-4'; did you mean 'gpt-4o'"):
+        override(load_bench("embedded_small"), "gpt-4")
+    with pytest.raises(ConfigError, match="no such file"):
+        override(load_bench("embedded_small"), "nowhere.yaml")
+    with pytest.raises(ParameterError, match="twice"):
+        override(load_bench("embedded_small"), "gpt-4o,gpt-4o")
+
+
+def test_a_path_wins_over_a_packaged_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    file(tmp_path, "http://127.0.0.1:1").rename("gpt-4o")
+    assert files.read_agent("gpt-4o").model.model == "m"
+
+
+def test_a_key_that_is_not_set_is_named(monkeypatch):
+    monkeypatch.delenv("OPENAI_API_KEY", raising=False)
+    with pytest.raises(AgentSetupError, match="OPENAI_API_KEY is not set"):
+        make("gpt-4o")

@@ -1,0 +1,416 @@
+"""What a run keeps and how it is read: records, damaged lines, rows, the report."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+pytest.importorskip("gymnasium", reason="needs the extra [online]")
+
+from online_env.bench import reading, records, runner, scores
+from online_env.bench.jobs import Job
+from online_env.bench.records import RunError
+
+CONFIG = {
+    "agents": ["oracle", "b"],
+    "corruptions": ["clean", {"marks": {"as": "few", "number": 5}}],
+    "recovery": "none",
+}
+
+
+def made(
+    task="t",
+    corruption="clean",
+    status="ok",
+    score=1.0,
+    agent="oracle",
+    seed=0,
+    **more,
+):
+    """A record with what the report reads."""
+    score = score if status == "ok" else None
+    return {
+        "id": f"{task}-{corruption}",
+        "agent": agent,
+        "task": task,
+        "task_seed": seed,
+        "corruption": corruption,
+        "seed": seed,
+        "status": status,
+        "score": score,
+        "reason": "",
+        "problem": "because",
+        "steps": 3,
+        "seconds": 1.5,
+        "attempt": 0,
+        **more,
+    }
+
+
+@pytest.fixture
+def folder(tmp_path):
+    records.create(tmp_path / "run", CONFIG)
+    return tmp_path / "run"
+
+
+def hijack(*words):
+    argv = [sys.executable, "-m", "hijack_data.cli", *map(str, words)]
+    return subprocess.run(
+        argv,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+
+
+# The folder
+
+
+def test_a_run_begins_in_a_new_folder_and_never_over_another(tmp_path):
+    place = tmp_path / "deep" / "run"
+    records.create(place, CONFIG)
+    head = json.loads((place / "run.json").read_text())
+    assert (head["format"], head["version"], head["config"]) == ("agenthijack-run", 2, CONFIG)
+    assert {"agenthijack", "python", "numpy"} <= head["versions"].keys()
+    assert head["created"] > 1.7e9
+    records.append(place, made())
+    before = (place / "records.jsonl").read_bytes()
+    with pytest.raises(RunError, match="holds a run already"):
+        records.create(place, CONFIG)
+    assert (place / "records.jsonl").read_bytes() == before
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "thesis.tex").touch()
+    with pytest.raises(RunError, match=r"is not empty \(thesis.tex"):
+        records.create(tmp_path / "full", CONFIG)
+    (tmp_path / "file").touch()
+    with pytest.raises(RunError, match="cannot be read"):
+        records.create(tmp_path / "file", CONFIG)
+
+
+def test_records_come_back_as_they_were_appended(folder):
+    written = [made(), made(corruption="few", status="invalid"), made("Ω\n", score=0.25)]
+    for record in written:
+        records.append(folder, record)
+    run = records.read(folder)
+    assert (run.records, run.damaged, run.config) == (written, [], CONFIG)
+    assert (folder / "records.jsonl").read_bytes().count(b"\n") == 3
+
+
+def test_damaged_lines_are_named_and_skipped(folder):
+    records.append(folder, made())
+    with open(folder / "records.jsonl", "ab") as handle:
+        for line in (
+            b'{"agent": "or',
+            b"[]",
+            b"\xff\xfe",
+            b"",
+            json.dumps(made(score=7)).encode(),
+            json.dumps({**made(), "seed": "0"}).encode(),
+            json.dumps(made(status="fine")).encode(),
+            b"[" * 100_000,
+            b"1" * 5000,
+        ):
+            handle.write(line + b"\n")
+    records.append(folder, made("u"))
+    run = records.read(folder)
+    assert [r["task"] for r in run.records] == ["t", "u"]
+    assert [d.line for d in run.damaged] == [2, 3, 4, 6, 7, 8, 9, 10]
+    said = [d.problem for d in run.damaged]
+    assert "cut off" in said[0]
+    assert said[3] == "score 7 is no number in 0..1"
+    assert said[4] == "field 'seed' is missing or of the wrong type"
+    assert "status 'fine'" in said[5]
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (None, "is not the folder of a run"),
+        ("{", "is not JSON"),
+        ("[]", "is not the head of a run"),
+        ('{"format": "agenthijack-run", "version": 3}', "newer"),
+        ('{"format": "agenthijack-run", "version": 1, "config": 3}', "'config' is not an object"),
+    ],
+)
+def test_what_is_no_run_is_refused(
+    content,
+    words,
+    tmp_path,
+):
+    if content is not None:
+        (tmp_path / "run.json").write_text(content)
+    with pytest.raises(RunError, match=words):
+        records.read(tmp_path)
+
+
+# Rows
+
+
+def test_rows_hold_the_contract_and_pair_with_clean():
+    listed = [
+        made("t", score=1.0),
+        made("u", score=1.0),
+        made("v", score=0.0),
+        made("t", "few", score=0.0),
+        made("u", "few", score=0.5),
+        made("v", "few", status="invalid"),
+        made("t", "few", agent="b", status="error"),
+        made("t", agent="b", score=0.0),
+    ]
+    rows = scores.rows(listed, ["b", "oracle"], ["clean", "few"])
+    assert [(r["agent"], r["corruption"]) for r in rows] == [
+        ("b", "clean"),
+        ("b", "few"),
+        ("oracle", "clean"),
+        ("oracle", "few"),
+    ]
+    assert all(tuple(row) == scores.COLUMNS for row in rows)
+    by = {(r["agent"], r["corruption"]): r for r in rows}
+    clean, few = by["oracle", "clean"], by["oracle", "few"]
+    assert (clean["n"], clean["success"], clean["delta"], clean["retention"]) == (
+        3,
+        pytest.approx(2 / 3),
+        None,
+        None,
+    )
+    # v is invalid under `few`, so only t and u are compared: 0.5 of 2 instead of 2 of 2.
+    assert (few["n"], few["success"], few["delta"], few["retention"]) == (2, 0.25, -0.75, 0.25)
+    assert (few["invalid"], few["errors"]) == (1, 0)
+    failed = by["b", "few"]
+    assert (failed["n"], failed["success"], failed["errors"], failed["delta"]) == (1, 0.0, 1, 0.0)
+    assert failed["retention"] is None  # nothing was done clean, either
+
+
+def test_only_the_last_attempt_counts():
+    listed = [made(status="invalid"), made(score=1.0, attempt=1), made(status="invalid", seed=1)]
+    (row,) = scores.rows(listed)
+    assert (row["n"], row["success"], row["invalid"]) == (1, 1.0, 1)
+
+
+def test_nothing_but_invalid_episodes_has_no_success():
+    (row,) = scores.rows([made(status="invalid")])
+    assert (row["n"], row["success"], row["delta"], row["invalid"]) == (0, None, None, 1)
+
+
+CASES = st.tuples(
+    st.sampled_from("tuv"),
+    st.sampled_from(["clean", "few", "x"]),
+    st.sampled_from(["oracle", "b"]),
+    st.sampled_from(reading.STATUSES),
+    st.integers(0, 4),
+    st.integers(0, 2),
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(CASES, max_size=40))
+def test_rows_count_every_case_once(drawn):
+    listed = [made(t, c, status, quarter / 4, a, seed) for t, c, a, status, quarter, seed in drawn]
+    rows = scores.rows(listed)
+    assert sum(row["n"] + row["invalid"] for row in rows) == len(scores.latest(listed))
+    assert len({(row["agent"], row["corruption"]) for row in rows}) == len(rows)
+    for row in rows:
+        assert row["success"] is None or 0 <= row["success"] <= 1
+        assert row["delta"] is None or -1 <= row["delta"] <= 1
+        assert row["errors"] <= row["n"]
+
+
+# The command
+
+
+def test_intervals_resample_tasks_and_p_is_adjusted_for_all_corruptions():
+    found = []
+    for number in range(8):
+        for seed in (0, 1):
+            name = f"t{number}-{seed}"
+            found.append(made(name, seed=seed))
+            found.append(made(name, "few", score=0.0, seed=seed))
+            found.append(made(name, "some", score=float(number % 2), seed=seed))
+    clean, few, some = scores.rows(found)
+    assert (clean["success"], clean["delta"], clean["p"]) == (1.0, None, None)
+    assert clean["ci_low"] == pytest.approx(1 - 0.3244, abs=1e-3)  # Wilson's for 0 of 8 tasks
+    assert few["p"] == pytest.approx(2 * 2 / 2**16)
+    assert some["p"] == pytest.approx(2 / 2**8)
+    assert (some["delta"], some["retention"]) == (-0.5, 0.5)
+    assert -1 < some["delta_low"] < -0.5 < some["delta_high"] < 0
+    assert list(clean) == list(scores.COLUMNS)
+
+
+def test_the_summary_of_an_agent():
+    table = scores.rows([made(), made(corruption="few", score=0.0), made(corruption="some")])
+    assert scores.summaries(table) == [
+        {
+            "agent": "oracle",
+            "clean": 1.0,
+            "corrupted": 0.5,
+            "worst": "few",
+            "worst_success": 0.0,
+            "paper_average": pytest.approx(2 / 3),
+        }
+    ]
+    (alone,) = scores.summaries(scores.rows([made()]))
+    assert (alone["corrupted"], alone["worst"], alone["paper_average"]) == (None, None, 1.0)
+
+
+def test_report_as_json_and_as_a_table(folder):
+    for record in (
+        made(),
+        made(corruption="few", score=0.0),
+        made("u"),
+        made("u", "few", score=1.0),
+    ):
+        records.append(folder, record)
+    done = hijack("report", folder, "--json")
+    assert done.returncode == 0, done.stderr
+    rows = json.loads(done.stdout)
+    assert rows == scores.rows(records.read(folder).records)
+    assert [row["corruption"] for row in rows] == ["clean", "few"]
+    table = hijack("report", folder)
+    assert table.returncode == 0
+    assert "recovery policy: none" in table.stdout
+    few = table.stdout.split("few")[1].split()
+    assert few[:4] == ["2", "50.0", "[0.0,", "100.0]"]
+    assert few[4:9] == ["-50.0", "[-100.0,", "+0.0]", "1.000", "50.0"]
+    assert "oracle: corrupted 50.0, worst few 50.0" in table.stdout
+
+
+def test_report_tells_infeasible_tasks_apart(folder):
+    records.append(folder, made(infeasible=False))
+    records.append(folder, made("u", score=0.0, infeasible=True))
+    text = hijack("report", folder).stdout
+    assert "feasible tasks" in text
+    assert text.split("infeasible tasks")[1].split("clean")[1].split()[:2] == ["1", "0.0"]
+    assert json.loads(hijack("report", folder, "--json").stdout)[0]["n"] == 2
+
+
+def test_report_names_what_is_invalid_failed_or_damaged(folder):
+    records.append(folder, made())
+    records.append(folder, made(corruption="few", status="invalid"))
+    done = hijack("report", folder)
+    assert done.returncode == 1
+    assert "invalid: t-few: because" in done.stdout
+    (folder / "records.jsonl").write_text(json.dumps(made()) + '\n{"cut')
+    done = hijack("report", folder, "--json")
+    assert done.returncode == 1
+    assert f"{folder}/records.jsonl:2: skipped" in done.stderr
+    assert json.loads(done.stdout)[0]["n"] == 1
+
+
+def test_report_refuses_what_is_no_run(tmp_path):
+    done = hijack("report", tmp_path)
+    assert done.returncode == 2
+    assert "is not the folder of a run" in done.stderr
+    assert "Traceback" not in done.stderr
+    done = hijack("report", tmp_path / "none")
+    assert (done.returncode, "Traceback" in done.stderr) == (2, False)
+
+
+def test_bench_dry_run_and_refusals(tmp_path):
+    done = hijack(
+        "bench",
+        "embedded_small",
+        "--agent",
+        "oracle",
+        "--corruptions",
+        "clean,marks",
+        "--seeds",
+        2,
+        "--dry-run",
+    )
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert len(lines) == 2 * 2 * 10 + 1
+    assert lines[0].startswith("oracle  ")
+    assert lines[0].endswith("  seed 0  clean")
+    assert lines[-1].startswith("40 episodes, at most ")
+    assert hijack("bench", "embedded_small").returncode == 2
+    records.create(tmp_path / "run", CONFIG)
+    done = hijack("bench", "embedded_small", "--out", tmp_path / "run")
+    assert (done.returncode, "holds a run already" in done.stderr) == (2, True)
+    done = hijack("bench", "embedded_smal", "--dry-run")
+    assert (done.returncode, "did you mean 'embedded_small'" in done.stderr) == (2, True)
+
+
+# The runner
+
+
+class Log:
+    """Remembers what a runner tells."""
+
+    def __init__(self):
+        self.said = []
+
+    def begins(
+        self,
+        job,
+        number,
+        attempt,
+    ):
+        self.said.append((number, attempt))
+
+    def ended(
+        self,
+        job,
+        number,
+        record,
+    ):
+        self.said.append(record["status"])
+
+
+def test_invalid_episodes_are_run_again_then_reported(folder):
+    job = Job("oracle", "t", "few", 0)
+    answers = iter(
+        [
+            made(status="invalid"),
+            made(score=0.5),
+            made(status="invalid"),
+            made(status="invalid"),
+            made(status="error"),
+        ]
+    )
+    log = Log()
+    asked = []
+
+    def episode(job, attempt):
+        asked.append(attempt)
+        return next(answers)
+
+    statuses = runner.run_jobs([job] * 3, folder, 1, episode, log)
+    assert dict(statuses) == {
+        "ok": 1,
+        "invalid": 1,
+        "error": 1,
+    }
+    assert asked == [0, 1, 0, 1, 0]
+    assert log.said == [
+        (1, 0),
+        "invalid",
+        (1, 1),
+        "ok",
+        (2, 0),
+        "invalid",
+        (2, 1),
+        "invalid",
+        (3, 0),
+        "error",
+    ]
+    assert len(records.read(folder).records) == 5
+
+
+def test_what_was_done_is_on_the_disk_before_the_next_begins(folder):
+    seen = []
+
+    def episode(job, attempt):
+        seen.append(len(records.read(folder).records))
+        if len(seen) == 3:
+            raise KeyboardInterrupt
+        return made()
+
+    with pytest.raises(KeyboardInterrupt):
+        runner.run_jobs([Job("oracle", "t", "clean", 0)] * 5, folder, 1, episode, Log())
+    assert seen == [0, 1, 2]
+    assert len(records.read(folder).records) == 2

@@ -1,0 +1,214 @@
+"""Statistics of the benchmark, against cases worked out by hand and the paper's own numbers."""
+
+import math
+
+import numpy as np
+import pytest
+
+from hijack_data.errors import ParameterError
+from online_env.bench import statistics as s
+
+# Paper, main table: Clean, then the nine corruptions, then the printed "Average"; in per cent.
+PAPER = {
+    "GPT-4o": ((5.38, 1.44, 4.82, 2.56, 3.66, 3.68, 3.12, 4.82, 4.24, 3.25), 3.69),
+    "Claude-3.7-Sonnet": ((4.23, 1.41, 2.54, 2.82, 2.54, 1.97, 2.54, 2.25, 1.69, 2.54), 2.45),
+    "UI-TARS-7B-DPO": (
+        (16.20, 13.09, 10.03, 13.41, 15.59, 13.85, 13.97, 13.61, 13.33, 8.31),
+        13.14,
+    ),
+    "UI-TARS-1.5-7B": (
+        (24.21, 10.28, 11.69, 23.31, 22.75, 19.25, 22.54, 20.84, 22.02, 10.48),
+        18.74,
+    ),
+}
+
+
+@pytest.mark.parametrize("agent", PAPER)
+def test_the_papers_average_includes_clean(agent):
+    columns, printed = PAPER[agent]
+    found = s.paper_average({str(i): value for i, value in enumerate(columns)})
+    # GPT-4o's mean is 3.697, which the paper prints as 3.69: cut off, not rounded.
+    assert abs(found - printed) < (0.01 if agent == "GPT-4o" else 0.006)
+
+
+def test_claudes_rates_are_whole_episodes_of_355():
+    columns, _ = PAPER["Claude-3.7-Sonnet"]
+    for value in columns:
+        solved = round(value * 3.55)
+        assert round(100 * solved / 355, 2) == value
+
+
+def test_a_mean_over_episodes_of_different_tasks():
+    found = s.mean_interval([1, 1, 0, 0, 1, 0], ["a", "a", "b", "b", "c", "c"])
+    assert found.value == 0.5
+    assert 0 <= found.low < 0.5 < found.high <= 1
+
+
+def test_seeds_of_one_task_do_not_narrow_the_interval():
+    few = s.mean_interval([1, 0, 1, 0], ["a", "b", "c", "d"])
+    many = s.mean_interval([1, 0, 1, 0] * 50, ["a", "b", "c", "d"] * 50)
+    assert (few.low, few.high) == (many.low, many.high)
+    independent = s.mean_interval([1, 0, 1, 0] * 50, [str(i) for i in range(200)])
+    assert independent.high - independent.low < (many.high - many.low) / 3
+
+
+def test_the_interval_of_many_tasks_is_that_of_the_normal_approximation():
+    scores = [1.0] * 120 + [0.0] * 280
+    found = s.mean_interval(scores, list(range(400)))
+    half = 1.96 * math.sqrt(0.3 * 0.7 / 400)
+    assert found.value == pytest.approx(0.3)
+    assert found.low == pytest.approx(0.3 - half, abs=0.006)
+    assert found.high == pytest.approx(0.3 + half, abs=0.006)
+
+
+@pytest.mark.parametrize(("score", "low", "high"), [(0.0, 0.0, 0.2775), (1.0, 0.7225, 1.0)])
+def test_ten_of_ten_is_not_certainty(
+    score,
+    low,
+    high,
+):
+    """Wilson's interval of 0 of 10 is 0 to 0.2775."""
+    found = s.mean_interval([score] * 10, list(range(10)))
+    assert (found.value, found.low, found.high) == (
+        score,
+        pytest.approx(low, abs=1e-4),
+        pytest.approx(high, abs=1e-4),
+    )
+
+
+def test_the_same_seed_gives_the_same_interval():
+    arguments = ([1, 0, 1, 1, 0], list("abcde"))
+    assert s.mean_interval(*arguments, seed=3) == s.mean_interval(*arguments, seed=3)
+
+
+def test_a_paired_difference_cancels_what_the_conditions_share():
+    """Two tasks of three are lost; easy and hard tasks alike."""
+    clean, corrupted = [1, 1, 0, 1, 1, 0] * 10, [0, 1, 0, 0, 1, 0] * 10
+    found = s.difference_interval(clean, corrupted, list(range(60)))
+    assert found.value == pytest.approx(-1 / 3)
+    assert -0.46 < found.low < found.value < found.high < -0.21
+
+
+def test_no_difference_at_all_is_still_uncertain():
+    found = s.difference_interval([1] * 20, [1] * 20, list(range(20)))
+    assert found.value == 0
+    assert found.low == -found.high < -0.1
+
+
+def test_retention():
+    found = s.retention_interval([1, 1, 1, 0], [1, 0, 1, 0], list("abcd"))
+    assert found is not None
+    assert found.value == pytest.approx(2 / 3)
+    assert found.low <= found.value <= found.high
+    assert s.retention_interval([0, 0], [1, 0], ["a", "b"]) is None
+
+
+def test_retention_is_unbounded_where_clean_success_is_rare():
+    found = s.retention_interval([1, 0, 0], [0, 1, 1], list("abc"))
+    assert found is not None
+    assert found.high == math.inf
+
+
+@pytest.mark.parametrize(
+    ("lost", "won", "p"),
+    [
+        (0, 0, 1.0),
+        (5, 0, 2 * 0.5**5),
+        (8, 1, 2 * (1 + 9) * 0.5**9),
+        (3, 3, 1.0),
+    ],
+)
+def test_mcnemars_exact_test(
+    lost,
+    won,
+    p,
+):
+    clean = [1] * lost + [0] * won + [1, 1, 0]
+    corrupted = [0] * lost + [1] * won + [1, 1, 0]
+    assert s.mcnemar(clean, corrupted) == pytest.approx(p)
+
+
+def test_a_partial_score_is_not_a_success():
+    assert s.mcnemar([1] * 6, [0.5] * 6) == s.mcnemar([1] * 6, [0] * 6)
+
+
+def test_holm_multiplies_the_smallest_by_their_number_and_never_decreases():
+    found = s.holm(
+        {
+            "marks": 0.01,
+            "subtitle": 0.04,
+            "pop_ups": 0.03,
+        }
+    )
+    assert found == pytest.approx(
+        {
+            "marks": 0.03,
+            "subtitle": 0.06,
+            "pop_ups": 0.06,
+        }
+    )
+    assert s.holm({}) == {}
+
+
+def test_more_tasks_show_smaller_differences():
+    few = s.detectable_difference([1, 1, 1, 1] * 5, [0, 1, 1, 1] * 5, list(range(20)))
+    many = s.detectable_difference([1, 1, 1, 1] * 50, [0, 1, 1, 1] * 50, list(range(200)))
+    assert few is not None
+    assert many is not None
+    assert 0 < many < few / 2 < 0.5
+    # a paired t test with 200 tasks shows 2.8 standard errors with a power of 80 %
+    assert many == pytest.approx(2.8 * math.sqrt(0.25 * 0.75 / 200), rel=0.02)
+
+
+def test_no_power_without_spread():
+    assert s.detectable_difference([1, 1, 1], [0, 0, 0], list("abc")) is None
+    assert s.detectable_difference([1, 0], [0, 0], list("ab")) is None
+
+
+def test_pass_hat_k():
+    outcomes = {
+        "a": [True, True, False],
+        "b": [True, True, True],
+        "c": [True],
+    }
+    assert s.pass_hat_k(outcomes, 1) == pytest.approx((2 / 3 + 1 + 1) / 3)
+    assert s.pass_hat_k(outcomes, 2) == pytest.approx((1 / 3 + 1) / 2)
+    assert s.pass_hat_k(outcomes, 4) is None
+    with pytest.raises(ParameterError, match="at least 1"):
+        s.pass_hat_k(outcomes, 0)
+
+
+def test_mean_corruption_error():
+    found = s.mean_corruption_error({"marks": 0.5, "lock": 0.9}, {"marks": 1.0, "lock": 0.6})
+    assert found == pytest.approx((0.5 + 1.5) / 2)
+    assert s.mean_corruption_error({"marks": 0.5}, {"marks": 0.0}) is None
+    with pytest.raises(ParameterError, match="same corruptions"):
+        s.mean_corruption_error({"marks": 0.5}, {"lock": 0.5})
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: s.mean_interval([], []),
+        lambda: s.mean_interval([1], ["a", "b"]),
+        lambda: s.difference_interval([1], [1, 0], ["a", "b"]),
+        lambda: s.mcnemar([1], []),
+        lambda: s.paper_average({}),
+    ],
+)
+def test_what_cannot_be_summarised(call):
+    with pytest.raises(ParameterError):
+        call()
+
+
+def test_intervals_cover_the_truth_as_often_as_they_say():
+    """Of 200 benchmarks of 40 tasks with three seeds each, about 95 % hold the true rate."""
+    rng = np.random.default_rng(0)
+    held = 0
+    for run in range(200):
+        easy = rng.beta(2, 2, 40)
+        scores = rng.random((40, 3)) < easy[:, None]
+        tasks = np.repeat(np.arange(40), 3)
+        found = s.mean_interval(scores.ravel().astype(float).tolist(), tasks.tolist(), seed=run)
+        held += found.low <= 0.5 <= found.high
+    assert 180 <= held <= 199

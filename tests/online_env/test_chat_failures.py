@@ -1,0 +1,428 @@
+"""Endpoints that fail and models that talk nonsense: each has an outcome, and none ends a run."""
+
+import json
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hijack_data.actions import DIALECTS
+
+pytest.importorskip("gymnasium", reason="needs the extra [online]")
+pytest.importorskip("openai", reason="needs the extra [agents]")
+pytest.importorskip("anthropic", reason="needs the extra [agents]")
+
+from online_env.agents.chat.endpoint import RetryWaits
+from online_env.agents.chat.parsing import ReplyParser
+from online_env.agents.chat.query import Reply
+from online_env.agents.settings import COORDINATES
+from online_env.bench.episodes import play
+from online_env.bench.jobs import Job
+from online_env.errors import EndpointError
+
+from support.chatting import SIZE, agent_of, picture
+from support.endpoints import Call, Raw, Refusal, chat, messages, serving
+from support.episodes import make as make_env
+
+pytestmark = pytest.mark.usefixtures("no_waiting")
+JOB = Job("agent", "t", "clean", 0)
+GOOD = "```python\npyautogui.click(1, 2)\n```"
+CLICK = ["pyautogui.click(1, 2)"]
+CUT = json.dumps(chat(GOOD)).encode()[:-40]
+
+
+def ask(agent):
+    return agent.predict("do it", picture())[1]
+
+
+# On the way: tried again, or an error that says what to do
+
+
+@pytest.mark.parametrize(
+    "failure",
+    [
+        Raw(status=429),
+        Raw(status=429, headers={"retry-after": "3600"}),
+        Raw(status=500),
+        Raw(status=503, body=b"<html>"),
+        Raw(status=408),
+        Raw(CUT),
+        Raw(b""),
+        Raw(b"[1, 2]"),
+        Raw(b'{"choices": []}'),
+        Raw(b'{"choices": [{"message": "hello"}]}'),
+        Raw(b'{"error": {"message": "overloaded"}}'),
+    ],
+)
+def test_what_may_pass_is_tried_again(tmp_path, failure):
+    with serving(failure, failure, GOOD) as endpoint:
+        agent = agent_of(tmp_path, endpoint.url)
+        assert ask(agent) == CLICK
+    assert len(endpoint.asked) == 3
+    assert (agent.usage["requests"], agent.usage["retries"]) == (1, 2)
+
+
+@pytest.mark.parametrize(
+    ("failure", "problem"),
+    [
+        (Raw(status=500), "InternalServerError"),
+        (Raw(CUT), "not whole JSON"),
+        (Raw(b'{"choices": []}'), "has no message"),
+    ],
+)
+def test_what_does_not_pass_is_an_error_in_the_end(tmp_path, failure, problem):
+    with serving(failure) as endpoint:
+        agent = agent_of(tmp_path, endpoint.url)
+        with pytest.raises(EndpointError, match=rf"{problem}.*\(tried 3 times\)"):
+            ask(agent)
+    assert len(endpoint.asked) == 3
+
+
+@pytest.mark.parametrize("status", [400, 404, 413, 422])
+def test_a_request_that_is_refused_is_not_sent_again(tmp_path, status):
+    refused = Raw(b'{"error": {"message": "too many pictures"}}', status=status)
+    with (
+        serving(refused) as endpoint,
+        pytest.raises(EndpointError, match="too many pictures"),
+    ):
+        ask(agent_of(tmp_path, endpoint.url))
+    assert len(endpoint.asked) == 1
+
+
+@pytest.mark.parametrize("client", ["openai", "anthropic"])
+def test_a_wrong_key_names_its_variable_and_is_not_shown(tmp_path, monkeypatch, client):
+    monkeypatch.setenv("MY_KEY", "k-secret-7")
+    said = b'{"error": {"message": "Incorrect key: k-secret-7", "type": "authentication_error"}}'
+    with serving(Raw(said, status=401)) as endpoint:
+        agent = agent_of(tmp_path, endpoint.url, client=client, api_key_env="MY_KEY")
+        with pytest.raises(EndpointError, match="check the key in MY_KEY") as caught:
+            ask(agent)
+    assert "k-secret-7" not in str(caught.value)
+    assert len(endpoint.asked) == 1
+
+
+def test_an_endpoint_that_is_down(tmp_path):
+    with serving(GOOD) as endpoint:
+        url = endpoint.url
+    with pytest.raises(EndpointError, match=f"m at {url}: APIConnectionError.*tried 3 times"):
+        ask(agent_of(tmp_path, url))
+
+
+def test_an_endpoint_that_is_slow(tmp_path):
+    with serving(Raw(json.dumps(chat(GOOD)).encode(), delay=1.0), GOOD) as endpoint:
+        agent = agent_of(tmp_path, endpoint.url, timeout=0.2)
+        assert ask(agent) == CLICK
+    assert agent.usage["retries"] == 1
+    slow = Raw(json.dumps(chat(GOOD)).encode(), delay=0.5)
+    with serving(slow) as endpoint, pytest.raises(EndpointError, match="APITimeoutError"):
+        ask(agent_of(tmp_path, endpoint.url, timeout=0.1, retries=0))
+
+
+def test_an_endpoint_may_ask_for_a_wait_and_there_is_a_longest_one(tmp_path, monkeypatch):
+    slept = []
+    monkeypatch.setattr("tenacity.nap.time.sleep", slept.append)
+    busy = Raw(status=429, headers={"retry-after": "7"})
+    with serving(busy, Raw(status=500), busy, GOOD) as endpoint:
+        agent = agent_of(tmp_path, endpoint.url, retries=3)
+        agent._model._waits = RetryWaits(first=1.0, longest=5.0)
+        ask(agent)
+    waits = [seconds for seconds in slept if seconds]  # the server sleeps as well, for 0 s
+    assert (waits[0], waits[2]) == (5.0, 5.0)
+    assert 2.0 <= waits[1] <= 3.0, "twice the first one, and some chance"
+
+
+# What the model says
+
+
+@pytest.mark.parametrize(
+    ("answer", "actions"),
+    [
+        ("", [""]),
+        (Refusal("I cannot help with that."), ["I cannot help with that."]),
+        (Refusal("DONE"), ["not an action of pyautogui: 'DONE'"]),
+        ("Let me think about it.", ["Let me think about it."]),
+        ("```python\nimport os\nos.remove('/')\n```", ["import os\nos.remove('/')"]),
+        (f"{GOOD}\n```DONE```", [*CLICK, "DONE"]),
+        ("```python\npyautogui.click(1, 2)\nDONE\n```", [*CLICK, "DONE"]),
+        (f"{GOOD}\nand then\n```", [f"{GOOD}\nand then\n```"]),
+        ("```python\npyautogui.click('1', '2')\n```", ["pyautogui.click('1', '2')"]),
+        ("```python\npyautogui.click(float('nan'), 2)\n```", ["pyautogui.click(float('nan'), 2)"]),
+        (
+            Call("click", {"x": 1}),
+            ['{"name": "click", "arguments": {"x": 1}}'],
+        ),
+        ("<think>```DONE```</think>\n```WAIT```", ["WAIT"]),
+        ("<|begin_of_box|>```WAIT```<|end_of_box|>", ["WAIT"]),
+    ],
+)
+def test_what_is_said_in_pyautogui(tmp_path, answer, actions):
+    with serving(answer) as endpoint:
+        assert ask(agent_of(tmp_path, endpoint.url)) == actions
+
+
+def qwen(**arguments):
+    return json.dumps({"name": "computer_use", "arguments": arguments})
+
+
+def call(text):
+    return f"<tool_call>\n{text}\n</tool_call>"
+
+
+CLICK_QWEN = {"action": "left_click", "coordinate": [500, 500]}
+TYPED = [
+    ("qwen3_vl", call(qwen(**CLICK_QWEN)), ["pyautogui.click(48, 27)"]),
+    ("qwen3_vl", Call("computer_use", CLICK_QWEN), ["pyautogui.click(48, 27)"]),
+    (
+        "qwen3_vl",
+        call(qwen(**CLICK_QWEN)) + call(qwen(action="terminate", status="success")),
+        ["pyautogui.click(48, 27)", "DONE"],
+    ),
+    ("qwen3_vl", call(qwen(action="left_click", coordinate=["500", "500"])), None),
+    ("qwen3_vl", call(qwen(action="left_click", coordinate=[5000, 5])), None),
+    ("qwen3_vl", call(qwen(action="left_click", coordinate=[float("nan"), 5])), None),
+    ("qwen3_vl", call(qwen(**CLICK_QWEN))[:-20], None),
+    ("qwen3_vl", "DONE", None),
+    ("qwen3_vl", GOOD, None),
+    (
+        "ui_tars",
+        "Thought: x\nAction: click(start_box='[490, 490, 510, 510]')",
+        ["pyautogui.click(48, 27)"],
+    ),
+    ("ui_tars_1.5", "Thought: I am done.\nAction: finished(content='yes')", ["DONE"]),
+    ("ui_tars_1.5", "Action: click(start_box='<|box_start|>(a,b)<|box_end|>')", None),
+    ("ui_tars_1.5", "Action: press(key='a')", None),
+    ("ui_tars_1.5", "", None),
+    (
+        "ui_tars_1.5",
+        "Action: hotkey(key='ctrl s')\n\nwait()",
+        ["pyautogui.hotkey('ctrl', 's')", "WAIT"],
+    ),
+    ("computer_13", '```json\n{"action_type": "PRESS", "key": "a"}\n```', ["pyautogui.press('a')"]),
+    ("computer_13", '[{"action_type": "DONE"}, "WAIT"]', ["DONE", "WAIT"]),
+    ("computer_13", '{"action_type": "CLICK", "x": "5", "y": 5}', None),
+    ("computer_13", "5", None),
+    ("computer_13", "FAIL", ["FAIL"]),
+]
+
+
+@pytest.mark.parametrize(("dialect", "answer", "actions"), TYPED)
+def test_what_is_said_in_a_typed_dialect(tmp_path, dialect, answer, actions):
+    with serving(answer) as endpoint:
+        got = ask(agent_of(tmp_path, endpoint.url, prompt=dialect, parser=dialect))
+    if actions is not None:
+        assert got == actions
+        return
+    env, _ = make_env()
+    env.reset(seed=0)
+    [malformed] = got
+    env.step(malformed)
+    env.step("DONE")
+    assert (env.record["malformed"], env.record["steps"]) == (1, 2)
+
+
+@pytest.mark.parametrize(
+    ("client", "parser", "answer", "actions"),
+    [
+        ("openai_computer", "openai", Refusal("No."), ["No."]),
+        ("openai_computer", "openai", Refusal("DONE"), ["not an action of openai: 'DONE'"]),
+        ("openai_computer", "openai", "", [""]),
+        ("openai_computer", "openai", "FAIL it is not. I am DONE.", ["DONE"]),
+        ("anthropic", "anthropic", Refusal("No."), ["No."]),
+        ("anthropic", "anthropic", "Impossible, so FAIL", ["FAIL"]),
+    ],
+)
+def test_a_tool_that_is_not_called(tmp_path, client, parser, answer, actions):
+    with serving(answer) as endpoint:
+        keys = {"client": client, "prompt": parser, "parser": parser}
+        assert ask(agent_of(tmp_path, endpoint.url.removesuffix("/v1"), **keys)) == actions
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        {"action": "left_click", "coordinate": "[1, 2]"},
+        {"action": "fly"},
+        {},
+        "left_click",
+    ],
+)
+def test_a_tool_that_is_called_wrongly_gets_its_result_all_the_same(tmp_path, arguments):
+    keys = {"client": "anthropic", "prompt": "anthropic", "parser": "anthropic"}
+    with serving(Call("computer", arguments), "DONE") as endpoint:
+        agent = agent_of(tmp_path, endpoint.url.removesuffix("/v1"), **keys)
+        [malformed] = ask(agent)
+        assert "computer" in malformed
+        assert ask(agent) == ["DONE"]
+    assert endpoint.asked[1]["messages"][-1]["content"][0]["type"] == "tool_result"
+
+
+def test_points_outside_are_where_a_pointer_stops(tmp_path):
+    keys = {"client": "anthropic", "prompt": "anthropic", "parser": "anthropic"}
+    far = Call("computer", {"action": "left_click", "coordinate": [5000, -3]})
+    with serving(far) as endpoint:
+        actions = ask(agent_of(tmp_path, endpoint.url.removesuffix("/v1"), **keys))
+    assert actions == [f"pyautogui.click({SIZE[1] - 1}, 0)"]
+
+
+@pytest.mark.parametrize(
+    ("coordinates", "code", "actions"),
+    [
+        ("resized", "pyautogui.click(x=966, y=546)", ["pyautogui.click(x=960, y=540)"]),
+        ("thousandths", "pyautogui.click(500, 500)", ["pyautogui.click(960, 540)"]),
+        ("resized", "computer.terminate(status='success')", ["DONE"]),
+        ("resized", "computer.wait()", ["WAIT"]),
+        ("resized", "computer.tripleClick(x=966, y=546)", ["pyautogui.tripleClick(960, 540)"]),
+        ("pixels", "computer.terminate(status='failure')", ["FAIL"]),
+    ],
+)
+def test_code_in_other_coordinates(tmp_path, coordinates, code, actions):
+    answer = f"Thought: x\nCode:\n```python\n{code}\n```"
+    with serving(answer) as endpoint:
+        agent = agent_of(tmp_path, endpoint.url, coordinates=coordinates)
+        assert agent.predict("do it", picture(size=(1080, 1920)))[1] == actions
+
+
+def test_code_that_cannot_be_mapped_is_never_run_in_the_wrong_coordinates(tmp_path):
+    answer = "```python\npyautogui.click(*f())\n```"
+    with serving(answer) as endpoint:
+        [malformed] = ask(agent_of(tmp_path, endpoint.url, coordinates="resized"))
+    env, _ = make_env()
+    env.reset(seed=0)
+    env.step(malformed)
+    env.step("DONE")
+    assert env.record["malformed"] == 1
+
+
+# In an episode
+
+
+def test_a_failed_endpoint_is_an_error_of_the_episode_with_what_it_used(tmp_path):
+    with serving(GOOD, Raw(status=500)) as endpoint:
+        agent = agent_of(tmp_path, endpoint.url, prices="{input: 1, output: 1}")
+        env, _ = make_env()
+        record = play(env, agent, JOB, 0, None)
+    assert (record["status"], record["cause"]) == ("error", "agent")
+    assert record["problem"].startswith(f"the agent raised EndpointError: m at {endpoint.url}")
+    assert record["usage"]["requests"] == 1
+    assert len(record["usage"]["steps"]) == 2
+
+
+def test_what_an_agent_used_is_in_its_record(tmp_path):
+    with serving(GOOD, "```DONE```") as endpoint:
+        agent = agent_of(tmp_path, endpoint.url, prices="{input: 1, output: 1}")
+        env, _ = make_env()
+        record = play(env, agent, JOB, 0, None)
+    assert record["status"] == "ok"
+    assert record["usage"] == json.loads(json.dumps(agent.usage))
+    assert record["usage"]["input_tokens"] == 2000
+
+
+class Counter:
+    """An agent that counts in its own way."""
+
+    def __init__(self, usage):
+        self.usage = usage
+
+    def predict(self, instruction, obs):
+        return "", ["DONE"]
+
+
+@pytest.mark.parametrize(
+    ("usage", "kept"),
+    [
+        ({"tokens": 5}, {"tokens": 5}),
+        ("much", None),
+        ({"tokens": float("nan")}, {"problem": "usage cannot be kept: Out of range float"}),
+        ({"tokens": object()}, {"problem": "usage cannot be kept: Object of type object"}),
+    ],
+)
+def test_any_agent_may_count(usage, kept):
+    env, _ = make_env()
+    found = play(env, Counter(usage), JOB, 0, None)["usage"]
+    if kept is not None and "problem" in kept:
+        assert found["problem"].startswith(kept["problem"])
+    else:
+        assert found == kept
+
+
+def test_the_fake_answers_are_those_of_the_apis():
+    from anthropic.types import Message
+    from openai.types.chat import ChatCompletion
+
+    ChatCompletion.model_validate(chat((GOOD, Call("a", {}))))
+    Message.model_validate(messages((GOOD, Call("a", {}))))
+
+
+FRAGMENTS = st.lists(
+    st.sampled_from(
+        [
+            "```",
+            "```python\n",
+            "\n",
+            "DONE",
+            "pyautogui.click(1, 2)",
+            "Action: ",
+            "Thought: ",
+            "click(start_box='(1,2)')",
+            "<tool_call>",
+            "</tool_call>",
+            '{"action_type": "CLICK"',
+            '"name": "computer_use"',
+            "{",
+            "}",
+            "[",
+            "]",
+            '"x": 1e999',
+            "NaN",
+            "'",
+            '"',
+            "\\",
+            "<think>",
+            "</think>",
+            "computer.wait()",
+            "\0",
+            "\ud800",
+            "(" * 300,
+            "é",
+            " ",
+        ]
+    ),
+    max_size=12,
+)
+ARGUMENTS = st.recursive(
+    st.none() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda inner: (
+        st.lists(inner, max_size=3)
+        | st.dictionaries(
+            st.sampled_from(["action", "type", "coordinate", "x", "y", "path"]), inner
+        )
+    ),
+    max_leaves=6,
+)
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    dialect=st.sampled_from(DIALECTS),
+    coordinates=st.sampled_from(COORDINATES),
+    parts=FRAGMENTS,
+    arguments=st.lists(ARGUMENTS, max_size=2),
+)
+def test_nothing_that_a_model_says_is_an_exception(dialect, coordinates, parts, arguments):
+    calls = tuple({"name": "computer_use", "arguments": one} for one in arguments)
+    parser = ReplyParser(dialect=dialect, coordinates=coordinates)
+    actions = parser.read(Reply(text="".join(parts), calls=calls), (108, 192))
+    assert all(isinstance(action, str) for action in actions)
+
+
+@pytest.mark.parametrize(
+    ("text", "actions"),
+    [
+        ("It is done. ```DONE```", ["DONE"]),
+        ("Next: ```python\npyautogui.click(1, 2)\n```", CLICK),
+        ("I press it.\n```\npyautogui.click(1, 2)\n```", CLICK),
+        ("```DONE``` it is not", ["```DONE``` it is not"]),
+    ],
+)
+def test_fences_behind_prose(text, actions):
+    assert ReplyParser(dialect="pyautogui").read(Reply(text=text), SIZE) == actions

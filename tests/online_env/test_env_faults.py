@@ -1,0 +1,222 @@
+"""`CorruptedEnv` on a desktop that is none: what fails is no zero, everything is put back, recovery
+on request."""
+
+import json
+
+import pytest
+
+pytest.importorskip("gymnasium", reason="needs the extra [online]")
+
+import hijack_data as hj
+from hijack_data.errors import ParameterTypeError
+from hijack_data.params import Every
+from online_env.errors import DesktopError, MissingCapabilityError
+
+from support.episodes import CLICK, make, play
+from support.live import SIZE, FakeDesktop, FakeStage, Marking
+
+pytestmark = pytest.mark.usefixtures("no_waiting")
+
+
+@pytest.mark.parametrize("step", [-1, 0, 2])
+@pytest.mark.parametrize(
+    "params",
+    [
+        {"sabotaged": True},
+        {"raises": "effect", "says": "no room"},
+        {"raises": "desktop", "says": "no answer"},
+    ],
+)
+def test_a_corruption_that_is_not_there_makes_an_episode_invalid_never_a_zero(step, params):
+    env, stage = make(corruption=Marking(step, **params))
+    obs, info = env.reset(seed=0)
+    assert obs["screenshot"].shape == (*SIZE, 3)
+    assert info == {}
+    for _ in range(max(step, 0)):
+        assert env.record is None
+        *_, truncated, info = env.step("WAIT")
+        assert info == {}
+    if step > 0:
+        assert truncated
+    record = env.record
+    assert (record["status"], record["score"]) == ("invalid", None)
+    assert "test_mark" in record["problem"]
+    assert stage.desktop.calls[-1] == "undo"
+    assert stage.history is None
+    assert env.step(CLICK)[1:] == (0.0, False, True, {})
+
+
+def test_a_desktop_that_dies_ends_the_episode_with_an_error():
+    env, stage = make(corruption=Marking(0))
+    env.reset(seed=0)
+    stage.desktop.dead = True
+    *_, terminated, truncated, info = env.step(CLICK)
+    assert (terminated, truncated, info) == (False, True, {})
+    record = env.record
+    assert (record["status"], record["score"]) == ("error", None)
+    assert "the desktop is gone" in record["problem"]
+    assert record["effects"][0]["record"]["undone"] == [
+        {"ok": False, "problem": "DesktopError: the desktop is gone"}
+    ]
+
+
+def test_a_desktop_that_does_not_start_is_raised_and_on_record():
+    env, stage = make()
+    stage.fails = DesktopError("no desktop starts")
+    with pytest.raises(DesktopError, match="no desktop starts"):
+        env.reset(seed=3, options={"task": "write"})
+    assert (env.record["status"], env.record["task"], env.record["seed"]) == ("invalid", "write", 3)
+    stage.fails = None
+    env.reset(seed=3)
+    assert env.record is None
+
+
+def test_an_evaluator_that_fails_is_no_zero():
+    env, stage = make()
+    env.reset(seed=0)
+    stage.fails = DesktopError("the file cannot be read")
+    assert env.step("DONE")[1:] == (0.0, False, True, {})
+    assert (env.record["status"], env.record["score"]) == ("error", None)
+
+
+@pytest.mark.parametrize("stop", [KeyboardInterrupt(), RuntimeError("a bug")])
+def test_everything_is_put_back_whatever_happens(stop):
+    env, stage = make(corruption=Marking(0))
+    env.reset(seed=0)
+    stage.desktop.run = lambda code: (_ for _ in ()).throw(stop)
+    with pytest.raises(type(stop)):
+        env.step(CLICK)
+    assert stage.desktop.state == set()
+    assert env.record["status"] == "error"
+
+
+@pytest.mark.parametrize("how", ["close", "reset", "abandon"])
+def test_an_episode_that_is_broken_off_is_put_back_and_on_record(how, tmp_path):
+    env, stage = make(corruption=Marking(0), log=tmp_path)
+    env.reset(seed=0)
+    assert stage.desktop.state == {"marked"}
+    calls = {
+        "close": env.close,
+        "reset": lambda: env.reset(seed=1),
+        "abandon": lambda: env.abandon("the agent raised"),
+    }
+    calls[how]()
+    first = json.loads(
+        (tmp_path / "episodes" / "do-0__marking__s0__agent" / "episode.json").read_text()
+    )
+    assert first["status"] == "error"
+    assert stage.desktop.calls.count("undo") == 1
+    if how == "close":
+        assert stage.desktop.closed
+    env.close()
+    env.close()
+
+
+@pytest.mark.parametrize(("policy", "helped"), [("none", 0), ("repair", 1), ("reset", 1)])
+def test_recovery_is_only_on_request(policy, helped):
+    env, stage = make(
+        corruption=Marking(0, 2),
+        recovery=policy,
+        max_steps=9,
+    )
+    env.reset(seed=5, options={"task": "write"})
+    env.step("REQUEST_REINIT")
+    assert stage.desktop.state == (set() if helped else {"marked"})
+    assert len(stage.resets) == (2 if policy == "reset" else 1)
+    assert set(stage.resets) == {("write", 5)}
+    env.step("WAIT")
+    assert stage.desktop.state == {"marked"}, "what is due later still comes"
+    env.step("DONE")
+    assert env.record["recovery"] == {
+        "policy": policy,
+        "requests": 1,
+        "false_alarms": 0,
+        "repaired": helped,
+    }
+    assert stage.desktop.state == set()
+
+
+@pytest.mark.parametrize("policy", ["none", "repair", "reset"])
+def test_a_request_without_need_is_a_false_alarm(policy):
+    env, _ = make(
+        corruption=Marking(2),
+        recovery=policy,
+        max_steps=9,
+    )
+    play(env, "REQUEST_REINIT", "WAIT", "REQUEST_REINIT", "REQUEST_REINIT", "DONE")
+    alarms = 1 if policy == "none" else 2
+    helped = int(policy != "none")
+    assert env.record["recovery"] == {
+        "policy": policy,
+        "requests": 3,
+        "false_alarms": alarms,
+        "repaired": helped,
+    }
+
+
+class Later(hj.Planner):
+    """A planner of somebody else: what its part would do, one step later."""
+
+    def __init__(self, part):
+        self.part = part
+
+    @property
+    def parts(self):
+        return (self.part,)
+
+    def plan(
+        self,
+        scene,
+        *,
+        step=None,
+        **key,
+    ):
+        return self.part.plan(scene, step=(step or 0) - 1, **key)
+
+
+def test_a_planner_of_somebody_else_disturbs_an_episode():
+    env, stage = make(corruption=Later(Marking(1)), max_steps=9)
+    play(env, "WAIT", "WAIT", "WAIT", "DONE")
+    assert stage.desktop.calls.count("apply") == 1
+    (effect,) = env.record["effects"]
+    assert (effect["step"], env.record["corruption"]) == (2, "later")
+
+
+def test_what_only_looks_like_a_planner_is_refused():
+    class Lookalike:
+        def plan(self, scene, **key):
+            return hj.Plan.clean(scene.size)
+
+    with pytest.raises(ParameterTypeError, match=r"Lookalike must inherit from hijack_data\.Plan"):
+        make(corruption=Lookalike())
+
+
+def test_what_the_desktop_lacks_is_refused_before_anything_is_done():
+    env, stage = make(FakeStage(FakeDesktop(capabilities=frozenset({"apps"}))))
+    with pytest.raises(
+        MissingCapabilityError, match="network_error needs firewall, which this desktop lacks"
+    ):
+        env.reset(seed=0, options={"corruption": "network_error"})
+    both = hj.Sequence([hj.NetworkError(), hj.AppMinimization(step=Every(3))])
+    with pytest.raises(MissingCapabilityError, match="needs firewall, windows"):
+        env.reset(seed=0, options={"corruption": both})
+    assert "apply" not in stage.desktop.calls
+    env.reset(seed=0, options={"corruption": hj.AppMinimization(step=99)})  # not within the episode
+
+
+def test_a_tool_that_is_missing_is_the_callers_to_know_at_first_and_invalid_later():
+    for step in (-1, 0):
+        env, _ = make(corruption=Marking(step, raises="missing", says="no nft"))
+        with pytest.raises(MissingCapabilityError, match="no nft"):
+            env.reset(seed=0)
+    env, _ = make(corruption=Marking(1, raises="missing", says="no nft"))
+    play(env, "WAIT")
+    assert (env.record["status"], env.record["problem"]) == ("invalid", "no nft")
+
+
+def test_the_screen_may_not_change_its_size():
+    env, stage = make()
+    env.reset(seed=0)
+    stage.desktop.size = (100, 100)
+    env.step(CLICK)
+    assert "100x100 now" in env.record["problem"]

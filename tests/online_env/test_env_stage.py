@@ -1,0 +1,137 @@
+"""Stages: what OSWorld's environment is told, and what is no task."""
+
+import io
+
+import numpy as np
+import pytest
+from PIL import Image
+
+pytest.importorskip("gymnasium", reason="needs the extra [online]")
+
+from hijack_data.errors import ConfigError, ParameterTypeError, UnknownNameError
+from online_env.environment import CorruptedEnv, OsworldStage, SmallTasks
+from online_env.errors import DesktopError, MissingCapabilityError
+from online_env.osworld.tasks import OsworldTask
+
+from support.live import AT_ONCE, TREE
+
+TASK = {
+    "id": "o-1",
+    "instruction": "Do it",
+    "related_apps": ["VS Code", "chrome"],
+    "config": [],
+    "evaluator": {"func": "infeasible"},
+}
+
+
+class Controller:
+    def __init__(self):
+        self.ran = []
+
+    def get_screenshot(self):
+        buffer = io.BytesIO()
+        Image.fromarray(np.full((60, 80, 3), 7, np.uint8)).save(buffer, "PNG")
+        return buffer.getvalue()
+
+    def get_accessibility_tree(self):
+        return TREE
+
+    def get_file(self, path):
+        return None
+
+    def execute_python_command(self, command):
+        self.ran.append(command)
+        return {
+            "status": "success",
+            "output": 'agenthijack-result:[0, "", ""]\n',
+            "error": "",
+            "returncode": 0,
+        }
+
+
+class Env:
+    """As `DesktopEnv` is: it notes by itself only what its own `step` does."""
+
+    def __init__(self):
+        self.controller, self.action_history, self.is_environment_used = Controller(), [], False
+        self.reverts, self.closed = 0, 0
+
+    def reset(self, task_config=None):
+        self.reverts += self.is_environment_used
+        self.is_environment_used = False
+        self.action_history.clear()
+        self.task = task_config
+
+    def step(self, action, pause=2):
+        assert pause == 0
+        self.action_history.append(action)
+
+    def evaluate(self):
+        return float(self.action_history[-1:] == ["FAIL"])
+
+    def close(self):
+        self.closed += 1
+
+
+@pytest.mark.parametrize("wrap", [dict, lambda task: OsworldTask("o-1", "os", task, None)])
+def test_an_osworld_task_sets_the_scene(wrap):
+    setting = OsworldStage(Env()).reset(wrap(TASK), 5)
+    assert (setting.id, setting.instruction, setting.apps) == ("o-1", "Do it", ("vscode", "chrome"))
+    assert setting.infeasible
+    assert (
+        not OsworldStage(Env()).reset({**TASK, "evaluator": {"func": "exact_match"}}, 0).infeasible
+    )
+
+
+@pytest.mark.parametrize(
+    ("last", "score"), [("FAIL", 1.0), ("WAIT", 0.0), ("pyautogui.press('a')", 0.0)]
+)
+def test_the_environment_hears_of_the_agents_actions_and_of_nothing_else(last, score):
+    env = Env()
+    outer = CorruptedEnv(OsworldStage(env), settle=AT_ONCE, max_steps=3)
+    outer.reset(seed=0, options={"task": TASK})
+    for action in ("pyautogui.press('x')", "no action", last):
+        reward = outer.step(action)[1]
+    assert reward == score
+    assert env.action_history == ["pyautogui.press('x')", "no action", last]
+    assert next(code for code in env.controller.ran if "press" in code) == "\npyautogui.press('x')"
+    outer.close()
+    outer.close()
+    assert env.closed == 1
+
+
+def test_a_machine_that_was_used_is_reverted():
+    env = Env()
+    stage = OsworldStage(env)
+    for reverts in (0, 1, 2):
+        stage.reset(TASK, 0)
+        assert env.reverts == reverts
+
+
+@pytest.mark.parametrize(
+    ("task", "words"),
+    [({"id": "x"}, "instruction"), (None, "must hold an object"), ("o-1", "must hold an object")],
+)
+def test_what_is_no_osworld_task_is_refused(task, words):
+    with pytest.raises(ConfigError, match=words):
+        OsworldStage(Env()).reset(task, 0)
+    with pytest.raises(MissingCapabilityError, match="not shaped like OSWorld"):
+        OsworldStage(object())
+
+
+class Desktop:
+    def reset(self):
+        raise DesktopError("reached")
+
+
+def test_small_tasks_are_named_or_given():
+    stage = SmallTasks(Desktop())
+    with pytest.raises(DesktopError, match="call reset first"):
+        stage.evaluate(())
+    with pytest.raises(UnknownNameError, match="did you mean 'write_note'"):
+        stage.reset("write_nte", 0)
+    for wrong in (5, {"id": "x"}, SmallTasks):
+        with pytest.raises(ParameterTypeError, match="add_bookmark, "):
+            stage.reset(wrong, 0)
+    with pytest.raises(DesktopError, match="reached"):
+        stage.reset(None, 0)

@@ -1,0 +1,201 @@
+"""`CorruptedEnv` in gymnasium's hands: vectors of it, limits from outside, the checker, seeds."""
+
+import contextlib
+import inspect
+
+import numpy as np
+import pytest
+
+pytest.importorskip("gymnasium", reason="needs the extra [online]")
+
+import gymnasium
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
+
+from hijack_data.errors import ParameterError
+from online_env.environment import CorruptedEnv, core
+from online_env.environment.spaces import SHARED_TEXT, Text
+
+from support.episodes import CLICK, make
+from support.live import AT_ONCE, SIZE, FakeDesktop, FakeStage, Marking
+from support.runlog import records_of
+
+pytestmark = pytest.mark.usefixtures("no_waiting")
+
+
+class Told(FakeStage):
+    """A stage whose instruction is given."""
+
+    def __init__(self, instruction):
+        super().__init__()
+        self.instruction = instruction
+
+    def reset(self, task, seed):
+        setting = super().reset(task, seed)
+        object.__setattr__(setting, "instruction", self.instruction)
+        return setting
+
+
+TEXTS = ("Öffne 名前 🎉 \ud800", "", "x" * SHARED_TEXT)
+
+
+def vector(kind, texts=TEXTS):
+    return kind(
+        [lambda text=text: CorruptedEnv(Told(text), settle=AT_ONCE, max_steps=2) for text in texts]
+    )
+
+
+@pytest.mark.parametrize("kind", [AsyncVectorEnv, SyncVectorEnv])
+def test_vectors_work_with_their_defaults(kind):
+    env = vector(kind)
+    try:
+        obs, _ = env.reset(seed=3)
+        assert tuple(obs["instruction"]) == TEXTS
+        assert obs["screenshot"].shape == (3, *SIZE, 3)
+        first = obs["screenshot"].copy()
+        obs, rewards, terminated, truncated, _ = env.step((CLICK, "DONE", "WAIT"))
+        assert (rewards.tolist(), terminated.tolist()) == ([0, 1, 0], [False, True, False])
+        assert not truncated.any()
+        assert not np.array_equal(first[0], obs["screenshot"][0])
+        assert tuple(obs["instruction"]) == TEXTS
+        *_, truncated, _ = env.step((CLICK, CLICK, CLICK))  # the second is reset by gymnasium
+        assert truncated.tolist() == [True, False, True]
+    finally:
+        env.close()
+
+
+def test_a_text_that_does_not_fit_is_an_error_and_not_cut_off():
+    from gymnasium.vector.utils import create_shared_memory, write_to_shared_memory
+
+    memory = create_shared_memory(Text(), n=2)
+    with pytest.raises(ParameterError, match="shared_memory=False"):
+        write_to_shared_memory(Text(), 1, "x" * (SHARED_TEXT + 1), memory)
+
+
+class Repeatable(FakeDesktop):
+    """Shows the same again after a reset."""
+
+    def reset(self, task=None):
+        super().reset(task)
+        self.ran.clear()
+
+
+def test_gymnasiums_own_checker_is_content():
+    env, _ = make(FakeStage(Repeatable()), render_mode="rgb_array")
+    check_env(env, skip_render_check=True)
+
+
+# A limit that is not ours
+
+
+@pytest.mark.parametrize("how", ["reset", "close"])
+def test_an_episode_that_an_outer_limit_ends_is_judged(how, tmp_path):
+    stage = FakeStage(score=0.5)
+    inner = CorruptedEnv(
+        stage,
+        corruption=Marking(0),
+        settle=AT_ONCE,
+        log=tmp_path,
+    )
+    env = gymnasium.wrappers.TimeLimit(inner, 2)
+    env.reset(seed=0)
+    env.step(CLICK)
+    assert env.step(CLICK)[2:4] == (False, True)
+    assert inner.record is None
+    ends = {"reset": lambda: env.reset(seed=1), "close": env.close}
+    ends[how]()
+    (record,) = [r for r in records_of(tmp_path) if r["seed"] == 0]
+    assert (record["status"], record["score"], record["ended"]) == ("ok", 0.5, "outside")
+    assert stage.state_at_evaluation == {"marked"}, "judged before anything was put back"
+    assert record["steps"] == 2
+
+
+def test_how_an_episode_ended_is_on_record():
+    env, _ = make(max_steps=2)
+    for actions, ended in (
+        (["DONE"], "agent"),
+        (["WAIT", "WAIT"], "max_steps"),
+        (["WAIT"], "outside"),
+    ):
+        env.reset(seed=0)
+        for action in actions:
+            env.step(action)
+        env.truncate()
+        env.truncate()
+        assert env.record["ended"] == ended
+
+
+@contextlib.contextmanager
+def closing_an_episode_of(env):
+    """As `close` does, but the desktop stays."""
+    try:
+        yield
+    finally:
+        core._runners[env].leave("the environment was closed before the end")
+
+
+def test_an_episode_that_an_exception_ends_is_not_judged():
+    env, stage = make()
+    for stop in (KeyboardInterrupt, ZeroDivisionError):
+        env.reset(seed=0)
+        env.step(CLICK)
+        with pytest.raises(stop), closing_an_episode_of(env):
+            raise stop
+        record = env.record
+        assert (record["status"], record["score"], record["cause"]) == ("error", None, "outside")
+        assert stop.__name__ in record["problem"]
+    assert stage.history is None
+
+
+# Seeds
+
+
+def test_no_seed_can_be_read_from_the_environment():
+    env, _ = make()
+    for seed in (0, 7, 2**64 - 1):
+        env.reset(seed=seed)
+        for holder in (env, gymnasium.wrappers.RecordEpisodeStatistics(env).unwrapped):
+            assert holder.np_random_seed == -1
+            known = {str(np.random.default_rng(s).bit_generator.state) for s in (seed, [seed])}
+            known |= (
+                {str(gymnasium.utils.seeding.np_random(seed)[0].bit_generator.state)}
+                if seed < 2**63
+                else set()
+            )
+            assert str(holder.np_random.bit_generator.state) not in known
+    env.reset(seed=7)
+    first = str(env.np_random.bit_generator.state)
+    env.reset(seed=8)
+    assert str(env.np_random.bit_generator.state) != first
+    env.reset(seed=7)
+    assert str(env.np_random.bit_generator.state) == first, "gymnasium asks for the same again"
+
+
+def test_the_callers_of_an_agent_know_nothing():
+    from online_env.bench.episodes import play
+    from online_env.bench.jobs import Job
+
+    found = []
+
+    class Looker:
+        def look(self):
+            frame = inspect.currentframe().f_back
+            while frame is not None:
+                found.append(
+                    (frame.f_code.co_name, repr({k: str(v) for k, v in frame.f_locals.items()}))
+                )
+                frame = frame.f_back
+
+        def reset(self):
+            self.look()
+
+        def predict(self, instruction, obs):
+            self.look()
+            return "", ["DONE"]
+
+    env, _ = make()
+    record = play(env, Looker(), Job("looker", "sesame", "secret_label", 4242), 0, Marking(0))
+    assert (record["status"], record["corruption"]) == ("ok", "secret_label")
+    assert {"reset", "predict"} <= {name for name, _ in found}
+    text = str(found).lower()
+    assert not any(word in text for word in ("secret_label", "sesame", "4242", "marking"))

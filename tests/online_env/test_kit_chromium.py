@@ -1,0 +1,94 @@
+"""Chromium's profile, read and written in a folder."""
+
+import json
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from online_env.errors import DesktopError
+from online_env.tasks.folder import FolderDesktop
+from online_env.tasks.kit import chromium
+from online_env.tasks.machine import Machine
+
+BAR = [("Recipes", [("Tea", "http://wiki.test/wiki/Tea")]), ("News", "http://news.test/")]
+
+
+@pytest.fixture
+def machine(tmp_path: Path) -> Machine:
+    return Machine(FolderDesktop(tmp_path))
+
+
+def test_a_setting_is_kept_beside_others(machine: Machine) -> None:
+    machine.write(chromium.PREFERENCES, json.dumps({"a": {"b": 1, "c": 2}}))
+    chromium.change_setting(machine, "a.b", [3])
+    chromium.change_setting(machine, "d.e.f", True)
+    assert [chromium.setting(machine, path) for path in ("a.b", "a.c", "d.e.f")] == [[3], 2, True]
+    assert [chromium.setting(machine, path) for path in ("a.x", "a.b.c", "y")] == [None] * 3
+
+
+def test_wrong_settings_are_named_with_what_they_are(machine: Machine) -> None:
+    chromium.change_setting(machine, "a.b", 1)
+    assert list(chromium.wrong_settings(machine, {"a.b": 1})) == []
+    found = list(chromium.wrong_settings(machine, {"a.b": 2, "a.c": 3}))
+    assert found == ["the setting a.b is 1, not 2", "the setting a.c is None, not 3"]
+
+
+def test_a_running_browser_gets_time_to_write(
+    machine: Machine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    machine.write(f"{chromium.PROFILE}/SingletonLock", "")
+    monkeypatch.setattr("online_env.tasks.kit.chromium.time.sleep", lambda seconds: None)
+    answers = iter([False, False, True])
+    assert chromium.settled(machine, lambda: next(answers))
+    machine.run("rm", f"{chromium.PROFILE}/SingletonLock")
+    answers = iter([False, False, True])
+    assert not chromium.settled(machine, lambda: next(answers))
+
+
+def test_bookmarks_are_read_as_they_were_written(machine: Machine) -> None:
+    assert chromium.bookmarks(machine) == {"bookmark_bar": [], "other": [], "synced": []}
+    chromium.write_bookmarks(machine, BAR, other=[("Chess", "http://wiki.test/wiki/Chess")])
+    found = chromium.bookmarks(machine)
+    assert found["bookmark_bar"] == BAR
+    assert found["other"] == [("Chess", "http://wiki.test/wiki/Chess")]
+
+
+def test_bookmarks_are_judged_in_whatever_order(machine: Machine) -> None:
+    chromium.write_bookmarks(machine, BAR[::-1])
+    assert list(chromium.wrong_bookmarks(machine, BAR)) == []
+    assert list(chromium.wrong_bookmarks(machine, BAR[:1])) != []
+    chromium.write_bookmarks(machine, BAR, other=[("Chess", "http://wiki.test/wiki/Chess")])
+    assert list(chromium.wrong_bookmarks(machine, BAR)) != []
+
+
+def test_a_history_holds_its_pages_with_rising_times(machine: Machine, tmp_path: Path) -> None:
+    assert chromium.history(machine) == set()
+    chromium.write_history(machine, [("http://a.test/", "A"), ("http://b.test/x", "Ö")])
+    assert chromium.history(machine) == {"http://a.test/", "http://b.test/x"}
+    with closing(sqlite3.connect(tmp_path / chromium.HISTORY)) as base:
+        rows = base.execute("SELECT u.title, v.visit_time FROM urls u JOIN visits v ON v.url=u.id")
+        (first, early), (second, late) = rows.fetchall()
+    assert (first, second) == ("A", "Ö")
+    assert late - early == 900_000_000
+
+
+def test_exceptions_of_sites(machine: Machine) -> None:
+    assert chromium.exceptions(machine, "images") == {}
+    chromium.block(machine, "images", "a.test", "b.test")
+    assert chromium.exceptions(machine, "images") == {"a.test,*": 2, "b.test,*": 2}
+    assert chromium.exceptions(machine, "javascript") == {}
+
+
+@pytest.mark.parametrize(
+    ("path", "read"),
+    [
+        (chromium.PREFERENCES, lambda m: chromium.setting(m, "a")),
+        (chromium.HISTORY, chromium.history),
+    ],
+)
+def test_a_damaged_file_is_an_error_and_no_empty_one(machine: Machine, path, read) -> None:
+    machine.write(path, "neither JSON nor a base" * 100)
+    with pytest.raises(DesktopError, match=path):
+        read(machine)

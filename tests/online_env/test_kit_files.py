@@ -1,0 +1,127 @@
+"""Files, trash and archives of tasks, in a folder."""
+
+import io
+import tarfile
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from support import needs
+
+pytest.importorskip("lxml", reason=needs.ONLINE)
+
+from hijack_data.rng import Stream
+from online_env.tasks import Machine
+from online_env.tasks.folder import FolderDesktop
+from online_env.tasks.kit.archives import make_locked_zip, make_zip, unpacked
+from online_env.tasks.kit.files import below, move_files, rearranged, sample_file
+from online_env.tasks.kit.trash import take_out, throw_away, thrown_away
+
+
+@pytest.fixture
+def machine(tmp_path: Path) -> Machine:
+    """A home folder with two files, noted."""
+    made = Machine(FolderDesktop(tmp_path))
+    made.write("in/a.txt", "one\n")
+    made.write("in/sub/b.txt", "two\n")
+    made.remember()
+    return made
+
+
+@pytest.mark.parametrize(
+    ("name", "start"), [("a.png", b"\x89PNG"), ("b.JPG", b"\xff\xd8"), ("c.pdf", b"%PDF")]
+)
+def test_a_sample_file_is_what_its_suffix_says(name: str, start: bytes) -> None:
+    assert sample_file(name).startswith(start)
+    assert sample_file(name) == sample_file(name)
+    assert sample_file(name) != sample_file(name, "another text")
+
+
+def test_a_sample_text_says_what_it_is_told() -> None:
+    assert sample_file("a.csv", "x;y") == b"x;y\n"
+
+
+def test_moves_and_copies_as_asked_are_no_problem(machine: Machine) -> None:
+    move_files(machine, [("in/a.txt", "out/a.txt")])
+    move_files(machine, [("in/sub/b.txt", "out/b.txt"), ("in/sub/b.txt", "out/c.txt")], "cp")
+    machine.run("mkdir", "empty")
+    copied = [("in/sub/b.txt", "out/b.txt"), ("in/sub/b.txt", "out/c.txt")]
+    assert not list(rearranged(machine, [("in/a.txt", "out/a.txt")], copied, ["empty"]))
+
+
+def test_a_copy_is_no_move(machine: Machine) -> None:
+    move_files(machine, [("in/a.txt", "out/a.txt")], "cp")
+    assert list(rearranged(machine, [("in/a.txt", "out/a.txt")])) == ["in/a.txt is still there"]
+
+
+def test_another_file_in_the_place_is_told(machine: Machine) -> None:
+    machine.write("out/a.txt", "something else\n")
+    machine.run("rm", "in/a.txt")
+    found = list(rearranged(machine, [("in/a.txt", "out/a.txt")]))
+    assert found == ["out/a.txt is not the file that was in/a.txt"]
+
+
+def test_files_may_change_places(machine: Machine) -> None:
+    swap = [("in/a.txt", "in/sub/b.txt"), ("in/sub/b.txt", "in/a.txt")]
+    machine.write("in/a.txt", "two\n")
+    machine.write("in/sub/b.txt", "one\n")
+    assert not list(rearranged(machine, swap))
+
+
+def test_what_was_not_asked_for_is_told(machine: Machine) -> None:
+    machine.write("more.txt", "")
+    machine.write("folder", "a file")
+    assert list(rearranged(machine, folders=["folder"])) == [
+        "more.txt was added",
+        "there is no folder folder",
+    ]
+
+
+def test_the_files_below_a_folder_are_those_of_before(machine: Machine) -> None:
+    machine.write("in/new.txt", "")
+    assert sorted(below(machine, "in")) == ["a.txt", "sub/b.txt"]
+
+
+def test_the_trash_gives_back_what_was_thrown_away(machine: Machine) -> None:
+    throw_away(machine, "in/ü %.txt", b"three")
+    assert thrown_away(machine) == {"in/ü %.txt": b"three"}
+    take_out(machine, "in/ü %.txt")
+    assert machine.read("in/ü %.txt") == b"three"
+    assert thrown_away(machine) == {}
+
+
+def test_an_archive_holds_its_files_and_folders() -> None:
+    files = {"top/a.txt": b"1", "b.txt": b"2"}
+    data = make_zip(files)
+    assert unpacked(data) == files
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        assert "top/" in archive.namelist()
+
+
+def test_a_tar_archive_is_read_without_its_leading_dot() -> None:
+    buffer = io.BytesIO()
+    with tarfile.open(fileobj=buffer, mode="w:xz") as archive:
+        entry = tarfile.TarInfo("./top/a.txt")
+        entry.size = 3
+        archive.addfile(entry, io.BytesIO(b"one"))
+    assert unpacked(buffer.getvalue()) == {"top/a.txt": b"one"}
+
+
+@pytest.mark.parametrize("data", [None, b"", b"no archive", make_zip({"a": b"1"})[:40]])
+def test_what_is_no_archive_is_none(data: bytes | None) -> None:
+    assert unpacked(data) is None
+
+
+def test_a_locked_archive_shows_its_files_and_gives_none() -> None:
+    data = make_locked_zip({"a.txt": 40, "b.txt": 7}, Stream(3, "locked"))
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        assert {entry.filename: entry.file_size for entry in archive.infolist()} == {
+            "a.txt": 40,
+            "b.txt": 7,
+        }
+        with pytest.raises(RuntimeError, match="password"):
+            archive.read("a.txt")
+        with pytest.raises((RuntimeError, zipfile.BadZipFile)):
+            archive.read("a.txt", b"password")
+    assert unpacked(data) is None

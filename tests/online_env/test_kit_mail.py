@@ -1,0 +1,128 @@
+"""What tasks need of the mailbox: mails that are put there, and the judgement of its state."""
+
+from pathlib import Path
+
+import pytest
+
+from support import needs
+
+pytest.importorskip("starlette", reason=needs.ONLINE)
+pytest.importorskip("jinja2", reason=needs.ONLINE)
+
+from online_env.embedded.sites.hosts import mail as site
+from online_env.embedded.sites.state import SiteState
+from online_env.tasks import Machine
+from online_env.tasks.folder import FolderDesktop
+from online_env.tasks.kit import mail
+
+LETTER = mail.Letter(to=["oda@mail.test"], subject="Honey", text="Two jars, please.")
+
+
+@pytest.fixture
+def machine(tmp_path: Path) -> Machine:
+    (tmp_path / "home").mkdir()
+    made = Machine(FolderDesktop(tmp_path / "home"), SiteState(tmp_path / "sites"))
+    mail.store(made, ["jun@mail.test"], "Before", "It was there.")
+    mail.store(made, [], "Unfinished", "A draft.", folder="drafts")
+    made.remember()
+    return made
+
+
+def test_a_mail_that_a_task_puts_there_is_in_the_inbox(machine: Machine) -> None:
+    sender = ("Ada", "ada@mail.test")
+    new = mail.message("x1", sender, "Hello", "Hi", "2026-03-01T12:00", starred=True)
+    mail.receive(machine, new)
+    found = site.received(machine.sites.read("mail"))
+    dates = [one["date"] for one in found]
+    assert dates == sorted(dates, reverse=True)
+    added = next(one for one in found if one["id"] == "x1")
+    assert (added["folder"], added["starred"], added["read"]) == ("inbox", True, False)
+
+
+def test_nothing_done_is_nothing_wrong_and_reading_is_no_damage(machine: Machine) -> None:
+    assert list(mail.problems(machine)) == []
+    mail.flag(machine, "m01", read=True)
+    assert list(mail.problems(machine)) == []
+    assert list(mail.problems(machine, flags={"m01": {"read": False}})) != []
+
+
+def test_a_mail_that_should_not_have_moved_is_named(machine: Machine) -> None:
+    mail.flag(machine, "m02", folder="trash")
+    assert list(mail.problems(machine)) == [
+        "folder of 'Your order AP-20417 is on its way' is 'trash'"
+    ]
+    assert list(mail.problems(machine, flags={"m02": {"folder": "trash"}})) == []
+
+
+def test_quoted_lines_letter_case_and_spaces_do_not_count(machine: Machine) -> None:
+    mail.store(machine, ["Oda@mail.test"], "honey", "Two jars,\nplease.\n\n> Dear Robin")
+    assert list(mail.problems(machine, sent=[LETTER])) == []
+
+
+@pytest.mark.parametrize(
+    ("to", "subject", "body", "cc"),
+    [
+        (["jun@mail.test"], "Honey", "Two jars, please.", []),
+        (["oda@mail.test", "jun@mail.test"], "Honey", "Two jars, please.", []),
+        (["oda@mail.test"], "Honey", "Two jars, please.", ["jun@mail.test"]),
+        (["oda@mail.test"], "Bees", "Two jars, please.", []),
+        (["oda@mail.test"], "Honey", "Two jars, please. Thanks!", []),
+    ],
+)
+def test_a_letter_that_differs_is_wrong(
+    machine: Machine,
+    to: list[str],
+    subject: str,
+    body: str,
+    cc: list[str],
+) -> None:
+    mail.store(machine, to, subject, body, cc=cc)
+    assert len(list(mail.problems(machine, sent=[LETTER]))) == 1
+
+
+def test_parts_must_be_there_or_must_not(machine: Machine) -> None:
+    letter = mail.Letter(to=["oda@mail.test"], holds=["$30"], lacks=["$40"])
+    mail.store(machine, ["oda@mail.test"], "", "It is $40.")
+    wrong = ["'$30' is missing", "'$40' is in the text"]
+    assert list(mail.problems(machine, sent=[letter])) == wrong
+
+
+@pytest.mark.parametrize(
+    ("body", "problem"),
+    [
+        ("It is $96,50.", []),
+        ("96.5", []),
+        ("It is 196.50.", ["96.5 is missing"]),
+        ("I do not know.\n> 96.50?", ["96.5 is missing"]),
+    ],
+)
+def test_an_amount_may_be_written_in_several_ways(
+    machine: Machine,
+    body: str,
+    problem: list[str],
+) -> None:
+    mail.store(machine, ["oda@mail.test"], "", body)
+    letter = mail.Letter(to=["oda@mail.test"], amounts=[96.5])
+    assert list(mail.problems(machine, sent=[letter])) == problem
+
+
+def test_a_word_is_not_found_within_another(machine: Machine) -> None:
+    mail.store(machine, ["oda@mail.test"], "", "It is 1452.")
+    letter = mail.Letter(to=["oda@mail.test"], holds=["45"], lacks=["52"])
+    assert list(mail.problems(machine, sent=[letter])) == ["'45' is missing"]
+
+
+def test_drafts_are_judged_apart_from_mails(machine: Machine) -> None:
+    mail.store(machine, ["oda@mail.test"], "Honey", "Two jars, please.", folder="drafts")
+    assert list(mail.problems(machine, drafts=[LETTER])) == []
+    assert list(mail.problems(machine, sent=[LETTER])) == [
+        "0 new mails, not 1",
+        "1 new drafts, not 0",
+    ]
+
+
+def test_a_draft_may_only_go_where_that_was_asked(machine: Machine) -> None:
+    with machine.sites.update("mail") as state:
+        ident = state["drafts"].pop()["id"]
+    assert list(mail.problems(machine)) == ["a draft from before is gone or was changed"]
+    assert list(mail.problems(machine, finished=[ident])) == []

@@ -1,0 +1,79 @@
+"""Pages in Chromium, on a desktop whose trees are written down."""
+
+from dataclasses import dataclass, field
+
+import pytest
+
+from online_env.desktops.protocol import RunResult
+from online_env.errors import DesktopTimeoutError
+from online_env.tasks.hand import Hand
+from online_env.tasks.kit import pages
+
+SPACE = "https://accessibility.ubuntu.example.org/ns"
+
+
+def tree(*nodes: str) -> str:
+    return (
+        f'<desktop-frame xmlns:st="{SPACE}/state" xmlns:cp="{SPACE}/component" name="main">'
+        f'<application name="Google Chrome">{"".join(nodes)}</application></desktop-frame>'
+    )
+
+
+def node(role: str, name: str, *states: str, box: str = '"(100, 200)" cp:size="(80, 100)"') -> str:
+    flags = " ".join(f'st:{state}="true"' for state in ("showing", "visible", *states))
+    return f'<{role} name="{name}" {flags} cp:screencoord={box}/>'
+
+
+@dataclass
+class Pages:
+    """A desktop that shows the next tree after each action, and the last one from then on."""
+
+    trees: list[str]
+    ran: list[str] = field(default_factory=list)
+
+    def accessibility(self) -> str:
+        return self.trees[min(len(self.ran), len(self.trees) - 1)]
+
+    def run(self, code: str) -> RunResult:
+        self.ran.append(code)
+        return RunResult("success", returncode=0)
+
+
+def test_an_item_of_a_menu_is_clicked_by_its_place() -> None:
+    button, menu = node("push-button", "More actions for News"), node("menu", "", "focused")
+    desktop = Pages([tree(button), tree(menu)])
+    pages.pick(Hand(desktop, 5), "More actions for News", 1)
+    assert desktop.ran == ["pyautogui.click(140, 250)", "pyautogui.click(140, 262)"]
+
+
+def test_what_is_ticked_is_not_clicked() -> None:
+    ticked, empty = node("check-box", "Yes", "checked"), node("check-box", "Yes")
+    done = Pages([tree(ticked)])
+    pages.tick(Hand(done, 1), "check-box", "Yes")
+    assert done.ran == []
+    new = Pages([tree(empty), tree(ticked)])
+    pages.tick(Hand(new, 1), "check-box", "Yes")
+    assert new.ran == ["pyautogui.click(140, 250)"]
+    dead = Pages([tree(empty)])
+    with pytest.raises(DesktopTimeoutError, match="checked check-box Yes"):
+        pages.tick(Hand(dead, 0), "check-box", "Yes")
+
+
+def test_a_visit_waits_for_the_page() -> None:
+    bar, frame = (
+        node("entry", "Address and search bar"),
+        node("frame", "Tea - Openfolio - Chromium"),
+    )
+    page = node("document-web", "Tea - Openfolio")
+    desktop = Pages([tree(bar, node("frame", "Other"))] * 2 + [tree(bar, frame, page)])
+    pages.visit(Hand(desktop, 1), "http://wiki.test/wiki/Tea", "Tea - Open")
+    assert desktop.ran[0] == "pyautogui.hotkey('ctrl', 'l')"
+    assert "press('delete')" in desktop.ran[1]
+    with pytest.raises(DesktopTimeoutError, match="Tide"):
+        pages.visit(Hand(desktop, 0), "http://wiki.test/wiki/Tide", "Tide")
+
+
+def test_a_date_is_typed_month_first() -> None:
+    desktop = Pages([tree(node("spin-button", "Month Born"))])
+    pages.enter_date(Hand(desktop, 1), "Born", "1990-05-17")
+    assert desktop.ran[-1] == "pyautogui.write('05171990')"

@@ -1,0 +1,66 @@
+"""Pictures of tasks, and their judgement."""
+
+import pytest
+
+from hijack_data.rng import Stream
+from online_env.tasks.folder import FolderDesktop
+from online_env.tasks.kit import pictures
+from online_env.tasks.machine import Machine
+
+
+@pytest.fixture
+def machine(tmp_path):
+    return Machine(FolderDesktop(tmp_path))
+
+
+@pytest.fixture
+def drawing():
+    return pictures.drawing(Stream(3, "test"), 200, 160)
+
+
+def test_a_drawing_is_its_streams_own(drawing):
+    assert pictures.difference(drawing, pictures.drawing(Stream(3, "test"), 200, 160)) == 0
+    assert pictures.difference(drawing, pictures.drawing(Stream(4, "test"), 200, 160)) > 10
+
+
+def test_the_same_picture_in_another_mode_is_right(machine, drawing):
+    machine.write("a.png", pictures.encoded(drawing.convert("RGBA")))
+    assert list(pictures.picture_problems(machine, "a.png", drawing)) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        (lambda p: pictures.encoded(p, "BMP"), "is a BMP file, not PNG"),
+        (lambda p: pictures.encoded(p.crop((0, 0, 199, 160))), "(199, 160) pixels"),
+        (lambda p: pictures.encoded(p.rotate(180)), "looks different"),
+        (lambda p: pictures.encoded(p)[:200], "there is no picture a.png"),
+        (lambda p: b"no picture", "there is no picture a.png"),
+    ],
+)
+def test_what_differs_is_named(machine, drawing, change, problem):
+    machine.write("a.png", change(drawing))
+    found = list(pictures.picture_problems(machine, "a.png", drawing))
+    assert len(found) == 1
+    assert problem in found[0]
+
+
+def test_a_missing_picture_is_a_problem(machine, drawing):
+    found = list(pictures.picture_problems(machine, "a.png", drawing))
+    assert found == ["there is no picture a.png"]
+
+
+def test_the_quality_of_a_jpeg_file_is_read(machine, drawing):
+    machine.write("a.jpg", pictures.encoded(drawing, "JPEG", 61))
+    found = pictures.opened(machine, "a.jpg")
+    assert found is not None
+    assert [quality for quality in range(55, 70) if pictures.has_quality(found, quality)] == [61]
+
+
+def test_a_picture_that_is_no_jpeg_has_no_quality(drawing):
+    assert not pictures.has_quality(drawing, 75)
+
+
+def test_grey_has_no_colours(drawing):
+    assert pictures.colorfulness(drawing.convert("L")) == 0
+    assert pictures.colorfulness(drawing) > 50

@@ -1,0 +1,88 @@
+"""What tasks need of the shop: carts and orders that are put there, and the judgement of both."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from support import needs
+
+pytest.importorskip("starlette", reason=needs.ONLINE)
+pytest.importorskip("jinja2", reason=needs.ONLINE)
+
+from hijack_data.rng import Stream
+from online_env.embedded.sites.hosts import shop as site
+from online_env.embedded.sites.state import SiteState
+from online_env.tasks import Machine
+from online_env.tasks.folder import FolderDesktop
+from online_env.tasks.kit import shop
+
+PERSON = shop.recipient(Stream(7, "test"))
+LINES = {"mug": 2, "kettle": 1}
+
+
+@pytest.fixture
+def machine(tmp_path: Path) -> Machine:
+    (tmp_path / "home").mkdir()
+    made = Machine(FolderDesktop(tmp_path / "home"), SiteState(tmp_path / "sites"))
+    shop.order(made, {"pan": 1}, PERSON)
+    shop.fill(made, {"scarf": 1})
+    made.remember()
+    return made
+
+
+def test_people_live_where_the_shop_delivers() -> None:
+    for seed in range(40):
+        person = shop.recipient(Stream(seed, "test"))
+        assert person["country"] in site.content()["countries"]
+        assert len(person["postcode"]) <= 12
+
+
+def test_an_order_is_what_the_site_makes_of_a_cart(machine: Machine) -> None:
+    shop.order(machine, LINES, PERSON, delivery="express")
+    stored = machine.sites.read("shop")
+    assert stored["cart"] == {}
+    assert stored["orders"][-1]["number"] == "AP-20419"
+    assert stored["orders"][-1]["total_cents"] == 2 * 1650 + 4900 + 1290
+
+
+def test_nothing_done_is_nothing_wrong(machine: Machine) -> None:
+    assert list(shop.problems(machine)) == []
+    assert list(shop.problems(machine, cart={"mug": 1})) == ["the cart holds {'scarf': 1}"]
+
+
+def test_the_order_of_the_cart_does_not_count(machine: Machine) -> None:
+    shop.fill(machine, LINES)
+    assert list(shop.problems(machine, cart=dict(reversed(LINES.items())))) == []
+
+
+@pytest.mark.parametrize(
+    ("lines", "changed"),
+    [
+        ({"mug": 2}, {}),
+        ({**LINES, "scarf": 1}, {}),
+        (LINES, {"delivery": "express"}),
+        (LINES, {"gift": True}),
+        (LINES, {"message": "Hello"}),
+    ],
+)
+def test_an_order_that_differs_is_wrong(
+    machine: Machine,
+    lines: dict[str, int],
+    changed: dict[str, Any],
+) -> None:
+    wanted = {"lines": LINES, "delivery": "standard", **PERSON}
+    shop.order(machine, lines, PERSON, **changed)
+    assert len(list(shop.problems(machine, cart={}, orders=[wanted]))) == 1
+
+
+def test_an_order_too_many_is_wrong_and_one_from_before_stays(machine: Machine) -> None:
+    shop.order(machine, LINES, PERSON)
+    shop.order(machine, LINES, PERSON)
+    wanted = [{"lines": LINES}]
+    assert list(shop.problems(machine, cart={}, orders=wanted)) == ["2 new orders, not 1"]
+    with machine.sites.update("shop") as state:
+        state["orders"] = state["orders"][1:]
+    assert "an order from before was changed" in list(
+        shop.problems(machine, cart={}, orders=wanted)
+    )

@@ -1,0 +1,216 @@
+"""Parts of the recorder that need no desktop: places, the pack's files, trajectories' files."""
+
+import json
+
+import numpy as np
+import pytest
+
+from support import needs
+
+pytest.importorskip("lxml", reason=needs.ONLINE)
+pytest.importorskip("starlette", reason=needs.ONLINE)
+
+from hijack_data.errors import HijackError, UnknownNameError
+from hijack_data.pack import AssetPack, picture_kinds
+from hijack_data.types import Action
+from online_env.recording import stage as stages
+from online_env.recording import wallpapers
+from online_env.recording.assets import LARGE, SCENES, SIZES, record_assets
+from online_env.recording.looks import GOLDEN, LOOKS
+from online_env.recording.pack import Pack
+from online_env.recording.picture import ClickTarget, Picture
+from online_env.recording.scenes import parts
+from online_env.recording.trajectory import EpisodeRecording, RecordedView, save, target_of
+
+SCREEN = (600, 800)
+
+
+def picture(
+    kind="menu",
+    box=(100, 50, 160, 90),
+    value=7,
+    **more,
+):
+    pixels = np.full((box[3] - box[1], box[2] - box[0], 3), value, np.uint8)
+    return Picture(kind, "geany", box, pixels, "made up", **more)
+
+
+def test_places_are_told_in_pixels_of_the_picture():
+    recover = {
+        "type": "click",
+        "x": 110,
+        "y": 60,
+        "target_box": [105, 55, 120, 70],
+    }
+    entry = picture(
+        targets=[ClickTarget("OK", "push-button", (105, 55, 200, 70))],
+        recover=recover,
+        opened_by={
+            "type": "right_click",
+            "x": 99,
+            "y": 49,
+        },
+    ).entry()
+    assert entry["box"] == [100, 50, 160, 90]
+    assert entry["targets"] == [
+        {
+            "name": "OK",
+            "role": "push-button",
+            "box": [5, 5, 60, 20],
+        }
+    ]
+    assert entry["recover"] == {
+        "type": "click",
+        "x": 10,
+        "y": 10,
+        "target_box": [5, 5, 20, 20],
+    }
+    assert entry["opened_by"] == {
+        "type": "right_click",
+        "x": -1,
+        "y": -1,
+    }
+    assert picture(recover={"type": "hotkey", "keys": ["esc"]}).entry()["recover"] == {
+        "type": "hotkey",
+        "keys": ["esc"],
+    }
+
+
+def test_a_pack_is_read_back_pixel_by_pixel(tmp_path):
+    pack = Pack(tmp_path, {"menu"}, [SCREEN])
+    odd = np.random.default_rng(0).integers(0, 256, (40, 60, 4), np.uint8)
+    odd[..., 3] = np.where(odd[..., 3] > 99, 255, 0)
+    assert pack.add(picture(), SCREEN)["id"] == "menu-geany-60x40-1"
+    assert (
+        pack.add(Picture("window", "", (0, 0, 60, 40), odd, "made up"), SCREEN)["file"]
+        == "window-60x40-1.webp"
+    )
+    assert pack.add(picture(), SCREEN) is None
+    assert pack.add(picture(value=8), SCREEN)["id"] == "menu-geany-60x40-2"
+    assert not list(tmp_path.iterdir())
+    total = pack.finish({"date": "today"})
+    assert total == sum(path.stat().st_size for path in tmp_path.iterdir())
+    read = AssetPack.load(tmp_path)
+    assert [asset.screen for asset in read.assets] == [SCREEN] * 3
+    assert (read.get("menu-geany-60x40-2").pixels() == 8).all()
+    assert np.array_equal(read.get("window-60x40-1").pixels(), odd)
+
+
+def test_only_what_is_recorded_anew_is_replaced(tmp_path):
+    first = Pack(tmp_path, {"menu", "dialog"}, [SCREEN, (720, 1280)])
+    for size in (SCREEN, (720, 1280)):
+        first.add(picture(value=size[0] % 251), size)
+        first.add(picture("dialog", value=size[0] % 251), size)
+    first.finish({})
+    again = Pack(tmp_path, {"menu"}, [SCREEN])
+    assert again.add(picture(box=(0, 0, 9, 9)), SCREEN)["id"] == "menu-geany-9x9-1"
+    again.finish({})
+    index = json.loads((tmp_path / "index.json").read_text())
+    assert [(e["kind"], e["screen"][1], e["box"][2] - e["box"][0]) for e in index["pictures"]] == [
+        ("dialog", 600, 60),
+        ("dialog", 720, 60),
+        ("menu", 720, 60),
+        ("menu", 600, 9),
+    ]
+    assert {p.name for p in tmp_path.glob("*.webp")} == {e["file"] for e in index["pictures"]}
+
+
+def test_other_looks_stay_where_one_is_recorded_anew(tmp_path):
+    first = Pack(tmp_path, {"menu"}, [SCREEN], ["golden", "dark"])
+    first.add(picture(value=1), SCREEN)
+    first.add(picture(value=2), SCREEN, "dark")
+    first.finish({})
+    again = Pack(tmp_path, {"menu"}, [SCREEN], ["dark"])
+    assert [entry.get("look") for entry in again.entries] == [None]
+    again.add(picture(value=3), SCREEN, "dark")
+    again.finish({})
+    read = AssetPack.load(tmp_path)
+    assert {asset.look: int(asset.pixels()[0, 0, 0]) for asset in read.assets} == {
+        "golden": 1,
+        "dark": 3,
+    }
+
+
+def test_a_look_that_does_not_exist_is_told_before_anything_starts(tmp_path):
+    with pytest.raises(UnknownNameError, match="did you mean 'dark'"):
+        record_assets(tmp_path / "new", ["desktop"], looks=["darkk"])
+    assert not (tmp_path / "new").exists()
+    assert {look.wallpaper for look in LOOKS} <= set(wallpapers.NAMES)
+
+
+def test_what_was_drawn_over_two_backgrounds_is_known_without_them():
+    alpha = np.array([[0, 64, 128, 255]], np.float64) / 255
+    colour = np.array([200, 100, 0])
+    shown = [
+        (alpha[..., None] * colour + (1 - alpha[..., None]) * level).round().astype(np.uint8)
+        for level in (0, 255)
+    ]
+    found = parts.matte(*shown)
+    assert np.abs(found[..., 3] - alpha * 255).max() <= 1
+    assert np.abs(found[0, 1:, :3].astype(int) - colour).max() <= 3
+    assert not found[0, 0].any()
+
+
+def test_a_folder_that_is_no_pack_is_left_alone(tmp_path):
+    (tmp_path / "thesis.txt").write_text("years of work")
+    with pytest.raises(HijackError, match="no asset pack"):
+        Pack(tmp_path, {"menu"}, [SCREEN])
+    (tmp_path / "index.json").write_text('{"format": "something else", "version": 1}')
+    with pytest.raises(HijackError, match="something else"):
+        Pack(tmp_path, {"menu"}, [SCREEN])
+    (tmp_path / "index.json").write_text("[1")
+    with pytest.raises(HijackError, match="cannot be read"):
+        Pack(tmp_path, {"menu"}, [SCREEN])
+
+
+def test_a_kind_that_does_not_exist_is_told_before_anything_starts(tmp_path):
+    with pytest.raises(UnknownNameError, match="did you mean 'lock_screen'"):
+        record_assets(tmp_path / "new", ["lock_screens"])
+    assert not (tmp_path / "new").exists()
+    assert SIZES[0] == (1080, 1920)
+    once = ("menu", "icon", "wallpaper")
+    assert all(
+        where(SIZES[-1], GOLDEN) for _, kinds, where in SCENES if not kinds.intersection(once)
+    )
+    assert all(where(SIZES[0], GOLDEN) != where(LARGE, GOLDEN) for _, _, where in SCENES)
+    assert frozenset().union(*(kinds for _, kinds, _ in SCENES)) == frozenset(picture_kinds())
+
+
+def test_what_is_not_window_is_no_part_of_its_picture():
+    part = np.full((4, 6, 3), 50, np.uint8)
+    assert stages._shaped(part, [], (0, 0, 6, 4), (0, 0, 6, 4)).shape == (4, 6, 3)
+    cut = stages._shaped(
+        part[1:, 2:], [[0, 0, 6], [1, 0, 3], [3, 5, 6]], (-2, -1, 4, 3), (0, 0, 4, 3)
+    )
+    assert cut[..., 3].tolist() == [[0, 255, 255, 255], [255] * 4, [255, 255, 255, 0]]
+    assert not cut[cut[..., 3] == 0].any()
+
+
+def test_the_target_is_the_smallest_element_that_was_hit():
+    boxes = ((0, 0, 100, 100), (10, 10, 20, 20), (12, 12, 90, 90))
+    assert target_of(Action("click", 15, 15), boxes) == (10, 10, 20, 20)
+    assert target_of(Action("click", 20, 20), boxes) == (12, 12, 90, 90)
+    assert target_of(Action("click", 100, 100), boxes) is None
+    assert target_of(Action("type", text="a"), boxes) is None
+
+
+def test_trajectories_are_added_to_one_folder_and_can_be_read(tmp_path):
+    from pipelines.readers import get_reader
+
+    frame = np.random.default_rng(0).integers(0, 256, (60, 80, 3), np.uint8)
+    for _ in range(2):
+        episode = EpisodeRecording("note-0", "Write it down.", ("mousepad",))
+        episode.add(
+            RecordedView(frame, ((1, 2, 30, 40),)), Action("click", 5, 6), "pyautogui.click(5, 6)"
+        )
+        episode.add(RecordedView(frame, ()), Action("done"), "DONE")
+        save(episode, tmp_path)
+    found = list(get_reader("jsonl").read(tmp_path))
+    assert [t.id for t in found] == ["note-0", "note-0-2"]
+    assert found[0].apps == ("mousepad",)
+    steps = list(found[1].steps)
+    assert steps[0].target_box == (1, 2, 30, 40)
+    assert [step.action for step in steps] == [Action("click", 5, 6), Action("done")]
+    (tmp_path / "trajectories.jsonl").write_text("no json\n")
+    with pytest.raises(HijackError, match="cannot add a trajectory"):
+        save(episode, tmp_path)

@@ -1,0 +1,72 @@
+"""The sets of the suite: each follows from its rule, and no task ever changes its side."""
+
+import hashlib
+
+import pytest
+
+from support import needs
+
+pytest.importorskip("starlette", reason=needs.ONLINE)
+pytest.importorskip("jinja2", reason=needs.ONLINE)
+
+from hijack_data.errors import UnknownNameError
+from online_env.bench.config import load_bench, override
+from online_env.tasks import catalogue, get, sets, suite
+
+# What was trained on must never be scored: a task that is added gets a side, none moves. The
+# digest is of the held-out tasks of this release; write it anew only for tasks that are added.
+HELD_OUT = "9dca3f331d2e1d5c"
+
+
+def test_every_task_is_on_exactly_one_side() -> None:
+    training, held_out = sets.members("training"), sets.members("held_out")
+    assert sorted([*training, *held_out]) == sorted(suite.listed())
+    assert set(training) & set(held_out) == set()
+
+
+def test_no_task_moves_to_the_other_side() -> None:
+    held_out = "\n".join(sorted(sets.members("held_out")))
+    assert hashlib.sha256(held_out.encode()).hexdigest()[:16] == HELD_OUT
+
+
+def test_core_and_small_follow_from_the_rule() -> None:
+    lengths = {name: found.actions for name, found in sets.measured().items()}
+    assert sorted(lengths) == sorted(suite.listed()), "measure: python benchmarks/suite.py --write"
+    domains = {name: get(name).domain for name in lengths}
+    assert list(sets.members("core")) == sets.chosen(domains, lengths, sets.CORE)
+    light = {name: domain for name, domain in domains.items() if sets.is_light(get(name).apps)}
+    assert list(sets.members("small")) == sets.quick(light, lengths, sets.SMALL)
+
+
+def test_the_rule_takes_turns_over_domains_and_lengths() -> None:
+    domains = {"a1": "a", "a2": "a", "a3": "a", "b1": "b", "c1": "c", "c2": "c"}
+    lengths = {"a1": 1, "a2": 5, "a3": 9, "b1": 4, "c1": 2, "c2": 3}
+    assert sets.chosen(domains, lengths, 3) == ["a2", "b1", "c2"]
+    assert sets.chosen(domains, lengths, 5) == ["a2", "a3", "b1", "c1", "c2"]
+    assert sets.chosen(domains, lengths, 99) == sorted(domains)
+    assert sets.quick(domains, lengths, 2) == ["b1", "c2"]
+
+
+def test_sets_are_named_in_configurations_and_on_the_command_line() -> None:
+    assert load_bench("embedded_small").tasks == sets.members("small")
+    assert load_bench("embedded_core").tasks == sets.members("core")
+    assert load_bench("embedded").tasks == sets.members("suite")
+    assert override(load_bench("embedded_small"), task="held_out").tasks == sets.members("held_out")
+    with pytest.raises(UnknownNameError, match="did you mean 'core'"):
+        sets.members("cor")
+
+
+def test_at_least_a_hundred_tasks_in_twelve_domains_and_a_third_of_them_long() -> None:
+    found = catalogue.rows()
+    assert len(found) >= 100
+    assert len({row["domain"] for row in found}) >= 12
+    assert sum(bool(row["infeasible"]) for row in found) >= 8
+    assert 3 * sum(row["actions"] > 8 for row in found) >= len(found)
+
+
+def test_the_catalogue_is_that_of_the_tasks() -> None:
+    from pathlib import Path
+
+    page = Path(__file__).parents[2] / "docs" / "suite.md"
+    pictures = "images/suite" if (page.parent / "images" / "suite").is_dir() else ""
+    assert page.read_text() == catalogue.page(catalogue.rows(), pictures)

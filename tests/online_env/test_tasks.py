@@ -1,0 +1,202 @@
+"""Tasks without a desktop: their variants, the tree that oracles read, and what they say when
+something is missing."""
+
+import re
+from dataclasses import dataclass, field
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from support import needs
+
+pytest.importorskip("starlette", reason=needs.ONLINE)
+pytest.importorskip("jinja2", reason=needs.ONLINE)
+
+from hijack_data.errors import UnknownNameError
+from online_env import tasks
+from online_env.desktops.protocol import RunResult
+from online_env.embedded.sites.hosts import forms
+from online_env.errors import DesktopError, DesktopTimeoutError
+from online_env.tasks.hand import Hand
+from online_env.tasks.tree import nodes
+
+SEEDS = st.integers(0, 2**64 - 1)
+SPACE = "https://accessibility.ubuntu.example.org/ns"
+TREE = f"""<desktop-frame xmlns:st="{SPACE}/state" xmlns:cp="{SPACE}/component" name="main">
+<application name="Thunar"><frame name="x &amp; y" st:showing="true" st:visible="true" cp:screencoord="(10, 20)" cp:size="(30, 41)">
+<label name="hidden" st:visible="true" cp:screencoord="(1, 2)" cp:size="(3, 4)">t</label>
+<entry name="" st:showing="true" st:visible="true" st:focused="true" st:busy="false" cp:screencoord="(-5, 0)" cp:size="(9, 9)"/>
+<icon name="flat" st:showing="true" st:visible="true" cp:screencoord="(0, 0)" cp:size="(0, 5)"/><!-- note --></frame></application>
+</desktop-frame>"""
+
+
+@dataclass
+class Picture:
+    """A desktop that shows one tree and never changes; it counts what is done to it."""
+
+    tree: str
+    result: RunResult = field(default_factory=lambda: RunResult("success", returncode=0))
+    ran: list[str] = field(default_factory=list)
+
+    def accessibility(self) -> str:
+        return self.tree
+
+    def run(self, code: str) -> RunResult:
+        self.ran.append(code)
+        return self.result
+
+
+def test_names_and_get() -> None:
+    assert {"write_note", "rename_file", "register_course"} <= set(tasks.names())
+    assert tasks.get("write_note", 3) == tasks.get("write_note").variant(3)
+    assert tasks.get("rename_file").id == "rename_file-0"
+    with pytest.raises(UnknownNameError, match="did you mean 'rename_file'"):
+        tasks.get("rename_fil")
+
+
+@given(SEEDS)
+def test_what_is_to_be_written_can_be_typed_and_saved(seed: int) -> None:
+    task = tasks.get("write_note", seed)
+    lines = task.drawn.text.split("\n")
+    assert len(set(lines)) == len(lines) in (2, 3)
+    assert all(line == line.strip() and line.isprintable() for line in lines)
+    assert re.fullmatch(r"[a-z]+-\d\d\.txt", task.drawn.file)
+    assert task.drawn.text in task.instruction
+    assert task.drawn.file in task.instruction
+
+
+def test_some_texts_need_more_than_a_keyboard_has() -> None:
+    texts = [tasks.get("write_note", seed).drawn.text for seed in range(20)]
+    assert any("<" in t for t in texts)
+    assert any(ord(c) > 0x370 for t in texts for c in t)
+
+
+@given(SEEDS)
+def test_the_file_to_rename_is_there_and_its_new_name_is_free(seed: int) -> None:
+    task = tasks.get("rename_file", seed)
+    drawn = task.drawn
+    assert drawn.old == drawn.names[0]
+    assert drawn.new not in drawn.names
+    assert len(set(drawn.names)) == 4
+    assert drawn.old in task.instruction
+    assert f'"{drawn.new}"' in task.instruction
+
+
+@given(SEEDS)
+def test_the_site_accepts_what_is_to_be_registered(seed: int) -> None:
+    wanted = tasks.get("register_course", seed).drawn.wanted
+    posted = {key: value if isinstance(value, list) else [value] for key, value in wanted.items()}
+    assert forms._registration(posted) == wanted
+    assert forms._problems(wanted, agreed=True) == {}
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_instruction_says_all_that_is_to_be_registered(seed: int) -> None:
+    task, choices = tasks.get("register_course", seed), forms.content()
+    wanted, text = task.drawn.wanted, task.instruction
+    assert all(wanted[key] in text for key in ("name", "email", "country", "notes"))
+    assert choices["courses"][wanted["course"]]["name"] in text
+    assert choices["levels"][wanted["level"]] in text
+    for key, label in choices["interests"].items():
+        assert (label in text) == (key in wanted["interests"])
+    assert wanted["birth_date"][:4] in text
+
+
+def test_the_form_needs_the_local_internet() -> None:
+    machine = tasks.Machine(Picture(TREE), None)
+    with pytest.raises(DesktopError, match="needs the local internet"):
+        _ = machine.sites
+
+
+def test_nodes_of_a_tree() -> None:
+    found = nodes(TREE)
+    assert [(n.app, n.role, n.name, n.box) for n in found] == [
+        ("Thunar", "application", "Thunar", None),
+        ("Thunar", "frame", "x & y", (10, 20, 40, 61)),
+        ("Thunar", "label", "hidden", None),
+        ("Thunar", "entry", "", (-5, 0, 4, 9)),
+        ("Thunar", "icon", "flat", None),
+    ]
+    assert found[1].centre == (25, 40)
+    assert found[2].text == "t"
+    assert found[3].states == {"showing", "visible", "focused"}
+    with pytest.raises(DesktopError, match="'hidden' of 'Thunar' does not show"):
+        _ = found[2].centre
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "<a>", "plain", "<a b='1' b='2'/>", "<a>\0</a>", '<a xmlns:p="u"><q:b/></a>', "\ud800"],
+)
+def test_what_is_no_tree_is_reported(text: str) -> None:
+    with pytest.raises(DesktopError, match=r"cannot be read: .* is not well-formed XML"):
+        nodes(text)
+
+
+def test_a_tree_with_entities_is_refused() -> None:
+    bomb = '<!DOCTYPE a [<!ENTITY e SYSTEM "file:///etc/passwd">]><a><b name="x">&e;</b></a>'
+    with pytest.raises(DesktopError, match="has a DOCTYPE, which is refused"):
+        nodes(bomb)
+
+
+def test_the_hand_finds_by_role_name_application_and_state() -> None:
+    hand = Hand(Picture(TREE), patience=0)
+    assert hand.find("frame", "x & y").role == "frame"
+    assert hand.find(("text", "entry"), app="thunar", state="focused").role == "entry"
+    for roles, name, app, state in (
+        ("frame", "x", "", ""),
+        ("label", "hidden", "", ""),
+        ("frame", None, "gimp", ""),
+        ("frame", None, "", "focused"),
+    ):
+        with pytest.raises(
+            DesktopTimeoutError, match=f"{roles}.*within 0 s.*applications: Thunar.*frame 'x & y'"
+        ):
+            hand.find(roles, name, app=app, state=state)
+
+
+def test_the_hand_scrolls_only_for_what_is_not_in_sight() -> None:
+    picture = Picture(TREE)
+    Hand(picture, patience=0).find("entry", scroll=True)
+    assert picture.ran == []
+    with pytest.raises(DesktopTimeoutError):
+        Hand(picture, patience=0.15).find("link", scroll=True)
+    assert picture.ran
+    assert set(picture.ran) == {"pyautogui.scroll(-2)"}
+
+
+def test_what_was_scrolled_is_clicked_only_where_it_stops() -> None:
+    @dataclass
+    class Sliding(Picture):
+        places: list[int] = field(default_factory=lambda: [-99, 40, 30, 20, 20, 20])
+
+        def accessibility(self) -> str:
+            y = self.places.pop(0)
+            return self.tree.replace("(10, 20)", f"(10, {y})") if y > 0 else "<desktop-frame/>"
+
+    picture = Sliding(TREE)
+    assert Hand(picture).find("frame", scroll=True).box == (10, 20, 40, 61)
+    assert picture.ran == ["pyautogui.scroll(-2)"]
+    assert picture.places == [20]
+
+
+def test_the_hand_types_any_text_and_reports_what_fails() -> None:
+    picture = Picture(TREE)
+    hand = Hand(picture)
+    hand.click(hand.find("frame"))
+    hand.type('it\'s "<é>"\n')
+    hand.press("ctrl", "s")
+    assert picture.ran == [
+        "pyautogui.click(25, 40)",
+        "pyautogui.write('it\\'s \"<é>\"\\n')",
+        "pyautogui.hotkey('ctrl', 's')",
+    ]
+    picture.result = RunResult("error", error="no display", returncode=1)
+    with pytest.raises(DesktopError, match="no display"):
+        hand.press("a")
+
+
+def test_a_verdict_is_passed_only_at_its_best() -> None:
+    assert tasks.Verdict(1.0, "done").passed
+    assert not tasks.Verdict(0.99, "nearly").passed
