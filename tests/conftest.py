@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hijack_data import registry
 from hijack_data.kernels.cpu import jit
 
 from support.chromium import Browser, chromium
@@ -37,6 +38,17 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         place = item.path.relative_to(tests)
         if place.as_posix() in SLOW or place.parts[0] == "live":
             item.add_marker("slow")
+
+
+@pytest.fixture(autouse=True)
+def forgotten_names() -> Iterator[None]:
+    """What a test registers is unknown to the next one, whose messages list all names."""
+    before = {one.group: set(one.entries) for one in registry.registries()}
+    yield
+    for one in registry.registries():
+        for name in set(one.entries) - before.get(one.group, set()):
+            if not registry.is_ours(one.entries[name]):
+                del one.entries[name]
 
 
 @pytest.fixture(scope="session")

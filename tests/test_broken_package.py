@@ -175,7 +175,7 @@ def test_a_name_of_ours_cannot_be_taken(installed):
     assert "(broken_plugins.wrong) cannot be loaded and was left out: " in done.stderr
     assert "'oracle' is taken by online_env.agents.oracle; choose another name" in done.stderr
     assert "cannot register Polite of " in done.stderr
-    assert "oracle  write_note" in done.stdout
+    assert "oracle  compare_ferries" in done.stdout
 
 
 def test_the_benchmark_is_listed(installed):
