@@ -98,9 +98,10 @@ def embedded_env(
         tree: Whether observations have the accessibility tree.
         standby: Whether the next desktop is kept ready while one is used.
     """
+    order = handle.make_order(size, osworld=True)  # says first what a desktop lacks
     python = venv.python_of(folder)
     cache.mkdir(parents=True, exist_ok=True)
-    supply = Supply(handle.make_order(size, osworld=True), standby=standby)
+    supply = Supply(order, standby=standby)
     height, width = size
     try:
         settings = OSWorldSettings(cache, (width, height), tree)

@@ -42,7 +42,7 @@ def shifted(stamps):
         (numpy_kernels, "paste", "numpy"),
         (numpy_kernels, "paste_plain", "numpy"),
         (torch_kernels, "paste_ops", "torch operations"),
-        (jax_kernels, "paste", "jax operations"),
+        (jax_kernels, "paste", "jax"),
     ],
 )
 def test_a_paste_one_pixel_off_is_caught(
@@ -148,10 +148,10 @@ def test_a_wrong_rounding_in_jax_is_caught(monkeypatch):
         return index, np.maximum(keep, 1) - 1, paint
 
     monkeypatch.setattr(jax_kernels, "_padded_pixels", mutant)
-    assert caught(Subtitle).startswith("jax operations")
+    assert caught(Subtitle).startswith("jax")
 
 
-@pytest.mark.parametrize("target", ["torch operations", "jax operations"])
+@pytest.mark.parametrize("target", ["torch operations", "jax"])
 def test_a_weight_off_by_a_millionth_is_caught(monkeypatch, target):
     right = weights_module.weights
 
