@@ -21,6 +21,10 @@ embedded_small` runs {small} of them, `embedded_core` {core}, `embedded` all. Ev
 oracle that solves it, wrong results that its validator refuses, and variants: the seed draws names,
 numbers, texts and one of three wordings. The instruction below is that of seed 0.
 
+What counts is the result: files, settings and what the sites stored, never how it came about.
+Whatever the instruction does not name must stay as it was. *Scores 0* names the wrong results that
+the validator was tried against, besides doing nothing.
+
 *Length* is the number of actions of the oracle. *Not under* names the corruptions under which not
 even a careful user can do the task, as its author declared; the table of the oracle `recovering`
 that is to prove it has not been made yet. *Set* is `training` or `held_out`: what learns must not
@@ -48,6 +52,7 @@ def rows(names: Iterable[str] | None = None) -> list[dict[str, Any]]:
                 "instruction": task.instruction,
                 "what": summary(task),
                 "infeasible": task.infeasible,
+                "wrong": list(task.wrong()),
                 "actions": measured.actions if measured else None,
                 "seconds": measured.seconds if measured else None,
                 "unsolvable": dict(task.unsolvable),
@@ -106,6 +111,8 @@ def _section(row: Mapping[str, Any], pictures: str) -> str:
     facts.append(f"set `{row['set']}`")
     quoted = "\n".join(f"> {line}".rstrip() for line in row["instruction"].split("\n"))
     lines = [f"### {row['name']}", row["what"], "", quoted, "", "; ".join(facts) + "."]
+    if row["wrong"]:
+        lines += ["", f"Scores 0: {'; '.join(row['wrong'])}."]
     if pictures:
         lines += ["", f"![First screen of {row['name']}]({pictures}/{row['name']}.webp)"]
     return "\n".join(lines) + "\n"
