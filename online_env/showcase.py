@@ -1,7 +1,7 @@
 """All nine corruptions on one live desktop, each before and after, with the probes' findings."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from hijack_data.corruption import get, names
@@ -16,6 +16,7 @@ from .environment.settle import Settle, wait_until_settled
 from .errors import DesktopError, DesktopTimeoutError
 
 PAGE = "http://shop.test/"
+HEADLINE = "Things that last."  # of that page; its document is in the tree before anything is drawn
 ELSEWHERE = "http://wiki.test/"
 BROWSER = "google-chrome"
 PATIENCE = 90.0  # s for the first page to come
@@ -52,7 +53,7 @@ def show_nine(desktop: Desktop, seed: int = 3) -> Iterator[ShowcaseEntry]:
     `DesktopError` is raised if the desktop cannot have one, or if an effect cannot be undone.
     """
     launch(desktop, BROWSER, PAGE)
-    _wait(desktop, lambda: "<document-web" in desktop.accessibility())
+    _wait_for_page(desktop)
     for name in names()[:9]:
         rest(desktop)
         yield _show(desktop, name, seed)
@@ -84,6 +85,7 @@ def _show(
     if name in ("network_error", "accidental_touch"):
         desktop.run("pyautogui.press('esc')")
         _visit(desktop, PAGE)
+        _wait_for_page(desktop)
     return ShowcaseEntry(name, done.before, after, done.ok, done.saw)
 
 
@@ -99,9 +101,9 @@ def rest(desktop: Desktop) -> UInt8Array:
     return wait_until_settled(desktop, REST, with_tree=False).frame
 
 
-def _wait(desktop: Desktop, there: Callable[[], bool]) -> None:
+def _wait_for_page(desktop: Desktop) -> None:
     end = time.monotonic() + PATIENCE
-    while not there():
+    while HEADLINE not in desktop.accessibility():
         if time.monotonic() > end:
             raise DesktopTimeoutError(f"{BROWSER} did not show {PAGE} within {PATIENCE:g} s")
         time.sleep(LOOK)
