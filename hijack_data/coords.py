@@ -6,7 +6,6 @@ results are clamped to the target. A pixel of the screen that is mapped to the o
 moves by half a pixel of the observation at most.
 """
 
-import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar, cast, overload
 
@@ -14,18 +13,13 @@ import numpy as np
 import numpy.typing as npt
 
 from .errors import ActionError, ParameterError, PlanError, shown
+from .smart_resize import smart_resize
 from .types import MAX_SIDE, Action, BoxArray, BoxesLike, Size, as_boxes, as_size
 
 if TYPE_CHECKING:
     from .actions import Scaling
 
 T = TypeVar("T")
-
-# Limits of the image processor that Qwen2.5-VL ships with, and the aspect ratio that it refuses.
-FACTOR = 28
-MIN_PIXELS = 4 * 28 * 28
-MAX_PIXELS = 16384 * 28 * 28
-MAX_ASPECT = 200
 
 
 @dataclass(frozen=True)
@@ -222,46 +216,6 @@ def _scaling(source: Size, target: Size) -> "Scaling":
     from .actions.scaling import Scaling
 
     return Scaling(source, target)
-
-
-def smart_resize(
-    height: int,
-    width: int,
-    factor: int = FACTOR,
-    min_pixels: int = MIN_PIXELS,
-    max_pixels: int = MAX_PIXELS,
-) -> Size:
-    """Return the (height, width) of the picture that Qwen2.5-VL sees for one of this size.
-
-    Its image processor makes both sides multiples of `factor` (28) and keeps their product within
-    `min_pixels`..`max_pixels`: 1080x1920 becomes 1092x1932.
-
-    Raises:
-        ParameterError: a side is below 1, the aspect ratio is above 200, which the processor
-            refuses, or the limits leave no size.
-    """
-    too_small = min(height, width, factor, min_pixels) < 1
-    if too_small or max_pixels < max(min_pixels, factor * factor):
-        raise ParameterError(
-            f"smart_resize({height}, {width}, factor={factor}, min_pixels={min_pixels},"
-            f" max_pixels={max_pixels}): sides, factor and min_pixels must be at least 1,"
-            " max_pixels at least min_pixels and factor squared"
-        )
-    if max(height, width) > MAX_ASPECT * min(height, width):
-        raise ParameterError(
-            f"a picture of {height}x{width} is longer than {MAX_ASPECT} times its width; crop it"
-            " first"
-        )
-    sides = [max(factor, round(side / factor) * factor) for side in (height, width)]
-    if math.prod(sides) > max_pixels:
-        shrink = math.sqrt(height * width / max_pixels)
-        sides = [
-            max(factor, math.floor(side / shrink / factor) * factor) for side in (height, width)
-        ]
-    elif math.prod(sides) < min_pixels:
-        grow = math.sqrt(min_pixels / (height * width))
-        sides = [math.ceil(side * grow / factor) * factor for side in (height, width)]
-    return sides[0], sides[1]
 
 
 def _is_size(value: object) -> bool:

@@ -6,8 +6,9 @@ from dataclasses import fields, replace
 from typing import Any, cast
 
 from ..actions import RESIZED_DIALECTS, Scaling, map_typed, parse_actions
-from ..coords import CoordMap, smart_resize
+from ..coords import CoordMap
 from ..errors import LabelError, shown
+from ..smart_resize import smart_resize
 from ..types import ACTION_TYPES, Action, Size, are_fractions
 from .base import Format, Location, Move
 

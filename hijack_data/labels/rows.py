@@ -17,12 +17,12 @@ from ..actions import RESIZED_DIALECTS, TEXT_PARSERS, THOUSANDTHS, Scaling, pars
 from ..actions.dialects.pyautogui_code import calls_pyautogui
 from ..actions.recorded import DICTS, SCREENAGENT, SIZELESS, map_recorded
 from ..backends import to_numpy
-from ..coords import smart_resize
 from ..corruption import find
 from ..errors import HijackError, LabelError
 from ..files import sha256_of
 from ..plan import CLEAN, Plan
 from ..safety import changed_pixels, target_visible
+from ..smart_resize import smart_resize
 from ..types import Action, Size
 from .actions import own_action
 from .base import Location, Move

@@ -16,9 +16,9 @@ from typing import Any
 from hijack_data.actions import Scaling
 from hijack_data.actions.dialects.pyautogui_code import calls_pyautogui
 from hijack_data.actions.dialects.pyautogui_write import cannot_say, write_pyautogui
-from hijack_data.coords import smart_resize
 from hijack_data.errors import UnknownNameError, suggest
 from hijack_data.labels.actions import own_action
+from hijack_data.smart_resize import smart_resize
 from hijack_data.types import Action, Size
 
 _UI_TARS_CLICKS = {

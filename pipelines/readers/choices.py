@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 from typing import Any, TypeAlias, cast
 
 from hijack_data.actions import Scaling
-from hijack_data.coords import smart_resize
 from hijack_data.errors import ParameterError, suggest
+from hijack_data.smart_resize import smart_resize
 from hijack_data.types import Size
 
 from ..errors import BuildError

@@ -20,8 +20,9 @@ from hijack_data.actions.dialects.computer_13 import parse_computer_13
 from hijack_data.actions.dialects.pyautogui_write import write_pyautogui
 from hijack_data.actions.dialects.tool_calls import parse_anthropic, parse_openai
 from hijack_data.actions.recorded import map_recorded
-from hijack_data.coords import CoordMap, smart_resize
+from hijack_data.coords import CoordMap
 from hijack_data.errors import ActionError, HijackError, ParameterError
+from hijack_data.smart_resize import smart_resize
 from hijack_data.types import Action, Size, Step
 
 from . import fields

@@ -10,8 +10,8 @@ from typing import Any
 
 from hijack_data.actions.dialects.qwen import TOOLS, tool_call_text
 from hijack_data.actions.recorded import SIZELESS
-from hijack_data.coords import smart_resize
 from hijack_data.errors import ParameterError
+from hijack_data.smart_resize import smart_resize
 from hijack_data.types import Action, Size, Step
 
 from ..prompts import task_of

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hijack_data.coords import MAX_PIXELS, MIN_PIXELS, CoordMap, smart_resize
+from hijack_data.coords import CoordMap
 from hijack_data.errors import (
     ActionError,
     ParameterError,
@@ -16,6 +16,7 @@ from hijack_data.errors import (
     PlanError,
     UnknownNameError,
 )
+from hijack_data.smart_resize import MAX_PIXELS, MIN_PIXELS, smart_resize
 from hijack_data.types import Action
 
 SIDES = st.integers(1, 5000)

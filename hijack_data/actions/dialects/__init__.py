@@ -7,8 +7,8 @@ merges the calls of one action. `fields` and `unmapped` check the fields of all 
 from collections.abc import Callable
 from typing import Any
 
-from ...coords import smart_resize
 from ...errors import ActionError, ParameterError, UnknownNameError, suggest
+from ...smart_resize import smart_resize
 from ...types import Action, Size, as_size
 from ..scaling import Scaling
 from .computer_13 import map_computer_13, parse_computer_13

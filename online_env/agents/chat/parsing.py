@@ -23,8 +23,8 @@ from hijack_data.actions import (
     write_pyautogui,
 )
 from hijack_data.actions.dialects.qwen import tool_call_text
-from hijack_data.coords import MAX_PIXELS, MIN_PIXELS, smart_resize
 from hijack_data.errors import ActionError, HijackError
+from hijack_data.smart_resize import MAX_PIXELS, MIN_PIXELS, smart_resize
 from hijack_data.types import Size
 
 from ..base import DONE, FAIL, WAIT
