@@ -7,8 +7,9 @@ and statsmodels; this module arranges the episodes for them.
 All scores are success rates in 0..1.
 """
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from math import comb
 from typing import Any, TypeAlias
 
@@ -25,6 +26,8 @@ Floats64: TypeAlias = npt.NDArray[np.float64]
 
 LEVEL = 0.95
 RESAMPLES = 9999
+BLOCK = 1_000_000  # numbers drawn at once
+KEPT = 5_000_000  # numbers of resamples that are kept for the next interval: 40 MB
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,6 +145,44 @@ def retention_interval(
     )
 
 
+def grand_mean_interval(
+    cells: Sequence[tuple[Sequence[float], Sequence[Hashable]]],
+    *,
+    level: float = LEVEL,
+    seed: int = 0,
+) -> Interval:
+    """Return the mean of several cells' mean scores, such as over the nine, with its interval.
+
+    A resample draws tasks, and each of them brings its episodes of all cells. Resamples in which
+    some cell has no episode are left out of that cell's mean.
+
+    Args:
+        cells: for each cell its scores, 0..1, and the task of each.
+        level: the confidence level, between 0 and 1.
+        seed: of the resampling.
+
+    Raises:
+        ParameterError: there is no cell, or a cell has no episodes.
+    """
+    if not cells:
+        raise ParameterError("there are no cells to average")
+    means = [_by_task(scores, tasks)[0].sum() / len(scores) for scores, tasks in cells]
+    value = float(np.mean(means))
+    place: dict[Hashable, int] = {}
+    for _, tasks in cells:
+        for task in tasks:
+            place.setdefault(task, len(place))
+    sums, counts = _cells_by_task(cells, place)
+    if np.ptp(sums.sum(axis=1) / counts.sum(axis=1)) == 0:
+        half = _unseen(len(place), level)
+        return Interval(value=value, low=max(0.0, value - half), high=min(1.0, value + half))
+    above = _resample(list(sums.T), seed)
+    below = _resample(list(counts.T), seed)
+    rates = np.divide(above, below, out=np.full(above.shape, np.nan), where=below > 0)
+    low, high = _tails(np.nanmean(rates, axis=0), level)
+    return Interval(value=value, low=low, high=high)
+
+
 def mcnemar(clean: Sequence[float], corrupted: Sequence[float]) -> float:
     """Return the two-sided p value of McNemar's exact test for paired outcomes.
 
@@ -193,13 +234,22 @@ def detectable_difference(
     spread = float(np.std(sums / counts, ddof=1)) if len(sums) > 2 else 0.0
     if spread == 0:
         return None
-    test = TTestPower()
-    effect: Any = test.solve_power(
-        nobs=len(sums),
+    return min(1.0, _detectable_effect(len(sums), power, level) * spread)
+
+
+@lru_cache(maxsize=64)
+def _detectable_effect(
+    tasks: int,
+    power: float,
+    level: float,
+) -> float:
+    """Return the difference that a paired t test finds, in standard deviations of the tasks."""
+    effect: Any = TTestPower().solve_power(
+        nobs=tasks,
         alpha=1 - level,
         power=power,
     )
-    return min(1.0, float(effect) * spread)
+    return float(effect)
 
 
 def pass_hat_k(solved: Mapping[Hashable, Sequence[bool]], k: int) -> float | None:
@@ -289,9 +339,29 @@ def _resampled(
     means = sums / counts
     if np.ptp(means) > 0:
         return _bootstrap(sums, counts, level=level, seed=seed)
-    unseen: Any = proportion_confint(0, len(sums), alpha=1 - level, method="wilson")
+    half = _unseen(len(sums), level)
     value = float(means[0])
-    return value - float(unseen[1]), value + float(unseen[1])
+    return value - half, value + half
+
+
+def _unseen(tasks: int, level: float) -> float:
+    """Return the upper end of Wilson's interval for an event never seen in so many tasks."""
+    interval: Any = proportion_confint(0, tasks, alpha=1 - level, method="wilson")
+    return float(interval[1])
+
+
+def _cells_by_task(
+    cells: Sequence[tuple[Sequence[float], Sequence[Hashable]]],
+    place: Mapping[Hashable, int],
+) -> tuple[Floats64, Floats64]:
+    """Return the sums and the numbers of scores, each float64 `[tasks, cells]`."""
+    sums = np.zeros((len(place), len(cells)))
+    counts = np.zeros((len(place), len(cells)))
+    for column, (scores, tasks) in enumerate(cells):
+        rows = [place[task] for task in tasks]
+        np.add.at(sums, (rows, column), np.asarray(scores, np.float64))
+        np.add.at(counts, (rows, column), 1.0)
+    return sums, counts
 
 
 def _bootstrap(
@@ -305,11 +375,51 @@ def _bootstrap(
 
     `scipy.stats.bootstrap` refuses ratios that may be infinite, as retention may.
     """
-    rng = np.random.default_rng(seed)
-    picked = rng.integers(0, len(numerators), (RESAMPLES, len(numerators)))
-    above = numerators[picked].sum(axis=1)
-    below = denominators[picked].sum(axis=1)
+    above, below = _resample([numerators, denominators], seed)
     ratios = np.divide(above, below, out=np.full(RESAMPLES, np.inf), where=below > 0)
+    return _tails(ratios, level)
+
+
+def _tails(values: Floats64, level: float) -> tuple[float, float]:
+    """Return the ends of the middle part of resampled values."""
     tail = (1 - level) / 2
-    low, high = np.quantile(ratios, [tail, 1 - tail], method="inverted_cdf")
+    low, high = np.quantile(values, [tail, 1 - tail], method="inverted_cdf")
     return float(low), float(high)
+
+
+def _resample(columns: Sequence[Floats64], seed: int) -> Floats64:
+    """Return the sum of each column over each resample of the tasks: float64 `[C, RESAMPLES]`.
+
+    Args:
+        columns: for each of C values, one number a task.
+        seed: of the draws.
+    """
+    values = np.stack(columns, axis=1)
+    parts = [drawn @ values for drawn in _draws(len(values), seed)]
+    return np.concatenate(parts).T
+
+
+def _draws(tasks: int, seed: int) -> Iterable[Floats64]:
+    """Return how often each task is in each resample, in blocks of float64 `[rows, tasks]`.
+
+    All intervals of a report come from the same resamples, so they are kept, unless they are large.
+    """
+    if tasks * RESAMPLES <= KEPT:
+        return _kept_draws(tasks, seed)
+    return _new_draws(tasks, seed)
+
+
+@lru_cache(maxsize=4)
+def _kept_draws(tasks: int, seed: int) -> tuple[Floats64, ...]:
+    return tuple(_new_draws(tasks, seed))
+
+
+def _new_draws(tasks: int, seed: int) -> Iterator[Floats64]:
+    rng = np.random.default_rng(seed)
+    rows = max(1, BLOCK // tasks)
+    for start in range(0, RESAMPLES, rows):
+        count = min(rows, RESAMPLES - start)
+        picked = rng.integers(0, tasks, (count, tasks))
+        places = picked + tasks * np.arange(count)[:, np.newaxis]
+        counted: Any = np.bincount(places.ravel(), minlength=count * tasks)
+        yield counted.reshape(count, tasks).astype(np.float64)
