@@ -26,8 +26,9 @@ COLUMNS = (
     "errors",
     "invalid",
 )
-_Case: TypeAlias = tuple[str, Any, int]
-_Cases: TypeAlias = dict[_Case, ResultRecord]
+# What is paired: the task, the seed of its variant and the seed of the corruption's draws.
+Case: TypeAlias = tuple[str, Any, int]
+Cases: TypeAlias = dict[Case, ResultRecord]
 
 
 def rows(
@@ -50,9 +51,7 @@ def rows(
         agents: names in the order of the rows; others follow in the order of their records.
         corruptions: labels in the order of the rows, likewise.
     """
-    found: dict[tuple[str, str], _Cases] = {}
-    for (agent, corruption, task, task_seed, seed), record in latest(records).items():
-        found.setdefault((agent, corruption), {})[task, task_seed, seed] = record
+    found = by_cell(records)
     agent_order = _order([*agents, *(agent for agent, _ in found)])
     label_order = _order([*corruptions, *(label for _, label in found)])
     keys = sorted(found, key=lambda key: (agent_order[key[0]], label_order[key[1]]))
@@ -116,6 +115,14 @@ def latest(records: Iterable[ResultRecord]) -> dict[tuple[str, str, str, Any, in
     }
 
 
+def by_cell(records: Iterable[ResultRecord]) -> dict[tuple[str, str], Cases]:
+    """Return the last attempt at each case, by agent and corruption."""
+    found: dict[tuple[str, str], Cases] = {}
+    for (agent, corruption, task, task_seed, seed), record in latest(records).items():
+        found.setdefault((agent, corruption), {})[task, task_seed, seed] = record
+    return found
+
+
 def unreached(records: Iterable[ResultRecord], corruptions: Mapping[str, str]) -> int:
     """Return how many episodes with a score ended before their corruption acted on the machine.
 
@@ -138,11 +145,11 @@ def _order(listed: Sequence[str]) -> dict[str, int]:
 def _row(
     agent: str,
     label: str,
-    cases: _Cases,
-    clean: _Cases,
+    cases: Cases,
+    clean: Cases,
 ) -> ScoreRow:
-    scores = _scores(cases)
-    base = _scores(clean)
+    scores = scored(cases)
+    base = scored(clean)
     both = [case for case in scores if case in base] if label != CLEAN else []
     here = [scores[case] for case in both]
     there = [base[case] for case in both]
@@ -165,10 +172,10 @@ def _row(
         from . import statistics  # scipy takes a second to load
 
         if scores:
-            mean = statistics.mean_interval(list(scores.values()), _tasks(scores))
+            mean = statistics.mean_interval(list(scores.values()), task_names(scores))
             row.update(ci_low=mean.low, ci_high=mean.high)
         if both:
-            change = statistics.difference_interval(there, here, _tasks(both))
+            change = statistics.difference_interval(there, here, task_names(both))
             row.update(delta_low=change.low, delta_high=change.high)
             row["p"] = statistics.mcnemar(there, here)
     return row
@@ -179,7 +186,7 @@ def can_infer() -> bool:
     return all(importlib.util.find_spec(name) for name in ("scipy", "statsmodels"))
 
 
-def _tasks(cases: Iterable[_Case]) -> list[str]:
+def task_names(cases: Iterable[Case]) -> list[str]:
     """Return the task of each case, without the seed of its variant."""
     return [task.removesuffix(f"-{task_seed}") for task, task_seed, _ in cases]
 
@@ -197,8 +204,8 @@ def counts(record: ResultRecord) -> bool:
     return cause == "agent" or (cause == "machine" and record.get("attempt", 0) > 0)
 
 
-def _scores(cases: _Cases) -> dict[_Case, float]:
-    """Return the score of each case that counts; an error scores 0."""
+def scored(cases: Cases) -> dict[Case, float]:
+    """Return the score (0..1) of each case that counts for the agent; an error scores 0."""
     return {case: _score(record) for case, record in cases.items() if counts(record)}
 
 
