@@ -29,6 +29,7 @@ COLUMNS = (
 # What is paired: the task, the seed of its variant and the seed of the corruption's draws.
 Case: TypeAlias = tuple[str, Any, int]
 Cases: TypeAlias = dict[Case, ResultRecord]
+Scored: TypeAlias = dict[Case, float]
 
 
 def rows(
@@ -55,11 +56,10 @@ def rows(
     agent_order = _order([*agents, *(agent for agent, _ in found)])
     label_order = _order([*corruptions, *(label for _, label in found)])
     keys = sorted(found, key=lambda key: (agent_order[key[0]], label_order[key[1]]))
-    made = [
-        _row(agent, label, found[agent, label], found.get((agent, CLEAN), {}))
-        for agent, label in keys
-    ]
-    _adjust(made)
+    scores = {key: scored(cases) for key, cases in found.items()}
+    made = [_row(*key, found[key], scores) for key in keys]
+    if can_infer():
+        _infer(made, scores)
     return made
 
 
@@ -92,17 +92,45 @@ def summaries(table: Sequence[ScoreRow]) -> list[ScoreRow]:
     return found
 
 
-def _adjust(table: Sequence[ScoreRow]) -> None:
-    """Adjust the p values of each agent for its corruptions, in place."""
-    if not can_infer():
-        return
-    from .statistics import holm
+def pairs(before: Scored, after: Scored) -> tuple[list[float], list[float], list[str]]:
+    """Return the two scores and the task of each case that has both, in the order of `after`."""
+    both = [case for case in after if case in before]
+    return (
+        [before[case] for case in both],
+        [after[case] for case in both],
+        task_names(both),
+    )
 
-    for agent in dict.fromkeys(row["agent"] for row in table):
-        tested = [row for row in table if row["agent"] == agent and row["p"] is not None]
-        adjusted = holm({row["corruption"]: row["p"] for row in tested})
-        for row in tested:
+
+def _infer(table: Sequence[ScoreRow], scores: Mapping[tuple[str, str], Scored]) -> None:
+    """Add intervals and tests to rows, in place; the p values are adjusted for each agent."""
+    from . import statistics  # scipy takes a second to load
+
+    there = [row for row in table if row["n"]]
+    cells = [scores[row["agent"], row["corruption"]] for row in there]
+    means = statistics.mean_intervals([(list(c.values()), task_names(c)) for c in cells])
+    for row, mean in zip(there, means, strict=True):
+        row.update(ci_low=mean.low, ci_high=mean.high)
+    compared = [row for row in table if row["delta"] is not None]
+    found = [_with_clean(row, scores) for row in compared]
+    for row, change in zip(compared, statistics.difference_intervals(found), strict=True):
+        row.update(delta_low=change.low, delta_high=change.high)
+    tests = {
+        id(row): statistics.mcnemar(*pair[:2]) for row, pair in zip(compared, found, strict=True)
+    }
+    for agent in dict.fromkeys(row["agent"] for row in compared):
+        own = [row for row in compared if row["agent"] == agent]
+        adjusted = statistics.holm({row["corruption"]: tests[id(row)] for row in own})
+        for row in own:
             row["p"] = adjusted[row["corruption"]]
+
+
+def _with_clean(
+    row: ScoreRow,
+    scores: Mapping[tuple[str, str], Scored],
+) -> tuple[list[float], list[float], list[str]]:
+    agent = row["agent"]
+    return pairs(scores.get((agent, CLEAN), {}), scores[agent, row["corruption"]])
 
 
 def latest(records: Iterable[ResultRecord]) -> dict[tuple[str, str, str, Any, int], ResultRecord]:
@@ -146,38 +174,26 @@ def _row(
     agent: str,
     label: str,
     cases: Cases,
-    clean: Cases,
+    scores: Mapping[tuple[str, str], Scored],
 ) -> ScoreRow:
-    scores = scored(cases)
-    base = scored(clean)
-    both = [case for case in scores if case in base] if label != CLEAN else []
-    here = [scores[case] for case in both]
-    there = [base[case] for case in both]
+    own = scores[agent, label]
+    base = scores.get((agent, CLEAN), {}) if label != CLEAN else {}
+    there, here, _ = pairs(base, own)
     counted = [record for record in cases.values() if counts(record)]
     row: ScoreRow = {
         **dict.fromkeys(COLUMNS),
         "agent": agent,
         "corruption": label,
-        "n": len(scores),
+        "n": len(own),
         "errors": sum(record["status"] == "error" for record in counted),
         "invalid": len(cases) - len(counted),
     }
-    if scores:
-        row["success"] = fmean(scores.values())
-    if both:
-        row["delta"] = (sum(here) - sum(there)) / len(both)
+    if own:
+        row["success"] = fmean(own.values())
+    if here:
+        row["delta"] = (sum(here) - sum(there)) / len(here)
     if sum(there):
         row["retention"] = sum(here) / sum(there)
-    if can_infer():
-        from . import statistics  # scipy takes a second to load
-
-        if scores:
-            mean = statistics.mean_interval(list(scores.values()), task_names(scores))
-            row.update(ci_low=mean.low, ci_high=mean.high)
-        if both:
-            change = statistics.difference_interval(there, here, task_names(both))
-            row.update(delta_low=change.low, delta_high=change.high)
-            row["p"] = statistics.mcnemar(there, here)
     return row
 
 
@@ -204,7 +220,7 @@ def counts(record: ResultRecord) -> bool:
     return cause == "agent" or (cause == "machine" and record.get("attempt", 0) > 0)
 
 
-def scored(cases: Cases) -> dict[Case, float]:
+def scored(cases: Cases) -> Scored:
     """Return the score (0..1) of each case that counts for the agent; an error scores 0."""
     return {case: _score(record) for case, record in cases.items() if counts(record)}
 

@@ -7,14 +7,13 @@ and statsmodels; this module arranges the episodes for them.
 All scores are success rates in 0..1.
 """
 
-from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import comb
 from typing import Any, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 from scipy import stats
 from statsmodels.stats.multitest import multipletests
 from statsmodels.stats.power import TTestPower
@@ -22,12 +21,16 @@ from statsmodels.stats.proportion import proportion_confint
 
 from hijack_data.errors import ParameterError
 
-Floats64: TypeAlias = npt.NDArray[np.float64]
+from .resampling import Floats64, resample
+
+# Of one cell: its scores and the task of each; or its clean scores, its corrupted ones, and the
+# task of each pair.
+Scores: TypeAlias = tuple[Sequence[float], Sequence[Hashable]]
+Pairs: TypeAlias = tuple[Sequence[float], Sequence[float], Sequence[Hashable]]
+_Ratio: TypeAlias = tuple[Floats64, Floats64]  # by task: what is summed up, and what divides it
 
 LEVEL = 0.95
-RESAMPLES = 9999
-BLOCK = 1_000_000  # numbers drawn at once
-KEPT = 5_000_000  # numbers of resamples that are kept for the next interval: 40 MB
+BATCH = 100  # intervals at once
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,13 +69,18 @@ def mean_interval(
     Raises:
         ParameterError: there are no episodes, or as many scores as tasks are not given.
     """
-    sums, counts = _by_task(scores, tasks)
-    low, high = _resampled(sums, counts, level=level, seed=seed)
-    return Interval(
-        value=float(sums.sum() / counts.sum()),
-        low=max(0.0, low),
-        high=min(1.0, high),
-    )
+    return mean_intervals([(scores, tasks)], level=level, seed=seed)[0]
+
+
+def mean_intervals(
+    cells: Sequence[Scores],
+    *,
+    level: float = LEVEL,
+    seed: int = 0,
+) -> list[Interval]:
+    """Return `mean_interval` of the scores and tasks of each cell; together they are quicker."""
+    found = _intervals([_by_task(*cell) for cell in cells], level=level, seed=seed)
+    return [_clipped(interval, 0.0) for interval in found]
 
 
 def difference_interval(
@@ -95,16 +103,18 @@ def difference_interval(
     Raises:
         ParameterError: there are no cases, or the three lists differ in length.
     """
-    _same_length(clean, corrupted)
-    differences = np.asarray(corrupted, np.float64) - np.asarray(clean, np.float64)
-    sums, counts = _by_task(differences.tolist(), tasks)
-    low, high = _resampled(sums, counts, level=level, seed=seed)
-    value = float(sums.sum() / counts.sum())
-    return Interval(
-        value=value,
-        low=max(-1.0, low),
-        high=min(1.0, high),
-    )
+    return difference_intervals([(clean, corrupted, tasks)], level=level, seed=seed)[0]
+
+
+def difference_intervals(
+    cells: Sequence[Pairs],
+    *,
+    level: float = LEVEL,
+    seed: int = 0,
+) -> list[Interval]:
+    """Return `difference_interval` of each cell; together they are quicker."""
+    found = _intervals([_differences(*cell) for cell in cells], level=level, seed=seed)
+    return [_clipped(interval, -1.0) for interval in found]
 
 
 def retention_interval(
@@ -131,22 +141,36 @@ def retention_interval(
     Raises:
         ParameterError: there are no cases, or the three lists differ in length.
     """
-    _same_length(clean, corrupted)
-    before, _ = _by_task(clean, tasks)
-    after, _ = _by_task(corrupted, tasks)
-    if before.sum() == 0:
-        return None
-    value = float(after.sum() / before.sum())
-    ratios = _bootstrap(after, before, level=level, seed=seed)
-    return Interval(
-        value=value,
-        low=ratios[0],
-        high=ratios[1],
-    )
+    return retention_intervals([(clean, corrupted, tasks)], level=level, seed=seed)[0]
+
+
+def retention_intervals(
+    cells: Sequence[Pairs],
+    *,
+    level: float = LEVEL,
+    seed: int = 0,
+) -> list[Interval | None]:
+    """Return `retention_interval` of each cell; together they are quicker."""
+    shares: list[_Ratio] = []
+    for clean, corrupted, tasks in cells:
+        _same_length(clean, corrupted)
+        before, _ = _by_task(clean, tasks)
+        after, _ = _by_task(corrupted, tasks)
+        shares.append((after, before))
+    known = [share for share in shares if share[1].sum() > 0]
+    ends = iter(_bootstrap(known, level=level, seed=seed))
+    found: list[Interval | None] = []
+    for after, before in shares:
+        if before.sum() == 0:
+            found.append(None)
+            continue
+        low, high = next(ends)
+        found.append(Interval(value=float(after.sum() / before.sum()), low=low, high=high))
+    return found
 
 
 def grand_mean_interval(
-    cells: Sequence[tuple[Sequence[float], Sequence[Hashable]]],
+    cells: Sequence[Scores],
     *,
     level: float = LEVEL,
     seed: int = 0,
@@ -176,8 +200,8 @@ def grand_mean_interval(
     if np.ptp(sums.sum(axis=1) / counts.sum(axis=1)) == 0:
         half = _unseen(len(place), level)
         return Interval(value=value, low=max(0.0, value - half), high=min(1.0, value + half))
-    above = _resample(list(sums.T), seed)
-    below = _resample(list(counts.T), seed)
+    above = resample(list(sums.T), seed)
+    below = resample(list(counts.T), seed)
     rates = np.divide(above, below, out=np.full(above.shape, np.nan), where=below > 0)
     low, high = _tails(np.nanmean(rates, axis=0), level)
     return Interval(value=value, low=low, high=high)
@@ -228,9 +252,7 @@ def detectable_difference(
     Raises:
         ParameterError: there are no cases, or the three lists differ in length.
     """
-    _same_length(clean, corrupted)
-    differences = np.asarray(corrupted, np.float64) - np.asarray(clean, np.float64)
-    sums, counts = _by_task(differences.tolist(), tasks)
+    sums, counts = _differences(clean, corrupted, tasks)
     spread = float(np.std(sums / counts, ddof=1)) if len(sums) > 2 else 0.0
     if spread == 0:
         return None
@@ -328,20 +350,44 @@ def _by_task(scores: Sequence[float], tasks: Sequence[Hashable]) -> tuple[Floats
     return sums.astype(np.float64), counts.astype(np.float64)
 
 
-def _resampled(
-    sums: Floats64,
-    counts: Floats64,
+def _differences(
+    clean: Sequence[float],
+    corrupted: Sequence[float],
+    tasks: Sequence[Hashable],
+) -> _Ratio:
+    """Return the sum of the differences (corrupted minus clean) and their number, by task."""
+    _same_length(clean, corrupted)
+    differences = np.asarray(corrupted, np.float64) - np.asarray(clean, np.float64)
+    return _by_task(differences.tolist(), tasks)
+
+
+def _clipped(interval: Interval, least: float) -> Interval:
+    return Interval(
+        value=interval.value,
+        low=max(least, interval.low),
+        high=min(1.0, interval.high),
+    )
+
+
+def _intervals(
+    cells: Sequence[_Ratio],
     *,
     level: float,
     seed: int,
-) -> tuple[float, float]:
-    """Return the interval of a mean over tasks; of Wilson's width if all tasks agree."""
-    means = sums / counts
-    if np.ptp(means) > 0:
-        return _bootstrap(sums, counts, level=level, seed=seed)
-    half = _unseen(len(sums), level)
-    value = float(means[0])
-    return value - half, value + half
+) -> list[Interval]:
+    """Return the means over tasks with their intervals; of Wilson's width if all tasks agree."""
+    differing = [(sums, counts) for sums, counts in cells if np.ptp(sums / counts) > 0]
+    ends = iter(_bootstrap(differing, level=level, seed=seed))
+    found: list[Interval] = []
+    for sums, counts in cells:
+        value = float(sums.sum() / counts.sum())
+        if np.ptp(sums / counts) > 0:
+            low, high = next(ends)
+        else:
+            half = _unseen(len(sums), level)
+            low, high = value - half, value + half
+        found.append(Interval(value=value, low=low, high=high))
+    return found
 
 
 def _unseen(tasks: int, level: float) -> float:
@@ -351,7 +397,7 @@ def _unseen(tasks: int, level: float) -> float:
 
 
 def _cells_by_task(
-    cells: Sequence[tuple[Sequence[float], Sequence[Hashable]]],
+    cells: Sequence[Scores],
     place: Mapping[Hashable, int],
 ) -> tuple[Floats64, Floats64]:
     """Return the sums and the numbers of scores, each float64 `[tasks, cells]`."""
@@ -365,19 +411,38 @@ def _cells_by_task(
 
 
 def _bootstrap(
-    numerators: Floats64,
-    denominators: Floats64,
+    ratios: Sequence[_Ratio],
     *,
     level: float,
     seed: int,
-) -> tuple[float, float]:
-    """Return the percentile interval of a ratio of sums, resampling both by task.
+) -> list[tuple[float, float]]:
+    """Return the percentile interval of each ratio of sums, resampling both by task.
 
-    `scipy.stats.bootstrap` refuses ratios that may be infinite, as retention may.
+    `scipy.stats.bootstrap` refuses ratios that may be infinite, as retention may, and draws anew
+    for each. Here ratios over equally many tasks share their resamples: one product of matrices.
     """
-    above, below = _resample([numerators, denominators], seed)
-    ratios = np.divide(above, below, out=np.full(RESAMPLES, np.inf), where=below > 0)
-    return _tails(ratios, level)
+    found: dict[int, tuple[float, float]] = {}
+    sizes: dict[int, list[int]] = {}
+    for place, (numerators, _) in enumerate(ratios):
+        sizes.setdefault(len(numerators), []).append(place)
+    for places in sizes.values():
+        for start in range(0, len(places), BATCH):
+            batch = places[start : start + BATCH]
+            ends = _ends([ratios[place] for place in batch], level, seed)
+            found.update(zip(batch, ends, strict=True))
+    return [found[place] for place in range(len(ratios))]
+
+
+def _ends(
+    ratios: Sequence[_Ratio],
+    level: float,
+    seed: int,
+) -> list[tuple[float, float]]:
+    """Return the intervals of ratios over equally many tasks."""
+    above = resample([numerators for numerators, _ in ratios], seed)
+    below = resample([denominators for _, denominators in ratios], seed)
+    values = np.divide(above, below, out=np.full(above.shape, np.inf), where=below > 0)
+    return [_tails(row, level) for row in values]
 
 
 def _tails(values: Floats64, level: float) -> tuple[float, float]:
@@ -385,41 +450,3 @@ def _tails(values: Floats64, level: float) -> tuple[float, float]:
     tail = (1 - level) / 2
     low, high = np.quantile(values, [tail, 1 - tail], method="inverted_cdf")
     return float(low), float(high)
-
-
-def _resample(columns: Sequence[Floats64], seed: int) -> Floats64:
-    """Return the sum of each column over each resample of the tasks: float64 `[C, RESAMPLES]`.
-
-    Args:
-        columns: for each of C values, one number a task.
-        seed: of the draws.
-    """
-    values = np.stack(columns, axis=1)
-    parts = [drawn @ values for drawn in _draws(len(values), seed)]
-    return np.concatenate(parts).T
-
-
-def _draws(tasks: int, seed: int) -> Iterable[Floats64]:
-    """Return how often each task is in each resample, in blocks of float64 `[rows, tasks]`.
-
-    All intervals of a report come from the same resamples, so they are kept, unless they are large.
-    """
-    if tasks * RESAMPLES <= KEPT:
-        return _kept_draws(tasks, seed)
-    return _new_draws(tasks, seed)
-
-
-@lru_cache(maxsize=4)
-def _kept_draws(tasks: int, seed: int) -> tuple[Floats64, ...]:
-    return tuple(_new_draws(tasks, seed))
-
-
-def _new_draws(tasks: int, seed: int) -> Iterator[Floats64]:
-    rng = np.random.default_rng(seed)
-    rows = max(1, BLOCK // tasks)
-    for start in range(0, RESAMPLES, rows):
-        count = min(rows, RESAMPLES - start)
-        picked = rng.integers(0, tasks, (count, tasks))
-        places = picked + tasks * np.arange(count)[:, np.newaxis]
-        counted: Any = np.bincount(places.ravel(), minlength=count * tasks)
-        yield counted.reshape(count, tasks).astype(np.float64)

@@ -20,7 +20,7 @@ from .notes import notes_of
 
 CEILING = "recovering"  # the agent that does what a careful user could do
 _Key: TypeAlias = tuple[str, str]
-_Scored: TypeAlias = dict[_Key, dict[scores.Case, float]]
+_Scored: TypeAlias = dict[_Key, scores.Scored]
 
 
 def load_report(path: Path, reference: str = "") -> RunReport:
@@ -107,10 +107,11 @@ def cells_of(run: Run, chosen: Sequence[ResultRecord]) -> list[Cell]:
     scored = {key: scores.scored(cases) for key, cases in found.items()}
     rows = scores.rows(chosen, agents_of(run.config), list(conditions_of(run.config)))
     top = {row["corruption"]: row["success"] for row in rows if row["agent"] == CEILING}
+    inferred = _inferred(rows, scored)
     return [
         Cell(
             **row,
-            **_inferred(scored, row["agent"], row["corruption"]),
+            **inferred.get((row["agent"], row["corruption"]), {}),
             **used.means(found[row["agent"], row["corruption"]].values()),
             tasks=len(set(scores.task_names(scored[row["agent"], row["corruption"]]))),
             pass_hat=_pass_hat(run, scored[row["agent"], row["corruption"]]),
@@ -121,37 +122,24 @@ def cells_of(run: Run, chosen: Sequence[ResultRecord]) -> list[Cell]:
 
 
 def _inferred(
-    scored: _Scored,
-    agent: str,
-    label: str,
-) -> dict[str, float | None]:
-    """Return the interval of the retention, and the difference that could be seen."""
-    if label == CLEAN or not scores.can_infer():
+    rows: Sequence[scores.ScoreRow], scored: _Scored
+) -> dict[_Key, dict[str, float | None]]:
+    """Return the intervals of the retention, and the differences that could be seen, by cell."""
+    keys = [(row["agent"], row["corruption"]) for row in rows if row["delta"] is not None]
+    if not keys or not scores.can_infer():
         return {}
     from ..bench import statistics
 
-    there, here, tasks = paired(scored.get((agent, CLEAN), {}), scored[agent, label])
-    if not tasks:
-        return {}
-    kept = statistics.retention_interval(there, here, tasks)
+    cells = [scores.pairs(scored[agent, CLEAN], scored[agent, label]) for agent, label in keys]
+    kept = statistics.retention_intervals(cells)
     return {
-        "retention_low": kept.low if kept else None,
-        "retention_high": _finite(kept.high) if kept else None,
-        "detectable": statistics.detectable_difference(there, here, tasks),
+        key: {
+            "retention_low": interval.low if interval else None,
+            "retention_high": _finite(interval.high) if interval else None,
+            "detectable": statistics.detectable_difference(*cell),
+        }
+        for key, cell, interval in zip(keys, cells, kept, strict=True)
     }
-
-
-def paired(
-    before: Mapping[scores.Case, float],
-    after: Mapping[scores.Case, float],
-) -> tuple[list[float], list[float], list[str]]:
-    """Return the two scores and the task of each case that is in both."""
-    both = [case for case in after if case in before]
-    return (
-        [before[case] for case in both],
-        [after[case] for case in both],
-        scores.task_names(both),
-    )
 
 
 def _pass_hat(run: Run, scored: Mapping[scores.Case, float]) -> tuple[float, ...]:
@@ -230,7 +218,7 @@ def _retained(
     for label in own:
         if label == CLEAN:
             continue
-        before, after, tasks = paired(scored.get((agent, CLEAN), {}), scored[agent, label])
+        before, after, tasks = scores.pairs(scored.get((agent, CLEAN), {}), scored[agent, label])
         there += before
         here += after
         names += tasks
