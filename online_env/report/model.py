@@ -15,6 +15,7 @@ from hijack_data.files import check_versioned
 FORMAT = "agenthijack-report"
 VERSION = 1
 T = TypeVar("T")
+_BESIDE = ("format", "version", "comparison", "paper")  # in the file, and not of the report itself
 
 
 class ReportError(HijackError, ValueError):
@@ -250,7 +251,7 @@ def from_data(data: object, where: str) -> RunReport:
         what="a report",
         error=ReportError,
     )
-    given = {key: value for key, value in found.items() if key not in ("format", "version")}
+    given = {key: value for key, value in found.items() if key not in _BESIDE}
     return _made(RunReport, given, where)
 
 
