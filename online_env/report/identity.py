@@ -1,5 +1,6 @@
 """Which run a report is about: what its head says, and how its conditions relate to the paper's."""
 
+import json
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Any
@@ -25,6 +26,21 @@ NINE = (
     "verification",
 )
 _AS = "as"
+# Of a configuration: what decides the score of an agent beside the agent.
+_SETTING = (
+    "kind",
+    "content",
+    "question",
+    "split",
+    "limit",
+    "distance",
+    "desktop",
+    "tasks",
+    "corruptions",
+    "seeds",
+    "max_steps",
+    "recovery",
+)
 
 
 def identity_of(run: Run) -> RunIdentity:
@@ -40,6 +56,7 @@ def identity_of(run: Run) -> RunIdentity:
         kind=SCORE_RUN if run.is_scored else "bench",
         source=str(config.get("source", "")),
         head_sha256=_head_digest(run),
+        setting_sha256=_setting_digest(config),
         created=float(created) if isinstance(created, int | float) else None,
         versions=_texts(head.get("versions")),
         provider=str(desktop.get("provider", "")) if isinstance(desktop, dict) else "",
@@ -103,6 +120,11 @@ def _head(run: Run) -> Mapping[str, Any]:
 def _head_digest(run: Run) -> str:
     path = run.folder / RUN
     return digest_of(path.read_bytes()) if path.exists() else ""
+
+
+def _setting_digest(config: Mapping[str, Any]) -> str:
+    chosen = {key: config.get(key) for key in _SETTING}
+    return digest_of(json.dumps(chosen, sort_keys=True).encode())
 
 
 def _case_of(record: Mapping[str, Any]) -> scores.Case:

@@ -1,5 +1,6 @@
-"""A report as a LaTeX table (booktabs), in the form of the paper's: a row an agent, a column a
-condition, the best of each column in bold.
+"""A report as a LaTeX table (booktabs) in the form of the paper's.
+
+An agent has a row, a condition a column, and the best of each column is bold.
 """
 
 from collections.abc import Sequence

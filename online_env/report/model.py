@@ -31,6 +31,8 @@ class RunIdentity:
         kind: `bench` or `score`.
         source: the configuration's file, or the dataset.
         head_sha256: of `run.json`, as 64 hexadecimal digits; empty for a log without a head.
+        setting_sha256: of what was played (tasks, conditions, seeds, steps, desktop, recovery
+            policy ...), the agents apart: agents of runs with the same one may be ranked.
         created: when the run began, in seconds since 1970.
         versions: of Python, the system and the packages that played it.
         provider: what gave the desktops; empty for a scoring run.
@@ -50,6 +52,7 @@ class RunIdentity:
     kind: str
     source: str = ""
     head_sha256: str = ""
+    setting_sha256: str = ""
     created: float | None = None
     versions: Mapping[str, str] = field(default_factory=dict[str, str])
     provider: str = ""

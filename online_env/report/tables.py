@@ -67,8 +67,9 @@ def as_json(document: Document) -> str:
 
 
 def as_csv(document: Document) -> str:
-    """Return a line for each cell, or for each compared one; shares are 0..1, what is not there
-    is empty.
+    """Return a line for each cell, or for each compared one.
+
+    Shares are 0..1; what does not exist is empty.
     """
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
