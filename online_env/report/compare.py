@@ -234,12 +234,15 @@ def _setting(run: Run) -> dict[str, Any]:
 
 def _unseen(rows: Sequence[ComparedCell]) -> Iterator[str]:
     """Yield which differences are not shown, and how large one would have to be."""
+    hidden: dict[tuple[str, str], list[str]] = {}
     for row in rows:
         if row.p is None or row.p < SHOWN:
             continue
-        name = f"{row.after}, {row.corruption}" if row.before == row.after else row.corruption
-        said = f"{name}: with {row.n} cases no difference is shown"
-        if row.detectable:
-            points = f"{100 * row.detectable:.1f} points"
-            said += f"; one of {points} would be seen with a probability of 80 %"
-        yield said + "."
+        points = f" ({100 * row.detectable:.1f} points)" if row.detectable else ""
+        hidden.setdefault((row.before, row.after), []).append(f"{row.corruption}{points}")
+    for (before, after), labels in hidden.items():
+        who = after if before == after else f"{before} and {after}"
+        yield (
+            f"{who}: no difference is shown under {', '.join(labels)}. In brackets is the true"
+            " difference that as many tasks would show with a probability of 80 %."
+        )

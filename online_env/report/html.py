@@ -18,7 +18,7 @@ from .document import Document
 from .figures import LEFT, RIGHT, WIDTH, retention_panels, success_panels
 from .identity import RunIdentity
 from .model import RunReport
-from .tables import cell_table, compared_table, paper_rows, summary_table
+from .tables import cell_table, compared_table, paper_rows, summary_table, trimmed
 
 PAGE = Path(__file__).parent / "page"
 SHOWN = 0.05  # a p value below is marked
@@ -37,11 +37,11 @@ def as_html(document: Document) -> str:
         success=success_panels(report),
         retention=retention_panels(report),
         matrix=_matrix(report),
-        summary=summary_table(report.summaries),
-        cells=cell_table(report.cells),
-        feasible=cell_table(report.feasible),
-        infeasible=cell_table(report.infeasible),
-        compared=compared_table(compared.cells) if compared else None,
+        summary=trimmed(*summary_table(report.summaries)),
+        cells=trimmed(*cell_table(report.cells)),
+        feasible=trimmed(*cell_table(report.feasible)),
+        infeasible=trimmed(*cell_table(report.infeasible)),
+        compared=trimmed(*compared_table(compared.cells)) if compared else None,
         paper=paper_rows(document.paper) if document.paper else None,
         has_ceiling=any(cell.ceiling is not None for cell in report.cells),
     )

@@ -175,12 +175,17 @@ def paper_rows(paper: PaperTable) -> tuple[Texts, list[Texts]]:
 
 def markdown_table(headings: Texts, rows: Sequence[Texts]) -> str:
     """Return a Markdown table; columns without a value are left out."""
-    kept = [place for place in range(len(headings)) if any(row[place] for row in rows)]
-    numbers = [all(_is_number(row[place]) for row in rows) for place in kept]
+    names, lines = trimmed(headings, rows)
+    numbers = [all(_is_number(row[place]) for row in lines) for place in range(len(names))]
     rule = " | ".join("---:" if number else "---" for number in numbers)
-    lines = [_line([headings[place] for place in kept]), f"| {rule} |"]
-    lines += [_line([row[place] for place in kept]) for row in rows]
-    return "\n".join(lines)
+    return "\n".join([_line(names), f"| {rule} |", *map(_line, lines)])
+
+
+def trimmed(headings: Texts, rows: Sequence[Texts]) -> tuple[Texts, list[Texts]]:
+    """Return a table without the columns in which no row has a value."""
+    kept = [place for place in range(len(headings)) if any(row[place] for row in rows)]
+    lines: list[Texts] = [[row[place] for place in kept] for row in rows]
+    return [headings[place] for place in kept], lines
 
 
 def _compared(comparison: RunComparison) -> list[str]:

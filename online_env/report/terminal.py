@@ -145,10 +145,10 @@ def _beside(cells: Sequence[Cell]) -> Table:
 
 
 def _beside_row(cell: Cell) -> list[str]:
-    several = cell.pass_hat if len(cell.pass_hat) > 1 else ()
+    seeds = len(cell.pass_hat)
     return [
         words.percent(cell.ceiling),
-        " ".join(map(words.percent, several)),
+        f"{words.percent(cell.pass_hat[-1])} (k={seeds})" if seeds > 1 else "",
         words.percent(cell.detectable),
         words.percent(cell.malformed),
         words.number(cell.steps),
@@ -167,10 +167,10 @@ def _table(headings: Sequence[str], title: str | None = None) -> Table:
         title=title,
         title_justify="left",
     )
-    for name in ("agent", "corruption"):
-        table.add_column(name)
+    table.add_column("agent", overflow="fold")
+    table.add_column("corruption", no_wrap=True)
     for name in headings:
-        table.add_column(name, justify="right")
+        table.add_column(name, justify="right", no_wrap=True)
     return table
 
 
