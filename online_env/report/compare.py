@@ -223,7 +223,7 @@ def _notes(
         )
     other = difference(_setting(before), _setting(after))
     if other:
-        yield f"The runs differ in their settings, too: {other}."
+        yield f"The runs differ in their settings, too, first in this: {other}."
     yield from _unseen(rows)
 
 

@@ -86,7 +86,7 @@ def read_all(folder: Path) -> FoundReports:
         raise ReportError(f"{folder}: is no folder; --leaderboard takes a folder of runs")
     reports: list[tuple[str, RunReport]] = []
     problems: list[str] = []
-    for path in _places(folder):
+    for path in sorted(_places(folder)):
         try:
             found = load_report(path)
         except HijackError as error:
@@ -128,14 +128,14 @@ def leaderboard(found: FoundReports) -> str:
 
 
 def _places(folder: Path) -> Iterator[Path]:
-    """Yield the folders of runs and the files of reports, in the order of their names."""
+    """Yield the folders of runs and the files of reports."""
     for base, folders, files in os.walk(folder):
-        folders[:] = sorted(name for name in folders if name not in _SKIPPED)
+        folders[:] = [name for name in folders if name not in _SKIPPED]
         if RUN in files:
             folders.clear()
             yield Path(base)
             continue
-        yield from (Path(base) / name for name in sorted(files) if name.endswith(_SUFFIX))
+        yield from (Path(base) / name for name in files if name.endswith(_SUFFIX))
 
 
 def _board(group: Sequence[tuple[str, RunReport]]) -> Board:
@@ -143,14 +143,15 @@ def _board(group: Sequence[tuple[str, RunReport]]) -> Board:
     rows = [(place, report, row) for place, report in group for row in report.summaries]
     rows.sort(key=lambda entry: _key(entry[2]), reverse=True)
     lines: list[Standing] = []
-    rank = 0
+    ranked: list[float | None] = []
     for place, report, row in rows:
         why = _unranked(report, row)
-        rank += not why
+        if not why:
+            ranked.append(row.corrupted)
         success = [_success(report, row.agent, label) for label in first.labels]
         lines.append(
             Standing(
-                rank=None if why else rank,
+                rank=None if why else 1 + ranked.index(row.corrupted),
                 why=why,
                 place=place,
                 run=report.run,
