@@ -27,9 +27,9 @@ COLUMNS = (
     "invalid",
 )
 # What is paired: the task, the seed of its variant and the seed of the corruption's draws.
-Case: TypeAlias = tuple[str, Any, int]
-Cases: TypeAlias = dict[Case, ResultRecord]
-Scored: TypeAlias = dict[Case, float]
+PairKey: TypeAlias = tuple[str, Any, int]
+Cases: TypeAlias = dict[PairKey, ResultRecord]
+ScoreByCase: TypeAlias = dict[PairKey, float]
 
 
 def rows(
@@ -92,7 +92,7 @@ def summaries(table: Sequence[ScoreRow]) -> list[ScoreRow]:
     return found
 
 
-def pairs(before: Scored, after: Scored) -> tuple[list[float], list[float], list[str]]:
+def pairs(before: ScoreByCase, after: ScoreByCase) -> tuple[list[float], list[float], list[str]]:
     """Return the two scores and the task of each case that has both, in the order of `after`."""
     both = [case for case in after if case in before]
     return (
@@ -102,7 +102,7 @@ def pairs(before: Scored, after: Scored) -> tuple[list[float], list[float], list
     )
 
 
-def _infer(table: Sequence[ScoreRow], scores: Mapping[tuple[str, str], Scored]) -> None:
+def _infer(table: Sequence[ScoreRow], scores: Mapping[tuple[str, str], ScoreByCase]) -> None:
     """Add intervals and tests to rows, in place; the p values are adjusted for each agent."""
     from . import statistics  # scipy takes a second to load
 
@@ -127,7 +127,7 @@ def _infer(table: Sequence[ScoreRow], scores: Mapping[tuple[str, str], Scored]) 
 
 def _with_clean(
     row: ScoreRow,
-    scores: Mapping[tuple[str, str], Scored],
+    scores: Mapping[tuple[str, str], ScoreByCase],
 ) -> tuple[list[float], list[float], list[str]]:
     agent = row["agent"]
     return pairs(scores.get((agent, CLEAN), {}), scores[agent, row["corruption"]])
@@ -174,7 +174,7 @@ def _row(
     agent: str,
     label: str,
     cases: Cases,
-    scores: Mapping[tuple[str, str], Scored],
+    scores: Mapping[tuple[str, str], ScoreByCase],
 ) -> ScoreRow:
     own = scores[agent, label]
     base = scores.get((agent, CLEAN), {}) if label != CLEAN else {}
@@ -202,7 +202,7 @@ def can_infer() -> bool:
     return all(importlib.util.find_spec(name) for name in ("scipy", "statsmodels"))
 
 
-def task_names(cases: Iterable[Case]) -> list[str]:
+def task_names(cases: Iterable[PairKey]) -> list[str]:
     """Return the task of each case, without the seed of its variant."""
     return [task.removesuffix(f"-{task_seed}") for task, task_seed, _ in cases]
 
@@ -220,7 +220,7 @@ def counts(record: ResultRecord) -> bool:
     return cause == "agent" or (cause == "machine" and record.get("attempt", 0) > 0)
 
 
-def scored(cases: Cases) -> Scored:
+def scored(cases: Cases) -> ScoreByCase:
     """Return the score (0..1) of each case that counts for the agent; an error scores 0."""
     return {case: _score(record) for case, record in cases.items() if counts(record)}
 

@@ -26,7 +26,7 @@ from .resampling import Floats64, resample
 # Of one cell: its scores and the task of each; or its clean scores, its corrupted ones, and the
 # task of each pair.
 Scores: TypeAlias = tuple[Sequence[float], Sequence[Hashable]]
-Pairs: TypeAlias = tuple[Sequence[float], Sequence[float], Sequence[Hashable]]
+PairedScores: TypeAlias = tuple[Sequence[float], Sequence[float], Sequence[Hashable]]
 _Ratio: TypeAlias = tuple[Floats64, Floats64]  # by task: what is summed up, and what divides it
 
 LEVEL = 0.95
@@ -107,7 +107,7 @@ def difference_interval(
 
 
 def difference_intervals(
-    cells: Sequence[Pairs],
+    cells: Sequence[PairedScores],
     *,
     level: float = LEVEL,
     seed: int = 0,
@@ -145,7 +145,7 @@ def retention_interval(
 
 
 def retention_intervals(
-    cells: Sequence[Pairs],
+    cells: Sequence[PairedScores],
     *,
     level: float = LEVEL,
     seed: int = 0,

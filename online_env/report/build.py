@@ -20,7 +20,7 @@ from .notes import notes_of
 
 CEILING = "recovering"  # the agent that does what a careful user could do
 _Key: TypeAlias = tuple[str, str]
-_Scored: TypeAlias = dict[_Key, scores.Scored]
+_Scored: TypeAlias = dict[_Key, scores.ScoreByCase]
 
 
 def load_report(path: Path, reference: str = "") -> RunReport:
@@ -142,7 +142,7 @@ def _inferred(
     }
 
 
-def _pass_hat(run: Run, scored: Mapping[scores.Case, float]) -> tuple[float, ...]:
+def _pass_hat(run: Run, scored: Mapping[scores.PairKey, float]) -> tuple[float, ...]:
     """Return pass^k for k = 1 up to the number of seeds that every task has.
 
     The rows of a dataset are steps, not repetitions of a task, so a scoring run has none.

@@ -19,7 +19,7 @@ from ..bench.reading import Run
 from . import terminal
 from .build import build_report, read_report
 from .compare import RunComparison, compare
-from .document import Document
+from .document import ReportDocument
 from .formats import FORMATS, TERMINAL, format_of, write
 from .model import ReportError, RunReport
 from .outcome import exit_code, missing_line
@@ -143,8 +143,8 @@ def _document(
     report: RunReport,
     comparison: RunComparison | None,
     paper: bool,
-) -> Document:
-    return Document(
+) -> ReportDocument:
+    return ReportDocument(
         report=report,
         comparison=comparison,
         paper=beside_paper(report) if paper else None,
@@ -152,7 +152,7 @@ def _document(
 
 
 def _write(
-    document: Document,
+    document: ReportDocument,
     format: str,
     out: Path | None,
 ) -> None:

@@ -13,7 +13,7 @@ from .model import ReportError, RunIdentity
 
 SHOWN = 0.05  # a p value below shows a difference
 _PLACES = ("source", "agents", "code")  # of a configuration: what two runs may well differ in
-_Cells: TypeAlias = Mapping[tuple[str, str], scores.Scored]
+_Cells: TypeAlias = Mapping[tuple[str, str], scores.ScoreByCase]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,7 +178,7 @@ def _rows(
     ]
 
 
-def _row(old: scores.Scored, new: scores.Scored) -> dict[str, Any]:
+def _row(old: scores.ScoreByCase, new: scores.ScoreByCase) -> dict[str, Any]:
     from ..bench import statistics
 
     before, after, tasks = scores.pairs(old, new)

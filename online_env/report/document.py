@@ -10,7 +10,7 @@ from .paper import PaperTable
 
 
 @dataclass(frozen=True, kw_only=True)
-class Document:
+class ReportDocument:
     """A report with what was asked for beside it.
 
     Attributes:

@@ -1,4 +1,4 @@
-"""The formats of a report by name, and what writes each: a function of a `Document`."""
+"""The formats of a report by name, and what writes each: a function of a `ReportDocument`."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -8,10 +8,10 @@ from typing import TypeAlias
 from hijack_data.errors import suggest
 from hijack_data.registry import Lazy
 
-from .document import Document
+from .document import ReportDocument
 from .model import ReportError
 
-Writer: TypeAlias = Callable[[Document], str]
+ReportWriter: TypeAlias = Callable[[ReportDocument], str]
 TERMINAL = "terminal"
 FORMATS: Mapping[str, str] = MappingProxyType(
     {
@@ -57,7 +57,7 @@ def format_of(named: str | None, out: Path | None) -> str:
     return SUFFIXES[out.suffix.lower()]
 
 
-def write(document: Document, format: str) -> str:
+def write(document: ReportDocument, format: str) -> str:
     """Return a document in one of the `FORMATS`; it ends with a line feed."""
-    writer: Writer = Lazy(FORMATS[format]).load()
+    writer: ReportWriter = Lazy(FORMATS[format]).load()
     return writer(document).rstrip("\n") + "\n"

@@ -14,7 +14,7 @@ from hijack_data.plan import CLEAN
 
 from ..extra import require
 from . import words
-from .document import Document
+from .document import ReportDocument
 from .figures import LEFT, RIGHT, WIDTH, retention_panels, success_panels
 from .identity import RunIdentity
 from .model import RunReport
@@ -24,7 +24,7 @@ PAGE = Path(__file__).parent / "page"
 SHOWN = 0.05  # a p value below is marked
 
 
-def as_html(document: Document) -> str:
+def as_html(document: ReportDocument) -> str:
     """Return the page of a report."""
     report = document.report
     compared = document.comparison

@@ -127,7 +127,7 @@ def _setting_digest(config: Mapping[str, Any]) -> str:
     return digest_of(json.dumps(chosen, sort_keys=True).encode())
 
 
-def _case_of(record: Mapping[str, Any]) -> scores.Case:
+def _case_of(record: Mapping[str, Any]) -> scores.PairKey:
     return record["task"], record.get("task_seed"), record["seed"]
 
 

@@ -5,7 +5,7 @@ An agent has a row, a condition a column, and the best of each column is bold.
 
 from collections.abc import Sequence
 
-from .document import Document
+from .document import ReportDocument
 from .model import AgentSummary, RunReport
 from .paper import PaperRow, PaperTable
 
@@ -26,7 +26,7 @@ _SPECIAL = {
 _Row = tuple[str, Sequence[float | None]]
 
 
-def as_latex(document: Document) -> str:
+def as_latex(document: ReportDocument) -> str:
     """Return one `table*`; it needs the package booktabs."""
     report = document.report
     ours = [_own(report, row) for row in report.summaries]

@@ -62,7 +62,7 @@ class Standing:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Board:
+class Ranking:
     """The agents that were played under one setting.
 
     Attributes:
@@ -106,7 +106,7 @@ def read_all(folder: Path) -> FoundReports:
     )
 
 
-def boards_of(found: FoundReports) -> list[Board]:
+def rankings_of(found: FoundReports) -> list[Ranking]:
     """Return one board for each setting, the one with the most agents first."""
     groups: dict[str, list[tuple[str, RunReport]]] = {}
     for place, report in found.reports:
@@ -120,7 +120,7 @@ def leaderboard(found: FoundReports) -> str:
     return render(
         "leaderboard.html",
         title="AgentHijack leaderboard",
-        boards=boards_of(found),
+        boards=rankings_of(found),
         problems=found.problems,
         runs=len(found.reports),
         interval=words.interval,
@@ -138,7 +138,7 @@ def _places(folder: Path) -> Iterator[Path]:
         yield from (Path(base) / name for name in files if name.endswith(_SUFFIX))
 
 
-def _board(group: Sequence[tuple[str, RunReport]]) -> Board:
+def _board(group: Sequence[tuple[str, RunReport]]) -> Ranking:
     first = group[0][1]
     rows = [(place, report, row) for place, report in group for row in report.summaries]
     rows.sort(key=lambda entry: _key(entry[2]), reverse=True)
@@ -160,7 +160,7 @@ def _board(group: Sequence[tuple[str, RunReport]]) -> Board:
                 shares=tuple(round(100 * (value or 0.0)) for value in success),
             )
         )
-    return Board(
+    return Ranking(
         title=_setting(first),
         labels=first.labels,
         lines=tuple(lines),

@@ -11,7 +11,7 @@ import yaml
 
 from hijack_data.plan import CLEAN
 
-from .document import Document
+from .document import ReportDocument
 from .model import AgentSummary, Cell, ReportError, RunReport
 from .named import YARDSTICKS
 
@@ -20,7 +20,7 @@ DATASET = "agenthijack"
 _TOTAL = 100
 
 
-def as_model_index(document: Document) -> str:
+def as_model_index(document: ReportDocument) -> str:
     """Return the block for every agent that is not one of ours.
 
     Raises:

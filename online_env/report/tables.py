@@ -8,7 +8,7 @@ from dataclasses import asdict, fields
 
 from . import words
 from .compare import ComparedCell, RunComparison
-from .document import Document
+from .document import ReportDocument
 from .model import AgentSummary, Cell
 from .paper import PaperTable
 
@@ -55,7 +55,7 @@ COMPARED_HEADINGS = (
 Texts = Sequence[str]
 
 
-def as_json(document: Document) -> str:
+def as_json(document: ReportDocument) -> str:
     """Return the report as `report.json` holds it."""
     data = {**document.report.to_data(), **document.extras()}
     return json.dumps(
@@ -66,7 +66,7 @@ def as_json(document: Document) -> str:
     )
 
 
-def as_csv(document: Document) -> str:
+def as_csv(document: ReportDocument) -> str:
     """Return a line for each cell, or for each compared one.
 
     Shares are 0..1; what does not exist is empty.
@@ -82,7 +82,7 @@ def as_csv(document: Document) -> str:
     return out.getvalue()
 
 
-def as_markdown(document: Document) -> str:
+def as_markdown(document: ReportDocument) -> str:
     """Return tables and notes as Markdown, such as for an issue or a model card."""
     report = document.report
     parts = [f"## {_safe(report.run.name)}", markdown_table(*summary_table(report.summaries))]

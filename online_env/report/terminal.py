@@ -18,7 +18,7 @@ from ..bench.reading import ResultRecord, Run
 from . import words
 from .build import build_report
 from .compare import RunComparison
-from .document import Document
+from .document import ReportDocument
 from .identity import agents_of, conditions_of
 from .model import AgentSummary, Cell, RunReport
 from .outcome import missing_line
@@ -192,7 +192,7 @@ def _show_recovery(
     )
 
 
-def text(document: Document) -> str:
+def text(document: ReportDocument) -> str:
     """Return what a terminal shows of a document, without colours."""
     out = StringIO()
     screen = Console(
@@ -205,7 +205,7 @@ def text(document: Document) -> str:
     return out.getvalue()
 
 
-def show_document(document: Document, screen: Any) -> None:
+def show_document(document: ReportDocument, screen: Any) -> None:
     """Print a report, or a comparison in its place, and what was asked for beside it."""
     report = document.report
     if document.comparison is not None:

@@ -12,7 +12,7 @@ from hijack_data.cli import main
 from online_env.bench import statistics
 from online_env.report import ReportError
 from online_env.report.compare import compare
-from online_env.report.leaderboard import boards_of, leaderboard, read_all
+from online_env.report.leaderboard import leaderboard, rankings_of, read_all
 
 from support.reported import CONDITIONS, made, read_run, run_of, scored, whole
 
@@ -128,7 +128,7 @@ def runs(tmp_path):
 
 def test_agents_are_ranked_where_the_setting_is_the_same(runs):
     run_of(runs / "c", whole("other", dict.fromkeys(CONDITIONS, 9)), max_steps=99)
-    boards = boards_of(read_all(runs))
+    boards = rankings_of(read_all(runs))
     assert [[(x.rank, x.row.agent, x.place) for x in board.lines] for board in boards] == [
         [(None, "oracle", "a"), (1, "strong", "deep/b"), (2, "weak", "a")],
         [(1, "other", "c")],
@@ -139,7 +139,7 @@ def test_agents_are_ranked_where_the_setting_is_the_same(runs):
 def test_what_lacks_episodes_has_no_rank(runs):
     path = runs / "a" / "records.jsonl"
     path.write_bytes(b"".join(path.read_bytes().splitlines(keepends=True)[:-1]))
-    (board,) = boards_of(read_all(runs))
+    (board,) = rankings_of(read_all(runs))
     ranks = {line.row.agent: (line.rank, line.why) for line in board.lines}
     assert ranks["weak"] == (None, "1 of 200 episodes are missing")
     assert ranks["strong"] == (1, "")
@@ -148,7 +148,7 @@ def test_what_lacks_episodes_has_no_rank(runs):
 def test_a_finished_report_counts_as_a_run(runs, capsys):
     _, out, _ = hijack(capsys, "report", runs / "a", "--format", "json")
     (runs / "mine.report.json").write_text(out)
-    (board,) = boards_of(read_all(runs))
+    (board,) = rankings_of(read_all(runs))
     found = [(line.place, line.rank) for line in board.lines if line.row.agent == "weak"]
     assert found == [("a", 2), ("mine.report.json", 2)]  # alike, so they share the rank
 

@@ -14,7 +14,7 @@ pytest.importorskip("statsmodels", reason="needs the extra [online]")
 from hijack_data.cli import main
 from online_env.bench import records, scores
 from online_env.report import build_report, formats
-from online_env.report.document import Document
+from online_env.report.document import ReportDocument
 from online_env.report.paper import COLUMNS, paper_table
 
 from support.chromium import chromium
@@ -42,7 +42,7 @@ def folder(tmp_path_factory):
 def hostile(tmp_path_factory):
     found = [*scored(HOSTILE, "clean", [1, 1]), *scored(HOSTILE, "a|<b>_%", [1, 0])]
     run = read_run(tmp_path_factory.mktemp("hostile") / "run", found)
-    return Document(report=build_report(run))
+    return ReportDocument(report=build_report(run))
 
 
 def test_json_is_the_whole_report(folder, capsys, tmp_path):
