@@ -38,7 +38,7 @@ COMMANDS = {
     "desktop": "online_env.cli:desktop",
     "bench": "online_env.bench.cli:bench",
     "score": "online_env.scoring.cli:score",
-    "report": "online_env.bench.cli:report",
+    "report": "online_env.report.cli:report",
     "tasks": "online_env.tasks.cli:tasks",
     "prefetch": "online_env.osworld.cli:prefetch",
     "osworld": "online_env.osworld.cli:osworld",

@@ -1,13 +1,10 @@
-"""`hijack bench` and `hijack report`.
+"""`hijack bench`.
 
 Exit codes: 0 done, 1 finished but something is missing, invalid, failed or damaged, 2 bad usage or
 configuration, 3 the disk is full or fails.
 """
 
 import contextlib
-import importlib
-import json
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,8 +16,10 @@ from hijack_data.locking import Lock
 from hijack_data.runs import seal
 
 from ..errors import CostLimitError
-from . import costs, records, scores
-from .progress import ProgressDisplay, shorten
+from ..report.outcome import exit_code
+from ..report.terminal import show
+from . import costs, records
+from .progress import ProgressDisplay
 
 if TYPE_CHECKING:
     from .config import Bench
@@ -28,18 +27,6 @@ if TYPE_CHECKING:
     from .jobs import Job
     from .models import ModelOptions
     from .workers import EpisodePool
-
-_HEADINGS = (
-    "n",
-    "success",
-    "95 %",
-    "delta",
-    "95 %",
-    "p",
-    "retention",
-    "errors",
-    "invalid",
-)
 
 
 @click.command()
@@ -257,167 +244,3 @@ def _side_by_side(
         models=models,
     )
     return EpisodePool(setup)
-
-
-@click.command()
-@click.argument("runs", type=click.Path(path_type=Path))
-@click.option("--json", "as_json", is_flag=True, help="Print a list of rows.")
-def report(runs: Path, as_json: bool) -> None:
-    """Show the results of a run, such as: hijack report runs/small."""
-    run = records.read(runs)
-    for damage in run.damaged:
-        click.echo(
-            f"hijack: {runs / damage.file}:{damage.line}: skipped: {damage.problem}", err=True
-        )
-    if as_json:
-        click.echo(json.dumps(score_rows(run, run.records), indent=1))
-    else:
-        show(run)
-    if run.missing:
-        click.echo(f"hijack: {runs}: {_missing(run)}", err=True)
-    raise SystemExit(exit_code(run))
-
-
-def exit_code(run: records.Run) -> int:
-    """Return 1 if something is missing, damaged, invalid or failed, else 0."""
-    final = scores.latest(run.records).values()
-    bad = any(record["status"] != "ok" for record in final)
-    return 1 if run.damaged or run.missing or bad else 0
-
-
-def _missing(run: records.Run) -> str:
-    there = f"{run.planned - run.missing} of {run.planned} planned episodes are there"
-    command = "score" if run.is_scored else "bench"
-    return f"{there}, {run.missing} are missing; hijack {command} ... --resume runs them"
-
-
-def score_rows(run: records.Run, chosen: Sequence[records.ResultRecord]) -> list[scores.ScoreRow]:
-    """Return the rows of the report's table, in the order of the configuration."""
-    agents = _entries(run.config.get("agents"))
-    corruptions = _entries(run.config.get("corruptions"))
-    return scores.rows(chosen, list(agents), list(corruptions))
-
-
-def _entries(listed: Any) -> dict[str, str]:
-    """Return what a list of the configuration names, by label, in its order."""
-    found: dict[str, str] = {}
-    if not isinstance(listed, list):
-        return found
-    for entry in listed:
-        name = entry
-        settings = None
-        if isinstance(entry, dict) and len(entry) == 1:
-            ((name, settings),) = entry.items()
-        label = settings.get("as", name) if isinstance(settings, dict) else name
-        found[str(label)] = str(name)
-    return found
-
-
-def show(run: records.Run) -> None:
-    """Print the table of a run, its recovery policy, and what went wrong.
-
-    Feasible and infeasible tasks also get tables of their own.
-    """
-    screen = console()
-    screen.print(_table(run, run.records))
-    infeasible = [record for record in run.records if record.get("infeasible")]
-    if infeasible:
-        screen.print(
-            _table(run, [r for r in run.records if not r.get("infeasible")], "feasible tasks")
-        )
-        screen.print(_table(run, infeasible, "infeasible tasks"))
-    final = list(scores.latest(run.records).values())
-    if not scores.can_infer():
-        screen.print("without intervals and tests: scipy and statsmodels are not installed")
-    _show_summaries(run)
-    early = 0
-    if run.is_scored:
-        importlib.import_module("online_env.scoring.tables").show_parts(run, screen)
-    else:
-        _show_recovery(run, final)
-        early = scores.unreached(final, _entries(run.config.get("corruptions")))
-    used = costs.usage_line(run.records)
-    if used:
-        screen.print(used, soft_wrap=True)
-    if early:
-        screen.print(
-            f"{early} episodes with a score ended before their corruption was due: they count as"
-            " they are"
-        )
-    if run.missing:
-        screen.print(_missing(run), soft_wrap=True)
-    for record in final:
-        if record["status"] != "ok":
-            problem = f"{record['status']}: {record.get('id')}: {record.get('problem')}"
-            screen.print(shorten(problem), markup=False, soft_wrap=True)
-
-
-def _table(
-    run: records.Run,
-    chosen: Sequence[records.ResultRecord],
-    title: str | None = None,
-) -> Any:
-    from rich.markup import escape
-    from rich.table import Table
-
-    table = Table(
-        box=None,
-        header_style="bold",
-        pad_edge=False,
-        title=title,
-        title_justify="left",
-    )
-    for name in ("agent", "corruption"):
-        table.add_column(name)
-    for name in _HEADINGS:
-        table.add_column(name, justify="right")
-    for row in score_rows(run, chosen):
-        cells = [
-            str(row["n"]),
-            _percent(row["success"]),
-            _interval(row["ci_low"], row["ci_high"]),
-            _percent(row["delta"], sign="+"),
-            _interval(row["delta_low"], row["delta_high"], sign="+"),
-            "" if row["p"] is None else f"{row['p']:.3f}",
-            _percent(row["retention"]),
-            str(row["errors"]),
-            str(row["invalid"]),
-        ]
-        table.add_row(escape(row["agent"]), escape(row["corruption"]), *cells)
-    return table
-
-
-def _show_summaries(run: records.Run) -> None:
-    """Print a line on each agent with corrupted episodes."""
-    for row in scores.summaries(score_rows(run, run.records)):
-        if row["corrupted"] is None:
-            continue
-        worst = f"worst {row['worst']} {_percent(row['worst_success'])}"
-        average = f"average with clean, as in the paper {_percent(row['paper_average'])}"
-        click.echo(f"{row['agent']}: corrupted {_percent(row['corrupted'])}, {worst}, {average}")
-
-
-def _show_recovery(run: records.Run, final: Sequence[records.ResultRecord]) -> None:
-    counted: Counter[str] = Counter()
-    for record in final:
-        recovery = record.get("recovery")
-        if not isinstance(recovery, dict):
-            continue
-        counted.update({key: n for key, n in recovery.items() if isinstance(n, int)})
-    policy = run.config.get("recovery", "unknown")
-    asked = f"asked for {counted['requests']} times, {counted['false_alarms']} of them false alarms"
-    click.echo(f"recovery policy: {policy} ({asked}, {counted['repaired']} repaired)")
-
-
-def _percent(share: float | None, sign: str = "") -> str:
-    return "" if share is None else f"{100 * share:{sign}.1f}"
-
-
-def _interval(
-    low: float | None,
-    high: float | None,
-    sign: str = "",
-) -> str:
-    if low is None or high is None:
-        return ""
-    return f"[{_percent(low, sign)}, {_percent(high, sign)}]"

@@ -26,8 +26,10 @@ COLUMNS = (
     "errors",
     "invalid",
 )
-_Case: TypeAlias = tuple[str, Any, int]
-_Cases: TypeAlias = dict[_Case, ResultRecord]
+# What is paired: the task, the seed of its variant and the seed of the corruption's draws.
+PairKey: TypeAlias = tuple[str, Any, int]
+Cases: TypeAlias = dict[PairKey, ResultRecord]
+ScoreByCase: TypeAlias = dict[PairKey, float]
 
 
 def rows(
@@ -50,17 +52,14 @@ def rows(
         agents: names in the order of the rows; others follow in the order of their records.
         corruptions: labels in the order of the rows, likewise.
     """
-    found: dict[tuple[str, str], _Cases] = {}
-    for (agent, corruption, task, task_seed, seed), record in latest(records).items():
-        found.setdefault((agent, corruption), {})[task, task_seed, seed] = record
+    found = by_cell(records)
     agent_order = _order([*agents, *(agent for agent, _ in found)])
     label_order = _order([*corruptions, *(label for _, label in found)])
     keys = sorted(found, key=lambda key: (agent_order[key[0]], label_order[key[1]]))
-    made = [
-        _row(agent, label, found[agent, label], found.get((agent, CLEAN), {}))
-        for agent, label in keys
-    ]
-    _adjust(made)
+    scores = {key: scored(cases) for key, cases in found.items()}
+    made = [_row(*key, found[key], scores) for key in keys]
+    if can_infer():
+        _infer(made, scores)
     return made
 
 
@@ -93,17 +92,45 @@ def summaries(table: Sequence[ScoreRow]) -> list[ScoreRow]:
     return found
 
 
-def _adjust(table: Sequence[ScoreRow]) -> None:
-    """Adjust the p values of each agent for its corruptions, in place."""
-    if not can_infer():
-        return
-    from .statistics import holm
+def pairs(before: ScoreByCase, after: ScoreByCase) -> tuple[list[float], list[float], list[str]]:
+    """Return the two scores and the task of each case that has both, in the order of `after`."""
+    both = [case for case in after if case in before]
+    return (
+        [before[case] for case in both],
+        [after[case] for case in both],
+        task_names(both),
+    )
 
-    for agent in dict.fromkeys(row["agent"] for row in table):
-        tested = [row for row in table if row["agent"] == agent and row["p"] is not None]
-        adjusted = holm({row["corruption"]: row["p"] for row in tested})
-        for row in tested:
+
+def _infer(table: Sequence[ScoreRow], scores: Mapping[tuple[str, str], ScoreByCase]) -> None:
+    """Add intervals and tests to rows, in place; the p values are adjusted for each agent."""
+    from . import statistics  # scipy takes a second to load
+
+    there = [row for row in table if row["n"]]
+    cells = [scores[row["agent"], row["corruption"]] for row in there]
+    means = statistics.mean_intervals([(list(c.values()), task_names(c)) for c in cells])
+    for row, mean in zip(there, means, strict=True):
+        row.update(ci_low=mean.low, ci_high=mean.high)
+    compared = [row for row in table if row["delta"] is not None]
+    found = [_with_clean(row, scores) for row in compared]
+    for row, change in zip(compared, statistics.difference_intervals(found), strict=True):
+        row.update(delta_low=change.low, delta_high=change.high)
+    tests = {
+        id(row): statistics.mcnemar(*pair[:2]) for row, pair in zip(compared, found, strict=True)
+    }
+    for agent in dict.fromkeys(row["agent"] for row in compared):
+        own = [row for row in compared if row["agent"] == agent]
+        adjusted = statistics.holm({row["corruption"]: tests[id(row)] for row in own})
+        for row in own:
             row["p"] = adjusted[row["corruption"]]
+
+
+def _with_clean(
+    row: ScoreRow,
+    scores: Mapping[tuple[str, str], ScoreByCase],
+) -> tuple[list[float], list[float], list[str]]:
+    agent = row["agent"]
+    return pairs(scores.get((agent, CLEAN), {}), scores[agent, row["corruption"]])
 
 
 def latest(records: Iterable[ResultRecord]) -> dict[tuple[str, str, str, Any, int], ResultRecord]:
@@ -114,6 +141,14 @@ def latest(records: Iterable[ResultRecord]) -> dict[tuple[str, str, str, Any, in
     return {
         (r["agent"], r["corruption"], r["task"], r.get("task_seed"), r["seed"]): r for r in records
     }
+
+
+def by_cell(records: Iterable[ResultRecord]) -> dict[tuple[str, str], Cases]:
+    """Return the last attempt at each case, by agent and corruption."""
+    found: dict[tuple[str, str], Cases] = {}
+    for (agent, corruption, task, task_seed, seed), record in latest(records).items():
+        found.setdefault((agent, corruption), {})[task, task_seed, seed] = record
+    return found
 
 
 def unreached(records: Iterable[ResultRecord], corruptions: Mapping[str, str]) -> int:
@@ -138,39 +173,27 @@ def _order(listed: Sequence[str]) -> dict[str, int]:
 def _row(
     agent: str,
     label: str,
-    cases: _Cases,
-    clean: _Cases,
+    cases: Cases,
+    scores: Mapping[tuple[str, str], ScoreByCase],
 ) -> ScoreRow:
-    scores = _scores(cases)
-    base = _scores(clean)
-    both = [case for case in scores if case in base] if label != CLEAN else []
-    here = [scores[case] for case in both]
-    there = [base[case] for case in both]
+    own = scores[agent, label]
+    base = scores.get((agent, CLEAN), {}) if label != CLEAN else {}
+    there, here, _ = pairs(base, own)
     counted = [record for record in cases.values() if counts(record)]
     row: ScoreRow = {
         **dict.fromkeys(COLUMNS),
         "agent": agent,
         "corruption": label,
-        "n": len(scores),
+        "n": len(own),
         "errors": sum(record["status"] == "error" for record in counted),
         "invalid": len(cases) - len(counted),
     }
-    if scores:
-        row["success"] = fmean(scores.values())
-    if both:
-        row["delta"] = (sum(here) - sum(there)) / len(both)
+    if own:
+        row["success"] = fmean(own.values())
+    if here:
+        row["delta"] = (sum(here) - sum(there)) / len(here)
     if sum(there):
         row["retention"] = sum(here) / sum(there)
-    if can_infer():
-        from . import statistics  # scipy takes a second to load
-
-        if scores:
-            mean = statistics.mean_interval(list(scores.values()), _tasks(scores))
-            row.update(ci_low=mean.low, ci_high=mean.high)
-        if both:
-            change = statistics.difference_interval(there, here, _tasks(both))
-            row.update(delta_low=change.low, delta_high=change.high)
-            row["p"] = statistics.mcnemar(there, here)
     return row
 
 
@@ -179,7 +202,7 @@ def can_infer() -> bool:
     return all(importlib.util.find_spec(name) for name in ("scipy", "statsmodels"))
 
 
-def _tasks(cases: Iterable[_Case]) -> list[str]:
+def task_names(cases: Iterable[PairKey]) -> list[str]:
     """Return the task of each case, without the seed of its variant."""
     return [task.removesuffix(f"-{task_seed}") for task, task_seed, _ in cases]
 
@@ -197,8 +220,8 @@ def counts(record: ResultRecord) -> bool:
     return cause == "agent" or (cause == "machine" and record.get("attempt", 0) > 0)
 
 
-def _scores(cases: _Cases) -> dict[_Case, float]:
-    """Return the score of each case that counts; an error scores 0."""
+def scored(cases: Cases) -> ScoreByCase:
+    """Return the score (0..1) of each case that counts for the agent; an error scores 0."""
     return {case: _score(record) for case, record in cases.items() if counts(record)}
 
 

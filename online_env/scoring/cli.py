@@ -15,9 +15,10 @@ from rich.console import Console
 from hijack_data.cli import console
 from hijack_data.errors import ParameterError
 
-from ..bench import cli as reporting
 from ..bench import records
 from ..bench.config import Bench, override
+from ..report.outcome import exit_code
+from ..report.terminal import score_rows, show
 from .cases import QUESTIONS, Case, Selection, question_of
 from .parts import part_rows
 from .progress import ScoreDisplay
@@ -133,8 +134,8 @@ def score(
     if as_json:
         click.echo(json.dumps(_rows(found), indent=1))
     else:
-        reporting.show(found)
-    raise SystemExit(reporting.exit_code(found))
+        show(found)
+    raise SystemExit(exit_code(found))
 
 
 def _labels(text: str | None) -> tuple[str, ...] | None:
@@ -178,7 +179,7 @@ def _counted(left: Mapping[str, Sequence[Case]]) -> str:
 def _rows(found: records.Run) -> list[dict[str, Any]]:
     """Return the rows of the report, with the parts of each."""
     parts = {(row["agent"], row["corruption"]): row for row in part_rows(found.records)}
-    rows = reporting.score_rows(found, found.records)
+    rows = score_rows(found, found.records)
     joined = [{**parts.pop((row["agent"], row["corruption"]), {}), **row} for row in rows]
     return [*joined, *parts.values()]
 

@@ -1,0 +1,127 @@
+"""How long reports take: nine agents, ten conditions and 369 tasks are 33,210 episodes.
+
+`hijack report` runs in a process of its own, as a user runs it, so that the time holds the imports,
+too. The scores are drawn; everything else of a record is as `hijack bench` writes it.
+
+    python benchmarks/reports.py
+"""
+
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from common import machine, table
+
+from hijack_data.plan import CLEAN
+from online_env.bench import records
+from online_env.bench.reading import RECORDS
+from online_env.report.identity import NINE
+
+AGENTS = ("recovering", *(f"agent-{letter}" for letter in "abcdefgh"))
+TASKS = 369
+GOAL = 10.0  # seconds
+FORMATS = ("terminal", "json", "html")
+RUNS = 2
+
+
+def synthetic(folder: Path, seeds: int = 1) -> int:
+    """Write a run of drawn scores; returns how many episodes it has."""
+    rng = np.random.default_rng(0)
+    conditions = (CLEAN, *NINE)
+    lines = [
+        _record(agent, f"task_{task}", condition, seed, float(rng.random() < 0.9 - 0.07 * place))
+        for place, agent in enumerate(AGENTS)
+        for condition in conditions
+        for task in range(TASKS)
+        for seed in range(seeds)
+    ]
+    config = {
+        "source": "synthetic",
+        "desktop": {"provider": "embedded", "size": [1920, 1080]},
+        "agents": list(AGENTS),
+        "tasks": [f"task_{task}" for task in range(TASKS)],
+        "corruptions": list(conditions),
+        "seeds": list(range(seeds)),
+        "recovery": "none",
+        "max_steps": 15,
+    }
+    with records.create(folder, config):
+        text = "".join(json.dumps(line) + "\n" for line in lines)
+        (folder / RECORDS).write_text(text)
+    return len(lines)
+
+
+def _record(
+    agent: str,
+    task: str,
+    condition: str,
+    seed: int,
+    score: float,
+) -> dict[str, object]:
+    return {
+        "id": f"{task}-{seed}__{condition}__s{seed}__{agent}",
+        "agent": agent,
+        "task": f"{task}-{seed}",
+        "task_seed": seed,
+        "instruction": "Write a note that says what was agreed, and save it in the home folder.",
+        "apps": ["mousepad"],
+        "infeasible": False,
+        "corruption": condition,
+        "params": {},
+        "seed": seed,
+        "sample": f"{task}-{seed}",
+        "status": "ok",
+        "score": score,
+        "reason": "",
+        "problem": "",
+        "ended": "agent",
+        "effects": [{"step": 0, "kind": "none", "probes": [{"ok": True}] * 3}],
+        "steps": 9,
+        "seconds": 21.4,
+        "setup_seconds": 3.2,
+        "malformed": 0,
+        "last_action": "DONE",
+        "said": "That should do.",
+        "usage": {"requests": 9, "input_tokens": 14_000, "output_tokens": 900, "usd": 0.05},
+        "recovery": {"policy": "none", "requests": 0, "false_alarms": 0, "repaired": 0},
+        "attempt": 0,
+    }
+
+
+def seconds_of(folder: Path, format: str) -> tuple[float, float]:
+    """Run `hijack report` once; returns the seconds it took, and those it computed."""
+    argv = [sys.executable, "-m", "hijack_data.cli", "report", str(folder), "--format", format]
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    begin = time.perf_counter()
+    subprocess.run(
+        [*argv, "-o", str(folder.parent / format)], check=True, stdout=subprocess.DEVNULL
+    )
+    taken = time.perf_counter() - begin
+    now = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return taken, now.ru_utime + now.ru_stime - used.ru_utime - used.ru_stime
+
+
+def main() -> None:
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place) / "run"
+        count = synthetic(folder)
+        size = (folder / RECORDS).stat().st_size / 2**20
+        rows = []
+        for format in FORMATS:
+            taken, computed = min(seconds_of(folder, format) for _ in range(RUNS))
+            verdict = "yes" if taken <= GOAL else "NO"
+            rows.append([format, f"{taken:.1f}", f"{computed:.1f}", f"<= {GOAL:g} s: {verdict}"])
+    print(machine())
+    load = " ".join(f"{value:.1f}" for value in os.getloadavg())
+    print(f"\n{count} episodes, {len(AGENTS)} agents, {size:.0f} MiB of records; load {load}.\n")
+    print(table(("format", f"s, the best of {RUNS}", "s of the processor", "goal"), rows))
+
+
+if __name__ == "__main__":
+    main()

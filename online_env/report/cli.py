@@ -1,0 +1,208 @@
+"""`hijack report`.
+
+Exit codes: 0 done, 1 something of the run is missing, invalid, failed or damaged, 2 bad usage or a
+run that cannot be reported, 3 the disk is full or fails.
+"""
+
+import gc
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import click
+
+from hijack_data.cli import console
+from hijack_data.files import write_atomic
+
+from ..bench import reading
+from ..bench.reading import Run
+from . import terminal
+from .build import build_report, read_report
+from .compare import RunComparison, compare
+from .document import ReportDocument
+from .formats import FORMATS, TERMINAL, format_of, write
+from .model import ReportError, RunReport
+from .outcome import exit_code, missing_line
+from .paper import beside_paper
+
+
+@click.command()
+@click.argument("runs", type=click.Path(path_type=Path))
+@click.option("--format", "named", metavar="NAME", help=f"One of {', '.join(FORMATS)}.")
+@click.option(
+    "-o",
+    "--out",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Write to a file, whose name tells the format unless --format does.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print a list of rows.")
+@click.option("--reference", metavar="AGENT", help="Agent of the run that mCE refers to.")
+@click.option(
+    "--compare",
+    "other",
+    type=click.Path(path_type=Path),
+    metavar="EARLIER",
+    help="Compare the run case by case with an earlier one.",
+)
+@click.option(
+    "--pair",
+    "pairs",
+    multiple=True,
+    metavar="OLD=NEW",
+    help="With --compare: agents of other names that are compared; may be repeated.",
+)
+@click.option("--paper", is_flag=True, help="Set the agents beside the paper's main table.")
+@click.option("--leaderboard", is_flag=True, help="Rank the agents of all runs in the folder RUNS.")
+def report(
+    runs: Path,
+    named: str | None,
+    out: Path | None,
+    as_json: bool,
+    reference: str | None,
+    other: Path | None,
+    pairs: tuple[str, ...],
+    paper: bool,
+    leaderboard: bool,
+) -> None:
+    """Show the results of a run, such as: hijack report runs/small.
+
+    RUNS is the folder of a run of hijack bench or hijack score, or a report.json.
+    """
+    if leaderboard:
+        raise SystemExit(_leaderboard(runs, named, out))
+    if pairs and other is None:
+        raise ReportError("--pair names agents of two runs; give the earlier one with --compare")
+    if runs.is_file():
+        _report_file(runs, named, out, other is not None, paper)
+        return
+    run = _read(runs)
+    if as_json:
+        rows = terminal.score_rows(run, run.records)
+        _put(json.dumps(rows, indent=1) + "\n", out)
+        raise SystemExit(_told(run))
+    format = format_of(named, out)
+    comparison = None
+    if other is not None:
+        comparison = compare(_read(other), run, _paired(pairs))
+    if format == TERMINAL and out is None and comparison is None:
+        terminal.show(run, reference or "")
+        if paper:
+            terminal.show_paper(beside_paper(build_report(run)), console())
+        raise SystemExit(_told(run))
+    document = _document(build_report(run, reference=reference or ""), comparison, paper)
+    _write(document, format, out)
+    raise SystemExit(_told(run))
+
+
+def _read(folder: Path) -> Run:
+    """Read a run that has episodes.
+
+    Raises:
+        ReportError: it has none.
+    """
+    run = reading.read(folder)
+    for damage in run.damaged:
+        place = f"{folder / damage.file}:{damage.line}"
+        click.echo(f"hijack: {place}: skipped: {damage.problem}", err=True)
+    if not run.records:
+        command = "score" if run.is_scored else "bench"
+        raise ReportError(
+            f"{folder}: holds no episodes yet; hijack {command} ... --out {folder} --resume runs"
+            " them"
+        )
+    gc.freeze()  # records are no garbage, and statsmodels looks through all of them for some
+    return run
+
+
+def _told(run: Run) -> int:
+    """Say on standard error what is missing, and return the exit code."""
+    if run.missing:
+        click.echo(f"hijack: {run.folder}: {missing_line(run)}", err=True)
+    return exit_code(run)
+
+
+def _report_file(
+    path: Path,
+    named: str | None,
+    out: Path | None,
+    compared: bool,
+    paper: bool,
+) -> None:
+    """Write a finished report in another format.
+
+    Raises:
+        ReportError: the file is none, or is to be compared.
+    """
+    if compared:
+        raise ReportError(f"--compare: {path} is a finished report; give the folders of the runs")
+    _write(_document(read_report(path), None, paper), format_of(named, out), out)
+
+
+def _document(
+    report: RunReport,
+    comparison: RunComparison | None,
+    paper: bool,
+) -> ReportDocument:
+    return ReportDocument(
+        report=report,
+        comparison=comparison,
+        paper=beside_paper(report) if paper else None,
+    )
+
+
+def _write(
+    document: ReportDocument,
+    format: str,
+    out: Path | None,
+) -> None:
+    if format == TERMINAL and out is None:
+        terminal.show_document(document, console())
+        return
+    _put(write(document, format), out)
+
+
+def _put(text: str, out: Path | None) -> None:
+    if out is None:
+        click.echo(text, nl=False)
+        return
+    write_atomic(out, text)
+    click.echo(f"wrote {out}")
+
+
+def _paired(pairs: tuple[str, ...]) -> Mapping[str, str] | None:
+    """Return the agents that are compared.
+
+    Raises:
+        ReportError: a pair is not two names.
+    """
+    found: dict[str, str] = {}
+    for pair in pairs:
+        first, _, second = pair.partition("=")
+        if not first or not second:
+            raise ReportError(f"--pair: {pair!r} is not OLD=NEW, two names of agents")
+        found[first] = second
+    return found or None
+
+
+def _leaderboard(
+    folder: Path,
+    named: str | None,
+    out: Path | None,
+) -> int:
+    """Write the page of all runs in a folder; returns the exit code.
+
+    Raises:
+        ReportError: another format than a page was asked for.
+    """
+    from .leaderboard import leaderboard, read_all
+
+    if named not in (None, "html"):
+        raise ReportError(f"--leaderboard is a page; --format {named} is not possible, give html")
+    if out is None:
+        raise ReportError("--leaderboard: say where the page goes, such as -o leaderboard.html")
+    found = read_all(folder)
+    for problem in found.problems:
+        click.echo(f"hijack: left out: {problem}", err=True)
+    _put(leaderboard(found), out)
+    return 1 if found.problems else 0

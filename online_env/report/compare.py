@@ -1,0 +1,248 @@
+"""Two runs, case by case: the same agent, task, corruption and seed before and after."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+from ..bench import scores
+from ..bench.reading import Run
+from ..bench.records import difference
+from ..extra import require
+from .build import identity_of
+from .model import ReportError, RunIdentity
+
+SHOWN = 0.05  # a p value below shows a difference
+_PLACES = ("source", "agents", "code")  # of a configuration: what two runs may well differ in
+_Cells: TypeAlias = Mapping[tuple[str, str], scores.ScoreByCase]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ComparedCell:
+    """One condition of two agents, over the cases that both runs have.
+
+    Attributes:
+        before: the agent of the first run.
+        after: the agent of the second.
+        corruption: the label.
+        n: cases that are in both.
+        only_before: cases with a score in the first run alone.
+        only_after: cases with a score in the second run alone.
+        success_before: mean score of the shared cases in the first run.
+        success_after: the same in the second.
+        difference: second minus first.
+        low: lower end of its 95 % interval.
+        high: upper end.
+        p: of McNemar's exact test, adjusted for the conditions of the agent (Holm).
+        detectable: the smallest true difference that as many tasks would show with a power of
+            80 %.
+    """
+
+    before: str
+    after: str
+    corruption: str
+    n: int
+    only_before: int = 0
+    only_after: int = 0
+    success_before: float | None = None
+    success_after: float | None = None
+    difference: float | None = None
+    low: float | None = None
+    high: float | None = None
+    p: float | None = None
+    detectable: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunComparison:
+    """A run beside an earlier one.
+
+    Attributes:
+        before: the earlier run.
+        after: the later one.
+        cells: a row for each pair of agents and each condition of either run.
+        notes: what is not shared and what is not shown, in sentences.
+    """
+
+    before: RunIdentity
+    after: RunIdentity
+    cells: tuple[ComparedCell, ...]
+    notes: tuple[str, ...]
+
+
+def compare(
+    before: Run,
+    after: Run,
+    pairs: Mapping[str, str] | None = None,
+) -> RunComparison:
+    """Return two runs compared case by case.
+
+    A case is a task (with the seed of its variant), a corruption and a seed. Agents of the same
+    name are compared; if there are none, and each run has one agent, these two.
+
+    Args:
+        before: the earlier run.
+        after: the later one.
+        pairs: names of agents of the first run, and those of the second that they are compared
+            with, in place of the above.
+
+    Raises:
+        ReportError: a run has no episodes, an agent is not there, or the runs share no case.
+    """
+    require("a comparison of runs", ("scipy", "statsmodels"))
+    for run in (before, after):
+        if not run.records:
+            raise ReportError(f"{run.folder}: holds no episodes yet, so there is nothing to pair")
+    there = _scored(before)
+    here = _scored(after)
+    chosen = _chosen(before, after, _agents(there), _agents(here), pairs)
+    rows = [row for names in chosen.items() for row in _rows(names, there, here)]
+    if not any(row.n for row in rows):
+        raise ReportError(
+            f"{before.folder} and {after.folder} share no case (task, corruption and seed); run"
+            " both with the same --tasks, --corruptions and --seeds"
+        )
+    return RunComparison(
+        before=identity_of(before),
+        after=identity_of(after),
+        cells=tuple(rows),
+        notes=tuple(_notes(before, after, rows, chosen)),
+    )
+
+
+def _scored(run: Run) -> _Cells:
+    found = scores.by_cell(run.records)
+    return {key: scores.scored(cases) for key, cases in found.items()}
+
+
+def _agents(cells: _Cells) -> list[str]:
+    return list(dict.fromkeys(agent for agent, _ in cells))
+
+
+def _chosen(
+    before: Run,
+    after: Run,
+    there: Sequence[str],
+    here: Sequence[str],
+    pairs: Mapping[str, str] | None,
+) -> dict[str, str]:
+    """Return which agents are compared.
+
+    Raises:
+        ReportError: one of them is missing, or it is not clear which to compare.
+    """
+    for first, second in (pairs or {}).items():
+        for run, name, known in ((before, first, there), (after, second, here)):
+            if name not in known:
+                raise ReportError(f"--pair: {name!r} is not in {run.folder} ({', '.join(known)})")
+    if pairs:
+        return dict(pairs)
+    same = [agent for agent in there if agent in here]
+    if same:
+        return {agent: agent for agent in same}
+    if len(there) == len(here) == 1:
+        return {there[0]: here[0]}
+    raise ReportError(
+        f"nothing to pair: {before.folder} has {', '.join(there)}, {after.folder} has"
+        f" {', '.join(here)}; name two with --pair {there[0]}={here[0]}"
+    )
+
+
+def _rows(
+    names: tuple[str, str],
+    there: _Cells,
+    here: _Cells,
+) -> list[ComparedCell]:
+    """Return the conditions of two agents, in the order of the first run."""
+    from ..bench import statistics
+
+    first, second = names
+    labels = [label for agent, label in there if agent == first]
+    labels += [label for agent, label in here if agent == second]
+    made: dict[str, dict[str, Any]] = {}
+    for label in dict.fromkeys(labels):
+        old = there.get((first, label), {})
+        new = here.get((second, label), {})
+        made[label] = _row(old, new)
+    tests = {label: row["p"] for label, row in made.items() if row["n"]}
+    adjusted = statistics.holm(tests)
+    for label, value in adjusted.items():
+        made[label]["p"] = value
+    return [
+        ComparedCell(
+            before=first,
+            after=second,
+            corruption=label,
+            **row,
+        )
+        for label, row in made.items()
+    ]
+
+
+def _row(old: scores.ScoreByCase, new: scores.ScoreByCase) -> dict[str, Any]:
+    from ..bench import statistics
+
+    before, after, tasks = scores.pairs(old, new)
+    row: dict[str, Any] = {
+        "n": len(tasks),
+        "only_before": len(old) - len(tasks),
+        "only_after": len(new) - len(tasks),
+    }
+    if not tasks:
+        return row
+    change = statistics.difference_interval(before, after, tasks)
+    return row | {
+        "success_before": sum(before) / len(before),
+        "success_after": sum(after) / len(after),
+        "difference": change.value,
+        "low": change.low,
+        "high": change.high,
+        "p": statistics.mcnemar(before, after),
+        "detectable": statistics.detectable_difference(before, after, tasks),
+    }
+
+
+def _notes(
+    before: Run,
+    after: Run,
+    rows: Sequence[ComparedCell],
+    chosen: Mapping[str, str],
+) -> Iterator[str]:
+    for run, own, kept in (
+        (before, _agents(_scored(before)), chosen.keys()),
+        (after, _agents(_scored(after)), chosen.values()),
+    ):
+        left = [agent for agent in own if agent not in kept]
+        if left:
+            yield f"Only in {run.folder}: {', '.join(left)}."
+    alone = [(row.only_before, row.only_after) for row in rows]
+    first, second = (sum(counts) for counts in zip(*alone, strict=True))
+    if first or second:
+        yield (
+            f"Not compared: {first} cases that only {before.folder} has, {second} that only"
+            f" {after.folder} has."
+        )
+    other = difference(_setting(before), _setting(after))
+    if other:
+        yield f"The runs differ in their settings, too, first in this: {other}."
+    yield from _unseen(rows)
+
+
+def _setting(run: Run) -> dict[str, Any]:
+    """Return the configuration without what two runs may well differ in."""
+    return {key: value for key, value in run.config.items() if key not in _PLACES}
+
+
+def _unseen(rows: Sequence[ComparedCell]) -> Iterator[str]:
+    """Yield which differences are not shown, and how large one would have to be."""
+    hidden: dict[tuple[str, str], list[str]] = {}
+    for row in rows:
+        if row.p is None or row.p < SHOWN:
+            continue
+        points = f" ({100 * row.detectable:.1f} points)" if row.detectable else ""
+        hidden.setdefault((row.before, row.after), []).append(f"{row.corruption}{points}")
+    for (before, after), labels in hidden.items():
+        who = after if before == after else f"{before} and {after}"
+        yield (
+            f"{who}: no difference is shown under {', '.join(labels)}. In brackets is the true"
+            " difference that as many tasks would show with a probability of 80 %."
+        )

@@ -1,0 +1,29 @@
+"""What is written: a report, and what the options add to it."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from .compare import RunComparison
+from .model import RunReport
+from .paper import PaperTable
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReportDocument:
+    """A report with what was asked for beside it.
+
+    Attributes:
+        report: of the run.
+        comparison: with another run.
+        paper: the paper's table, with ours below it.
+    """
+
+    report: RunReport
+    comparison: RunComparison | None = None
+    paper: PaperTable | None = None
+
+    def extras(self) -> Mapping[str, Any]:
+        """Return comparison and paper as JSON data; keys without data are left out."""
+        found = {"comparison": self.comparison, "paper": self.paper}
+        return {key: asdict(value) for key, value in found.items() if value is not None}

@@ -1,0 +1,63 @@
+"""The formats of a report by name, and what writes each: a function of a `ReportDocument`."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import TypeAlias
+
+from hijack_data.errors import suggest
+from hijack_data.registry import Lazy
+
+from .document import ReportDocument
+from .model import ReportError
+
+ReportWriter: TypeAlias = Callable[[ReportDocument], str]
+TERMINAL = "terminal"
+FORMATS: Mapping[str, str] = MappingProxyType(
+    {
+        TERMINAL: "online_env.report.terminal:text",
+        "json": "online_env.report.tables:as_json",
+        "csv": "online_env.report.tables:as_csv",
+        "latex": "online_env.report.latex:as_latex",
+        "markdown": "online_env.report.tables:as_markdown",
+        "html": "online_env.report.html:as_html",
+        "model-index": "online_env.report.model_card:as_model_index",
+    }
+)
+SUFFIXES: Mapping[str, str] = MappingProxyType(
+    {
+        ".txt": TERMINAL,
+        ".json": "json",
+        ".csv": "csv",
+        ".tex": "latex",
+        ".md": "markdown",
+        ".html": "html",
+        ".htm": "html",
+        ".yaml": "model-index",
+        ".yml": "model-index",
+    }
+)
+
+
+def format_of(named: str | None, out: Path | None) -> str:
+    """Return the format that is asked for by its name, or by the end of a file's name.
+
+    Raises:
+        ReportError: there is no such format, or the name of the file does not tell.
+    """
+    if named is not None:
+        if named not in FORMATS:
+            raise ReportError(f"--format: unknown format {named!r}{suggest(named, FORMATS)}")
+        return named
+    if out is None:
+        return TERMINAL
+    if out.suffix.lower() not in SUFFIXES:
+        known = ", ".join(FORMATS)
+        raise ReportError(f"-o {out}: its name does not tell the format; give --format ({known})")
+    return SUFFIXES[out.suffix.lower()]
+
+
+def write(document: ReportDocument, format: str) -> str:
+    """Return a document in one of the `FORMATS`; it ends with a line feed."""
+    writer: ReportWriter = Lazy(FORMATS[format]).load()
+    return writer(document).rstrip("\n") + "\n"

@@ -1,0 +1,131 @@
+"""A report as one page that needs nothing else: its style and its figures are in it.
+
+The colours and the type are those of the gallery and the viewer, light and dark.
+"""
+
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from hijack_data.gallery.markup import source
+from hijack_data.plan import CLEAN
+
+from ..extra import require
+from . import words
+from .document import ReportDocument
+from .figures import LEFT, RIGHT, WIDTH, retention_panels, success_panels
+from .identity import RunIdentity
+from .model import RunReport
+from .tables import cell_table, compared_table, paper_rows, summary_table, trimmed
+
+PAGE = Path(__file__).parent / "page"
+SHOWN = 0.05  # a p value below is marked
+
+
+def as_html(document: ReportDocument) -> str:
+    """Return the page of a report."""
+    report = document.report
+    compared = document.comparison
+    return render(
+        "report.html",
+        title=f"{report.run.name}: AgentHijack report",
+        document=document,
+        report=report,
+        facts=_facts(report.run),
+        success=success_panels(report),
+        retention=retention_panels(report),
+        matrix=_matrix(report),
+        summary=trimmed(*summary_table(report.summaries)),
+        cells=trimmed(*cell_table(report.cells)),
+        feasible=trimmed(*cell_table(report.feasible)),
+        infeasible=trimmed(*cell_table(report.infeasible)),
+        compared=trimmed(*compared_table(compared.cells)) if compared else None,
+        paper=paper_rows(document.paper) if document.paper else None,
+        has_ceiling=any(cell.ceiling is not None for cell in report.cells),
+    )
+
+
+def render(template: str, **values: Any) -> str:
+    """Fill a template of `page/`; values are escaped."""
+    require("a report as a page", ("jinja2",))
+    style = source("page.css") + (PAGE / "report.css").read_text(encoding="utf-8")
+    return _templates().get_template(template).render(style=style, **values)
+
+
+@cache
+def _templates() -> Any:
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    env = Environment(
+        loader=FileSystemLoader(PAGE),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    env.filters.update(
+        percent=words.percent,
+        spaced=lambda label: str(label).replace("_", " "),
+        short=lambda number: f"{number:.2f}".rstrip("0").rstrip("."),
+    )
+    env.globals.update(
+        left=LEFT,
+        width=WIDTH,
+        right=RIGHT,
+    )
+    return env
+
+
+def _matrix(report: RunReport) -> list[tuple[str, list[Mapping[str, Any]]]]:
+    """Return a row for each agent: what the cells of the large table show."""
+    return [
+        (agent, [_shown(report, agent, label) for label in report.labels])
+        for agent in report.agents
+    ]
+
+
+def _shown(
+    report: RunReport,
+    agent: str,
+    label: str,
+) -> Mapping[str, Any]:
+    cell = report.cell(agent, label)
+    if cell is None or cell.success is None:
+        return {
+            "value": "",
+            "delta": "",
+            "share": 0,
+            "lost": False,
+            "title": f"{agent}, {label}: no episode that counts",
+        }
+    between = words.interval(cell.ci_low, cell.ci_high)
+    return {
+        "value": words.percent(cell.success),
+        "delta": words.percent(cell.delta, "+") if label != CLEAN else "",
+        "share": round(100 * cell.success),
+        "lost": cell.p is not None and cell.p < SHOWN,
+        "title": f"{agent}, {label}: {words.percent(cell.success)} % {between}, n {cell.n}",
+    }
+
+
+def _facts(run: RunIdentity) -> list[tuple[str, str]]:
+    """Return how the run was played, as names and values."""
+    seeds = ", ".join(map(str, run.seeds[:8])) + (" ..." if len(run.seeds) > 8 else "")
+    began = ""
+    if run.created is not None:
+        began = datetime.fromtimestamp(run.created, UTC).strftime("%Y-%m-%d %H:%M UTC")
+    found = [
+        ("made by", f"hijack {run.kind}"),
+        ("of", run.source),
+        ("begun", began),
+        ("tasks", str(run.tasks)),
+        ("seeds", seeds),
+        ("desktop", run.provider),
+        ("actions at most", "" if run.max_steps is None else str(run.max_steps)),
+        ("recovery policy", run.recovery),
+        ("SHA-256 of run.json", run.head_sha256),
+        ("versions", ", ".join(f"{name} {version}" for name, version in run.versions.items())),
+    ]
+    return [(name, value) for name, value in found if value]

@@ -1,0 +1,141 @@
+"""Which run a report is about: what its head says, and how its conditions relate to the paper's."""
+
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from typing import Any
+
+from hijack_data.corruption import get
+from hijack_data.errors import HijackError
+from hijack_data.runs.run_log import RUN, SCORE_RUN, digest_of
+
+from ..bench import scores
+from ..bench.reading import Run, read_head
+from .model import RunIdentity
+
+# The paper's corruptions, in the order of the columns of its main table.
+NINE = (
+    "pop_ups",
+    "resolution",
+    "marks",
+    "subtitle",
+    "multi_apps",
+    "accidental_touch",
+    "app_minimization",
+    "network_error",
+    "verification",
+)
+_AS = "as"
+# Of a configuration: what decides the score of an agent beside the agent.
+_SETTING = (
+    "kind",
+    "content",
+    "question",
+    "split",
+    "limit",
+    "distance",
+    "desktop",
+    "tasks",
+    "corruptions",
+    "seeds",
+    "max_steps",
+    "recovery",
+)
+
+
+def identity_of(run: Run) -> RunIdentity:
+    """Return the identity of a run that was read."""
+    head = _head(run)
+    config = run.config
+    names = conditions_of(config)
+    final = list(scores.latest(run.records).values())
+    desktop = config.get("desktop")
+    created = head.get("created")
+    return RunIdentity(
+        name=run.folder.resolve().name,
+        kind=SCORE_RUN if run.is_scored else "bench",
+        source=str(config.get("source", "")),
+        head_sha256=_head_digest(run),
+        setting_sha256=_setting_digest(config),
+        created=float(created) if isinstance(created, int | float) else None,
+        versions=_texts(head.get("versions")),
+        provider=str(desktop.get("provider", "")) if isinstance(desktop, dict) else "",
+        recovery=str(config.get("recovery", "")),
+        max_steps=_integer(config.get("max_steps")),
+        seeds=tuple(sorted({record["seed"] for record in final})),
+        tasks=len(set(scores.task_names(map(_case_of, final)))),
+        corruptions=names,
+        changed=tuple(_changed(config)),
+        planned=run.planned,
+        missing=run.missing,
+        damaged=len(run.damaged),
+        early=0 if run.is_scored else scores.unreached(final, names),
+    )
+
+
+def conditions_of(config: Mapping[str, Any]) -> dict[str, str]:
+    """Return the name of the corruption of each label, in the order of a configuration."""
+    return {label: name for label, name, _ in _entries(config.get("corruptions"))}
+
+
+def agents_of(config: Mapping[str, Any]) -> list[str]:
+    """Return the agents of a configuration, in its order."""
+    return [label for label, _, _ in _entries(config.get("agents"))]
+
+
+def has_all_nine(run: RunIdentity, labels: set[str]) -> bool:
+    """Return whether each of the paper's nine is among `labels`, under its own name."""
+    found = {label for label in labels if run.corruptions.get(label, label) == label}
+    return found.issuperset(NINE)
+
+
+def _entries(listed: Any) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
+    """Yield label, name and settings of what a list of the configuration names."""
+    if not isinstance(listed, list):
+        return
+    for entry in listed:
+        name: Any = entry
+        settings: Any = {}
+        if isinstance(entry, dict) and len(entry) == 1:
+            ((name, settings),) = entry.items()
+        known: dict[str, Any] = settings if isinstance(settings, dict) else {}
+        yield str(known.get(_AS, name)), str(name), known
+
+
+def _changed(config: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the labels of the nine whose parameters are not the paper's defaults."""
+    for label, name, settings in _entries(config.get("corruptions")):
+        if label not in NINE or name != label:
+            continue
+        with suppress(HijackError):
+            default = get(name).params()
+            if any(default.get(key) != value for key, value in settings.items() if key != _AS):
+                yield label
+
+
+def _head(run: Run) -> Mapping[str, Any]:
+    return read_head(run.folder) if (run.folder / RUN).exists() else {}
+
+
+def _head_digest(run: Run) -> str:
+    path = run.folder / RUN
+    return digest_of(path.read_bytes()) if path.exists() else ""
+
+
+def _setting_digest(config: Mapping[str, Any]) -> str:
+    chosen = {key: config.get(key) for key in _SETTING}
+    return digest_of(json.dumps(chosen, sort_keys=True).encode())
+
+
+def _case_of(record: Mapping[str, Any]) -> scores.PairKey:
+    return record["task"], record.get("task_seed"), record["seed"]
+
+
+def _texts(found: Any) -> dict[str, str]:
+    if not isinstance(found, dict):
+        return {}
+    return {str(key): str(value) for key, value in found.items()}
+
+
+def _integer(value: Any) -> int | None:
+    return value if isinstance(value, int) else None

@@ -1,0 +1,109 @@
+"""A report as a LaTeX table (booktabs) in the form of the paper's.
+
+An agent has a row, a condition a column, and the best of each column is bold.
+"""
+
+from collections.abc import Sequence
+
+from .document import ReportDocument
+from .model import AgentSummary, RunReport
+from .paper import PaperRow, PaperTable
+
+_SPECIAL = {
+    "\\": r"\textbackslash{}",
+    "&": r"\&",
+    "%": r"\%",
+    "$": r"\$",
+    "#": r"\#",
+    "_": r"\_",
+    "{": r"\{",
+    "}": r"\}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "<": r"\textless{}",
+    ">": r"\textgreater{}",
+}
+_Row = tuple[str, Sequence[float | None]]
+
+
+def as_latex(document: ReportDocument) -> str:
+    """Return one `table*`; it needs the package booktabs."""
+    report = document.report
+    ours = [_own(report, row) for row in report.summaries]
+    if document.paper is not None:
+        return _with_paper(document.paper)
+    headings = [*report.labels, "corrupted", "retention"]
+    caption = f"Success in percent, {_escape(report.run.name)}: {report.run.tasks} tasks."
+    body = _body(ours)
+    return _table(headings, body, caption)
+
+
+def _own(report: RunReport, row: AgentSummary) -> _Row:
+    values: list[float | None] = []
+    for label in report.labels:
+        cell = report.cell(row.agent, label)
+        values.append(cell.success if cell else None)
+    return row.agent, [*values, row.corrupted, row.retention]
+
+
+def _with_paper(paper: PaperTable) -> str:
+    theirs = [_of_paper(row, paper.columns) for row in paper.rows if not row.ours]
+    ours = [_of_paper(row, paper.columns) for row in paper.rows if row.ours]
+    body = [*_body(theirs, 2), r"\midrule", *_body(ours, 2)]
+    caption = "Success in percent. Above the line: the paper, as printed; below it: ours."
+    return _table([*paper.columns, "average"], body, caption)
+
+
+def _of_paper(row: PaperRow, columns: Sequence[str]) -> _Row:
+    return row.agent, [*(row.success.get(label) for label in columns), row.average]
+
+
+def _body(rows: Sequence[_Row], digits: int = 1) -> list[str]:
+    """Return the lines of some agents; the best of each column is bold."""
+    best = _best(rows) if len(rows) > 1 else []
+    lines: list[str] = []
+    for agent, values in rows:
+        cells = [_cell(value, digits) for value in values]
+        for place, value in enumerate(values):
+            if best and value is not None and value == best[place]:
+                cells[place] = rf"\textbf{{{cells[place]}}}"
+        lines.append(f"{_escape(agent)} & {' & '.join(cells)} \\\\")
+    return lines
+
+
+def _best(rows: Sequence[_Row]) -> list[float | None]:
+    columns = zip(*(values for _, values in rows), strict=True)
+    there = [[value for value in column if value is not None] for column in columns]
+    return [max(values, default=None) for values in there]
+
+
+def _table(
+    headings: Sequence[str],
+    body: Sequence[str],
+    caption: str,
+) -> str:
+    named = " & ".join(rf"\textbf{{{_escape(name.replace('_', ' '))}}}" for name in headings)
+    lines = [
+        r"% needs \usepackage{booktabs,graphicx}",
+        r"\begin{table*}[t]",
+        r"\centering",
+        rf"\caption{{{caption}}}",
+        r"\resizebox{\linewidth}{!}{%",
+        rf"\begin{{tabular}}{{l{'r' * len(headings)}}}",
+        r"\toprule",
+        rf"\textbf{{Agent}} & {named} \\",
+        r"\midrule",
+        *body,
+        r"\bottomrule",
+        r"\end{tabular}}",
+        r"\end{table*}",
+    ]
+    return "\n".join(lines)
+
+
+def _cell(value: float | None, digits: int) -> str:
+    return "--" if value is None else f"{100 * value:.{digits}f}"
+
+
+def _escape(text: str) -> str:
+    return "".join(_SPECIAL.get(character, character) for character in text)

@@ -1,0 +1,210 @@
+"""A page that ranks the agents of all runs in a folder.
+
+Agents are ranked by their mean success over the corruptions, and only with those that were played
+under the same setting: kind of run, tasks, conditions with their parameters, seeds, steps, desktop
+and recovery policy. Reference agents and runs that lack episodes are shown without a rank.
+"""
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from hijack_data.errors import HijackError
+from hijack_data.runs.run_log import EPISODES, RUN
+
+from . import words
+from .build import load_report
+from .html import render
+from .model import AgentSummary, ReportError, RunIdentity, RunReport
+from .named import YARDSTICKS
+
+_SKIPPED = (EPISODES, "requests", ".git")
+_SUFFIX = ".report.json"
+
+
+@dataclass(frozen=True, kw_only=True)
+class FoundReports:
+    """The reports in a folder.
+
+    Attributes:
+        folder: where they are.
+        reports: by their place in it.
+        problems: what could not be read, and why.
+    """
+
+    folder: Path
+    reports: tuple[tuple[str, RunReport], ...]
+    problems: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Standing:
+    """A line of the leaderboard.
+
+    Attributes:
+        rank: from 1; `None` for what is not ranked.
+        why: the reason for that, or nothing.
+        place: of the run in the folder.
+        run: its identity.
+        row: the agent.
+        values: success in percent by label.
+        shares: success by label, 0..100, rounded; 0 where there is none.
+    """
+
+    rank: int | None
+    why: str
+    place: str
+    run: RunIdentity
+    row: AgentSummary
+    values: tuple[str, ...]
+    shares: tuple[int, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ranking:
+    """The agents that were played under one setting.
+
+    Attributes:
+        title: the setting, in words.
+        labels: of the conditions.
+        lines: the agents, best first.
+    """
+
+    title: str
+    labels: tuple[str, ...]
+    lines: tuple[Standing, ...]
+
+
+def read_all(folder: Path) -> FoundReports:
+    """Read all runs below a folder, and files named `*.report.json`.
+
+    Raises:
+        ReportError: there is no such folder, or it holds nothing that can be read.
+    """
+    if not folder.is_dir():
+        raise ReportError(f"{folder}: is no folder; --leaderboard takes a folder of runs")
+    reports: list[tuple[str, RunReport]] = []
+    problems: list[str] = []
+    for path in sorted(_places(folder)):
+        try:
+            found = load_report(path)
+        except HijackError as error:
+            problems.append(" ".join(str(error).split("\n")))
+        else:
+            reports.append((str(path.relative_to(folder)), found))
+    if not reports:
+        said = f" ({problems[0]})" if problems else ""
+        raise ReportError(
+            f"{folder}: holds no run with episodes{said}; give the folder that --out folders of"
+            " hijack bench are in"
+        )
+    return FoundReports(
+        folder=folder,
+        reports=tuple(reports),
+        problems=tuple(problems),
+    )
+
+
+def rankings_of(found: FoundReports) -> list[Ranking]:
+    """Return one board for each setting, the one with the most agents first."""
+    groups: dict[str, list[tuple[str, RunReport]]] = {}
+    for place, report in found.reports:
+        groups.setdefault(report.run.setting_sha256, []).append((place, report))
+    made = [_board(group) for group in groups.values()]
+    return sorted(made, key=lambda board: -len(board.lines))
+
+
+def leaderboard(found: FoundReports) -> str:
+    """Return the page."""
+    return render(
+        "leaderboard.html",
+        title="AgentHijack leaderboard",
+        boards=rankings_of(found),
+        problems=found.problems,
+        runs=len(found.reports),
+        interval=words.interval,
+    )
+
+
+def _places(folder: Path) -> Iterator[Path]:
+    """Yield the folders of runs and the files of reports."""
+    for base, folders, files in os.walk(folder):
+        folders[:] = [name for name in folders if name not in _SKIPPED]
+        if RUN in files:
+            folders.clear()
+            yield Path(base)
+            continue
+        yield from (Path(base) / name for name in files if name.endswith(_SUFFIX))
+
+
+def _board(group: Sequence[tuple[str, RunReport]]) -> Ranking:
+    first = group[0][1]
+    rows = [(place, report, row) for place, report in group for row in report.summaries]
+    rows.sort(key=lambda entry: _key(entry[2]), reverse=True)
+    lines: list[Standing] = []
+    ranked: list[float | None] = []
+    for place, report, row in rows:
+        why = _unranked(report, row)
+        if not why:
+            ranked.append(row.corrupted)
+        success = [_success(report, row.agent, label) for label in first.labels]
+        lines.append(
+            Standing(
+                rank=None if why else 1 + ranked.index(row.corrupted),
+                why=why,
+                place=place,
+                run=report.run,
+                row=row,
+                values=tuple(words.percent(value) for value in success),
+                shares=tuple(round(100 * (value or 0.0)) for value in success),
+            )
+        )
+    return Ranking(
+        title=_setting(first),
+        labels=first.labels,
+        lines=tuple(lines),
+    )
+
+
+def _key(row: AgentSummary) -> tuple[float, float]:
+    return (
+        -1.0 if row.corrupted is None else row.corrupted,
+        -1.0 if row.clean is None else row.clean,
+    )
+
+
+def _unranked(report: RunReport, row: AgentSummary) -> str:
+    """Return why an agent has no rank, or nothing."""
+    if row.agent in YARDSTICKS:
+        return "reference agent"
+    if report.run.missing:
+        return f"{report.run.missing} of {report.run.planned} episodes are missing"
+    if row.corrupted is None:
+        return "no corruption was played"
+    if row.invalid:
+        return f"{row.invalid} episodes are invalid"
+    return ""
+
+
+def _success(
+    report: RunReport,
+    agent: str,
+    label: str,
+) -> float | None:
+    cell = report.cell(agent, label)
+    return cell.success if cell else None
+
+
+def _setting(report: RunReport) -> str:
+    run = report.run
+    parts = [f"{run.tasks} tasks", f"{len(report.labels)} conditions", f"{len(run.seeds)} seeds"]
+    if run.max_steps is not None:
+        parts.append(f"at most {run.max_steps} actions")
+    if run.provider:
+        parts.append(f"provider {run.provider}")
+    if run.recovery:
+        parts.append(f"recovery policy {run.recovery}")
+    if run.kind == "score":
+        parts.insert(0, "offline steps")
+    return ", ".join(parts)

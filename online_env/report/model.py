@@ -1,0 +1,302 @@
+"""A report as data: what every format shows, and what `report.json` holds.
+
+All shares (success, retention, differences ...) are fractions, not percent. A value that does not
+exist is `None`: an interval without scipy, a difference without a clean condition.
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from types import UnionType
+from typing import Any, TypeVar, get_args, get_type_hints
+
+from hijack_data.errors import HijackError, shown
+from hijack_data.files import check_versioned
+
+FORMAT = "agenthijack-report"
+VERSION = 1
+T = TypeVar("T")
+_BESIDE = ("format", "version", "comparison", "paper")  # in the file, and not of the report itself
+
+
+class ReportError(HijackError, ValueError):
+    """A report that cannot be made, or a file that is none; the message says what to do."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunIdentity:
+    """Which run a report is about, and how it was played.
+
+    Attributes:
+        name: of the run's folder.
+        kind: `bench` or `score`.
+        source: the configuration's file, or the dataset.
+        head_sha256: of `run.json`, as 64 hexadecimal digits; empty for a log without a head.
+        setting_sha256: of what was played (tasks, conditions, seeds, steps, desktop, recovery
+            policy ...), the agents apart: agents of runs with the same one may be ranked.
+        created: when the run began, in seconds since 1970.
+        versions: of Python, the system and the packages that played it.
+        provider: what gave the desktops; empty for a scoring run.
+        recovery: the recovery policy; empty where there is none.
+        max_steps: actions until an episode is cut off.
+        seeds: of variants and of the corruptions' draws.
+        tasks: how many tasks there are, whatever their variants.
+        corruptions: the corruption's name by label, `clean` included.
+        changed: labels whose parameters are not the defaults, which are the paper's.
+        planned: cases that were to be run.
+        missing: of them, cases without a record.
+        damaged: lines that could not be read.
+        early: episodes with a score that ended before their corruption was due.
+    """
+
+    name: str
+    kind: str
+    source: str = ""
+    head_sha256: str = ""
+    setting_sha256: str = ""
+    created: float | None = None
+    versions: Mapping[str, str] = field(default_factory=dict[str, str])
+    provider: str = ""
+    recovery: str = ""
+    max_steps: int | None = None
+    seeds: tuple[int, ...] = ()
+    tasks: int = 0
+    corruptions: Mapping[str, str] = field(default_factory=dict[str, str])
+    changed: tuple[str, ...] = ()
+    planned: int = 0
+    missing: int = 0
+    damaged: int = 0
+    early: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cell:
+    """An agent under one condition.
+
+    Attributes:
+        agent: its name.
+        corruption: the label of the condition; `clean` for none.
+        n: episodes that count for the agent.
+        tasks: tasks that they belong to; intervals resample these.
+        success: mean score.
+        ci_low: lower end of its 95 % interval.
+        ci_high: upper end.
+        delta: mean difference to clean over the cases that have both.
+        delta_low: lower end of its interval.
+        delta_high: upper end.
+        p: of McNemar's exact test of these cases, adjusted for the agent's corruptions (Holm).
+        retention: ratio to clean over the same cases.
+        retention_low: lower end of its interval.
+        retention_high: upper end; `None`, too, if it is unbounded.
+        detectable: the smallest true difference to clean that as many tasks would show with a
+            power of 80 %.
+        pass_hat: for k = 1, 2, ..., the probability that k seeds of one task are all solved.
+        ceiling: success of the agent `recovering` under the same condition in the same run.
+        steps: actions an episode.
+        seconds: duration of an episode.
+        malformed: share of the actions that were none.
+        requests: to models, in all episodes.
+        input_tokens: read by models.
+        output_tokens: written by models.
+        usd: what they cost.
+        errors: episodes of `n` without a score.
+        invalid: episodes that say nothing about the agent, and are not in `n`.
+    """
+
+    agent: str
+    corruption: str
+    n: int
+    tasks: int = 0
+    success: float | None = None
+    ci_low: float | None = None
+    ci_high: float | None = None
+    delta: float | None = None
+    delta_low: float | None = None
+    delta_high: float | None = None
+    p: float | None = None
+    retention: float | None = None
+    retention_low: float | None = None
+    retention_high: float | None = None
+    detectable: float | None = None
+    pass_hat: tuple[float, ...] = ()
+    ceiling: float | None = None
+    steps: float | None = None
+    seconds: float | None = None
+    malformed: float | None = None
+    requests: int | None = None
+    input_tokens: int | None = None
+    output_tokens: int | None = None
+    usd: float | None = None
+    errors: int = 0
+    invalid: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class AgentSummary:
+    """An agent over all its conditions.
+
+    Attributes:
+        agent: its name.
+        n: episodes that count for it.
+        clean: success without corruption.
+        conditions: how many corruptions it was played under.
+        corrupted: mean success over them.
+        corrupted_low: lower end of its 95 % interval.
+        corrupted_high: upper end.
+        retention: share of its clean success that it keeps, over all cases that have both.
+        retention_low: lower end of its interval.
+        retention_high: upper end; `None`, too, if it is unbounded.
+        worst: the label under which it does worst.
+        worst_success: success there.
+        nine: mean success over the paper's nine; `None` unless all nine are there.
+        paper_average: the paper's "Average", over the nine and clean, ten columns; likewise.
+        mce: mean ratio of its errors to those of the reference agent, over the corruptions that
+            both have (mean corruption error of Hendrycks and Dietterich, 2019).
+        ceiling: mean success of the agent `recovering` over the same corruptions.
+        steps: actions an episode.
+        seconds: duration of an episode.
+        malformed: share of the actions that were none.
+        requests: to models.
+        input_tokens: read by models.
+        output_tokens: written by models.
+        usd: what they cost.
+        errors: episodes of `n` without a score.
+        invalid: episodes that say nothing about it.
+    """
+
+    agent: str
+    n: int
+    clean: float | None = None
+    conditions: int = 0
+    corrupted: float | None = None
+    corrupted_low: float | None = None
+    corrupted_high: float | None = None
+    retention: float | None = None
+    retention_low: float | None = None
+    retention_high: float | None = None
+    worst: str | None = None
+    worst_success: float | None = None
+    nine: float | None = None
+    paper_average: float | None = None
+    mce: float | None = None
+    ceiling: float | None = None
+    steps: float | None = None
+    seconds: float | None = None
+    malformed: float | None = None
+    requests: int | None = None
+    input_tokens: int | None = None
+    output_tokens: int | None = None
+    usd: float | None = None
+    errors: int = 0
+    invalid: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunReport:
+    """All that is said about a run.
+
+    Attributes:
+        run: which run it is.
+        cells: a row for each agent and condition, in the order of the configuration.
+        summaries: a row for each agent.
+        feasible: the cells of the feasible tasks; empty if all tasks are.
+        infeasible: the cells of the infeasible tasks.
+        parts: of a scoring run, what is known beside the success (`scoring.parts.part_rows`).
+        reference: the agent that `mce` refers to; empty for none.
+        notes: what a reader has to know, in sentences.
+    """
+
+    run: RunIdentity
+    cells: tuple[Cell, ...] = ()
+    summaries: tuple[AgentSummary, ...] = ()
+    feasible: tuple[Cell, ...] = ()
+    infeasible: tuple[Cell, ...] = ()
+    parts: tuple[Mapping[str, Any], ...] = ()
+    reference: str = ""
+    notes: tuple[str, ...] = ()
+
+    @property
+    def agents(self) -> tuple[str, ...]:
+        """The agents, in their order."""
+        return tuple(dict.fromkeys(cell.agent for cell in self.cells))
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The labels of the conditions, in their order."""
+        order = [label for label in self.run.corruptions if self._has(label)]
+        return tuple(dict.fromkeys([*order, *(cell.corruption for cell in self.cells)]))
+
+    def cell(self, agent: str, label: str) -> Cell | None:
+        """Return the cell of an agent under a condition, if it was played."""
+        for cell in self.cells:
+            if (cell.agent, cell.corruption) == (agent, label):
+                return cell
+        return None
+
+    def to_data(self) -> dict[str, Any]:
+        """Return the report as JSON data, with its format and version."""
+        return {"format": FORMAT, "version": VERSION, **asdict(self)}
+
+    def _has(self, label: str) -> bool:
+        return any(cell.corruption == label for cell in self.cells)
+
+
+def from_data(data: object, where: str) -> RunReport:
+    """Return the report that `RunReport.to_data` gave; `where` begins the messages.
+
+    Raises:
+        ReportError: the data are no report, of a newer version, or lack a field.
+    """
+    found = check_versioned(
+        data,
+        format=FORMAT,
+        version=VERSION,
+        where=where,
+        what="a report",
+        error=ReportError,
+    )
+    given = {key: value for key, value in found.items() if key not in _BESIDE}
+    return _made(RunReport, given, where)
+
+
+def _made(
+    kind: type[T],
+    data: object,
+    where: str,
+) -> T:
+    """Return a dataclass of JSON data, after a check of every field."""
+    if not isinstance(data, dict):
+        raise ReportError(f"{where}: must be an object, got {shown(data)}; make the report again")
+    hints = get_type_hints(kind)
+    names = {entry.name for entry in fields(kind)}  # type: ignore[arg-type]
+    unknown = sorted(map(str, data.keys() - names))
+    if unknown:
+        raise ReportError(f"{where}: unknown field {unknown[0]!r}; make the report again")
+    values = {key: _value(hints[key], value, f"{where}: {key}") for key, value in data.items()}
+    try:
+        return kind(**values)
+    except TypeError as error:
+        raise ReportError(f"{where}: {error}; make the report again") from None
+
+
+def _value(
+    hint: Any,
+    value: object,
+    where: str,
+) -> Any:
+    """Return a value as the type of its field asks for it."""
+    arguments = get_args(hint)
+    if isinstance(hint, UnionType):
+        return None if value is None else _value(arguments[0], value, where)
+    if getattr(hint, "__origin__", None) is tuple:
+        if not isinstance(value, list | tuple):
+            raise ReportError(f"{where}: must be a list, got {shown(value)}; make the report again")
+        return tuple(_value(arguments[0], item, where) for item in value)
+    if is_dataclass(hint):
+        return _made(hint, value, where)  # type: ignore[arg-type]
+    expected = getattr(hint, "__origin__", hint)
+    if expected is float and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    if isinstance(value, bool) or not isinstance(value, expected):
+        name = getattr(expected, "__name__", expected)
+        raise ReportError(f"{where}: must be {name}, got {shown(value)}; make the report again")
+    return value

@@ -1,0 +1,49 @@
+"""What a reader of a report has to know beside its numbers, in sentences."""
+
+from collections.abc import Iterator
+
+from hijack_data.plan import CLEAN
+
+from ..bench import scores
+from .model import RunReport
+
+
+def notes_of(report: RunReport) -> tuple[str, ...]:
+    """Return the notes on a report."""
+    return tuple(_notes(report))
+
+
+def _notes(report: RunReport) -> Iterator[str]:
+    run = report.run
+    if run.missing:
+        there = f"{run.planned - run.missing} of {run.planned} planned episodes are there"
+        yield f"{there}, {run.missing} are missing; hijack {run.kind} ... --resume runs them."
+    if run.damaged:
+        yield f"{run.damaged} lines of the run cannot be read and are left out."
+    if not scores.can_infer():
+        yield "Without intervals and tests: scipy and statsmodels are not installed."
+    if CLEAN not in {cell.corruption for cell in report.cells}:
+        yield "The run has no clean condition, so there is no delta, no retention and no test."
+    if run.early:
+        yield (
+            f"{run.early} episodes with a score ended before their corruption was due: they count"
+            " as they are."
+        )
+    if run.changed:
+        listed = ", ".join(run.changed)
+        yield f"Not with the paper's parameters: {listed}."
+    yield from _on_agents(report)
+
+
+def _on_agents(report: RunReport) -> Iterator[str]:
+    incomplete = [row for row in report.summaries if row.conditions and row.paper_average is None]
+    if incomplete:
+        yield (
+            "The paper's average needs the clean condition and all nine corruptions under their"
+            " own names."
+        )
+    labels: dict[str, set[str]] = {}
+    for cell in report.cells:
+        labels.setdefault(cell.agent, set()).add(cell.corruption)
+    if len(set(map(frozenset, labels.values()))) > 1:
+        yield "The agents were not played under the same conditions: their means differ in kind."

@@ -1,0 +1,18 @@
+"""Whether a run is whole: its exit code, and the line on what is missing."""
+
+from ..bench import scores
+from ..bench.reading import Run
+
+
+def exit_code(run: Run) -> int:
+    """Return 1 if something is missing, damaged, invalid or failed, else 0."""
+    final = scores.latest(run.records).values()
+    bad = any(record["status"] != "ok" for record in final)
+    return 1 if run.damaged or run.missing or bad else 0
+
+
+def missing_line(run: Run) -> str:
+    """Return how many planned episodes have no record, and the remedy."""
+    there = f"{run.planned - run.missing} of {run.planned} planned episodes are there"
+    command = "score" if run.is_scored else "bench"
+    return f"{there}, {run.missing} are missing; hijack {command} ... --resume runs them"

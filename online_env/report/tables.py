@@ -1,0 +1,223 @@
+"""A report as JSON, as CSV and as Markdown."""
+
+import csv
+import io
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, fields
+
+from . import words
+from .compare import ComparedCell, RunComparison
+from .document import ReportDocument
+from .model import AgentSummary, Cell
+from .paper import PaperTable
+
+CELL_HEADINGS = (
+    "agent",
+    "corruption",
+    "n",
+    "success, %",
+    "95 %",
+    "delta",
+    "95 %",
+    "p",
+    "retention, %",
+    "ceiling, %",
+    "malformed, %",
+    "steps",
+    "errors",
+    "invalid",
+)
+SUMMARY_HEADINGS = (
+    "agent",
+    "clean, %",
+    "corrupted, %",
+    "95 %",
+    "retention, %",
+    "95 %",
+    "worst",
+    "mean over the nine, %",
+    "average as in the paper, %",
+    "mCE, %",
+    "ceiling, %",
+)
+COMPARED_HEADINGS = (
+    "agent",
+    "corruption",
+    "n",
+    "before, %",
+    "after, %",
+    "difference",
+    "95 %",
+    "p",
+    "seen at 80 %",
+)
+Texts = Sequence[str]
+
+
+def as_json(document: ReportDocument) -> str:
+    """Return the report as `report.json` holds it."""
+    data = {**document.report.to_data(), **document.extras()}
+    return json.dumps(
+        data,
+        indent=1,
+        ensure_ascii=False,
+        allow_nan=False,
+    )
+
+
+def as_csv(document: ReportDocument) -> str:
+    """Return a line for each cell, or for each compared one.
+
+    Shares are 0..1; what does not exist is empty.
+    """
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    compared = document.comparison
+    rows: Sequence[Cell | ComparedCell] = compared.cells if compared else document.report.cells
+    kind = ComparedCell if compared else Cell
+    writer.writerow([entry.name for entry in fields(kind)])
+    for row in rows:
+        writer.writerow([_plain(value) for value in asdict(row).values()])
+    return out.getvalue()
+
+
+def as_markdown(document: ReportDocument) -> str:
+    """Return tables and notes as Markdown, such as for an issue or a model card."""
+    report = document.report
+    parts = [f"## {_safe(report.run.name)}", markdown_table(*summary_table(report.summaries))]
+    if document.comparison is not None:
+        parts += _compared(document.comparison)
+    else:
+        parts.append(markdown_table(*cell_table(report.cells)))
+    if report.infeasible and document.comparison is None:
+        parts += ["Feasible tasks:", markdown_table(*cell_table(report.feasible))]
+        parts += ["Infeasible tasks:", markdown_table(*cell_table(report.infeasible))]
+    if document.paper is not None:
+        parts += ["### Beside the paper", markdown_table(*paper_rows(document.paper))]
+        parts += _listed([document.paper.source + ".", *document.paper.notes])
+    parts += _listed(report.notes)
+    return "\n\n".join(parts)
+
+
+def cell_table(cells: Sequence[Cell]) -> tuple[Texts, list[Texts]]:
+    """Return headings and rows of some cells."""
+    return CELL_HEADINGS, [
+        (
+            cell.agent,
+            cell.corruption,
+            str(cell.n),
+            words.percent(cell.success),
+            words.interval(cell.ci_low, cell.ci_high),
+            words.percent(cell.delta, "+"),
+            words.interval(cell.delta_low, cell.delta_high, "+"),
+            words.p_value(cell.p),
+            words.percent(cell.retention),
+            words.percent(cell.ceiling),
+            words.percent(cell.malformed),
+            words.number(cell.steps),
+            str(cell.errors),
+            str(cell.invalid),
+        )
+        for cell in cells
+    ]
+
+
+def summary_table(rows: Sequence[AgentSummary]) -> tuple[Texts, list[Texts]]:
+    """Return headings and rows of the agents."""
+    return SUMMARY_HEADINGS, [
+        (
+            row.agent,
+            words.percent(row.clean),
+            words.percent(row.corrupted),
+            words.interval(row.corrupted_low, row.corrupted_high),
+            words.percent(row.retention),
+            words.kept(row.retention_low, row.retention_high),
+            f"{row.worst} {words.percent(row.worst_success)}" if row.worst else "",
+            words.percent(row.nine),
+            words.percent(row.paper_average),
+            words.percent(row.mce),
+            words.percent(row.ceiling),
+        )
+        for row in rows
+    ]
+
+
+def compared_table(cells: Sequence[ComparedCell]) -> tuple[Texts, list[Texts]]:
+    """Return headings and rows of a comparison."""
+    return COMPARED_HEADINGS, [
+        (
+            cell.after if cell.before == cell.after else f"{cell.before} → {cell.after}",
+            cell.corruption,
+            str(cell.n),
+            words.percent(cell.success_before),
+            words.percent(cell.success_after),
+            words.percent(cell.difference, "+"),
+            words.interval(cell.low, cell.high, "+"),
+            words.p_value(cell.p),
+            words.percent(cell.detectable),
+        )
+        for cell in cells
+    ]
+
+
+def paper_rows(paper: PaperTable) -> tuple[Texts, list[Texts]]:
+    """Return headings and rows of the paper's table and ours; two digits, as it is printed."""
+    return ("agent", *paper.columns, "average"), [
+        (
+            f"{row.agent} (ours)" if row.ours else row.agent,
+            *(_cents(row.success.get(label)) for label in paper.columns),
+            _cents(row.average),
+        )
+        for row in paper.rows
+    ]
+
+
+def markdown_table(headings: Texts, rows: Sequence[Texts]) -> str:
+    """Return a Markdown table; columns without a value are left out."""
+    names, lines = trimmed(headings, rows)
+    numbers = [all(_is_number(row[place]) for row in lines) for place in range(len(names))]
+    rule = " | ".join("---:" if number else "---" for number in numbers)
+    return "\n".join([_line(names), f"| {rule} |", *map(_line, lines)])
+
+
+def trimmed(headings: Texts, rows: Sequence[Texts]) -> tuple[Texts, list[Texts]]:
+    """Return a table without the columns in which no row has a value."""
+    kept = [place for place in range(len(headings)) if any(row[place] for row in rows)]
+    lines: list[Texts] = [[row[place] for place in kept] for row in rows]
+    return [headings[place] for place in kept], lines
+
+
+def _compared(comparison: RunComparison) -> list[str]:
+    names = f"{_safe(comparison.before.name)} and then {_safe(comparison.after.name)}"
+    table = markdown_table(*compared_table(comparison.cells))
+    return [f"### {names}, the same cases", table, *_listed(comparison.notes)]
+
+
+def _listed(notes: Sequence[str]) -> Iterator[str]:
+    if notes:
+        yield "\n".join(f"* {_safe(note)}" for note in notes)
+
+
+def _line(cells: Texts) -> str:
+    return f"| {' | '.join(map(_safe, cells))} |"
+
+
+def _safe(text: str) -> str:
+    """Return text in which no character is Markdown's or HTML's."""
+    for character in "\\`*_[]<>|":
+        text = text.replace(character, f"\\{character}")
+    return " ".join(text.split())
+
+
+def _is_number(text: str) -> bool:
+    return not text or text[0] in "[+-<0123456789"
+
+
+def _cents(share: float | None) -> str:
+    return "" if share is None else f"{100 * share:.2f}"
+
+
+def _plain(value: object) -> object:
+    """Return a value as it stands in a CSV; several are separated by spaces."""
+    return " ".join(map(str, value)) if isinstance(value, tuple) else value

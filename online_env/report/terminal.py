@@ -1,0 +1,257 @@
+"""The report on a terminal: tables, a line on each agent, and what went wrong."""
+
+import importlib
+from collections import Counter
+from collections.abc import Sequence
+from io import StringIO
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from hijack_data.cli import console
+
+from ..bench import costs, scores
+from ..bench.progress import shorten
+from ..bench.reading import ResultRecord, Run
+from . import words
+from .build import build_report
+from .compare import RunComparison
+from .document import ReportDocument
+from .identity import agents_of, conditions_of
+from .model import AgentSummary, Cell, RunReport
+from .outcome import missing_line
+from .paper import PaperTable
+from .tables import compared_table, paper_rows
+
+_MAIN = (
+    "n",
+    "success",
+    "95 %",
+    "delta",
+    "95 %",
+    "p",
+    "retention",
+    "errors",
+    "invalid",
+)
+_BESIDE = (
+    "ceiling",
+    "pass^k",
+    "seen at 80 %",
+    "malformed",
+    "steps",
+    "seconds",
+    "tokens in",
+    "out",
+    "USD",
+)
+
+
+def score_rows(run: Run, chosen: Sequence[ResultRecord]) -> list[scores.ScoreRow]:
+    """Return the rows of the report's table, in the order of the configuration."""
+    return scores.rows(chosen, agents_of(run.config), list(conditions_of(run.config)))
+
+
+def show(run: Run, reference: str = "") -> None:
+    """Print the report of a run; one without episodes is an empty table.
+
+    Args:
+        run: what was read.
+        reference: the agent that mCE refers to; empty for none.
+    """
+    screen = console()
+    if not run.records:
+        screen.print(main_table(()))
+        screen.print(missing_line(run), soft_wrap=True)
+        return
+    report = build_report(run, reference=reference)
+    show_report(report, screen)
+    final = list(scores.latest(run.records).values())
+    if run.is_scored:
+        importlib.import_module("online_env.scoring.tables").show_parts(run, screen)
+    else:
+        _show_recovery(run, final, screen)
+    used = costs.usage_line(run.records)
+    if used:
+        screen.print(used, soft_wrap=True)
+    _print_lines(report.notes, screen)
+    for record in final:
+        if record["status"] != "ok":
+            problem = f"{record['status']}: {record.get('id')}: {record.get('problem')}"
+            screen.print(shorten(problem), markup=False, soft_wrap=True)
+
+
+def show_report(report: RunReport, screen: Any) -> None:
+    """Print the tables of a report, and a line on each agent with corrupted episodes."""
+    screen.print(main_table(report.cells))
+    if report.infeasible:
+        screen.print(main_table(report.feasible, "feasible tasks"))
+        screen.print(main_table(report.infeasible, "infeasible tasks"))
+    screen.print(_beside(report.cells))
+    for row in report.summaries:
+        if row.corrupted is not None:
+            screen.print(summary_line(row, report.reference), markup=False, soft_wrap=True)
+
+
+def summary_line(row: AgentSummary, reference: str = "") -> str:
+    """Return an agent over all its conditions, in words."""
+    between = words.interval(row.corrupted_low, row.corrupted_high)
+    worst = f"worst {row.worst} {words.percent(row.worst_success)}"
+    said = [f"{row.agent}: corrupted {words.percent(row.corrupted)}", worst]
+    if between:
+        said.append(f"95 % of corrupted {between}")
+    if row.retention is not None:
+        said.append(f"retention {words.percent(row.retention)}")
+    if row.nine is not None:
+        said.append(f"mean over the nine {words.percent(row.nine)}")
+    if row.paper_average is not None:
+        said.append(f"average with clean, as in the paper {words.percent(row.paper_average)}")
+    if row.mce is not None:
+        said.append(f"mCE {words.percent(row.mce)} (against {reference})")
+    return ", ".join(said)
+
+
+def main_table(cells: Sequence[Cell], title: str | None = None) -> Table:
+    """Return success, difference to clean and retention of some cells."""
+    table = _table(_MAIN, title)
+    for cell in cells:
+        table.add_row(
+            escape(cell.agent),
+            escape(cell.corruption),
+            str(cell.n),
+            words.percent(cell.success),
+            words.interval(cell.ci_low, cell.ci_high),
+            words.percent(cell.delta, "+"),
+            words.interval(cell.delta_low, cell.delta_high, "+"),
+            "" if cell.p is None else f"{cell.p:.3f}",
+            words.percent(cell.retention),
+            str(cell.errors),
+            str(cell.invalid),
+        )
+    return table
+
+
+def _beside(cells: Sequence[Cell]) -> Table:
+    """Return what is known beside the success; columns without a value are left out."""
+    rows = [_beside_row(cell) for cell in cells]
+    used = [place for place in range(len(_BESIDE)) if any(row[place] for row in rows)]
+    table = _table([_BESIDE[place] for place in used], "beside it")
+    for cell, row in zip(cells, rows, strict=True):
+        values = [row[place] for place in used]
+        table.add_row(escape(cell.agent), escape(cell.corruption), *values)
+    return table
+
+
+def _beside_row(cell: Cell) -> list[str]:
+    seeds = len(cell.pass_hat)
+    return [
+        words.percent(cell.ceiling),
+        f"{words.percent(cell.pass_hat[-1])} (k={seeds})" if seeds > 1 else "",
+        words.percent(cell.detectable),
+        words.percent(cell.malformed),
+        words.number(cell.steps),
+        words.number(cell.seconds),
+        words.count(cell.input_tokens),
+        words.count(cell.output_tokens),
+        words.money(cell.usd),
+    ]
+
+
+def _table(headings: Sequence[str], title: str | None = None) -> Table:
+    table = Table(
+        box=None,
+        header_style="bold",
+        pad_edge=False,
+        title=title,
+        title_justify="left",
+    )
+    table.add_column("agent", overflow="fold")
+    table.add_column("corruption", no_wrap=True)
+    for name in headings:
+        table.add_column(name, justify="right", no_wrap=True)
+    return table
+
+
+def _show_recovery(
+    run: Run,
+    final: Sequence[ResultRecord],
+    screen: Any,
+) -> None:
+    counted: Counter[str] = Counter()
+    for record in final:
+        recovery = record.get("recovery")
+        if not isinstance(recovery, dict):
+            continue
+        counted.update({key: n for key, n in recovery.items() if isinstance(n, int)})
+    policy = run.config.get("recovery", "unknown")
+    asked = f"asked for {counted['requests']} times, {counted['false_alarms']} of them false alarms"
+    screen.print(
+        f"recovery policy: {policy} ({asked}, {counted['repaired']} repaired)", soft_wrap=True
+    )
+
+
+def text(document: ReportDocument) -> str:
+    """Return what a terminal shows of a document, without colours."""
+    out = StringIO()
+    screen = Console(
+        file=out,
+        width=120,
+        highlight=False,
+        force_terminal=False,
+    )
+    show_document(document, screen)
+    return out.getvalue()
+
+
+def show_document(document: ReportDocument, screen: Any) -> None:
+    """Print a report, or a comparison in its place, and what was asked for beside it."""
+    report = document.report
+    if document.comparison is not None:
+        show_comparison(document.comparison, screen)
+    else:
+        show_report(report, screen)
+        _print_lines(report.notes, screen)
+    if document.paper is not None:
+        show_paper(document.paper, screen)
+
+
+def show_comparison(comparison: RunComparison, screen: Any) -> None:
+    """Print two runs beside each other, and what is not shared or not shown."""
+    names = f"{comparison.before.name} before, {comparison.after.name} after"
+    screen.print(_plain_table(*compared_table(comparison.cells), title=names))
+    _print_lines(comparison.notes, screen)
+
+
+def show_paper(paper: PaperTable, screen: Any) -> None:
+    """Print the paper's table with ours below it; columns are cut to the width of the screen."""
+    headings, rows = paper_rows(paper)
+    short = [name.replace("_", " ") for name in headings]
+    screen.print(_plain_table(short, rows, title="the paper's table, and ours below it"))
+    _print_lines([paper.source + ".", *paper.notes], screen)
+
+
+def _plain_table(
+    headings: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    title: str,
+) -> Table:
+    table = Table(
+        box=None,
+        header_style="bold",
+        pad_edge=False,
+        title=title,
+        title_justify="left",
+    )
+    for name in headings:
+        is_text = name in ("agent", "corruption")
+        table.add_column(name, justify="left" if is_text else "right")
+    for row in rows:
+        table.add_row(*map(escape, row))
+    return table
+
+
+def _print_lines(lines: Sequence[str], screen: Any) -> None:
+    for line in lines:
+        screen.print(line, markup=False, soft_wrap=True)

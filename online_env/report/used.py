@@ -1,0 +1,49 @@
+"""What an agent has used: actions, seconds, tokens and money, from the records of its episodes."""
+
+from collections.abc import Iterable, Mapping
+from statistics import fmean
+from typing import Any
+
+from ..bench.costs import COUNTS
+from ..bench.reading import ResultRecord
+from ..bench.scores import counts
+
+
+def means(records: Iterable[ResultRecord]) -> dict[str, Any]:
+    """Return the fields of a cell that say what its episodes took, by name.
+
+    Steps, seconds and malformed actions are those of episodes that count for the agent. Tokens and
+    money are those of all episodes, since they were paid for; they are known only if every episode
+    with counts has them.
+    """
+    every = list(records)
+    counted = [record for record in every if counts(record)]
+    steps = [record["steps"] for record in counted if _is_number(record.get("steps"))]
+    seconds = [record["seconds"] for record in counted if _is_number(record.get("seconds"))]
+    broken = [record["malformed"] for record in counted if _is_number(record.get("malformed"))]
+    found: dict[str, Any] = {
+        "steps": fmean(steps) if steps else None,
+        "seconds": fmean(seconds) if seconds else None,
+        "malformed": sum(broken) / sum(steps) if broken and sum(steps) else None,
+    }
+    return found | _tokens(every)
+
+
+def _tokens(records: Iterable[ResultRecord]) -> dict[str, Any]:
+    usages: list[Mapping[str, Any]] = []
+    for record in records:
+        usage = record.get("usage")
+        if isinstance(usage, Mapping):
+            usages.append(usage)
+    known = [usage for usage in usages if all(isinstance(usage.get(key), int) for key in COUNTS)]
+    if not known:
+        return {}
+    found: dict[str, Any] = {key: sum(usage[key] for usage in known) for key in COUNTS}
+    prices = [usage.get("usd") for usage in known]
+    if all(_is_number(price) for price in prices):
+        found["usd"] = float(sum(price for price in prices if price is not None))
+    return found
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)

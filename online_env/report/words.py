@@ -1,0 +1,51 @@
+"""How values are written, alike in every format: percent, points, intervals, amounts."""
+
+
+def percent(share: float | None, sign: str = "") -> str:
+    """Return a share as percent with one digit, or nothing; `sign` may be `+`."""
+    return "" if share is None else f"{100 * share:{sign}.1f}"
+
+
+def interval(
+    low: float | None,
+    high: float | None,
+    sign: str = "",
+) -> str:
+    """Return the ends of an interval in percent, or nothing if one is missing."""
+    if low is None or high is None:
+        return ""
+    return f"[{percent(low, sign)}, {percent(high, sign)}]"
+
+
+def kept(low: float | None, high: float | None) -> str:
+    """Return the interval of a retention, which may have no upper end."""
+    if low is not None and high is None:
+        return f"[{percent(low)}, …)"
+    return interval(low, high)
+
+
+def p_value(value: float | None) -> str:
+    """Return a p value with three digits; the smallest as `<0.001`."""
+    if value is None:
+        return ""
+    return "<0.001" if value < 0.0005 else f"{value:.3f}"
+
+
+def number(value: float | None, digits: int = 1) -> str:
+    """Return a number with so many digits, or nothing."""
+    return "" if value is None else f"{value:.{digits}f}"
+
+
+def count(value: int | None) -> str:
+    """Return a count as people read it, such as 14k or 3.3M, or nothing."""
+    if value is None:
+        return ""
+    for size, unit in ((10**9, "G"), (10**6, "M"), (10**3, "k")):
+        if value >= size:
+            return f"{value / size:.3g}{unit}"
+    return str(value)
+
+
+def money(value: float | None) -> str:
+    """Return USD with two digits, or nothing."""
+    return "" if value is None else f"{value:.2f}"

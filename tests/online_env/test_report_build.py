@@ -1,0 +1,278 @@
+"""The report as data: its statistics against cases worked out by hand, and its JSON."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+pytest.importorskip("statsmodels", reason="needs the extra [online]")
+
+from scipy import stats
+
+from hijack_data.errors import UnknownNameError
+from online_env.bench import statistics
+from online_env.bench.reading import Run, RunError
+from online_env.report import ReportError, build_report, load_report, scores_by_name
+from online_env.report.model import from_data
+
+from support.reported import CONDITIONS, made, read_run, run_of, scored, whole
+
+SOLVED = dict(zip(CONDITIONS, (8, 4, 2, 8, 6, 7, 5, 5, 1, 3), strict=True))
+
+
+def cell_of(report, agent, label):
+    found = report.cell(agent, label)
+    assert found is not None
+    return found
+
+
+def test_a_cell_by_hand(tmp_path):
+    found = [
+        *scored("a", "clean", [1, 1, 1, 0]),
+        *scored("a", "marks", [1, 0, 0, 0]),
+        *scored("recovering", "marks", [1, 1, 1, 0]),
+    ]
+    report = build_report(read_run(tmp_path / "run", found))
+    cell = cell_of(report, "a", "marks")
+    assert (cell.n, cell.tasks, cell.success, cell.delta) == (4, 4, 0.25, -0.5)
+    assert cell.retention == pytest.approx(1 / 3)
+    assert (cell.p, cell.ceiling) == (0.5, 0.75)  # two lost, none won: 2 * 0.5 ** 2
+    assert cell.retention_low == 0
+    assert cell.retention_high == pytest.approx(1)
+    assert (cell.steps, cell.seconds, cell.malformed) == (4, 2, 0.25)
+    clean = cell_of(report, "a", "clean")
+    assert (clean.delta, clean.retention, clean.detectable, clean.ceiling) == (None,) * 4
+
+
+def test_power_is_that_of_the_paired_t_test(tmp_path):
+    marks = [0.0, 1.0] * 10
+    found = [*scored("a", "clean", [1.0] * 20), *scored("a", "marks", marks)]
+    cell = cell_of(build_report(read_run(tmp_path / "run", found)), "a", "marks")
+    spread = stats.tstd([score - 1 for score in marks])
+    shift = cell.detectable / spread * 20**0.5
+    limit = stats.t.ppf(0.975, 19)
+    seen = stats.nct.sf(limit, 19, shift) + stats.nct.cdf(-limit, 19, shift)
+    assert seen == pytest.approx(0.8, abs=1e-4)
+
+
+def test_an_agent_over_the_ten_conditions(tmp_path):
+    report = build_report(read_run(tmp_path / "run", whole("a", SOLVED)))
+    (row,) = report.summaries
+    assert (row.n, row.clean, row.conditions) == (100, 0.8, 9)
+    assert row.corrupted == row.nine == pytest.approx(41 / 90)
+    assert row.paper_average == pytest.approx(49 / 100)  # ten columns: clean is one of them
+    assert (row.worst, row.worst_success) == ("network_error", 0.1)
+    assert row.retention == pytest.approx(41 / 72)
+    assert row.corrupted_low < row.corrupted < row.corrupted_high
+    assert row.retention_low < row.retention < row.retention_high
+    assert (row.steps, row.malformed) == (4, 0.25)
+
+
+def test_the_papers_means_need_all_nine_under_their_own_names(tmp_path):
+    renamed = [
+        {
+            **record,
+            "corruption": "many" if record["corruption"] == "marks" else record["corruption"],
+        }
+        for record in whole("a", SOLVED)
+    ]
+    settings = ["many" if label == "marks" else label for label in CONDITIONS]
+    report = build_report(read_run(tmp_path / "run", renamed, corruptions=settings))
+    (row,) = report.summaries
+    assert (row.nine, row.paper_average) == (None, None)
+    assert row.corrupted == pytest.approx(41 / 90)
+    assert any("all nine corruptions" in note for note in report.notes)
+    # A label of one of the nine that is another corruption does not count, either.
+    disguised = [{"subtitle": {"as": "marks"}} if x == "marks" else x for x in CONDITIONS]
+    run = read_run(tmp_path / "other", whole("a", SOLVED), corruptions=disguised)
+    assert build_report(run).summaries[0].nine is None
+
+
+def test_parameters_that_are_not_the_papers_are_named(tmp_path):
+    settings = [{"marks": {"number": 100}} if x == "marks" else x for x in CONDITIONS]
+    run = read_run(tmp_path / "run", whole("a", SOLVED), corruptions=settings)
+    report = build_report(run)
+    assert report.run.changed == ("marks",)
+    assert "Not with the paper's parameters: marks." in report.notes
+    same = [{"marks": {"number": 50}} if x == "marks" else x for x in CONDITIONS]
+    run = read_run(tmp_path / "same", whole("a", SOLVED), corruptions=same)
+    assert build_report(run).run.changed == ()
+
+
+def test_mce_is_the_mean_ratio_of_errors(tmp_path):
+    found = [
+        *scored("a", "clean", [1, 1]),
+        *scored("a", "marks", [1, 0]),  # error 1/2
+        *scored("a", "subtitle", [1, 1]),  # error 0
+        *scored("weak", "marks", [0, 0]),  # error 1
+        *scored("weak", "subtitle", [1, 0]),  # error 1/2
+    ]
+    run = read_run(tmp_path / "run", found)
+    report = build_report(run, reference="weak")
+    mce = {row.agent: row.mce for row in report.summaries}
+    assert mce == {"a": pytest.approx(0.25), "weak": pytest.approx(1.0)}
+    assert {row.mce for row in build_report(run).summaries} == {None}
+    # `a` never fails under subtitle: no ratio to it exists.
+    assert {row.mce for row in build_report(run, reference="a").summaries} == {None}
+    with pytest.raises(UnknownNameError, match=r"--reference: 'weka' is not in .*mean 'weak'"):
+        build_report(run, reference="weka")
+
+
+def test_pass_hat_k_over_seeds(tmp_path):
+    found = [
+        record
+        for seed, scores in enumerate(([1, 1, 0], [1, 0, 0], [1, 1, 0]))
+        for record in scored("a", "clean", scores, seed)
+    ]
+    cell = cell_of(build_report(read_run(tmp_path / "run", found)), "a", "clean")
+    # t0 is solved by all three seeds, t1 by two, t2 by none: C(2, k) / C(3, k) for t1.
+    assert cell.pass_hat == pytest.approx(((3 + 2) / 9, (1 + 1 / 3) / 3, 1 / 3))
+    assert (cell.n, cell.tasks) == (9, 3)
+    fewer = [record for record in found if (record["task"], record["seed"]) != ("t2-2", 2)]
+    cell = cell_of(build_report(read_run(tmp_path / "fewer", fewer)), "a", "clean")
+    assert len(cell.pass_hat) == 2  # as many seeds as every task has
+
+
+def test_errors_invalid_and_what_was_used(tmp_path):
+    usage = {"requests": 2, "input_tokens": 1000, "output_tokens": 50, "usd": 0.25}
+    invalid = {"status": "invalid", "score": None, "usage": usage}
+    found = [
+        made("a", "t0", usage=usage),
+        made("a", "t1", score=None, cause="agent", usage=usage),
+        made("a", "t2", **invalid),
+    ]
+    report = build_report(read_run(tmp_path / "run", found))
+    (cell,) = report.cells
+    assert (cell.n, cell.success, cell.errors, cell.invalid) == (2, 0.5, 1, 1)
+    # What an invalid episode used was paid for, too.
+    assert (cell.requests, cell.input_tokens, cell.output_tokens) == (6, 3000, 150)
+    assert (cell.usd, report.summaries[0].usd) == (0.75, 0.75)
+    found[1]["usage"] = usage | {"usd": None}
+    (cell,) = build_report(read_run(tmp_path / "other", found)).cells
+    assert (cell.requests, cell.usd) == (6, None)
+
+
+def test_feasible_and_infeasible_apart(tmp_path):
+    found = scored("a", "clean", [1, 1, 0, 0])
+    for record in found[3:]:
+        record["infeasible"] = True
+    report = build_report(read_run(tmp_path / "run", found))
+    assert [cell.n for cell in (*report.cells, *report.feasible, *report.infeasible)] == [4, 3, 1]
+    assert report.feasible[0].success == pytest.approx(2 / 3)
+    assert report.infeasible[0].success == 0
+
+
+def test_the_mean_over_corruptions_resamples_tasks():
+    # Two cells of the same tasks, perfectly alike: as uncertain as one of them.
+    scores = [1.0] * 30 + [0.0] * 70
+    one = (scores, list(range(100)))
+    twice = statistics.grand_mean_interval([one, one])
+    single = statistics.mean_interval(*one)
+    assert (twice.value, twice.low, twice.high) == (0.3, single.low, single.high)
+    # Opposite cells cancel out: every task has the same mean.
+    opposite = ([1 - score for score in scores], list(range(100)))
+    still = statistics.grand_mean_interval([one, opposite])
+    assert still.value == 0.5
+    assert still.high - 0.5 == pytest.approx(0.5 - still.low)
+    uneven = statistics.grand_mean_interval([one, ([1.0], [0])])
+    assert uneven.value == pytest.approx(0.65)
+    assert 0 < uneven.low < 0.65 < uneven.high <= 1
+
+
+def test_many_intervals_at_once_are_those_of_one_by_one():
+    cells = [([float(n % k == 0) for n in range(60)], list(range(60))) for k in (2, 3, 5, 7)]
+    cells += [([1.0, 0.0, 1.0], ["a", "b", "b"]), ([1.0, 1.0], ["a", "b"])]
+    assert statistics.mean_intervals(cells) == [statistics.mean_interval(*cell) for cell in cells]
+    pairs = [(cells[0][0], cells[1][0], cells[0][1]), ([0.0, 0.0], [1.0, 0.0], ["a", "b"])]
+    assert statistics.difference_intervals(pairs) == [
+        statistics.difference_interval(*pair) for pair in pairs
+    ]
+    kept = statistics.retention_intervals(pairs)
+    assert kept[0] == statistics.retention_interval(*pairs[0])
+    assert kept[1] is None
+
+
+# As JSON
+
+
+def test_a_report_comes_back_from_its_json(tmp_path):
+    folder = run_of(tmp_path / "run", whole("a", SOLVED))
+    report = load_report(folder)
+    text = json.dumps(report.to_data(), allow_nan=False)
+    assert from_data(json.loads(text), "here") == report
+    (tmp_path / "r.json").write_text(text)
+    assert load_report(tmp_path / "r.json") == report
+    with pytest.raises(ReportError, match="finished report, whose reference agent is ''"):
+        load_report(tmp_path / "r.json", reference="a")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"version": 2}, "version 2 is newer .* upgrade agenthijack"),
+        ({"format": "other"}, "not a report"),
+        ({"cells": 3}, "cells: must be a list, got 3"),
+        ({"cells": [{"agent": "a", "corruption": "x", "n": "4"}]}, "n: must be int, got '4'"),
+        ({"cells": [{"agent": "a", "corruption": "x"}]}, "'n'"),
+        ({"extra": 1}, "unknown field 'extra'"),
+        ({"run": None}, "run: must be an object"),
+    ],
+)
+def test_what_is_no_report_is_refused(
+    change,
+    words,
+    tmp_path,
+):
+    report = build_report(read_run(tmp_path / "run", scored("a", "clean", [1, 0])))
+    with pytest.raises(ReportError, match=words):
+        from_data({**report.to_data(), **change}, "r.json")
+
+
+def test_an_empty_run_and_no_run_are_refused(tmp_path):
+    with pytest.raises(ReportError, match=r"holds no episodes yet; hijack bench .* --resume"):
+        load_report(run_of(tmp_path / "run", [], agents=["a"]))
+    with pytest.raises(RunError, match="is not the folder of a run"):
+        load_report(tmp_path / "none")
+    with pytest.raises(ReportError, match="is the head of a run"):
+        load_report(tmp_path / "run" / "run.json")
+
+
+def test_a_log_without_a_head_is_reported_too(tmp_path):
+    run = Run(folder=tmp_path, records=scored("a", "clean", [1, 0]))
+    report = build_report(run)
+    assert (report.run.head_sha256, report.run.kind, report.cells[0].success) == ("", "bench", 0.5)
+
+
+# Scores by name
+
+
+def test_scores_by_name(tmp_path):
+    found = [
+        *whole("a", SOLVED),
+        *whole("b", SOLVED | {"clean": 10, "marks": 2}),
+        *whole("do_nothing", dict.fromkeys(CONDITIONS, 0)),
+    ]
+    report = build_report(read_run(tmp_path / "run", found))
+    named = scores_by_name(report)
+    # The lesser of both agents; the reference agent does not count.
+    assert named["clean"] == 0.8
+    assert named["success.marks"] == 0.2
+    assert named["retention"] == pytest.approx(35 / 90)
+    assert named["worst"] == 0.1
+    assert named["do_nothing/clean"] == 0
+    assert named["b/clean"] == 1
+    assert named["a/delta.subtitle"] == pytest.approx(-0.2)
+    assert "mce" not in named
+    assert "retention" in named
+    assert "do_nothing/retention" not in named  # nothing to keep
+    alone = replace(report, summaries=report.summaries[2:])
+    assert scores_by_name(alone)["clean"] == 0
+
+
+def test_of_two_agents_the_greater_error_counts(tmp_path):
+    found = [
+        made("a", "t0", malformed=0),
+        made("b", "t0", malformed=3, score=None),
+    ]
+    named = scores_by_name(build_report(read_run(tmp_path / "run", found)))
+    assert (named["errors"], named["malformed"], named["clean"]) == (1, 0.75, 0)

@@ -1,0 +1,173 @@
+"""Two runs beside each other, and the leaderboard of a folder of runs."""
+
+import csv
+import io
+import json
+
+import pytest
+
+pytest.importorskip("statsmodels", reason="needs the extra [online]")
+
+from hijack_data.cli import main
+from online_env.bench import statistics
+from online_env.report import ReportError
+from online_env.report.compare import compare
+from online_env.report.leaderboard import leaderboard, rankings_of, read_all
+
+from support.reported import CONDITIONS, made, read_run, run_of, scored, whole
+
+SOLVED = dict(zip(CONDITIONS, (8, 4, 2, 8, 6, 7, 5, 5, 1, 3), strict=True))
+
+
+def hijack(capsys, *words):
+    """Run a command in this process: exit code, output, errors."""
+    with pytest.raises(SystemExit) as ended:
+        main([str(word) for word in words])
+    said = capsys.readouterr()
+    return ended.value.code, said.out, said.err
+
+
+def test_cases_are_paired_by_task_corruption_and_seed(tmp_path):
+    before = [
+        *scored("a", "clean", [1, 1, 0, 0]),
+        *scored("a", "marks", [0, 0, 0, 0, 0, 0]),
+        *scored("a", "marks", [1, 1], seed=1),
+        *scored("a", "subtitle", [1]),
+    ]
+    after = [
+        *scored("a", "clean", [1, 0, 1, 1]),
+        *scored("a", "marks", [1, 1, 1, 1, 1, 1]),
+    ]
+    found = compare(read_run(tmp_path / "old", before), read_run(tmp_path / "new", after))
+    clean, marks, subtitle = found.cells
+    assert (clean.n, clean.success_before, clean.success_after) == (4, 0.5, 0.75)
+    assert (clean.difference, clean.p) == (0.25, 1.0)  # one lost, two won
+    assert (marks.n, marks.only_before, marks.only_after) == (6, 2, 0)
+    assert marks.difference == 1
+    assert marks.p == pytest.approx(2 * 2 / 2**6)  # Holm: the lesser of two tests counts twice
+    assert (marks.low, marks.high) == (
+        pytest.approx(1 - 0.3904, abs=1e-3),  # Wilson's for 0 of 6 tasks
+        1,
+    )
+    assert (subtitle.n, subtitle.only_before, subtitle.p) == (0, 1, None)
+    assert "3 cases that only" in found.notes[0]
+    assert "differ in their settings, too, first in this: tasks was " in found.notes[1]
+    assert "a: no difference is shown under clean (" in found.notes[2]
+
+
+def test_intervals_are_those_of_paired_differences(tmp_path):
+    old = [float(n % 3 == 0) for n in range(30)]
+    new = [float(n % 2 == 0) for n in range(30)]
+    runs = [read_run(tmp_path / name, scored("a", "x", s)) for name, s in (("o", old), ("n", new))]
+    (cell,) = compare(*runs).cells
+    tasks = [f"t{number}" for number in range(30)]
+    wanted = statistics.difference_interval(old, new, tasks)
+    assert (cell.difference, cell.low, cell.high) == (wanted.value, wanted.low, wanted.high)
+    assert cell.p == statistics.mcnemar(old, new)
+
+
+def test_which_agents_are_compared(tmp_path):
+    one = read_run(tmp_path / "one", scored("a", "clean", [1, 0]))
+    other = read_run(tmp_path / "other", scored("b", "clean", [1, 1]))
+    both = read_run(tmp_path / "both", [*one.records, *other.records])
+    (cell,) = compare(one, other).cells
+    assert (cell.before, cell.after, cell.difference) == ("a", "b", 0.5)
+    (cell,) = compare(one, both).cells
+    assert (cell.before, cell.after) == ("a", "a")
+    assert any(note.endswith("both: b.") for note in compare(one, both).notes)
+    (cell,) = compare(both, both, {"a": "b"}).cells
+    assert (cell.before, cell.after, cell.difference) == ("a", "b", 0.5)
+    with pytest.raises(ReportError, match=r"--pair: 'c' is not in .*both \(a, b\)"):
+        compare(both, both, {"a": "c"})
+    third = read_run(tmp_path / "third", [made("c", "t0"), made("d", "t0")])
+    with pytest.raises(ReportError, match=r"nothing to pair: .* name two with --pair a=c"):
+        compare(both, third)
+
+
+def test_runs_without_a_shared_case_are_refused(tmp_path, capsys):
+    run_of(tmp_path / "old", scored("a", "clean", [1, 0]))
+    run_of(tmp_path / "new", scored("a", "clean", [1, 0], seed=5))
+    words = ("report", "--compare", tmp_path / "old", tmp_path / "new")
+    code, out, err = hijack(capsys, *words)
+    assert (code, out, len(err.splitlines())) == (2, "", 1)
+    assert "share no case" in err
+    assert "the same --tasks, --corruptions and --seeds" in err
+    code, _, err = hijack(capsys, *words, "--pair", "a")
+    assert (code, "'a' is not OLD=NEW" in err) == (2, True)
+
+
+def test_a_comparison_in_the_formats(tmp_path, capsys):
+    run_of(tmp_path / "old", scored("a", "marks", [1, 0, 1]))
+    run_of(tmp_path / "new", scored("a", "marks", [1, 1, 1]))
+    words = ("report", "--compare", tmp_path / "old", tmp_path / "new")
+    code, out, _ = hijack(capsys, *words)
+    assert code == 0
+    assert out.split("marks")[1].split()[:4] == ["3", "66.7", "100.0", "+33.3"]
+    _, out, _ = hijack(capsys, *words, "--format", "json")
+    assert json.loads(out)["comparison"]["cells"][0]["n"] == 3
+    _, out, _ = hijack(capsys, *words, "--format", "csv")
+    (row,) = csv.DictReader(io.StringIO(out))
+    assert float(row["difference"]) == pytest.approx(1 / 3)
+    _, out, _ = hijack(capsys, *words, "--format", "markdown")
+    assert "### old and then new, the same cases" in out
+    _, out, _ = hijack(capsys, *words, "--format", "html")
+    assert "old, then new" in out
+
+
+# The leaderboard
+
+
+@pytest.fixture
+def runs(tmp_path):
+    folder = tmp_path / "runs"
+    better = {label: min(10, solved + 1) for label, solved in SOLVED.items()}
+    run_of(folder / "a", [*whole("weak", SOLVED), *whole("oracle", dict.fromkeys(CONDITIONS, 10))])
+    run_of(folder / "deep" / "b", whole("strong", better))
+    return folder
+
+
+def test_agents_are_ranked_where_the_setting_is_the_same(runs):
+    run_of(runs / "c", whole("other", dict.fromkeys(CONDITIONS, 9)), max_steps=99)
+    boards = rankings_of(read_all(runs))
+    assert [[(x.rank, x.row.agent, x.place) for x in board.lines] for board in boards] == [
+        [(None, "oracle", "a"), (1, "strong", "deep/b"), (2, "weak", "a")],
+        [(1, "other", "c")],
+    ]
+    assert "at most 99 actions" in boards[1].title
+
+
+def test_what_lacks_episodes_has_no_rank(runs):
+    path = runs / "a" / "records.jsonl"
+    path.write_bytes(b"".join(path.read_bytes().splitlines(keepends=True)[:-1]))
+    (board,) = rankings_of(read_all(runs))
+    ranks = {line.row.agent: (line.rank, line.why) for line in board.lines}
+    assert ranks["weak"] == (None, "1 of 200 episodes are missing")
+    assert ranks["strong"] == (1, "")
+
+
+def test_a_finished_report_counts_as_a_run(runs, capsys):
+    _, out, _ = hijack(capsys, "report", runs / "a", "--format", "json")
+    (runs / "mine.report.json").write_text(out)
+    (board,) = rankings_of(read_all(runs))
+    found = [(line.place, line.rank) for line in board.lines if line.row.agent == "weak"]
+    assert found == [("a", 2), ("mine.report.json", 2)]  # alike, so they share the rank
+
+
+def test_the_page_names_what_was_left_out(runs, capsys, tmp_path):
+    (runs / "<bad>").mkdir()
+    (runs / "<bad>" / "run.json").write_text("{")
+    words = ("report", runs, "--leaderboard", "-o", tmp_path / "board.html")
+    code, _, err = hijack(capsys, *words)
+    assert code == 1
+    assert "left out: " in err
+    page = (tmp_path / "board.html").read_text()
+    assert page == leaderboard(read_all(runs))
+    assert "&lt;bad&gt;" in page
+    assert "<bad>" not in page
+    assert page.index("strong") < page.index("weak")
+
+
+def test_a_folder_without_runs_is_refused(tmp_path, capsys):
+    code, _, err = hijack(capsys, "report", tmp_path, "--leaderboard", "-o", tmp_path / "b.html")
+    assert (code, len(err.splitlines())) == (2, 1)
+    assert "holds no run with episodes" in err

@@ -1,0 +1,277 @@
+"""`hijack report` in every format, and its refusals."""
+
+import csv
+import io
+import json
+import re
+from html.parser import HTMLParser
+
+import pytest
+import yaml
+
+pytest.importorskip("statsmodels", reason="needs the extra [online]")
+
+from hijack_data.cli import main
+from online_env.bench import records, scores
+from online_env.report import build_report, formats
+from online_env.report.document import ReportDocument
+from online_env.report.paper import COLUMNS, paper_table
+
+from support.chromium import chromium
+from support.reported import CONDITIONS, made, read_run, run_of, scored, whole
+
+SOLVED = dict(zip(CONDITIONS, (8, 4, 2, 8, 6, 7, 5, 5, 1, 3), strict=True))
+HOSTILE = "<script>|_&%$#{x}~^\\`* @x"
+
+
+def hijack(capsys, *words):
+    """Run a command in this process: exit code, output, errors."""
+    with pytest.raises(SystemExit) as ended:
+        main([str(word) for word in words])
+    said = capsys.readouterr()
+    return ended.value.code, said.out, said.err
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    found = [*whole("mine", SOLVED), *whole("recovering", dict.fromkeys(CONDITIONS, 9))]
+    return run_of(tmp_path_factory.mktemp("reported") / "run", found)
+
+
+@pytest.fixture(scope="module")
+def hostile(tmp_path_factory):
+    found = [*scored(HOSTILE, "clean", [1, 1]), *scored(HOSTILE, "a|<b>_%", [1, 0])]
+    run = read_run(tmp_path_factory.mktemp("hostile") / "run", found)
+    return ReportDocument(report=build_report(run))
+
+
+def test_json_is_the_whole_report(folder, capsys, tmp_path):
+    code, out, _ = hijack(capsys, "report", folder, "--format", "json", "--reference", "mine")
+    assert code == 0
+    data = json.loads(out)
+    assert (data["format"], data["version"], data["reference"]) == ("agenthijack-report", 1, "mine")
+    assert data["summaries"][0]["paper_average"] == pytest.approx(0.49)
+    assert data["cells"][2]["ceiling"] == 0.9
+    # A finished report is read like a run.
+    (tmp_path / "r.json").write_text(out)
+    code, text, _ = hijack(capsys, "report", tmp_path / "r.json", "--format", "csv")
+    assert (code, len(text.splitlines())) == (0, 21)
+    code, text, _ = hijack(capsys, "report", tmp_path / "r.json")
+    assert (code, "mine: corrupted 45.6, worst network_error 10.0" in text) == (0, True)
+
+
+def test_the_rows_of_json_are_as_they_were(folder, capsys):
+    code, out, _ = hijack(capsys, "report", folder, "--json")
+    assert code == 0
+    assert json.loads(out) == scores.rows(records.read(folder).records)
+
+
+def test_the_terminal_shows_what_there_is(folder, capsys):
+    code, out, _ = hijack(capsys, "report", folder, "--reference", "recovering", "--paper")
+    assert code == 0
+    assert "average with clean, as in the paper 49.0" in out
+    assert "mCE 544.4 (against recovering)" in out
+    assert "The paper prints 3.69 as the average of GPT-4o; its columns give 3.697." in out
+    beside = out.split("beside it")[1].split("pop_ups")[1].split()
+    assert beside[0] == "90.0"  # the ceiling
+    headings = out.split("beside it")[1].splitlines()[1]
+    assert "pass^k" not in headings  # one seed
+    assert "USD" not in headings  # no model
+
+
+def test_csv_has_a_line_a_cell(folder, capsys):
+    _, out, _ = hijack(capsys, "report", folder, "--format", "csv")
+    rows = list(csv.DictReader(io.StringIO(out)))
+    assert [row["corruption"] for row in rows[:10]] == list(CONDITIONS)
+    assert (rows[2]["success"], rows[2]["n"], rows[0]["delta"]) == ("0.2", "10", "")
+
+
+def test_markdown_keeps_names_as_they_are(hostile):
+    text = formats.write(hostile, "markdown")
+    lines = [line for line in text.splitlines() if line.startswith("|")]
+    bars = {len(re.findall(r"(?<!\\)\|", line)) for line in lines[:3]}
+    assert len(bars) == 1
+    assert "\\<script\\>" in text
+    assert "<script>" not in text
+
+
+def test_latex_escapes_and_marks_the_best(folder, hostile, capsys):
+    _, out, _ = hijack(capsys, "report", folder, "--format", "latex")
+    mine, top = [line for line in out.splitlines() if line.startswith(("mine", "recovering"))]
+    assert top.count(r"\textbf{90.0}") == 11
+    assert "textbf" not in mine
+    assert mine.startswith("mine & 80.0 & 40.0 & 20.0 & 80.0 ")
+    text = formats.write(hostile, "latex")
+    line = next(line for line in text.splitlines() if "script" in line)
+    assert line.startswith(r"\textless{}script\textgreater{}|\_\&\%\$\#\{x\}")
+    assert line.replace(r"\&", "").count("&") == 4
+    table = out[out.index(r"\begin{tabular}") : out.index(r"\end{tabular}")]
+    assert {row.count("&") for row in table.splitlines() if row.endswith(r"\\")} == {12}
+
+
+def test_latex_with_the_paper_has_both_tables(folder, capsys):
+    _, out, _ = hijack(capsys, "report", folder, "--format", "latex", "--paper")
+    paper, ours = out.split(r"\midrule")[1:]
+    assert "GPT-4o & 5.38 & 1.44" in paper
+    assert "mine & 80.00 & 40.00" in ours
+
+
+def test_model_index_is_what_the_hub_reads(folder, capsys):
+    hub = pytest.importorskip("huggingface_hub.repocard_data")
+    code, out, _ = hijack(capsys, "report", folder, "--format", "model-index")
+    assert code == 0
+    name, results = hub.model_index_to_eval_results(yaml.safe_load(out)["model-index"])
+    assert name == "mine"
+    by = {(r.dataset_config, r.metric_type): r.metric_value for r in results}
+    assert by["clean", "success_rate"] == 80
+    assert by["marks", "retention"] == 100
+    assert by["all", "average"] == 49
+    assert len(yaml.safe_load(out)["model-index"]) == 1  # recovering is no model
+
+
+def test_model_index_needs_an_agent(tmp_path, capsys):
+    run_of(tmp_path / "run", scored("oracle", "clean", [1]))
+    code, _, err = hijack(capsys, "report", tmp_path / "run", "--format", "model-index")
+    assert (code, "has only reference agents (oracle)" in err) == (2, True)
+
+
+def test_the_name_of_a_file_tells_the_format(folder, capsys, tmp_path):
+    starts = {"r.html": "<!doctype html>", "r.csv": "agent,", "r.tex": "% needs", "r.md": "## run"}
+    for name, start in starts.items():
+        code, out, _ = hijack(capsys, "report", folder, "-o", tmp_path / name)
+        assert (code, out) == (0, f"wrote {tmp_path / name}\n")
+        assert (tmp_path / name).read_text().startswith(start)
+
+
+# The page
+
+
+class Outside(HTMLParser):
+    """Collects what a page would fetch or run."""
+
+    def __init__(self):
+        super().__init__()
+        self.found = []
+
+    def handle_starttag(self, tag, attrs):
+        if tag in ("script", "link", "img", "iframe", "object"):
+            self.found.append(tag)
+        self.found += [name for name, _ in attrs if name in ("src", "href", "onclick", "onload")]
+
+
+def test_a_page_stands_alone_and_escapes(hostile):
+    page = formats.write(hostile, "html")
+    parser = Outside()
+    parser.feed(page)
+    assert parser.found == []
+    assert re.findall(r'url\("(?!data:)', page) == []
+    assert "&lt;script&gt;" in page
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_page_in_a_browser(
+    folder,
+    capsys,
+    tmp_path,
+    scheme,
+):
+    hijack(capsys, "report", folder, "--paper", "-o", tmp_path / "r.html")
+    with chromium(tmp_path / "profile") as browser:
+        browser.open(f"file://{tmp_path / 'r.html'}", scheme=scheme)
+        widths = browser.js(
+            "[...document.querySelectorAll('.panel')[0].querySelectorAll('rect')]"
+            ".map(bar => bar.getBoundingClientRect().width)"
+        )
+        # The bars are as long as the shares.
+        longest = widths[0] / SOLVED["clean"]
+        assert [round(width / longest, 2) for width in widths] == list(SOLVED.values())
+        named = browser.js("[...document.querySelectorAll('h2')].map(title => title.textContent)")
+        assert "Retention with intervals" in named
+        assert "Beside the paper" in named
+        contrast = browser.js("getComputedStyle(document.body).backgroundColor")
+        assert contrast == {"light": "rgb(245, 246, 248)", "dark": "rgb(14, 16, 20)"}[scheme]
+        for width in (1400, 420):
+            browser.open(f"file://{tmp_path / 'r.html'}", width=width, scheme=scheme)
+            scrolled = browser.js("document.documentElement.scrollWidth - innerWidth")
+            assert scrolled <= 0, f"{width} wide: {scrolled} pixels stick out"
+        fetched = [event["request"]["url"] for event in browser.of("Network.requestWillBeSent")]
+        assert [url for url in fetched if not url.startswith("file://")] == []
+
+
+# The paper's table
+
+
+def test_the_papers_numbers_agree_with_themselves():
+    paper = paper_table()
+    assert paper.columns == COLUMNS
+    assert len(paper.rows) == 10
+    slips = []
+    for row in paper.rows:
+        mean = 100 * sum(row.success.values()) / 10
+        if abs(mean - 100 * row.average) > 0.0051:
+            slips.append(row.agent)
+    assert slips == ["GPT-4o"]  # its mean is 3.697, and 3.69 is printed
+    assert {row.agent: row.solved_of for row in paper.rows if row.solved_of} == {
+        "Claude-3.7-Sonnet": 355
+    }
+
+
+def test_what_the_paper_does_not_have_is_left_out(tmp_path, capsys):
+    few = [*scored("a", "clean", [1, 0]), *scored("a", "marks", [1, 0]), *scored("a", "x", [0, 0])]
+    run_of(tmp_path / "few", few)
+    code, out, _ = hijack(capsys, "report", tmp_path / "few", "--paper", "--format", "json")
+    row = json.loads(out)["paper"]["rows"][-1]
+    assert (code, row["success"], row["average"]) == (0, {"clean": 0.5, "marks": 0.5}, None)
+    run_of(tmp_path / "none", scored("a", "x", [0, 0]))
+    code, _, err = hijack(capsys, "report", tmp_path / "none", "--paper")
+    assert (code, "none of the paper's conditions" in err) == (2, True)
+
+
+# Refusals
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--format", "htlm"], "unknown format 'htlm'; did you mean 'html'?"),
+        (["-o", "report.pdf"], "its name does not tell the format; give --format (terminal, json"),
+        (["--reference", "recoverin"], "did you mean 'recovering'?"),
+        (["--pair", "a=b"], "give the earlier one with --compare"),
+        (["--leaderboard"], "say where the page goes"),
+        (["--leaderboard", "--format", "csv"], "--leaderboard is a page"),
+    ],
+)
+def test_a_mistake_is_one_line_with_its_remedy(
+    words,
+    said,
+    folder,
+    capsys,
+):
+    code, out, err = hijack(capsys, "report", folder, *words)
+    assert (code, out, len(err.splitlines())) == (2, "", 1)
+    assert err.startswith("hijack: error: ")
+    assert said in err
+
+
+def test_an_empty_run_and_another_version_are_refused(tmp_path, capsys):
+    run_of(tmp_path / "empty", [])
+    code, out, err = hijack(capsys, "report", tmp_path / "empty")
+    assert (code, out) == (2, "")
+    assert re.fullmatch(r"hijack: error: .*: holds no episodes yet; .* --resume runs them\n", err)
+    (tmp_path / "new").mkdir()
+    (tmp_path / "new" / "run.json").write_text('{"format": "agenthijack-run", "version": 99}')
+    code, _, err = hijack(capsys, "report", tmp_path / "new", "-o", tmp_path / "r.html")
+    assert (code, "version 99 is newer than this library reads; upgrade" in err) == (2, True)
+    (tmp_path / "r.json").write_text('{"format": "agenthijack-report", "version": 99}')
+    code, _, err = hijack(capsys, "report", tmp_path / "r.json")
+    assert (code, "upgrade agenthijack" in err) == (2, True)
+
+
+def test_what_is_missing_is_said_and_exits_with_1(tmp_path, capsys):
+    found = [made("a", "t0")]
+    with records.create(tmp_path / "run", {"agents": ["a"]}, ["x", "y", "z"]):
+        records.append_all(tmp_path / "run", found)
+    code, out, err = hijack(capsys, "report", tmp_path / "run", "-o", tmp_path / "r.md")
+    assert (code, out) == (1, f"wrote {tmp_path / 'r.md'}\n")
+    assert "1 of 3 planned episodes are there, 2 are missing" in err
+    assert "2 are missing" in (tmp_path / "r.md").read_text()
