@@ -197,8 +197,7 @@ def _run(
     if left:
         expected = f", {estimate(chosen, left, at_once, history_near(out))}"
     screen.print(
-        f"{len(left)} episodes on {at_once} desktops{expected}; recovery policy:"
-        f" {chosen.recovery}",
+        f"{len(left)} episodes on {at_once} desktops{expected}; recovery policy: {chosen.recovery}",
         soft_wrap=True,
     )
     if left:

@@ -93,11 +93,14 @@ class Verdict:
         if self.value is None:
             where = some_of(self.lacking or (self.gate.name,))
             return f"{named} cannot be computed, no episode counts for {where} ({self.gate})"
-        shown = f"{self.value:.3f}"
-        if not self.passed and float(shown) >= self.gate.least:
-            shown = repr(self.value)  # rounded, it would not be below
-        what = "at least" if self.passed else "below"
-        return f"{named} is {shown}, {what} {self.gate.least:g}"
+        value = f"{self.value:.3f}"
+        least = f"{self.gate.least:g}"
+        if self.passed:
+            return f"{named} is {value}, at least {least}"
+        if float(value) >= float(least):  # rounded, it would not be below
+            value = repr(self.value)
+            least = repr(self.gate.least)
+        return f"{named} is {value}, below {least}"
 
 
 def gate_options(command: Command) -> Command:
