@@ -6,7 +6,7 @@ them before anything is run, and `ReleaseGate.conclude` judges a run.
 
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import fmean
@@ -45,7 +45,7 @@ ROUNDING = 1e-9  # of sums of scores
 
 
 @dataclass(frozen=True, kw_only=True)
-class Gate:
+class ScoreGate:
     """A score that must not be below a threshold.
 
     Args:
@@ -70,7 +70,7 @@ class Gate:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class GateVerdict:
     """What became of a gate.
 
     Args:
@@ -79,7 +79,7 @@ class Verdict:
         lacking: The conditions without a value, if the score needs all.
     """
 
-    gate: Gate
+    gate: ScoreGate
     value: float | None
     lacking: tuple[str, ...] = ()
 
@@ -138,7 +138,7 @@ class ReleaseGate:
         labels: Its conditions, likewise.
     """
 
-    gates: tuple[Gate, ...] = ()
+    gates: tuple[ScoreGate, ...] = ()
     junit: Path | None = None
     agents: tuple[str, ...] = ()
     labels: tuple[str, ...] = ()
@@ -164,7 +164,7 @@ class ReleaseGate:
             ParameterError: The threshold is no share, or the run cannot have the score.
             HijackError: The file of `--junit` cannot be written there.
         """
-        found: list[Gate] = []
+        found: list[ScoreGate] = []
         for text in texts:
             found += _read_gate(text, agents, labels)
         if junit is not None:
@@ -176,7 +176,7 @@ class ReleaseGate:
             labels=tuple(labels),
         )
 
-    def verdicts(self, run: Run) -> list[Verdict]:
+    def verdicts(self, run: Run) -> list[GateVerdict]:
         """Judge the gates on the episodes that a run has."""
         table = scores.rows(run.records, self.agents, self.labels)
         return [_judged(gate, table, self.labels) for gate in self.gates]
@@ -207,7 +207,7 @@ def _read_gate(
     text: str,
     agents: Sequence[str],
     labels: Sequence[str],
-) -> list[Gate]:
+) -> list[ScoreGate]:
     """Return the gates of one `--fail-under`: for one agent, or for each."""
     named, equals, number = text.rpartition("=")
     if not equals:
@@ -225,7 +225,7 @@ def _read_gate(
     least = _threshold(text, score, number)
     chosen = [agent] if colon else agents
     return [
-        Gate(
+        ScoreGate(
             score=score,
             label=label,
             agent=one,
@@ -287,27 +287,27 @@ def _threshold(
 
 
 def _judged(
-    gate: Gate,
-    table: Sequence[Mapping[str, Any]],
+    gate: ScoreGate,
+    table: Sequence[scores.ScoreRow],
     labels: Sequence[str],
-) -> Verdict:
+) -> GateVerdict:
     """Judge a gate on the table that `scores.rows` made."""
     own = [row for row in table if row["agent"] == gate.agent]
     column = "success" if gate.score in OF_AGENT else gate.score
     by_label = {row["corruption"]: row[column] for row in own}
     if gate.label:
-        return Verdict(gate, by_label.get(gate.label))
+        return GateVerdict(gate, by_label.get(gate.label))
     needed = list(labels)
     if gate.score in PAIRED:
         needed.remove(CLEAN)
     # Without one of them, the mean of the others would look like that of all.
     lacking = tuple(label for label in needed if by_label.get(label) is None)
     if lacking:
-        return Verdict(gate, None, lacking)
+        return GateVerdict(gate, None, lacking)
     if gate.score in OF_AGENT:
         (summary,) = scores.summaries(own)
-        return Verdict(gate, summary[OF_AGENT[gate.score]])
-    return Verdict(gate, fmean(by_label[label] for label in needed))
+        return GateVerdict(gate, summary[OF_AGENT[gate.score]])
+    return GateVerdict(gate, fmean(by_label[label] for label in needed))
 
 
 def _check_writable(path: Path) -> None:

@@ -20,7 +20,7 @@ from .reading import ResultRecord, Run
 GATES = "gates"  # the name of their suite
 # What XML 1.0 cannot hold, escaped or not.
 _FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-Element: TypeAlias = ElementTree.Element
+XmlElement: TypeAlias = ElementTree.Element
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,9 +59,9 @@ def write(
     write_atomic(path, ElementTree.tostring(root, encoding="utf-8", xml_declaration=True))
 
 
-def tree_of(run: Run, gates: Sequence[GateCase]) -> Element:
+def tree_of(run: Run, gates: Sequence[GateCase]) -> XmlElement:
     """Return the root of the document; the arguments are those of `write`."""
-    by_agent: dict[str, list[Element]] = {}
+    by_agent: dict[str, list[XmlElement]] = {}
     for record in scores.latest(run.records).values():
         by_agent.setdefault(str(record["agent"]), []).append(_episode(record))
     suites = [_suite(agent, cases) for agent, cases in by_agent.items()]
@@ -78,7 +78,7 @@ def tree_of(run: Run, gates: Sequence[GateCase]) -> Element:
     return root
 
 
-def _suite(name: str, cases: Sequence[Element]) -> Element:
+def _suite(name: str, cases: Sequence[XmlElement]) -> XmlElement:
     """Return a suite with the numbers of what it holds."""
     found = ElementTree.Element("testsuite", name=_text(name), tests=str(len(cases)))
     found.set("failures", str(sum(case.find("failure") is not None for case in cases)))
@@ -89,7 +89,7 @@ def _suite(name: str, cases: Sequence[Element]) -> Element:
     return found
 
 
-def _episode(record: ResultRecord) -> Element:
+def _episode(record: ResultRecord) -> XmlElement:
     seconds = record.get("seconds")
     task = str(record["task"])
     if ROW in record:
@@ -110,14 +110,14 @@ def _episode(record: ResultRecord) -> Element:
     return case
 
 
-def _gate(found: GateCase) -> Element:
+def _gate(found: GateCase) -> XmlElement:
     case = _case(GATES, found.name, 0.0)
     if found.problem:
         _add(case, "failure", "below", found.problem)
     return case
 
 
-def _missing(name: str) -> Element:
+def _missing(name: str) -> XmlElement:
     case = _case("missing", name, 0.0)
     _add(case, "error", "missing", "a planned episode has no record; --resume runs it")
     return case
@@ -127,14 +127,14 @@ def _case(
     where: str,
     name: str,
     seconds: float,
-) -> Element:
+) -> XmlElement:
     found = ElementTree.Element("testcase", classname=_text(where), name=_text(name))
     found.set("time", _seconds(seconds))
     return found
 
 
 def _add(
-    case: Element,
+    case: XmlElement,
     what: str,
     kind: str,
     message: str,

@@ -16,14 +16,14 @@ from typing import Any, TypeAlias
 
 from hijack_data.files import unwritable
 
-Origin: TypeAlias = dict[str, Any]
+RunOrigin: TypeAlias = dict[str, Any]
 SESSIONS = "sessions.jsonl"
 GIT_PATIENCE = 10.0  # s
 _GROUP_LIMIT = Path("/sys/fs/cgroup/memory.max")
 _GROUP_USE = Path("/sys/fs/cgroup/memory.current")
 
 
-def describe(config: Mapping[str, Any], desktops: int) -> Origin:
+def describe(config: Mapping[str, Any], desktops: int) -> RunOrigin:
     """Return what a run should be able to say of its making, as JSON data.
 
     Args:
@@ -57,7 +57,7 @@ def config_digest(config: Mapping[str, Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def git_state(folder: Path, trusted: bool = False) -> Origin | None:
+def git_state(folder: Path, trusted: bool = False) -> RunOrigin | None:
     """Return `commit` and `dirty` of the checkout that holds a folder.
 
     Args:
@@ -93,7 +93,7 @@ def _git(folder: Path, *words: str) -> str | None:
     return done.stdout.strip() if done.returncode == 0 else None
 
 
-def machine() -> Origin:
+def machine() -> RunOrigin:
     """Return `cpu`, `cores`, `memory` in bytes and `kernel` of this machine."""
     return {
         "cpu": _processor(),
@@ -173,9 +173,9 @@ def add_session(
         raise unwritable(path, error) from None
 
 
-def sessions(folder: Path) -> list[Origin]:
+def sessions(folder: Path) -> list[RunOrigin]:
     """Return the lines of `sessions.jsonl`; one that a kill cut off is left out."""
-    found: list[Origin] = []
+    found: list[RunOrigin] = []
     for line in _lines(folder / SESSIONS):
         with contextlib.suppress(ValueError):
             found.append(json.loads(line))

@@ -14,7 +14,7 @@ from lxml import etree
 
 from hijack_data.errors import HijackError, ParameterError, UnknownNameError
 from online_env.bench import records, scores
-from online_env.bench.gate import Gate, ReleaseGate, gate_options
+from online_env.bench.gate import ScoreGate, ReleaseGate, gate_options
 
 AGENTS = ("oracle", "my.py:Mine")
 LABELS = ("clean", "marks", "network_error")
@@ -168,7 +168,7 @@ def test_a_gate_is_for_each_agent_or_for_one():
     both = gate_of("worst=0.5", agents=AGENTS).gates
     assert [gate.agent for gate in both] == list(AGENTS)
     (mine,) = gate_of("my.py:Mine:success.marks=0.25", agents=AGENTS).gates
-    assert mine == Gate(score="success", label="marks", agent="my.py:Mine", least=0.25)
+    assert mine == ScoreGate(score="success", label="marks", agent="my.py:Mine", least=0.25)
     (dotted,) = gate_of("success.many.marks=1", labels=("clean", "many.marks")).gates
     assert dotted.label == "many.marks"
 
