@@ -191,12 +191,12 @@ class Killer:
         if not alive[kind]:
             kind = "runner"  # it has not started a desktop yet
         victim = self._draws.choice(alive[kind])
+        name = command_of(victim)[-70:].strip()
         try:
             os.kill(victim, signal.SIGKILL)
         except ProcessLookupError:
             return ""
         self.outcome.kills[kind] += 1
-        name = command_of(victim)[:60] or "gone"
         print(f"  kill {sum(self.outcome.kills.values())}: {kind} {victim} ({name})", flush=True)
         return kind
 
