@@ -173,32 +173,37 @@ class Killer:
         )
         log.close()
         while sum(self.outcome.kills.values()) < kills:
+            kind = self._draws.choice(TARGETS)
+            # One runner in two is killed while it begins, the others while episodes are played.
+            awaited = kind if kind != "runner" else self._draws.choice(("runner", "keeper"))
+            delay = self._draws.uniform(0, LONGEST)
+            while process.poll() is None and not candidates(process.pid)[awaited]:
+                time.sleep(0.2)
             try:
-                return process.wait(self._draws.uniform(0, LONGEST))
+                return process.wait(delay)
             except subprocess.TimeoutExpired:
-                if self._kill(process) == "runner":
+                if self._kill(process, kind) and kind == "runner":
                     process.wait()
                     self._wait_until_gone()
                     return None
         return process.wait()
 
-    def _kill(self, process: "subprocess.Popen[bytes]") -> str:
-        """Kill something of a run; return what."""
+    def _kill(self, process: "subprocess.Popen[bytes]", kind: str) -> bool:
+        """Kill a process of a run; return whether there was one."""
         alive = candidates(process.pid)
         for pids in alive.values():
             self._known.update(pids)
-        kind = self._draws.choice(TARGETS)
         if not alive[kind]:
-            kind = "runner"  # it has not started a desktop yet
+            return False
         victim = self._draws.choice(alive[kind])
         name = command_of(victim)[-70:].strip()
         try:
             os.kill(victim, signal.SIGKILL)
         except ProcessLookupError:
-            return ""
+            return False
         self.outcome.kills[kind] += 1
         print(f"  kill {sum(self.outcome.kills.values())}: {kind} {victim} ({name})", flush=True)
-        return kind
+        return True
 
     def _wait_until_gone(self) -> None:
         """Wait until all that belonged to a killed runner has ended."""

@@ -9,7 +9,6 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from statistics import fmean
 from typing import Any, TypeVar
 
 import click
@@ -18,13 +17,13 @@ from hijack_data.errors import HijackError, ParameterError, UnknownNameError, so
 from hijack_data.plan import CLEAN
 
 from . import junit, scores
-from .reading import Run
+from .reading import ResultRecord, Run
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 OPTION = "--fail-under"
 EXAMPLE = f"such as {OPTION} retention=0.8 or {OPTION} success.network_error=0.5"
 # Scores of one condition (NAME.CORRUPTION), which are columns of the report's table. Without a
-# condition the first two are those of the clean one, the others the mean over the corruptions.
+# condition the first two are those of the clean one, the others are over all corrupted cases.
 OF_CONDITION = (
     "success",
     "ci_low",
@@ -42,6 +41,14 @@ OF_AGENT = {
 OVER_CORRUPTIONS = ("corrupted", "worst")
 KNOWN = (*OF_CONDITION, *OF_AGENT)
 ROUNDING = 1e-9  # of sums of scores
+# Agents that say something about tasks and desktops: no release is judged by them.
+YARDSTICKS = (
+    "oracle",
+    "recovering",
+    "do_nothing",
+    "random",
+    "fail",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,8 +98,11 @@ class GateVerdict:
     def __str__(self) -> str:
         named = f"{self.gate.name} of {self.gate.agent}"
         if self.value is None:
-            where = some_of(self.lacking or (self.gate.name,))
-            return f"{named} cannot be computed, no episode counts for {where} ({self.gate})"
+            where = some_of(self.lacking or (self.gate.label,))
+            why = "no episode counts"
+            if self.gate.score == "retention":
+                why = "no episode counts, or none succeeds clean"
+            return f"{named} cannot be computed, {why}: {where} ({self.gate})"
         value = f"{self.value:.3f}"
         least = f"{self.gate.least:g}"
         if self.passed:
@@ -179,7 +189,7 @@ class ReleaseGate:
     def verdicts(self, run: Run) -> list[GateVerdict]:
         """Judge the gates on the episodes that a run has."""
         table = scores.rows(run.records, self.agents, self.labels)
-        return [_judged(gate, table, self.labels) for gate in self.gates]
+        return [_judged(gate, table, run.records, self.labels) for gate in self.gates]
 
     def conclude(self, run: Run) -> bool:
         """Print a line on each gate, and write the JUnit file.
@@ -208,7 +218,10 @@ def _read_gate(
     agents: Sequence[str],
     labels: Sequence[str],
 ) -> list[ScoreGate]:
-    """Return the gates of one `--fail-under`: for one agent, or for each."""
+    """Return the gates of one `--fail-under`.
+
+    One that names no agent holds for each, except for yardsticks beside others.
+    """
     named, equals, number = text.rpartition("=")
     if not equals:
         raise ParameterError(f"{OPTION} {text}: write SCORE=X, {EXAMPLE}")
@@ -223,7 +236,8 @@ def _read_gate(
         label = CLEAN
     _check_label(text, score, label, labels)
     least = _threshold(text, score, number)
-    chosen = [agent] if colon else agents
+    own = [name for name in agents if name not in YARDSTICKS]
+    chosen = [agent] if colon else own or agents
     return [
         ScoreGate(
             score=score,
@@ -289,6 +303,7 @@ def _threshold(
 def _judged(
     gate: ScoreGate,
     table: Sequence[scores.ScoreRow],
+    made: Sequence[ResultRecord],
     labels: Sequence[str],
 ) -> GateVerdict:
     """Judge a gate on the table that `scores.rows` made."""
@@ -307,7 +322,27 @@ def _judged(
     if gate.score in OF_AGENT:
         (summary,) = scores.summaries(own)
         return GateVerdict(gate, summary[OF_AGENT[gate.score]])
-    return GateVerdict(gate, fmean(by_label[label] for label in needed))
+    return GateVerdict(gate, _over_all(gate, made))
+
+
+def _over_all(gate: ScoreGate, made: Sequence[ResultRecord]) -> float | None:
+    """Return the retention or the difference over all cases that are there clean and corrupted."""
+    final = scores.latest(made)
+    before = 0.0
+    after = 0.0
+    count = 0
+    for (agent, label, *case), record in final.items():
+        task, task_seed, seed = case
+        base = final.get((agent, CLEAN, task, task_seed, seed))
+        if agent != gate.agent or label == CLEAN or base is None:
+            continue
+        if scores.counts(record) and scores.counts(base):
+            before += base["score"] or 0.0
+            after += record["score"] or 0.0
+            count += 1
+    if gate.score == "retention":
+        return after / before if before else None
+    return (after - before) / count if count else None
 
 
 def _check_writable(path: Path) -> None:

@@ -14,7 +14,7 @@ from lxml import etree
 
 from hijack_data.errors import HijackError, ParameterError, UnknownNameError
 from online_env.bench import records, scores
-from online_env.bench.gate import ScoreGate, ReleaseGate, gate_options
+from online_env.bench.gate import ReleaseGate, ScoreGate, gate_options
 
 AGENTS = ("oracle", "my.py:Mine")
 LABELS = ("clean", "marks", "network_error")
@@ -129,6 +129,16 @@ def test_every_score_is_compared_with_its_threshold(name, value, run):
         assert not one(f"{name}={value + 1e-3}", run).passed
 
 
+def test_retention_is_over_all_pairs_as_in_the_report(tmp_path):
+    """Not the mean of the corruptions' means, which have different cases."""
+    found = [made("t", "clean", 1.0), made("u", "clean", 0.5), made("v", "clean", 1.0)]
+    found += [made("t", "marks", 1.0), made("u", "marks", 0.0), made("v", "network_error", 0.5)]
+    found.append(made("w", "marks", 1.0))  # never clean
+    run = run_of(tmp_path / "run", *found)
+    assert one("retention=0", run).value == pytest.approx(1.5 / 2.5)
+    assert one("delta=-1", run).value == pytest.approx(-1 / 3)
+
+
 def test_rounding_fails_no_gate(run):
     assert one(f"average={0.1 + 0.2 + 0.28333333333333344}", run).passed
     assert one("success.marks=0.5", run).passed
@@ -159,14 +169,18 @@ def test_a_mean_is_not_taken_over_the_conditions_that_happen_to_be_there(name, t
     )
     verdict = one(f"{name}=0", run)
     assert not verdict.passed
-    assert "cannot be computed, no episode counts for network_error" in str(verdict)
+    assert "cannot be computed, no episode counts" in str(verdict)
+    assert f": network_error (oracle:{name}=0)" in str(verdict)
     assert one("success.marks=0.9", run).passed
     assert not one("success.network_error=0", run).passed
 
 
 def test_a_gate_is_for_each_agent_or_for_one():
-    both = gate_of("worst=0.5", agents=AGENTS).gates
-    assert [gate.agent for gate in both] == list(AGENTS)
+    two = ("a", "my.py:Mine", "do_nothing")
+    both = gate_of("worst=0.5", agents=two).gates
+    assert [gate.agent for gate in both] == ["a", "my.py:Mine"]  # nobody releases do_nothing
+    yardsticks = gate_of("worst=0.5", agents=("oracle", "do_nothing")).gates
+    assert [gate.agent for gate in yardsticks] == ["oracle", "do_nothing"]
     (mine,) = gate_of("my.py:Mine:success.marks=0.25", agents=AGENTS).gates
     assert mine == ScoreGate(score="success", label="marks", agent="my.py:Mine", least=0.25)
     (dotted,) = gate_of("success.many.marks=1", labels=("clean", "many.marks")).gates
