@@ -331,8 +331,8 @@ def _over_all(gate: ScoreGate, made: Sequence[ResultRecord]) -> float | None:
     before = 0.0
     after = 0.0
     count = 0
-    for (agent, label, *case), record in final.items():
-        task, task_seed, seed = case
+    for key, record in final.items():
+        agent, label, task, task_seed, seed = key
         base = final.get((agent, CLEAN, task, task_seed, seed))
         if agent != gate.agent or label == CLEAN or base is None:
             continue
