@@ -202,10 +202,14 @@ def serve_episodes(connection: Connection, setup: WorkerSetup) -> None:
     from ..embedded.runtime import kernel
 
     kernel.die_with_parent()
+    runner = multiprocessing.parent_process()
+    if runner is not None and not runner.is_alive():
+        return  # it was killed while this process began
     try:
         _serve(connection, setup)
     except Exception as error:  # noqa: BLE001  (the runner is to raise it)
-        connection.send((None, _portable(error)))
+        with contextlib.suppress(OSError):  # there is none any more
+            connection.send((None, _portable(error)))
 
 
 def _serve(connection: Connection, setup: WorkerSetup) -> None:

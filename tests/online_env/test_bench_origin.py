@@ -6,6 +6,8 @@ import os
 import resource
 import shutil
 import subprocess
+import sys
+import textwrap
 import time
 from pathlib import Path
 
@@ -14,13 +16,15 @@ import pytest
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 from hijack_data.errors import StorageError
-from online_env.bench import episodes, origin, records, runner
+from online_env.bench import episodes, origin, providers, records, runner
 from online_env.bench.episodes import lost
 from online_env.bench.jobs import attempts
 from online_env.bench.records import RunError
+from online_env.errors import DesktopError, DesktopTimeoutError, MissingPackageError
 from pipelines.proof.rebuild import rebuild
 
 from support.recorded import IDS, JOBS, Episodes, Silent, config, no_machine, record_run
+from support.waiting import until
 
 
 def git(folder, *words):
@@ -216,6 +220,63 @@ def test_ctrl_c_twice_in_one_episode_is_not_the_agents_failure(tmp_path, monkeyp
 
 def interrupted(*_, **__):
     raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("error", [DesktopError, DesktopTimeoutError])
+def test_a_desktop_that_does_not_start_is_started_again(monkeypatch, error):
+    """The keeper of a new desktop is killed: the run goes on."""
+    desktop = pytest.importorskip("online_env.embedded.desktop")
+    outcomes = [error("its keeper ended"), error("its keeper ended"), "a desktop"]
+    monkeypatch.setattr(desktop.EmbeddedDesktop, "up", starting(outcomes))
+    assert providers.embedded((360, 640)) == "a desktop"
+    monkeypatch.setattr(desktop.EmbeddedDesktop, "up", starting([error("no")] * 3 + ["late"]))
+    with pytest.raises(error, match="no"):
+        providers.embedded((360, 640))
+
+
+def test_what_no_second_start_mends_is_raised_at_once(monkeypatch):
+    desktop = pytest.importorskip("online_env.embedded.desktop")
+    outcomes = [MissingPackageError("xfce4"), "a desktop"]
+    monkeypatch.setattr(desktop.EmbeddedDesktop, "up", starting(outcomes))
+    with pytest.raises(MissingPackageError):
+        providers.embedded((360, 640))
+    assert outcomes == ["a desktop"]
+
+
+def starting(outcomes):
+    """What stands for the start of a desktop: each call has the next outcome."""
+
+    def up(size, standby):
+        found = outcomes.pop(0)
+        if isinstance(found, Exception):
+            raise found
+        return found
+
+    return up
+
+
+def test_a_process_whose_runner_was_killed_as_it_began_starts_no_desktop(tmp_path):
+    """Its parent is gone before it can ask to die with it."""
+    code = """
+        import multiprocessing, os, sys, time
+        from pathlib import Path
+        from online_env.bench import workers
+        def late(connection, setup):
+            while multiprocessing.parent_process().is_alive():
+                time.sleep(0.02)
+            workers._serve = lambda *_: Path(setup, "began").touch()
+            workers.serve_episodes(connection, setup)
+            Path(setup, "ended").touch()
+        if __name__ == "__main__":
+            context = multiprocessing.get_context("fork")
+            here, there = context.Pipe()
+            context.Process(target=late, args=(there, sys.argv[1])).start()
+            os._exit(0)
+    """
+    argv = [sys.executable, "-c", textwrap.dedent(code), str(tmp_path)]
+    subprocess.run(argv, check=True, cwd=Path(__file__).resolve().parents[2])
+    until((tmp_path / "ended").exists, "the end of the process")
+    assert not (tmp_path / "began").exists()
 
 
 # The clock
