@@ -12,13 +12,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hijack_data.cli import console
+from hijack_data.errors import StorageError
 from hijack_data.locking import Lock
 from hijack_data.runs import seal
 
 from ..errors import CostLimitError
 from ..report.outcome import exit_code
 from ..report.terminal import show
-from . import costs, records
+from . import costs, origin, records
+from .gate import ReleaseGate, gate_options
 from .progress import ProgressDisplay
 
 if TYPE_CHECKING:
@@ -86,6 +88,7 @@ if TYPE_CHECKING:
     metavar="RUNS",
     help="Take the models' answers from the log of an earlier run.",
 )
+@gate_options
 @click.option("--sign", metavar="KEY", help="Sign the run at its end with this SSH key.")
 @click.option("--dry-run", is_flag=True, help="List the episodes with an estimate, and run none.")
 def bench(
@@ -100,6 +103,8 @@ def bench(
     prompts: Path | None,
     max_cost: float | None,
     replay: Path | None,
+    fail_under: tuple[str, ...],
+    junit: Path | None,
     sign: str | None,
     dry_run: bool,
 ) -> None:
@@ -108,12 +113,14 @@ def bench(
     Such as: hijack bench embedded_small --out runs/small
     """
     from .config import load_bench, override  # brings the web sites; a report needs none
-    from .jobs import estimate, jobs
+    from .estimates import estimate, history_near
+    from .jobs import jobs
     from .models import ModelOptions, prepare
     from .providers import check_installed
     from .workers import default_desktops
 
     chosen = override(load_bench(config), agent, tasks, corruptions, seeds)
+    gate = ReleaseGate.read(fail_under, junit, chosen.agents, tuple(chosen.planners))
     models = ModelOptions(
         prompts=prompts,
         replay=replay,
@@ -125,15 +132,18 @@ def bench(
     if dry_run:
         for job in listed:
             click.echo(str(job))
-        click.echo(f"{len(listed)} episodes, {estimate(chosen, listed, at_once)}")
+        expected = estimate(chosen, listed, at_once, history_near(out))
+        click.echo(f"{len(listed)} episodes on {at_once} desktops, {expected}")
         return
     if out is None:
         raise click.UsageError("--out RUNS: say where the records go (or --dry-run)")
     if sign is not None:
         seal.check_key(sign)
     check_installed(chosen.provider, chosen.tasks)
-    with _begun(chosen, listed, out, resume):
+    with _begun(chosen, listed, out, resume, at_once):
         code = _run(chosen, listed, out, at_once, models)
+        if not gate.conclude(records.read(out)):
+            code = 1
     if sign is not None:
         seal.sign(out, sign)
     raise SystemExit(code)
@@ -144,9 +154,16 @@ def _begun(
     listed: "Sequence[Job]",
     out: Path,
     resume: bool,
+    desktops: int,
 ) -> Lock:
     begin = records.resume if resume else records.create
-    return begin(out, chosen.to_data(), [job.id for job in listed])
+    config = chosen.to_data()
+    made_by = origin.describe(config, desktops)
+    held = begin(out, config, [job.id for job in listed], made_by)
+    changed = origin.other_code(records.read_head(out), made_by)
+    if changed:
+        click.echo(f"hijack: {out}: {changed}", err=True)
+    return held
 
 
 def _run(
@@ -156,16 +173,19 @@ def _run(
     at_once: int,
     models: "ModelOptions",
 ) -> int:
-    from .jobs import attempts, estimate
+    from .estimates import estimate, history_near
+    from .jobs import attempts
     from .runner import needs_attempt
 
     earlier = attempts(listed, records.read(out).records)
     left = [job for job in listed if needs_attempt(earlier[job], chosen.retries)]
     screen = console()
-    expected = estimate(chosen, left, at_once)
+    expected = ""
+    if left:
+        expected = f", {estimate(chosen, left, at_once, history_near(out))}"
     screen.print(
-        f"{len(left)} episodes on {at_once} desktops, {expected}; recovery policy:"
-        f" {chosen.recovery}",
+        f"{len(left)} episodes on {at_once} desktops{expected}; recovery policy: {chosen.recovery}",
+        soft_wrap=True,
     )
     if left:
         try:
@@ -173,13 +193,20 @@ def _run(
         except CostLimitError as error:
             click.echo(f"hijack: {error}", err=True)
         except KeyboardInterrupt:
-            done = len(records.read(out).records)
-            kept = f"the {done} episodes that ended are kept: hijack report {out}"
-            click.echo(f"\n{kept}; --resume goes on", err=True)
+            _tell_what_is_kept(out)
             raise click.Abort from None
+        except StorageError:
+            _tell_what_is_kept(out)
+            raise
     run = records.read(out)
     show(run)
     return exit_code(run)
+
+
+def _tell_what_is_kept(out: Path) -> None:
+    done = len(records.read(out).records)
+    kept = f"the {done} episodes that ended are kept: hijack report {out}"
+    click.echo(f"\n{kept}; --resume goes on", err=True)
 
 
 def _play(
@@ -190,9 +217,10 @@ def _play(
     at_once: int,
     models: "ModelOptions",
 ) -> None:
-    from .runner import run_jobs
+    from .runner import needs_attempt, run_jobs
 
-    teller = ProgressDisplay(listed, console())
+    done = sum(not needs_attempt(earlier[job], chosen.retries) for job in listed)
+    teller = ProgressDisplay(listed, console(), done)
 
     def run(episodes: "Callable[[Job, int], records.ResultRecord]", stop: Any = None) -> None:
         run_jobs(

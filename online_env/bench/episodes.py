@@ -103,12 +103,17 @@ class LiveEpisodes:
         )
         env = CorruptedEnv(self._stage, settings=settings)
         planner = bench.planners[job.corruption]
-        start = time.time()
+        start = time.monotonic()
         try:
             apart = Apart(partial(make, job.agent), bench.agent_timeout)
         except AgentError as error:
             problem = f"the agent cannot be made: {error}"
-            made = lost(job, attempt, problem, start)
+            made = lost(
+                job,
+                attempt,
+                problem,
+                start=start,
+            )
             return {**made, "cause": "agent", "traceback": list(error.where)}
         with apart as agent:
             try:
@@ -160,7 +165,7 @@ def _played(
     show: Callable[[Agent, Job], object] | None,
     limit: float = math.inf,
 ) -> ResultRecord:
-    start = time.time()
+    start = time.monotonic()
     options = {
         "task": job.task,
         "corruption": planner,
@@ -182,7 +187,7 @@ def _played(
         _blame(env, failed)
     while (record := env.record) is None:
         obs = _turn(env, agent, obs)
-        if env.record is None and time.time() - start > limit:
+        if env.record is None and time.monotonic() - start > limit:
             env.abandon(f"the episode took longer than {limit:g} s")
     return record
 
@@ -238,6 +243,7 @@ def lost(
     job: Job,
     attempt: int,
     problem: str,
+    *,
     start: float,
 ) -> ResultRecord:
     """Return the record of an episode that was broken off and left none.
@@ -246,7 +252,7 @@ def lost(
         job: What was run.
         attempt: The number of the attempt.
         problem: Why there is no other record.
-        start: When the episode began, in seconds since 1970.
+        start: When the episode began: a `time.monotonic()` of this process.
     """
     return {**_not_begun(job, attempt, problem, start), "status": "error"}
 
@@ -290,7 +296,7 @@ def _not_begun(
         "score": None,
         "reason": "",
         "steps": 0,
-        "seconds": round(time.time() - start, 3),
+        "seconds": round(time.monotonic() - start, 3),
         "effects": [],
         "problem": problem[:KEPT],
         "cause": "machine",

@@ -10,12 +10,6 @@ from .. import tasks
 from .config import Bench
 from .records import ResultRecord
 
-# Measured with the oracle on two cores (docs/benchmark.md).
-EPISODE_SECONDS = 5.0  # to begin and to judge an episode
-STEP_SECONDS = 0.8
-# A step keeps a full-HD PNG, and a second one if the agent saw something else.
-STEP_BYTES = 430_000
-
 
 @dataclass(frozen=True)
 class Job:
@@ -65,26 +59,3 @@ def attempts(
         key = (record["agent"], record["task"], record["corruption"], record["seed"])
         by_key.setdefault(key, []).append(record)
     return {job: by_key.get(job.key, []) for job in listed}
-
-
-def estimate(
-    bench: Bench,
-    listed: Sequence[Job],
-    desktops: int = 1,
-) -> str:
-    """Return how long jobs take and what they write, in words.
-
-    It is an upper bound: most episodes end before their last step.
-    """
-    steps = len(listed) * bench.max_steps
-    seconds = len(listed) * EPISODE_SECONDS + steps * STEP_SECONDS
-    time = _time(seconds / desktops)
-    gigabytes = steps * STEP_BYTES / 1e9
-    return f"at most {time} and {gigabytes:.1f} GB ({bench.max_steps} steps an episode)"
-
-
-def _time(seconds: float) -> str:
-    if seconds > 5400:
-        return f"{seconds / 3600:.1f} h"
-    minutes = max(1, round(seconds / 60))
-    return f"{minutes} min"

@@ -12,7 +12,7 @@ from hijack_data.registry import Registry
 from hijack_data.types import Size
 
 from ..desktops.protocol import Desktop
-from ..errors import MissingPackageError
+from ..errors import DesktopError, DesktopTimeoutError, MissingPackageError
 from ..tasks import TASKS
 from ..tasks.kit.apps import APPS
 
@@ -20,12 +20,23 @@ from ..tasks.kit.apps import APPS
 # `reset` returns it to the pristine state. A desktop with a `record["sites"]` has a local internet.
 DesktopProvider: TypeAlias = Callable[[Size], AbstractContextManager[Desktop]]
 EMBEDDED = "embedded"
+STARTS = 3  # tries to start a desktop
 
 
 def embedded(size: Size) -> AbstractContextManager[Desktop]:
-    """Return an embedded desktop, with a second one that stands by for resets."""
+    """Return an embedded desktop, with a second one that stands by for resets.
+
+    A start that fails is tried again: one process that is killed must not end a run. What no second
+    try mends (a package that is missing, a right that is lacking) is raised at once.
+    """
     from ..embedded.desktop import EmbeddedDesktop
 
+    for _ in range(STARTS - 1):
+        try:
+            return EmbeddedDesktop.up(size, standby=True)
+        except DesktopError as error:
+            if type(error) not in (DesktopError, DesktopTimeoutError):
+                raise
     return EmbeddedDesktop.up(size, standby=True)
 
 

@@ -6,6 +6,7 @@ chained; `reading` reads the folder.
 """
 
 import contextlib
+import fnmatch
 import importlib.metadata
 import json
 import os
@@ -13,7 +14,7 @@ import platform
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from hijack_data.files import unwritable, write_atomic
 from hijack_data.locking import Lock, LockedError, lock
@@ -30,6 +31,7 @@ from hijack_data.runs.run_log import (
     slug_of,
 )
 
+from . import origin
 from .reading import MAX_LINE, Damage, ResultRecord, Run, RunError, read, read_head
 
 __all__ = [
@@ -42,7 +44,9 @@ __all__ = [
     "create",
     "difference",
     "hold",
+    "kept",
     "read",
+    "read_head",
     "resume",
     "versions",
 ]
@@ -50,12 +54,14 @@ __all__ = [
 PACKAGES = ("agenthijack", "numpy", "pillow", "gymnasium")
 
 _BEGUN = (LOCK, RECORDS)  # in a folder where a run was about to begin
+_HALF_WRITTEN = f".{RUN}.*.tmp"  # what a kill leaves of `write_atomic`
 
 
 def create(
     folder: Path,
     config: Mapping[str, Any],
     episodes: Sequence[str] = (),
+    made_by: Mapping[str, Any] | None = None,
 ) -> Lock:
     """Begin a run in a folder that is new or empty.
 
@@ -65,6 +71,7 @@ def create(
         folder: The folder; it is made if it is missing.
         config: The benchmark, as `Bench.to_data` gives it.
         episodes: Ids of the first attempts at all that is planned.
+        made_by: Where the run is made, as `origin.describe` gives it.
 
     Returns:
         The lock of the folder, which keeps others out until it is released.
@@ -83,7 +90,10 @@ def create(
             "episodes": list(episodes),
             "versions": versions(),
             "created": time.time(),
+            **(made_by or {}),
         }
+        for left in folder.glob(_HALF_WRITTEN):
+            left.unlink()
         (folder / RECORDS).touch()
         write_atomic(folder / RUN, json.dumps(head, indent=1, ensure_ascii=False) + "\n")
     except OSError as error:
@@ -99,6 +109,7 @@ def resume(
     folder: Path,
     config: Mapping[str, Any],
     episodes: Sequence[str],
+    made_by: Mapping[str, Any] | None = None,
 ) -> Lock:
     """Continue a run that was broken off; one that never began is begun.
 
@@ -110,7 +121,7 @@ def resume(
             made by an older version, or another process has the folder.
     """
     if not (folder / RUN).exists():
-        return create(folder, config, episodes)
+        return create(folder, config, episodes, made_by)
     held = hold(folder)
     try:
         _check_same(folder, config, episodes)
@@ -121,6 +132,9 @@ def resume(
             place = f"{folder / RECORDS}:{broken.line}"
             raise RunError(f"{place}: {broken.problem}; a damaged run cannot be gone on with")
         _adopt(folder, run, episodes)
+        if made_by is not None:
+            session = {**made_by, "versions": versions()}
+            origin.add_session(folder, session, len(run.records))
     except BaseException:
         held.release()
         raise
@@ -181,6 +195,27 @@ def append_all(folder: Path, found: Sequence[ResultRecord]) -> None:
         raise unwritable(path, error) from None
 
 
+def kept(folder: Path, record: ResultRecord) -> ResultRecord:
+    """Return what the folder of an episode says of it, if it was written to its end.
+
+    A process that is killed right after it wrote the last file cannot tell what it wrote: its
+    episode is then reported as lost, although it is there.
+
+    Args:
+        folder: Of the run.
+        record: The record as it was reported.
+
+    Returns:
+        The record of the episode's folder; `record` if it has none.
+    """
+    path = folder / EPISODES / str(record.get("id")) / EPISODE
+    try:
+        found: object = json.loads(path.read_bytes())
+    except (OSError, ValueError):
+        return record
+    return cast("ResultRecord", found) if isinstance(found, dict) else record
+
+
 def _chained(
     folder: Path,
     record: ResultRecord,
@@ -232,7 +267,8 @@ def _check_empty(folder: Path) -> None:
     if RUN in holds:
         advice = f"read it with: hijack report {folder}, go on with it by --resume, or give another"
         raise RunError(f"{folder}: holds a run already; {advice} --out")
-    others = [name for name in holds if name not in _BEGUN]
+    begun = {*_BEGUN, *fnmatch.filter(holds, _HALF_WRITTEN)}
+    others = [name for name in holds if name not in begun]
     if others:
         listed = ", ".join(others[:3])
         raise RunError(f"{folder}: is not empty ({listed} ...); give --out a new folder")
@@ -276,15 +312,26 @@ def _adopt(
     run: Run,
     episodes: Sequence[str],
 ) -> None:
-    """Add the lines of episodes that ended right before the run was broken off."""
+    """Add the lines of episodes that ended right before the run was broken off.
+
+    An episode that ended because the run did (Ctrl-C, a full disk) is played again as if it had
+    never begun: otherwise two such ends would count as the agent's failure.
+    """
     known = {record.get("id") for record in run.records}
     ended = (folder / EPISODES).glob(f"*/{EPISODE}")
-    paths = [path for path in ended if path.parent.name not in known]
-    left: list[ResultRecord] = [json.loads(path.read_bytes()) for path in paths]
-    for record in sorted(left, key=lambda record: record["attempt"]):
+    left: list[ResultRecord] = []
+    for path in ended:
+        if path.parent.name in known:
+            continue
+        record = cast("ResultRecord", json.loads(path.read_bytes()))
         names = (record["task"], record["corruption"], record["seed"], record["agent"])
-        if slug_of(*names, 0) in episodes:
-            append(folder, record)
+        if slug_of(*names, 0) not in episodes:
+            continue
+        if record["status"] == "error" and record.get("cause") != "agent":
+            path.unlink()
+        else:
+            left.append(record)
+    append_all(folder, sorted(left, key=lambda record: record["attempt"]))
 
 
 def _last_line(path: Path) -> bytes:

@@ -136,6 +136,7 @@ class _Run:
             with self._one_at_a_time:
                 if self.stopped:
                     return "stopped"
+                record = records.kept(self._folder, record)
                 records.append(self._folder, record)
                 self._listener.ended(job, number, record)
             made.append(record)

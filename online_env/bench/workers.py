@@ -28,6 +28,7 @@ from .config import Bench
 from .episodes import LiveEpisodes, lost
 from .jobs import Job
 from .models import ModelOptions, prepare
+from .origin import available_memory
 from .providers import PROVIDERS
 from .records import ResultRecord
 
@@ -76,8 +77,7 @@ def references(bench: Bench) -> tuple[ForeignEntry, ...]:
 def default_desktops() -> int:
     """Return how many desktops this machine plays on side by side: by cores and free memory."""
     cores = len(os.sched_getaffinity(0))
-    free = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    return max(1, min(cores, int(free / MEMORY)))
+    return max(1, min(cores, int(available_memory() / MEMORY)))
 
 
 class EpisodePool:
@@ -123,13 +123,19 @@ class EpisodePool:
             worker = _Worker(self._setup, self._serve)
             self._own.worker = worker
             self._all.append(worker)
-        start = time.time()
+        start = time.monotonic()  # a clock that is set does not change what it took
         try:
             return worker.play(job, attempt)
         except (EOFError, OSError) as error:
             worker.close()
             problem = f"the process that played the episode ended (exit code {worker.code})"
-            return lost(job, attempt, f"{problem}: {error}".rstrip(": "), start)
+            problem = f"{problem}: {error}".rstrip(": ")
+            return lost(
+                job,
+                attempt,
+                problem,
+                start=start,
+            )
 
 
 class _Worker:
@@ -196,10 +202,14 @@ def serve_episodes(connection: Connection, setup: WorkerSetup) -> None:
     from ..embedded.runtime import kernel
 
     kernel.die_with_parent()
+    runner = multiprocessing.parent_process()
+    if runner is not None and not runner.is_alive():
+        return  # it was killed while this process began
     try:
         _serve(connection, setup)
     except Exception as error:  # noqa: BLE001  (the runner is to raise it)
-        connection.send((None, _portable(error)))
+        with contextlib.suppress(OSError):  # there is none any more
+            connection.send((None, _portable(error)))
 
 
 def _serve(connection: Connection, setup: WorkerSetup) -> None:

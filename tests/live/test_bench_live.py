@@ -8,6 +8,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from xml.etree import ElementTree
 
 import pytest
 
@@ -19,6 +20,16 @@ pytest.importorskip("lxml", reason=needs.ONLINE)
 from support.waiting import until
 
 COMMAND = [sys.executable, "-m", "hijack_data.cli"]
+SMALL = (
+    "bench",
+    "embedded_small",
+    "--tasks",
+    "rename_file",
+    "--agent",
+    "oracle,do_nothing",
+    "--corruptions",
+    "clean,resolution,app_minimization,verification",
+)
 
 
 def hijack(*words, timeout=400):
@@ -44,19 +55,8 @@ def run(embedded_machine, tmp_path_factory):
         key = folder.parent / "run.key"
         subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", key], check=True)
         signed = ["--sign", key]
-    done = hijack(
-        "bench",
-        "embedded_small",
-        "--tasks",
-        "rename_file",
-        "--agent",
-        "oracle,do_nothing",
-        "--corruptions",
-        "clean,resolution,app_minimization,verification",
-        "--out",
-        folder,
-        *signed,
-    )
+    gates = ["--fail-under", "oracle:success=1", "--junit", folder.parent / "junit.xml"]
+    done = hijack(*SMALL, "--out", folder, *gates, *signed)
     assert done.returncode == 0, done.stdout + done.stderr
     return folder, done.stdout
 
@@ -113,14 +113,28 @@ def test_both_agents_had_the_same_plans(run):
 def test_it_prints_a_line_for_each_and_the_table(run):
     folder, printed = run
     lines = printed.splitlines()
-    assert re.match(r"8 episodes on \d+ desktops, at most ", lines[0])
+    assert re.match(r"8 episodes on \d+ desktops, about ", lines[0])
     assert "recovery policy: none" in lines[0]
     first = "[1/8] oracle  rename_file  seed 0  clean  1.00  "  # ends first, or not
     assert any(line.startswith(first) for line in lines)
-    assert printed.endswith(hijack("report", folder).stdout)
+    passed = "gate passed: success.clean of oracle is 1.000, at least 1\n"
+    assert printed.endswith(hijack("report", folder).stdout + passed)
     rows = json.loads(hijack("report", folder, "--json").stdout)
     assert [row["success"] for row in rows][:2] == [1.0, 1.0]
     assert len(rows) == 8
+
+
+def test_a_gate_that_fails_is_an_exit_code_and_a_failure(run):
+    folder, _ = run
+    path = folder.parent / "junit.xml"
+    root = ElementTree.parse(path).getroot()
+    assert [root.get(key) for key in ("tests", "failures", "errors")] == ["9", "0", "0"]
+    done = hijack(*SMALL, "--out", folder, "--resume", "--fail-under", "worst=0.5", "--junit", path)
+    assert done.returncode == 1
+    assert "gate failed: worst of do_nothing is 0.000, below 0.5" in done.stderr
+    assert ElementTree.parse(path).getroot().get("failures") == "2"
+    (session,) = (folder / "sessions.jsonl").read_text().splitlines()
+    assert json.loads(session)["records"] == 8
 
 
 def test_it_is_whole_and_signed(run):

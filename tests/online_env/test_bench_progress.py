@@ -1,7 +1,6 @@
-"""What a person sees of a run: the estimate before it, and a line for each episode."""
+"""What a person sees of a run: a line for each episode, the rate and the time left."""
 
 import io
-from dataclasses import replace
 
 import pytest
 
@@ -10,7 +9,7 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 from rich.console import Console
 
 from online_env.bench.config import Bench
-from online_env.bench.jobs import Job, attempts, estimate, jobs
+from online_env.bench.jobs import Job, attempts, jobs
 from online_env.bench.progress import LONGEST, ProgressDisplay, shorten
 from online_env.bench.runner import needs_attempt
 
@@ -65,12 +64,31 @@ def test_long_problems_are_shortened():
     assert long.endswith("x ...")
 
 
-def test_the_estimate_grows_from_minutes_to_hours():
-    listed = jobs(BENCH)
-    assert len(listed) == 2
-    assert estimate(BENCH, listed) == "at most 1 min and 0.0 GB (10 steps an episode)"
-    large = replace(BENCH, seeds=tuple(range(1000)))
-    assert estimate(large, jobs(large)) == "at most 3.6 h and 4.3 GB (10 steps an episode)"
+class Clock:
+    """Seconds that pass when the test says so."""
+
+    def __init__(self):
+        self.now = 5.0
+
+    def __call__(self):
+        return self.now
+
+
+def test_the_rate_and_the_time_left_count_what_was_played_now():
+    clock, stream = Clock(), io.StringIO()
+    console = Console(file=stream, width=60)
+    with ProgressDisplay([JOB] * 12, console, done=2, clock=clock) as display:
+        assert display.pace == ""
+        for number, status in ((3, "invalid"), (3, "ok"), (4, "ok")):
+            display.begins(JOB, number, 0)
+            if number == 3:
+                assert display.pace == ""  # its first attempt did not count
+            clock.now += 30
+            display.ended(JOB, number, record(status, score=1.0))
+        # Two in 90 s, and eight are left.
+        assert display.pace == "80 an hour, 6 min left"
+    lines = [line for line in stream.getvalue().splitlines() if not line.startswith("[")]
+    assert lines == ["3 of 12 episodes, 60 an hour, 9 min left"]
 
 
 def test_jobs_find_their_attempts_by_task_and_seed():

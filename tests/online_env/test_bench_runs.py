@@ -1,6 +1,7 @@
 """What a run keeps and how it is read: records, damaged lines, rows, the report."""
 
 import json
+import re
 import subprocess
 import sys
 
@@ -326,7 +327,7 @@ def test_bench_dry_run_and_refusals(tmp_path):
     assert len(lines) == 2 * 2 * 10 + 1
     assert lines[0].startswith("oracle  ")
     assert lines[0].endswith("  seed 0  clean")
-    assert lines[-1].startswith("40 episodes, at most ")
+    assert re.match(r"40 episodes on \d+ desktops, (about|at most) ", lines[-1])
     assert hijack("bench", "embedded_small").returncode == 2
     records.create(tmp_path / "run", CONFIG)
     done = hijack("bench", "embedded_small", "--out", tmp_path / "run")

@@ -1,0 +1,294 @@
+"""What a run will take: time, disk and money, from what was measured before.
+
+An episode is expected to take what the same agent took in earlier runs nearby; else what the oracle
+needed for its task (`online_env/tasks/suite/measured.yaml`); else all the steps it may have.
+"""
+
+import heapq
+import itertools
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from statistics import fmean
+from typing import Any, Literal, TypeAlias
+
+from hijack_data.errors import HijackError
+from hijack_data.runs.run_log import EPISODES, RUN
+
+from ..agents.makers import FileAgentMaker
+from ..agents.registry import AGENTS
+from ..tasks import sets
+from .config import Bench
+from .jobs import Job
+from .reading import ResultRecord, read
+
+Basis: TypeAlias = Literal["runs", "suite", "limit"]
+
+# Of a task that was never measured, on two cores.
+EPISODE_SECONDS = 5.0  # to begin and to judge an episode
+STEP_SECONDS = 0.8
+# A step keeps a full-HD PNG, and a second one if the agent saw something else.
+STEP_BYTES = 430_000
+# Agents that take a known number of steps; `None` is the oracle's number and one more.
+STEPS: Mapping[str, int | None] = {
+    "oracle": None,
+    "recovering": None,
+    "do_nothing": 6,
+    "fail": 1,
+}
+WITHOUT_THINKING = (*STEPS, "random")  # their answers take no time
+MOST_RUNS = 20
+MOST_RECORDS = 20_000
+MOST_FOLDERS = 100  # whose files are measured
+
+
+@dataclass(frozen=True, kw_only=True)
+class Expected:
+    """What one episode is expected to take.
+
+    Args:
+        seconds: From its beginning to the next one's.
+        bytes: On the disk.
+        usd: For models; `None` if it is not known.
+        basis: Earlier runs, the suite's figures, or the limit on its steps.
+    """
+
+    seconds: float
+    bytes: float
+    usd: float | None
+    basis: Basis
+
+
+@dataclass(frozen=True, kw_only=True)
+class History:
+    """What episodes of earlier runs took.
+
+    Args:
+        seconds: By agent, task and corruption; also by agent and task, and by agent alone.
+        steps: Likewise.
+        usd: Likewise, of the episodes that know it.
+        step_bytes: What a step keeps on the disk; `None` if no episode is there.
+        runs: How many runs were read.
+    """
+
+    seconds: Mapping[tuple[str, ...], list[float]] = field(default_factory=dict[Any, Any])
+    steps: Mapping[tuple[str, ...], list[float]] = field(default_factory=dict[Any, Any])
+    usd: Mapping[tuple[str, ...], list[float]] = field(default_factory=dict[Any, Any])
+    step_bytes: float | None = None
+    runs: int = 0
+
+
+def estimate(
+    bench: Bench,
+    listed: Sequence[Job],
+    desktops: int = 1,
+    history: History | None = None,
+) -> str:
+    """Return what jobs will take, in words.
+
+    Args:
+        bench: The benchmark.
+        listed: The jobs, in their order.
+        desktops: How many are played side by side.
+        history: What earlier runs took.
+    """
+    found = expected(bench, listed, history or History())
+    seconds = makespan([each.seconds for each in found], desktops)
+    gigabytes = sum(each.bytes for each in found) / 1e9
+    bases = [each.basis for each in found]
+    about = "at most" if "limit" in bases else "about"
+    parts = [f"{about} {in_words(seconds)} and {gigabytes:.1f} GB", *_money(listed, found)]
+    known = {
+        "runs": "measured in earlier runs",
+        "suite": "as the suite's figures",
+        "limit": f"with all {bench.max_steps} steps",
+    }
+    counted = [f"{bases.count(key)} {words}" for key, words in known.items() if key in bases]
+    text = f"{', '.join(parts)} ({', '.join(counted)})"
+    unknown = dict.fromkeys(_unmeasured(listed, found))
+    if unknown:
+        text += f"; without the time that {', '.join(unknown)} takes to answer"
+    return text
+
+
+def expected(
+    bench: Bench,
+    listed: Sequence[Job],
+    history: History,
+) -> list[Expected]:
+    """Return what each job will take; the arguments are those of `estimate`."""
+    measured = sets.measured()
+    return [_expected(bench, job, history, measured) for job in listed]
+
+
+def _expected(
+    bench: Bench,
+    job: Job,
+    history: History,
+    measured: Mapping[str, sets.Measured],
+) -> Expected:
+    per_step = history.step_bytes or STEP_BYTES
+    usd = 0.0
+    if isinstance(AGENTS.entries.get(job.agent), FileAgentMaker):
+        usd = _mean(history.usd, job)
+    seconds = _mean(history.seconds, job)
+    steps = _mean(history.steps, job)
+    if seconds is not None and steps is not None:
+        return Expected(
+            seconds=seconds,
+            bytes=(steps + 1) * per_step,
+            usd=usd,
+            basis="runs",
+        )
+    basis: Basis = "suite"
+    task = measured.get(job.task)
+    before = EPISODE_SECONDS
+    step = STEP_SECONDS
+    if task is None:
+        basis = "limit"
+        number = bench.max_steps
+    else:
+        before = task.setup
+        step = (task.seconds - task.setup) / (task.actions + 1)
+        number = STEPS.get(job.agent, bench.max_steps)
+        if number is None:
+            number = task.actions + 1
+    if job.agent not in STEPS:
+        basis = "limit"
+    number = min(number, bench.max_steps)
+    return Expected(
+        seconds=before + number * step,
+        bytes=(number + 1) * per_step,
+        usd=usd,
+        basis=basis,
+    )
+
+
+def _mean(found: Mapping[tuple[str, ...], list[float]], job: Job) -> float | None:
+    """Return the mean of the episodes that are most like a job."""
+    whole = (job.agent, job.task, job.corruption)
+    for count in (3, 2, 1):
+        values = found.get(whole[:count])
+        if values:
+            return fmean(values)
+    return None
+
+
+def _money(listed: Sequence[Job], found: Sequence[Expected]) -> Iterator[str]:
+    """Yield what models will cost, in words; nothing if there is none."""
+    unknown = {job.agent for job, each in zip(listed, found, strict=True) if each.usd is None}
+    total = sum(each.usd or 0.0 for each in found)
+    if total:
+        yield f"{total:.2f} USD"
+    if unknown:
+        named = ", ".join(sorted(unknown))
+        yield f"money not known: no earlier run of {named} here (--max-cost limits it)"
+
+
+def _unmeasured(listed: Sequence[Job], found: Sequence[Expected]) -> Iterator[str]:
+    """Yield the agents whose time to answer is not counted."""
+    for job, each in zip(listed, found, strict=True):
+        if each.basis != "runs" and job.agent not in WITHOUT_THINKING:
+            yield job.agent
+
+
+def in_words(seconds: float) -> str:
+    """Return a time in minutes or hours."""
+    if seconds > 5400:
+        return f"{seconds / 3600:.1f} h"
+    minutes = max(1, round(seconds / 60))
+    return f"{minutes} min"
+
+
+def makespan(durations: Iterable[float], machines: int) -> float:
+    """Return when the last of some jobs ends: each begins, in order, on the first free machine.
+
+    Args:
+        durations: Seconds of each job.
+        machines: How many there are, at least 1; desktops of one machine count alike.
+
+    Returns:
+        Seconds, 0 without a job.
+    """
+    ends = [0.0] * machines
+    for seconds in durations:
+        heapq.heapreplace(ends, ends[0] + seconds)
+    return max(ends)
+
+
+# Earlier runs
+
+
+def history_near(out: Path | None) -> History:
+    """Return what episodes took in the run `out` and in the runs beside it.
+
+    Args:
+        out: The folder of a run, which need not exist; `None` stands for a run in `runs`.
+    """
+    place = out if out is not None else Path("runs/new")
+    heads = [place / RUN, *_glob(place.absolute().parent)]
+    known = {path.resolve() for path in heads if path.is_file()}
+    newest = sorted(known, key=lambda path: path.stat().st_mtime, reverse=True)
+    return read_history([path.parent for path in newest[:MOST_RUNS]])
+
+
+def _glob(folder: Path) -> Iterator[Path]:
+    with_folders = (f"*/{RUN}", f"*/*/{RUN}")
+    return itertools.chain.from_iterable(folder.glob(pattern) for pattern in with_folders)
+
+
+def read_history(folders: Sequence[Path]) -> History:
+    """Return what episodes took in some runs; those that cannot be read are left out."""
+    found = History(runs=len(folders))
+    sizes: list[float] = []
+    left = MOST_RECORDS
+    for folder in folders:
+        try:
+            run = read(folder)
+        except HijackError:
+            continue
+        if run.is_scored:
+            continue
+        for record in run.records[:left]:
+            _count(found, record)
+        left -= len(run.records[:left])
+        sizes += _sizes(folder, run.records[: MOST_FOLDERS - len(sizes)])
+    step_bytes = fmean(sizes) if sizes else None
+    return History(
+        seconds=found.seconds,
+        steps=found.steps,
+        usd=found.usd,
+        step_bytes=step_bytes,
+        runs=found.runs,
+    )
+
+
+def _count(found: History, record: ResultRecord) -> None:
+    """Add an episode that has a score."""
+    if record["status"] != "ok":
+        return
+    task = str(record["task"]).removesuffix(f"-{record.get('task_seed')}")
+    usage = record.get("usage")
+    usd = usage.get("usd") if isinstance(usage, Mapping) else None
+    values = {
+        "seconds": record.get("seconds"),
+        "steps": record.get("steps"),
+        "usd": usd,
+    }
+    whole = (str(record["agent"]), task, str(record["corruption"]))
+    for name, value in values.items():
+        if not isinstance(value, int | float):
+            continue
+        by_key: dict[tuple[str, ...], list[float]] = getattr(found, name)
+        for count in (3, 2, 1):
+            by_key.setdefault(whole[:count], []).append(float(value))
+
+
+def _sizes(folder: Path, records: Sequence[ResultRecord]) -> Iterator[float]:
+    """Yield what a step of each episode keeps, in bytes."""
+    for record in records:
+        place = folder / EPISODES / str(record.get("id"))
+        if not place.is_dir() or not isinstance(record.get("steps"), int):
+            continue
+        size = sum(path.stat().st_size for path in place.rglob("*") if path.is_file())
+        yield size / (record["steps"] + 1)

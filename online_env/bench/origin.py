@@ -1,0 +1,182 @@
+"""Where a run was made: code, configuration, machine. `run.json` has it of the beginning.
+
+Each `--resume` adds a line to `sessions.jsonl`, since it may be another machine and another commit.
+"""
+
+import contextlib
+import hashlib
+import json
+import os
+import platform
+import subprocess
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from hijack_data.files import unwritable
+
+RunOrigin: TypeAlias = dict[str, Any]
+SESSIONS = "sessions.jsonl"
+GIT_PATIENCE = 10.0  # s
+_GROUP_LIMIT = Path("/sys/fs/cgroup/memory.max")
+_GROUP_USE = Path("/sys/fs/cgroup/memory.current")
+
+
+def describe(config: Mapping[str, Any], desktops: int) -> RunOrigin:
+    """Return what a run should be able to say of its making, as JSON data.
+
+    Args:
+        config: The benchmark, as `Bench.to_data` gives it.
+        desktops: How many are used side by side.
+
+    Returns:
+        `config_sha256`; `git` of this library and of the current folder, each with `commit` and
+        `dirty` (files that git knows were changed), `None` outside a checkout; `machine` with
+        `cpu`, `cores`, `memory` in bytes and `kernel`; `desktops`.
+    """
+    return {
+        "config_sha256": config_digest(config),
+        "git": {
+            "agenthijack": git_state(Path(__file__).parent, trusted=True),
+            "folder": git_state(Path.cwd()),
+        },
+        "machine": machine(),
+        "desktops": desktops,
+    }
+
+
+def config_digest(config: Mapping[str, Any]) -> str:
+    """Return the SHA-256 of a configuration as canonical JSON, without the name of its file."""
+    without = {key: value for key, value in config.items() if key != "source"}
+    text = json.dumps(
+        without,
+        sort_keys=True,
+        separators=(",", ":"),
+    )
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def git_state(folder: Path, trusted: bool = False) -> RunOrigin | None:
+    """Return `commit` and `dirty` of the checkout that holds a folder.
+
+    Args:
+        folder: A folder that may be in a checkout.
+        trusted: Read it even if it belongs to another user; git refuses that by default, since the
+            settings of a checkout can name programs to run.
+
+    Returns:
+        `None` if there is no checkout, no commit or no git.
+    """
+    safe = ["-c", "safe.directory=*"] if trusted else []
+    commit = _git(folder, *safe, "rev-parse", "HEAD")
+    if commit is None:
+        return None
+    ours = ["-c", "core.fsmonitor=false", "status", "--porcelain", "--untracked-files=no"]
+    changed = _git(folder, *safe, *ours)
+    return {"commit": commit, "dirty": None if changed is None else bool(changed)}
+
+
+def _git(folder: Path, *words: str) -> str | None:
+    """Return what git prints; `None` if it fails."""
+    try:
+        done = subprocess.run(
+            ["git", *words],
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            timeout=GIT_PATIENCE,
+            check=False,
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return done.stdout.strip() if done.returncode == 0 else None
+
+
+def machine() -> RunOrigin:
+    """Return `cpu`, `cores`, `memory` in bytes and `kernel` of this machine."""
+    return {
+        "cpu": _processor(),
+        "cores": len(os.sched_getaffinity(0)),
+        "memory": os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"),
+        "kernel": f"{platform.system()} {platform.release()} {platform.machine()}",
+    }
+
+
+def available_memory() -> int:
+    """Return how many bytes programs can still have: what is free or can be freed.
+
+    The limit of a container counts, where there is one.
+    """
+    found = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    for line in _lines(Path("/proc/meminfo")):
+        if line.startswith("MemAvailable:"):
+            found = int(line.split()[1]) * 1024
+    with contextlib.suppress(OSError, ValueError):
+        left = int(_GROUP_LIMIT.read_text()) - int(_GROUP_USE.read_text())
+        found = min(found, max(0, left))
+    return found
+
+
+def _processor() -> str:
+    for line in _lines(Path("/proc/cpuinfo")):
+        if line.startswith("model name"):
+            return line.partition(":")[2].strip()
+    return platform.processor() or "unknown"
+
+
+def _lines(path: Path) -> list[str]:
+    try:
+        return path.read_text(errors="replace").splitlines()
+    except OSError:
+        return []
+
+
+def other_code(head: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    """Return in words that a run was begun with another commit of this library; "" if it was not.
+
+    Args:
+        head: The content of its `run.json`.
+        now: What `describe` gives.
+    """
+    was = (head.get("git") or {}).get("agenthijack") or {}
+    here = (now.get("git") or {}).get("agenthijack") or {}
+    if was.get("commit") == here.get("commit"):
+        return ""
+    return f"was begun with commit {was.get('commit')} of agenthijack, this is {here.get('commit')}"
+
+
+def add_session(
+    folder: Path,
+    found: Mapping[str, Any],
+    made: int,
+) -> None:
+    """Note that a run is gone on with.
+
+    Args:
+        folder: Of the run.
+        found: What `describe` gives, and more.
+        made: How many records the run has so far.
+
+    Raises:
+        unwritable: The file cannot be written.
+    """
+    path = folder / SESSIONS
+    line = json.dumps({"at": time.time(), "records": made, **found}, ensure_ascii=False)
+    begin = ""
+    try:
+        if path.exists() and not path.read_bytes().endswith(b"\n"):
+            begin = "\n"  # after a line that was cut off
+        with path.open("a", encoding="utf-8") as file:
+            file.write(f"{begin}{line}\n")
+    except OSError as error:
+        raise unwritable(path, error) from None
+
+
+def sessions(folder: Path) -> list[RunOrigin]:
+    """Return the lines of `sessions.jsonl`; one that a kill cut off is left out."""
+    found: list[RunOrigin] = []
+    for line in _lines(folder / SESSIONS):
+        with contextlib.suppress(ValueError):
+            found.append(json.loads(line))
+    return found

@@ -1,0 +1,137 @@
+"""What a run will take: from earlier runs, from the suite's figures, or at most."""
+
+import subprocess
+import sys
+
+import pytest
+
+pytest.importorskip("gymnasium", reason="needs the extra [online]")
+
+from online_env.bench import records
+from online_env.bench.config import Bench
+from online_env.bench.estimates import (
+    EPISODE_SECONDS,
+    STEP_BYTES,
+    STEP_SECONDS,
+    History,
+    estimate,
+    expected,
+    history_near,
+    makespan,
+)
+from online_env.bench.jobs import Job, jobs
+from online_env.tasks import sets
+
+TASK = "write_note"
+BENCH = Bench(tasks=(TASK,), corruptions={"clean": None}, max_steps=60)
+
+
+def made(seconds, steps, corruption="clean", agent="oracle", **more):
+    return {
+        "id": f"{TASK}-0__{corruption}__s0__{agent}",
+        "agent": agent,
+        "task": f"{TASK}-0",
+        "task_seed": 0,
+        "corruption": corruption,
+        "seed": 0,
+        "status": "ok",
+        "score": 1.0,
+        "seconds": seconds,
+        "steps": steps,
+        **more,
+    }
+
+
+def write_run(folder, *found):
+    records.create(folder, BENCH.to_data()).release()
+    records.append_all(folder, found)
+    for record in found:
+        frames = folder / "episodes" / record["id"] / "frames"
+        frames.mkdir(parents=True, exist_ok=True)
+        (frames / "0000.png").write_bytes(b"x" * 1000 * (record["steps"] + 1))
+
+
+@pytest.mark.parametrize(
+    ("durations", "machines", "end"),
+    [
+        ([], 3, 0.0),
+        ([5.0, 1.0, 1.0], 1, 7.0),
+        ([5.0, 1.0, 1.0], 2, 5.0),
+        ([1.0, 1.0, 5.0], 2, 6.0),  # the long one begins last
+        ([2.0] * 3690, 100, 74.0),
+        ([3.0], 10, 3.0),
+    ],
+)
+def test_jobs_go_in_order_to_the_first_machine_that_is_free(durations, machines, end):
+    assert makespan(durations, machines) == pytest.approx(end)
+
+
+def test_a_task_takes_the_oracle_what_the_suite_says():
+    known = sets.measured()[TASK]
+    (found,) = expected(BENCH, [Job("oracle", TASK, "marks", 0)], History())
+    assert (found.seconds, found.basis) == (pytest.approx(known.seconds), "suite")
+    assert found.bytes == pytest.approx((known.actions + 2) * STEP_BYTES)
+    (nothing,) = expected(BENCH, [Job("fail", TASK, "clean", 0)], History())
+    assert known.setup < nothing.seconds < found.seconds
+
+
+def test_what_was_never_measured_is_a_limit_and_says_whose_time_is_not_in_it():
+    own = Bench(tasks=("mine",), agents=("a", "b"), corruptions={"clean": None}, max_steps=10)
+    listed = [Job("a", "mine", "clean", 0), Job("b", "mine", "clean", 0)]
+    found = expected(own, listed, History())
+    assert [each.seconds for each in found] == [EPISODE_SECONDS + 10 * STEP_SECONDS] * 2
+    text = estimate(own, listed * 100)
+    assert text.startswith("at most 43 min and ")
+    assert "(200 with all 10 steps)" in text
+    assert text.endswith("; without the time that a, b takes to answer")
+    assert estimate(own, listed * 1000, desktops=2).startswith("at most 3.6 h")
+
+
+def test_earlier_runs_beside_the_new_one_count_most(tmp_path):
+    write_run(tmp_path / "a", made(10.0, 4), made(30.0, 6, "marks"))
+    write_run(tmp_path / "deep" / "b", made(20.0, 4), made(99.0, 9, status="invalid"))
+    (tmp_path / "broken").mkdir()
+    (tmp_path / "broken" / "run.json").write_text("{")
+    history = history_near(tmp_path / "new")
+    listed = [Job("oracle", TASK, label, 0) for label in ("clean", "marks", "subtitle")]
+    found = expected(BENCH, listed, history)
+    assert [each.seconds for each in found] == pytest.approx([15.0, 30.0, 20.0])
+    assert {each.basis for each in found} == {"runs"}
+    assert found[1].bytes == pytest.approx(7 * history.step_bytes)
+    assert history.step_bytes < STEP_BYTES / 100
+    text = estimate(BENCH, listed, 1, history)
+    assert text == "about 1 min and 0.0 GB (3 measured in earlier runs)"
+
+
+def test_models_cost_what_they_did_and_an_unknown_one_says_so(tmp_path):
+    from online_env.agents.registry import AGENTS
+
+    AGENTS.find("gpt-4o")
+    listed = [Job("gpt-4o", TASK, "clean", 0)] * 3
+    assert "money not known: no earlier run of gpt-4o here" in estimate(BENCH, listed)
+    write_run(tmp_path / "a", made(60.0, 9, agent="gpt-4o", usage={"usd": 0.25}))
+    text = estimate(BENCH, listed, 1, history_near(tmp_path / "b"))
+    assert text == "about 3 min and 0.0 GB, 0.75 USD (3 measured in earlier runs)"
+
+
+def test_a_dry_run_says_what_it_rests_on(tmp_path):
+    write_run(tmp_path / "a", made(600.0, 4))
+    argv = [sys.executable, "-m", "hijack_data.cli", "bench", "embedded_small", "--dry-run"]
+    chosen = ["--agent", "oracle", "--tasks", TASK, "--corruptions", "clean,marks"]
+    done = subprocess.run(
+        [*argv, *chosen, "--desktops", "1", "--out", str(tmp_path / "b")],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
+    last = done.stdout.splitlines()[-1]
+    assert last.startswith("2 episodes on 1 desktops, about 20 min and 0.0 GB")
+    assert last.endswith("(2 measured in earlier runs)")
+    assert not (tmp_path / "b").exists()
+
+
+def test_every_job_of_a_run_is_expected_to_take_something():
+    bench = Bench(tasks=sets.members("small"), corruptions=None)
+    listed = jobs(bench)
+    assert all(each.seconds > 0 for each in expected(bench, listed, History()))
