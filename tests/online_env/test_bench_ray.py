@@ -1,10 +1,10 @@
 """Benchmarks on Ray: two nodes, each with processes of its own, on this machine."""
 
-
 import json
 import os
-import signal
+import shutil
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,8 +12,10 @@ import pytest
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 import hijack_data as hj
-from hijack_data import ray_session
 from hijack_data.errors import MissingDependencyError, ParameterError, UnknownNameError
+from hijack_data.locking import lock
+from online_env.agents.files import read_agent
+from online_env.agents.makers import FileAgentMaker
 from online_env.agents.registry import AGENTS
 from online_env.bench import parcel, ray_node, ray_pool, records
 from online_env.bench.config import Bench
@@ -28,7 +30,7 @@ from online_env.errors import ClusterError
 from online_env.tasks import TASKS
 from pipelines.proof.rebuild import rebuild
 
-from support import nodes, waiting
+from support import nodes
 from support.squares import SIZE, ClickSquare
 
 ray = pytest.importorskip("ray", reason="Ray is not installed: pip install 'agenthijack[ray]'")
@@ -118,6 +120,7 @@ def played(
     desktops=None,
     models=None,
     retries=0,
+    listener=None,
 ):
     """Run all episodes; what `run_jobs` returned."""
     chosen = chosen or bench()
@@ -135,7 +138,7 @@ def played(
             folder,
             retries,
             pool,
-            Silent(),
+            listener or Silent(),
             at_once=pool.most,
             stop=pool.stop,
             place=pool.place,
@@ -167,11 +170,6 @@ def content(run):
     return found
 
 
-def seen(orders):
-    """The raylets on whose nodes the agents were."""
-    return {int(line.split()[0]) for line in (orders / "seen").read_text().splitlines()}
-
-
 def raylet(node):
     return node.all_processes["raylet"][0].process.pid
 
@@ -181,62 +179,41 @@ def left_over():
     return set(Path(ray_node.tempfile.gettempdir()).glob(f"{ray_node.PREFIX}*"))
 
 
-def test_a_node_that_dies_changes_nothing_and_one_that_joins_is_used(cluster, orders, tmp_path):
+def test_a_node_that_dies_changes_nothing(cluster, orders, tmp_path):
     before = left_over()
     played(tmp_path / "local")
-    (orders / "seen").unlink()
+    (orders / nodes.SEEN).unlink()
     dying = cluster.add_node(**NODE)
     (orders / "kill_node").write_text(str(raylet(dying)))
-    ended = played(tmp_path / "ray", "ray", address=cluster.address)
-    assert ended == {"ok": 6}
+    assert played(tmp_path / "ray", "ray", address=cluster.address) == {"ok": 6}
     assert (orders / "killed_node").exists()
-    assert raylet(dying) in seen(orders)
     assert content(tmp_path / "ray") == content(tmp_path / "local")
     assert len(content(tmp_path / "ray")) > 6 * 4  # records, and files of each episode
     assert rebuild(tmp_path / "ray").ok
-    assert len(left_over() - before) <= 1  # of the node that was killed
-    assert "True" not in (orders / "seen").read_text()  # desktops hear SIGINT
+    assert len(left_over() - before) <= 1  # of the actor that was killed
+    assert "True" not in (orders / nodes.SEEN).read_text()  # desktops hear SIGINT
 
 
 def test_a_node_that_joins_is_used(cluster, orders, tmp_path):
-    (orders / "wait").touch()
     joined = []
 
     class Joins(Silent):
         def begins(self, job, number, attempt):
             if not joined:
                 joined.append(cluster.add_node(**NODE))
+                (orders / "wait_for").write_text(str(raylet(joined[0])))
 
-        def ended(self, job, number, record):
-            (orders / "wait").unlink(missing_ok=True)
-
-    chosen = bench()
-    listed = jobs(chosen)
-    records.create(tmp_path / "run", chosen.to_data())
-    setup = WorkerSetup(
-        bench=chosen,
-        folder=tmp_path / "run",
-        references=references(chosen),
-    )
-    def wanted():
-        path = orders / "seen"
-        return path.exists() and raylet(joined[0]) in seen(orders)
-
-    with open_pool("ray", setup, len(listed), None, cluster.address) as pool:
-        begun = pool.desktops
-        import threading
-
-        def release():
-            waiting.until(lambda: joined and wanted())
-            (orders / "wait").unlink(missing_ok=True)
-
-        thread = threading.Thread(target=release)
-        thread.start()
-        ended = run_jobs(listed, tmp_path / "run", 0, pool, Joins(), at_once=pool.most, stop=pool.stop, place=pool.place)
-        thread.join()
-    assert begun == 2
-    assert ended == {"ok": 6}
-    cluster.remove_node(joined[0])
+    try:
+        assert played(
+            tmp_path / "run",
+            "ray",
+            address=cluster.address,
+            listener=Joins(),
+        ) == {"ok": 6}
+        assert raylet(joined[0]) in nodes.raylets(orders)
+    finally:
+        for node in joined:
+            cluster.remove_node(node)
 
 
 def test_a_process_that_is_killed_loses_its_episode_which_is_played_again(
@@ -258,3 +235,192 @@ def test_a_process_that_is_killed_loses_its_episode_which_is_played_again(
     (again,) = [record for record in kept if record["attempt"] == 1]
     assert again["id"] == f"{lost['id']}__a1"
     assert not (tmp_path / "run" / "episodes" / lost["id"]).exists()
+
+
+def test_a_desktop_that_is_gone_before_its_turn_costs_nothing(cluster, tmp_path):
+    class Kills(Silent):
+        def begins(self, job, number, attempt):
+            if number == 1:
+                ray.kill(next(iter(pool._all)))
+
+    chosen = bench(seeds=1)
+    listed = jobs(chosen)
+    records.create(tmp_path / "run", chosen.to_data())
+    setup = WorkerSetup(bench=chosen, folder=tmp_path / "run", references=references(chosen))
+    with open_pool("ray", setup, len(listed), 1, cluster.address) as pool:
+        ended = run_jobs(listed, tmp_path / "run", 0, pool, Kills(), place=pool.place)
+    assert ended == {"ok": 2}
+    assert [record["attempt"] for record in records.read(tmp_path / "run").records] == [0, 0]
+
+
+def test_a_file_that_a_node_lacks(cluster, tmp_path):
+    """The nodes are on this machine: the file goes once the runner has loaded it."""
+    mine = tmp_path / "mine.py"
+    mine.write_text("from support.nodes import Clicker\n\nclass Mine(Clicker):\n    pass\n")
+    chosen = bench(agents=(AGENTS.find(f"{mine}:Mine"),))
+    mine.unlink()
+    wanted = rf"node \S+: {mine}: .*No such file.*every node needs this file under this path"
+    with pytest.raises(ClusterError, match=wanted):
+        played(tmp_path / "run", "ray", chosen, cluster.address, desktops=1)
+    assert records.read(tmp_path / "run").records == []
+
+
+AGENT_FILE = """
+model: some-model
+base_url: http://127.0.0.1:1/v1
+api_key_env: AGENTHIJACK_TEST_KEY
+prompt: pyautogui
+parser: pyautogui
+"""
+
+
+def test_a_key_that_a_node_lacks_is_named_and_never_sent(cluster, tmp_path, monkeypatch):
+    monkeypatch.setenv("AGENTHIJACK_TEST_KEY", "very-secret-0123")
+    (tmp_path / "mine.yaml").write_text(AGENT_FILE)
+    chosen = bench(agents=(AGENTS.find(str(tmp_path / "mine.yaml")),))
+    (tmp_path / "mine.yaml").unlink()  # what was read of it travels
+    with pytest.raises(ClusterError, match=r"node \S+: .*AGENTHIJACK_TEST_KEY"):
+        played(tmp_path / "run", "ray", chosen, cluster.address, desktops=1)
+    logs = Path(cluster.head_node.get_session_dir_path())
+    found = [path for path in logs.rglob("*") if path.is_file()]
+    assert found
+    assert [path for path in found if b"very-secret-0123" in path.read_bytes()] == []
+
+
+def test_nodes_without_room(cluster, tmp_path, monkeypatch):
+    monkeypatch.setattr("online_env.bench.workers.MEMORY", 2**50)
+    monkeypatch.setattr(ray_pool, "MEMORY", 2**50)
+    wanted = r"no node .* 1 CPU and 1.04858e\+06 GiB of memory \(\S+ has 1 CPUs and 1.5 GiB"
+    with pytest.raises(ClusterError, match=wanted):
+        played(tmp_path / "run", "ray", address=cluster.address)
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1:1", "ray://127.0.0.1:10001"])
+def test_a_cluster_that_is_not_there(address, tmp_path):
+    with pytest.raises(ClusterError, match=f"Ray at '{address}' cannot be used: "):
+        played(tmp_path / "run", "ray", address=address)
+
+
+def test_without_ray(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(MissingDependencyError, match=r"pip install 'agenthijack\[ray\]'"):
+        played(tmp_path / "run", "ray")
+
+
+def test_engines_that_are_not_there(tmp_path):
+    with pytest.raises(UnknownNameError, match=r"engine 'rya'; did you mean 'ray'"):
+        played(tmp_path / "one", "rya")
+    with pytest.raises(ParameterError, match=r"--ray-address auto is for --engine ray"):
+        played(tmp_path / "two", address="auto")
+
+
+def test_room_is_counted_in_cores_and_memory():
+    assert desktops_in(8, 100 * MEMORY) == 8
+    assert desktops_in(8, 2.9 * MEMORY) == 2
+    assert desktops_in(0.5, 100 * MEMORY) == 0
+
+
+# What travels
+
+
+def test_a_node_with_other_software_or_another_file_is_refused(tmp_path, monkeypatch):
+    mine = tmp_path / "mine.py"
+    mine.write_text("class Mine:\n    def predict(self, a, b): return '', []\n")
+    chosen = bench(agents=(AGENTS.find(f"{mine}:Mine"),))
+    setup = WorkerSetup(bench=chosen, folder=tmp_path, references=references(chosen))
+    packed = parcel.pack(setup)
+    mine.write_text("class Mine:\n    def predict(self, a, b): return '', ['DONE']\n")
+    with pytest.raises(ClusterError, match=f"{mine}: .*every node needs this file"):
+        parcel.unpack(packed, tmp_path / "node")
+    monkeypatch.setattr(parcel, "software", lambda: {**packed.software, "numpy": "1.0"})
+    with pytest.raises(ClusterError, match=r"has numpy 1.0 instead of .*install the same"):
+        parcel.unpack(packed, tmp_path / "node")
+
+
+def test_the_code_of_the_package_is_part_of_its_software(monkeypatch):
+    before = parcel.software()
+    assert before == parcel.software()
+    monkeypatch.setattr(parcel, "OURS", ("hijack_data",))
+    assert parcel.software()[parcel.CODE] != before[parcel.CODE]
+
+
+def test_agent_files_prompts_and_logs_travel(tmp_path, monkeypatch):
+    texts = {"prompts": "pyautogui.yaml", "own": "pyautogui.yaml", "log/requests": "e.jsonl"}
+    for folder, name in texts.items():
+        (tmp_path / folder).mkdir(parents=True)
+        (tmp_path / folder / name).write_text(f"of {folder}")
+    chosen = bench(agents=("mine",))
+    models = ModelOptions(prompts=tmp_path / "prompts", replay=tmp_path / "log")
+    agent = read_agent("gpt-4o")
+    AGENTS.add(FileAgentMaker(replace(agent, prompts=str(tmp_path / "own"))), "mine")
+    packed = parcel.pack(WorkerSetup(bench=chosen, folder=tmp_path, models=models))
+    shutil.rmtree(tmp_path / "own")
+    (tmp_path / "node").mkdir()
+    setup = parcel.unpack(packed, tmp_path / "node")
+    assert setup.folder == tmp_path / "node" / "run"
+    assert (setup.models.prompts / "pyautogui.yaml").read_text() == "of prompts"
+    assert (setup.models.replay / "e.jsonl").read_text() == "of log/requests"
+    own = Path(AGENTS.get("mine").settings.prompts)
+    assert own.is_relative_to(tmp_path / "node")
+    assert (own / "pyautogui.yaml").read_text() == "of own"
+
+
+def left_by_an_episode(folder):
+    """The files of an episode and its requests, in a folder of a node."""
+    made = {
+        "episodes/e/episode.json": b"{}",
+        "episodes/e/frames/0000.png": b"picture",
+        "episodes/e/steps.jsonl": b"steps",
+        "requests/e.jsonl": b"asked",
+    }
+    for name, content in made.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
+    return made
+
+
+def test_files_are_sent_with_the_record_last_and_placed_over_what_was_broken_off(tmp_path):
+    made = left_by_an_episode(tmp_path / "node")
+    (tmp_path / "run" / "episodes" / "e" / "frames").mkdir(parents=True)
+    (tmp_path / "run" / "episodes" / "e" / "frames" / "0007.png").touch()
+    arrival = Arrival(tmp_path / "run")
+    names = []
+    for name, content in outgoing(tmp_path / "node"):
+        names.append(name)
+        arrival.put(name, content)
+    assert names[-1] == "episodes/e/episode.json"
+    run = tmp_path / "run"
+    placed = [path for path in run.rglob("*") if path.is_file()]
+    assert {str(path.relative_to(run)): path.read_bytes() for path in placed} == made
+    assert list((tmp_path / "node").iterdir()) == []
+    with pytest.raises(ClusterError, match=r"episodes/e: holds an episode already"):
+        Arrival(run).put("episodes/e/steps.jsonl", b"other")
+
+
+def test_what_arrived_of_a_lost_episode_goes(tmp_path):
+    left_by_an_episode(tmp_path / "node")
+    (tmp_path / "run").mkdir()
+    arrival = Arrival(tmp_path / "run")
+    for name, content in list(outgoing(tmp_path / "node"))[:-1]:
+        arrival.put(name, content)
+    arrival.undo()
+    assert [path for path in (tmp_path / "run").rglob("*") if path.is_file()] == []
+
+
+@pytest.mark.parametrize("name", ["run.json", "episodes/../run.json", "/etc/passwd", ""])
+def test_only_files_of_episodes_are_placed(name, tmp_path):
+    with pytest.raises(ClusterError, match="none of an episode"):
+        Arrival(tmp_path).put(name, b"")
+
+
+def test_folders_of_actors_that_were_killed_are_removed(tmp_path, monkeypatch):
+    monkeypatch.setattr(ray_node.tempfile, "gettempdir", lambda: str(tmp_path))
+    monkeypatch.setattr(ray_node.tempfile, "tempdir", str(tmp_path))
+    old = tmp_path / f"{ray_node.PREFIX}old"
+    held = tmp_path / f"{ray_node.PREFIX}held"
+    for folder in (old, held):
+        folder.mkdir()
+        os.utime(folder, (0, 0))
+    with lock(held), ray_node.node_folder() as own:
+        assert sorted(tmp_path.iterdir()) == sorted([held, own])
+    assert list(tmp_path.iterdir()) == [held]

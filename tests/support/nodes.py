@@ -12,9 +12,14 @@ from support.squares import middle_of_square
 from support.waiting import until
 
 FOLDER = "AGENTHIJACK_TEST_NODES"
-TASK = "support.squares:ClickSquare"
+SEEN = "seen"
 PROVIDER = "support.squares:square_desktop"
 AGENT = "support.nodes:Clicker"
+
+
+def raylets(folder):
+    """The processes of the nodes where agents were."""
+    return {int(line.split()[0]) for line in (folder / SEEN).read_text().splitlines()}
 
 
 def first(flag):
@@ -42,8 +47,8 @@ class Clicker:
 
     def obey(self, folder):
         parent = os.getppid()  # on a node its raylet
-        with (folder / "seen").open("a") as seen:
-            blocked = signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+        blocked = signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+        with (folder / SEEN).open("a") as seen:
             seen.write(f"{parent} {blocked}\n")
         if (folder / "kill_me").exists() and first(folder / "killed_me"):
             os.kill(os.getpid(), signal.SIGKILL)
@@ -53,5 +58,6 @@ class Clicker:
                 os.kill(parent, signal.SIGKILL)
                 time.sleep(60)  # Ray ends this process with its node
             until((folder / "killed_node").exists)
-        if (folder / "wait").exists():
-            until(lambda: not (folder / "wait").exists())
+        order = folder / "wait_for"
+        if order.exists():
+            until(lambda: int(order.read_text()) in raylets(folder))
