@@ -30,6 +30,7 @@ from .workers import CORES, ENDING, MEMORY, WorkerSetup, desktops_in
 LOOK = 0.5  # seconds between two looks at the nodes
 ANSWER = 30.0  # seconds in which a desktop that is free has to answer
 VERDICT = 60.0  # seconds until Ray surely knows whether a node has died
+GRACE = 3.0  # seconds between its news of an actor's death and that of the node's
 NODES = 3  # deaths of nodes that one attempt may meet
 STARTS = 5  # processes in a row that end while they start
 NO_ROOM = 600.0  # seconds that a run waits when all nodes with room are gone
@@ -80,6 +81,7 @@ class RayPool:
         self._supplier: threading.Thread | None = None
 
     def __enter__(self) -> "RayPool":
+        parcel = pack(self._setup)
         with ExitStack() as stack:
             self._ray: Any = stack.enter_context(
                 session(
@@ -96,7 +98,7 @@ class RayPool:
                 max_restarts=0,
                 scheduling_strategy="SPREAD",
             )(NodeDesktop)
-            self._parcel = self._ray.put(pack(self._setup))
+            self._parcel = self._ray.put(parcel)
             stack.callback(self._join)
             stack.callback(self.stop)
             self._stack = stack.pop_all()
@@ -181,11 +183,11 @@ class RayPool:
                 raise
             return
         self._room_seen = now
-        while len(self._all) < min(self.most, room) and not self._stopped.is_set():
-            actor = self._actor.remote()
-            with self._changed:
+        with self._changed:
+            while len(self._all) < min(self.most, room) and not self._stopped.is_set():
+                actor = self._actor.remote()
                 self._all.add(actor)
-            self._starting[actor.begin.remote(self._parcel)] = actor
+                self._starting[actor.begin.remote(self._parcel)] = actor
 
     def _collect(self) -> None:
         """Hand on the desktops that have become ready.
@@ -297,7 +299,7 @@ class RayPool:
     def _has_died(self, node: str, error: Exception) -> bool:
         """Return whether a node has died; Ray may learn of it later than of its actors."""
         is_sure = not isinstance(error, self._ray.exceptions.ActorUnavailableError)
-        end = time.monotonic() + (0.0 if is_sure else VERDICT)
+        end = time.monotonic() + (GRACE if is_sure else VERDICT)
         while not self._stopped.is_set():
             living = [found["NodeID"] for found in self._ray.nodes() if found["Alive"]]
             if node not in living:

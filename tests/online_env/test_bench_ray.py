@@ -1,5 +1,6 @@
 """Benchmarks on Ray: two nodes, each with processes of its own, on this machine."""
 
+import importlib
 import json
 import os
 import shutil
@@ -251,6 +252,16 @@ def test_a_desktop_that_is_gone_before_its_turn_costs_nothing(cluster, tmp_path)
         ended = run_jobs(listed, tmp_path / "run", 0, pool, Kills(), place=pool.place)
     assert ended == {"ok": 2}
     assert [record["attempt"] for record in records.read(tmp_path / "run").records] == [0, 0]
+
+
+def test_a_node_that_cannot_import_the_actor(cluster, tmp_path, monkeypatch):
+    (tmp_path / "only_here.py").write_text("class Desktop:\n    pass\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(ray_pool, "NodeDesktop", importlib.import_module("only_here").Desktop)
+    (tmp_path / "only_here.py").unlink()
+    wanted = "a node cannot start a desktop .*only_here.*install the same agenthijack"
+    with pytest.raises(ClusterError, match=wanted):
+        played(tmp_path / "run", "ray", address=cluster.address, desktops=1)
 
 
 def test_a_file_that_a_node_lacks(cluster, tmp_path):
