@@ -9,12 +9,12 @@ import hashlib
 import importlib.metadata
 import importlib.util
 import pickle
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from hijack_data.errors import HijackError
-from hijack_data.loading import loaded_files, run_file
+from hijack_data.loading import file_of, loaded_files, run_file
 
 from ..agents.chat.prompts import PATTERN
 from ..agents.chat.request_log import log_folder
@@ -73,7 +73,7 @@ def pack(setup: WorkerSetup) -> Parcel:
         ) from None
     return Parcel(
         software=software(),
-        loaded=tuple((file.path, file.sha256) for file in loaded_files()),
+        loaded=tuple(_loaded(setup.bench)),
         setup=content,
         agents=agents,
         agent_prompts={
@@ -156,6 +156,14 @@ def _version(package: str) -> str:
 def _agents(bench: Bench) -> list[tuple[str, AgentSettings]]:
     makers = [(name, AGENTS.get(name)) for name in bench.agents]
     return [(name, maker.settings) for name, maker in makers if isinstance(maker, FileAgentMaker)]
+
+
+def _loaded(bench: Bench) -> Iterator[tuple[str, str]]:
+    """Yield the files of what a run names, and those that register something by themselves."""
+    named = [file_of(entry) for _, _, entry in bench.foreign()]
+    for file in loaded_files():
+        if file.names or file in named:
+            yield file.path, file.sha256
 
 
 def _load(path: str, sha256: str) -> None:

@@ -5,6 +5,7 @@ import json
 import os
 import shutil
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +15,7 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 import hijack_data as hj
 from hijack_data.errors import MissingDependencyError, ParameterError, UnknownNameError
+from hijack_data.files import write_atomic
 from hijack_data.locking import lock
 from online_env.agents.files import read_agent
 from online_env.agents.makers import FileAgentMaker
@@ -31,7 +33,7 @@ from online_env.errors import ClusterError
 from online_env.tasks import TASKS
 from pipelines.proof.rebuild import rebuild
 
-from support import nodes
+from support import nodes, waiting
 from support.squares import SIZE, ClickSquare
 
 ray = pytest.importorskip("ray", reason="Ray is not installed: pip install 'agenthijack[ray]'")
@@ -119,9 +121,6 @@ def played(
     chosen=None,
     address=None,
     desktops=None,
-    models=None,
-    retries=0,
-    listener=None,
 ):
     """Run all episodes; what `run_jobs` returned."""
     chosen = chosen or bench()
@@ -131,15 +130,14 @@ def played(
         bench=chosen,
         folder=folder,
         references=references(chosen),
-        models=models or ModelOptions(),
     )
     with open_pool(engine, setup, len(listed), desktops, address) as pool:
         return run_jobs(
             listed,
             folder,
-            retries,
+            0,
             pool,
-            listener or Silent(),
+            Silent(),
             at_once=pool.most,
             stop=pool.stop,
             place=pool.place,
@@ -182,7 +180,7 @@ def left_over():
 
 def test_a_node_that_dies_changes_nothing(cluster, orders, tmp_path):
     before = left_over()
-    played(tmp_path / "local")
+    played(tmp_path / "local", desktops=1)
     (orders / nodes.SEEN).unlink()
     dying = cluster.add_node(**NODE)
     (orders / "kill_node").write_text(str(raylet(dying)))
@@ -196,84 +194,59 @@ def test_a_node_that_dies_changes_nothing(cluster, orders, tmp_path):
 
 
 def test_a_node_that_joins_is_used(cluster, orders, tmp_path):
-    joined = []
-
-    class Joins(Silent):
-        def begins(self, job, number, attempt):
-            if not joined:
-                joined.append(cluster.add_node(**NODE))
-                (orders / "wait_for").write_text(str(raylet(joined[0])))
-
-    try:
-        assert played(
-            tmp_path / "run",
-            "ray",
-            address=cluster.address,
-            listener=Joins(),
-        ) == {"ok": 6}
-        assert raylet(joined[0]) in nodes.raylets(orders)
-    finally:
-        for node in joined:
-            cluster.remove_node(node)
+    (orders / "wait_for").write_text("0")  # nobody's number: all agents wait
+    with ThreadPoolExecutor(1) as pool:
+        ended = pool.submit(played, tmp_path / "run", "ray", address=cluster.address)
+        waiting.until(lambda: ended.done() or (orders / nodes.SEEN).exists())
+        joined = cluster.add_node(**NODE)
+        try:
+            write_atomic(orders / "wait_for", str(raylet(joined)))
+            assert ended.result() == {"ok": 6}
+            assert raylet(joined) in nodes.raylets(orders)
+        finally:
+            cluster.remove_node(joined)
 
 
-def test_a_process_that_is_killed_loses_its_episode_which_is_played_again(
+def test_a_process_that_is_killed_loses_the_episode_that_it_plays_and_no_other(
     cluster, orders, tmp_path
 ):
-    (orders / "kill_me").touch()
-    ended = played(
-        tmp_path / "run",
-        "ray",
-        bench(seeds=1),
-        cluster.address,
-        retries=1,
-    )
-    assert ended == {"ok": 2}
-    kept = records.read(tmp_path / "run").records
-    (lost,) = [record for record in kept if record["status"] != "ok"]
-    assert (lost["status"], lost["cause"], lost["score"]) == ("error", "machine", None)
-    assert "the process that played the episode on" in lost["problem"]
-    (again,) = [record for record in kept if record["attempt"] == 1]
-    assert again["id"] == f"{lost['id']}__a1"
-    assert not (tmp_path / "run" / "episodes" / lost["id"]).exists()
-
-
-def test_a_desktop_that_is_gone_before_its_turn_costs_nothing(cluster, tmp_path):
     class Kills(Silent):
         def begins(self, job, number, attempt):
-            if number == 1:
+            if number == 2:  # a desktop that is free, and about to be used
                 ray.kill(next(iter(pool._all)))
 
+    (orders / "kill_me").touch()  # the first episode
     chosen = bench(seeds=1)
     listed = jobs(chosen)
-    records.create(tmp_path / "run", chosen.to_data())
-    setup = WorkerSetup(bench=chosen, folder=tmp_path / "run", references=references(chosen))
+    run = tmp_path / "run"
+    records.create(run, chosen.to_data())
+    setup = WorkerSetup(bench=chosen, folder=run, references=references(chosen))
     with open_pool("ray", setup, len(listed), 1, cluster.address) as pool:
-        ended = run_jobs(listed, tmp_path / "run", 0, pool, Kills(), place=pool.place)
-    assert ended == {"ok": 2}
-    assert [record["attempt"] for record in records.read(tmp_path / "run").records] == [0, 0]
+        assert run_jobs(listed, run, 1, pool, Kills(), place=pool.place) == {"ok": 2}
+    lost, again, other = records.read(run).records
+    assert (lost["status"], lost["cause"], lost["score"]) == ("error", "machine", None)
+    assert "the process that played the episode on" in lost["problem"]
+    assert not (run / "episodes" / lost["id"]).exists()
+    assert (again["id"], again["status"]) == (f"{lost['id']}__a1", "ok")
+    assert (other["attempt"], other["status"]) == (0, "ok")
+
+
+ONLY_HERE = """
+from online_env.bench.ray_node import NodeDesktop
+
+class Desktop(NodeDesktop):
+    pass
+"""
 
 
 def test_a_node_that_cannot_import_the_actor(cluster, tmp_path, monkeypatch):
-    (tmp_path / "only_here.py").write_text("class Desktop:\n    pass\n")
+    (tmp_path / "only_here.py").write_text(ONLY_HERE)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(ray_pool, "NodeDesktop", importlib.import_module("only_here").Desktop)
     (tmp_path / "only_here.py").unlink()
     wanted = "a node cannot start a desktop .*only_here.*install the same agenthijack"
     with pytest.raises(ClusterError, match=wanted):
         played(tmp_path / "run", "ray", address=cluster.address, desktops=1)
-
-
-def test_a_file_that_a_node_lacks(cluster, tmp_path):
-    """The nodes are on this machine: the file goes once the runner has loaded it."""
-    mine = tmp_path / "mine.py"
-    mine.write_text("from support.nodes import Clicker\n\nclass Mine(Clicker):\n    pass\n")
-    chosen = bench(agents=(AGENTS.find(f"{mine}:Mine"),))
-    mine.unlink()
-    wanted = rf"node \S+: {mine}: .*No such file.*every node needs this file under this path"
-    with pytest.raises(ClusterError, match=wanted):
-        played(tmp_path / "run", "ray", chosen, cluster.address, desktops=1)
-    assert records.read(tmp_path / "run").records == []
 
 
 AGENT_FILE = """
@@ -342,6 +315,9 @@ def test_a_node_with_other_software_or_another_file_is_refused(tmp_path, monkeyp
     packed = parcel.pack(setup)
     mine.write_text("class Mine:\n    def predict(self, a, b): return '', ['DONE']\n")
     with pytest.raises(ClusterError, match=f"{mine}: .*every node needs this file"):
+        parcel.unpack(packed, tmp_path / "node")
+    mine.unlink()
+    with pytest.raises(ClusterError, match=f"{mine}: .*No such file.*every node needs this file"):
         parcel.unpack(packed, tmp_path / "node")
     monkeypatch.setattr(parcel, "software", lambda: {**packed.software, "numpy": "1.0"})
     with pytest.raises(ClusterError, match=r"has numpy 1.0 instead of .*install the same"):
