@@ -59,3 +59,7 @@ class ReplayError(HijackError, LookupError):
 
 class CostLimitError(HijackError, RuntimeError):
     """A run has cost as much as it may; the episodes that ended are kept."""
+
+
+class ClusterError(HijackError, RuntimeError):
+    """A cluster cannot be used, or one of its nodes cannot play; the message names the node."""

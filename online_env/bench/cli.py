@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     from .episodes import LiveEpisodes
     from .jobs import Job
     from .models import ModelOptions
-    from .workers import EpisodePool
+    from .pools import EpisodePool
+    from .workers import WorkerSetup
 
 
 @click.command()
@@ -69,6 +70,18 @@ if TYPE_CHECKING:
     metavar="N",
     help="Desktops side by side; by default as many as cores and memory allow.",
 )
+@click.option(
+    "--engine",
+    type=click.Choice(("local", "ray")),
+    default="local",
+    show_default=True,
+    help="Where the desktops are: on this machine, or on the nodes of a Ray cluster.",
+)
+@click.option(
+    "--ray-address",
+    metavar="auto|HOST:PORT",
+    help="A running Ray cluster; by default RAY_ADDRESS, or a Ray that is started and ended here.",
+)
 @click.option("--resume", is_flag=True, help="Go on with the run in RUNS where it was broken off.")
 @click.option(
     "--prompts",
@@ -99,6 +112,8 @@ def bench(
     corruptions: str | None,
     seeds: int | None,
     desktops: int | None,
+    engine: str,
+    ray_address: str | None,
     resume: bool,
     prompts: Path | None,
     max_cost: float | None,
@@ -116,6 +131,7 @@ def bench(
     from .estimates import estimate, history_near
     from .jobs import jobs
     from .models import ModelOptions, prepare
+    from .pools import LOCAL, open_pool
     from .providers import check_installed
     from .workers import default_desktops
 
@@ -128,8 +144,8 @@ def bench(
     )
     prepare(chosen.agents, models, None if dry_run else out)
     listed = jobs(chosen)
-    at_once = min(desktops or default_desktops(), len(listed))
     if dry_run:
+        at_once = min(desktops or default_desktops(), len(listed))
         for job in listed:
             click.echo(str(job))
         expected = estimate(chosen, listed, at_once, history_near(out))
@@ -139,9 +155,14 @@ def bench(
         raise click.UsageError("--out RUNS: say where the records go (or --dry-run)")
     if sign is not None:
         seal.check_key(sign)
-    check_installed(chosen.provider, chosen.tasks)
-    with _begun(chosen, listed, out, resume, at_once):
-        code = _run(chosen, listed, out, at_once, models)
+    if engine == LOCAL:  # a node looks for itself
+        check_installed(chosen.provider, chosen.tasks)
+    setup = _setup(chosen, out, models)
+    with (
+        open_pool(engine, setup, len(listed), desktops, ray_address) as pool,
+        _begun(chosen, listed, out, resume, pool.desktops),
+    ):
+        code = _run(chosen, listed, out, pool, models)
         if not gate.conclude(records.read(out)):
             code = 1
     if sign is not None:
@@ -170,7 +191,7 @@ def _run(
     chosen: "Bench",
     listed: "Sequence[Job]",
     out: Path,
-    at_once: int,
+    pool: "EpisodePool",
     models: "ModelOptions",
 ) -> int:
     from .estimates import estimate, history_near
@@ -182,14 +203,15 @@ def _run(
     screen = console()
     expected = ""
     if left:
-        expected = f", {estimate(chosen, left, at_once, history_near(out))}"
+        expected = f", {estimate(chosen, left, pool.desktops, history_near(out))}"
     screen.print(
-        f"{len(left)} episodes on {at_once} desktops{expected}; recovery policy: {chosen.recovery}",
+        f"{len(left)} episodes on {pool.desktops} desktops{expected}; recovery policy:"
+        f" {chosen.recovery}",
         soft_wrap=True,
     )
     if left:
         try:
-            _play(chosen, listed, out, earlier, at_once, models)
+            _play(chosen, listed, out, earlier, pool, models)
         except CostLimitError as error:
             click.echo(f"hijack: {error}", err=True)
         except KeyboardInterrupt:
@@ -214,10 +236,11 @@ def _play(
     listed: "Sequence[Job]",
     out: Path,
     earlier: "Mapping[Job, Sequence[records.ResultRecord]]",
-    at_once: int,
+    pool: "EpisodePool",
     models: "ModelOptions",
 ) -> None:
     from .runner import needs_attempt, run_jobs
+    from .workers import LocalPool
 
     done = sum(not needs_attempt(earlier[job], chosen.retries) for job in listed)
     teller = ProgressDisplay(listed, console(), done)
@@ -230,18 +253,19 @@ def _play(
             episodes,
             teller,
             earlier,
-            at_once,
+            pool.most,
             stop or (lambda: None),
             lambda: costs.check_cost(out, models.max_cost),
+            pool.place,
         )
 
     with teller:
-        if at_once == 1:
+        if isinstance(pool, LocalPool) and pool.most == 1:
             with _here(chosen, out) as episodes:
                 run(episodes)
         else:
-            with _side_by_side(chosen, out, models) as episodes:
-                run(episodes, episodes.stop)
+            run(pool, pool.stop)
+            pool.stop()
 
 
 @contextlib.contextmanager
@@ -257,18 +281,17 @@ def _here(chosen: "Bench", out: Path) -> "Iterator[LiveEpisodes]":
         yield LiveEpisodes(chosen, out, SmallTasks(desktop))
 
 
-def _side_by_side(
+def _setup(
     chosen: "Bench",
     out: Path,
     models: "ModelOptions",
-) -> "EpisodePool":
-    """Play in several processes."""
-    from .workers import EpisodePool, WorkerSetup, references
+) -> "WorkerSetup":
+    """Return what another process needs."""
+    from .workers import WorkerSetup, references
 
-    setup = WorkerSetup(
+    return WorkerSetup(
         bench=chosen,
         folder=out.resolve(),
         references=references(chosen),
         models=models,
     )
-    return EpisodePool(setup)

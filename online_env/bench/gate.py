@@ -16,6 +16,7 @@ import click
 from hijack_data.errors import HijackError, ParameterError, UnknownNameError, some_of, suggest
 from hijack_data.plan import CLEAN
 
+from ..report.named import YARDSTICKS
 from . import junit, scores
 from .reading import ResultRecord, Run
 
@@ -41,14 +42,6 @@ OF_AGENT = {
 OVER_CORRUPTIONS = ("corrupted", "worst")
 KNOWN = (*OF_CONDITION, *OF_AGENT)
 ROUNDING = 1e-9  # of sums of scores
-# Agents that say something about tasks and desktops: no release is judged by them.
-YARDSTICKS = (
-    "oracle",
-    "recovering",
-    "do_nothing",
-    "random",
-    "fail",
-)
 
 
 @dataclass(frozen=True, kw_only=True)

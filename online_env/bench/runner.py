@@ -4,6 +4,7 @@ import threading
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Protocol
 
@@ -45,6 +46,7 @@ def run_jobs(
     at_once: int = 1,
     stop: Callable[[], object] = lambda: None,
     check: Callable[[], object] = lambda: None,
+    place: Callable[[], AbstractContextManager[object]] = nullcontext,
 ) -> Counter[str]:
     """Run every job and append a record for each attempt.
 
@@ -63,12 +65,13 @@ def run_jobs(
         stop: Breaks off what is under way; called if one job raises, or at Ctrl-C.
         check: Called before each attempt. If it raises `CostLimitError`, no further attempt
             begins, those under way are finished, and the error is raised.
+        place: Its context is entered before each attempt, which begins once there is a desktop.
 
     Returns:
         How many jobs ended `"ok"`, `"invalid"` and `"error"`.
     """
     before = earlier or {}
-    run = _Run(folder, retries, episode, listener, check)
+    run = _Run(folder, retries, episode, listener, check, place)
     numbered = list(enumerate(listed, 1))
     ended: Counter[str] = Counter()
     if at_once == 1:
@@ -109,12 +112,14 @@ class _Run:
         episode: Callable[[Job, int], ResultRecord],
         listener: RunListener,
         check: Callable[[], object],
+        place: Callable[[], AbstractContextManager[object]],
     ) -> None:
         self._folder = folder
         self._retries = retries
         self._episode = episode
         self._listener = listener
         self._check = check
+        self._place = place
         self._one_at_a_time = threading.Lock()
         self.stopped = False
         self.refused: CostLimitError | None = None
@@ -128,11 +133,12 @@ class _Run:
         """Run a job until no further attempt is due; return how it ended."""
         made = list(earlier)
         while needs_attempt(made, self._retries):
-            with self._one_at_a_time:
-                if not self._may_begin():
-                    return "left"
-                self._listener.begins(job, number, len(made))
-            record = self._episode(job, len(made))
+            with self._place():
+                with self._one_at_a_time:
+                    if not self._may_begin():
+                        return "left"
+                    self._listener.begins(job, number, len(made))
+                record = self._episode(job, len(made))
             with self._one_at_a_time:
                 if self.stopped:
                     return "stopped"

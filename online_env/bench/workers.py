@@ -5,13 +5,15 @@ next episode starts another one. Processes end with the runner, also if that is 
 """
 
 import contextlib
+import math
 import multiprocessing
 import os
 import pickle
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Generator, Iterable
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
@@ -32,7 +34,8 @@ from .origin import available_memory
 from .providers import PROVIDERS
 from .records import ResultRecord
 
-MEMORY = 1.5 * 2**30  # bytes that a desktop with its standby and an office program may take
+CORES = 1  # that a desktop needs
+MEMORY = 1536 * 2**20  # bytes that a desktop with its standby and an office program may take
 ENDING = 20.0  # seconds for a process to end its desktop
 
 
@@ -77,35 +80,52 @@ def references(bench: Bench) -> tuple[ForeignEntry, ...]:
 def default_desktops() -> int:
     """Return how many desktops this machine plays on side by side: by cores and free memory."""
     cores = len(os.sched_getaffinity(0))
-    return max(1, min(cores, int(available_memory() / MEMORY)))
+    return max(1, desktops_in(cores, available_memory()))
 
 
-class EpisodePool:
-    """As many processes as threads play episodes; use it in a `with` statement.
+def desktops_in(cores: float, memory: float) -> int:
+    """Return how many desktops a machine has room for.
 
-    Calling it with a job and the number of the attempt plays an episode in the process of the
-    calling thread, which is started with its first episode, and returns the record.
+    Args:
+        cores: Its processors.
+        memory: The bytes of memory that it can give.
+    """
+    return math.floor(min(cores / CORES, memory / MEMORY))
+
+
+class LocalPool:
+    """As many processes of this machine as threads play episodes: an `EpisodePool`.
+
+    An episode is played in the process of the calling thread, which is started with its first one.
 
     Args:
         setup: What the processes need.
+        desktops: How many threads call it.
         serve: The function that a process runs; another one in tests.
     """
 
     def __init__(
         self,
         setup: WorkerSetup,
+        desktops: int = 1,
         serve: Callable[[Connection, WorkerSetup], None] | None = None,
     ) -> None:
+        self.desktops = desktops
+        self.most = desktops
         self._setup = setup
         self._serve = serve or serve_episodes
         self._own = threading.local()
         self._all: list[_Worker] = []
 
-    def __enter__(self) -> "EpisodePool":
+    def __enter__(self) -> "LocalPool":
         return self
 
     def __exit__(self, *_: object) -> None:
         self.stop()
+
+    def place(self) -> AbstractContextManager[object]:
+        """Return at once: each thread has a process of its own."""
+        return nullcontext()
 
     def stop(self) -> None:
         """End all processes; those that play break their episodes off."""
@@ -209,22 +229,28 @@ def serve_episodes(connection: Connection, setup: WorkerSetup) -> None:
         _serve(connection, setup)
     except Exception as error:  # noqa: BLE001  (the runner is to raise it)
         with contextlib.suppress(OSError):  # there is none any more
-            connection.send((None, _portable(error)))
+            connection.send((None, portable(error)))
 
 
 def _serve(connection: Connection, setup: WorkerSetup) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the runner, which ends this
+    signal.signal(signal.SIGTERM, _leave)
+    with live_episodes(setup) as episodes:
+        answer_calls(connection, episodes)
+
+
+@contextmanager
+def live_episodes(setup: WorkerSetup) -> Generator[LiveEpisodes]:
+    """Start a desktop in this process, and yield what plays episodes on it."""
     from ..embedded.runtime import masks
     from ..environment import SmallTasks
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the runner, which ends this
-    signal.signal(signal.SIGTERM, _leave)
     load_references(setup.references)
     prepare(setup.bench.agents, setup.models, setup.folder)
     masks.hide(setup.folder)
     provider = PROVIDERS.get(setup.bench.provider)
     with provider(setup.bench.size) as desktop:
-        episodes = LiveEpisodes(setup.bench, setup.folder, SmallTasks(desktop))
-        answer_calls(connection, episodes)
+        yield LiveEpisodes(setup.bench, setup.folder, SmallTasks(desktop))
 
 
 def answer_calls(
@@ -236,7 +262,7 @@ def answer_calls(
     with contextlib.suppress(EOFError, OSError):
         while True:
             job, attempt = connection.recv()
-            connection.send(_answer(episode, job, attempt))
+            connection.send(answer(episode, job, attempt))
 
 
 def load_references(references: Iterable[ForeignEntry]) -> None:
@@ -255,18 +281,19 @@ def _leave(*_: object) -> NoReturn:
     raise SystemExit(1)
 
 
-def _answer(
+def answer(
     episode: Callable[[Job, int], ResultRecord],
     job: Job,
     attempt: int,
-) -> tuple[ResultRecord | None, BaseException | None]:
+) -> tuple[ResultRecord | None, Exception | None]:
+    """Play an episode; return its record, or the error that refuses it, fit to be sent."""
     try:
         return episode(job, attempt), None
     except Exception as error:  # noqa: BLE001  (what refuses the episode is raised by the runner)
-        return None, _portable(error)
+        return None, portable(error)
 
 
-def _portable(error: Exception) -> Exception:
+def portable(error: Exception) -> Exception:
     """Return an exception that can be sent: itself, or one with its text."""
     try:
         pickle.loads(pickle.dumps(error))  # noqa: S301  (it was made right here)

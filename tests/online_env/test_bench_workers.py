@@ -16,7 +16,7 @@ from online_env.bench import records
 from online_env.bench.config import Bench
 from online_env.bench.jobs import Job
 from online_env.bench.runner import run_jobs
-from online_env.bench.workers import EpisodePool, WorkerSetup, default_desktops
+from online_env.bench.workers import LocalPool, WorkerSetup, default_desktops
 
 from support import waiting
 from support.playing import serve
@@ -54,7 +54,7 @@ def known(monkeypatch):
 
 
 def pool_in(folder):
-    return EpisodePool(WorkerSetup(bench=Bench(), folder=folder), serve)
+    return LocalPool(WorkerSetup(bench=Bench(), folder=folder), serve=serve)
 
 
 def test_jobs_run_side_by_side_and_each_is_recorded_once(folder):
@@ -109,7 +109,7 @@ def test_what_refuses_an_episode_ends_the_run(folder, task, error):
 
 def test_a_process_that_cannot_begin_ends_the_run_with_its_reason(folder):
     setup = WorkerSetup(bench=Bench(provider="none"), folder=folder)
-    with EpisodePool(setup) as pool, pytest.raises(UnknownNameError, match="provider 'none'"):
+    with LocalPool(setup) as pool, pytest.raises(UnknownNameError, match="provider 'none'"):
         run_jobs([job("t")], folder, 1, pool, Log())
     assert records.read(folder).records == []
 

@@ -10,13 +10,14 @@ from typing import Any
 import pytest
 
 import hijack_data as hj
+from hijack_data import ray_session
 from hijack_data.errors import MissingDependencyError, UnknownNameError
 from pipelines import build
 from pipelines.building.rows import RowSettings
 from pipelines.building.shards import ShardTask, build_shard, shard_tasks
 from pipelines.dataset.manifest import libraries
 from pipelines.engines import ray as engine
-from pipelines.engines import ray_session, remote
+from pipelines.engines import remote
 from pipelines.errors import BuildError
 from pipelines.sources import Sources
 

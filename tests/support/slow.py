@@ -31,6 +31,7 @@ SLOW = frozenset(
         "hijack_data/test_resize.py",
         "hijack_data/test_transforms_workers.py",
         "online_env/test_bench_folder.py",
+        "online_env/test_bench_ray.py",
         "online_env/test_bench_runs.py",
         "online_env/test_env_log.py",
         "online_env/test_inspect.py",

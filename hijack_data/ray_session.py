@@ -1,0 +1,157 @@
+"""A connection to Ray that is quiet, sends nothing home, and is closed again."""
+
+import importlib
+import logging
+import os
+import shutil
+import socket
+import sys
+import threading
+import warnings
+from collections.abc import Generator
+from contextlib import contextmanager, redirect_stdout
+from typing import IO, Any, cast
+
+from . import extras
+from .errors import HijackError
+
+LOCAL = "local"
+# Seconds for the first answer of a cluster.
+TIMEOUT = 10.0
+# What passes through it is small, and Ray writes to disk what does not fit.
+STORE_BYTES = 200 * 2**20
+ENVIRONMENT = {
+    "RAY_USAGE_STATS_ENABLED": "0",
+    # its change in later versions is announced by a warning
+    "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0",
+}
+
+
+@contextmanager
+def session(
+    cpus: int,
+    address: str | None = None,
+    *,
+    memory: int | None = None,
+    modules: tuple[str, ...] = (),
+    error: type[HijackError] = HijackError,
+) -> Generator[Any]:
+    """Connect to a Ray cluster, or start one, and yield the module `ray`.
+
+    Without Ray this is a `MissingDependencyError`; if the cluster cannot be used, an `error`.
+
+    Args:
+        cpus: processors of a cluster that is started here.
+        address: a running cluster, `"auto"` for that of this machine. By default that of
+            `RAY_ADDRESS`, or one that is started and ended here. Ray that the caller started is
+            used as it is.
+        memory: bytes that actors and tasks of a cluster that is started here may ask for; by
+            default what Ray finds.
+        modules: further modules of Ray to import, such as `"ray.data"`.
+        error: the class of the error.
+    """
+    ray = _import(modules)
+    with _quiet():
+        if ray.is_initialized():
+            yield ray
+            return
+        place = address_of(address)
+        options: dict[str, Any] = {"log_to_driver": False, "logging_level": logging.CRITICAL}
+        if place == LOCAL:
+            options |= {
+                "num_cpus": cpus,
+                "include_dashboard": False,
+                "object_store_memory": STORE_BYTES,
+                "_memory": memory,
+            }
+        logs = _init(ray, place, options, error)
+        try:
+            yield ray
+        finally:
+            ray.shutdown()
+        if place == LOCAL:
+            shutil.rmtree(logs, ignore_errors=True)  # they stay where something went wrong
+
+
+def address_of(address: str | None) -> str:
+    """Return the address that counts: the one given, that of `RAY_ADDRESS`, or `LOCAL`."""
+    return address or os.environ.get("RAY_ADDRESS") or LOCAL
+
+
+def _import(modules: tuple[str, ...]) -> Any:
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            ray = importlib.import_module("ray")
+            for module in modules:
+                importlib.import_module(module)
+    except ImportError:
+        raise extras.missing("engine 'ray' needs Ray", "ray") from None
+    return ray
+
+
+def _init(
+    ray: Any,
+    address: str,
+    options: dict[str, Any],
+    error: type[HijackError],
+) -> str:
+    # connect to a cluster, or start one, and return its folder of logs
+    try:
+        _check_address(address)
+        return str(ray.init(address=address, **options).address_info["session_dir"])
+    except (ConnectionError, RuntimeError, ValueError, OSError, ray.exceptions.RayError) as why:
+        reason = next(iter(str(why).splitlines()), type(why).__name__)
+        raise error(f"Ray at {address!r} cannot be used: {reason}") from None
+
+
+def _check_address(address: str) -> None:
+    # raise `ValueError` or `OSError` where Ray itself would try for minutes
+    if address.startswith("ray://"):
+        raise ValueError(
+            "Ray clients are not served; use a machine of the cluster, with 'auto' or HOST:PORT"
+        )
+    host, _, port = address.rpartition(":")
+    if host and port.isdecimal():
+        socket.create_connection((host, int(port)), TIMEOUT).close()
+
+
+@contextmanager
+def _quiet() -> Generator[None]:
+    """Keep Ray's log lines away, and what it prints about dead processes off standard output."""
+    loggers = [logging.getLogger(name) for name in ("ray", "ray.data")]
+    levels = [logger.level for logger in loggers]
+    added = {name: value for name, value in ENVIRONMENT.items() if name not in os.environ}
+    os.environ.update(added)
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL)
+    try:
+        with redirect_stdout(cast("IO[str]", _Output(sys.stdout))):
+            yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
+        for name in added:
+            os.environ.pop(name, None)
+
+
+class _Output:
+    """Standard output without the messages of Ray's own threads.
+
+    They become one line each on standard error: the output of `hijack build --json` is JSON alone.
+    """
+
+    def __init__(self, stream: IO[str]) -> None:
+        self._stream = stream
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        """Write `text`, or the beginning of a message of Ray's."""
+        if not threading.current_thread().name.startswith("ray_"):
+            return self._stream.write(text)
+        first = text.strip().partition("\n")[0]
+        if first and not text.startswith(" "):
+            sys.stderr.write(f"{first[:200]}\n")
+        return len(text)

@@ -1,0 +1,121 @@
+"""One desktop on a node of a Ray cluster: the actor that plays episodes on it.
+
+Ray ends an actor with its node's `raylet` and with the runner, and the desktop's keeper ends the
+desktop with the actor. Episodes are written to a private folder of the node and sent from there.
+"""
+
+import contextlib
+import importlib
+import os
+import shutil
+import signal
+import socket
+import tempfile
+import time
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from hijack_data.locking import LockedError, lock
+
+from .delivery import outgoing
+from .episodes import LiveEpisodes
+from .jobs import Job
+from .parcel import Parcel, unpack
+from .providers import check_installed
+from .records import ResultRecord
+from .workers import answer, live_episodes, portable
+
+PREFIX = "agenthijack-ray-"
+YOUNG = 60.0  # seconds in which a folder may not be locked yet
+
+
+@dataclass(frozen=True, kw_only=True)
+class NodeReport:
+    """Where an actor runs, and why it cannot play, if it cannot.
+
+    Args:
+        host: The name of the machine.
+        node: Ray's id of the node.
+        problem: What was raised.
+    """
+
+    host: str
+    node: str
+    problem: Exception | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class EpisodeEnd:
+    """The last thing that is sent of an episode: its record, or the error that refuses it."""
+
+    record: ResultRecord | None = None
+    problem: Exception | None = None
+
+
+class NodeDesktop:
+    """A Ray actor that plays one episode after the other on a desktop of its own."""
+
+    def __init__(self) -> None:
+        self._stack = contextlib.ExitStack()
+        self._folder = Path()
+        self._episodes: LiveEpisodes | None = None
+
+    def begin(self, parcel: Parcel) -> NodeReport:
+        """Start the desktop."""
+        ray: Any = importlib.import_module("ray")
+        report = NodeReport(
+            host=socket.gethostname(),
+            node=ray.get_runtime_context().get_node_id(),
+        )
+        # Ray blocks SIGINT, and the programs of a desktop would inherit that.
+        signal.signal(signal.SIGINT, lambda *_: None)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        try:
+            folder = self._stack.enter_context(node_folder())
+            setup = unpack(parcel, folder)
+            check_installed(setup.bench.provider, setup.bench.tasks)
+            self._folder = setup.folder
+            self._episodes = self._stack.enter_context(live_episodes(setup))
+        except Exception as error:  # noqa: BLE001  (the runner is to raise it)
+            self._stack.close()
+            return replace(report, problem=portable(error))
+        return report
+
+    def ping(self) -> None:
+        """Answer."""
+
+    def play(self, job: Job, attempt: int) -> Iterator[tuple[str, Any]]:
+        """Play an episode; yield its files by name, and last an `EpisodeEnd` without a name."""
+        if self._episodes is None:
+            raise RuntimeError("begin was not called")
+        record, problem = answer(self._episodes, job, attempt)
+        yield from outgoing(self._folder)
+        yield "", EpisodeEnd(record=record, problem=problem)
+
+    def end(self) -> None:
+        """Take the desktop down."""
+        self._stack.close()
+
+
+@contextlib.contextmanager
+def node_folder() -> Generator[Path]:
+    """Yield a private folder, removed afterwards; those of actors that were killed go first."""
+    _sweep(Path(tempfile.gettempdir()))
+    folder = Path(tempfile.mkdtemp(prefix=PREFIX))
+    try:
+        with lock(folder):
+            yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _sweep(parent: Path) -> None:
+    for folder in parent.glob(f"{PREFIX}*"):
+        with contextlib.suppress(OSError, LockedError):
+            state = folder.lstat()
+            is_old = time.time() - state.st_mtime > YOUNG
+            if state.st_uid == os.getuid() and is_old:
+                with lock(folder):
+                    shutil.rmtree(folder, ignore_errors=True)

@@ -1,0 +1,361 @@
+"""Episodes on a Ray cluster: an actor a desktop, on whatever nodes have room.
+
+A thread of the pool starts as many actors as the living nodes can hold, and again when one has
+ended or a node has joined. The threads of the run take the desktops that are ready. An actor that
+ends loses the episode that it played, as a local process does. If its whole node has died, the
+agent is not to blame: the same attempt is played elsewhere, and leaves no record of the loss.
+"""
+
+import contextlib
+import math
+import threading
+import time
+from collections.abc import Generator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+from hijack_data.errors import HijackError, StorageError
+from hijack_data.ray_session import session
+
+from ..errors import ClusterError
+from .delivery import Arrival
+from .episodes import lost
+from .jobs import Job
+from .parcel import pack
+from .ray_node import EpisodeEnd, NodeDesktop, NodeReport
+from .records import ResultRecord
+from .workers import CORES, ENDING, MEMORY, WorkerSetup, desktops_in
+
+LOOK = 0.5  # seconds between two looks at the nodes
+ANSWER = 30.0  # seconds in which a desktop that is free has to answer
+VERDICT = 60.0  # seconds until Ray surely knows whether a node has died
+GRACE = 3.0  # seconds between its news of an actor's death and that of the node's
+NODES = 3  # deaths of nodes that one attempt may meet
+STARTS = 5  # processes in a row that end while they start
+NO_ROOM = 600.0  # seconds that a run waits when all nodes with room are gone
+AHEAD = 8  # files that a node sends before the runner has taken them
+GIB = 2**30
+
+
+@dataclass(frozen=True)
+class _Desktop:
+    """An actor that is ready, and where it runs."""
+
+    actor: Any
+    report: NodeReport
+
+
+class RayPool:
+    """Desktops on the nodes of a Ray cluster: an `EpisodePool`.
+
+    Entering it raises `MissingDependencyError` without Ray, and `ClusterError` if there is no
+    cluster, or no node has room for a desktop.
+
+    Args:
+        setup: What an actor needs.
+        most: The most desktops at once.
+        address: Of the cluster; see `hijack_data.ray_session.session`.
+    """
+
+    def __init__(
+        self,
+        setup: WorkerSetup,
+        most: int,
+        address: str | None = None,
+    ) -> None:
+        self.desktops = most
+        self.most = most
+        self._setup = setup
+        self._address = address
+        self._stack = ExitStack()
+        self._changed = threading.Condition()
+        self._own = threading.local()
+        self._free: list[_Desktop] = []
+        self._all: set[Any] = set()  # actors that were started and are not known to have ended
+        self._starting: dict[Any, Any] = {}  # actors by what their `begin` will return
+        self._problem: Exception | None = None
+        self._stopped = threading.Event()
+        self._failures = 0
+        self._room_seen = math.inf
+        self._supplier: threading.Thread | None = None
+
+    def __enter__(self) -> "RayPool":
+        parcel = pack(self._setup)
+        with ExitStack() as stack:
+            self._ray: Any = stack.enter_context(
+                session(
+                    self.most * CORES,
+                    self._address,
+                    memory=self.most * MEMORY,
+                    error=ClusterError,
+                )
+            )
+            self.desktops = min(self.most, self._room())
+            self._actor = self._ray.remote(
+                num_cpus=CORES,
+                memory=MEMORY,
+                max_restarts=0,
+                scheduling_strategy="SPREAD",
+            )(NodeDesktop)
+            self._parcel = self._ray.put(parcel)
+            stack.callback(self._join)
+            stack.callback(self.stop)
+            self._stack = stack.pop_all()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    @contextmanager
+    def place(self) -> Generator[None]:
+        """Return a context that is entered once a desktop is free for this thread."""
+        self._own.desktop = self._take()
+        try:
+            yield
+        finally:
+            if self._own.desktop is not None:
+                self._give(self._own.desktop)
+
+    def __call__(self, job: Job, attempt: int) -> ResultRecord:
+        """Play an episode; see `EpisodePool`."""
+        start = time.monotonic()
+        problem = ""
+        for _ in range(NODES):
+            desktop = self._answering()
+            try:
+                return self._play(desktop, job, attempt)
+            except self._ray.exceptions.RayError as error:
+                self._drop(desktop.actor)
+                self._own.desktop = None
+                host = desktop.report.host
+                problem = f"the process that played the episode on {host} ended: {_reason(error)}"
+                if not self._has_died(desktop.report.node, error):
+                    break
+            except BaseException:
+                self._drop(desktop.actor)  # it may still play
+                self._own.desktop = None
+                raise
+        return lost(job, attempt, problem, start=start)
+
+    def stop(self) -> None:
+        """End all desktops; those that play break their episodes off."""
+        with self._changed:
+            self._stopped.set()
+            self._changed.notify_all()
+            free = list(self._free)
+            self._free.clear()
+            every = list(self._all)
+        ending = [desktop.actor.end.remote() for desktop in free]
+        if ending:
+            self._ray.wait(ending, num_returns=len(ending), timeout=ENDING)
+        for actor in every:
+            self._drop(actor)
+
+    # The thread that starts desktops; it begins with the first episode
+
+    def _join(self) -> None:
+        if self._supplier is not None:
+            self._supplier.join()
+
+    def _supply(self) -> None:
+        while not self._stopped.is_set():
+            try:
+                self._order()
+                self._collect()
+            except Exception as error:  # noqa: BLE001  (the run's own threads are to raise it)
+                with self._changed:
+                    self._problem = error
+                    self._changed.notify_all()
+                return
+
+    def _order(self) -> None:
+        """Start an actor for each desktop that the nodes have room for.
+
+        Raises:
+            ClusterError: There has been no room for long.
+        """
+        now = time.monotonic()
+        try:
+            room = self._room()
+        except ClusterError:
+            if now - self._room_seen > NO_ROOM:
+                raise
+            return
+        self._room_seen = now
+        with self._changed:
+            while len(self._all) < min(self.most, room) and not self._stopped.is_set():
+                actor = self._actor.remote()
+                self._all.add(actor)
+                self._starting[actor.begin.remote(self._parcel)] = actor
+
+    def _collect(self) -> None:
+        """Hand on the desktops that have become ready.
+
+        Raises:
+            ClusterError: A node cannot play, or processes end again and again.
+        """
+        if not self._starting:
+            self._stopped.wait(LOOK)
+            return
+        ready, _ = self._ray.wait(list(self._starting), timeout=LOOK)
+        for answer in ready:
+            actor = self._starting.pop(answer)
+            try:
+                report: NodeReport = self._ray.get(answer)
+            except self._ray.exceptions.RayError as error:
+                self._drop(actor)
+                self._count_failure(error)
+                continue
+            if report.problem is not None:
+                raise _named(report, report.problem)
+            self._failures = 0
+            self._give(_Desktop(actor, report))
+
+    def _count_failure(self, error: Exception) -> None:
+        """Allow for a process that ended while it started.
+
+        Raises:
+            ClusterError: It could not even begin, or it is one of many.
+        """
+        self._failures += 1
+        never_began = getattr(error, "actor_init_failed", False)
+        is_ours = isinstance(error, self._ray.exceptions.RayTaskError)
+        if never_began or is_ours:
+            raise ClusterError(
+                f"a node cannot start a desktop ({_reason(error)}); install the same agenthijack,"
+                " with the extras [online,ray], on every node"
+            )
+        if self._failures >= STARTS and not self._stopped.is_set():
+            raise ClusterError(
+                f"{self._failures} processes in a row ended before their desktop was up"
+                f" ({_reason(error)}); the logs of Ray on the nodes say more"
+            )
+
+    def _room(self) -> int:
+        """Return how many desktops the living nodes can hold.
+
+        Raises:
+            ClusterError: None.
+        """
+        nodes = [node for node in self._ray.nodes() if node["Alive"]]
+        room = sum(_room_of(node) for node in nodes)
+        if room:
+            return room
+        found = "; ".join(_described(node) for node in nodes) or "no node is alive"
+        raise ClusterError(
+            f"no node of the cluster has room for a desktop, which takes {CORES} CPU and"
+            f" {MEMORY / GIB:g} GiB of memory ({found}); start nodes with more: ray start"
+            " --num-cpus=N --memory=BYTES"
+        )
+
+    # Desktops
+
+    def _take(self) -> _Desktop:
+        """Return a desktop that is free; wait for one.
+
+        Raises:
+            ClusterError: The run is being ended.
+        """
+        with self._changed:
+            if self._supplier is None:
+                self._supplier = threading.Thread(target=self._supply, name="desktops", daemon=True)
+                self._supplier.start()
+            self._changed.wait_for(
+                lambda: self._free or self._problem is not None or self._stopped.is_set()
+            )
+            if self._problem is not None:
+                raise self._problem
+            if self._stopped.is_set():
+                raise ClusterError("the desktops of this run were ended")
+            return self._free.pop(0)
+
+    def _give(self, desktop: _Desktop) -> None:
+        with self._changed:
+            self._free.append(desktop)
+            self._changed.notify()
+
+    def _answering(self) -> _Desktop:
+        """Return the desktop of this thread, or another one if that does not answer."""
+        while True:
+            if self._own.desktop is None:
+                self._own.desktop = self._take()
+            desktop: _Desktop = self._own.desktop
+            try:
+                self._ray.get(desktop.actor.ping.remote(), timeout=ANSWER)
+            except self._ray.exceptions.RayError:
+                self._own.desktop = None
+                self._drop(desktop.actor)
+            else:
+                return desktop
+
+    def _drop(self, actor: Any) -> None:
+        """End an actor, in whatever state it is."""
+        with self._changed:
+            self._all.discard(actor)
+        with contextlib.suppress(Exception):
+            self._ray.kill(actor)
+
+    def _has_died(self, node: str, error: Exception) -> bool:
+        """Return whether a node has died; Ray may learn of it later than of its actors."""
+        is_sure = not isinstance(error, self._ray.exceptions.ActorUnavailableError)
+        end = time.monotonic() + (GRACE if is_sure else VERDICT)
+        while not self._stopped.is_set():
+            living = [found["NodeID"] for found in self._ray.nodes() if found["Alive"]]
+            if node not in living:
+                return True
+            if time.monotonic() > end:
+                return False
+            self._stopped.wait(LOOK)
+        return False
+
+    def _play(
+        self,
+        desktop: _Desktop,
+        job: Job,
+        attempt: int,
+    ) -> ResultRecord:
+        """Play an episode on a desktop and place its files in the folder of the run."""
+        arrival = Arrival(self._setup.folder)
+        end = EpisodeEnd(problem=ClusterError("the episode ended without a record"))
+        played = desktop.actor.play.options(
+            num_returns="streaming",
+            _generator_backpressure_num_objects=AHEAD,
+        )
+        try:
+            for part in played.remote(job, attempt):
+                name, content = self._ray.get(part)
+                if name:
+                    arrival.put(name, content)
+                else:
+                    end = content
+        except BaseException:
+            arrival.undo()
+            raise
+        if end.record is None:
+            raise _named(desktop.report, end.problem)
+        return end.record
+
+
+def _room_of(node: Mapping[str, Any]) -> int:
+    resources = node["Resources"]
+    return desktops_in(resources.get("CPU", 0.0), resources.get("memory", 0.0))
+
+
+def _described(node: Mapping[str, Any]) -> str:
+    resources = node["Resources"]
+    cores = f"{resources.get('CPU', 0.0):g} CPUs"
+    memory = f"{resources.get('memory', 0.0) / GIB:.1f} GiB"
+    return f"{node['NodeManagerHostname']} has {cores} and {memory}"
+
+
+def _named(report: NodeReport, error: Exception | None) -> HijackError:
+    """Return an error of a node with the node's name."""
+    kind = StorageError if isinstance(error, StorageError) else ClusterError
+    return kind(f"node {report.host}: {error}")
+
+
+def _reason(error: Exception) -> str:
+    """Return the last line of what Ray says."""
+    text = str(error).partition("\n\nThe above exception")[0].strip()
+    return text.splitlines()[-1] if text else type(error).__name__

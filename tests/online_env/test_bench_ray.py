@@ -1,0 +1,413 @@
+"""Benchmarks on Ray: two nodes, each with processes of its own, on this machine."""
+
+import importlib
+import json
+import os
+import shutil
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("gymnasium", reason="needs the extra [online]")
+
+import hijack_data as hj
+from hijack_data.errors import MissingDependencyError, ParameterError, UnknownNameError
+from hijack_data.files import write_atomic
+from hijack_data.locking import lock
+from online_env.agents.files import read_agent
+from online_env.agents.makers import FileAgentMaker
+from online_env.agents.registry import AGENTS
+from online_env.bench import parcel, ray_node, ray_pool, records
+from online_env.bench.config import Bench
+from online_env.bench.delivery import Arrival, outgoing
+from online_env.bench.jobs import jobs
+from online_env.bench.models import ModelOptions
+from online_env.bench.pools import open_pool
+from online_env.bench.providers import PROVIDERS
+from online_env.bench.runner import run_jobs
+from online_env.bench.workers import MEMORY, WorkerSetup, desktops_in, references
+from online_env.errors import ClusterError
+from online_env.tasks import TASKS
+from pipelines.proof.rebuild import rebuild
+
+from support import nodes, waiting
+from support.squares import SIZE, ClickSquare
+
+ray = pytest.importorskip("ray", reason="Ray is not installed: pip install 'agenthijack[ray]'")
+cluster_utils = pytest.importorskip("ray.cluster_utils")
+
+ROOT = Path(__file__).resolve().parents[2]
+NODE = {
+    "num_cpus": 1,
+    "object_store_memory": 80 * 2**20,
+    "memory": MEMORY,
+}
+SOON = {
+    "health_check_initial_delay_ms": 0,
+    "health_check_period_ms": 500,
+    "health_check_timeout_ms": 2000,
+    "health_check_failure_threshold": 4,
+}
+# Of a record: what tells when it was made.
+TIMES = ("seconds", "setup_seconds", "chain", "previous", "episode_sha256")
+
+
+class Silent:
+    """Is told, and says nothing."""
+
+    def begins(self, job, number, attempt):
+        pass
+
+    def ended(self, job, number, record):
+        pass
+
+
+@pytest.fixture(scope="module")
+def orders(tmp_path_factory):
+    """The folder where the agents on the nodes look for orders."""
+    return tmp_path_factory.mktemp("orders")
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory, orders):
+    """Two nodes with room for a desktop each, whose processes work in another folder."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", os.pathsep.join([str(ROOT), str(ROOT / "tests")]))
+        patch.setenv(nodes.FOLDER, str(orders))
+        patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
+        patch.setenv("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
+        patch.chdir(tmp_path_factory.mktemp("elsewhere"))
+        found = cluster_utils.Cluster(
+            initialize_head=True,
+            head_node_args={**NODE, "include_dashboard": False, "_system_config": SOON},
+        )
+        try:
+            found.add_node(**NODE)
+            yield found
+        finally:
+            found.shutdown()
+
+
+@pytest.fixture(autouse=True)
+def known(orders, monkeypatch):
+    """What the nodes load by its place is known here; no order is left from another test."""
+    monkeypatch.setenv(nodes.FOLDER, str(orders))
+    AGENTS.find(nodes.AGENT)
+    PROVIDERS.find(nodes.PROVIDER)
+    TASKS.add(ClickSquare)
+    yield
+    for order in orders.iterdir():
+        order.unlink()
+
+
+def bench(seeds=3, **settings):
+    """Clean and marked squares to click."""
+    settings = {"agents": (nodes.AGENT,), "provider": nodes.PROVIDER} | settings
+    return Bench(
+        size=SIZE,
+        tasks=("square",),
+        corruptions={"clean": None, "marks": hj.Marks(number=4, mark_size=8)},
+        seeds=tuple(range(seeds)),
+        **settings,
+    )
+
+
+def played(
+    folder,
+    engine="local",
+    chosen=None,
+    address=None,
+    desktops=None,
+):
+    """Run all episodes; what `run_jobs` returned."""
+    chosen = chosen or bench()
+    listed = jobs(chosen)
+    records.create(folder, chosen.to_data(), [job.id for job in listed])
+    setup = WorkerSetup(
+        bench=chosen,
+        folder=folder,
+        references=references(chosen),
+    )
+    with open_pool(engine, setup, len(listed), desktops, address) as pool:
+        return run_jobs(
+            listed,
+            folder,
+            0,
+            pool,
+            Silent(),
+            at_once=pool.most,
+            stop=pool.stop,
+            place=pool.place,
+        )
+
+
+def timeless(data):
+    """JSON data without what tells when it was made, in any depth."""
+    if isinstance(data, dict):
+        return {key: timeless(value) for key, value in data.items() if key not in TIMES}
+    if isinstance(data, list):
+        return [timeless(value) for value in data]
+    return data
+
+
+def lines_of(path):
+    return [timeless(json.loads(line)) for line in path.read_text().splitlines()]
+
+
+def content(run):
+    """All that a run holds, but for times: its records by id, and its files by name."""
+    found = {record["id"]: record for record in lines_of(run / "records.jsonl")}
+    for path in (run / "episodes").rglob("*"):
+        name = str(path.relative_to(run))
+        if path.suffix == ".png":
+            found[name] = path.read_bytes()
+        elif path.is_file():
+            found[name] = lines_of(path)
+    return found
+
+
+def raylet(node):
+    return node.all_processes["raylet"][0].process.pid
+
+
+def left_over():
+    """Folders of actors that are on this machine."""
+    return set(Path(ray_node.tempfile.gettempdir()).glob(f"{ray_node.PREFIX}*"))
+
+
+def test_a_node_that_dies_changes_nothing(cluster, orders, tmp_path):
+    before = left_over()
+    played(tmp_path / "local", desktops=1)
+    (orders / nodes.SEEN).unlink()
+    dying = cluster.add_node(**NODE)
+    (orders / "kill_node").write_text(str(raylet(dying)))
+    assert played(tmp_path / "ray", "ray", address=cluster.address) == {"ok": 6}
+    assert (orders / "killed_node").exists()
+    assert content(tmp_path / "ray") == content(tmp_path / "local")
+    assert len(content(tmp_path / "ray")) > 6 * 4  # records, and files of each episode
+    assert rebuild(tmp_path / "ray").ok
+    assert len(left_over() - before) <= 1  # of the actor that was killed
+    assert "True" not in (orders / nodes.SEEN).read_text()  # desktops hear SIGINT
+
+
+def test_a_node_that_joins_is_used(cluster, orders, tmp_path):
+    (orders / "wait_for").write_text("0")  # nobody's number: all agents wait
+    with ThreadPoolExecutor(1) as pool:
+        ended = pool.submit(played, tmp_path / "run", "ray", address=cluster.address)
+        waiting.until(lambda: ended.done() or (orders / nodes.SEEN).exists())
+        joined = cluster.add_node(**NODE)
+        try:
+            write_atomic(orders / "wait_for", str(raylet(joined)))
+            assert ended.result() == {"ok": 6}
+            assert raylet(joined) in nodes.raylets(orders)
+        finally:
+            cluster.remove_node(joined)
+
+
+def test_a_process_that_is_killed_loses_the_episode_that_it_plays_and_no_other(
+    cluster, orders, tmp_path
+):
+    class Kills(Silent):
+        def begins(self, job, number, attempt):
+            if number == 2:  # a desktop that is free, and about to be used
+                ray.kill(next(iter(pool._all)))
+
+    (orders / "kill_me").touch()  # the first episode
+    chosen = bench(seeds=1)
+    listed = jobs(chosen)
+    run = tmp_path / "run"
+    records.create(run, chosen.to_data())
+    setup = WorkerSetup(bench=chosen, folder=run, references=references(chosen))
+    with open_pool("ray", setup, len(listed), 1, cluster.address) as pool:
+        assert run_jobs(listed, run, 1, pool, Kills(), place=pool.place) == {"ok": 2}
+    lost, again, other = records.read(run).records
+    assert (lost["status"], lost["cause"], lost["score"]) == ("error", "machine", None)
+    assert "the process that played the episode on" in lost["problem"]
+    assert not (run / "episodes" / lost["id"]).exists()
+    assert (again["id"], again["status"]) == (f"{lost['id']}__a1", "ok")
+    assert (other["attempt"], other["status"]) == (0, "ok")
+
+
+ONLY_HERE = """
+from online_env.bench.ray_node import NodeDesktop
+
+class Desktop(NodeDesktop):
+    pass
+"""
+
+
+def test_a_node_that_cannot_import_the_actor(cluster, tmp_path, monkeypatch):
+    (tmp_path / "only_here.py").write_text(ONLY_HERE)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(ray_pool, "NodeDesktop", importlib.import_module("only_here").Desktop)
+    (tmp_path / "only_here.py").unlink()
+    wanted = "a node cannot start a desktop .*only_here.*install the same agenthijack"
+    with pytest.raises(ClusterError, match=wanted):
+        played(tmp_path / "run", "ray", address=cluster.address, desktops=1)
+
+
+AGENT_FILE = """
+model: some-model
+base_url: http://127.0.0.1:1/v1
+api_key_env: AGENTHIJACK_TEST_KEY
+prompt: pyautogui
+parser: pyautogui
+"""
+
+
+def test_a_key_that_a_node_lacks_is_named_and_never_sent(cluster, tmp_path, monkeypatch):
+    monkeypatch.setenv("AGENTHIJACK_TEST_KEY", "very-secret-0123")
+    (tmp_path / "mine.yaml").write_text(AGENT_FILE)
+    chosen = bench(agents=(AGENTS.find(str(tmp_path / "mine.yaml")),))
+    (tmp_path / "mine.yaml").unlink()  # what was read of it travels
+    with pytest.raises(ClusterError, match=r"node \S+: .*AGENTHIJACK_TEST_KEY"):
+        played(tmp_path / "run", "ray", chosen, cluster.address, desktops=1)
+    logs = Path(cluster.head_node.get_session_dir_path())
+    found = [path for path in logs.rglob("*") if path.is_file()]
+    assert found
+    assert [path for path in found if b"very-secret-0123" in path.read_bytes()] == []
+
+
+def test_nodes_without_room(cluster, tmp_path, monkeypatch):
+    monkeypatch.setattr("online_env.bench.workers.MEMORY", 2**50)
+    monkeypatch.setattr(ray_pool, "MEMORY", 2**50)
+    wanted = r"no node .* 1 CPU and 1.04858e\+06 GiB of memory \(\S+ has 1 CPUs and 1.5 GiB"
+    with pytest.raises(ClusterError, match=wanted):
+        played(tmp_path / "run", "ray", address=cluster.address)
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1:1", "ray://127.0.0.1:10001"])
+def test_a_cluster_that_is_not_there(address, tmp_path):
+    with pytest.raises(ClusterError, match=f"Ray at '{address}' cannot be used: "):
+        played(tmp_path / "run", "ray", address=address)
+
+
+def test_without_ray(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(MissingDependencyError, match=r"pip install 'agenthijack\[ray\]'"):
+        played(tmp_path / "run", "ray")
+
+
+def test_engines_that_are_not_there(tmp_path):
+    with pytest.raises(UnknownNameError, match=r"engine 'rya'; did you mean 'ray'"):
+        played(tmp_path / "one", "rya")
+    with pytest.raises(ParameterError, match=r"--ray-address auto is for --engine ray"):
+        played(tmp_path / "two", address="auto")
+
+
+def test_room_is_counted_in_cores_and_memory():
+    assert desktops_in(8, 100 * MEMORY) == 8
+    assert desktops_in(8, 2.9 * MEMORY) == 2
+    assert desktops_in(0.5, 100 * MEMORY) == 0
+
+
+# What travels
+
+
+def test_a_node_with_other_software_or_another_file_is_refused(tmp_path, monkeypatch):
+    mine = tmp_path / "mine.py"
+    mine.write_text("class Mine:\n    def predict(self, a, b): return '', []\n")
+    chosen = bench(agents=(AGENTS.find(f"{mine}:Mine"),))
+    setup = WorkerSetup(bench=chosen, folder=tmp_path, references=references(chosen))
+    packed = parcel.pack(setup)
+    mine.write_text("class Mine:\n    def predict(self, a, b): return '', ['DONE']\n")
+    with pytest.raises(ClusterError, match=f"{mine}: .*every node needs this file"):
+        parcel.unpack(packed, tmp_path / "node")
+    mine.unlink()
+    with pytest.raises(ClusterError, match=f"{mine}: .*No such file.*every node needs this file"):
+        parcel.unpack(packed, tmp_path / "node")
+    monkeypatch.setattr(parcel, "software", lambda: {**packed.software, "numpy": "1.0"})
+    with pytest.raises(ClusterError, match=r"has numpy 1.0 instead of .*install the same"):
+        parcel.unpack(packed, tmp_path / "node")
+
+
+def test_the_code_of_the_package_is_part_of_its_software(monkeypatch):
+    before = parcel.software()
+    assert before == parcel.software()
+    monkeypatch.setattr(parcel, "OURS", ("hijack_data",))
+    assert parcel.software()[parcel.CODE] != before[parcel.CODE]
+
+
+def test_agent_files_prompts_and_logs_travel(tmp_path, monkeypatch):
+    texts = {"prompts": "pyautogui.yaml", "own": "pyautogui.yaml", "log/requests": "e.jsonl"}
+    for folder, name in texts.items():
+        (tmp_path / folder).mkdir(parents=True)
+        (tmp_path / folder / name).write_text(f"of {folder}")
+    chosen = bench(agents=("mine",))
+    models = ModelOptions(prompts=tmp_path / "prompts", replay=tmp_path / "log")
+    agent = read_agent("gpt-4o")
+    AGENTS.add(FileAgentMaker(replace(agent, prompts=str(tmp_path / "own"))), "mine")
+    packed = parcel.pack(WorkerSetup(bench=chosen, folder=tmp_path, models=models))
+    shutil.rmtree(tmp_path / "own")
+    (tmp_path / "node").mkdir()
+    setup = parcel.unpack(packed, tmp_path / "node")
+    assert setup.folder == tmp_path / "node" / "run"
+    assert (setup.models.prompts / "pyautogui.yaml").read_text() == "of prompts"
+    assert (setup.models.replay / "e.jsonl").read_text() == "of log/requests"
+    own = Path(AGENTS.get("mine").settings.prompts)
+    assert own.is_relative_to(tmp_path / "node")
+    assert (own / "pyautogui.yaml").read_text() == "of own"
+
+
+def left_by_an_episode(folder):
+    """The files of an episode and its requests, in a folder of a node."""
+    made = {
+        "episodes/e/episode.json": b"{}",
+        "episodes/e/frames/0000.png": b"picture",
+        "episodes/e/steps.jsonl": b"steps",
+        "requests/e.jsonl": b"asked",
+    }
+    for name, content in made.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
+    return made
+
+
+def test_files_are_sent_with_the_record_last_and_placed_over_what_was_broken_off(tmp_path):
+    made = left_by_an_episode(tmp_path / "node")
+    (tmp_path / "run" / "episodes" / "e" / "frames").mkdir(parents=True)
+    (tmp_path / "run" / "episodes" / "e" / "frames" / "0007.png").touch()
+    arrival = Arrival(tmp_path / "run")
+    names = []
+    for name, content in outgoing(tmp_path / "node"):
+        names.append(name)
+        arrival.put(name, content)
+    assert names[-1] == "episodes/e/episode.json"
+    run = tmp_path / "run"
+    placed = [path for path in run.rglob("*") if path.is_file()]
+    assert {str(path.relative_to(run)): path.read_bytes() for path in placed} == made
+    assert list((tmp_path / "node").iterdir()) == []
+    with pytest.raises(ClusterError, match=r"episodes/e: holds an episode already"):
+        Arrival(run).put("episodes/e/steps.jsonl", b"other")
+
+
+def test_what_arrived_of_a_lost_episode_goes(tmp_path):
+    left_by_an_episode(tmp_path / "node")
+    (tmp_path / "run").mkdir()
+    arrival = Arrival(tmp_path / "run")
+    for name, content in list(outgoing(tmp_path / "node"))[:-1]:
+        arrival.put(name, content)
+    arrival.undo()
+    assert [path for path in (tmp_path / "run").rglob("*") if path.is_file()] == []
+
+
+@pytest.mark.parametrize("name", ["run.json", "episodes/../run.json", "/etc/passwd", ""])
+def test_only_files_of_episodes_are_placed(name, tmp_path):
+    with pytest.raises(ClusterError, match="none of an episode"):
+        Arrival(tmp_path).put(name, b"")
+
+
+def test_folders_of_actors_that_were_killed_are_removed(tmp_path, monkeypatch):
+    monkeypatch.setattr(ray_node.tempfile, "gettempdir", lambda: str(tmp_path))
+    monkeypatch.setattr(ray_node.tempfile, "tempdir", str(tmp_path))
+    old = tmp_path / f"{ray_node.PREFIX}old"
+    held = tmp_path / f"{ray_node.PREFIX}held"
+    for folder in (old, held):
+        folder.mkdir()
+        os.utime(folder, (0, 0))
+    with lock(held), ray_node.node_folder() as own:
+        assert sorted(tmp_path.iterdir()) == sorted([held, own])
+    assert list(tmp_path.iterdir()) == [held]
