@@ -3,7 +3,7 @@
 from functools import lru_cache
 from pathlib import Path
 
-from hijack_data.gallery.markup import source
+from hijack_data.gallery.markup import Html, fill_text, source
 
 PAGE = Path(__file__).parent / "page"
 
@@ -17,3 +17,14 @@ def page_file(name: str) -> str:
     if name == "view.css":
         return source("page.css") + own + page_file("run.css")
     return own
+
+
+def run_page(head: Html, data: Html) -> str:
+    """Return the page of a run.
+
+    Args:
+        head: its style and scripts, as links or as they are.
+        data: JSON of exported episodes; `{}` where a server is asked.
+    """
+    view = Html(page_file("run_view.html"))
+    return fill_text(page_file("run.html"), head=head, data=data, view=view)

@@ -13,11 +13,11 @@ from urllib.parse import parse_qsl
 
 from hijack_data.cache import Cache
 from hijack_data.errors import HijackError
-from hijack_data.gallery.markup import Html, fill_text
+from hijack_data.gallery.markup import Html
 
 from . import answers
 from .datasets import DatasetSource
-from .page_files import page_file
+from .page_files import page_file, run_page
 from .pictures import BUDGET, Pictures, remembered, thumbnail
 from .runs import RunSource
 from .runs.export import MOST_IN_PAGE, export_page
@@ -97,8 +97,7 @@ class RunPages:
     def answer(self, path: str, query: str) -> ViewerAnswer | None:
         """Return the answer to a path, or `None`; what cannot be read is a `HijackError`."""
         if path == "/":
-            page = fill_text(page_file("run.html"), head=_LINKS, data=Html("{}"))
-            return ViewerAnswer(page.encode(), "text/html")
+            return ViewerAnswer(run_page(_LINKS, Html("{}")).encode(), "text/html")
         if path in self._asked:
             return _json(self._asked[path](dict(parse_qsl(query))))
         if path == "/export":

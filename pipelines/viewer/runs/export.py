@@ -12,9 +12,9 @@ from typing import Any
 from hijack_data.errors import HijackError, ParameterError
 from hijack_data.files import write_atomic
 from hijack_data.gallery.embed import embed, scale_for
-from hijack_data.gallery.markup import Html, fill_text, script_json, source_hash
+from hijack_data.gallery.markup import Html, script_json, source_hash
 
-from ..page_files import page_file
+from ..page_files import page_file, run_page
 from .listing import columns
 from .source import RunSource
 
@@ -96,7 +96,7 @@ def export_page(source: RunSource, numbers: Sequence[int]) -> str:
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
         f"<style>{style}</style>\n<script>{script}</script>"
     )
-    return fill_text(page_file("run.html"), head=head, data=script_json(data))
+    return run_page(head, script_json(data))
 
 
 def _add(
