@@ -38,7 +38,8 @@ document.addEventListener("DOMContentLoaded", async () => {
   const text = (name, n) => texts[name].values[texts[name].codes[n]];
   const tokenText = (count) => (count === null || count === undefined ? "" : count < 10000 ? String(count) : `${Math.round(count / 1000)}k`);
   const timeText = (seconds) => {
-    if (seconds === null || seconds === undefined) return "";
+    if (typeof seconds !== "number") return "";
+    if (seconds < 0.1) return `${Math.round(1000 * seconds)} ms`;
     if (seconds < 10) return `${Number(seconds.toFixed(1))} s`;
     if (seconds < 100) return `${Math.round(seconds)} s`;
     return `${Math.floor(seconds / 60)}:${String(Math.floor(seconds % 60)).padStart(2, "0")} min`;
@@ -381,7 +382,17 @@ document.addEventListener("DOMContentLoaded", async () => {
     return found;
   };
 
-  const drawPictures = (view, n, step) => {
+  // Where the corruption is not drawn but happened on the machine, the screen before it stands at the left.
+  const beforeOf = (n, step, data) => {
+    if (!step.no_before) return { src: source.picture("clean", n, step.step), tag: "clean", words: "" };
+    if (!step.effects.length) return null;
+    const last = data.steps[step.step - 1];
+    if (last && !last.lost) return { src: source.picture("seen", n, last.step), tag: `step ${last.step}`, words: "at the left is the step before the effect" };
+    const [clean] = sameCase(n, ["agent", "task", "seed"]).filter((other) => text("corruption", other) === "clean" && numbers.steps[other] !== null);
+    if (clean === undefined || clean === n || isExport) return null;
+    return { src: source.picture("seen", clean, 0), tag: "clean episode", words: "at the left is the first screen of the clean episode" };
+  };
+  const drawPictures = (view, n, step, data) => {
     const frame = part(view, ".frame");
     const trouble = part(view, ".stage > .trouble");
     const lost = step.lost;
@@ -389,7 +400,9 @@ document.addEventListener("DOMContentLoaded", async () => {
     frame.hidden = part(view, ".under").hidden = Boolean(lost);
     view.dataset.place = `${n}/${step.step}`;
     if (lost) return;
-    frame.classList.toggle("single", Boolean(step.no_before));
+    const left = beforeOf(n, step, data);
+    frame.classList.toggle("single", !left);
+    if (left) part(view, ".tag.left").textContent = left.tag;
     if (step.size) {
       frame.style.setProperty("--w", step.size[0]);
       frame.style.setProperty("--r", step.size[0] / step.size[1]);
@@ -401,13 +414,13 @@ document.addEventListener("DOMContentLoaded", async () => {
       frame.classList.add("loading");
       after.src = to;
     }
-    if (step.no_before) before.removeAttribute("src");
-    else before.src = source.picture("clean", n, step.step);
+    if (!left) before.removeAttribute("src");
+    else if (before.getAttribute("src") !== left.src) before.src = left.src;
     const full = part(view, ".full");
     full.hidden = isExport;
     if (!isExport) full.href = to;
     const size = step.size ? step.size.join("×") : "";
-    part(view, ".size").textContent = [size, step.no_before && `No clean screen beside it: ${step.no_before}.`].filter(Boolean).join("  ");
+    part(view, ".size").textContent = [size, left ? left.words : step.no_before].filter(Boolean).join(" · ");
   };
   for (const view of views) {
     const frame = part(view, ".frame");
@@ -472,9 +485,9 @@ document.addEventListener("DOMContentLoaded", async () => {
       ["tokens out", used.output_tokens?.toLocaleString("en")],
       ["model", used.seconds && timeText(used.seconds)],
       ["cost", used.usd && `$${Number(used.usd.toPrecision(3))}`],
-      ["waited for the screen", step.seconds.settle && timeText(step.seconds.settle)],
-      ["effects", step.seconds.effects && timeText(step.seconds.effects)],
-      ["action", step.seconds.action && timeText(step.seconds.action)],
+      ["screen settled", step.seconds.settle > 0.001 && timeText(step.seconds.settle)],
+      ["effects", step.seconds.effects > 0.001 && timeText(step.seconds.effects)],
+      ["action", step.seconds.action > 0.001 && timeText(step.seconds.action)],
       ["screen", step.still ? "" : "was still moving"],
     ].filter(([, value]) => value);
     part(view, ".figures").replaceChildren(...pairs(figures));
@@ -525,7 +538,8 @@ document.addEventListener("DOMContentLoaded", async () => {
   };
   const drawView = (view, n, data, wantedStep) => {
     view.hidden = false;
-    part(view, ".who").textContent = `${text("agent", n)} · ${text("corruption", n)}`;
+    const isOther = text("corruption", n) !== text("corruption", shown.n);
+    part(view, ".who").textContent = [text("agent", n), isOther && text("corruption", n)].filter(Boolean).join(" · ");
     const end = part(view, ".outcome");
     end.className = outcomeClass(text("outcome", n));
     end.textContent = scoreText(n);
@@ -551,7 +565,7 @@ document.addEventListener("DOMContentLoaded", async () => {
       return;
     }
     const step = data.steps[Math.min(wantedStep, data.steps.length - 1)];
-    drawPictures(view, n, step);
+    drawPictures(view, n, step, data);
     drawText(view, n, data, step);
     drawOver(view, step);
     drawStrip(view, n, data, step.step);
