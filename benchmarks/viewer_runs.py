@@ -27,10 +27,10 @@ from PIL import Image
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
 
+from hijack_data.runs.run_log import FORMAT, VERSION, digest_of, slug_of  # noqa: E402
+
 from support.chromium import Browser, chromium  # noqa: E402
 from support.viewed_runs import PLANNERS, Cast, play_run  # noqa: E402
-
-from hijack_data.runs.run_log import FORMAT, VERSION, digest_of, slug_of  # noqa: E402
 
 LABELS = (
     "clean",

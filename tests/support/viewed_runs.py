@@ -5,7 +5,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import yaml
@@ -124,7 +124,7 @@ def _used(read: int, written: int) -> dict[str, Any]:
 class Theatre:
     """Plays a job; clean succeeds, marks fail, the rest in part."""
 
-    scores = {"clean": 1.0, "marks": 0.0}
+    scores: ClassVar[dict[str, float]] = {"clean": 1.0, "marks": 0.0}
 
     def __init__(self, folder: Path, cast: Cast) -> None:
         self.folder, self.cast = folder, cast

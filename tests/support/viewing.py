@@ -42,4 +42,3 @@ def edit(file: Path, **columns: Callable[[list[Any]], list[Any]]) -> None:
 def read(data: bytes) -> np.ndarray:
     """The pixels of an encoded picture."""
     return np.array(Image.open(io.BytesIO(data)))
-

@@ -9,6 +9,7 @@ from hijack_data.errors import HijackError
 from hijack_data.types import Action, Size
 
 from ..source import action_text
+from .listing import number
 
 MOST = 40  # strokes of one action; code in a loop of an agent's could have any number
 
@@ -71,8 +72,9 @@ def _strokes(actions: list[Action]) -> list[dict[str, Any]]:
             stroke["text"] = action.text[:200]
         elif action.keys:
             stroke["text"] = "+".join(action.keys)
-        if action.amount is not None:
-            stroke["amount"] = action.amount
+        amount = number(action.amount)
+        if amount is not None:
+            stroke["amount"] = amount
         if len(stroke) > 1:
             found.append(stroke)
     return found

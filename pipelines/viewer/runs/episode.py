@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
 from hijack_data.runs.run_log import EPISODE, EPISODES, LINKS, RECORDS, STEPS
 from hijack_data.types import UInt8Array
@@ -14,6 +14,7 @@ from ...readers.fields import FieldError, listed, mapping, objects
 from ...readers.files import inside, lines, parse_file, size_of
 from ..source import Fields, text_of
 from .drawing import strokes_of
+from .listing import number
 from .requests import TurnTalk, read_talk, turns_of
 
 MOST_STEPS = 1000
@@ -200,8 +201,8 @@ def _step(
         "error": _cut(line.get("error")),
         "result": _result(line.get("result")),
         "onlooker": [] if talk is None else [[r, _cut(text)] for r, text in talk.onlooker],
-        "usage": None if talk is None else dict(talk.usage),
-        "seconds": line.get("seconds") if isinstance(line.get("seconds"), dict) else {},
+        "usage": _numbers({} if talk is None else talk.usage),
+        "seconds": _numbers(line.get("seconds")),
         "still": line.get("still") is not False,
         "effects": [k for k, effect in enumerate(effects) if effect["step"] == place],
         "plan": "" if line.get("plan") is None else _cut(text_of(line["plan"])),
@@ -262,10 +263,17 @@ def _probe(probe: Mapping[str, Any]) -> dict[str, Any]:
 def _boxes(value: object) -> list[list[float]]:
     found: list[list[float]] = []
     for box in listed(value)[:BOXES]:
-        sides = listed(box)
-        if len(sides) == 4 and all(isinstance(side, int | float) for side in sides):
-            found.append([float(side) for side in sides])  # type: ignore[arg-type]
+        sides = [side for side in map(number, listed(box)) if side is not None]
+        if len(sides) == 4:
+            found.append(sides)
     return found
+
+
+def _numbers(value: object) -> dict[str, float]:
+    """Return the entries of an object that are numbers."""
+    found = cast("dict[str, object]", value) if isinstance(value, dict) else {}
+    numbers = {name: number(one) for name, one in found.items()}
+    return {name: one for name, one in numbers.items() if one is not None}
 
 
 def _result(value: object) -> str:

@@ -80,7 +80,7 @@ def export_page(source: RunSource, numbers: Sequence[int]) -> str:
     script = "".join(page_file(name) for name in SCRIPTS)
     about = source.about()
     data = {
-        **{key: about[key] for key in ("title", "problems", "scored", "versions")},
+        **{key: about[key] for key in ("title", "problems", "scored")},
         **columns(entries, source.config),
         "facts": f"{len(kept):,} of {source.facts}, exported",
         "episodes": episodes,

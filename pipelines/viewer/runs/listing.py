@@ -126,7 +126,8 @@ def read_listing(
     Args:
         folder: of the run.
         version: of its log.
-        head: the content of `run.json`, which the first line of the journal names.
+        head: the content of `run.json`, which the first line of the journal names; empty if it
+            cannot be read.
 
     Raises:
         DatasetError: the folder of the episodes cannot be read.
@@ -199,10 +200,11 @@ def word(value: object) -> str:
 
 
 def number(value: object) -> float | None:
-    """Return a finite number, or `None`."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
+    """Return a number that JSON and people can take; `None` for anything else, and for NaN."""
+    kind = type(value)
+    if kind is not int and kind is not float:
         return None
-    return value if abs(value) < 1e15 else None
+    return value if -1e15 < value < 1e15 else None  # type: ignore[operator]
 
 
 def _whole(value: object) -> int | None:
@@ -256,7 +258,7 @@ def _read_journal(
             entry = _checked(record)
         except FieldError as error:
             entry = _damaged(folder, line, f"line {place} of {RECORDS}: {error}")
-        if before is not None and record:
+        if before and record:  # a head that cannot be read is no link
             _check_link(record, before, last, listing.problems)
         before = None if before is None else line
         last = entry

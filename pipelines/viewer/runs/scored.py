@@ -71,7 +71,7 @@ class ScoredRows:
             "error": "",
             "result": "",
             "onlooker": [],
-            "usage": None,
+            "usage": {},
             "seconds": {},
             "still": True,
             "effects": [],

@@ -84,7 +84,6 @@ class RunSource:
             "facts": self.facts,
             "problems": self.problems,
             "scored": self._scored is not None,
-            "versions": self.head.get("versions") or {},
             **columns(self.entries, self.config),
         }
 
@@ -217,5 +216,6 @@ class RunSource:
         if problem and not (self.folder / EPISODES).is_dir():
             raise DatasetError(f"{path}: {problem}")
         if problem:
+            content = b""
             self.problems.append(f"{RUN}: {problem}; episodes are shown as far as they can be read")
         return content
