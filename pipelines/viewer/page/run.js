@@ -132,7 +132,8 @@ document.addEventListener("DOMContentLoaded", async () => {
     drawnBoard = asked;
     const [down, across] = narrow.matches ? ["corruption", "agent"] : ["agent", "corruption"];
     const jump = (changes) => address({ agent: "", corruption: "", episode: "", step: "", beside: "", ...changes });
-    const head = (name, value) => make("th", { scope: name === down ? "row" : "col", title: value }, make("a", { href: jump({ [name]: value }) }, value || "?"));
+    const broken = (value) => value.split(/(?<=_)/).flatMap((word) => [word, make("wbr")]); // long names break at _
+    const head = (name, value) => make("th", { scope: name === down ? "row" : "col", title: value }, make("a", { href: jump({ [name]: value }) }, ...broken(value || "?")));
     const cell = (row, column) => {
       const codes = { [down]: row, [across]: column };
       const found = table.get(`${codes.agent},${codes.corruption}`);
@@ -206,7 +207,7 @@ document.addEventListener("DOMContentLoaded", async () => {
       make("span", { class: "gap" }),
       outcome(n),
       make("span", { class: "task" }, text("task", n) || ids[n]),
-      make("span", { class: "label" }, text("corruption", n)),
+      make("span", { class: "label", "data-seed": text("seed", n) }, text("corruption", n)),
       make("span", { class: "who" }, text("agent", n)),
       make("span", { class: "soft wide" }, text("seed", n) + (numbers.attempt[n] ? ` #${numbers.attempt[n] + 1}` : "")),
       make("span", { class: "n" }, String(numbers.steps[n] ?? "")),
@@ -348,7 +349,8 @@ document.addEventListener("DOMContentLoaded", async () => {
       const [x, y] = stroke.at || stroke.to;
       const words = [pointed.length > 1 ? k + 1 : "", LABELS[stroke.type] || ""].filter(Boolean).join(" ");
       if (!words) continue;
-      const label = drawn("text", { class: "number", x: x + 13 * unit, y: y - 9 * unit }, words);
+      const isRight = x > width - 60 * unit; // inside the picture
+      const label = drawn("text", { class: "number", x: x + (isRight ? -13 : 13) * unit, y: Math.max(y - 9 * unit, 15 * unit), "text-anchor": isRight ? "end" : "start" }, words);
       label.style.fontSize = `${13 * unit}px`;
       label.style.strokeWidth = `${3 * unit}px`;
       over.append(label);

@@ -14,7 +14,7 @@ from .listing import number
 MOST = 40  # strokes of one action; code in a loop of an agent's could have any number
 
 
-def strokes_of(code: str, size: Size) -> tuple[str, list[dict[str, Any]]]:
+def strokes_of(code: str, size: Size | None) -> tuple[str, list[dict[str, Any]]]:
     """Return an action in words, and what to draw, in order.
 
     A stroke has `type`, `at` and `to` (points in pixels of the picture), `text` and `amount`, as
@@ -22,7 +22,7 @@ def strokes_of(code: str, size: Size) -> tuple[str, list[dict[str, Any]]]:
 
     Args:
         code: as the agent wrote it, in pixels of its picture.
-        size: (height, width) of that picture.
+        size: (height, width) of that picture, to which points are clamped; `None` if it is lost.
     """
     try:
         whole = parse_pyautogui(code, size)
@@ -36,7 +36,7 @@ def strokes_of(code: str, size: Size) -> tuple[str, list[dict[str, Any]]]:
     return ", then ".join(action_text(vars(part)) for part in parts[:MOST]), _strokes(parts)
 
 
-def _parts(code: str, size: Size) -> list[Action]:
+def _parts(code: str, size: Size | None) -> list[Action]:
     """Return the actions of a program of several statements that are actions by themselves."""
     try:
         statements = ast.parse(code).body

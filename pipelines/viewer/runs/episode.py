@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, TypeAlias, cast
 
 from hijack_data.runs.run_log import EPISODE, EPISODES, LINKS, RECORDS, STEPS
-from hijack_data.types import UInt8Array
+from hijack_data.types import Size, UInt8Array
 
 from ...dataset.images import decode
 from ...errors import DatasetError
@@ -213,14 +213,14 @@ def _step(
         "target": None,
         "recorded": "",
     }
+    size: Size | None = None
     try:
-        height, width = size_of(picture_file(found.home, line, False))
-        step["size"] = [width, height]
+        size = size_of(picture_file(found.home, line, False))
+        step["size"] = [size[1], size[0]]
     except FieldError as error:
         step["lost"] = found.broken.get(place) or str(error)
-        return step
     if code:
-        step["action"], step["strokes"] = strokes_of(code, (height, width))
+        step["action"], step["strokes"] = strokes_of(code, size)
     return step
 
 

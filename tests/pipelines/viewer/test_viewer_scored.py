@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import hijack_data as hj
 from hijack_data.errors import HijackError
 from online_env.scoring.run import ScoreRun, ScoreSettings
 from pipelines import build, open_dataset
@@ -20,22 +21,16 @@ from support.viewing import read
 
 
 @pytest.fixture(scope="module")
-def scored(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A dataset `rows` of three steps, clean and with marks, and the run that scored it."""
+def scored(tmp_path_factory: pytest.TempPathFactory, pictures: Any) -> Path:
+    """A dataset `rows` of two steps, clean and with marks, and the run that scored it."""
     home = tmp_path_factory.mktemp("scored")
-    source = Path(__file__).resolve().parents[3] / "examples" / "recordings"
-    build(source, home / "rows", corruptions={"marks": _marks()}, output="lazy", limit=1)
+    planners = {"marks": hj.Marks(number=4, mark_size=10)}
+    build(pictures(home / "source", 1, 2), home / "rows", corruptions=planners, output="lazy")
     run = ScoreRun(ScoreSettings(dataset=home / "rows", agents=("random",)))
     with run.begin(home / "run", False):
         left = run.left(home / "run")
         run.play(home / "run", left, lambda *_: None, lambda *_: None)
     return home
-
-
-def _marks() -> Any:
-    import hijack_data as hj
-
-    return hj.Marks(number=4)
 
 
 def opened(folder: Path) -> RunSource:
@@ -61,9 +56,10 @@ def test_every_answer_is_an_episode_of_one_step(scored: Path) -> None:
         assert step["corrupted"] == (record["corruption"] == "marks")
         assert np.array_equal(read(source.picture(number, 0, False)), np.array(row["screenshot"]))
         if step["corrupted"]:
-            assert not np.array_equal(source.pixels(number, 0, True), source.pixels(number, 0, False))
-    page = export_page(source, [0, 1])
-    assert json.loads(json.dumps(records[0]["id"])) in page
+            assert not np.array_equal(
+                source.pixels(number, 0, True), source.pixels(number, 0, False)
+            )
+    assert records[0]["id"] in export_page(source, [0, 1])
 
 
 def test_a_dataset_that_is_gone_or_another_is_said(scored: Path, tmp_path: Path) -> None:
@@ -72,16 +68,14 @@ def test_a_dataset_that_is_gone_or_another_is_said(scored: Path, tmp_path: Path)
     head["config"]["source"] = "/nowhere/rows"
     (tmp_path / "run" / "run.json").write_text(json.dumps(head))
     gone = opened(tmp_path / "run")
-    assert "'/nowhere/rows' that was scored is not there" in gone.problems[0]
+    assert any("'/nowhere/rows' that was scored is not there" in text for text in gone.problems)
     data = gone.episode(0)
     assert "is not there" in data["problems"][0]
     assert (len(data["steps"]), dict(data["fields"])["status"]) == (1, "ok")
     with pytest.raises(HijackError, match="is not there"):
         gone.picture(0, 0, False)
     shutil.copytree(scored / "rows", tmp_path / "rows")  # beside the run it is found again
-    assert opened(tmp_path / "run").episode(0)["problems"] == [
-        "line 1 of records.jsonl was changed, or one after it removed: the next line names another hash"
-    ] or opened(tmp_path / "run").episode(0)["steps"][0]["lost"] == ""
+    assert opened(tmp_path / "run").episode(0)["steps"][0]["lost"] == ""
     records = read_lines(tmp_path / "run" / "records.jsonl")
     records[0]["image_sha256"] = "0" * 64
     records[1]["row"] = "nobody"
