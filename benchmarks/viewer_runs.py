@@ -8,8 +8,8 @@ is needed. `--keep FOLDER` keeps the runs.
 import argparse
 import itertools
 import json
+import os
 import re
-import statistics
 import subprocess
 import sys
 import tempfile
@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import machine, table
+from common import machine, spread, table
 from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -152,8 +152,8 @@ def episode(
 
 
 @contextmanager
-def viewing(run: Path) -> Iterator[tuple[str, float]]:
-    """Start `hijack view`; yields its address, and the seconds until it was printed."""
+def viewing(run: Path) -> Iterator[tuple["subprocess.Popen[str]", str, float]]:
+    """Start `hijack view`; yields it, its address, and the seconds until it was printed."""
     start = time.perf_counter()
     command = [sys.executable, "-m", "hijack_data.cli", "view", str(run)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
@@ -161,10 +161,16 @@ def viewing(run: Path) -> Iterator[tuple[str, float]]:
     try:
         found = re.search(r"http://\S+", process.stdout.readline())
         assert found is not None
-        yield found[0], time.perf_counter() - start
+        yield process, found[0], time.perf_counter() - start
     finally:
         process.kill()
         process.wait()
+
+
+def cpu_seconds(process: "subprocess.Popen[str]") -> float:
+    """Return the processor time that a process has taken: another's work does not count."""
+    fields = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def until(browser: Browser, work: str, done: str) -> float:
@@ -179,11 +185,12 @@ def measure(run: Path, browser: Browser) -> dict[str, list[float]]:
     """Return the seconds of each thing, once a round."""
     found: dict[str, list[float]] = {}
     for turn in range(ROUNDS):
-        with viewing(run) as (url, started):
+        with viewing(run) as (process, url, started):
             start = time.perf_counter()
             browser.open(url, 1440, 900)
             browser.until(LISTED)
             page = time.perf_counter() - start
+            used = cpu_seconds(process)
             rows = browser.js("document.querySelectorAll('#list li').length")
             assert rows < 100, f"{rows} rows stand in the page: the list is not windowed"
             label = LABELS[1 + turn]
@@ -201,6 +208,7 @@ def measure(run: Path, browser: Browser) -> dict[str, list[float]]:
             "hijack view: address printed": started,
             "page: list drawn": page,
             "together: opening": started + page,
+            "processor time of hijack view for that": used,
             "filter and search": search,
             "episode, with its picture": one,
             "next step, with its picture": step,
@@ -242,11 +250,10 @@ def main() -> None:
                 megabytes = (run / "records.jsonl").stat().st_size / 2**20
                 print(f"{size} episodes, journal of {megabytes:.1f} MB", file=sys.stderr)
     print(machine())
-    rows = [
-        [what, *(f"{statistics.median(results[size][what]):.2f}" for size in SIZES)]
-        for what in results[3690]
-    ]
-    print(table(["seconds, median of 5", *(f"{size:,} episodes" for size in SIZES)], rows))
+    rows = [[what, *(spread(results[size][what], 2) for size in SIZES)] for what in results[3690]]
+    print(
+        table(["seconds, min / median / max of 5", *(f"{size:,} episodes" for size in SIZES)], rows)
+    )
 
 
 if __name__ == "__main__":

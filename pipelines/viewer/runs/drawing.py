@@ -11,7 +11,8 @@ from hijack_data.types import Action, Size
 from ..source import action_text
 from .listing import number
 
-MOST = 40  # strokes of one action; code in a loop of an agent's could have any number
+MOST = 40  # strokes of one action: an agent can write any number
+LONGEST = 20_000  # characters of code that is read
 
 
 def strokes_of(code: str, size: Size | None) -> tuple[str, list[dict[str, Any]]]:
@@ -24,6 +25,8 @@ def strokes_of(code: str, size: Size | None) -> tuple[str, list[dict[str, Any]]]
         code: as the agent wrote it, in pixels of its picture.
         size: (height, width) of that picture, to which points are clamped; `None` if it is lost.
     """
+    if len(code) > LONGEST:
+        return "code that is too long to be drawn", []
     try:
         whole = parse_pyautogui(code, size)
     except (HijackError, RecursionError):
@@ -33,7 +36,7 @@ def strokes_of(code: str, size: Size | None) -> tuple[str, list[dict[str, Any]]]
     parts = _parts(code, size)
     if not parts:
         return action_text(vars(whole)), _strokes([whole])
-    return ", then ".join(action_text(vars(part)) for part in parts[:MOST]), _strokes(parts)
+    return ", then ".join(action_text(vars(part)) for part in parts), _strokes(parts)
 
 
 def _parts(code: str, size: Size | None) -> list[Action]:
@@ -44,10 +47,9 @@ def _parts(code: str, size: Size | None) -> list[Action]:
         return []
     found: list[Action] = []
     pointer: Action | None = None
-    for statement in statements[: 4 * MOST]:
-        text = ast.get_source_segment(code, statement) or ""
+    for statement in statements[: 2 * MOST]:
         try:
-            action = parse_pyautogui(text, size)
+            action = parse_pyautogui(ast.unparse(statement), size)
         except (HijackError, RecursionError):
             continue
         if action.type == "other":
@@ -57,12 +59,14 @@ def _parts(code: str, size: Size | None) -> list[Action]:
         if action.point is not None:
             pointer = action
         found.append(action)
+        if len(found) == MOST:
+            break
     return found
 
 
 def _strokes(actions: list[Action]) -> list[dict[str, Any]]:
     found: list[dict[str, Any]] = []
-    for action in actions[:MOST]:
+    for action in actions:
         stroke: dict[str, Any] = {"type": action.type}
         if action.point is not None:
             stroke["at"] = action.point

@@ -160,8 +160,9 @@ def test_actions_become_strokes(
 
 
 def test_a_program_of_very_many_actions_is_cut_off() -> None:
-    code = "pyautogui.click(1, 1)\n" * 500
+    code = "pyautogui.click(1, 1)\n" * 60
     assert len(strokes_of(code, (80, 100))[1]) == 40
+    assert strokes_of(50 * code, (80, 100)) == ("code that is too long to be drawn", [])
 
 
 def test_a_run_of_the_first_version_is_shown(tmp_path: Path) -> None:
