@@ -1,10 +1,11 @@
 """What an action looks like on the picture: clicks, drags, scrolls, and what is typed."""
 
 import ast
+import contextlib
 from dataclasses import replace
 from typing import Any
 
-from hijack_data.actions import parse_pyautogui
+from hijack_data.actions import parse_pyautogui, read_action
 from hijack_data.errors import HijackError
 from hijack_data.types import Action, Size
 
@@ -27,6 +28,11 @@ def strokes_of(code: str, size: Size | None) -> tuple[str, list[dict[str, Any]]]
     """
     if len(code) > LONGEST:
         return "code that is too long to be drawn", []
+    with contextlib.suppress(HijackError, RecursionError):  # refused code may still be drawn
+        request = read_action(code, allow_code=True)
+        if request.kind == "reinit":
+            return "asks for the desktop to be put in order", []
+        code = request.code if request.kind == "code" else code
     try:
         whole = parse_pyautogui(code, size)
     except (HijackError, RecursionError):

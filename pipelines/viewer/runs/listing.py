@@ -283,7 +283,11 @@ def _check_link(
     problems: list[str],
 ) -> None:
     """Note that the line before is not what it was when the next one was written."""
-    if record.get("previous") == digest_of(before):
+    if "previous" not in record:
+        told = f"lines of {RECORDS} do not name the hash of the line before"
+        problems += [] if told in problems else [told]
+        return
+    if record["previous"] == digest_of(before):
         return
     if last is None:
         problems.append(f"{RUN} was changed after the run began, or the first record was removed")

@@ -180,3 +180,11 @@ def test_lines_without_an_id_are_problems_of_the_run(harmed: Path) -> None:
     shown = {entry.id: entry.problem for entry in source.entries}
     gone = json.loads(lines[0])["id"]
     assert shown[gone].startswith("records.jsonl has no line of it")
+
+
+def test_a_journal_without_hashes_is_one_problem(harmed: Path) -> None:
+    journal(lambda rows: [{k: v for k, v in r.items() if k != "previous"} for r in rows])(harmed)
+    source = open_source(harmed)
+    assert source.problems == ["lines of records.jsonl do not name the hash of the line before"]
+    assert isinstance(source, RunSource)
+    assert not any(entry.problem for entry in source.entries)
