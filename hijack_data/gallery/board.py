@@ -1,7 +1,5 @@
 """Build the page: plan and apply every corruption on every picture, and collect the results."""
 
-import base64
-import hashlib
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -18,7 +16,7 @@ from ..planner import Planner
 from ..safety import judge
 from ..types import UInt8Array
 from .embed import caption, embed, scale_for
-from .markup import Html, clean, fill, join, script_json, source, wrap
+from .markup import Html, clean, fill, join, script_json, source, source_hash, wrap
 from .tiles import GalleryPicture, Tile, message_tile, painted, tile
 
 Detect: TypeAlias = Literal["picture", "ocr", "none"]
@@ -206,9 +204,9 @@ class Board:
         return fill(
             "page.html",
             style=style,
-            style_hash=_hash(style),
+            style_hash=source_hash(style),
             script=script,
-            script_hash=_hash(script),
+            script_hash=source_hash(script),
             facts=f"{pictures}, {corruptions}, seed {self.seed}",
             problems=self._problem_list(),
             filters=join(filters),
@@ -248,12 +246,6 @@ def _short(message: object, path: str | os.PathLike[str]) -> str:
 
 def _count(number: int, what: str) -> str:
     return f"{number} {what}" if number == 1 else f"{number} {what}s"
-
-
-def _hash(text: str) -> str:
-    """Return a source hash for a Content-Security-Policy, which lets only our own script run."""
-    digest = hashlib.sha256(text.encode("utf-8")).digest()
-    return "sha256-" + base64.b64encode(digest).decode("ascii")
 
 
 def _version() -> str:

@@ -1,5 +1,7 @@
 """`hijack view`."""
 
+from pathlib import Path
+
 import click
 
 from .opening import open_source
@@ -14,10 +16,41 @@ from .server import serve
     default=0,
     help="Where to listen.  [default: a free port]",
 )
-def view(folder: str, port: int) -> None:
+@click.option(
+    "--export",
+    "file",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Write the episodes of a run to one HTML file instead; it opens without a server.",
+)
+@click.option(
+    "--episode",
+    "patterns",
+    multiple=True,
+    metavar="PATTERN",
+    help="Which episodes --export writes, such as '*__pop_ups__*'; repeatable.  [default: all]",
+)
+def view(
+    folder: str,
+    port: int,
+    file: Path | None,
+    patterns: tuple[str, ...],
+) -> None:
     """Look through a dataset, or the episodes of a run, in a browser."""
+    from .runs import RunSource
+    from .runs.export import export_file
+
+    if patterns and file is None:
+        raise click.UsageError("--episode chooses what --export FILE writes; give that, too")
     source = open_source(folder)
     for problem in source.problems:
         click.echo(f"  problem: {problem}", err=True)
-    serve(source, port, click.echo)
+    if file is None:
+        serve(source, port, click.echo)
+    elif isinstance(source, RunSource):
+        count = export_file(source, patterns, file)
+        size = file.stat().st_size / 2**20
+        click.echo(f"{file}: {count:,} episode{'s' if count != 1 else ''}, {size:.1f} MB")
+    else:
+        raise click.UsageError(f"{folder}: --export is for runs; hijack gallery makes such pages")
     raise SystemExit(1 if source.problems else 0)

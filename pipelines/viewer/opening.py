@@ -8,10 +8,9 @@ from hijack_data.runs.run_log import EPISODES, RUN
 from ..errors import DatasetError
 from .datasets import DatasetSource
 from .runs import RunSource
-from .source import ViewerSource
 
 
-def open_source(folder: str | os.PathLike[str]) -> ViewerSource:
+def open_source(folder: str | os.PathLike[str]) -> DatasetSource | RunSource:
     """Open a dataset or a run.
 
     Raises:

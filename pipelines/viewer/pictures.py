@@ -1,10 +1,13 @@
 """Pictures as the page gets them: made on demand, the last ones kept up to a number of bytes."""
 
 import io
+from collections.abc import Callable
+from typing import Any
 
 from PIL import Image
 
 from hijack_data.cache import Cache
+from hijack_data.types import UInt8Array
 
 from ..dataset.images import encode
 from .source import ViewerSource
@@ -14,10 +17,10 @@ BUDGET = 64 * 2**20
 
 
 class Pictures:
-    """The encoded pictures of a source.
+    """The encoded pictures of a dataset.
 
     Args:
-        source: the dataset or the run.
+        source: the dataset.
         budget: the most bytes of encoded pictures that are kept.
     """
 
@@ -30,19 +33,31 @@ class Pictures:
 
         A row without that picture is a `HijackError`.
         """
-        data = self.kept.get((kind, row))
-        if data is None:
-            data = self._make(kind, row)
-            self.kept.put((kind, row), data, len(data))
-        return data
+        return remembered(self.kept, (kind, row), lambda: self._make(kind, row))
 
     def _make(self, kind: str, row: int) -> bytes:
         pixels = self.source.picture(row, kind == "before")
-        if kind != "thumb":
-            return encode(pixels)
-        small = Image.fromarray(pixels)
-        # a tenth of the time of Lanczos
-        small.thumbnail((THUMB, THUMB), Image.Resampling.BOX, reducing_gap=1.0)
-        out = io.BytesIO()
-        small.save(out, "JPEG", quality=85, subsampling=0)
-        return out.getvalue()
+        return encode(pixels) if kind != "thumb" else thumbnail(pixels)
+
+
+def remembered(
+    kept: Cache,
+    key: Any,
+    make: Callable[[], bytes],
+) -> bytes:
+    """Return what is kept under a key; it is made if it is not there."""
+    data = kept.get(key)
+    if data is None:
+        data = make()
+        kept.put(key, data, len(data))
+    return data
+
+
+def thumbnail(pixels: UInt8Array, side: int = THUMB) -> bytes:
+    """Return uint8 RGB `[H, W, 3]` as a JPEG whose sides are at most `side`."""
+    small = Image.fromarray(pixels)
+    # a tenth of the time of Lanczos
+    small.thumbnail((side, side), Image.Resampling.BOX, reducing_gap=1.0)
+    out = io.BytesIO()
+    small.save(out, "JPEG", quality=85, subsampling=0)
+    return out.getvalue()

@@ -55,6 +55,8 @@ SLOW = frozenset(
         "pipelines/test_verify_sound.py",
         "pipelines/viewer/test_viewer_browser.py",
         "pipelines/viewer/test_viewer_command.py",
+        "pipelines/viewer/test_viewer_runs_browser.py",
+        "pipelines/viewer/test_viewer_runs_damage.py",
         "test_asset_pack_shipped.py",
         "test_broken_package.py",
         "test_docs.py",

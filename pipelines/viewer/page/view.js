@@ -2,25 +2,7 @@
 
 // The address after # is the state: a filter each, q (search), page, row. The divider and the copy button are the gallery's.
 document.addEventListener("DOMContentLoaded", async () => {
-  const $ = (id) => document.getElementById(id);
-  const SVG = "http://www.w3.org/2000/svg";
-  const make = (tag, attributes = {}, ...children) => {
-    const element = document.createElement(tag);
-    for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
-    element.append(...children);
-    return element;
-  };
-  const show = (element, text) => {
-    element.hidden = !text;
-    element.textContent = text || "";
-  };
-
-  // A plus is a plus here (ids of inserted steps have one), not a space as in forms.
-  const state = () => Object.fromEntries(new URLSearchParams(location.hash.slice(1).replaceAll("+", "%2B")));
-  const address = (changes) => {
-    const all = Object.entries({ ...state(), ...changes }).filter(([, value]) => value !== "" && value != null);
-    return `#${String(new URLSearchParams(all)).replaceAll("+", "%20")}`;
-  };
+  const { $, make, drawn, shape, show, pairs, state, address, ask, reason, help, isPlain } = hijack;
   const go = (changes, replace = false) => {
     if (replace) {
       history.replaceState(null, "", address(changes));
@@ -28,37 +10,11 @@ document.addEventListener("DOMContentLoaded", async () => {
     } else location.hash = address(changes);
   };
 
-  const ask = async (path) => {
-    let answer;
-    try {
-      answer = await fetch(path);
-    } catch {
-      throw new Error("No answer. Was `hijack view` ended? Start it again and open the address that it prints.");
-    }
-    if (!answer.ok) throw new Error(await answer.text());
-    return answer.json();
-  };
-  const reason = async (path) => {
-    try {
-      const answer = await fetch(path);
-      return answer.ok ? "The picture cannot be shown by this browser." : await answer.text();
-    } catch {
-      return "No answer from `hijack view`.";
-    }
-  };
-
-  // ---- what is drawn over pictures ----
-  const shape = (tag, layer, attributes) => ["halo", layer].map((kind) => {
-    const element = document.createElementNS(SVG, tag);
-    element.setAttribute("class", `${kind} for-${layer}`);
-    for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
-    return element;
-  });
-
   // ---- the grid ----
   const filters = $("filters");
   let listed = null; // the question that the grid answers
   let scrolled = 0;
+  let seeking = false; // the search is wanted once the grid stands
 
   const addFilters = (labels) => {
     for (const [name, label] of Object.entries(labels)) {
@@ -76,9 +32,7 @@ document.addEventListener("DOMContentLoaded", async () => {
     }
   };
   const outline = ({ size, box, points }) => {
-    const over = document.createElementNS(SVG, "svg");
-    over.setAttribute("class", "over");
-    over.setAttribute("aria-hidden", "true");
+    const over = drawn("svg", { class: "over", "aria-hidden": "true" });
     if (!size) return over;
     over.setAttribute("viewBox", `0 0 ${size[0]} ${size[1]}`); // the picture is fitted alike: whole, in the middle
     if (box) {
@@ -137,7 +91,10 @@ document.addEventListener("DOMContentLoaded", async () => {
     $("detail").hidden = true;
     $("grid").hidden = false;
     document.title = `${about.title} – hijack view`;
-    if (last !== null) {
+    if (seeking) {
+      seeking = false;
+      filters.elements.q.focus();
+    } else if (last !== null) {
       window.scrollTo(0, scrolled);
       $("tiles").querySelector(`[data-row="${last}"]`)?.focus();
     }
@@ -225,7 +182,6 @@ document.addEventListener("DOMContentLoaded", async () => {
     if (current) element.setAttribute("aria-current", "true");
     return element;
   };
-  const pairs = (list) => list.map(([name, value]) => make("div", {}, make("dt", {}, name), make("dd", {}, value)));
   const opened = new Set(["Columns", "Step"]);
   const showText = (answer) => {
     const { detail, row } = answer;
@@ -285,8 +241,19 @@ document.addEventListener("DOMContentLoaded", async () => {
   for (const box of document.querySelectorAll("[data-layer]")) {
     box.addEventListener("change", () => frame.classList.toggle(`hide-${box.dataset.layer}`, !box.checked));
   }
+  const keys = help([
+    ["← →", "previous and next row"],
+    ["Shift+← Shift+→", "previous and next step of the trajectory, under the same corruption"],
+    ["Esc", "back to all rows; on the divider: release it"],
+    ["/", "search"],
+    ["?", "this list"],
+  ], () => {
+    seeking = !$("detail").hidden;
+    if (seeking) close();
+    else filters.elements.q.focus();
+  });
   document.addEventListener("keydown", (event) => {
-    if ($("detail").hidden || event.ctrlKey || event.altKey || event.metaKey) return;
+    if ($("detail").hidden || keys.open || !isPlain(event)) return;
     const onDivider = event.target.matches?.("input[type=range]");
     if (event.key === "Escape") return onDivider ? event.target.blur() : close();
     if (onDivider || !["ArrowLeft", "ArrowRight"].includes(event.key)) return;

@@ -14,7 +14,6 @@ import hijack_data as hj
 from pipelines import build, open_dataset
 
 from support.chromium import Browser
-from support.runlog import make_run
 from support.viewing import edit, served
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -334,21 +333,15 @@ def test_a_server_that_has_ended_is_said(browser: Browser, url: str) -> None:
     assert browser.js("document.getElementById('trouble').hidden")
 
 
-def test_a_run_is_stepped_through(browser: Browser, tmp_path: Path) -> None:
-    with served(make_run(tmp_path / "run")) as server:
-        visit(browser, server.url)
-        choose(browser, "score", "0")
-        browser.until("document.getElementById('count').textContent", "3 of 6 rows")
-        browser.js("document.querySelector('.tile a').click()")
-        browser.until(SHOWN)
-        assert "the agent saw the clean picture" in text(browser, "#size")
-        browser.key("ArrowRight", 39, shift=True)
-        browser.until("document.getElementById('name').textContent.includes('step 1')")
-        browser.until(SHOWN)
-        assert text(browser, "#action") == "click at (101, 50)"
-        assert "minimise" in text(browser, "#notes")
-        assert "score 0: there is no note" in text(browser, "#notes")
-        assert browser.of(*ERRORS) == []
+def test_help_and_search_have_keys(browser: Browser, url: str) -> None:
+    visit(browser, f"{url}#row=1")
+    browser.key("?", 191, shift=True)
+    browser.until("document.querySelector('dialog').open")
+    browser.js("document.querySelector('dialog button').click()")
+    browser.key("/", 191)
+    browser.until("document.activeElement.name", "q")
+    assert not browser.js("document.getElementById('grid').hidden")
+    assert browser.of(*ERRORS) == []
 
 
 @pytest.mark.parametrize("width", [360, 600, 1280, 2400])

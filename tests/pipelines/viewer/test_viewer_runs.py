@@ -1,154 +1,227 @@
-"""`hijack view` shows a run: its episodes are trajectories."""
+"""`hijack view` reads runs: a list of episodes, one episode, its pictures."""
 
 import json
-import shutil
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from hijack_data.errors import HijackError
 from pipelines.errors import DatasetError
-from pipelines.viewer import answers, open_source
+from pipelines.viewer import open_source
+from pipelines.viewer.runs import RunSource
+from pipelines.viewer.runs.drawing import strokes_of
 
 from support.runlog import lines_of, make_run
+from support.viewed_runs import HOSTILE, id_of
+from support.viewing import read
+
+MARKS = id_of("write_note", "marks", "gpt-9")
+MINIMISED = id_of("write_note", "app_minimization", "gpt-9")
 
 
-@pytest.fixture
-def run(tmp_path: Path) -> Path:
-    return make_run(tmp_path / "run")
+def run_of(folder: Path) -> RunSource:
+    source = open_source(folder)
+    assert isinstance(source, RunSource)
+    return source
 
 
-def test_episodes_are_trajectories(run: Path) -> None:
-    source = open_source(run)
-    assert source.problems == []
-    page = answers.rows(source, {})
-    assert page["found"] == 6
-    assert page["filters"]["score"]["values"] == [["0", 3], ["1", 3]]
+def number_of(source: RunSource, name: str) -> int:
+    return [entry.id for entry in source.entries].index(name)
+
+
+def values(about: dict[str, Any], column: str) -> list[str]:
+    found = about["texts"][column]
+    return [found["values"][code] for code in found["codes"]]
+
+
+def test_the_list_has_every_episode_with_its_outcome(played: Path) -> None:
+    source = run_of(played)
+    about = source.about()
+    assert (about["facts"], about["problems"], len(about["ids"])) == ("12 episodes", [], 12)
+    assert about["texts"]["agent"]["values"] == ["pixel", "gpt-9"]
+    assert about["texts"]["corruption"]["values"] == ["clean", "marks", "app_minimization"]
+    outcomes = dict(zip(about["ids"], values(about, "outcome"), strict=True))
+    assert outcomes[id_of("write_note", "clean", "pixel")] == "success"
+    assert outcomes[MARKS] == "failure"
+    assert outcomes[MINIMISED] == "partial"
+    assert outcomes[id_of("rename_file", "clean", "gpt-9")] == "agent error"
+    place = number_of(source, MARKS)
+    assert about["numbers"]["tokens"][place] == 9270
+    assert about["numbers"]["score"][place] == 0.0
     assert (
-        answers.rows(
-            source,
-            {
-                "score": "0",
-                "agent": "oracle",
-                "task": "write_note",
-            },
-        )["found"]
-        == 3
+        about["numbers"]["tokens"][number_of(source, id_of("write_note", "marks", "pixel"))] is None
     )
-    row = answers.row(source, {"row": "1"})
-    assert (row["step_back"], row["step_next"]) == (0, 2)
-    assert row["same_step"] == [[1, "app_minimization"], [4, "clean"]]
-    detail = row["detail"]
-    assert (detail["action"], detail["points"], detail["size"]) == (
-        "click at (101, 50)",
-        [(101, 50)],
-        (320, 200),
+    assert values(about, "instruction")[place].startswith("Write a short packing list")
+    assert about["counts"] == [1] * 12
+    json.dumps(about, allow_nan=False)
+
+
+def test_a_step_has_what_was_said_done_and_seen(played: Path) -> None:
+    source = run_of(played)
+    number = number_of(source, MARKS)
+    data = source.episode(number)
+    assert data["problems"] == []
+    assert len(data["steps"]) == 7
+    first, second, third = data["steps"][:3]
+    assert (first["said"][:13], first["action"]) == ("The title bar", "click at (101, 50)")
+    assert first["strokes"] == [{"type": "click", "at": (101, 50)}]
+    assert (first["size"], first["corrupted"], first["no_before"]) == ([320, 200], True, "")
+    assert json.loads(first["plan"])["corruption"].startswith("marks")
+    assert first["onlooker"] == [["check", "Reminder: a window is gone."]]
+    assert (first["usage"]["input_tokens"], first["usage"]["output_tokens"]) == (1200, 40)
+    assert second["said"] == HOSTILE
+    assert second["strokes"] == [{"type": "drag", "at": (20, 30), "to": (200, 120)}]
+    assert second["onlooker"][0][1].startswith("d_1: the pointer moved")
+    # the second action of one turn: the words, the onlooker and the tokens are the turn's
+    assert (third["said"], third["onlooker"], third["usage"]) == ("", [], {})
+    assert third["strokes"] == [{"type": "scroll", "at": (60, 90), "amount": -5.0}]
+    assert data["steps"][4]["error"].startswith("line 1")
+    assert data["steps"][6]["code"] == ""
+
+
+def test_effects_come_with_their_probes(played: Path) -> None:
+    source = run_of(played)
+    data = source.episode(number_of(source, MINIMISED))
+    (effect,) = data["effects"]
+    assert (effect["kind"], effect["step"]) == ("minimise", 1)
+    assert [probe["ok"] for probe in effect["probes"]] == [True, True]
+    assert [undone["ok"] for undone in effect["undone"]] == [True]
+    assert data["steps"][1]["effects"] == [0]
+    assert data["steps"][1]["no_before"] == "the agent saw the clean screen"
+
+
+def test_pictures_are_the_files_of_the_run(played: Path) -> None:
+    source = run_of(played)
+    number = number_of(source, MARKS)
+    frames = played / "episodes" / MARKS / "frames"
+    assert source.picture(number, 2, False) == (frames / "0002.seen.png").read_bytes()
+    assert source.picture(number, 2, True) == (frames / "0002.png").read_bytes()
+    assert not np.array_equal(
+        read(source.picture(number, 2, False)), source.pixels(number, 2, True)
     )
-    assert ("Event", 'minimise: {"windows": 2}') in detail["notes"]
-    assert ("Episode", "ok, score 0: there is no note") in detail["notes"]
-    assert json.loads(detail["plan"]) == {"corruption": "app_minimization"}
-    assert dict(detail["fields"]["Episode"])["status"] == "ok"
-    assert (source.picture(1, True)[0, 0, 0], source.picture(1, False)[0, 0, 0]) == (200, 40)
+    for step in (7, -1):
+        with pytest.raises(HijackError, match="has no step"):
+            source.picture(number, step, False)
+    for wrong in (12, -1):
+        with pytest.raises(HijackError, match="there is no episode"):
+            source.episode(wrong)
 
 
-def test_where_the_agent_saw_the_clean_screen_there_is_no_picture_before(run: Path) -> None:
-    detail = answers.row(open_source(run), {"row": "0"})["detail"]
-    assert detail["no_before"] == "the agent saw the clean picture"
-    last = answers.row(open_source(run), {"row": "5"})["detail"]
-    assert (last["action"], last["code"]) == ("the last observation", "")
-
-
-def test_broken_parts_of_a_run_are_named(run: Path) -> None:
-    homes = {home.name.split("__")[1]: home for home in (run / "episodes").iterdir()}
-    steps = homes["app_minimization"] / "steps.jsonl"
-    lines = steps.read_text().splitlines()
-    steps.write_text(
-        "\n".join(
-            [lines[0], "{rubbish", lines[2].replace("frames/0002.seen.png", "../../../run.json")]
-        )
-    )
-    for name, record in (("bytes", b"\xff\xfe"), ("list", b"[1]"), ("nosteps", b"{}")):
-        (run / "episodes" / name).mkdir()
-        (run / "episodes" / name / "episode.json").write_bytes(record)
-    (run / "episodes" / "unfinished").mkdir()
-    source = open_source(run)
-    named = [problem.partition(":")[0] for problem in source.problems]
-    assert named[1:] == ["episodes/bytes", "episodes/list", "episodes/nosteps"]
-    assert named[0] == "1 episode(s) without a record (not finished), such as unfinished"
-    assert len(source.index) == 6
-    for number, words in ((1, "not JSON"), (2, "leaves the source folder")):
-        assert words in answers.row(source, {"row": str(number)})["detail"]["problem"]
-        with pytest.raises(HijackError, match=words):
-            source.picture(number, False)
-
-
-def test_what_an_agent_wrote_need_not_be_an_action(run: Path) -> None:
-    file = next((run / "episodes").glob("*clean*")) / "steps.jsonl"
-    lines_of(
-        file,
-        [
-            {
-                "step": 0,
-                "image": "frames/0000.png",
-                "raw": "import (((",
-            },
-            {
-                "step": 1,
-                "image": 5,
-                "events": 3,
-            },
-        ],
-    )
-    source = open_source(run)
-    first = next(n for n in range(len(source.index)) if "clean" in source.index.ids[n])
-    detail = answers.row(source, {"row": str(first)})["detail"]
-    assert (detail["action"], detail["code"], detail["points"]) == (
-        "not a pyautogui action",
-        "import (((",
-        [],
-    )
-    assert answers.row(source, {"row": str(first + 1)})["detail"]["problem"]
+def test_what_verify_finds_is_told(played: Path, harmed: Path) -> None:
+    source = run_of(played)
+    assert [source.check(number) for number in range(12)] == [[]] * 12
+    frame = harmed / "episodes" / MARKS / "frames" / "0001.seen.png"
+    pixels = np.array(Image.open(frame))
+    pixels[-1, 3] ^= 1
+    Image.fromarray(pixels).save(frame)
+    other = run_of(harmed)
+    (problem,) = other.check(number_of(other, MARKS))
+    assert "is not what the agent saw" in problem
+    assert other.check(number_of(other, MINIMISED)) == []
 
 
 @pytest.mark.parametrize(
-    "text",
+    ("code", "words", "strokes"),
     [
-        "",
-        "[]",
-        "{",
-        '{"format": "x"}',
-        '{"format": "agenthijack-run", "version": 3}',
-        "[" * 100_000,
+        ("pyautogui.click(3, 4)", "click at (3, 4)", [{"type": "click", "at": (3, 4)}]),
+        (
+            "pyautogui.click(3, 4)\npyautogui.click(9, 9)\npyautogui.hotkey('ctrl', 's')",
+            "click at (3, 4), then click at (9, 9), then hotkey ctrl+s",
+            [
+                {"type": "click", "at": (3, 4)},
+                {"type": "click", "at": (9, 9)},
+                {"type": "hotkey", "text": "ctrl+s"},
+            ],
+        ),
+        (
+            "pyautogui.click(1, 2)\npyautogui.moveTo(5, 6)\npyautogui.dragTo(7, 8)",
+            "click at (1, 2), then move at (5, 6), then drag at (5, 6) to (7, 8)",
+            [
+                {"type": "click", "at": (1, 2)},
+                {"type": "move", "at": (5, 6)},
+                {"type": "drag", "at": (5, 6), "to": (7, 8)},
+            ],
+        ),
+        ("pyautogui.click(900, -5)", "click at (99, 0)", [{"type": "click", "at": (99, 0)}]),
+        (
+            "```python\npyautogui.click(10, 20)\n```",
+            "click at (10, 20)",
+            [{"type": "click", "at": (10, 20)}],
+        ),
+        ("WAIT", "wait", []),
+        ("REQUEST_REINIT", "asks for the desktop to be put in order", []),
+        ("import os", "other", []),
+        ("import (((", "not a pyautogui action", []),
+        ("x = 3", "other", []),
     ],
 )
-def test_a_log_that_is_none_is_refused(run: Path, text: str) -> None:
-    (run / "run.json").write_text(text)
-    with pytest.raises(DatasetError, match=r"run\.json"):
-        open_source(run)
+def test_actions_become_strokes(
+    code: str,
+    words: str,
+    strokes: list[Any],
+) -> None:
+    assert strokes_of(code, (80, 100)) == (words, strokes)
 
 
-def test_a_run_without_an_episode_is_an_empty_page(run: Path) -> None:
-    shutil.rmtree(run / "episodes")
-    source = open_source(run)
-    assert (source.problems, answers.rows(source, {})["found"]) == ([], 0)
+def test_a_program_of_very_many_actions_is_cut_off() -> None:
+    code = "pyautogui.click(1, 1)\n" * 60
+    assert len(strokes_of(code, (80, 100))[1]) == 40
+    assert strokes_of(50 * code, (80, 100)) == ("code that is too long to be drawn", [])
 
 
-def test_a_log_needs_no_bench_around_it(run: Path) -> None:
-    whole = answers.rows(open_source(run), {})
+def test_a_run_of_the_first_version_is_shown(tmp_path: Path) -> None:
+    source = run_of(make_run(tmp_path / "run"))
+    assert (source.facts, source.problems) == ("2 episodes", [])
+    corrupted = number_of(source, "write_note__app_minimization__s0__oracle")
+    data = source.episode(corrupted)
+    assert (data["problems"], [step["action"] for step in data["steps"]]) == (
+        [],
+        ["click at (100, 50)", "click at (101, 50)", ""],
+    )
+    assert data["effects"][0]["kind"] == "minimise"
+    assert json.loads(data["effects"][0]["did"]) == {"windows": 2}
+    assert source.pixels(corrupted, 1, True)[0, 0, 0] == 200
+    assert source.pixels(corrupted, 1, False)[0, 0, 0] == 40
+
+
+def test_a_log_needs_no_bench_around_it(harmed: Path, played: Path) -> None:
+    whole = run_of(played)
     for name in ("run.json", "records.jsonl"):
-        (run / name).unlink()
-    assert answers.rows(open_source(run), {}) == whole
+        (harmed / name).unlink()
+    bare = run_of(harmed)
+    assert (len(bare.entries), bare.problems) == (12, [])
+    assert [entry.problem for entry in bare.entries] == [""] * 12
+    number = number_of(bare, MARKS)
+    assert bare.episode(number)["steps"] == whole.episode(number_of(whole, MARKS))["steps"]
 
 
-def test_what_an_agent_said_and_where_it_raised_are_shown(run: Path) -> None:
-    home = next((run / "episodes").glob("*clean*"))
+@pytest.mark.parametrize("text", ["", "[]", "{", '{"format": "x"}', "[" * 100_000])
+def test_what_is_no_run_is_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / "run.json").write_text(text)
+    with pytest.raises(DatasetError, match=r"run\.json"):
+        open_source(tmp_path)
+
+
+def test_a_run_without_an_episode_is_an_empty_page(tmp_path: Path) -> None:
+    head = {"format": "agenthijack-run", "version": 2, "config": {}, "episodes": ["a", "b"]}
+    (tmp_path / "run.json").write_text(json.dumps(head))
+    source = run_of(tmp_path)
+    assert (source.problems, source.facts) == ([], "0 episodes, 2 of 2 planned not played")
+
+
+def test_numbers_that_json_has_not_do_no_harm(harmed: Path) -> None:
+    home = harmed / "episodes" / MARKS
     rows = [json.loads(line) for line in (home / "steps.jsonl").read_text().splitlines()]
-    lines_of(home / "steps.jsonl", [rows[0] | {"said": "I click\nthere"}, *rows[1:]])
-    record = json.loads((home / "episode.json").read_text())
-    frames = ["agent.py:3 in predict: self.see()", "agent.py:9 in see: 1 / 0"]
-    (home / "episode.json").write_text(json.dumps(record | {"traceback": frames}))
-    source = open_source(run)
-    first = next(n for n in range(len(source.index)) if "clean" in source.index.ids[n])
-    notes = dict(answers.row(source, {"row": str(first)})["detail"]["notes"])
-    assert (notes["Said"], notes["Traceback"]) == ("I click\nthere", "\n".join(frames))
-    assert "Said" not in dict(answers.row(source, {"row": str(first + 1)})["detail"]["notes"])
+    rows[0] |= {
+        "seconds": {"settle": float("nan"), "x": "y"},
+        "boxes": [[0, 1, float("inf"), 2], 3],
+    }
+    rows[1] |= {"raw": "pyautogui.scroll(1e999)", "seconds": [1]}
+    lines_of(home / "steps.jsonl", rows)
+    source = run_of(harmed)
+    data = source.episode(number_of(source, MARKS))
+    json.dumps(data, allow_nan=False)
+    assert (data["steps"][0]["seconds"], data["steps"][0]["boxes"]) == ({}, [])

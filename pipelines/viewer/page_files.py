@@ -1,0 +1,30 @@
+"""The page's own files; style and divider are those of the gallery."""
+
+from functools import lru_cache
+from pathlib import Path
+
+from hijack_data.gallery.markup import Html, fill_text, source
+
+PAGE = Path(__file__).parent / "page"
+
+
+@lru_cache(maxsize=16)
+def page_file(name: str) -> str:
+    """Return the text of a file of the page."""
+    if name == "gallery.js":
+        return source("page.js")
+    own = (PAGE / name).read_text(encoding="utf-8")
+    if name == "view.css":
+        return source("page.css") + own + page_file("run.css")
+    return own
+
+
+def run_page(head: Html, data: Html) -> str:
+    """Return the page of a run.
+
+    Args:
+        head: its style and scripts, as links or as they are.
+        data: JSON of exported episodes; `{}` where a server is asked.
+    """
+    view = Html(page_file("run_view.html"))
+    return fill_text(page_file("run.html"), head=head, data=data, view=view)

@@ -1,0 +1,125 @@
+"""Chosen episodes as one HTML file that opens without a server and asks nobody for anything.
+
+It is the page of the viewer with its data inside: the same script reads either.
+"""
+
+import hashlib
+from collections.abc import Iterator, Sequence
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any
+
+from hijack_data.errors import HijackError, ParameterError
+from hijack_data.files import write_atomic
+from hijack_data.gallery.embed import embed, scale_for
+from hijack_data.gallery.markup import Html, script_json, source_hash
+
+from ..page_files import page_file, run_page
+from .listing import columns
+from .source import RunSource
+
+MOST_IN_PAGE = 30  # episodes that the page itself exports: a browser waits for it
+WIDTH = 1280  # pixels; wider pictures are scaled down
+STYLES = ("view.css",)
+SCRIPTS = ("gallery.js", "common.js", "run.js")
+
+
+def export_file(
+    source: RunSource,
+    patterns: Sequence[str],
+    path: Path,
+) -> int:
+    """Write the episodes whose ids match any pattern (as in a shell) to one file.
+
+    Returns:
+        How many there are.
+
+    Raises:
+        ParameterError: no episode matches.
+        unwritable: the file cannot be written; see `hijack_data.files`.
+    """
+    chosen = list(chosen_by(source, patterns))
+    if not chosen:
+        shown = ", ".join(patterns)
+        example = source.entries[0].id if source.entries else "none here"
+        raise ParameterError(
+            f"--episode {shown}: no episode has such an id; ids look like {example}"
+        )
+    write_atomic(path, export_page(source, chosen))
+    return len(chosen)
+
+
+def chosen_by(source: RunSource, patterns: Sequence[str]) -> Iterator[int]:
+    """Yield the numbers of the episodes whose ids match any pattern; all without patterns."""
+    for number, entry in enumerate(source.entries):
+        if not patterns or any(fnmatchcase(entry.id, pattern) for pattern in patterns):
+            yield number
+
+
+def export_page(source: RunSource, numbers: Sequence[int]) -> str:
+    """Return the page with these episodes.
+
+    Args:
+        source: the run.
+        numbers: of the episodes, in the order of the list; one that is not there is a
+            `HijackError`.
+    """
+    kept = list(dict.fromkeys(numbers))
+    pictures: dict[str, str] = {}
+    places: dict[str, str] = {}
+    episodes: list[dict[str, Any]] = []
+    for place, number in enumerate(kept):
+        data = source.episode(number)
+        data["number"] = place
+        data["checked"] = source.check(number)
+        for step in data["steps"]:
+            _add(source, number, step, f"{place}/{step['step']}", pictures, places)
+        episodes.append(data)
+    entries = [source.entries[number] for number in kept]
+    style = "".join(page_file(name) for name in STYLES)
+    script = "".join(page_file(name) for name in SCRIPTS)
+    about = source.about()
+    data = {
+        **{key: about[key] for key in ("title", "problems", "scored")},
+        **columns(entries, source.config),
+        "facts": f"{len(kept):,} of {source.facts}, exported",
+        "episodes": episodes,
+        "pictures": pictures,
+        "places": places,
+    }
+    policy = (
+        "default-src 'none'; img-src data:; "
+        f"style-src '{source_hash(style)}'; script-src '{source_hash(script)}'; "
+        "base-uri 'none'; form-action 'none'"
+    )
+    head = Html(
+        f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
+        f"<style>{style}</style>\n<script>{script}</script>"
+    )
+    return run_page(head, script_json(data))
+
+
+def _add(
+    source: RunSource,
+    number: int,
+    step: dict[str, Any],
+    place: str,
+    pictures: dict[str, str],
+    places: dict[str, str],
+) -> None:
+    """Add the pictures of a step; the same picture is stored once. A lost one is noted."""
+    kinds = ["seen"] if step["no_before"] else ["seen", "clean"]
+    for kind in [] if step["lost"] else kinds:
+        try:
+            pixels = source.pixels(number, step["step"], kind == "clean")
+        except HijackError as error:
+            if kind == "seen":
+                step["lost"] = str(error)
+            else:
+                step["no_before"] = str(error)
+            continue
+        key = hashlib.sha256(pixels.tobytes()).hexdigest()[:24]
+        if key not in pictures:
+            height, width = pixels.shape[:2]
+            pictures[key] = embed(pixels, scale_for((height, width), WIDTH)).uri
+        places[f"{kind}/{place}"] = key

@@ -1,0 +1,406 @@
+"""The episodes of a run, one light entry each, from its journal and its folders.
+
+The journal comes first. Episodes that it does not name, or whose line is damaged, are taken from
+their folders: so a cut journal loses nothing, and each entry says what is wrong with it.
+"""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hijack_data.plan import CLEAN
+from hijack_data.runs.run_log import (
+    CHAINED,
+    EPISODE,
+    EPISODES,
+    RECORDS,
+    RUN,
+    VERSION,
+    digest_of,
+)
+
+from ...errors import DatasetError
+from ...readers.fields import FieldError, listed, mapping
+from ...readers.files import parse, parse_file
+
+SUCCESS = "success"
+PARTIAL = "partial"
+FAILURE = "failure"
+AGENT_ERROR = "agent error"
+MACHINE_ERROR = "machine error"
+INVALID = "invalid"
+UNFINISHED = "unfinished"
+UNREADABLE = "unreadable"
+# In the order in which the page lists them.
+OUTCOMES = (
+    SUCCESS,
+    PARTIAL,
+    FAILURE,
+    AGENT_ERROR,
+    MACHINE_ERROR,
+    INVALID,
+    UNFINISHED,
+    UNREADABLE,
+)
+SAID = 160  # characters of the agent's last words that the search looks at
+NOTE = 300  # characters of why an episode ended that the list shows
+NEEDED = ("agent", "task", "corruption", "status", "id")
+TEXTS = (
+    "agent",
+    "task",
+    "corruption",
+    "outcome",
+    "seed",
+    "instruction",
+    "note",
+    "said",
+    "problem",
+)
+NUMBERS = ("score", "steps", "seconds", "tokens", "usd", "attempt")
+_ID = re.compile(rb'"id": ?"([^"\\]{1,200})"')
+
+
+@dataclass(kw_only=True, slots=True)
+class EpisodeEntry:
+    """What the list of episodes shows of one.
+
+    Args:
+        id: that of the episode; empty if it is not known.
+        agent: its name.
+        task: its id.
+        corruption: its label.
+        seed: of the corruption, and of the task where that is another, as text.
+        attempt: from 0.
+        outcome: one of `OUTCOMES`.
+        score: 0..1, or `None`.
+        steps: actions that the agent took.
+        seconds: how long it took.
+        tokens: read and written by models.
+        usd: what they cost.
+        instruction: of the task.
+        note: why it ended as it did.
+        said: the agent's last words, cut off.
+        number: of its line in the journal, from 1; 0 if it has none.
+        counts: whether the report counts it.
+        problem: what is wrong with the files, or "".
+    """
+
+    id: str
+    agent: str = ""
+    task: str = ""
+    corruption: str = ""
+    seed: str = ""
+    attempt: int = 0
+    outcome: str = UNREADABLE
+    score: float | None = None
+    steps: int | None = None
+    seconds: float | None = None
+    tokens: int | None = None
+    usd: float | None = None
+    instruction: str = ""
+    note: str = ""
+    said: str = ""
+    number: int = 0
+    counts: bool = False
+    problem: str = ""
+
+
+@dataclass(kw_only=True)
+class RunListing:
+    """All episodes that a folder shows, and what is wrong with the journal as a whole."""
+
+    entries: list[EpisodeEntry]
+    lines: list[bytes]
+    problems: list[str]
+
+
+def read_listing(
+    folder: Path,
+    version: int,
+    head: bytes,
+) -> RunListing:
+    """Read all entries of a run.
+
+    Args:
+        folder: of the run.
+        version: of its log.
+        head: the content of `run.json`, which the first line of the journal names; empty if it
+            cannot be read.
+
+    Raises:
+        DatasetError: the folder of the episodes cannot be read.
+    """
+    lines = _lines(folder)
+    listing = RunListing(entries=[], lines=[], problems=[])
+    if lines is not None:
+        listing.lines = lines
+        chained = version >= CHAINED
+        _read_journal(folder, listing, head if chained else None)
+    known = {entry.id for entry in listing.entries}
+    for name in _homes(folder):
+        if name not in known:
+            listing.entries.append(_from_folder(folder, name, lines is not None))
+    return listing
+
+
+def entry_of(record: Mapping[str, Any]) -> EpisodeEntry:
+    """Return the entry of a record; whatever is missing stays empty."""
+    seed = word(record.get("seed"))
+    variant = word(record.get("task_seed"))
+    if variant and variant != seed:
+        seed = f"{seed} / {variant}"
+    usage = record.get("usage")
+    used: Mapping[str, Any] = usage if isinstance(usage, dict) else {}
+    note = record.get("problem") or record.get("reason") or ""
+    return EpisodeEntry(
+        id=word(record.get("id")),
+        agent=word(record.get("agent")),
+        task=word(record.get("task")),
+        corruption=word(record.get("corruption")),
+        seed=seed,
+        attempt=int(number(record.get("attempt")) or 0),
+        outcome=outcome_of(record),
+        score=number(record.get("score")),
+        steps=_whole(record.get("steps")),
+        seconds=number(record.get("seconds")),
+        tokens=_tokens(used),
+        usd=number(used.get("usd")),
+        instruction=word(record.get("instruction")),
+        note=word(note)[:NOTE],
+        said=word(record.get("said"))[:SAID],
+        counts=_counts(record),
+        problem=_version_problem(record),
+    )
+
+
+def outcome_of(record: Mapping[str, Any]) -> str:
+    """Return which of `OUTCOMES` a record is."""
+    status = record.get("status")
+    score = number(record.get("score"))
+    if status == "invalid":
+        return INVALID
+    if status == "error":
+        return AGENT_ERROR if record.get("cause", "agent") == "agent" else MACHINE_ERROR
+    if status != "ok" or score is None:
+        return UNREADABLE
+    if score >= 1:
+        return SUCCESS
+    return PARTIAL if score > 0 else FAILURE
+
+
+def word(value: object) -> str:
+    """Return a value as text; nothing for `None`."""
+    if isinstance(value, str):
+        return value
+    if value is None:
+        return ""
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def number(value: object) -> float | None:
+    """Return a number that JSON and people can take; `None` for anything else, and for NaN."""
+    kind = type(value)
+    if kind is not int and kind is not float:
+        return None
+    return value if -1e15 < value < 1e15 else None  # type: ignore[operator]
+
+
+def _whole(value: object) -> int | None:
+    found = number(value)
+    return None if found is None else int(found)
+
+
+def _tokens(usage: Mapping[str, Any]) -> int | None:
+    counts = [number(usage.get(key)) for key in ("input_tokens", "output_tokens")]
+    known = [count for count in counts if count is not None]
+    return int(sum(known)) if known else None
+
+
+def _counts(record: Mapping[str, Any]) -> bool:
+    """Return whether the report counts an episode: the rule of `online_env.bench.scores`."""
+    if record.get("status") != "error":
+        return record.get("status") == "ok"
+    cause = record.get("cause", "agent")
+    again = (number(record.get("attempt")) or 0) > 0
+    return cause == "agent" or (cause == "machine" and again)
+
+
+def _version_problem(record: Mapping[str, Any]) -> str:
+    version = record.get("version", 1)
+    if isinstance(version, int) and version <= VERSION:
+        return ""
+    return f"was written by version {version!r} of the log; this library knows 1 to {VERSION}"
+
+
+def _lines(folder: Path) -> list[bytes] | None:
+    """Return the lines of the journal; `None` if there is none."""
+    try:
+        return (folder / RECORDS).read_bytes().split(b"\n")
+    except OSError:
+        return None
+
+
+def _read_journal(
+    folder: Path,
+    listing: RunListing,
+    before: bytes | None,
+) -> None:
+    """Add the entries of the journal; `before` is what its first line must name, if anything."""
+    last: EpisodeEntry | None = None
+    for place, line in enumerate(listing.lines, 1):
+        if not line.strip():
+            continue
+        record: Mapping[str, Any] = {}
+        try:
+            record = mapping(parse(line), "")
+            entry = _checked(record)
+        except FieldError as error:
+            entry = _damaged(folder, line, f"line {place} of {RECORDS}: {error}")
+        if before and record:  # a head that cannot be read is no link
+            _check_link(record, before, last, listing.problems)
+        before = None if before is None else line
+        last = entry
+        if entry.id:
+            entry.number = place
+            listing.entries.append(entry)
+        else:
+            listing.problems.append(entry.problem)
+
+
+def _checked(record: Mapping[str, Any]) -> EpisodeEntry:
+    for name in NEEDED:
+        if not isinstance(record.get(name), str):
+            raise FieldError(name, "is missing, or no text")
+    return entry_of(record)
+
+
+def _check_link(
+    record: Mapping[str, Any],
+    before: bytes,
+    last: EpisodeEntry | None,
+    problems: list[str],
+) -> None:
+    """Note that the line before is not what it was when the next one was written."""
+    if "previous" not in record:
+        told = f"lines of {RECORDS} do not name the hash of the line before"
+        problems += [] if told in problems else [told]
+        return
+    if record["previous"] == digest_of(before):
+        return
+    if last is None:
+        problems.append(f"{RUN} was changed after the run began, or the first record was removed")
+    elif not last.problem:
+        last.problem = (
+            f"line {last.number} of {RECORDS} was changed, or one after it removed: the next line"
+            " names another hash"
+        )
+
+
+def _damaged(
+    folder: Path,
+    line: bytes,
+    why: str,
+) -> EpisodeEntry:
+    """Return the entry of a line that cannot be read, from the folder that it names if it can."""
+    found = _ID.search(line)
+    name = found[1].decode("utf-8", "replace") if found else ""
+    if name and (folder / EPISODES / name).is_dir():
+        entry = _from_folder(folder, name, False)
+        entry.problem = f"{why}; shown from its folder"
+        return entry
+    entry = _named(name)
+    entry.problem = why
+    entry.note = why
+    return entry
+
+
+def _homes(folder: Path) -> list[str]:
+    """Return the names of the episodes' folders.
+
+    Raises:
+        DatasetError: they cannot be listed.
+    """
+    try:
+        return sorted(path.name for path in (folder / EPISODES).iterdir() if path.is_dir())
+    except FileNotFoundError:
+        return []
+    except OSError as error:
+        reason = error.strerror or error
+        raise DatasetError(f"{folder / EPISODES}: cannot be read ({reason})") from None
+
+
+def _from_folder(
+    folder: Path,
+    name: str,
+    journal: bool,
+) -> EpisodeEntry:
+    """Return the entry of an episode that the journal does not have, from its own record."""
+    entry = _named(name)
+    path = folder / EPISODES / name / EPISODE
+    if not path.exists():
+        entry.outcome = UNFINISHED
+        entry.note = "has no record: it is being played, or was broken off"
+        return entry
+    try:
+        found = entry_of(parse_file(path))
+    except FieldError as error:
+        entry.problem = f"{EPISODE}: {error}"
+        entry.note = entry.problem
+        return entry
+    found.id = name
+    if journal and not found.problem:
+        found.problem = f"{RECORDS} has no line of it; shown from its {EPISODE}"
+    return found
+
+
+def _named(name: str) -> EpisodeEntry:
+    """Return the entry of an episode of which only the id is known, with what the id shows."""
+    parts = name.split("__")
+    if len(parts) < 4:
+        return EpisodeEntry(id=name, task=name)
+    return EpisodeEntry(
+        id=name,
+        task=parts[0],
+        corruption=parts[1],
+        seed=parts[2].removeprefix("s"),
+        agent=parts[3],
+    )
+
+
+def columns(entries: list[EpisodeEntry], config: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the entries by columns: text as codes of its values, numbers as they are.
+
+    Agents and corruptions come in the order of the configuration, as far as it names them.
+    """
+    first = {
+        "agent": _listed(config.get("agents")),
+        "corruption": [CLEAN, *_listed(config.get("corruptions"))],
+        "outcome": [*OUTCOMES],
+    }
+    texts = {name: [getattr(entry, name) for entry in entries] for name in TEXTS}
+    coded = {name: _coded(values, first.get(name, [])) for name, values in texts.items()}
+    return {
+        "ids": [entry.id for entry in entries],
+        "counts": [int(entry.counts) for entry in entries],
+        "texts": coded,
+        "numbers": {name: [getattr(entry, name) for entry in entries] for name in NUMBERS},
+    }
+
+
+def _coded(values: list[str], first: list[str]) -> dict[str, Any]:
+    present = set(values)
+    known = {value: k for k, value in enumerate(dict.fromkeys(v for v in first if v in present))}
+    codes = [known.setdefault(value, len(known)) for value in values]
+    return {"values": list(known), "codes": codes}
+
+
+def _listed(entries: object) -> list[str]:
+    """Return the names in a list of the configuration."""
+    found: list[str] = []
+    for entry in listed(entries):
+        if isinstance(entry, dict):
+            entry = entry.get("id") or entry.get("name")
+        found.append(word(entry))
+    return found
