@@ -68,14 +68,19 @@ def install(profiles: tuple[str, ...]) -> None:
     show_default=True,
     help="The profiles that must be there.",
 )
+@click.option("--image", help="Look at what a desktop from this image needs.")
 @click.option("--json", "as_json", is_flag=True, help="Print a JSON list.")
-def doctor(profiles: tuple[str, ...], as_json: bool) -> None:
+def doctor(
+    profiles: tuple[str, ...],
+    image: str | None,
+    as_json: bool,
+) -> None:
     """List what is there, what is missing, and the command that repairs it."""
     from .embedded import doctor as examiner
     from .embedded import packages
 
     packages.packages(profiles)
-    checks = examiner.diagnose(profiles)
+    checks = examiner.diagnose(profiles, image)
     if as_json:
         click.echo(json.dumps([vars(check) for check in checks], indent=1))
     else:
