@@ -187,7 +187,7 @@ def build(
             log = folder / "build.log"
             log.unlink(missing_ok=True)
             python = _fill(fresh, choice, paths, log, say)
-            found = _describe(fresh, recipe, choice, python)
+            found = describe(fresh, recipe, choice, python)
             cache.publish(fresh, found)
         cache.name_it(folder, called, found.id)
         say(f"image {called} ({found.id}): {found.summary}")
@@ -375,12 +375,17 @@ def _forget_days(path: Path) -> None:
     path.chmod(mode & 0o7777)
 
 
-def _describe(
+def describe(
     fresh: Path,
     recipe: Recipe,
     choice: Choice,
     python: Sequence[Part],
 ) -> Manifest:
+    """Write the manifest of the image in `fresh`, and the list of its files, beside them.
+
+    Raises:
+        DesktopImageError: A file is a device, a socket or a pipe.
+    """
     entries = [tree.look(path, fresh) for path in tree.walk(fresh)]
     listed = tree.listing(entries)
     (fresh / manifest.FILES).write_text(listed, encoding="utf-8")
