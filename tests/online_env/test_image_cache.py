@@ -192,7 +192,8 @@ def repack(path, change):
         tarfile.open(fileobj=out, mode="w") as new,
     ):
         for info in old:
-            content = old.extractfile(info).read() if info.isfile() else b""
+            file = old.extractfile(info) if info.isfile() else None
+            content = b"" if file is None else file.read()
             info, content = change(info, content)
             if info is not None:
                 info.size = len(content)
@@ -295,6 +296,7 @@ def test_a_killed_process_leaves_nothing_half(folder):
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     process = subprocess.Popen(command, stdout=subprocess.PIPE, env=environment, text=True)
     try:
+        assert process.stdout is not None
         assert process.stdout.readline() == "half\n"
         assert len(list(folder.glob(".building-*"))) == 1
         assert cache.images() == {}
@@ -313,6 +315,7 @@ def test_a_second_build_waits_and_says_for_whom(folder):
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     said = []
     with subprocess.Popen(command, stdout=subprocess.PIPE, env=environment, text=True) as process:
+        assert process.stdout is not None
         assert process.stdout.readline() == "half\n"
         with cache.writing(said.append):
             assert process.wait(10) == 0

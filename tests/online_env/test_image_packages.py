@@ -12,7 +12,7 @@ import pytest
 from hijack_data.errors import StorageError
 from hijack_data.files import unwritable
 from online_env.embedded.image import build, chamber, debian, guest, sources
-from online_env.embedded.image.manifest import Manifest, Part
+from online_env.embedded.image.manifest import Manifest, Pin
 from online_env.errors import DesktopImageError
 
 STANZAS = """Package: app
@@ -94,7 +94,7 @@ def test_equal_versions_are_written_in_several_ways():
 
 
 def test_a_closure_takes_what_is_there_anyway_and_the_newest():
-    index = debian.Index.of(debian.parse(STANZAS, "https://x.test"))
+    index = debian.PackageIndex.of(debian.parse(STANZAS, "https://x.test"))
     found = {package.name: package for package in index.closure(["app"])}
     # `helper` needs the second of the shells, so the first is not wanted
     assert set(found) == {"app", "lib", "helper", "other-shell", "exim"}
@@ -105,12 +105,12 @@ def test_a_closure_takes_what_is_there_anyway_and_the_newest():
 
 def test_a_choice_that_nothing_settles_takes_the_first():
     text = STANZAS.replace(", helper:any", "")
-    index = debian.Index.of(debian.parse(text, ""))
+    index = debian.PackageIndex.of(debian.parse(text, ""))
     assert "shell" in {package.name for package in index.closure(["app"])}
 
 
 def test_what_nothing_provides_is_named():
-    index = debian.Index.of(debian.parse(STANZAS, ""))
+    index = debian.PackageIndex.of(debian.parse(STANZAS, ""))
     with pytest.raises(DesktopImageError, match="no package provides nowhere"):
         index.closure(["app", "nowhere"])
 
@@ -163,7 +163,7 @@ def archive(tmp_path):
     sources_of_it = sources.from_mirror(f"file://{tmp_path}", f"file://{tmp_path}")
     for source in sources_of_it:
         write_suite(tmp_path, source.suite, STANZAS)
-    return [sources.Source(s.url, s.suite, None) for s in sources_of_it]
+    return [sources.AptSource(s.url, s.suite, None) for s in sources_of_it]
 
 
 def write_suite(
@@ -198,7 +198,7 @@ def test_an_archive_without_a_signature_is_refused_unless_it_is_asked_for(archiv
 def test_an_archive_that_another_one_signed_is_refused(archive, tmp_path):
     keys = tmp_path / "keys.gpg"
     keys.write_bytes(b"")
-    signed = [sources.Source(archive[0].url, archive[0].suite, keys)]
+    signed = [sources.AptSource(archive[0].url, archive[0].suite, keys)]
     with pytest.raises(DesktopImageError, match="its signature is not one of"):
         sources.read(signed, "amd64")
 
@@ -212,7 +212,7 @@ def test_an_index_that_was_changed_is_refused(archive, tmp_path):
 
 
 def test_no_network_names_what_would_be_fetched(tmp_path):
-    nowhere = [sources.Source(f"file://{tmp_path}/none", "bookworm", None)]
+    nowhere = [sources.AptSource(f"file://{tmp_path}/none", "bookworm", None)]
     with pytest.raises(DesktopImageError, match=r"none/dists/bookworm/InRelease.*a network"):
         sources.read(nowhere, "amd64", unsigned=True)
 
@@ -292,7 +292,7 @@ def test_what_is_no_package_is_refused(tmp_path, data):
 
 
 def test_a_manifest_pins_every_package(archive, monkeypatch):
-    part = Part("other-shell", "0.9", "f" * 64)
+    part = Pin("other-shell", "0.9", "f" * 64)
     pinned = Manifest("bookworm", "amd64", ("core",), "tls", (part,), (), 0, 0, "")
     monkeypatch.setattr(build, "architecture", lambda: "amd64")
     recipe = build.Recipe(("core",), tuple(archive), True, pinned, ("other-shell",))
@@ -303,7 +303,7 @@ def test_a_manifest_pins_every_package(archive, monkeypatch):
         "amd64",
         ("core",),
         "tls",
-        (Part("other-shell", "1", "16"),),
+        (Pin("other-shell", "1", "16"),),
         (),
         0,
         0,

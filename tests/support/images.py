@@ -3,11 +3,11 @@
 from pathlib import Path
 
 from online_env.embedded.image import build, cache, tree
-from online_env.embedded.image.manifest import Manifest, Part
+from online_env.embedded.image.manifest import Manifest, Pin
 
 RECIPE = build.Recipe(("core",), ())
 CHOICE = build.Choice((), (), "signature")
-PYTHON = (Part("h11", "0.16.0", "0" * 64),)
+PYTHON = (Pin("h11", "0.16.0", "0" * 64),)
 
 
 def fill(folder: Path, text: str = "hello") -> Manifest:

@@ -19,7 +19,7 @@ from ...errors import DesktopImageError
 from .. import packages
 from . import cache, chamber, debian, guest, manifest, sources, tree
 from .cache import Report
-from .manifest import Manifest, Part
+from .manifest import Manifest, Pin
 
 # Translations and manuals, which no desktop needs; copyright files stay.
 EXCLUDED = (
@@ -76,7 +76,7 @@ class Recipe:
     """
 
     profiles: tuple[str, ...]
-    sources: tuple[sources.Source, ...]
+    sources: tuple[sources.AptSource, ...]
     unsigned: bool = False
     pinned: Manifest | None = None
     packages: tuple[str, ...] | None = None
@@ -200,7 +200,7 @@ def _fill(
     paths: dict[str, Path],
     log: Path,
     say: Report,
-) -> list[Part]:
+) -> list[Pin]:
     began = time.time() - 1
     root = fresh / cache.ROOT
     _prepare(root, choice, paths)
@@ -379,7 +379,7 @@ def describe(
     fresh: Path,
     recipe: Recipe,
     choice: Choice,
-    python: Sequence[Part],
+    python: Sequence[Pin],
 ) -> Manifest:
     """Write the manifest of the image in `fresh`, and the list of its files, beside them.
 
@@ -394,7 +394,7 @@ def describe(
         architecture=architecture(),
         profiles=recipe.profiles,
         trust=choice.trust,
-        packages=tuple(Part(p.name, p.version, p.sha256) for p in choice.all),
+        packages=tuple(Pin(p.name, p.version, p.sha256) for p in choice.all),
         python=tuple(python),
         files=len(entries),
         size=sum(entry.size for entry in entries),

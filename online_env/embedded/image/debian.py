@@ -144,7 +144,7 @@ def _weight(letter: str) -> int:
 
 
 @dataclass
-class Index:
+class PackageIndex:
     """The newest version of each package of some archives.
 
     Attributes:
@@ -156,7 +156,7 @@ class Index:
     providers: dict[str, list[str]] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, packages: Iterable[Package]) -> "Index":
+    def of(cls, packages: Iterable[Package]) -> "PackageIndex":
         """The index of `packages`, in which a name may come several times."""
         index = cls()
         for package in packages:

@@ -11,7 +11,7 @@ import shutil
 from pathlib import Path
 
 from ...errors import DesktopImageError
-from .manifest import Part
+from .manifest import Pin
 
 # Distributions, with what they need themselves.
 NEEDED = (
@@ -39,7 +39,7 @@ PROOF = (
 )
 
 
-def install(folder: Path) -> list[Part]:
+def install(folder: Path) -> list[Pin]:
     """Copy the packages into `folder`.
 
     Returns:
@@ -49,7 +49,7 @@ def install(folder: Path) -> list[Part]:
         DesktopImageError: One is not installed here, or is not pure Python.
     """
     folder.mkdir()
-    found: list[Part] = []
+    found: list[Pin] = []
     for name in (*NEEDED, *OPTIONAL):
         try:
             found.append(_copy(importlib.metadata.distribution(name), folder))
@@ -62,7 +62,7 @@ def install(folder: Path) -> list[Part]:
     return sorted(found, key=lambda part: part.name)
 
 
-def _copy(distribution: importlib.metadata.Distribution, folder: Path) -> Part:
+def _copy(distribution: importlib.metadata.Distribution, folder: Path) -> Pin:
     name = distribution.metadata["Name"].lower()
     if "Root-Is-Purelib: true" not in (distribution.read_text("WHEEL") or ""):
         raise DesktopImageError(
@@ -80,4 +80,4 @@ def _copy(distribution: importlib.metadata.Distribution, folder: Path) -> Part:
         target.chmod(0o644)
         lines.append(f"{hashlib.sha256(source.read_bytes()).hexdigest()}  {file}\n")
     text = "".join(lines).encode()
-    return Part(name, distribution.version, hashlib.sha256(text).hexdigest())
+    return Pin(name, distribution.version, hashlib.sha256(text).hexdigest())

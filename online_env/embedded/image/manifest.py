@@ -24,7 +24,7 @@ ID_DIGITS = 16
 
 
 @dataclass(frozen=True)
-class Part:
+class Pin:
     """A package of Debian, or a Python package for the guest server.
 
     Attributes:
@@ -58,8 +58,8 @@ class Manifest:
     architecture: str
     profiles: tuple[str, ...]
     trust: str
-    packages: tuple[Part, ...]
-    python: tuple[Part, ...]
+    packages: tuple[Pin, ...]
+    python: tuple[Pin, ...]
     files: int
     size: int
     files_sha256: str
@@ -130,5 +130,5 @@ def _from_json(data: dict[str, Any], where: str) -> Manifest:
         ) from None
 
 
-def _parts(entries: Iterable[dict[str, str]]) -> tuple[Part, ...]:
-    return tuple(Part(**entry) for entry in entries)
+def _parts(entries: Iterable[dict[str, str]]) -> tuple[Pin, ...]:
+    return tuple(Pin(**entry) for entry in entries)

@@ -38,7 +38,7 @@ Report = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class Source:
+class AptSource:
     """One suite of one archive.
 
     Attributes:
@@ -52,14 +52,14 @@ class Source:
     keyring: Path | None
 
 
-def from_machine(apt: Path = APT) -> list[Source]:
+def from_machine(apt: Path = APT) -> list[AptSource]:
     """The Debian 12 archives in the machine's apt configuration.
 
     Raises:
         DesktopImageError: There is none, as on every other distribution.
     """
     paths = [apt / "sources.list", *sorted((apt / "sources.list.d").glob("*"))]
-    found: list[Source] = []
+    found: list[AptSource] = []
     for path in paths:
         if path.suffix not in (".list", ".sources") or not path.is_file():
             continue
@@ -76,7 +76,7 @@ def from_mirror(
     mirror: str,
     security: str | None = None,
     keyring: Path | None = None,
-) -> list[Source]:
+) -> list[AptSource]:
     """The suites of a mirror of Debian.
 
     Args:
@@ -90,9 +90,9 @@ def from_mirror(
     if keyring is not None and not keyring.is_file():
         raise DesktopImageError(f"--keyring {keyring}: there is no such file")
     keys = keyring or _default_keyring()
-    found = [Source(_url(mirror), suite, keys) for suite in (SUITE, f"{SUITE}-updates")]
+    found = [AptSource(_url(mirror), suite, keys) for suite in (SUITE, f"{SUITE}-updates")]
     if security:
-        found.append(Source(_url(security), f"{SUITE}-security", keys))
+        found.append(AptSource(_url(security), f"{SUITE}-security", keys))
     return found
 
 
@@ -106,9 +106,9 @@ def _default_keyring() -> Path | None:
     return KEYRING if KEYRING.is_file() else None
 
 
-def _stanzas(text: str) -> list[Source]:
+def _stanzas(text: str) -> list[AptSource]:
     """Sources in the format deb822 (sources.list(5))."""
-    found: list[Source] = []
+    found: list[AptSource] = []
     for stanza in re.split(r"\n\s*\n", text):
         fields = dict(re.findall(r"^([A-Za-z-]+):[ \t]*(.*)$", stanza, re.M))
         is_off = fields.get("Enabled", "yes").strip().lower() in ("no", "false", "0")
@@ -123,9 +123,9 @@ def _stanzas(text: str) -> list[Source]:
     return found
 
 
-def _lines(text: str) -> list[Source]:
+def _lines(text: str) -> list[AptSource]:
     """Sources in the format of one line each (sources.list(5))."""
-    found: list[Source] = []
+    found: list[AptSource] = []
     for line in re.findall(r"^\s*deb\s+(.*)$", text, re.M):
         options = re.match(r"\[([^]]*)\]\s*", line)
         rest = line[options.end() :] if options else line
@@ -140,14 +140,14 @@ def _sources(
     suites: Iterable[str],
     components: Iterable[str],
     signed_by: str,
-) -> list[Source]:
+) -> list[AptSource]:
     if COMPONENT not in components:
         return []
     keyring = Path(signed_by)
     known = keyring if signed_by.startswith("/") and keyring.is_file() else _default_keyring()
     wanted = [s for s in suites if s in (SUITE, f"{SUITE}-updates", f"{SUITE}-security")]
     return [
-        Source(url.rstrip("/"), suite, known)
+        AptSource(url.rstrip("/"), suite, known)
         for url in urls
         for suite in wanted
         if urlsplit(url).scheme in SCHEMES
@@ -155,10 +155,10 @@ def _sources(
 
 
 def read(
-    sources: Iterable[Source],
+    sources: Iterable[AptSource],
     architecture: str,
     unsigned: bool = False,
-) -> tuple[debian.Index, str]:
+) -> tuple[debian.PackageIndex, str]:
     """Read the indices of all sources.
 
     Args:
@@ -178,10 +178,10 @@ def read(
         release, known = _release(source, unsigned)
         trust = min(trust, known, key=TRUST.index)
         packages += debian.parse(_index(source, release, architecture), source.url)
-    return debian.Index.of(packages), trust
+    return debian.PackageIndex.of(packages), trust
 
 
-def _release(source: Source, unsigned: bool) -> tuple[str, str]:
+def _release(source: AptSource, unsigned: bool) -> tuple[str, str]:
     url = f"{source.url}/dists/{source.suite}/InRelease"
     raw = fetch(url)
     if source.keyring is not None and shutil.which("gpgv"):
@@ -222,7 +222,7 @@ def _check_signature(raw: bytes, keyring: Path) -> str | None:
 
 
 def _index(
-    source: Source,
+    source: AptSource,
     release: str,
     architecture: str,
 ) -> str:
