@@ -114,6 +114,8 @@ def test_all_nine_are_applied_proved_and_undone(desktop, name):
     assert done.ok, done.saw
     for record in reversed(done.records):
         assert resume(record, desktop).undo().ok
+    if name == "accidental_touch":  # who knows what it opened
+        desktop.reset()
 
 
 def test_reset_is_pristine(image):
