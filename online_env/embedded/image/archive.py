@@ -20,7 +20,7 @@ from . import manifest, tree
 from .manifest import Manifest
 from .tree import Entry
 
-LEVEL = 10
+LEVEL = 6
 SUFFIX = ".tar.zst"
 # Nobody's manifest is larger; a damaged file must not fill the memory.
 _MOST = {manifest.NAME: 16 << 20, manifest.FILES: 256 << 20}
