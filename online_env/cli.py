@@ -17,6 +17,7 @@ from hijack_data.errors import ParameterError
 
 from .corrupting import Ledger, corrupt
 from .desktops.protocol import RunResult
+from .embedded.image.cli import image as image_commands
 from .errors import DesktopError
 from .privilege import as_root
 
@@ -29,6 +30,7 @@ def desktop() -> None:
 
 
 desktop.add_command(corrupt)
+desktop.add_command(image_commands)
 
 
 @desktop.command()
@@ -66,14 +68,19 @@ def install(profiles: tuple[str, ...]) -> None:
     show_default=True,
     help="The profiles that must be there.",
 )
+@click.option("--image", help="Look at what a desktop from this image needs.")
 @click.option("--json", "as_json", is_flag=True, help="Print a JSON list.")
-def doctor(profiles: tuple[str, ...], as_json: bool) -> None:
+def doctor(
+    profiles: tuple[str, ...],
+    image: str | None,
+    as_json: bool,
+) -> None:
     """List what is there, what is missing, and the command that repairs it."""
     from .embedded import doctor as examiner
     from .embedded import packages
 
     packages.packages(profiles)
-    checks = examiner.diagnose(profiles)
+    checks = examiner.diagnose(profiles, image)
     if as_json:
         click.echo(json.dumps([vars(check) for check in checks], indent=1))
     else:
@@ -109,12 +116,17 @@ def _print_check(check: Any) -> None:
 @click.option(
     "--osworld", is_flag=True, help="OSWorld's routes without a token, sudo without a password."
 )
+@click.option(
+    "--image",
+    help="Start from this image, or `host`.  [default: $AGENTHIJACK_IMAGE, else host]",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the record as JSON.")
 def up(
     size: str,
     name: str | None,
     apps: tuple[str, ...],
     osworld: bool,
+    image: str | None,
     as_json: bool,
 ) -> None:
     """Start a desktop; it runs until `hijack desktop down`."""
@@ -122,7 +134,15 @@ def up(
     from .embedded.runtime.rootless import LACKING
 
     start = time.monotonic()
-    handle = Handle(make_order(_size(size), name, apps, osworld=osworld, lifeline=False))
+    order = make_order(
+        _size(size),
+        name,
+        apps,
+        osworld=osworld,
+        lifeline=False,
+        image=image,
+    )
+    handle = Handle(order)
     record = handle.wait()
     handle.release()
     if as_json:

@@ -23,6 +23,10 @@ class RootRequiredError(DesktopError, PermissionError):
     """Only root may do this; the message says what works without root."""
 
 
+class DesktopImageError(DesktopError):
+    """An image of the desktop cannot be built, read or used; the message names its file."""
+
+
 class UnknownDesktopError(DesktopError, KeyError):
     """A desktop id is not registered."""
 

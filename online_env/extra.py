@@ -27,6 +27,7 @@ MODULES = (
     "openpyxl",
     "docx",
     "pptx",
+    "zstandard",
 )
 
 

@@ -39,6 +39,7 @@ class EmbeddedDesktop:
         standby: bool = False,
         osworld: bool = False,
         time_out: float = 60.0,
+        image: str | None = None,
     ) -> "EmbeddedDesktop":
         """Start a desktop and wait until it is usable.
 
@@ -51,10 +52,20 @@ class EmbeddedDesktop:
                 one more.
             osworld: open OSWorld's routes without a token and let sudo work without a password.
             time_out: seconds until a desktop counts as failed.
+            image: the image that it starts from (`hijack desktop image`), by name or id; `host` for
+                the machine's own packages. Without it `$AGENTHIJACK_IMAGE` decides, and else
+                `host`.
 
         If it does not start, it is a `DesktopError` (or a subclass) with the reason and the log.
         """
-        order = handle.make_order(size, name, tuple(apps), osworld=osworld, time_out=time_out)
+        order = handle.make_order(
+            size,
+            name,
+            tuple(apps),
+            osworld=osworld,
+            time_out=time_out,
+            image=image,
+        )
         supply = Supply(order, standby=standby)
         try:
             return cls(supply, supply.next())

@@ -17,6 +17,7 @@ from ..errors import MissingPackageError
 from ..privilege import as_root
 from . import home, packages, registry
 from .handle import PACKAGES
+from .image import doctor as images
 from .runtime import limits, rootless
 
 # Does in a few milliseconds what a desktop needs of the kernel, in a process of its own, and leaves
@@ -78,21 +79,29 @@ class Finding:
     required: bool = True
 
 
-def diagnose(profiles: Iterable[str] = ("web",)) -> list[Finding]:
-    """All findings; those of profiles that were not asked for are not `required`."""
+def diagnose(profiles: Iterable[str] = ("web",), image: str | None = None) -> list[Finding]:
+    """All findings.
+
+    Args:
+        profiles: the packages of others are not `required`.
+        image: of the desktop (see `EmbeddedDesktop.up`); with one, no packages are.
+    """
     wanted = {"core", *profiles}
     wanted |= set(packages.PROFILES) if packages.ALL in wanted else set()
-    checks = [_system(), _root()]
-    checks += [_packages(name, name in wanted) for name in packages.PROFILES]
+    with_image = images.is_asked_for(image)
+    checks = [_system(with_image), _root()]
+    checks += [_packages(name, name in wanted and not with_image) for name in packages.PROFILES]
+    checks += [Finding(*finding) for finding in images.findings(image)]
     return [*checks, _modules(), _kernel(), _users(), _layer(), _limits(), _orphans()]
 
 
-def _system() -> Finding:
+def _system(with_image: bool) -> Finding:
     name = f"{platform.system()} {platform.release()}"
-    fix = "use a desktop of your own over HTTP (docs/bring_your_own_vm.md)"
-    return Finding(
-        "system", platform.system() == "Linux" and bool(shutil.which("apt-get")), name, fix
-    )
+    if platform.system() != "Linux":
+        fix = "use a desktop of your own over HTTP (docs/bring_your_own_vm.md)"
+        return Finding("system", False, name, fix)
+    fix = "hijack desktop image build, and then: hijack desktop up --image web"
+    return Finding("system", with_image or bool(shutil.which("apt-get")), name, fix)
 
 
 def _root() -> Finding:
@@ -147,11 +156,8 @@ def _kernel() -> Finding:
         place.rmdir()
     if done.returncode == 0:
         return Finding("namespaces", True, "namespaces and overlay mounts work")
-    switch = rootless.switched_off()
-    fix = "in a container, start it with: docker run --privileged ..."
-    if os.geteuid() != 0:
-        fix = f"sudo {switch}" if switch else as_root("desktop", "...")
-    return Finding("namespaces", False, done.stderr.strip().splitlines()[-1], fix)
+    reason = (done.stderr.strip().splitlines() or ["the probe said nothing"])[-1]
+    return Finding("namespaces", False, reason, rootless.way_out(reason))
 
 
 def _layer() -> Finding:

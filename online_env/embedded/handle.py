@@ -16,6 +16,7 @@ from hijack_data.types import Size, as_size
 from .. import extra
 from ..errors import DesktopError, DesktopTimeoutError, RootRequiredError
 from . import home, registry
+from .image import cache
 from .runtime import masks, session
 from .runtime.plain import DesktopConfig
 
@@ -36,6 +37,7 @@ def make_order(
     osworld: bool = False,
     lifeline: bool = True,
     time_out: float = 60.0,
+    image: str | None = None,
 ) -> DesktopConfig:
     """Check the options of a desktop, and order it.
 
@@ -48,9 +50,12 @@ def make_order(
         osworld: open OSWorld's routes without a token and let sudo work without a password.
         lifeline: whether the desktop ends with this process.
         time_out: seconds until it counts as failed.
+        image: the image that it starts from, or `host` for the machine's own packages; without it
+            `$AGENTHIJACK_IMAGE` decides, and else `host`.
 
     Raises:
         ParameterError: A value is out of range.
+        DesktopImageError: There is no such image.
         RootRequiredError: An option needs root.
     """
     height, width = as_size(size)
@@ -68,6 +73,7 @@ def make_order(
         )
     extra.require("an embedded desktop")
     me = os.getpid()
+    found = cache.chosen(image)
     return DesktopConfig(
         name=name,
         screen=(width, height),
@@ -81,6 +87,7 @@ def make_order(
         lifeline=lifeline,
         controller=(me, registry.process_start(me)) if lifeline else None,
         time_out=time_out,
+        image="" if found is None else str(found),
     )
 
 

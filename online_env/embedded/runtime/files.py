@@ -1,7 +1,8 @@
-"""The file system of one desktop: the machine's system folders, and over them a layer in memory.
+"""The file system of one desktop: system folders, and over them a layer in memory.
 
     upper  tmpfs, limited in size, gone with the desktop
-    lower  the machine's /usr, /etc, /var, /opt; for the home the golden home (home.py)
+    lower  /usr, /etc, /var, /opt of an image, or else the machine's own; for the home the golden
+           home (home.py)
 
 Nothing else of the machine is there, and nothing of ours: what the desktop needs written is made in
 the upper folders before they are laid over the machine's, and what it must not see is covered there
@@ -20,6 +21,7 @@ from .identity import Identity
 from .network import WEB_ADDRESS
 from .plain import DesktopConfig, SetupError
 
+ROOT = Path("/")
 SYSTEM_FOLDERS = ("bin", "sbin", "lib", "lib32", "lib64", "libx32", "usr", "etc", "var", "opt")
 EMPTY_FOLDERS = ("boot", "media", "mnt", "srv")
 DEVICES = ("null", "zero", "full", "random", "urandom", "tty")
@@ -44,7 +46,7 @@ CHANGED_FILES = (
     Path("etc/resolv.conf"),
     Path("etc/machine-id"),
 )
-SUDO_RULES = Path("/etc/sudoers.d")
+SUDO_RULES = Path("etc/sudoers.d")
 MACHINE_ID = "6a7d1e0c5b8f4c2e9d3a0f1b2c4d5e6f"
 QUIET = kernel.MS_NOSUID | kernel.MS_NODEV
 
@@ -73,9 +75,9 @@ def enter_root(
     _pivot(root)
 
 
-def shown_folders() -> list[Path]:
-    """The folders of the machine that a desktop is laid over."""
-    paths = [Path("/", name) for name in SYSTEM_FOLDERS]
+def shown_folders(system: str = "/") -> list[Path]:
+    """The folders that a desktop is laid over, below the root `system`."""
+    paths = [Path(system, name) for name in SYSTEM_FOLDERS]
     return [path for path in paths if path.is_dir() and not path.is_symlink()]
 
 
@@ -85,20 +87,22 @@ def fill_upper(
     identity: Identity,
 ) -> None:
     """Write what lies over the system folders into `upper`, as it is to look from `/` on."""
-    for path in shown_folders():
+    system = Path(order.system)
+    for path in shown_folders(order.system):
         _same_folder(upper / path.name, path)
     for name in CHANGED_FILES:
-        _copy(name, upper)
-    if SUDO_RULES.is_dir():
-        _same_folder(upper / SUDO_RULES.relative_to("/"), SUDO_RULES)
-    _merge(Path(order.layer, "system"), upper)
+        _copy(system / name, upper / name)
+    if (system / SUDO_RULES).is_dir():
+        _same_folder(upper / SUDO_RULES, system / SUDO_RULES)
+    _merge(Path(order.layer, "system"), upper, system)
     account.write_account(upper, passwordless_sudo=order.osworld)
     etc = upper / "etc"
     (etc / "resolv.conf").write_text(f"nameserver {WEB_ADDRESS}\n", encoding="ascii")
     (etc / "machine-id").write_text(f"{MACHINE_ID}\n", encoding="ascii")
-    install_guest_files(upper)
-    name_browser(upper)
-    for path in order.hidden:
+    install_guest_files(upper, system)
+    name_browser(upper, system)
+    # Nothing of the machine's is in an image.
+    for path in () if order.image else order.hidden:
         hide(Path(path), upper)
     for path in (upper, *upper.rglob("*")):
         found = path.lstat()
@@ -146,9 +150,7 @@ def _is_mapped(found: os.stat_result) -> bool:
     return int(text[2]) > max(found.st_uid, found.st_gid)
 
 
-def _copy(name: Path, upper: Path) -> None:
-    source = Path("/") / name
-    target = upper / name
+def _copy(source: Path, target: Path) -> None:
     is_readable = os.access(source, os.R_OK)
     target.write_bytes(source.read_bytes() if is_readable else b"")
     if source.exists():
@@ -158,19 +160,23 @@ def _copy(name: Path, upper: Path) -> None:
             os.chown(target, found.st_uid, found.st_gid)
 
 
-def _merge(source: Path, upper: Path) -> None:
-    """Copy a tree into `upper`, with new folders as the machine's of that name are."""
+def _merge(
+    source: Path,
+    upper: Path,
+    system: Path,
+) -> None:
+    """Copy a tree into `upper`, with new folders as the system's of that name are."""
     for path in sorted(source.rglob("*")):
         name = path.relative_to(source)
         if path.is_dir():
-            _same_folder(upper / name, Path("/") / name)
+            _same_folder(upper / name, system / name)
         else:
             shutil.copyfile(path, upper / name)
 
 
-def install_guest_files(upper: Path) -> None:
+def install_guest_files(upper: Path, system: Path = ROOT) -> None:
     """Copy the commands (`bin`) and the pyautogui module (`shim`) that the user's programs see."""
-    _same_folder(upper / LOCAL_BIN, Path("/") / LOCAL_BIN)
+    _same_folder(upper / LOCAL_BIN, system / LOCAL_BIN)
     for name in ("bin", "shim"):
         target = upper / LOCAL_BIN / name
         for path, copy in _guest_files(name, target):
@@ -190,13 +196,13 @@ def _guest_files(name: str, target: Path) -> Iterator[tuple[Path, Path]]:
             yield path, target / path.relative_to(source)
 
 
-def name_browser(upper: Path) -> None:
+def name_browser(upper: Path, system: Path = ROOT) -> None:
     """Give Chromium a second name, `chrome`.
 
-    OSWorld's tasks end it with `pkill chrome`, which goes by the file. If the machine has none, the
+    OSWorld's tasks end it with `pkill chrome`, which goes by the file. If the system has none, the
     command that starts it goes: whoever looks for a browser finds that there is none.
     """
-    source = Path("/") / CHROMIUM
+    source = system / CHROMIUM
     if not (source / "chromium").exists():
         (upper / LOCAL_BIN / "bin" / "google-chrome").unlink(missing_ok=True)
         return
@@ -215,9 +221,9 @@ def _system(
     identity: Identity,
 ) -> None:
     kernel.bind(str(root), str(root))  # a mount of its own, to become the root
-    shown = shown_folders()
+    shown = shown_folders(order.system)
     for name in SYSTEM_FOLDERS:
-        path = Path("/", name)
+        path = Path(order.system, name)
         if path in shown:
             (root / name).mkdir()
             _overlay(path, name, root / name, order, identity)
@@ -254,7 +260,7 @@ def _overlay(
     order: DesktopConfig,
     identity: Identity,
 ) -> None:
-    """Lay `up/name` over the machine's folder `source`.
+    """Lay `up/name` over the folder `source`.
 
     Raises:
         SetupError: The file system does not allow it.

@@ -70,7 +70,7 @@ class Init:
         A part that does not come up is a `SetupError`.
         """
         kernel.rename("init")
-        self.nest = Nest(self.order, self.identity, self._open_log)
+        self.nest = Nest(self.order, self.identity, self.logs)
         self.running[self.nest.pid] = NEST
         kernel.unshare(kernel.CLONE_NEWNS)
         files.enter_root(self.order, self.identity, self.folder)

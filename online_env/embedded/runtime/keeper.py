@@ -78,6 +78,7 @@ def _facts(order: DesktopConfig) -> dict[str, Any]:
         "apps": list(order.apps),
         "osworld": order.osworld,
         "rootless": order.rootless,
+        "image": os.path.basename(order.image),
     }
 
 
@@ -96,7 +97,7 @@ def _keep(
     token_file.touch(mode=0o600)
     token_file.write_text(token, encoding="ascii")
     internet = Internet(order, name)
-    shown = [*map(str, files.shown_folders()), f"{order.layer}/home"]
+    shown = [*map(str, files.shown_folders(order.system)), f"{order.layer}/home"]
     who = identity.make(record["slot"], order.rootless, shown)
     who.give(folder / "logs", 0)  # process 1 writes there
     doors = Doors.make(order.screen, folder, who)

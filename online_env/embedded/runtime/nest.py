@@ -13,10 +13,10 @@ import signal
 import socket
 import sys
 import traceback
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from typing import NoReturn
 
-from . import kernel, limits, seccomp, session
+from . import image_python, kernel, limits, seccomp, session
 from .identity import Identity
 from .plain import DesktopConfig
 
@@ -30,7 +30,7 @@ class Nest:
     Args:
         order: of the desktop.
         identity: of the desktop's processes.
-        log: opens the log of a program by its name.
+        logs: descriptor of the folder of the logs.
 
     All methods raise `OSError` where it has ended.
     """
@@ -39,13 +39,13 @@ class Nest:
         self,
         order: DesktopConfig,
         identity: Identity,
-        log: Callable[[str], int],
+        logs: int,
     ) -> None:
         self._line, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self.pid = os.fork()
         if self.pid == 0:
             self._line.close()
-            _Nursery(order, identity, theirs, log).run()
+            _Nursery(order, identity, theirs, logs).begin()
         theirs.close()
 
     def follow(self) -> None:
@@ -103,18 +103,28 @@ class _Nursery:
         order: DesktopConfig,
         identity: Identity,
         line: socket.socket,
-        log: Callable[[str], int],
+        logs: int,
     ) -> None:
         self.order = order
         self.identity = identity
         self.line = line
-        self.log = log
+        self.logs = logs
 
-    def run(self) -> NoReturn:
+    def begin(self) -> NoReturn:
+        """Run, in the image's Python if the desktop has an image."""
         try:
-            kernel.rename("session")
             self._to_log("nest")
             self.identity.give_open(2, 0)  # process 1 reads it
+            if self.order.image:
+                image_python.become(self.order, self.identity, self.line, self.logs)
+            self.run()
+        finally:
+            _end()
+
+    def run(self) -> NoReturn:
+        """Load a guest server, come into the desktop, and do what process 1 asks for."""
+        try:
+            kernel.rename("session")
             self._load()
             self._come_in()
             while True:
@@ -126,11 +136,15 @@ class _Nursery:
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
             signal.signal(number, signal.SIG_DFL)
         os.environ["OPENBLAS_NUM_THREADS"] = "1"  # no threads: they would not survive a fork
-        sys.path[:0] = self.order.search_path
+        if not self.order.image:
+            sys.path[:0] = self.order.search_path
+        from .. import windows  # what `_become` reports with  # noqa: F401
         from ..guest import __main__ as guest
         from ..guest import preload
 
         preload.everything()
+        if self.order.image:
+            image_python.forget_modules()
         self.guest = guest
         gc.freeze()
 
@@ -195,9 +209,36 @@ class _Nursery:
             _end()
 
     def _to_log(self, name: str) -> None:
-        log = self.log(name)
+        flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND
+        log = os.open(f"{name}.log", flags, 0o600, dir_fd=self.logs)
         for target, source in ((0, os.open("/dev/null", os.O_RDONLY)), (1, log), (2, log)):
             os.dup2(source, target)
+
+
+def resume(
+    text: int,
+    line: int,
+    logs: int,
+    namespace: int,
+    base: int,
+    rootless: int,
+) -> NoReturn:
+    """Go on where `image_python.become` stopped, in the image's Python.
+
+    Args:
+        text: descriptor of the order, in JSON.
+        line: descriptor of the socket to process 1.
+        logs: descriptor of the folder of the logs.
+        namespace: descriptor of the identity's user namespace.
+        base: of the identity.
+        rootless: of the identity.
+    """
+    with open(text, encoding="utf-8") as file:
+        order = DesktopConfig.from_json(file.read())
+    for descriptor in (line, logs, namespace):
+        os.set_inheritable(descriptor, False)
+    identity = Identity(namespace, base, bool(rootless))
+    _Nursery(order, identity, socket.socket(fileno=line), logs).run()
 
 
 def _end() -> NoReturn:

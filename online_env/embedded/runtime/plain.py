@@ -32,6 +32,7 @@ class DesktopConfig:
         processes: how many there may be.
         memory: bytes of one process, and of the desktop beside its files.
         environment: variables for the programs of its session.
+        image: the folder of the image that it starts from; empty for the machine's own packages.
     """
 
     name: str | None
@@ -50,6 +51,12 @@ class DesktopConfig:
     processes: int = 2048
     memory: int = 4 << 30
     environment: dict[str, str] = field(default_factory=dict)
+    image: str = ""
+
+    @property
+    def system(self) -> str:
+        """The root of the system folders that the desktop is laid over."""
+        return f"{self.image}/root" if self.image else "/"
 
     def to_json(self) -> str:
         """One line of JSON."""

@@ -41,6 +41,36 @@ def switched_off() -> str:
     return ""
 
 
+def way_out(reason: str) -> str:
+    """What lets namespaces be made where the kernel refused them, in one line.
+
+    Args:
+        reason: the kernel's refusal, as `kernel` words it.
+    """
+    is_root = os.geteuid() == 0
+    switch = "" if is_root else switched_off()
+    if switch:
+        return f"sudo {switch}"
+    if "mount overlay" in reason and not is_root:
+        return f"use Linux 5.11 or newer, or run it as root: {as_root('desktop', '...')}"
+    if "No space left" in reason:
+        return "sudo sysctl user.max_user_namespaces=10000 user.max_net_namespaces=10000"
+    if in_container():
+        return (
+            "start the container with: docker run --privileged ..., or as a user inside with"
+            " --security-opt seccomp=unconfined --security-opt apparmor=unconfined"
+            " --security-opt systempaths=unconfined"
+        )
+    return "give this process CAP_SYS_ADMIN" if is_root else as_root("desktop", "...")
+
+
+def in_container() -> bool:
+    """Whether this process runs in a container of Docker, Podman or Kubernetes."""
+    if any(Path(path).exists() for path in ("/.dockerenv", "/run/.containerenv")):
+        return True
+    return "KUBERNETES_SERVICE_HOST" in os.environ
+
+
 def enter() -> None:
     """Make this process root of a new user namespace with its own network and mounts.
 

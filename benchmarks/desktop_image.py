@@ -1,0 +1,188 @@
+"""Images of the desktop in figures: size, building, import, and a desktop from one beside the host's.
+
+`--image NAME` is measured (any that is there, if not given). `--build PROFILE` builds that profile
+once more into a folder of its own, from packages that were fetched before; `--parts` chooses.
+"""
+
+import argparse
+import os
+import shutil
+import statistics
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from common import machine, table
+
+from online_env.embedded import packages
+from online_env.embedded.desktop import EmbeddedDesktop
+from online_env.embedded.image import archive, build, cache, sources
+
+PARTS = ("sizes", "file", "desktop", "shared")
+KINDS = (cache.HOST, "image")
+
+
+def shown(seconds: list[float]) -> str:
+    """Return the least, the median and the greatest of some seconds."""
+    numbers = (min(seconds), statistics.median(seconds), max(seconds))
+    return " / ".join(f"{number:.2f}" for number in numbers)
+
+
+def timed(work: Callable[[], object]) -> float:
+    """Return the seconds that `work` takes."""
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
+def sizes() -> None:
+    """Print what each profile would fetch."""
+    archives = tuple(sources.from_machine())
+    rows: list[list[str]] = []
+    for profile in packages.PROFILES:
+        recipe = build.Recipe(build.normal_profiles([profile]), archives)
+        chosen = build.choose(recipe).all
+        size = sum(package.size for package in chosen)
+        rows.append([", ".join(recipe.profiles), str(len(chosen)), f"{size / 1e6:.0f} MB"])
+    print(table(["profiles of an image", "packages", "to fetch"], rows))
+
+
+def building(profile: str) -> None:
+    """Build an image in a folder of its own, with the packages that the cache has."""
+    kept = cache.place()
+    with tempfile.TemporaryDirectory(prefix="images-", dir=kept.parent) as folder:
+        os.environ[cache.VARIABLE] = folder
+        place = cache.ensure_place()
+        for path in (kept / "packages").glob("*.deb"):
+            os.link(path, place / "packages" / path.name)
+        recipe = build.Recipe(build.normal_profiles([profile]), tuple(sources.from_machine()))
+        start = time.perf_counter()
+        _, found = build.build(recipe, "again", print)
+        seconds = time.perf_counter() - start
+        os.environ[cache.VARIABLE] = str(kept)
+        known = found.id in cache.images()
+    print(f"{profile}: {seconds:.0f} s, {found.summary}, id {found.id}, known before: {known}")
+
+
+def as_file(name: str) -> None:
+    """Time export, import and verify, and a desktop from the imported file."""
+    made = cache.resolve(name)
+    kept = cache.place()
+    rows: list[list[str]] = []
+    with tempfile.TemporaryDirectory(prefix="images-", dir=kept.parent) as folder:
+        file = Path(folder, "image.tar.zst")
+        rows.append(["export", f"{timed(lambda: archive.write(made, file)):.1f} s"])
+        rows.append(["the file", f"{file.stat().st_size / 1e6:.0f} MB"])
+        os.environ[cache.VARIABLE] = str(Path(folder, "images"))
+        start = time.perf_counter()
+        cache.import_file(file, "copy", print)
+        rows.append(["import", f"{time.perf_counter() - start:.1f} s"])
+        with EmbeddedDesktop.up(image="copy") as desktop:
+            desktop.screenshot()
+            seconds = time.perf_counter() - start
+        rows.append(["from the file to the first screenshot", f"{seconds:.1f} s"])
+        copied = cache.resolve("copy")
+        rows.append(["verify", f"{timed(lambda: cache.verify(copied)):.1f} s"])
+        used = sum(path.lstat().st_blocks for path in copied.rglob("*")) * 512
+        rows.append(["on disk", f"{used / 1e6:.0f} MB"])
+        os.environ[cache.VARIABLE] = str(kept)
+        shutil.rmtree(Path(folder, "images"))
+    print(table([f"image {name}", "measured"], rows))
+
+
+def memory(desktop: EmbeddedDesktop, field: str = "Pss") -> float:
+    """Return what a desktop with its keeper and sites takes, in MiB.
+
+    `Pss` shares the pages of files among all that use them, other desktops of the machine included;
+    `Pss_Anon` leaves files out.
+    """
+    total = 0
+    waiting = [desktop.record["keeper"][0]]
+    while waiting:
+        pid = waiting.pop()
+        process = Path(f"/proc/{pid}")
+        try:
+            lines = (process / "smaps_rollup").read_text().splitlines()
+            children = (process / f"task/{pid}/children").read_text()
+        except OSError:
+            continue
+        waiting += map(int, children.split())
+        total += sum(int(line.split()[1]) for line in lines if line.startswith(f"{field}:"))
+    return total / 1024
+
+
+def measured(image: str) -> dict[str, float]:
+    """Measure a desktop once: up, cold reset, tree, memory."""
+    found: dict[str, float] = {}
+    start = time.perf_counter()
+    with EmbeddedDesktop.up(image=image, apps=("editor",)) as desktop:
+        found["up, editor open, s"] = time.perf_counter() - start
+        found["reset, cold, s"] = timed(desktop.reset)
+        desktop.accessibility()
+        found["tree, s"] = min(timed(desktop.accessibility) for _ in range(5))
+        found["screenshot, s"] = min(timed(desktop.screenshot) for _ in range(5))
+        time.sleep(2)
+        found["memory (PSS), MiB"] = memory(desktop)
+        found["of it not files' pages, MiB"] = memory(desktop, "Pss_Anon")
+    return found
+
+
+def beside(name: str, runs: int) -> None:
+    """Measure desktops from the image and from the machine's packages, in turn."""
+    for kind in KINDS:
+        measured(name if kind == "image" else kind)  # warm the page cache
+    found: dict[str, list[dict[str, float]]] = {kind: [] for kind in KINDS}
+    for _ in range(runs):
+        for kind in KINDS:
+            found[kind].append(measured(name if kind == "image" else kind))
+    rows: list[list[str]] = []
+    for what in found["image"][0]:
+        host, image = ([one[what] for one in found[kind]] for kind in KINDS)
+        ratio = statistics.median(image) / statistics.median(host)
+        digits = [f"{statistics.median(values):.3g}" for values in (host, image)]
+        rows.append([what, *digits, f"{ratio:.2f}"])
+    print(table([f"median of {runs}", "host-based", "from the image", "ratio"], rows))
+
+
+def shared(name: str, number: int) -> None:
+    """Measure what desktops side by side take each: the system's files are shared."""
+    desktops = [EmbeddedDesktop.up(image=name, apps=("editor",))]
+    try:
+        time.sleep(2)
+        alone = memory(desktops[0])
+        desktops += [EmbeddedDesktop.up(image=name, apps=("editor",)) for _ in range(number - 1)]
+        time.sleep(2)
+        each = statistics.mean(memory(desktop) for desktop in desktops)
+    finally:
+        for desktop in desktops:
+            desktop.close()
+    print(f"memory (PSS) of one alone {alone:.0f} MiB, of {number} each {each:.0f} MiB")
+
+
+def main() -> None:
+    """Measure what was asked for."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--image", default="")
+    parser.add_argument("--build", help="build this profile, too")
+    parser.add_argument("--runs", type=int, default=5)
+    parser.add_argument("--number", type=int, default=4)
+    parser.add_argument("--parts", default=",".join(PARTS))
+    options = parser.parse_args()
+    parts = options.parts.split(",")
+    print(machine())
+    if options.build:
+        building(options.build)
+    name = options.image or next(iter(cache.names()), "")
+    if "sizes" in parts:
+        sizes()
+    if "file" in parts:
+        as_file(name)
+    if "desktop" in parts:
+        beside(name, options.runs)
+    if "shared" in parts:
+        shared(name, options.number)
+
+
+if __name__ == "__main__":
+    main()

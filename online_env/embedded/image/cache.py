@@ -1,0 +1,316 @@
+"""The images of this machine, each in a folder that is named by its content.
+
+    images/ID/manifest.json, files.jsonl, root/ (Debian), guest/ (Python packages)
+    images/names/NAME     the id that the name stands for
+    images/packages/      Debian's packages that were fetched
+
+A folder gets its name when it is complete. What a killed process left has another name, and the
+next one that writes here removes it.
+"""
+
+import errno
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from hijack_data.errors import ParameterError, StorageError, suggest
+from hijack_data.files import unwritable, write_atomic
+from hijack_data.locking import LockedError, lock
+
+from ...errors import DesktopImageError
+from .. import home, registry
+from . import archive, debian, manifest, tree
+from .manifest import Manifest
+
+VARIABLE = "AGENTHIJACK_IMAGES"
+CHOICE = "AGENTHIJACK_IMAGE"
+HOST = "host"  # in the place of a name: the machine's own packages
+ROOT = "root"
+GUEST = "guest"
+BUILDING = ".building-"
+REMOVED = ".removed-"
+_NAMES = "names"
+_LETTERS = frozenset("abcdefghijklmnopqrstuvwxyz0123456789-.")
+_LONGEST = 40
+# What the files of an image take on a disk, beyond their sizes: blocks, folders.
+_ROOM = 1.15
+Report = Callable[[str], None]
+
+
+def place() -> Path:
+    """The folder of the images: `$AGENTHIJACK_IMAGES`, or `images` beside the golden homes."""
+    given = os.environ.get(VARIABLE)
+    return Path(given).absolute() if given else home.PARENT / "images"
+
+
+def ensure_place() -> Path:
+    """The folder of the images, made where it is missing.
+
+    Others may not look into it: some programs of an image run as the owner of their files.
+
+    Raises:
+        DesktopImageError: It belongs to somebody else, or its disk runs no programs.
+    """
+    folder = place()
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        for name in (_NAMES, "packages"):
+            (folder / name).mkdir(exist_ok=True)
+    except OSError as error:
+        raise unwritable(folder, error) from None
+    if folder.stat().st_uid != os.geteuid():
+        raise DesktopImageError(f"{folder} belongs to another user; set {VARIABLE} to a folder")
+    if is_noexec(folder):
+        raise DesktopImageError(
+            f"{folder}: no programs may run from there (mounted with noexec); set {VARIABLE} to a"
+            " folder on another disk"
+        )
+    return folder
+
+
+def is_noexec(folder: Path) -> bool:
+    """Whether the file system of `folder`, or of what is above it, runs no programs."""
+    while not folder.exists():
+        folder = folder.parent
+    return bool(os.statvfs(folder).f_flag & os.ST_NOEXEC)
+
+
+@contextmanager
+def writing(report: Report) -> Iterator[Path]:
+    """Hold the cache: one process at a time builds, imports or removes. Yields its folder.
+
+    Args:
+        report: is told whom this one waits for.
+
+    Raises:
+        DesktopImageError: The folder cannot be used.
+    """
+    folder = ensure_place()
+    path = folder / ".lock"
+    try:
+        held = lock(path)
+    except LockedError as error:
+        report(f"waiting: {folder} is being written by {error.holder}")
+        held = lock(path, wait=True)
+    with held:
+        held.sign()
+        for left in (*folder.glob(f"{BUILDING}*"), *folder.glob(f"{REMOVED}*")):
+            tree.remove(left)
+        yield folder
+
+
+@contextmanager
+def workshop(folder: Path) -> Iterator[Path]:
+    """A folder to make an image in; nothing is left of it unless `publish` renamed it."""
+    fresh = Path(tempfile.mkdtemp(prefix=BUILDING, dir=folder))
+    try:
+        yield fresh
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise StorageError(f"{fresh}: the disk is full; free some space") from None
+        raise
+    finally:
+        tree.remove(fresh)
+
+
+def publish(fresh: Path, found: Manifest) -> Path:
+    """Give a complete image its place, unless it is there already. Returns that place."""
+    final = fresh.parent / found.id
+    if not final.is_dir():
+        fresh.chmod(0o755)
+        os.sync()
+        fresh.rename(final)
+    return final
+
+
+def name_it(
+    folder: Path,
+    name: str,
+    image: str,
+) -> None:
+    """Let `name` stand for the image with the id `image`; before, it may have stood for another."""
+    write_atomic(folder / _NAMES / check_name(name), f"{image}\n")
+
+
+def check_name(name: str) -> str:
+    """Return `name` if an image may be called so.
+
+    Raises:
+        ParameterError: It may not.
+    """
+    if not 1 <= len(name) <= _LONGEST or not set(name) <= _LETTERS or name[0] in "-.":
+        raise ParameterError(
+            f"image name {name!r} must be 1 to {_LONGEST} of a-z, 0-9, '-' and '.', and begin with"
+            " a letter or digit"
+        )
+    if name == HOST:
+        raise ParameterError(f"no image can be called {HOST!r}: that means the machine's packages")
+    return name
+
+
+def names() -> dict[str, str]:
+    """The ids of the images by their names; names of images that are gone are left out."""
+    folder = place()
+    found: dict[str, str] = {}
+    for path in sorted((folder / _NAMES).glob("[!.]*")):
+        image = path.read_text(encoding="ascii", errors="replace").strip()
+        if image and (folder / image / manifest.NAME).is_file():
+            found[path.name] = image
+    return found
+
+
+def images() -> dict[str, Manifest]:
+    """The manifests of all images by their ids.
+
+    Raises:
+        DesktopImageError: One is damaged.
+    """
+    paths = sorted(place().glob(f"[!.]*/{manifest.NAME}"))
+    return {path.parent.name: manifest.read(path) for path in paths}
+
+
+def resolve(name: str) -> Path:
+    """The folder of an image, by its name or the beginning of its id.
+
+    Raises:
+        DesktopImageError: There is none, or several, or it is for another architecture.
+    """
+    known = names()
+    folder = place()
+    ids = [path.parent.name for path in sorted(folder.glob(f"[!.]*/{manifest.NAME}"))]
+    chosen = [known[name]] if name in known else [i for i in ids if name and i.startswith(name)]
+    if len(chosen) != 1:
+        listed = ", ".join([*known, *(i for i in ids if i not in known.values())]) or "none"
+        problem = f"{len(chosen)} images begin with" if chosen else "no image"
+        raise DesktopImageError(
+            f"{problem} {name!r}{suggest(name, list(known))}; there are: {listed}. `hijack desktop"
+            " image build` makes one, `hijack desktop image import FILE` reads one"
+        )
+    found = folder / chosen[0]
+    check_architecture(manifest.read(found / manifest.NAME), str(found))
+    for part in (ROOT, GUEST):
+        if not (found / part).is_dir():
+            raise DesktopImageError(f"{found / part} is missing; build or import the image again")
+    return found
+
+
+def check_architecture(found: Manifest, where: str) -> None:
+    """Check that this machine can run an image.
+
+    Raises:
+        DesktopImageError: It is for another architecture.
+    """
+    machine = os.uname().machine
+    own = debian.ARCHITECTURES.get(machine, machine)
+    if found.architecture != own:
+        raise DesktopImageError(
+            f"{where}: is for {found.architecture}, and this machine is {own}; build one here with"
+            " `hijack desktop image build`"
+        )
+
+
+def chosen(name: str | None) -> Path | None:
+    """The image for a desktop, or `None` for the machine's own packages.
+
+    Args:
+        name: of the image, or `host`; without it, `$AGENTHIJACK_IMAGE` decides, and else `host`.
+
+    Raises:
+        DesktopImageError: There is no such image.
+    """
+    wanted = name or os.environ.get(CHOICE) or HOST
+    return None if wanted == HOST else resolve(wanted)
+
+
+def check_room(folder: Path, size: float) -> None:
+    """Check that a disk has room for an image.
+
+    Raises:
+        StorageError: It has not.
+    """
+    free = shutil.disk_usage(folder).free
+    if free < size * _ROOM:
+        raise StorageError(
+            f"{folder}: {size * _ROOM / 1e6:.0f} MB are needed and {free / 1e6:.0f} MB are free;"
+            f" free some, or set {VARIABLE} to a folder on another disk"
+        )
+
+
+def import_file(
+    path: Path,
+    name: str | None,
+    report: Report,
+) -> tuple[str, Manifest]:
+    """Read an image from a file into the cache.
+
+    Args:
+        path: the file.
+        name: what to call it; by its profiles, if not given.
+        report: is told whom this process waits for.
+
+    Returns:
+        The name, and the manifest.
+
+    Raises:
+        DesktopImageError: The file is cut off, damaged, changed, or for another machine.
+        StorageError: The disk has no room.
+    """
+    found = archive.read_manifest(path)
+    check_architecture(found, str(path))
+    called = check_name(name or default_name(found.profiles))
+    with writing(report) as folder:
+        if not (folder / found.id).is_dir():
+            check_room(folder, found.size)
+            with workshop(folder) as fresh:
+                publish(fresh, archive.unpack(path, fresh))
+        name_it(folder, called, found.id)
+    return called, found
+
+
+def default_name(profiles: tuple[str, ...]) -> str:
+    """What an image is called if nobody says otherwise: its profiles, `core` only if alone."""
+    return "-".join(name for name in profiles if name != "core") or "core"
+
+
+def verify(folder: Path) -> list[str]:
+    """What is not as the manifest says in the image at `folder`: a line for each file.
+
+    Raises:
+        DesktopImageError: The manifest itself is damaged.
+    """
+    found = manifest.read(folder / manifest.NAME)
+    if found.id != folder.name:
+        return [f"{folder / manifest.NAME}: was changed: its id is {found.id}"]
+    listed = folder / manifest.FILES
+    if not listed.is_file() or tree.digest(listed) != found.files_sha256:
+        return [f"{listed}: is missing or was changed"]
+    entries = tree.parse(listed.read_text(encoding="utf-8"), str(listed))
+    return list(tree.differences(folder, entries, (manifest.NAME, manifest.FILES)))
+
+
+def remove(name: str, report: Report) -> str:
+    """Remove an image and its names; returns its id.
+
+    Raises:
+        DesktopImageError: There is none, or a desktop runs from it.
+    """
+    with writing(report) as folder:
+        known = names()
+        image = known.get(name) or resolve(name).name
+        users = [record["id"] for record in registry.records() if record.get("image") == image]
+        if users:
+            raise DesktopImageError(
+                f"image {name!r} is in use by {', '.join(users)}; end them first: hijack desktop"
+                f" down {users[0]}"
+            )
+        for other, target in known.items():
+            if target == image:
+                (folder / _NAMES / other).unlink()
+        # By another name first: a removal that is interrupted leaves no half image.
+        gone = folder / f"{REMOVED}{image}"
+        (folder / image).rename(gone)
+        tree.remove(gone)
+    return image

@@ -1,0 +1,149 @@
+"""`hijack desktop image`: build, keep and check images of the desktop."""
+
+import json
+import sys
+from pathlib import Path
+
+import click
+
+FILE = click.Path(dir_okay=False, path_type=Path)
+
+
+@click.group()
+def image() -> None:
+    """Images of the desktop: Debian 12 with its packages, for any Linux."""
+
+
+@image.command()
+@click.option(
+    "--profile",
+    "profiles",
+    multiple=True,
+    default=("web",),
+    show_default=True,
+    help="core, web, office, media or all; may be given more than once.",
+)
+@click.option("--name", help="What to call it; by its profiles, if not given.")
+@click.option("--out", type=FILE, help="Export it to this file, too (.tar.zst).")
+@click.option("--mirror", help="URL of a Debian archive.  [default: apt's configuration here]")
+@click.option("--security", help="With --mirror: URL of the archive of security updates.")
+@click.option("--keyring", type=FILE, help="With --mirror: the keys of that archive.")
+@click.option("--unsigned", is_flag=True, help="Take archives whose signature cannot be checked.")
+@click.option("--like", type=FILE, help="Take exactly the packages of this manifest.")
+@click.option("--json", "as_json", is_flag=True, help="Print the manifest as JSON.")
+def build(
+    profiles: tuple[str, ...],
+    name: str | None,
+    out: Path | None,
+    mirror: str | None,
+    security: str | None,
+    keyring: Path | None,
+    unsigned: bool,
+    like: Path | None,
+    as_json: bool,
+) -> None:
+    """Build an image from Debian's packages; nothing is installed on this machine."""
+    from . import archive, cache, manifest, sources
+    from . import build as builder
+
+    if mirror is None:
+        found = sources.from_machine()
+    else:
+        found = sources.from_mirror(mirror, security, keyring)
+    pinned = None if like is None else manifest.read(like)
+    recipe = builder.Recipe(
+        profiles=pinned.profiles if pinned else builder.normal_profiles(profiles),
+        sources=tuple(found),
+        unsigned=unsigned,
+        pinned=pinned,
+    )
+    called, made = builder.build(recipe, name, _say)
+    if out is not None:
+        archive.write(cache.place() / made.id, out)
+        _say(f"exported to {out} ({out.stat().st_size / 1e6:.0f} MB)")
+    if as_json:
+        click.echo(made.to_json(), nl=False)
+        return
+    click.echo(f"start a desktop from it with: hijack desktop up --image {called}")
+
+
+@image.command("list")
+@click.option("--json", "as_json", is_flag=True, help="Print a JSON list.")
+def list_command(as_json: bool) -> None:
+    """List the images of this machine."""
+    from . import cache
+
+    names = cache.names()
+    rows = [
+        {
+            "id": found.id,
+            "names": [name for name, target in names.items() if target == key],
+            "suite": found.suite,
+            "architecture": found.architecture,
+            "profiles": found.profiles,
+            "size": found.size,
+            "packages": len(found.packages),
+        }
+        for key, found in cache.images().items()
+    ]
+    if as_json:
+        click.echo(json.dumps(rows, indent=1))
+        return
+    for key, found in cache.images().items():
+        called = ", ".join(name for name, target in names.items() if target == key) or "-"
+        click.echo(f"{called:16} {key}  {found.summary}")
+    if not rows:
+        click.echo(f"no images in {cache.place()}; make one with: hijack desktop image build")
+
+
+@image.command("import")
+@click.argument("file", type=FILE)
+@click.option("--name", help="What to call it; by its profiles, if not given.")
+def import_command(file: Path, name: str | None) -> None:
+    """Read an image from FILE, and check every file in it."""
+    from . import cache
+
+    called, found = cache.import_file(file, name, _say)
+    click.echo(f"image {called} ({found.id}): {found.summary}")
+
+
+@image.command()
+@click.argument("name")
+@click.argument("file", type=FILE)
+def export(name: str, file: Path) -> None:
+    """Write image NAME to FILE (.tar.zst), for `import` on another machine."""
+    from . import archive, cache
+
+    archive.write(cache.resolve(name), file)
+    click.echo(f"{file} ({file.stat().st_size / 1e6:.0f} MB)")
+
+
+@image.command()
+@click.argument("name")
+def verify(name: str) -> None:
+    """Compare every file of image NAME with its manifest; exit code 1 if one differs."""
+    from . import cache
+
+    folder = cache.resolve(name)
+    lines = cache.verify(folder)
+    for line in lines:
+        click.echo(line)
+    if lines:
+        click.echo(
+            f"{len(lines)} files differ; remove the image, and build or import it again", err=True
+        )
+        sys.exit(1)
+    click.echo(f"{folder.name}: every file is as its manifest says")
+
+
+@image.command()
+@click.argument("name")
+def remove(name: str) -> None:
+    """Remove image NAME from this machine."""
+    from . import cache
+
+    click.echo(f"image {cache.remove(name, _say)} is gone")
+
+
+def _say(text: str) -> None:
+    click.echo(text, err=True)

@@ -1,0 +1,385 @@
+"""Images of the desktop in the cache and as files: whole or not at all, and never changed
+unnoticed."""
+
+import dataclasses
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+import tarfile
+from pathlib import Path
+
+import pytest
+import zstandard
+from click.testing import CliRunner
+
+from hijack_data.errors import ParameterError, StorageError
+from online_env.embedded.image import archive, cache, doctor, manifest, tree
+from online_env.embedded.image.cli import image as commands
+from online_env.errors import DesktopImageError
+
+from support import images
+
+ROOT = Path(__file__).resolve().parents[2]
+# Writes half an image under the lock, says so, and waits to be killed.
+HALF = """
+import sys, time
+from online_env.embedded.image import cache
+with cache.writing(print) as folder, cache.workshop(folder) as fresh:
+    (fresh / "root").mkdir(mode=0o500)
+    (fresh / "manifest.json").write_text("{")
+    print("half", flush=True)
+    time.sleep(60)
+"""
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.delenv(cache.CHOICE, raising=False)
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "images"))
+    return tmp_path / "images"
+
+
+@pytest.fixture
+def packed(tmp_path):
+    """A tiny image as a file; it is not in the cache any more."""
+    made = images.publish()
+    path = tmp_path / "tiny.tar.zst"
+    archive.write(made, path)
+    cache.remove("tiny", print)
+    return path
+
+
+def run(*words):
+    return CliRunner().invoke(commands, list(words), catch_exceptions=True)
+
+
+def test_the_same_files_are_the_same_image(tmp_path):
+    made = [tmp_path / name for name in ("one", "two", "other")]
+    for path in made:
+        path.mkdir()
+    ids = [images.fill(path, "x" if path.name == "other" else "hello").id for path in made]
+    assert ids[0] == ids[1] != ids[2]
+    text = (made[0] / manifest.NAME).read_text()
+    assert str(tmp_path) not in text
+    assert manifest.read(made[0] / manifest.NAME).to_json() == text
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda data: data.update(version=2), "version 2 is newer"),
+        (lambda data: data.update(format="x"), "not the manifest of a desktop image"),
+        (lambda data: data.pop("size"), "lacks a field"),
+        (lambda data: data.update(packages=[{"name": "a"}]), "lacks a field"),
+        (lambda data: data.update(more=1), "lacks a field or has a wrong one"),
+    ],
+)
+def test_a_manifest_of_another_kind_is_refused(change, message):
+    path = images.publish() / manifest.NAME
+    data = json.loads(path.read_text())
+    change(data)
+    path.write_text(json.dumps(data))
+    with pytest.raises(DesktopImageError, match=message):
+        manifest.read(path)
+
+
+def test_an_image_goes_out_and_comes_back(packed, folder):
+    called, found = cache.import_file(packed, None, print)
+    assert called == "core"
+    made = cache.resolve("core")
+    assert made == folder / found.id
+    assert cache.resolve(found.id[:5]) == made
+    assert cache.verify(made) == []
+    program = made / "root/usr/bin/sudo"
+    assert program.stat().st_mode & 0o7777 == 0o4755
+    assert program.stat().st_mtime == tree.EPOCH
+    assert (made / "root/closed").stat().st_mode & 0o7777 == 0o700
+    assert os.readlink(made / "root/bin") == "usr/bin"
+    # the same again changes nothing, and gives another name
+    before = made.stat().st_ino
+    cache.import_file(packed, "second", print)
+    assert cache.names() == {"core": found.id, "second": found.id}
+    assert made.stat().st_ino == before
+
+
+def test_images_are_closed_to_others(folder):
+    images.publish()
+    assert folder.stat().st_mode & 0o077 == 0
+
+
+CHANGES = {
+    "content": (lambda root: (root / "etc/words").write_text("HELLO"), "etc/words: has another"),
+    "size": (lambda root: (root / "etc/words").write_text("hi"), "etc/words: has 2 bytes, not 5"),
+    "mode": (lambda root: (root / "usr/bin/sudo").chmod(0o755), "sudo: has the permissions 755"),
+    "missing": (lambda root: (root / "etc/words").unlink(), "etc/words: is missing"),
+    "more": (lambda root: (root / "etc/new").touch(), "etc/new: is not a file of the image"),
+    "kind": (
+        lambda root: [(root / "etc/words").unlink(), (root / "etc/words").mkdir()],
+        "etc/words: is a folder, not a file",
+    ),
+    "link": (
+        lambda root: [(root / "bin").unlink(), (root / "bin").symlink_to("/bin")],
+        "root/bin: has another content",
+    ),
+    "pipe": (lambda root: os.mkfifo(root / "etc/pipe"), "etc/pipe: is not a file of the image"),
+}
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_verify_says_which_file_was_changed(name):
+    change, message = CHANGES[name]
+    made = images.publish()
+    assert run("verify", "tiny").exit_code == 0
+    change(made / "root")
+    done = run("verify", "tiny")
+    assert done.exit_code == 1
+    assert message in done.output
+    assert "1 files differ" in done.output
+
+
+def test_verify_finds_a_changed_manifest_or_list():
+    made = images.publish()
+    listed = made / manifest.FILES
+    text = listed.read_text()
+    listed.write_text(text.replace("words", "WORDS"))
+    assert cache.verify(made) == [f"{listed}: is missing or was changed"]
+    listed.write_text(text)
+    path = made / manifest.NAME
+    path.write_text(path.read_text().replace("signature", "none"))
+    assert "manifest.json: was changed" in cache.verify(made)[0]
+
+
+def test_a_changed_image_is_not_exported(tmp_path):
+    made = images.publish()
+    (made / "root/etc/words").write_text("HELLO")
+    with pytest.raises(DesktopImageError, match="etc/words: is not as the image's manifest says"):
+        archive.write(made, tmp_path / "x.tar.zst")
+    assert not (tmp_path / "x.tar.zst").exists()
+
+
+@pytest.mark.parametrize("part", [0.0, 0.3, 0.6, 0.95])
+def test_a_file_that_is_cut_off_is_refused_and_leaves_nothing(
+    packed,
+    folder,
+    part,
+):
+    data = packed.read_bytes()
+    packed.write_bytes(data[: int(len(data) * part)])
+    with pytest.raises(DesktopImageError, match=r"cut off|is no image"):
+        cache.import_file(packed, None, print)
+    assert cache.images() == {}
+    assert list(folder.glob(".building-*")) == []
+
+
+def test_a_file_that_is_damaged_or_something_else_is_refused(packed, tmp_path):
+    other = tmp_path / "other.tar.zst"
+    other.write_text("words")
+    with pytest.raises(DesktopImageError, match="damaged"):
+        cache.import_file(other, None, print)
+    with pytest.raises(DesktopImageError, match="cannot be read"):
+        cache.import_file(tmp_path / "none", None, print)
+
+
+def repack(path, change):
+    """Write an image's file again, with each member as `change(info, content)` gives it."""
+    raw = zstandard.ZstdDecompressor().stream_reader(path.read_bytes())
+    out = io.BytesIO()
+    with (
+        tarfile.open(fileobj=raw, mode="r|") as old,
+        tarfile.open(fileobj=out, mode="w") as new,
+    ):
+        for info in old:
+            file = old.extractfile(info) if info.isfile() else None
+            content = b"" if file is None else file.read()
+            info, content = change(info, content)
+            if info is not None:
+                info.size = len(content)
+                new.addfile(info, io.BytesIO(content))
+    path.write_bytes(zstandard.compress(out.getvalue()))
+
+
+def test_a_tampered_file_is_named(packed, folder):
+    def change(info, content):
+        return info, b"HELLO" if info.name == "root/etc/words" else content
+
+    repack(packed, change)
+    with pytest.raises(DesktopImageError, match="root/etc/words is not as its manifest says"):
+        cache.import_file(packed, None, print)
+    assert cache.images() == {}
+
+
+def test_a_file_that_would_leave_the_folder_is_refused(packed, tmp_path):
+    def change(info, content):
+        if info.name == "root/etc/words":
+            info.name = "../../escaped"
+        return info, content
+
+    repack(packed, change)
+    with pytest.raises(DesktopImageError, match=r"'\.\./\.\./escaped' in the place of"):
+        cache.import_file(packed, None, print)
+    assert not list(tmp_path.rglob("escaped"))
+
+
+def test_what_a_list_may_not_hold():
+    for path in ("/etc/passwd", "root/../../x", "", "root//x"):
+        with pytest.raises(DesktopImageError, match="cannot be in an image"):
+            tree.parse(tree.Entry(path, "file").to_json(), "list")
+    # a file below a link would be written where that leads
+    with pytest.raises(DesktopImageError, match="list:1: is no entry"):
+        tree.parse("[1, 2]\n", "list")
+
+
+def test_an_image_with_a_file_below_a_link_is_refused(tmp_path):
+    folder = tmp_path / "made"
+    folder.mkdir()
+    (folder / "out").symlink_to(tmp_path)
+    entries = [
+        tree.Entry("out", "link", content=str(tmp_path)),
+        tree.Entry("out/escaped", "file", 0o644, 1, 0, tree.digest(_one(tmp_path))),
+    ]
+    (folder / manifest.FILES).write_text(tree.listing(entries))
+    (tmp_path / "escaped").write_text("x")
+    found = dataclasses.replace(
+        images.fill(_new(tmp_path)),
+        files_sha256=tree.digest(folder / manifest.FILES),
+    )
+    (folder / manifest.NAME).write_text(found.to_json())
+    archive.write(folder, tmp_path / "bad.tar.zst")
+    (tmp_path / "escaped").unlink()
+    with pytest.raises(DesktopImageError, match="out/escaped"):
+        archive.unpack(tmp_path / "bad.tar.zst", _new(tmp_path))
+    assert not (tmp_path / "escaped").exists()
+
+
+def _one(top):
+    (top / "one").write_text("x")
+    return top / "one"
+
+
+def _new(top):
+    path = top / f"new{len(list(top.iterdir()))}"
+    path.mkdir()
+    return path
+
+
+def test_an_image_for_another_architecture_is_refused(packed, monkeypatch):
+    cache.import_file(packed, None, print)
+    monkeypatch.setattr(cache.debian, "ARCHITECTURES", {os.uname().machine: "m68k"})
+    for act in (lambda: cache.resolve("core"), lambda: cache.import_file(packed, None, print)):
+        with pytest.raises(DesktopImageError, match="this machine is m68k"):
+            act()
+
+
+def test_a_full_disk_is_said_before_anything_is_written(packed, monkeypatch):
+    usage = type("Usage", (), {"free": 1})
+    monkeypatch.setattr(cache.shutil, "disk_usage", lambda folder: usage)
+    with pytest.raises(StorageError, match=r"MB are needed.*AGENTHIJACK_IMAGES"):
+        cache.import_file(packed, None, print)
+
+
+def test_a_folder_that_runs_no_programs_is_refused_and_found_by_the_doctor(monkeypatch):
+    flags = type("Flags", (), {"f_flag": os.ST_NOEXEC})
+    monkeypatch.setattr(cache.os, "statvfs", lambda folder: flags)
+    with pytest.raises(DesktopImageError, match=r"noexec.*AGENTHIJACK_IMAGES"):
+        images.publish()
+    place, _ = doctor.findings(None)
+    assert place[1] is False
+    assert "noexec" in place[2]
+    assert "AGENTHIJACK_IMAGES" in place[3]
+
+
+def test_a_killed_process_leaves_nothing_half(folder):
+    command = [sys.executable, "-c", HALF]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, env=environment, text=True)
+    try:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "half\n"
+        assert len(list(folder.glob(".building-*"))) == 1
+        assert cache.images() == {}
+        with pytest.raises(DesktopImageError):
+            cache.resolve("building")
+    finally:
+        process.send_signal(signal.SIGKILL)
+        process.communicate()
+    made = images.publish()
+    assert list(folder.glob(".building-*")) == []
+    assert list(cache.images()) == [made.name]
+
+
+def test_a_second_build_waits_and_says_for_whom(folder):
+    command = [sys.executable, "-c", HALF.replace("60", "1")]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    said = []
+    with subprocess.Popen(command, stdout=subprocess.PIPE, env=environment, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "half\n"
+        with cache.writing(said.append):
+            assert process.wait(10) == 0
+    holder = f"process {process.pid} on {os.uname().nodename}"
+    assert said == [f"waiting: {folder} is being written by {holder}"]
+
+
+@pytest.mark.parametrize("name", ["", "Upper", "a/b", "-x", ".x", "a_b", "x" * 41, "host"])
+def test_names_that_no_image_can_have(name):
+    with pytest.raises(ParameterError):
+        cache.check_name(name)
+
+
+def test_unknown_images_are_answered_with_those_there_are():
+    with pytest.raises(DesktopImageError, match=r"no image 'web'.*there are: none"):
+        cache.resolve("web")
+    images.publish()
+    with pytest.raises(DesktopImageError, match="did you mean 'tiny'"):
+        cache.resolve("tony")
+
+
+def test_which_image_a_desktop_starts_from(monkeypatch):
+    made = images.publish()
+    assert cache.chosen(None) is None
+    assert cache.chosen("tiny") == made
+    monkeypatch.setenv(cache.CHOICE, "tiny")
+    assert cache.chosen(None) == made
+    assert cache.chosen("host") is None
+    assert doctor.is_asked_for(None)
+    assert not doctor.is_asked_for("host")
+    monkeypatch.setenv(cache.CHOICE, "gone")
+    _, found = doctor.findings(None)
+    assert found[1] is False
+    assert "no image 'gone'" in found[2]
+
+
+def test_an_image_in_use_is_not_removed(monkeypatch):
+    made = images.publish()
+    other = images.publish("other", "other")
+    record = {"id": "d1", "image": made.name}
+    monkeypatch.setattr(cache.registry, "records", lambda: [record])
+    with pytest.raises(DesktopImageError, match="in use by d1"):
+        cache.remove("tiny", print)
+    assert cache.remove("other", print) == other.name
+    assert cache.names() == {"tiny": made.name}
+    assert not other.exists()
+
+
+def test_commands(packed):
+    assert run("list").output.startswith("no images in ")
+    assert run("import", str(packed), "--name", "web").exit_code == 0
+    assert run("list").output.startswith("web ")
+    (row,) = json.loads(run("list", "--json").output)
+    assert row["names"] == ["web"]
+    again = packed.with_name("again.tar.zst")
+    assert run("export", "web", str(again)).exit_code == 0
+    assert archive.read_manifest(again).id == row["id"]
+    assert run("remove", "web").output == f"image {row['id']} is gone\n"
+    assert "no image 'web'" in str(run("verify", "web").exception)
+
+
+def test_the_kind_of_a_file_system(tmp_path):
+    mounts = tmp_path / "mounts"
+    mounts.write_text("a / ext4 rw 0 0\nb /mem tmpfs rw 0 0\nc /memory xfs rw 0 0\n")
+    assert doctor.file_system(Path("/mem/x"), mounts) == "tmpfs"
+    assert doctor.file_system(Path("/memory"), mounts) == "xfs"
+    assert doctor.file_system(Path("/other"), mounts) == "ext4"
