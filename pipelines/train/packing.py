@@ -1,4 +1,4 @@
-"""Rollouts as data for `torch.save`: numbers, texts and tensors, which load without running code."""
+"""Rollouts as data for `torch.save`: numbers, texts and tensors, which load without code."""
 
 import json
 from collections.abc import Mapping

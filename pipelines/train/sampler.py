@@ -41,8 +41,7 @@ class Draw:
 
 
 class CorruptionSampler:
-    """Draws a corruption for each rollout (paper, section 5: "rollouts from different corrupted
-    environments"; Algorithm 10, line 7).
+    """Draws a corruption for each rollout (paper, Algorithm 10, line 7).
 
     Args:
         planner: a corruption (every rollout gets it), a `OneOf` with its odds, a `Schedule` of

@@ -73,7 +73,9 @@ def demonstrations(
         while not over:
             action, tokens = expert_answer(env)
             if stream.random() < malformed:
-                tokens = stream.choice(((SAY, NOWHERE), (CLICK, NOWHERE), (FINISH, tokens[1] % PLACES)))
+                tokens = stream.choice(
+                    ((SAY, NOWHERE), (CLICK, NOWHERE), (FINISH, tokens[1] % PLACES))
+                )
             answer = Answer(
                 action=action,
                 tokens=tokens,

@@ -66,6 +66,7 @@ class ToyEnv(gymnasium.Env[dict[str, Any], str]):
         self._seed = 0
         self._steps = 0
         self._malformed = 0
+        self._observation: dict[str, Any] = {}
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -98,18 +99,19 @@ class ToyEnv(gymnasium.Env[dict[str, Any], str]):
     def step(self, action: str) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Take one action; the reward is 1 when `DONE` is said after what was asked for.
 
-        After the end of an episode this returns the last observation, truncated.
+        When an episode ends, the screen is not drawn again: the last observation is returned, and
+        so it is by each further step, truncated.
         """
         if self.record is not None:
-            return self._seen(), 0.0, False, True, {}
+            return self._observation, 0.0, False, True, {}
         self._steps += 1
         over, score = self._act(action)
         truncated = not over and self._steps >= self._max_steps
         if over or truncated:
             self._end(score)
-        else:
-            self._disturb(self._steps)
-        return self._seen(), score, over, truncated, {}
+            return self._observation, score, over, truncated, {}
+        self._disturb(self._steps)
+        return self._seen(), score, False, False, {}
 
     def truncate(self) -> None:
         """End the episode as it stands."""
@@ -195,4 +197,5 @@ class ToyEnv(gymnasium.Env[dict[str, Any], str]):
         plan = self._plan(self._steps)
         if plan is not None and plan.ops:
             pixels = hj.apply(plan, pixels)
-        return {"screenshot": pixels, "instruction": self._task.instruction}
+        self._observation = {"screenshot": pixels, "instruction": self._task.instruction}
+        return self._observation

@@ -41,6 +41,7 @@ class ToyNetwork(nn.Module):
         self.point = nn.Conv2d(_CHANNELS, 1, 1)
         self.verb = nn.Linear(4 * _CHANNELS, 3)
         self.nowhere = nn.Embedding(3, 1)
+        nn.init.normal_(self.words.weight, std=0.3)
 
     def forward(
         self,
@@ -88,7 +89,7 @@ class ToyPolicy:
         return self._network
 
     def act(self, observations: Sequence[Observation], streams: Sequence[Stream]) -> list[Answer]:
-        """Answer each observation; two draws of its stream decide, whatever else is in the batch."""
+        """Answer each observation; two draws of its stream decide, whatever else is there."""
         draws = torch.tensor([[stream.random(), stream.random()] for stream in streams])
         with torch.inference_mode():
             what, where = self._network(*_inputs(observations))
