@@ -25,15 +25,15 @@ class CloningSettings:
         tasks: tasks that the expert shows; none of them is trained or evaluated on later.
         epochs: how often each is looked at.
         batch: turns a step.
-        learning_rate: of Adam.
+        learning_rate: of Adam, the highest; it rises and falls once.
         malformed: share of the turns that are shown in a wrong form, so that there is a form to be
             learnt.
     """
 
-    tasks: int = 320
-    epochs: int = 20
+    tasks: int = 1000
+    epochs: int = 5
     batch: int = 32
-    learning_rate: float = 2e-3
+    learning_rate: float = 6e-3
     malformed: float = 0.05
 
 
@@ -106,6 +106,12 @@ def cloned(
     policy = ToyPolicy(network)
     optimiser = torch.optim.Adam(network.parameters(), lr=settings.learning_rate)
     generator = torch.Generator().manual_seed(seed)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(
+        optimiser,
+        settings.learning_rate,
+        total_steps=settings.epochs * -(-len(turns) // settings.batch),
+        pct_start=0.1,
+    )
     for _ in range(settings.epochs):
         order = torch.randperm(len(turns), generator=generator)
         for some in order.split(settings.batch):
@@ -113,7 +119,9 @@ def cloned(
             loss = -chances.sum(1).mean()
             optimiser.zero_grad()
             loss.backward()
+            torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)
             optimiser.step()
+            schedule.step()
     return network
 
 

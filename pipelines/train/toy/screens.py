@@ -267,9 +267,6 @@ def _paint(
     elif widget.shape == "field":
         screen.fill(box, colour)
         screen.fill((x1 + 2, y1 + 2, x2 - 2, y2 - 2), WHITE)
-    elif widget.shape == "box":
-        screen.panel(box, WHITE, colour)
-        screen.fill((x1 + 2, y1 + 2, x2 - 2, y2 - 2), colour)
     else:
         for row, inset in enumerate(_round(y2 - y1)):
             screen.fill((x1 + inset, y1 + row, x2 - inset, y1 + row + 1), colour)

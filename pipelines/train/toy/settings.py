@@ -77,20 +77,20 @@ class Replication:
     trained: Mapping[str, Planner]
     untrained: Mapping[str, Planner] = field(default_factory=dict[str, Planner])
     arms: tuple[str, ...] = ("grpo", "da_grpo")
-    seeds: int = 5
+    seeds: int = 4
     epochs: int = 15
     rollouts: int = 4
     batch: int = 4
     max_steps: int = 6
-    learning_rate: float = 1e-3
+    learning_rate: float = 5e-4
     clip_low: float = 0.2
     clip_high: float = 0.3
     format_weight: float = 1.0
     replay_capacity: int = 4
     replay_when: str = "zero"
     draws: int = 1
-    start_tasks: int = 320
-    start_epochs: int = 20
+    start_tasks: int = 1000
+    start_epochs: int = 5
     source: str = ""
 
     def to_data(self) -> dict[str, Any]:

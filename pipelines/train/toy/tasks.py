@@ -10,21 +10,20 @@ from hijack_data.rng import Stream
 from hijack_data.types import Box
 
 HEIGHT, WIDTH = 64, 96
-SHAPES = ("button", "field", "knob", "box")
+SHAPES = ("button", "field", "knob")
 COLOURS = {
     "red": (204, 52, 44),
     "green": (46, 150, 70),
     "blue": (48, 92, 200),
     "yellow": (222, 184, 40),
     "purple": (138, 60, 160),
-    "orange": (232, 122, 34),
 }
 PREFIX = "toy-"
 WINDOW = (64, 44)  # width and height
 TITLE = 7  # height of the title bar
 SLOT = (20, 12)
 GRID = (3, 3)  # slots side by side, and one above the other
-WIDGETS = 6
+WIDGETS = 5
 MENU = 3  # items of a menu
 
 Goal: TypeAlias = Literal["press", "pair", "menu"]
