@@ -1,6 +1,7 @@
 """The toy desktop as a gymnasium environment, with the interface of `CorruptedEnv`."""
 
 import re
+import string
 from dataclasses import replace
 from typing import Any
 
@@ -53,10 +54,10 @@ class ToyEnv(gymnasium.Env[dict[str, Any], str]):
         self.observation_space = spaces.Dict(
             {
                 "screenshot": spaces.Box(0, 255, (HEIGHT, WIDTH, 3), np.uint8),
-                "instruction": spaces.Text(200),
+                "instruction": spaces.Text(200, charset=string.printable),
             }
         )
-        self.action_space = spaces.Text(40)
+        self.action_space = spaces.Text(40, charset=string.printable)
         self.record: dict[str, Any] | None = None
         self._defaults = {"task": task, "corruption": corruption}
         self._max_steps = max_steps
@@ -66,7 +67,7 @@ class ToyEnv(gymnasium.Env[dict[str, Any], str]):
         self._seed = 0
         self._steps = 0
         self._malformed = 0
-        self._observation: dict[str, Any] = {}
+        self._last: dict[str, Any] = {}
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -103,13 +104,13 @@ class ToyEnv(gymnasium.Env[dict[str, Any], str]):
         so it is by each further step, truncated.
         """
         if self.record is not None:
-            return self._observation, 0.0, False, True, {}
+            return dict(self._last), 0.0, False, True, {}
         self._steps += 1
         over, score = self._act(action)
         truncated = not over and self._steps >= self._max_steps
         if over or truncated:
             self._end(score)
-            return self._observation, score, over, truncated, {}
+            return dict(self._last), score, over, truncated, {}
         self._disturb(self._steps)
         return self._seen(), score, False, False, {}
 
@@ -197,5 +198,5 @@ class ToyEnv(gymnasium.Env[dict[str, Any], str]):
         plan = self._plan(self._steps)
         if plan is not None and plan.ops:
             pixels = hj.apply(plan, pixels)
-        self._observation = {"screenshot": pixels, "instruction": self._task.instruction}
-        return self._observation
+        self._last = {"screenshot": pixels.copy(), "instruction": self._task.instruction}
+        return self._last

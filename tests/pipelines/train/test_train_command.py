@@ -50,6 +50,10 @@ def files(folder: Path):
     return {str(path.relative_to(folder)): path.read_bytes() for path in found}
 
 
+def rows(path: Path):
+    return [json.loads(line) for line in path.read_text().splitlines()]
+
+
 def test_from_start_to_end_and_again(config, tmp_path):
     out = tmp_path / "out"
     done = run(config, "--out", out, "--workers", 1, "--json")
@@ -63,9 +67,9 @@ def test_from_start_to_end_and_again(config, tmp_path):
         assert gain["ci_low"] <= gain["mean"] <= gain["ci_high"]
     # equal rollouts
     assert summary["rollouts"] == {"start": 0, "grpo": 16, "da_grpo": 16}
-    met = [json.loads(line) for line in (out / "da_grpo-0" / "rollouts.jsonl").open()]
+    met = rows(out / "da_grpo-0" / "rollouts.jsonl")
     assert {row["corruption"] for row in met} == {"marks", "resolution"}
-    clean = [json.loads(line) for line in (out / "grpo-0" / "rollouts.jsonl").open()]
+    clean = rows(out / "grpo-0" / "rollouts.jsonl")
     assert {row["corruption"] for row in clean} == {"clean"}
     assert "| `da_grpo`" in (out / "table.md").read_text()
 
