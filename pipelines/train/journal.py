@@ -25,7 +25,7 @@ FORMAT = "agenthijack-training"
 VERSION = 1
 
 
-class Journal:
+class TrainJournal:
     """The files of one run.
 
     Args:
@@ -82,7 +82,7 @@ class Journal:
 
 
 def save_checkpoint(
-    journal: Journal,
+    journal: TrainJournal,
     run: Mapping[str, Any],
     state: Mapping[str, Any],
 ) -> None:
@@ -103,7 +103,7 @@ def save_checkpoint(
     replace_atomic(journal.folder / CHECKPOINT, lambda place: torch.save(data, place))
 
 
-def load_checkpoint(journal: Journal, run: Mapping[str, Any]) -> dict[str, Any] | None:
+def load_checkpoint(journal: TrainJournal, run: Mapping[str, Any]) -> dict[str, Any] | None:
     """Return the state of the last checkpoint, and cut the logs to it; `None` without one.
 
     Raises:

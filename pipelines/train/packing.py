@@ -10,7 +10,7 @@ import torch
 from hijack_data.config import load_config
 from hijack_data.planner import Planner
 
-from .rollouts import Answer, Rollout, RolloutRequest, Turn
+from .rollouts import PolicyAnswer, PolicyTurn, Rollout, RolloutRequest
 from .sampler import Draw
 
 
@@ -62,7 +62,7 @@ def _planner(text: str) -> Planner | None:
     return next(iter(config.corruptions.values()))
 
 
-def _packed_turn(turn: Turn) -> dict[str, Any]:
+def _packed_turn(turn: PolicyTurn) -> dict[str, Any]:
     seen = turn.observation
     return {
         "screenshot": torch.from_numpy(np.ascontiguousarray(seen["screenshot"])),
@@ -74,15 +74,15 @@ def _packed_turn(turn: Turn) -> dict[str, Any]:
     }
 
 
-def _unpacked_turn(data: Mapping[str, Any]) -> Turn:
+def _unpacked_turn(data: Mapping[str, Any]) -> PolicyTurn:
     observation = {
         "screenshot": data["screenshot"].numpy(),
         "instruction": data["instruction"],
     }
-    answer = Answer(
+    answer = PolicyAnswer(
         action=data["action"],
         tokens=tuple(data["tokens"]),
         logprobs=tuple(data["logprobs"]),
         is_well_formed=data["well_formed"],
     )
-    return Turn(observation, answer)
+    return PolicyTurn(observation, answer)

@@ -18,13 +18,13 @@ from hijack_data.rng import Stream
 
 from .sampler import Draw
 
-Observation: TypeAlias = Mapping[str, Any]
-Outcome: TypeAlias = Literal["ok", "invalid", "error"]
+SeenObservation: TypeAlias = Mapping[str, Any]
+RolloutStatus: TypeAlias = Literal["ok", "invalid", "error"]
 _STREAM = "rollout-v1"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Answer:
+class PolicyAnswer:
     """What a policy answers to one observation.
 
     Args:
@@ -41,21 +41,23 @@ class Answer:
 
 
 @dataclass(frozen=True)
-class Turn:
+class PolicyTurn:
     """One observation and the answer to it."""
 
-    observation: Observation
-    answer: Answer
+    observation: SeenObservation
+    answer: PolicyAnswer
 
 
 class Policy(Protocol):
     """What is trained."""
 
-    def act(self, observations: Sequence[Observation], streams: Sequence[Stream]) -> list[Answer]:
+    def act(
+        self, observations: Sequence[SeenObservation], streams: Sequence[Stream]
+    ) -> list[PolicyAnswer]:
         """Answer each observation; all that is random comes from its stream."""
         ...
 
-    def log_probs(self, turns: Sequence[Turn]) -> tuple[torch.Tensor, torch.Tensor]:
+    def log_probs(self, turns: Sequence[PolicyTurn]) -> tuple[torch.Tensor, torch.Tensor]:
         """Return the log-probabilities of the tokens of each turn, with their gradient.
 
         Returns:
@@ -117,10 +119,10 @@ class Rollout:
     """
 
     request: RolloutRequest
-    turns: list[Turn] = field(default_factory=list[Turn])
+    turns: list[PolicyTurn] = field(default_factory=list[PolicyTurn])
     success: float = 0.0
     is_well_formed: bool = True
-    status: Outcome = "ok"
+    status: RolloutStatus = "ok"
     problem: str = ""
     replayed: bool = False
 
@@ -194,7 +196,7 @@ class _Seat:
         self.env = env
         self.rollout = Rollout(request=request)
         self.stream = request.stream()
-        self.observation: Observation = {}
+        self.observation: SeenObservation = {}
         self.is_live = False
 
     def reset(self) -> None:
@@ -208,8 +210,8 @@ class _Seat:
         if self._record() is not None:  # over before it began
             self._judge()
 
-    def step(self, answer: Answer) -> None:
-        self.rollout.turns.append(Turn(self.observation, answer))
+    def step(self, answer: PolicyAnswer) -> None:
+        self.rollout.turns.append(PolicyTurn(self.observation, answer))
         self.rollout.is_well_formed &= answer.is_well_formed
         try:
             after, score, terminated, truncated, _ = self.env.step(answer.action)
@@ -242,7 +244,7 @@ class _Seat:
         elif record.get("cause") != "agent":  # an agent's own failure is a 0
             self._fail(status, str(record.get("problem", "")))
 
-    def _fail(self, status: Outcome, problem: str) -> None:
+    def _fail(self, status: RolloutStatus, problem: str) -> None:
         self.is_live = False
         self.rollout.status = status
         self.rollout.problem = problem

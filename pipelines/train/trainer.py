@@ -14,13 +14,13 @@ from hijack_data.errors import ParameterError
 from hijack_data.rng import Stream
 
 from .errors import TrainError
-from .journal import Journal, load_checkpoint, save_checkpoint
+from .journal import TrainJournal, load_checkpoint, save_checkpoint
 from .objective import CLIP_HIGH, CLIP_LOW, clipped_loss, group_advantage, reward
 from .replay import ReplayBuffer
-from .rollouts import Policy, Rollout, RolloutRequest, Turn, play
+from .rollouts import Policy, PolicyTurn, Rollout, RolloutRequest, play
 from .sampler import CorruptionSampler
 
-Report: TypeAlias = Callable[[str], object]
+TellProblem: TypeAlias = Callable[[str], object]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,7 +135,7 @@ class Trainer:
         settings: TrainSettings,
         replay: ReplayBuffer | None = None,
         folder: Path | None = None,
-        report: Report = lambda _: None,
+        report: TellProblem = lambda _: None,
     ) -> None:
         needed = settings.batch * settings.rollouts
         if len(environments) < needed:
@@ -160,7 +160,7 @@ class Trainer:
             lr=settings.learning_rate,
             weight_decay=settings.weight_decay,
         )
-        self._journal = None if folder is None else Journal(folder)
+        self._journal = None if folder is None else TrainJournal(folder)
 
     @property
     def steps(self) -> int:
@@ -412,6 +412,6 @@ def closing(environments: Sequence[gymnasium.Env[Any, str]]) -> contextlib.ExitS
     return stack
 
 
-def turns_of(rollouts: Sequence[Rollout]) -> list[Turn]:
+def turns_of(rollouts: Sequence[Rollout]) -> list[PolicyTurn]:
     """Return all turns of some rollouts, in order."""
     return [turn for rollout in rollouts for turn in rollout.turns]

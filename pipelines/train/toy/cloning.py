@@ -11,7 +11,7 @@ import torch
 from hijack_data.errors import HijackError
 from hijack_data.rng import Stream
 
-from ..rollouts import Answer, Turn
+from ..rollouts import PolicyAnswer, PolicyTurn
 from .env import DONE, ToyEnv
 from .policy import CELL, CLICK, FINISH, NOWHERE, PLACES, SAY, ToyNetwork, ToyPolicy, answer_at
 from .screens import target_of
@@ -30,8 +30,8 @@ class CloningSettings:
             learnt.
     """
 
-    tasks: int = 1000
-    epochs: int = 5
+    tasks: int = 1500
+    epochs: int = 6
     batch: int = 32
     learning_rate: float = 6e-3
     malformed: float = 0.05
@@ -56,7 +56,7 @@ def demonstrations(
     names: Sequence[str],
     seed: int,
     malformed: float,
-) -> list[Turn]:
+) -> list[PolicyTurn]:
     """Return what the expert does on clean screens, with some answers in a wrong form.
 
     Args:
@@ -65,7 +65,7 @@ def demonstrations(
         malformed: their share, 0..1.
     """
     env = ToyEnv()
-    turns: list[Turn] = []
+    turns: list[PolicyTurn] = []
     for name in names:
         stream = Stream(seed, "toy_demonstration-v1", name)
         seen, _ = env.reset(options={"task": name})
@@ -76,13 +76,13 @@ def demonstrations(
                 tokens = stream.choice(
                     ((SAY, NOWHERE), (CLICK, NOWHERE), (FINISH, tokens[1] % PLACES))
                 )
-            answer = Answer(
+            answer = PolicyAnswer(
                 action=action,
                 tokens=tokens,
                 logprobs=(),
                 is_well_formed=True,
             )
-            turns.append(Turn(seen, answer))
+            turns.append(PolicyTurn(seen, answer))
             seen, _, terminated, truncated, _ = env.step(action)
             over = terminated or truncated
     return turns

@@ -13,7 +13,7 @@ import hijack_data as hj
 from hijack_data.errors import HijackError, ParameterTypeError
 from hijack_data.planner import Planner
 
-from .screens import Cover, Screen, ToyState, screen_of
+from .screens import Cover, ToyScreen, ToyState, screen_of
 from .tasks import HEIGHT, WIDTH, ToyTask, toy_task
 
 DONE = "DONE"
@@ -120,7 +120,7 @@ class ToyEnv(gymnasium.Env[dict[str, Any], str]):
             self._end(0.0)
 
     @property
-    def screen(self) -> Screen:
+    def screen(self) -> ToyScreen:
         """The screen without corruptions of the picture; not for an agent."""
         return screen_of(self._task.name, self._state)
 

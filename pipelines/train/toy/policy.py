@@ -11,7 +11,7 @@ from torch.nn import functional
 
 from hijack_data.rng import Stream
 
-from ..rollouts import Answer, Observation, Turn
+from ..rollouts import PolicyAnswer, PolicyTurn, SeenObservation
 from .env import DONE
 from .tasks import COLOURS, HEIGHT, SHAPES, WIDTH
 
@@ -88,7 +88,9 @@ class ToyPolicy:
         """Return the network."""
         return self._network
 
-    def act(self, observations: Sequence[Observation], streams: Sequence[Stream]) -> list[Answer]:
+    def act(
+        self, observations: Sequence[SeenObservation], streams: Sequence[Stream]
+    ) -> list[PolicyAnswer]:
         """Answer each observation; two draws of its stream decide, whatever else is there."""
         draws = torch.tensor([[stream.random(), stream.random()] for stream in streams])
         with torch.inference_mode():
@@ -103,7 +105,7 @@ class ToyPolicy:
         chance = zip(first.tolist(), second.tolist(), strict=True)
         return [_answer(*tokens, of) for tokens, of in zip(pairs, chance, strict=True)]
 
-    def log_probs(self, turns: Sequence[Turn]) -> tuple[torch.Tensor, torch.Tensor]:
+    def log_probs(self, turns: Sequence[PolicyTurn]) -> tuple[torch.Tensor, torch.Tensor]:
         """Return the log-probabilities of both tokens of each turn, float `[N, 2]`."""
         tokens = torch.tensor([turn.answer.tokens for turn in turns])
         what, where = self._network(*_inputs([turn.observation for turn in turns]))
@@ -142,7 +144,7 @@ def words_of(instruction: str) -> tuple[int, ...]:
     return (*numbers, *[empty] * (_LONGEST - len(numbers)))
 
 
-def _inputs(observations: Sequence[Observation]) -> tuple[torch.Tensor, torch.Tensor]:
+def _inputs(observations: Sequence[SeenObservation]) -> tuple[torch.Tensor, torch.Tensor]:
     screens = np.stack([seen["screenshot"] for seen in observations])
     words = [words_of(seen["instruction"]) for seen in observations]
     return torch.from_numpy(screens), torch.tensor(words)
@@ -152,7 +154,7 @@ def _answer(
     verb: int,
     place: int,
     chances: tuple[float, float],
-) -> Answer:
+) -> PolicyAnswer:
     """Return an answer; a click needs a place, and nothing else may have one."""
     points = place != NOWHERE
     text: Any = "say"
@@ -162,7 +164,7 @@ def _answer(
         text = f"click({column * CELL + middle}, {row * CELL + middle})" if points else "click()"
     elif verb == FINISH:
         text = f"{DONE}({place})" if points else DONE
-    return Answer(
+    return PolicyAnswer(
         action=text,
         tokens=(verb, place),
         logprobs=chances,

@@ -15,8 +15,8 @@ from hijack_data.types import Box, UInt8Array
 from .tasks import COLOURS, HEIGHT, TITLE, WIDTH, WINDOW, ToyTask, ToyWidget, toy_task
 
 Cover: TypeAlias = Literal["", "minimised", "locked", "offline", "touched"]
-Click: TypeAlias = Literal["right", "wrong", "menu", "close", "recover", "other"]
-Colour: TypeAlias = tuple[int, int, int]
+ToyClick: TypeAlias = Literal["right", "wrong", "menu", "close", "recover", "other"]
+ToyColour: TypeAlias = tuple[int, int, int]
 
 BAR = 6  # height of the task bar
 DARK = (40, 40, 46)
@@ -45,7 +45,7 @@ class ToyState:
 
 
 @dataclass
-class Screen:
+class ToyScreen:
     """One screen.
 
     Args:
@@ -55,21 +55,21 @@ class Screen:
     """
 
     pixels: UInt8Array
-    clicks: list[tuple[Box, Click]] = field(default_factory=list[tuple[Box, Click]])
+    clicks: list[tuple[Box, ToyClick]] = field(default_factory=list[tuple[Box, ToyClick]])
 
     @property
     def boxes(self) -> np.ndarray:
         """The elements that show, int32 `[N, 4]`, `xyxy`."""
         return np.array([box for box, _ in self.clicks], np.int32).reshape(-1, 4)
 
-    def at(self, x: int, y: int) -> Click:
+    def at(self, x: int, y: int) -> ToyClick:
         """Return what a click does."""
         for box, click in reversed(self.clicks):
             if box[0] <= x < box[2] and box[1] <= y < box[3]:
                 return click
         return "other"
 
-    def fill(self, box: Box, colour: Colour) -> None:
+    def fill(self, box: Box, colour: ToyColour) -> None:
         """Fill a box; what leaves the screen is cut off."""
         x1, y1, x2, y2 = box
         self.pixels[max(y1, 0) : max(y2, 0), max(x1, 0) : max(x2, 0)] = colour
@@ -77,8 +77,8 @@ class Screen:
     def panel(
         self,
         box: Box,
-        colour: Colour,
-        edge: Colour = DARK,
+        colour: ToyColour,
+        edge: ToyColour = DARK,
     ) -> None:
         """Fill a box with an edge of one pixel."""
         x1, y1, x2, y2 = box
@@ -87,10 +87,10 @@ class Screen:
 
 
 @lru_cache(maxsize=4096)
-def screen_of(name: str, state: ToyState) -> Screen:
+def screen_of(name: str, state: ToyState) -> ToyScreen:
     """Return the screen of a task in a state; do not write into its pixels."""
     task = toy_task(name)
-    screen = Screen(np.empty((HEIGHT, WIDTH, 3), np.uint8))
+    screen = ToyScreen(np.empty((HEIGHT, WIDTH, 3), np.uint8))
     _ground(screen, task)
     if state.cover == "locked":
         _lock(screen)
@@ -104,7 +104,7 @@ def screen_of(name: str, state: ToyState) -> Screen:
     return screen
 
 
-def target_of(screen: Screen) -> Box | None:
+def target_of(screen: ToyScreen) -> Box | None:
     """Return where a careful user clicks next: to recover, else at what is right, else the menu."""
     for wanted in ("recover", "right", "menu"):
         for box, click in screen.clicks:
@@ -113,7 +113,7 @@ def target_of(screen: Screen) -> Box | None:
     return None
 
 
-def _ground(screen: Screen, task: ToyTask) -> None:
+def _ground(screen: ToyScreen, task: ToyTask) -> None:
     screen.fill((0, 0, WIDTH, HEIGHT), task.wallpaper[0])
     for box, colour in zip(task.shapes, task.wallpaper[1:], strict=True):
         screen.fill(box, colour)
@@ -121,7 +121,7 @@ def _ground(screen: Screen, task: ToyTask) -> None:
     screen.panel(LAUNCHER, (90, 120, 170))
 
 
-def _lock(screen: Screen) -> None:
+def _lock(screen: ToyScreen) -> None:
     screen.fill((0, 0, WIDTH, HEIGHT), (24, 32, 48))
     screen.panel((28, 14, 68, 50), (60, 70, 92), WHITE)
     screen.fill((42, 18, 54, 28), GREY)
@@ -131,7 +131,7 @@ def _lock(screen: Screen) -> None:
 
 
 def _window(
-    screen: Screen,
+    screen: ToyScreen,
     task: ToyTask,
     state: ToyState,
 ) -> None:
@@ -156,7 +156,7 @@ def _window(
 
 
 def _menu_button(
-    screen: Screen,
+    screen: ToyScreen,
     task: ToyTask,
     state: ToyState,
     x: int,
@@ -175,7 +175,7 @@ def _meaning(
     task: ToyTask,
     state: ToyState,
     number: int,
-) -> Click:
+) -> ToyClick:
     """Return what a click on a widget does."""
     if task.goal != "menu" and number < task.length:
         if number == state.done:
@@ -186,7 +186,7 @@ def _meaning(
 
 
 def _open_menu(
-    screen: Screen,
+    screen: ToyScreen,
     task: ToyTask,
     state: ToyState,
     x: int,
@@ -204,7 +204,7 @@ def _open_menu(
 
 
 def _dialog(
-    screen: Screen,
+    screen: ToyScreen,
     x: int,
     y: int,
 ) -> None:
@@ -218,7 +218,7 @@ def _dialog(
 
 
 def _error_page(
-    screen: Screen,
+    screen: ToyScreen,
     x: int,
     y: int,
 ) -> None:
@@ -232,7 +232,7 @@ def _error_page(
     screen.clicks = [(button, "recover")]
 
 
-def _second(screen: Screen) -> None:
+def _second(screen: ToyScreen) -> None:
     """Draw another application; none of its elements belongs to the task."""
     x, y, _, _ = SECOND
     screen.panel(SECOND, (236, 238, 226))
@@ -256,7 +256,7 @@ def _box(
 
 
 def _paint(
-    screen: Screen,
+    screen: ToyScreen,
     widget: ToyWidget,
     box: Box,
 ) -> None:
@@ -280,7 +280,7 @@ def _round(size: int) -> Iterator[int]:
         yield round(size / 2 - half)
 
 
-def _tick(screen: Screen, box: Box) -> None:
+def _tick(screen: ToyScreen, box: Box) -> None:
     """Show that a widget was pressed."""
     x, y = (box[0] + box[2]) // 2, (box[1] + box[3]) // 2
     screen.panel((x - 3, y - 3, x + 3, y + 3), WHITE, (0, 0, 0))

@@ -89,8 +89,8 @@ class Replication:
     replay_capacity: int = 4
     replay_when: str = "zero"
     draws: int = 1
-    start_tasks: int = 1000
-    start_epochs: int = 5
+    start_tasks: int = 1500
+    start_epochs: int = 6
     source: str = ""
 
     def to_data(self) -> dict[str, Any]:

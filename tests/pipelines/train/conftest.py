@@ -13,7 +13,7 @@ import numpy as np  # noqa: E402
 from gymnasium import spaces  # noqa: E402
 
 from pipelines.train.replay import ReplayBuffer  # noqa: E402
-from pipelines.train.rollouts import Answer, Observation, Turn  # noqa: E402
+from pipelines.train.rollouts import PolicyAnswer, PolicyTurn, SeenObservation  # noqa: E402
 from pipelines.train.sampler import CorruptionSampler  # noqa: E402
 from pipelines.train.trainer import Trainer, TrainSettings  # noqa: E402
 
@@ -78,15 +78,17 @@ class Linear:
     def network(self) -> Any:
         return self.net
 
-    def act(self, observations: Sequence[Observation], streams: Sequence[Any]) -> list[Answer]:
+    def act(
+        self, observations: Sequence[SeenObservation], streams: Sequence[Any]
+    ) -> list[PolicyAnswer]:
         with torch.inference_mode():
             chances = self._logits(observations).log_softmax(1)
-        answers: list[Answer] = []
+        answers: list[PolicyAnswer] = []
         for row, stream in zip(chances, streams, strict=True):
             edges = row.double().exp().cumsum(0)
             token = int(torch.searchsorted(edges, stream.random() * float(edges[-1]), right=True))
             token = min(token, ACTIONS - 1)
-            answer = Answer(
+            answer = PolicyAnswer(
                 action=str(token),
                 tokens=(token,),
                 logprobs=(float(row[token]),),
@@ -95,13 +97,13 @@ class Linear:
             answers.append(answer)
         return answers
 
-    def log_probs(self, turns: Sequence[Turn]) -> tuple[Any, Any]:
+    def log_probs(self, turns: Sequence[PolicyTurn]) -> tuple[Any, Any]:
         logits = self._logits([turn.observation for turn in turns])
         tokens = torch.tensor([turn.answer.tokens for turn in turns])
         chances = logits.log_softmax(1).gather(1, tokens)
         return chances, torch.ones_like(chances, dtype=torch.bool)
 
-    def _logits(self, observations: Sequence[Observation]) -> Any:
+    def _logits(self, observations: Sequence[SeenObservation]) -> Any:
         bright = [float(seen["screenshot"].mean()) / 100 for seen in observations]
         return self.net(torch.tensor([[1.0, each] for each in bright]))
 

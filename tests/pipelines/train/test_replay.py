@@ -14,7 +14,7 @@ from hijack_data.errors import ParameterError, UnknownNameError
 from pipelines.train.errors import TrainError
 from pipelines.train.packing import packed
 from pipelines.train.replay import ReplayBuffer
-from pipelines.train.rollouts import Answer, Rollout, RolloutRequest, Turn
+from pipelines.train.rollouts import PolicyAnswer, PolicyTurn, Rollout, RolloutRequest
 from pipelines.train.sampler import Draw
 
 
@@ -27,10 +27,12 @@ def rollout(success=0.0, well_formed=True, task="a", step=0, slot=0):
         draw=Draw(label="marks", planner=hj.Marks(number=3), key="k"),
     )
     seen = {"screenshot": np.full((4, 4, 3), step, np.uint8), "instruction": task}
-    answer = Answer(action="x", tokens=(1, 2), logprobs=(-1.0, -2.0), is_well_formed=well_formed)
+    answer = PolicyAnswer(
+        action="x", tokens=(1, 2), logprobs=(-1.0, -2.0), is_well_formed=well_formed
+    )
     return Rollout(
         request=request,
-        turns=[Turn(seen, answer)],
+        turns=[PolicyTurn(seen, answer)],
         success=success,
         is_well_formed=well_formed,
     )

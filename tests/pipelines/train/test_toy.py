@@ -11,7 +11,7 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 import hijack_data as hj  # noqa: E402
 from hijack_data.errors import ParameterTypeError, UnknownNameError  # noqa: E402
 from hijack_data.rng import Stream  # noqa: E402
-from pipelines.train.rollouts import RolloutRequest, Turn, play  # noqa: E402
+from pipelines.train.rollouts import PolicyTurn, RolloutRequest, play  # noqa: E402
 from pipelines.train.sampler import Draw  # noqa: E402
 from pipelines.train.toy.cloning import CloningSettings, cloned, demonstrations, expert_answer  # noqa: E402
 from pipelines.train.toy.env import DONE, ToyEnv  # noqa: E402
@@ -123,7 +123,7 @@ def test_draws_of_a_policy_depend_on_its_streams_alone():
         for one, name in zip(seen, NAMES, strict=True)
     ]
     assert [answer.tokens for answer in together] == [answer.tokens for answer in again]
-    turns = [Turn(one, answer) for one, answer in zip(seen, together, strict=True)]
+    turns = [PolicyTurn(one, answer) for one, answer in zip(seen, together, strict=True)]
     chances, _ = policy.log_probs(turns)
     stored = torch.tensor([answer.logprobs for answer in together])
     assert torch.allclose(chances, stored, atol=1e-4)

@@ -12,7 +12,7 @@ import hijack_data as hj  # noqa: E402
 from hijack_data.errors import ParameterError  # noqa: E402
 from pipelines.train.errors import TrainError  # noqa: E402
 from pipelines.train.replay import ReplayBuffer  # noqa: E402
-from pipelines.train.rollouts import Turn  # noqa: E402
+from pipelines.train.rollouts import PolicyTurn  # noqa: E402
 
 CORRUPTED = hj.OneOf([hj.Marks(number=1, mark_size=1), hj.Resolution(scale=0.5)])
 
@@ -58,7 +58,7 @@ def grpo(trainer, steps):
         for _ in range(2):
             answers = policy.act(seen, [stream for _, stream in states])
             for i, answer in enumerate(answers):
-                history[i].append(Turn(seen[i], answer))
+                history[i].append(PolicyTurn(seen[i], answer))
                 seen[i], score, *_ = envs[i].step(answer.action)
                 if envs[i].record is not None:
                     scores.append(score)
