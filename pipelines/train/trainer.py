@@ -1,6 +1,5 @@
 """The training loop of DA-GRPO (paper, Algorithm 10): sample, reward, replay, advantage, update."""
 
-import contextlib
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
@@ -17,7 +16,7 @@ from .errors import TrainError
 from .journal import TrainJournal, load_checkpoint, save_checkpoint
 from .objective import CLIP_HIGH, CLIP_LOW, clipped_loss, group_advantage, reward
 from .replay import ReplayBuffer
-from .rollouts import Policy, PolicyTurn, Rollout, RolloutRequest, play
+from .rollouts import Policy, Rollout, RolloutRequest, play
 from .sampler import CorruptionSampler
 
 TellProblem: TypeAlias = Callable[[str], object]
@@ -402,16 +401,3 @@ def _by_response(
     joined = torch.zeros(count * most, width, dtype=by_turn.dtype).index_copy(0, place, by_turn)
     mask = torch.zeros(count * most, width, dtype=torch.bool).index_copy(0, place, is_token)
     return joined.view(count, -1), mask.view(count, -1)
-
-
-def closing(environments: Sequence[gymnasium.Env[Any, str]]) -> contextlib.ExitStack:
-    """Return a context that closes environments, all of them even if one fails."""
-    stack = contextlib.ExitStack()
-    for environment in environments:
-        stack.callback(environment.close)
-    return stack
-
-
-def turns_of(rollouts: Sequence[Rollout]) -> list[PolicyTurn]:
-    """Return all turns of some rollouts, in order."""
-    return [turn for rollout in rollouts for turn in rollout.turns]
