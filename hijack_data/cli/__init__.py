@@ -35,6 +35,7 @@ COMMANDS = {
     "stats": "pipelines.cli:stats",
     "export": "pipelines.cli:export",
     "view": "pipelines.viewer.cli:view",
+    "train": "pipelines.train.cli:train",
     "desktop": "online_env.cli:desktop",
     "bench": "online_env.bench.cli:bench",
     "score": "online_env.scoring.cli:score",

@@ -1,0 +1,126 @@
+"""The files of a run: two logs that grow by a line each, and one checkpoint that is replaced.
+
+`rollouts.jsonl` says which rollout met which corruption, and what became of it; `steps.jsonl` has a
+line for each step. A checkpoint holds the length of both, so a run that goes on from it takes back
+what was written later.
+"""
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from hijack_data.files import replace_atomic, unwritable
+
+from .errors import TrainError
+from .replay import read_tensors
+
+CHECKPOINT = "checkpoint.pt"
+ROLLOUTS = "rollouts.jsonl"
+STEPS = "steps.jsonl"
+FORMAT = "agenthijack-training"
+VERSION = 1
+
+
+class TrainJournal:
+    """The files of one run.
+
+    Args:
+        folder: it is made if it is not there.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise unwritable(folder, error) from None
+        self.folder = folder
+
+    def rollouts(self, rows: Sequence[Mapping[str, Any]]) -> None:
+        """Add a line for each rollout."""
+        self._append(ROLLOUTS, rows)
+
+    def step(self, row: Mapping[str, Any]) -> None:
+        """Add the line of a step."""
+        self._append(STEPS, [row])
+
+    def lengths(self) -> dict[str, int]:
+        """Return the length of both logs in bytes."""
+        return {name: self._length(name) for name in (ROLLOUTS, STEPS)}
+
+    def cut(self, lengths: Mapping[str, int]) -> None:
+        """Take back what was written after a checkpoint.
+
+        Raises:
+            TrainError: a log is shorter than it was at the checkpoint.
+        """
+        for name in (ROLLOUTS, STEPS):
+            wanted = int(lengths.get(name, 0))
+            found = self._length(name)
+            if found < wanted:
+                raise TrainError(
+                    f"{self.folder / name}: {found} bytes, but the checkpoint was made at {wanted};"
+                    " the log was shortened: start again in another folder"
+                )
+            if found > wanted:
+                os.truncate(self.folder / name, wanted)
+
+    def _length(self, name: str) -> int:
+        path = self.folder / name
+        return path.stat().st_size if path.exists() else 0
+
+    def _append(self, name: str, rows: Sequence[Mapping[str, Any]]) -> None:
+        lines = "".join(json.dumps(row) + "\n" for row in rows)
+        try:
+            with (self.folder / name).open("a", encoding="utf-8") as stream:
+                stream.write(lines)
+        except OSError as error:
+            raise unwritable(self.folder / name, error) from None
+
+
+def save_checkpoint(
+    journal: TrainJournal,
+    run: Mapping[str, Any],
+    state: Mapping[str, Any],
+) -> None:
+    """Replace the checkpoint of a run.
+
+    Args:
+        journal: the files of the run.
+        run: what the run is, as JSON data; `load_checkpoint` asks for the same.
+        state: numbers and tensors.
+    """
+    data = {
+        "format": FORMAT,
+        "version": VERSION,
+        "run": json.dumps(run, sort_keys=True),
+        "lengths": journal.lengths(),
+        "state": dict(state),
+    }
+    replace_atomic(journal.folder / CHECKPOINT, lambda place: torch.save(data, place))
+
+
+def load_checkpoint(journal: TrainJournal, run: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return the state of the last checkpoint, and cut the logs to it; `None` without one.
+
+    Raises:
+        TrainError: it is damaged, or of a run with other tasks, settings or corruptions.
+    """
+    path = journal.folder / CHECKPOINT
+    if not path.exists():
+        journal.cut({})
+        return None
+    data = read_tensors(path, FORMAT, VERSION, "a checkpoint of a training run")
+    stored = json.loads(data["run"])
+    wanted = json.loads(json.dumps(run))
+    if stored != wanted:
+        keys = [key for key in sorted({*stored, *wanted}) if stored.get(key) != wanted.get(key)]
+        raise TrainError(
+            f"{path}: a checkpoint of another run; it differs in {', '.join(keys)}. Give those as"
+            " they were, or another folder"
+        )
+    journal.cut(data["lengths"])
+    return data["state"]

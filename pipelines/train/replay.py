@@ -1,0 +1,172 @@
+"""The replay buffer: successful rollouts of each task, for groups in which nothing succeeded."""
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal, TypeAlias, get_args
+
+import torch
+
+from hijack_data.errors import ParameterError, UnknownNameError, suggest
+from hijack_data.files import replace_atomic
+from hijack_data.rng import Stream
+
+from .errors import TrainError
+from .packing import packed, unpacked
+from .rollouts import Rollout
+
+When: TypeAlias = Literal["zero", "failed"]
+WHEN: tuple[str, ...] = get_args(When)
+FORMAT = "agenthijack-replay"
+VERSION = 1
+_STREAM = "replay_buffer-v1"
+
+
+class ReplayBuffer:
+    """Keeps successful rollouts, and puts one into a group that has none.
+
+    The paper (section 5) replaces "one of them" at random by a stored success of the same task
+    "if an entire training batch consists solely of failed trajectories"; its Algorithm 10, line 9,
+    asks for all rewards to be 0. The two differ for a group in which some answer had the wrong
+    form: its rewards are -1 and 0, so it teaches something even without a success.
+
+    Args:
+        capacity: the most rollouts of a task; the oldest goes first. The paper names none.
+        when: `"zero"`, all rewards are 0 (Algorithm 10), or `"failed"`, no rollout succeeded.
+        slot: which rollout is replaced: `None` draws it; the authors' code always takes 0.
+        seed: of the draws, 0 to 2**64 - 1.
+
+    Raises:
+        ParameterError: `capacity` is below 1.
+        UnknownNameError: `when` is neither of the two.
+    """
+
+    def __init__(
+        self,
+        capacity: int = 4,
+        *,
+        when: str = "zero",
+        slot: int | None = None,
+        seed: int = 0,
+    ) -> None:
+        if capacity < 1:
+            raise ParameterError(f"replay: capacity must be at least 1, got {capacity}")
+        if when not in WHEN:
+            raise UnknownNameError(f"replay: when: no {when!r}{suggest(when, WHEN)}")
+        self.capacity = capacity
+        self.when = when
+        self.slot = slot
+        self.seed = seed
+        self._kept: dict[str, deque[Rollout]] = {}
+
+    def __len__(self) -> int:
+        return sum(map(len, self._kept.values()))
+
+    def add(self, rollout: Rollout) -> bool:
+        """Keep a rollout if it succeeded in the right form; returns whether it was kept."""
+        is_positive = rollout.success > 0 and rollout.is_well_formed
+        if not rollout.counts or rollout.replayed or not is_positive:
+            return False
+        group = rollout.request.group
+        self._kept.setdefault(group, deque(maxlen=self.capacity)).append(rollout)
+        return True
+
+    def fill(
+        self,
+        rollouts: Sequence[Rollout],
+        rewards: Sequence[float],
+        step: int,
+    ) -> list[Rollout]:
+        """Return the group, with one rollout replaced if nothing in it succeeded.
+
+        The draws depend on the seed, the step and the task.
+
+        Args:
+            rollouts: of one task.
+            rewards: the reward of each.
+            step: step of the optimiser.
+        """
+        group = list(rollouts)
+        if not group or not self._is_due(group, rewards):
+            return group
+        kept = self._kept.get(group[0].request.group)
+        if not kept:
+            return group
+        stream = Stream(self.seed, _STREAM, group[0].request.group, step)
+        place = stream.integer(0, len(group) - 1) if self.slot is None else self.slot
+        stored = kept[stream.integer(0, len(kept) - 1)]
+        group[min(place, len(group) - 1)] = replace(stored, replayed=True)
+        return group
+
+    def _is_due(self, group: Sequence[Rollout], rewards: Sequence[float]) -> bool:
+        if self.when == "zero":
+            return all(each == 0 for each in rewards)
+        return all(rollout.success <= 0 for rollout in group)
+
+    def state(self) -> list[Any]:
+        """Return what is kept as data for `torch.save`."""
+        return [packed(rollout) for kept in self._kept.values() for rollout in kept]
+
+    def restore(self, state: Sequence[Mapping[str, Any]]) -> None:
+        """Take over what `state` returned."""
+        self._kept = {}
+        for data in state:
+            self.add(unpacked(data))
+
+    def save(self, path: Path, *, run: str) -> None:
+        """Write the buffer to a file.
+
+        Args:
+            path: the file.
+            run: the fingerprint of the run, which `load` asks for.
+        """
+        data = {
+            "format": FORMAT,
+            "version": VERSION,
+            "run": run,
+            "kept": self.state(),
+        }
+        replace_atomic(path, lambda place: torch.save(data, place))
+
+    def load(self, path: Path, *, run: str) -> None:
+        """Read a buffer that `save` wrote.
+
+        Raises:
+            TrainError: the file cannot be read, or belongs to another run: its observations and
+                rewards would be another policy's on other tasks.
+        """
+        data = read_tensors(path, FORMAT, VERSION, "a replay buffer")
+        if data.get("run") != run:
+            raise TrainError(
+                f"{path}: the replay buffer of another run ({data.get('run')}, this one is {run});"
+                " start without it, or resume the run that it belongs to"
+            )
+        self.restore(data["kept"])
+
+
+def read_tensors(
+    path: Path,
+    format: str,
+    version: int,
+    what: str,
+) -> dict[str, Any]:
+    """Read a file of `torch.save` that names its format and version; no code in it is run.
+
+    Raises:
+        TrainError: it is missing, damaged, or something else.
+    """
+    try:
+        data: Any = torch.load(path, map_location="cpu", weights_only=True)
+    except FileNotFoundError:
+        raise TrainError(f"{path}: there is no such file") from None
+    except Exception as error:  # torch raises many kinds for damaged files
+        detail = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise TrainError(f"{path}: cannot be read as {what} ({detail})") from error
+    if not isinstance(data, dict) or data.get("format") != format:
+        raise TrainError(f"{path}: not {what} (field 'format' must be {format!r})")
+    if data.get("version") != version:
+        raise TrainError(
+            f"{path}: version {data.get('version')} of {what}; this library reads {version}"
+        )
+    return data

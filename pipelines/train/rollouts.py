@@ -1,0 +1,253 @@
+"""Rollouts: a policy plays gymnasium environments, many at a time.
+
+The environments are those of `CorruptedEnv`'s interface: observations are
+`{"screenshot": uint8 [H, W, 3], "instruction": str}`, actions are text, `reset` takes the options
+`task`, `corruption` and `label`, and `record` may say how the episode was judged. Nothing of a
+desktop is imported: any such environment will do.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal, Protocol, TypeAlias
+
+import gymnasium
+import torch
+
+from hijack_data.errors import ParameterError
+from hijack_data.rng import Stream
+
+from .sampler import Draw
+
+SeenObservation: TypeAlias = Mapping[str, Any]
+RolloutStatus: TypeAlias = Literal["ok", "invalid", "error"]
+_STREAM = "rollout-v1"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PolicyAnswer:
+    """What a policy answers to one observation.
+
+    Args:
+        action: the text for the environment.
+        tokens: what the policy drew.
+        logprobs: the log-probability of each token.
+        is_well_formed: whether the answer has the form that is asked for.
+    """
+
+    action: str
+    tokens: tuple[int, ...]
+    logprobs: tuple[float, ...]
+    is_well_formed: bool
+
+
+@dataclass(frozen=True)
+class PolicyTurn:
+    """One observation and the answer to it."""
+
+    observation: SeenObservation
+    answer: PolicyAnswer
+
+
+class Policy(Protocol):
+    """What is trained."""
+
+    def act(
+        self, observations: Sequence[SeenObservation], streams: Sequence[Stream]
+    ) -> list[PolicyAnswer]:
+        """Answer each observation; all that is random comes from its stream."""
+        ...
+
+    def log_probs(self, turns: Sequence[PolicyTurn]) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return the log-probabilities of the tokens of each turn, with their gradient.
+
+        Returns:
+            Float `[N, K]`, and bool `[N, K]`: which entries are tokens.
+        """
+        ...
+
+    def network(self) -> torch.nn.Module:
+        """Return what holds the parameters."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class RolloutRequest:
+    """What is to be played.
+
+    Args:
+        step: step of the optimiser.
+        group: the task of the group, as the environment's option `task` takes it.
+        slot: the rollout's number in the group.
+        seed: of the environment; the rollouts of a group share it, so they play one variant.
+        draw: the corruption.
+        stream_seed: of the policy's draws.
+    """
+
+    step: int
+    group: str
+    slot: int
+    seed: int
+    draw: Draw
+    stream_seed: int = 0
+
+    def stream(self) -> Stream:
+        """Return the stream of the policy's draws in this rollout."""
+        return Stream(self.stream_seed, _STREAM, f"{self.slot} of {self.group}", self.step)
+
+    def options(self) -> dict[str, Any]:
+        """Return the options of `reset`."""
+        return {
+            "task": self.group,
+            "corruption": self.draw.planner,
+            "label": self.draw.label,
+        }
+
+
+@dataclass(kw_only=True)
+class Rollout:
+    """One episode.
+
+    Args:
+        request: what was to be played.
+        turns: what the policy saw and answered.
+        success: the environment's score, 0..1.
+        is_well_formed: whether all answers were.
+        status: `"ok"` counts; `"invalid"` (a corruption that was not there) and `"error"` (a
+            machine that failed) are left out of the group, never taken as a failure of the policy.
+        problem: the reason, if the status is not `"ok"`.
+        replayed: whether it comes from the replay buffer.
+    """
+
+    request: RolloutRequest
+    turns: list[PolicyTurn] = field(default_factory=list[PolicyTurn])
+    success: float = 0.0
+    is_well_formed: bool = True
+    status: RolloutStatus = "ok"
+    problem: str = ""
+    replayed: bool = False
+
+    @property
+    def counts(self) -> bool:
+        """Whether the rollout can be trained on."""
+        return self.status == "ok" and bool(self.turns)
+
+    def to_data(self) -> dict[str, Any]:
+        """Return what happened as JSON data, without the pictures."""
+        return {
+            "step": self.request.step,
+            "task": self.request.group,
+            "slot": self.request.slot,
+            "seed": self.request.seed,
+            **self.request.draw.to_data(),
+            "status": self.status,
+            "problem": self.problem,
+            "turns": len(self.turns),
+            "success": self.success,
+            "well_formed": self.is_well_formed,
+            "replayed": self.replayed,
+        }
+
+
+def play(
+    environments: Sequence[gymnasium.Env[Any, str]],
+    policy: Policy,
+    requests: Sequence[RolloutRequest],
+    *,
+    max_steps: int,
+) -> list[Rollout]:
+    """Play one rollout in each environment, in step, so that the policy answers in batches.
+
+    An environment that fails in `reset` or `step` loses its rollout (`status` is `"error"`); the
+    others go on.
+
+    Args:
+        environments: at least as many as `requests`.
+        policy: what plays.
+        requests: what is to be played.
+        max_steps: answers until a rollout is cut off; it then counts with the reward so far.
+
+    Raises:
+        ParameterError: there are too few environments.
+    """
+    if len(environments) < len(requests):
+        raise ParameterError(
+            f"{len(requests)} rollouts for {len(environments)} environments: make one for each"
+        )
+    seats = [_Seat(env, request) for env, request in zip(environments, requests, strict=False)]
+    for seat in seats:
+        seat.reset()
+    for _ in range(max_steps):
+        live = [seat for seat in seats if seat.is_live]
+        if not live:
+            break
+        answers = policy.act(
+            [seat.observation for seat in live],
+            [seat.stream for seat in live],
+        )
+        for seat, answer in zip(live, answers, strict=True):
+            seat.step(answer)
+    return [seat.leave() for seat in seats]
+
+
+class _Seat:
+    """One environment with the rollout that is played in it."""
+
+    def __init__(self, env: gymnasium.Env[Any, str], request: RolloutRequest) -> None:
+        self.env = env
+        self.rollout = Rollout(request=request)
+        self.stream = request.stream()
+        self.observation: SeenObservation = {}
+        self.is_live = False
+
+    def reset(self) -> None:
+        request = self.rollout.request
+        try:
+            self.observation, _ = self.env.reset(seed=request.seed, options=request.options())
+        except Exception as error:  # noqa: BLE001  (whatever a foreign environment raises)
+            self._fail("error", f"reset: {type(error).__name__}: {error}")
+            return
+        self.is_live = True
+        if self._record() is not None:  # over before it began
+            self._judge()
+
+    def step(self, answer: PolicyAnswer) -> None:
+        self.rollout.turns.append(PolicyTurn(self.observation, answer))
+        self.rollout.is_well_formed &= answer.is_well_formed
+        try:
+            after, score, terminated, truncated, _ = self.env.step(answer.action)
+        except Exception as error:  # noqa: BLE001  (whatever a foreign environment raises)
+            self._fail("error", f"step: {type(error).__name__}: {error}")
+            return
+        self.observation = after
+        self.rollout.success = max(self.rollout.success, float(score))
+        if terminated or truncated:
+            self._judge()
+
+    def leave(self) -> Rollout:
+        """Return the rollout; one that was cut off is judged as it stands."""
+        if self.is_live:
+            truncate = getattr(self.env.unwrapped, "truncate", None)
+            if callable(truncate):
+                truncate()
+            self._judge()
+        return self.rollout
+
+    def _judge(self) -> None:
+        self.is_live = False
+        record = self._record()
+        if record is None:
+            return
+        status = record.get("status", "ok")
+        if status == "ok":
+            self.rollout.success = float(record.get("score") or 0.0)
+            self.rollout.is_well_formed &= not record.get("malformed", 0)
+        elif record.get("cause") != "agent":  # an agent's own failure is a 0
+            self._fail(status, str(record.get("problem", "")))
+
+    def _fail(self, status: RolloutStatus, problem: str) -> None:
+        self.is_live = False
+        self.rollout.status = status
+        self.rollout.problem = problem
+
+    def _record(self) -> Mapping[str, Any] | None:
+        return getattr(self.env.unwrapped, "record", None)

@@ -1,0 +1,117 @@
+"""Which rollout meets which corruption.
+
+The draws come from `hijack_data.rng` and depend on the seed, the step, the group and the slot, and
+on nothing else: a run that was interrupted draws the same, and so does another process.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias, get_args
+
+from hijack_data.compose import OneOf, Schedule
+from hijack_data.errors import UnknownNameError, suggest
+from hijack_data.plan import CLEAN
+from hijack_data.planner import Planner, as_planner
+
+DrawScope: TypeAlias = Literal["rollout", "group", "worker"]
+SCOPES: tuple[str, ...] = get_args(DrawScope)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Draw:
+    """The corruption of one rollout.
+
+    Args:
+        label: its name; `"clean"` if there is none.
+        planner: what corrupts the screens; `None` for nothing.
+        key: the key of the draw, for the record.
+    """
+
+    label: str
+    planner: Planner | None
+    key: str
+
+    def to_data(self) -> dict[str, Any]:
+        """Return the draw as JSON data, with every parameter of the corruption."""
+        config = None if self.planner is None else self.planner.to_config()
+        return {
+            "corruption": self.label,
+            "planner": config,
+            "key": self.key,
+        }
+
+
+class CorruptionSampler:
+    """Draws a corruption for each rollout (paper, Algorithm 10, line 7).
+
+    Args:
+        planner: a corruption (every rollout gets it), a `OneOf` with its odds, a `Schedule` of
+            those by epoch, or `None` for clean rollouts, which makes DA-GRPO the same as GRPO.
+        per: `"rollout"` draws for each rollout, as the paper has it; `"group"` gives the rollouts
+            of a group one corruption; `"worker"` gives every slot one for the whole run, as the
+            authors' code does.
+        seed: 0 to 2**64 - 1.
+
+    Raises:
+        UnknownNameError: `per` is none of the three.
+        ParameterTypeError: `planner` plans nothing.
+    """
+
+    def __init__(
+        self,
+        planner: Planner | None,
+        *,
+        per: str = "rollout",
+        seed: int = 0,
+    ) -> None:
+        if per not in SCOPES:
+            raise UnknownNameError(f"per: no {per!r}{suggest(per, SCOPES)}")
+        wanted = "CorruptionSampler takes a corruption, a OneOf or None"
+        self.planner = None if planner is None else as_planner(planner, wanted)
+        self.per = per
+        self.seed = seed
+
+    def draw(
+        self,
+        *,
+        step: int,
+        group: str,
+        slot: int,
+        epoch: int = 0,
+    ) -> Draw:
+        """Return the corruption of a rollout.
+
+        Args:
+            step: step of the optimiser, from 0.
+            group: the task of the group.
+            slot: the rollout's number in its group, which is also its worker's.
+            epoch: for a `Schedule`.
+        """
+        key, at = self._key(step, group, slot)
+        planner = self.planner
+        sample: str = key
+        while isinstance(planner, OneOf | Schedule):
+            found = planner.chosen(
+                seed=self.seed,
+                sample=sample,
+                step=at,
+                epoch=epoch,
+            )
+            if found is None:
+                planner = None
+                break
+            planner, sample = found
+        label = CLEAN if planner is None else planner.label
+        return Draw(label=label, planner=planner, key=f"{at}:{key}")
+
+    def _key(
+        self,
+        step: int,
+        group: str,
+        slot: int,
+    ) -> tuple[str, int]:
+        """Return the sample id and the step of the draw."""
+        if self.per == "rollout":
+            return f"slot {slot} of {group}", step
+        if self.per == "group":
+            return f"group {group}", step
+        return f"worker {slot}", 0
