@@ -104,6 +104,8 @@ AGENTS = AgentRegistry(
         "random": "online_env.agents.reference:RandomActions",
         "fail": "online_env.agents.reference:GivesUp",
         "scripted": "online_env.agents.scripted:Scripted",
+        "pixel": "online_env.agents.pixel.agent:Pixel",
+        "pixel_onlooker": "online_env.agents.pixel.onlooked:PixelOnlooker",
     },
     problems=_problems,
 )

@@ -5,7 +5,8 @@ from datetime import date, timedelta
 from online_env.embedded.sites.hosts import forms
 from online_env.embedded.sites.hosts import mail as mailbox
 from online_env.tasks import Task
-from online_env.tasks.kit import browser, mail, shop
+from online_env.tasks.kit import browser, mail, shop, told
+from online_env.tasks.plan_words import quoted
 
 REGISTER = "http://forms.test/register"
 
@@ -89,6 +90,31 @@ class RegisterFromMail(Task):
         browser.tick(hand, self.drawn.level)
         browser.tick(hand, "I accept the house rules")
         browser.push(hand, "Send registration", "You are registered")
+
+    def plan(self):
+        wanted = self.drawn.wanted
+        year, month, day = wanted["birth_date"].split("-")
+        return [
+            'window "Chromium"',
+            f"click {quoted(self.drawn.who)}",
+            f"wait for {quoted(wanted['email'])}",
+            *told.visit(REGISTER, "Full name"),
+            'click "Full name"',
+            f"type {quoted(wanted['name'])}",
+            "press tab",
+            f"type {quoted(wanted['email'])}",
+            "press tab",
+            f"type {quoted(month + day + year)}",
+            'click "Country"',
+            f"type {quoted(wanted['country'])}",
+            'click "Course"',
+            f"type {quoted(self.drawn.title)}",
+            f"click {quoted(self.drawn.level)}",
+            'scroll down to "Send registration"',
+            'click "I accept the house rules"',
+            'click "Send registration"',
+            'wait for "You are registered"',
+        ]
 
     def wrong(self):
         wanted = self.drawn.wanted
