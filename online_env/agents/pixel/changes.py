@@ -1,6 +1,7 @@
 """Where two pictures of a screen differ: tile by tile, as boxes."""
 
 import numpy as np
+import numpy.typing as npt
 
 from hijack_data import extras
 from hijack_data.types import Box, UInt8Array
@@ -8,7 +9,7 @@ from hijack_data.types import Box, UInt8Array
 TILE = 32  # px; smaller tiles cost time, larger ones more reading
 
 
-def changed_tiles(before: UInt8Array, after: UInt8Array) -> np.ndarray:
+def changed_tiles(before: UInt8Array, after: UInt8Array) -> npt.NDArray[np.bool_]:
     """Return which tiles differ: bool `[rows, columns]`, of tiles of `TILE` pixels.
 
     Args:
@@ -21,7 +22,8 @@ def changed_tiles(before: UInt8Array, after: UInt8Array) -> np.ndarray:
     beside = -width % TILE
     whole = np.pad(differs, ((0, below), (0, beside)))
     rows, columns = whole.shape[0] // TILE, whole.shape[1] // TILE
-    return whole.reshape(rows, TILE, columns, TILE).any(axis=(1, 3))
+    by_tile = whole.reshape(rows, TILE, columns, TILE)
+    return np.any(by_tile, axis=(1, 3))
 
 
 def changed_boxes(before: UInt8Array, after: UInt8Array) -> list[Box]:

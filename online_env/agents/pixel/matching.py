@@ -97,7 +97,7 @@ def closest_text(lines: Iterable[TextLine], wanted: str) -> str:
     key = even(wanted)
     return max(
         (line.text for line in lines),
-        key=lambda text: _likeness(even(text), key),
+        key=lambda text: likeness(even(text), key),
         default="",
     )
 
@@ -146,20 +146,21 @@ def _alike(line: TextLine, wanted: str) -> SeenText | None:
         return None
     characters, places = _evened(line.text)
     evened = "".join(characters)
-    whole = _likeness(evened, key)
+    whole = likeness(evened, key)
     if whole >= LEAST:
         return SeenText(box=line.box, likeness=whole * PART, line=line)
     matcher = difflib.SequenceMatcher(None, evened, key, autojunk=False)
     block = matcher.find_longest_match()
     start = max(block.a - block.b, 0)
     window = evened[start : start + len(key)]
-    part = _likeness(window, key)
+    part = likeness(window, key)
     if part < LEAST or block.size < 2:
         return None
     return _part(line, places[start], places[start + len(window) - 1], part * PART)
 
 
-def _likeness(one: str, other: str) -> float:
+def likeness(one: str, other: str) -> float:
+    """Return how alike two texts are, 0 to 1, after `even`."""
     return difflib.SequenceMatcher(None, one, other, autojunk=False).ratio()
 
 

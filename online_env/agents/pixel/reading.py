@@ -74,7 +74,7 @@ class TextCache:
     def read(self, part: UInt8Array, counts: ReadingCounts) -> tuple[TextLine, ...]:
         """Return the lines of a part, in its own pixels, and count what that cost."""
         digest = hashlib.blake2b(repr(part.shape).encode(), digest_size=16)
-        digest.update(np.ascontiguousarray(part))
+        digest.update(np.ascontiguousarray(part).data)
         key = digest.digest()
         known = self._lines.get(key)
         if known is not None:

@@ -21,7 +21,7 @@ def take_note(path: str, text: str) -> list[str]:
         "wait",
         f"type {quoted('mousepad')}",
         "press enter",
-        f"wait for {quoted('Untitled 1')}",
+        'window "Mousepad"',
         f"type {quoted(text)}",
         "press ctrl+s",
         f"wait for {quoted('Cancel')}",
