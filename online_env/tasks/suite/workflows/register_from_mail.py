@@ -93,27 +93,12 @@ class RegisterFromMail(Task):
 
     def plan(self):
         wanted = self.drawn.wanted
-        year, month, day = wanted["birth_date"].split("-")
         return [
             'window "Chromium"',
             f"click {quoted(self.drawn.who)}",
             f"wait for {quoted(wanted['email'])}",
             *told.visit(REGISTER, "Full name"),
-            'click "Full name"',
-            f"type {quoted(wanted['name'])}",
-            "press tab",
-            f"type {quoted(wanted['email'])}",
-            "press tab",
-            f"type {quoted(month + day + year)}",
-            'click "Country"',
-            f"type {quoted(wanted['country'])}",
-            'click "Course"',
-            f"type {quoted(self.drawn.title)}",
-            f"click {quoted(self.drawn.level)}",
-            'scroll down to "Send registration"',
-            'click "I accept the house rules"',
-            'click "Send registration"',
-            'wait for "You are registered"',
+            *told.register(wanted),
         ]
 
     def wrong(self):
