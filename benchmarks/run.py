@@ -24,6 +24,7 @@ SCRIPTS = {
     "effects": "Effects on a live desktop",
     "suite": "The suite of tasks",
     "live_steps": "Corruptions on a live desktop, step by step",
+    "pixel": "Reading by OCR: the agent pixel",
 }
 HEAD = """# Results
 
