@@ -14,7 +14,7 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 pytest.importorskip("rapidocr", reason="needs the extra [ocr]")
 
 from hijack_data.errors import MissingDependencyError
-from online_env.agents import makers  # noqa: F401  (its imports are slow, and not what is tested)
+from online_env.agents import conformance
 from online_env.agents.apart import Apart
 from online_env.agents.base import PlanFollower
 from online_env.agents.pixel import reading
@@ -22,7 +22,7 @@ from online_env.agents.pixel.changes import changed_boxes, changed_share, merged
 from online_env.agents.pixel.matching import closest_text, find_text
 from online_env.agents.pixel.onlooking import COVERED, GONE, PictureOnlooker
 from online_env.agents.pixel.reading import ScreenReader, TextCache, TextLine
-from online_env.agents.registry import make
+from online_env.agents.registry import AGENTS, make
 from online_env.bench.episodes import _tell
 from online_env.bench.models import ModelOptions, prepare
 
@@ -287,3 +287,24 @@ def test_an_agent_that_cannot_read_says_so_before_the_run(monkeypatch, tmp_path)
     with pytest.raises(MissingDependencyError, match=r"agenthijack\[ocr\]"):
         prepare(["pixel"], ModelOptions(), tmp_path)
     prepare(["pixel"], ModelOptions(), None)
+
+
+TOLD = """
+from online_env.agents.pixel.onlooked import PixelOnlooker
+
+class Told(PixelOnlooker):
+    def reset(self):
+        super().reset()
+        self.follow(['window "Sound"', 'click "Mute"'])
+"""
+
+
+def test_it_is_an_agent_like_any_other(tmp_path, monkeypatch):
+    # Small pictures: `hijack check` takes large ones, which are read for half a minute.
+    monkeypatch.setattr(conformance, "SIZE", (180, 320))
+    monkeypatch.setattr(conformance, "SIZES", ((400, 240), (200, 320), (32, 32)))
+    (tmp_path / "told.py").write_text(TOLD)
+    name = AGENTS.find(f"{tmp_path}/told.py:Told")
+    results = list(conformance.run_checks(name, lambda: 0))
+    assert [result.problem for result in results if not result.ok] == []
+    assert len(results) == len(conformance.CHECKS)
