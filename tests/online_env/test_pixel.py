@@ -227,6 +227,8 @@ def test_a_summary_says_what_came_and_went():
     assert "'Copy'" in summary
     play(agent, ["wait", "wait"], with_menu(), with_menu())
     assert agent.summaries == ["Step 1 of 2: wait. WAIT Nothing has changed."]
+    play(agent, ["wait", "wait"], before_menu(), with_menu())
+    assert agent.summaries[0].endswith("The agent did nothing to cause it.")
 
 
 def test_a_minimised_window_is_restored_by_its_button():

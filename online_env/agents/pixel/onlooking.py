@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from hijack_data.types import Size
 
 from ...tasks.plan_words import quoted
+from ..base import WAIT
 from ..settings import KnownError
 from .matching import LEAST, all_texts, even, find_text, likeness
 from .reading import TextLine
@@ -155,7 +156,7 @@ class PictureOnlooker:
             parts.append(f"New: {', '.join(came)}.")
         if went:
             parts.append(f"Gone: {', '.join(went)}.")
-        if step.endswith("WAIT."):
+        if step.endswith(WAIT):
             parts.append("The agent did nothing to cause it.")
         return " ".join(parts)
 
