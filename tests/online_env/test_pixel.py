@@ -145,6 +145,22 @@ def test_only_what_changed_is_read_and_nothing_twice():
     assert (reader.counts.calls, again.counts.calls, again.counts.kept) == (calls, 0, calls)
 
 
+def test_no_line_that_stays_is_cut():
+    """What changes touches one line, and the box around that touches the next."""
+    before = np.full((200, 400, 3), 255, np.uint8)
+    after = before.copy()
+    after[60:64, 100:104] = 0
+    reader = ScreenReader(TextCache(), whole=False)
+    reader.read(before)
+    reader._lines = (line("first line", 90, 50), line("second", 150, 65), line("apart", 300, 150))
+    boxes = reader._boxes(after)
+    for standing in reader._lines[:2]:
+        x1, y1, x2, y2 = standing.box
+        assert any(b[0] <= x1 and b[1] <= y1 and x2 <= b[2] and y2 <= b[3] for b in boxes)
+    reader.read(after)
+    assert [found.text for found in reader._lines] == ["apart"]
+
+
 def test_the_cache_forgets_what_was_not_asked_for(monkeypatch):
     read = []
     monkeypatch.setattr(reading, "_read", lambda part: read.append(part[0, 0, 0]) or ())

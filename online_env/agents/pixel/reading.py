@@ -14,7 +14,7 @@ import numpy as np
 from hijack_data.elements.ocr import MAX_RATIO, boxes_from_ocr
 from hijack_data.types import Box, Size, UInt8Array
 
-from .changes import changed_boxes, merged, touch, union
+from .changes import changed_boxes, merged, touch
 
 MARGIN = 16  # px around what is read, as the detector wants some background
 WHOLE = 0.6  # of the picture: from there on it is read as one
@@ -151,16 +151,21 @@ class ScreenReader:
         everything = [(0, 0, width, height)]
         if self._picture is None or self._whole:
             return everything
-        grown: list[Box] = []
-        for box in changed_boxes(self._picture, picture):
-            whole = box
-            for line in self._lines:
-                if touch(line.box, box):
-                    whole = union(whole, line.box)
-            grown.append(whole)
-        boxes = merged(grown)
+        boxes = self._around_lines(changed_boxes(self._picture, picture))
         area = sum((box[2] - box[0]) * (box[3] - box[1]) for box in boxes)
         return everything if area > WHOLE * height * width else boxes
+
+    def _around_lines(self, changed: list[Box]) -> list[Box]:
+        """Return boxes that hold what changed, and the whole of every line that they touch."""
+        boxes = merged(changed)
+        while True:
+            grown = list(boxes)
+            for line in self._lines:
+                grown += [line.box for box in boxes if touch(line.box, box)]
+            grown = merged(grown)
+            if grown == boxes:
+                return boxes
+            boxes = grown
 
     def _within(self, picture: UInt8Array, box: Box) -> list[TextLine]:
         """Return the lines of a part of the picture, in pixels of the picture."""
