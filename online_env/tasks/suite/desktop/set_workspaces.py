@@ -64,6 +64,7 @@ class SetWorkspaces(Task):
             "press ctrl+a",
             f"type {quoted(self.drawn.label)}",
             "press enter",
+            'click "Workspace 1"',  # the pointer covers the name, which is selected
             f"wait for {quoted(self.drawn.label)}",
         ]
 
