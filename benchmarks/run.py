@@ -25,6 +25,7 @@ SCRIPTS = {
     "effects": "Effects on a live desktop",
     "suite": "The suite of tasks",
     "live_steps": "Corruptions on a live desktop, step by step",
+    "pixel": "Reading by OCR: the agent pixel",
 }
 NOT_HERE = "Not measured: "  # what a script prints where it cannot measure
 HEAD = """# Results

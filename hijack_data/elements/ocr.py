@@ -19,6 +19,9 @@ MAX_SIDE = 2000
 # end.
 MIN_SIDE = 8
 MAX_RATIO = 20
+# More threads than half the cores wait for each other, spinning: on a busy machine with two cores,
+# two threads took 1.4 times the processor's time of one, and three times as long.
+MAX_THREADS = 4
 
 
 def boxes_from_ocr(image: object) -> Elements:
@@ -60,8 +63,10 @@ def _engine(process: int) -> Any:
         )  # pyright: ignore[reportMissingTypeStubs, reportUnknownVariableType]
     except ImportError:
         raise extras.missing("reading text needs RapidOCR", "ocr") from None
+    threads = max(1, min(MAX_THREADS, (os.cpu_count() or 1) // 2))
     params = {
         "Global.log_level": "critical",
+        "EngineConfig.onnxruntime.intra_op_num_threads": threads,
         "Global.max_side_len": MAX_SIDE,
         "Global.use_cls": False,  # lines on a screen are upright
         "Det.limit_side_len": MIN_SIDE * 8,  # by default a strip is blown up to 736 pixels high

@@ -47,3 +47,18 @@ class Privileged(Agent, Protocol):
     def prepare(self, task: Task, machine: Machine) -> None:
         """Called after `reset`, once the task is set up."""
         ...
+
+
+@runtime_checkable
+class PlanFollower(Agent, Protocol):
+    """An agent that is told how to do the task, in words: a yardstick, never a contestant."""
+
+    uses_plan: bool
+
+    def follow(self, lines: Sequence[str]) -> None:
+        """Called after `reset`, once the task is set up.
+
+        Args:
+            lines: the plan of the task, see `online_env.tasks.plan_words`; empty if it has none.
+        """
+        ...

@@ -104,6 +104,10 @@ AGENTS = AgentRegistry(
         "random": "online_env.agents.reference:RandomActions",
         "fail": "online_env.agents.reference:GivesUp",
         "scripted": "online_env.agents.scripted:Scripted",
+        "pixel": "online_env.agents.pixel.agent:Pixel",
+        "pixel_onlooker": "online_env.agents.pixel.onlooked:PixelOnlooker",
+        "pixel_onlooker_no_check": "online_env.agents.pixel.onlooked:NoCheck",
+        "pixel_onlooker_no_summaries": "online_env.agents.pixel.onlooked:NoSummaries",
     },
     problems=_problems,
 )

@@ -118,7 +118,8 @@ class LiveEpisodes:
         with apart as agent:
             try:
                 limit = bench.episode_timeout
-                return _played(env, agent, job, attempt, planner, self._show, limit)
+                told = self._plan
+                return _played(env, agent, job, attempt, planner, self._show, limit, told)
             finally:
                 _called(agent.reset)
 
@@ -126,6 +127,10 @@ class LiveEpisodes:
         """Give a privileged agent the task and the desktop."""
         if isinstance(agent, Privileged):
             agent.prepare(self._stage.task, self._stage.machine)
+
+    def _plan(self) -> Sequence[str]:
+        """Return the plan in words of the task that is set up."""
+        return tuple(self._stage.task.plan())
 
 
 def play(
@@ -164,6 +169,7 @@ def _played(
     planner: Planner | None,
     show: Callable[[Agent, Job], object] | None,
     limit: float = math.inf,
+    told: Callable[[], Sequence[str]] | None = None,
 ) -> ResultRecord:
     start = time.monotonic()
     options = {
@@ -183,6 +189,8 @@ def _played(
         return _never_begun(env.record, _not_begun(job, attempt, problem, start))
     if show is not None and failed is None:
         failed = _called(agent.call, show, agent.agent, job)
+    if told is not None and failed is None:
+        failed = _called(_tell, agent, told)
     if failed is not None:
         _blame(env, failed)
     while (record := env.record) is None:
@@ -190,6 +198,17 @@ def _played(
         if env.record is None and time.monotonic() - start > limit:
             env.abandon(f"the episode took longer than {limit:g} s")
     return record
+
+
+def _tell(agent: Apart, told: Callable[[], Sequence[str]]) -> None:
+    """Give an agent that follows plans that of the task: words, and nothing that leads further.
+
+    No function of ours calls the agent's, so that it cannot look up the episode from there.
+    """
+    if not agent.call(getattr, agent.agent, "uses_plan", False):
+        return
+    follow = agent.call(getattr, agent.agent, "follow")
+    agent.call(follow, told())
 
 
 def _turn(

@@ -53,6 +53,8 @@ def prepare(
     Raises:
         AgentSetupError: a key, a price or a log is missing, or an option has nothing to act on.
     """
+    if out is not None:
+        _check_ready(agents)
     makers = file_makers(AGENTS.get(name) for name in agents)
     if options.given and not makers:
         raise AgentSetupError(f"{options.given[0]} is for agents of files, and there is none")
@@ -66,6 +68,14 @@ def prepare(
         if out is not None and replay is None:
             require_clients(maker.settings)
             maker.settings.check_keys(os.environ)
+
+
+def _check_ready(agents: Sequence[str]) -> None:
+    """Let agents say what they lack (`check_ready`), before anything is run."""
+    for name in agents:
+        check_ready = getattr(AGENTS.get(name), "check_ready", None)
+        if check_ready is not None:
+            check_ready()
 
 
 def begin(agent: str, episode: str) -> None:

@@ -113,6 +113,14 @@ class Task(ABC):
         """
         ...
 
+    def plan(self) -> Sequence[str]:
+        """Return how a person would be told to do the task, step by step; () for nothing.
+
+        `plan_words` has the grammar. The plan begins where `opens` ends, holds the values that the
+        seed drew, and only what can be read on the screen. Only agents with `uses_plan` get it.
+        """
+        return ()
+
     def wrong(self) -> Mapping[str, Outcome]:
         """Return wrong results by what is wrong: functions that bring them about by files.
 

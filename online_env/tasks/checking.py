@@ -23,6 +23,7 @@ from .folder import FolderDesktop
 from .hand import GiveUpError, Hand
 from .kit.apps import APPS
 from .machine import Machine
+from .plan_words import PlanWordsError, read_plan
 
 WRONG_RESULTS = 3  # so many a task of the suite has at least
 PHRASINGS = 3
@@ -173,6 +174,10 @@ def _words(task: Task) -> Iterator[str]:
             yield f"a phrasing uses {', '.join(unknown)}, which draw does not return"
     if len(set(task.phrasings)) < len(task.phrasings):
         yield "two phrasings are the same"
+    try:
+        read_plan(task.plan())
+    except PlanWordsError as error:
+        yield f"plan: {error}"
 
 
 def _results(task: Task) -> Iterator[str]:

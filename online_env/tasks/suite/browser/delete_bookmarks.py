@@ -1,9 +1,10 @@
 """Delete the bookmarks that lead to one site."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import chromium
+from online_env.tasks.kit import chromium, told
 from online_env.tasks.kit.links import HOSTS, bar, without
 from online_env.tasks.kit.pages import enter, visit
+from online_env.tasks.plan_words import quoted
 
 
 class DeleteBookmarks(Task):
@@ -44,6 +45,21 @@ class DeleteBookmarks(Task):
                 hand.click_on("static", name)
                 hand.press("delete")
                 hand.gone("push-button", f"More actions for {name}")
+
+    def plan(self):
+        steps = ['window "Chromium"', *told.visit("chrome://bookmarks/", "Search bookmarks")]
+        for name, _ in self.going():
+            steps += [
+                'click "Search bookmarks"',
+                "press ctrl+a",
+                f"type {quoted(name)}",
+                "press enter",
+                "wait",
+                f'click {quoted(name)} near "Bookmarks"',
+                "press delete",
+                "wait",
+            ]
+        return steps
 
     def wrong(self):
         write, entries, host = chromium.write_bookmarks, self.drawn.entries, self.drawn.host

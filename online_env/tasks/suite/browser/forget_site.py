@@ -3,10 +3,11 @@
 import re
 
 from online_env.tasks import Task
-from online_env.tasks.kit import chromium
+from online_env.tasks.kit import chromium, told
 from online_env.tasks.kit.links import HOSTS, PAGES
 from online_env.tasks.kit.pages import enter, visit
 from online_env.tasks.kit.words import sample
+from online_env.tasks.plan_words import quoted
 
 
 class ForgetSite(Task):
@@ -56,6 +57,21 @@ class ForgetSite(Task):
             hand.find("dialog", "Delete selected items")
             hand.button("Delete")
             hand.gone("dialog", "Delete selected items")
+
+    def plan(self):
+        return [
+            'window "Chromium"',
+            *told.visit("chrome://history/", "Search history"),
+            'click "Search history"',
+            f"type {quoted(self.drawn.host)}",
+            "press enter",
+            'click "Found"',
+            "press ctrl+a",
+            'wait for "selected"',
+            'click "Delete"',
+            'click "Delete" near "Cancel"',
+            'wait for "No search results"',
+        ]
 
     def wrong(self):
         write, pages, host = chromium.write_history, self.drawn.pages, self.drawn.host

@@ -2,6 +2,7 @@
 
 from online_env.tasks import Task
 from online_env.tasks.kit import desktop_settings
+from online_env.tasks.plan_words import quoted
 
 APP = "xfwm4-workspace-settings"
 NAMES = ("Mail", "Music", "Work", "Drawings", "Reading", "Games", "Photos", "Letters")
@@ -50,6 +51,22 @@ class SetWorkspaces(Task):
             # The tree has no node for the text that is edited.
             hand.replace(f"{label}\n")
         hand.find("table-cell", label, APP)
+
+    def plan(self):
+        return [
+            'window "Workspaces"',
+            'double-click right of "Number of workspaces:"',
+            "press ctrl+a",
+            f"type {quoted(str(self.drawn.count))}",
+            "press tab",
+            f"wait for {quoted(f'Workspace {self.drawn.count}')}",
+            'double-click "Workspace 2"',
+            "press ctrl+a",
+            f"type {quoted(self.drawn.label)}",
+            "press enter",
+            'click "Workspace 1"',  # the pointer covers the name, which is selected
+            f"wait for {quoted(self.drawn.label)}",
+        ]
 
     def wrong(self):
         count, label = self.drawn.count, self.drawn.label

@@ -2,6 +2,7 @@
 
 from online_env.tasks import Task
 from online_env.tasks.kit import desktop_settings
+from online_env.tasks.plan_words import quoted
 
 APP = "xfdesktop-settings"
 
@@ -38,6 +39,22 @@ class SizeDesktopIcons(Task):
         desktop_settings.choose_tab(hand, "Icons", APP)
         desktop_settings.set_number(hand, "Icon size:", self.drawn.size, APP)
         desktop_settings.set_number(hand, "Use custom font size:", self.drawn.font, APP)
+
+    def plan(self):
+        return [
+            'window "Desktop"',
+            'click "Icons" near "Menus"',
+            'double-click right of "Icon size:"',
+            "press ctrl+a",
+            f"type {quoted(str(self.drawn.size))}",
+            "press tab",
+            'click "Use custom font size:"',
+            'double-click right of "Use custom font size:"',
+            "press ctrl+a",
+            f"type {quoted(str(self.drawn.font))}",
+            "press tab",
+            "wait",
+        ]
 
     def wrong(self):
         size, font = self.drawn.size, self.drawn.font

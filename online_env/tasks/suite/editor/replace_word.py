@@ -5,6 +5,7 @@ import re
 from online_env.tasks import Task
 from online_env.tasks.kit import text_editor
 from online_env.tasks.kit.words import CITIES, sample
+from online_env.tasks.plan_words import quoted
 
 APP = "mousepad"
 WORDS = {
@@ -91,6 +92,24 @@ class ReplaceWord(Task):
         text_editor.wait_for_text(hand, drawn.wanted, APP)
         hand.button("Close", APP)
         text_editor.save(hand, drawn.path, APP)
+
+    def plan(self):
+        return [
+            'window "Mousepad"',
+            "press ctrl+r",
+            'wait for "Match whole word"',
+            "press ctrl+a",
+            f"type {quoted(self.drawn.old)}",
+            "press tab",
+            f"type {quoted(self.drawn.new)}",
+            'click "Match whole word"',
+            'click "Replace all in"',
+            'click "Replace" near "Close"',
+            "wait",
+            'click "Close"',
+            "press ctrl+s",
+            "wait",
+        ]
 
     def wrong(self):
         path, text = self.drawn.path, self.drawn.text

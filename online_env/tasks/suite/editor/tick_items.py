@@ -83,6 +83,16 @@ class TickItems(Task):
         text_editor.wait_for_text(hand, "\n".join(drawn.lines) + "\n", APP)
         text_editor.save(hand, drawn.path, APP)
 
+    def plan(self):
+        steps = ['window "Mousepad"', "press ctrl+home"]
+        line = 0
+        for index in self.drawn.done:
+            if index > line:
+                steps.append(f"press down {index - line} times")
+            steps += ["press home", "press right", "press delete", 'type "x"']
+            line = index
+        return [*steps, "press ctrl+s", "wait"]
+
     def wrong(self):
         path, lines, text = self.drawn.path, self.drawn.lines, self.drawn.text
         less = list(lines)

@@ -4,6 +4,7 @@ from online_env.tasks import Task
 from online_env.tasks.kit import thunar
 from online_env.tasks.kit.files import below, rearranged, sample_file
 from online_env.tasks.kit.words import MONTHS, TOPICS, sample
+from online_env.tasks.plan_words import quoted
 
 PROJECTS = ("Thesis", "Novel", "Website", "Tournament", "Exhibition")
 BACKUPS = "Documents/Backups"
@@ -64,6 +65,24 @@ class CopyFolder(Task):
                 thunar.go(hand, BACKUPS)
                 thunar.paste(hand, project)
             thunar.rename(hand, project, self.drawn.copy)
+
+    def plan(self):
+        project = quoted(self.drawn.project)
+        return [
+            'window "Thunar"',
+            f"click {project}",
+            "press ctrl+c",
+            'double-click "Backups"',
+            f"wait for {quoted(f'{self.drawn.project} (old)')}",
+            "press ctrl+v",
+            f"click {project}",
+            "press f2",
+            "wait",
+            "press ctrl+a",
+            f"type {quoted(self.drawn.copy)}",
+            "press enter",
+            f"wait for {quoted(self.drawn.copy)}",
+        ]
 
     def wrong(self):
         place, target, old = self.drawn.place, self.drawn.target, self.drawn.old

@@ -4,6 +4,7 @@ from online_env.tasks import Task
 from online_env.tasks.kit import thunar
 from online_env.tasks.kit.files import move_files, rearranged, sample_file
 from online_env.tasks.kit.words import LAST_NAMES, sample
+from online_env.tasks.plan_words import quoted
 
 NAMES = tuple(name for name in LAST_NAMES if name.isalpha())
 KINDS = ("contract", "letter", "offer", "certificate", "questionnaire")
@@ -67,6 +68,29 @@ class CopyTemplate(Task):
             if not thunar.present(hand, drawn.template):
                 thunar.paste(hand, drawn.template)
             thunar.rename(hand, drawn.template, name)
+
+    def plan(self):
+        drawn = self.drawn
+        steps = [
+            'window "Thunar"',
+            f"click {quoted(drawn.template)}",
+            "press ctrl+c",
+            'click "Documents" near "Places"',
+            f"double-click {quoted(drawn.folder)}",
+            'wait for "list.txt"',
+        ]
+        for name in (drawn.a, drawn.b, drawn.c):
+            steps += [
+                "press ctrl+v",
+                f"click {quoted(drawn.template)}",
+                "press f2",
+                "wait",
+                "press ctrl+a",
+                f"type {quoted(name)}",
+                "press enter",
+                f"wait for {quoted(name)}",
+            ]
+        return steps
 
     def wrong(self):
         copies = self.copies()

@@ -2,6 +2,7 @@
 
 from online_env.tasks import Task
 from online_env.tasks.kit.words import TOPICS, sample
+from online_env.tasks.plan_words import quoted
 
 FOLDERS = ("Reports", "Invoices", "Letters", "Drafts")
 ITEMS = ("table-cell", "list-item")
@@ -52,6 +53,18 @@ class RenameFile(Task):
         hand.replace(self.drawn.new)
         hand.press("enter")
         hand.find(ITEMS, self.drawn.new, app="thunar")
+
+    def plan(self):
+        return [
+            'window "Thunar"',
+            f"click {quoted(self.drawn.old)}",
+            "press f2",
+            "wait",
+            "press ctrl+a",
+            f"type {quoted(self.drawn.new)}",
+            "press enter",
+            f"wait for {quoted(self.drawn.new)}",
+        ]
 
     def wrong(self):
         place, new = self.drawn.place, self.drawn.new

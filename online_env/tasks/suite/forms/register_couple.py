@@ -1,7 +1,7 @@
 """Register two people for the same course."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import registrations
+from online_env.tasks.kit import registrations, told
 from online_env.tasks.kit.pages import visit
 
 ADDRESS = f"{registrations.SITE}/register"
@@ -55,6 +55,15 @@ class RegisterCouple(Task):
         for entry in self.drawn.wanted:
             visit(hand, ADDRESS, "Course registration")
             registrations.fill_in(hand, entry)
+
+    def plan(self):
+        first, second = self.drawn.wanted
+        return [
+            'window "Chromium"',
+            *told.register(first),
+            *told.visit(ADDRESS, "Full name"),
+            *told.register(second),
+        ]
 
     def wrong(self):
         store, (first, second) = registrations.store, self.drawn.wanted

@@ -1,7 +1,7 @@
 """Fill in the registration form of forms.test in the browser."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import registrations
+from online_env.tasks.kit import registrations, told
 from online_env.tasks.kit.pages import visit
 
 ADDRESS = f"{registrations.SITE}/register"
@@ -51,6 +51,9 @@ class RegisterCourse(Task):
     def oracle(self, hand):
         visit(hand, ADDRESS, "Course registration")
         registrations.fill_in(hand, self.drawn.wanted)
+
+    def plan(self):
+        return ['window "Chromium"', *told.register(self.drawn.wanted)]
 
     def wrong(self):
         wanted, store = self.drawn.wanted, registrations.store

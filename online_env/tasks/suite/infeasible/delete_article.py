@@ -2,7 +2,8 @@
 
 from online_env.embedded.sites.library import articles
 from online_env.tasks import Task
-from online_env.tasks.kit.articles import open_history, put
+from online_env.tasks.kit import told
+from online_env.tasks.kit.articles import address, open_history, put
 from online_env.tasks.kit.pages import follow
 
 
@@ -35,6 +36,15 @@ class DeleteArticle(Task):
         follow(hand, "Edit", "Editing")
         hand.find("push-button", "Save changes", scroll=True)
         hand.give_up("an article can be read, edited and followed back, but not deleted")
+
+    def plan(self):
+        return [
+            'window "Chromium"',
+            *told.visit(address(self.drawn.title, "history"), "First version"),
+            'click "Edit" near "Read"',
+            'scroll down to "Save changes"',
+            'give up "an article can be read, edited and followed back, but not deleted"',
+        ]
 
     def wrong(self):
         title = self.drawn.title

@@ -4,6 +4,7 @@ from online_env.tasks import Task
 from online_env.tasks.kit import thunar
 from online_env.tasks.kit.archives import make_locked_zip
 from online_env.tasks.kit.words import LAST_NAMES, TOPICS, sample
+from online_env.tasks.plan_words import quoted
 
 NAMES = tuple(name for name in LAST_NAMES if name.isalpha())
 
@@ -59,6 +60,17 @@ class OpenLockedArchive(Task):
         hand.press("alt", "f4")
         hand.gone("frame", app="xarchiver")
         hand.give_up("the archive asks for a password, and I was not told any")
+
+    def plan(self):
+        return [
+            'window "Thunar"',
+            f"double-click {quoted(self.drawn.archive)}",
+            f"wait for {quoted(self.drawn.wanted)}",
+            'click "Extract"',
+            'wait for "Password:"',
+            'click "Cancel"',
+            'give up "the archive asks for a password, and nobody told me any"',
+        ]
 
     def wrong(self):
         wanted, archive = self.drawn.wanted, f"Downloads/{self.drawn.archive}"

@@ -5,6 +5,7 @@ import re
 from online_env.tasks import Task
 from online_env.tasks.kit import browser, mail
 from online_env.tasks.kit.words import CITIES, MONTHS, TOPICS, sample
+from online_env.tasks.plan_words import quoted
 
 PEOPLE = ("ilse@mail.test", "piet@mail.test", "jun@mail.test", "adaeze@mail.test")
 LAST_LINES = (
@@ -77,6 +78,21 @@ class FinishDraft(Task):
         mail.compose(hand, to=self.drawn.to)
         hand.replace(self.whole)
         mail.send(hand)
+
+    def plan(self):
+        return [
+            'window "Chromium"',
+            'click "Drafts"',
+            f"click {quoted(self.drawn.subject)}",
+            'wait for "New message"',
+            'click "To"',
+            f"type {quoted(self.drawn.to)}",
+            "press tab 3 times",
+            "press ctrl+end",
+            f"type {quoted(chr(10) + self.drawn.line)}",
+            'click "Send"',
+            f"wait for {quoted(self.drawn.subject)}",
+        ]
 
     def finish(self, machine, to, text):
         """Send the draft, as the site does."""

@@ -1,10 +1,11 @@
 """Compare two articles of the wiki and save the difference."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import articles
+from online_env.tasks.kit import articles, told
 from online_env.tasks.kit.notes import take_note, unlike
 from online_env.tasks.kit.pages import visit
 from online_env.tasks.kit.words import sample
+from online_env.tasks.plan_words import quoted
 
 FERRIES = ("Heron", "Puffin", "Cormorant", "Avocet", "Plover", "Sandpiper", "Tern", "Curlew")
 # What is compared, and how an article puts it.
@@ -78,6 +79,15 @@ class CompareFerries(Task):
             visit(hand, articles.address(title), title)
             hand.find("heading", title)
         take_note(hand, self.drawn.path, "\n".join(self.lines()))
+
+    def plan(self):
+        chosen = [what for what, *_ in MEASURES].index(self.drawn.what)
+        steps = ['window "Chromium"']
+        for name in (self.drawn.one, self.drawn.two):
+            figure = str(self.drawn.figures[name][chosen])
+            steps += told.visit(articles.address(f"Ferry {name}"), f"Ferry {name}")
+            steps.append(f"wait for {quoted(figure)}")
+        return [*steps, *told.take_note(self.drawn.path, "\n".join(self.lines()))]
 
     def wrong(self):
         path, drawn = self.drawn.path, self.drawn

@@ -3,6 +3,7 @@
 from online_env.tasks import Task
 from online_env.tasks.kit import browser, shop
 from online_env.tasks.kit.words import sample
+from online_env.tasks.plan_words import quoted
 
 ASPECTS = {
     "weighs less": shop.grams,
@@ -57,6 +58,25 @@ class CompareProducts(Task):
             shop.open_product(hand, product.name)
             hand.find("heading", "Details", app=browser.APP)
         shop.add(hand)
+
+    def plan(self):
+        steps = ['window "Chromium"']
+        for product in (self.drawn.other, self.drawn.best):
+            steps += [
+                'click "Search products"',
+                "press ctrl+a",
+                f"type {quoted(product.name)}",
+                "press enter",
+                'wait for "Results for"',
+                f"click {quoted(product.name)} near {quoted(product.blurb[:24])}",
+                'wait for "Quantity"',
+            ]
+        return [
+            *steps,
+            'scroll down to "Add to cart"',
+            'click "Add to cart"',
+            'wait for "Your cart"',
+        ]
 
     def wrong(self):
         best, other = self.drawn.best.id, self.drawn.other.id

@@ -3,6 +3,7 @@
 from online_env.tasks import Task
 from online_env.tasks.kit import shell
 from online_env.tasks.kit.words import CITIES, GOODS
+from online_env.tasks.plan_words import quoted
 
 FILE = ".profile"
 NAMES = ("PROJECT_HOME", "REPORT_LANG", "BACKUP_TARGET", "MAP_STYLE", "TEAM_NAME")
@@ -55,6 +56,21 @@ class SetVariable(Task):
         shell.command(hand, f"cat ~/{FILE}")
         shell.command(hand, f"grep -qxF '{line}' ~/{FILE} || echo '{line}' >> ~/{FILE}")
         shell.command(hand, f"tail -2 ~/{FILE}")
+
+    def plan(self):
+        line = f"export {self.drawn.key}={self.drawn.value}"
+        return [
+            'window "Terminal"',
+            'wait for "user@desktop"',
+            f"type {quoted(f'cat ~/{FILE}')}",
+            "press enter",
+            'wait for "umask"',
+            f"type {quoted(f'echo {line} >> ~/{FILE}')}",
+            "press enter",
+            f"type {quoted(f'tail -1 ~/{FILE}')}",
+            "press enter",
+            f"wait for {quoted(line)}",
+        ]
 
     def wrong(self):
         before, key, value = self.drawn.before, self.drawn.key, self.drawn.value

@@ -5,7 +5,8 @@ from datetime import date, timedelta
 from online_env.embedded.sites.hosts import forms
 from online_env.embedded.sites.hosts import mail as mailbox
 from online_env.tasks import Task
-from online_env.tasks.kit import browser, mail, shop
+from online_env.tasks.kit import browser, mail, shop, told
+from online_env.tasks.plan_words import quoted
 
 REGISTER = "http://forms.test/register"
 
@@ -89,6 +90,16 @@ class RegisterFromMail(Task):
         browser.tick(hand, self.drawn.level)
         browser.tick(hand, "I accept the house rules")
         browser.push(hand, "Send registration", "You are registered")
+
+    def plan(self):
+        wanted = self.drawn.wanted
+        return [
+            'window "Chromium"',
+            f"click {quoted(self.drawn.who)}",
+            f"wait for {quoted(wanted['email'])}",
+            *told.visit(REGISTER, "Full name"),
+            *told.register(wanted),
+        ]
 
     def wrong(self):
         wanted = self.drawn.wanted

@@ -1,0 +1,71 @@
+"""`pixel`: follows a plan in words on the picture that it is given, and sees nothing else."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from hijack_data import extras
+from hijack_data.types import UInt8Array
+
+from ...tasks.plan_words import ToldStep, read_plan
+from ..base import DONE, FAIL, Observation
+from .reading import ScreenReader
+from .walking import PlanWalk
+
+NO_PLAN = "Nobody told me how to do this."
+
+
+class Pixel:
+    """Follows a plan in words; each text of it is looked for on the picture, by OCR.
+
+    A text that is not seen is waited for; if it does not come, the agent answers `FAIL` and says
+    what it missed. Without a plan it answers `FAIL` at once.
+
+    Raises `MissingDependencyError` without the extra `ocr`.
+    """
+
+    uses_plan = True
+
+    def __init__(self) -> None:
+        self.check_ready()
+        self.reader = ScreenReader()
+        self.walk = PlanWalk((), self.reader)
+
+    @classmethod
+    def check_ready(cls) -> None:
+        """Check that text can be read; `MissingDependencyError` has the command that adds it."""
+        extras.require("the agent pixel", "ocr", ("rapidocr", "onnxruntime", "cv2"))
+
+    def reset(self) -> None:
+        """Forget the episode and its plan."""
+        self.reader.forget()
+        self._begin(())
+
+    def follow(self, lines: Sequence[str]) -> None:
+        """Take the plan of the task; `PlanWordsError` names the steps that cannot be read."""
+        self._begin(read_plan(lines))
+
+    @property
+    def usage(self) -> Mapping[str, Any]:
+        """What reading has cost in this episode: calls of the OCR, pixels, seconds."""
+        return {"reading": asdict(self.reader.counts)}
+
+    def predict(self, instruction: str, obs: Observation) -> tuple[str, Sequence[str]]:
+        """Return the action of the next step of the plan, or `WAIT` until it can be taken.
+
+        Args:
+            instruction: not used: the plan says what to do.
+            obs: `obs["screenshot"]` is uint8 RGB `[H, W, 3]`.
+        """
+        if not self.walk.steps:
+            return NO_PLAN, [FAIL]
+        return self._go_on(obs["screenshot"])
+
+    def _begin(self, steps: Sequence[ToldStep]) -> None:
+        self.walk = PlanWalk(steps, self.reader)
+
+    def _go_on(self, picture: UInt8Array) -> tuple[str, Sequence[str]]:
+        walked = self.walk.act(picture)
+        if walked.lost:
+            return walked.said, [FAIL]
+        return walked.said, [walked.action or DONE]

@@ -1,0 +1,196 @@
+"""Follow a plan in words on pictures: find each text by OCR, and say what to do about it."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from hijack_data.types import Point, Size, UInt8Array
+
+from ...tasks.plan_words import ToldStep
+from ..base import FAIL, WAIT
+from .matching import SeenText, all_texts, closest_text, find_text
+from .reading import ScreenReader, TextLine
+
+WAITS = 2  # that a text is waited for, until the walk is lost
+SCROLLS = 15  # turns of the wheel that a text is looked for
+WHEEL = 5  # clicks of the wheel a turn
+# How far beside a text to click, in heights of its line.
+ACROSS = 3.0
+ALONG = 1.6
+
+_CLICKS = {
+    "click": "pyautogui.click({x}, {y})",
+    "double-click": "pyautogui.doubleClick({x}, {y})",
+    "right-click": "pyautogui.rightClick({x}, {y})",
+    "ctrl-click": "pyautogui.keyDown('ctrl')\npyautogui.click({x}, {y})\npyautogui.keyUp('ctrl')",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Walked:
+    """What to do on one picture.
+
+    Args:
+        said: The step, and what was seen of it.
+        action: pyautogui code, `WAIT` or `FAIL`; "" if there is nothing left to do.
+        lost: Whether a text did not come, so that the plan cannot go on.
+    """
+
+    said: str
+    action: str = ""
+    lost: bool = False
+
+
+class PlanWalk:
+    """A plan, and how far it was followed.
+
+    Args:
+        steps: The plan.
+        reader: Reads the pictures; several walks may share one.
+    """
+
+    def __init__(self, steps: Iterable[ToldStep], reader: ScreenReader) -> None:
+        self.steps = tuple(steps)
+        self._reader = reader
+        self._at = 0
+        self._missed = 0
+        self._turned = 0
+
+    @property
+    def ended(self) -> bool:
+        """Whether no step is left."""
+        return self._at >= len(self.steps)
+
+    @property
+    def window(self) -> str:
+        """The window that the plan is about at this step; "" if it names none."""
+        named = [step.text for step in self.steps[: self._at + 1] if step.verb == "window"]
+        return named[-1] if named else ""
+
+    def wait_again(self) -> None:
+        """Look for the text of a step that is lost once more."""
+        self._missed = 0
+        self._turned = 0
+
+    def act(self, picture: UInt8Array) -> Walked:
+        """Go on to a step that needs an action, and return that.
+
+        Args:
+            picture: uint8 RGB `[H, W, 3]`.
+        """
+        while not self.ended:
+            walked = self._try(self.steps[self._at], picture)
+            if walked is not None:
+                return walked
+            self._advance()
+        return Walked(said="That was the whole plan.")
+
+    def _advance(self) -> None:
+        self._at += 1
+        self._missed = 0
+        self._turned = 0
+
+    def _try(self, step: ToldStep, picture: UInt8Array) -> Walked | None:
+        """Return the action of a step; `None` if it needs none."""
+        match step.verb:
+            case "type" | "press":
+                return self._taken(step, keyboard_code(step))
+            case "give up":
+                return self._taken(step, FAIL)
+            case "scroll" if not step.text:
+                return self._taken(step, wheel_code(step, picture.shape[:2], step.count))
+            case "wait" if not step.text:
+                return self._taken(step, WAIT)
+            case _:
+                return self._look(step, picture)
+
+    def _look(self, step: ToldStep, picture: UInt8Array) -> Walked | None:
+        """Look for the text of a step, and act on it."""
+        lines = self._reader.read(picture)
+        seen = place_of(step, lines)
+        if seen is None:
+            return self._not_seen(step, lines, picture.shape[:2])
+        if step.verb in ("wait", "window", "scroll"):
+            return None
+        x, y = point_of(step, seen, picture.shape[:2])
+        code = _CLICKS[step.verb].format(x=x, y=y)
+        return self._taken(step, code, f"I read {seen.line.text!r}.")
+
+    def _not_seen(
+        self,
+        step: ToldStep,
+        lines: Sequence[TextLine],
+        size: Size,
+    ) -> Walked:
+        if step.verb == "scroll" and self._turned < SCROLLS:
+            self._turned += 1
+            return Walked(said=self._words(step), action=wheel_code(step, size, WHEEL))
+        said = self._words(step, f"I do not see {step.text!r}.")
+        if self._missed < WAITS:
+            self._missed += 1
+            return Walked(said=said, action=WAIT)
+        closest = closest_text(lines, step.text)
+        return Walked(said=f"{said} The closest text is {closest!r}.", lost=True)
+
+    def _taken(
+        self,
+        step: ToldStep,
+        action: str,
+        note: str = "",
+    ) -> Walked:
+        said = self._words(step, note)
+        self._advance()
+        return Walked(said=said, action=action)
+
+    def _words(self, step: ToldStep, note: str = "") -> str:
+        return f"Step {self._at + 1} of {len(self.steps)}: {step.line}. {note}".rstrip()
+
+
+def place_of(step: ToldStep, lines: Sequence[TextLine]) -> SeenText | None:
+    """Return where the text of a step stands; `None` if it, or its anchor, is not there."""
+    if not step.near:
+        return find_text(lines, step.text)
+    anchors = all_texts(lines, step.near)
+    return find_text(lines, step.text, anchors) if anchors else None
+
+
+def point_of(
+    step: ToldStep,
+    seen: SeenText,
+    size: Size,
+) -> Point:
+    """Return the pixel to click on: in the middle of a text, or beside it."""
+    left, top, right, bottom = seen.box
+    x, y = seen.centre
+    across = round(ACROSS * seen.line.height)
+    along = round(ALONG * seen.line.height)
+    places = {
+        "": (x, y),
+        "right of": (right + across, y),
+        "left of": (left - across, y),
+        "above": (x, top - along),
+        "below": (x, bottom + along),
+    }
+    x, y = places[step.side]
+    height, width = size
+    return min(max(x, 0), width - 1), min(max(y, 0), height - 1)
+
+
+def keyboard_code(step: ToldStep) -> str:
+    """Return the code of a step that types or presses keys."""
+    if step.verb == "type":
+        return f"pyautogui.write({step.text!r})"
+    if len(step.keys) == 1:
+        return f"pyautogui.press({step.keys[0]!r}, presses={step.count})"
+    keys = ", ".join(map(repr, step.keys))
+    return "\n".join([f"pyautogui.hotkey({keys})"] * step.count)
+
+
+def wheel_code(
+    step: ToldStep,
+    size: Size,
+    clicks: int,
+) -> str:
+    """Return the code that turns the wheel in the middle of the picture."""
+    height, width = size
+    way = -clicks if step.way == "down" else clicks
+    return f"pyautogui.scroll({way}, {width // 2}, {height // 2})"

@@ -1,0 +1,85 @@
+"""Plans in words: the grammar, and that the plans of all tasks can be read."""
+
+import pytest
+
+pytest.importorskip("gymnasium", reason="needs the extra [online]")
+
+from online_env import tasks
+from online_env.tasks import sets
+from online_env.tasks.plan_words import PlanWordsError, ToldStep, quoted, read_plan
+
+
+def read(line: str) -> ToldStep:
+    (step,) = read_plan([line])
+    assert step.line == line
+    return step
+
+
+def told(line: str, **parts: object) -> None:
+    assert read(line) == ToldStep(line=line, **parts)
+
+
+def test_each_form_is_read():
+    told('window "Thunar"', verb="window", text="Thunar")
+    told('click "File"', verb="click", text="File")
+    told('double-click "a b"', verb="double-click", text="a b")
+    told('click "Edit" near "Summary"', verb="click", text="Edit", near="Summary")
+    told('right-click left of "x"', verb="right-click", text="x", side="left of")
+    told('ctrl-click below "x" near "y"', verb="ctrl-click", text="x", side="below", near="y")
+    told(r'type "one\ntwo"', verb="type", text="one\ntwo")
+    told("press Ctrl+S", verb="press", keys=("ctrl", "s"))
+    told("press tab 3 times", verb="press", keys=("tab",), count=3)
+    told("scroll up", verb="scroll", way="up")
+    told("scroll down 12", verb="scroll", way="down", count=12)
+    told('scroll down to "Send"', verb="scroll", way="down", text="Send")
+    told("wait", verb="wait")
+    told('wait for "Saved" near "notes"', verb="wait", text="Saved", near="notes")
+    told('give up "no button"', verb="give up", text="no button")
+
+
+@pytest.mark.parametrize(
+    "text", ['say "no"', "back\\slash", "two\nlines", '" near "Trash', "{braces}", "Ähre 設定"]
+)
+def test_any_text_survives_its_quotation_marks(text):
+    assert read(f"click {quoted(text)} near {quoted(text)}").text == text
+    assert read(f"type {quoted(text)}").text == text
+
+
+@pytest.mark.parametrize(
+    ("line", "remedy"),
+    [
+        ("klick", "did you mean 'click'"),
+        ("", "a step begins with a verb; known: click"),
+        ("waiting", "did you mean 'wait'"),
+        ("click Save", 'click "text"'),
+        ('click "Save', 'click "text"'),
+        ("click 3", 'click "text"'),
+        ('click " "', 'click "text"'),
+        ('click "a" "b"', "'\"b\"' is too much"),
+        ('click "a" near', 'near "text"'),
+        ("type", 'type "text"'),
+        ("press", "press ctrl+s"),
+        ("press entre", "did you mean 'enter'"),
+        ("press tab 1000 times", "1000 times is not 1 to 100"),
+        ("scroll", 'scroll down to "Send"'),
+        ("scroll down to", 'scroll down to "text"'),
+        ("wait 3", "'3' is too much"),
+    ],
+)
+def test_a_mistake_names_step_and_remedy(line, remedy):
+    with pytest.raises(PlanWordsError) as caught:
+        read_plan(["wait", line, "wait", "also wrong"])
+    first, second = str(caught.value).split("\n")
+    assert first.startswith(f"step 2, {line!r}: ")
+    assert remedy in first
+    assert second.startswith("step 4, 'also wrong': ")
+
+
+@pytest.mark.parametrize("name", sets.members("suite"))
+def test_the_plans_of_the_suite_can_be_read(name):
+    plans = [read_plan(tasks.get(name, seed).plan()) for seed in range(3)]
+    if name in sets.members("small"):
+        assert all(plans)
+        assert all(plan[0].verb == "window" for plan in plans), "what the onlooker watches"
+    for plan in plans:
+        assert len(plan) < 60, "an episode has no more steps"
