@@ -157,7 +157,10 @@ def peers() -> str:
             )
         )
     ordered = sorted(bars, key=lambda bar: -bar.value)
-    note = "Time of the other library over ours, for one 1080p picture; below 1x (darker) it is faster than ours."
+    note = (
+        "Time of the other library over ours, for one 1080p picture; below 1x (darker) it is faster"
+        " than ours."
+    )
     return chart("Augmentation, against other libraries", ordered, note)
 
 
@@ -186,7 +189,10 @@ def proof() -> str:
         )
         for row in found.rows
     ]
-    note = "Points of clicks inside the right control, with 95 % intervals; darker bars are gains, lighter ones losses."
+    note = (
+        "Points of clicks inside the right control, with 95 % intervals; darker bars are gains,"
+        " lighter ones losses."
+    )
     return chart(found.said.replace("*", ""), bars, note)
 
 

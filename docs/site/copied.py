@@ -1,7 +1,7 @@
 """The pages of the repository as pages of the site.
 
-They stay plain Markdown that reads well beside the code. Here only what a site needs is changed: links
-that leave docs/, and the words after a fence's language, which are for the tests.
+They stay plain Markdown that reads well beside the code. Here only what a site needs is changed:
+links that leave docs/, and the words after a fence's language, which are for the tests.
 """
 
 import os

@@ -14,6 +14,8 @@ from hijack_data.cli.describe import describe
 from hijack_data.composites import composite, is_bare
 
 TEXTS = yaml.safe_load((Path(__file__).parent / "texts.yaml").read_text(encoding="utf-8"))
+# Where the divider stands at first, in percent, so that what is drawn is to its right.
+DIVIDED_AT = {"pop_ups": 18, "multi_apps": 25, "subtitle": 20}
 KINDS = {
     "visual_disruptor": "changes what is seen",
     "unexpected_operation": "does something that the agent did not do",
@@ -111,12 +113,13 @@ def _lines(name: str, folder: Path) -> Iterator[str]:
 
 def _slider(name: str) -> str:
     screen = pictures.screen_of(name)
+    at = DIVIDED_AT.get(name, 40)
     return (
-        '<div class="ba" style="--x:50%">'
+        f'<div class="ba" style="--x:{at}%">'
         f'<img src="../pictures/{screen}.webp" alt="The recorded screen" width="1280" height="720">'
         f'<img class="over" src="../pictures/{name}/after.webp" alt="The same screen under {name}"'
         ' width="1280" height="720">'
-        '<input type="range" min="0" max="100" value="50" aria-label="Before and after">'
+        f'<input type="range" min="0" max="100" value="{at}" aria-label="Before and after">'
         '<span class="tag left">before</span><span class="tag right">after</span></div>\n'
     )
 
@@ -153,9 +156,10 @@ def strip(
         source = f"{up}pictures/{file}"
         found.append(
             f'<figure><a href="{source}"><img src="{source}" alt="{file.partition("/")[0]}"'
-            f' width="480" height="270" loading="lazy"></a><figcaption>{caption}</figcaption></figure>'
+            ' width="480" height="270" loading="lazy"></a>'
+            f"<figcaption>{caption}</figcaption></figure>"
         )
-    return f'<div class="strip">{"".join(found)}</div>\n'
+    return f'<div class="strip" style="--columns:{len(found)}">{"".join(found)}</div>\n'
 
 
 def _fidelity(name: str) -> str:
@@ -172,9 +176,14 @@ def _code(name: str, info: dict[str, Any]) -> Iterator[str]:
     cls = type(hj.get(name)).__name__
     yield "## Code\n"
     if info["scope"] == "observation":
-        parts = [("NumPy", NUMPY), ("torch", TORCH), ("JAX and Grain", JAX), ("JAX array", JAX_ARRAY)]
+        parts = [
+            ("NumPy", NUMPY),
+            ("torch", TORCH),
+            ("JAX and Grain", JAX),
+            ("JAX array", JAX_ARRAY),
+        ]
     else:
-        yield "It changes the machine, so a tensor alone cannot show it: build rows, then load them.\n"
+        yield "It changes the machine, so no tensor can show it: build rows, then load them.\n"
         parts = [
             ("Build", BUILD),
             ("Hugging Face", ROWS_HF),
@@ -208,8 +217,8 @@ def _parameters(info: dict[str, Any]) -> Iterator[str]:
 
 def _seeds(name: str, folder: Path) -> Iterator[str]:
     yield "## Seeds\n"
-    yield "A plan follows from the seed, the corruption, the sample, the step and the epoch, and from"
-    yield "nothing else ([Concepts](../concepts.md#plan)).\n"
+    yield "A plan follows from the seed, the corruption, the sample, the step and the epoch, and"
+    yield "from nothing else ([Concepts](../concepts.md#plan)).\n"
     files = [folder / name / f"seed-{seed}.webp" for seed in pictures.SEEDS]
     different = {file.read_bytes() for file in files if file.exists()}
     if len(different) < 2:
@@ -234,9 +243,9 @@ def gallery(folder: Path) -> str:
     """The page with all nine on three screens."""
     lines = [
         "# Gallery\n",
-        "The nine corruptions on recorded screens of this repository, with the default parameters and"
-        f" seed {pictures.SEED}. Choose a name for its page; `hijack gallery your/*.png -o g.html` makes"
-        " such a page of your own screens.\n",
+        "The nine corruptions on recorded screens of this repository, with the default parameters"
+        f" and seed {pictures.SEED}. Choose a name for its page;"
+        " `hijack gallery your/*.png -o g.html` makes such a page of your own screens.\n",
     ]
     for name in hj.names()[:9]:
         lines.append(f"## [{TEXTS[name]['title']}](corruptions/{name}.md)\n")

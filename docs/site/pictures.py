@@ -1,4 +1,4 @@
-"""The pictures of the site: each corruption on recorded screenshots, drawn by the library itself."""
+"""The pictures of the site: each corruption on recorded screenshots, drawn by the library."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

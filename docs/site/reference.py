@@ -34,8 +34,9 @@ def core() -> str:
     ]
     for title, places in groups.items():
         names = [f"hijack_data.{name}" for place in places for name in homes.get(place, ())]
+        entry = _corruption if title == "Corruptions" else _entry
         if names:
-            parts += [f"## {title}\n", *map(_entry, names)]
+            parts += [f"## {title}\n", *map(entry, names)]
     return "\n".join(parts)
 
 
@@ -88,3 +89,10 @@ def names(page: str) -> list[str]:
 
 def _entry(name: str) -> str:
     return f"::: {name}\n"
+
+
+def _corruption(name: str) -> str:
+    """A corruption without what all of them have; its parameters are on its own page."""
+    cls = getattr(hj, name.rpartition(".")[2])
+    link = f"Parameters, levels and pictures: [{cls.name}](../corruptions/{cls.name}.md)"
+    return f"{_entry(name)}    options:\n      members: false\n\n{link}\n"
