@@ -13,7 +13,7 @@ import pipelines
 
 ROOT = Path(__file__).resolve().parent.parent
 HERE = ROOT / "docs" / "site"
-sys.path.append(str(HERE))
+sys.path.insert(0, str(HERE))  # before a package of the same name
 
 copied = pytest.importorskip("copied")
 charts = pytest.importorskip("charts")
