@@ -85,6 +85,7 @@ CORE_ALONE = {
     f"build {RECORDINGS} --out {{out}}/d --corruptions marks": "hf",
     "stats {data}": "hf",
     "view {data}": "hf",
+    f"apply {SCREEN} accidental_touch -o {{out}}/m.png": "vision",
     f"apply {SCREEN} marks -o {{out}}/m.png --backend torch": "torch",
     f"apply {SCREEN} marks -o {{out}}/m.png --backend jax": "jax",
     f"gallery {SCREEN} -o {{out}}/g.html --detect ocr": "ocr",
