@@ -22,7 +22,7 @@ $(VENV)/.made:
 	@touch $@
 
 $(VENV)/.light: pyproject.toml | $(VENV)/.made
-	$(INSTALL) -e '.[hf,vision]'
+	$(INSTALL) --no-compile -e '.[hf,vision]'  # a demo imports a small part: it is compiled when it is imported
 	@touch $@
 
 $(VENV)/.live: pyproject.toml | $(VENV)/.light
