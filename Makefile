@@ -1,26 +1,46 @@
-# Four commands to know: `make demo`, `make desktop`, `make check` and `make test`. Each sets up what it needs in .venv.
+# Four commands to know: `make demo`, `make desktop`, `make check` and `make test`. Each sets up what it needs in .venv,
+# and no more than that: a demo has no torch and no JAX. A stamp in .venv says what is there.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: help env demo desktop check test lint bench golden clean
+INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+
+.PHONY: help env light live demo desktop check test lint bench golden docs package clean
 
 help:  ## Show this list
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 18
 
-env: $(VENV)/.ready  ## Create .venv with everything in it (about two minutes, once)
+env: $(VENV)/.ready  ## Create .venv with everything in it (about four minutes, once)
+light: $(VENV)/.light
+live: $(VENV)/.live
 
-$(VENV)/.ready: pyproject.toml
+$(VENV)/.made:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "needs Python 3.11 or newer: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 2; }
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { echo "needs venv: apt-get install -y python3-venv"; exit 2; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[all,dev]'
 	@touch $@
 
-demo: env  ## Corrupt real screens, make a gallery and build a Hugging Face dataset (into ./demo)
-	$(BIN)/python examples/demo.py --out demo
+$(VENV)/.light: pyproject.toml | $(VENV)/.made
+	$(INSTALL) --no-compile -e '.[hf,vision]'  # a demo imports a small part: it is compiled when it is imported
+	@touch $@
 
-desktop: env  ## A live desktop in your browser (Debian; installs its packages, once: root or sudo)
+$(VENV)/.live: pyproject.toml | $(VENV)/.light
+	$(INSTALL) -e '.[hf,vision,online]'
+	@touch $@
+
+$(VENV)/.ready: pyproject.toml | $(VENV)/.made
+	$(INSTALL) -e '.[all,dev]'
+	@touch $@ $(VENV)/.light $(VENV)/.live
+
+$(VENV)/.docs: pyproject.toml | $(VENV)/.light
+	$(INSTALL) -e '.[hf,vision,docs]'
+	@touch $@
+
+demo: light  ## Corrupt real screens, make a gallery and build a Hugging Face dataset (into ./demo)
+	$(BIN)/hijack demo --out demo
+
+desktop: live  ## A live desktop in your browser (Debian; installs its packages, once: root or sudo)
 	$(BIN)/hijack desktop install
 	$(BIN)/hijack desktop view
 
@@ -41,6 +61,12 @@ bench: env  ## Run the benchmarks and rewrite benchmarks/RESULTS.md
 
 golden: env  ## Write the golden hashes anew (only together with a new version of a corruption)
 	AGENTHIJACK_UPDATE_GOLDEN=1 $(BIN)/python -m pytest -q tests/golden
+
+docs: $(VENV)/.docs  ## Make the site in build/site, from the pages in docs/ (no broken link, no picture by hand)
+	$(BIN)/python docs/site/make.py
+
+package: $(VENV)/.made  ## Build sdist and wheel, and try the wheel in empty environments
+	.ci/package
 
 clean:  ## Remove .venv and everything that was made
 	rm -rf $(VENV) demo build dist *.egg-info .pytest_cache .ruff_cache .hypothesis

@@ -7,6 +7,7 @@ from pathlib import Path
 HERE = Path(__file__).parent
 RESULTS = HERE / "RESULTS.md"
 SCRIPTS = {
+    "first_minutes": "The first minutes",
     "overlays": "Drawing in place, against one memcpy of the picture",
     "resample": "Resizing, against torch and Pillow",
     "geometry": "Largest free rectangle",

@@ -23,6 +23,7 @@ FULL = 3  # exit code
 COMMANDS = {
     "list": "hijack_data.cli.describe:list_command",
     "show": "hijack_data.cli.describe:show",
+    "demo": "hijack_data.cli.demo:demo",
     "apply": "hijack_data.cli.pictures:apply_command",
     "gallery": "hijack_data.cli.pictures:gallery",
     "new": "hijack_data.cli.new:new",
@@ -78,11 +79,23 @@ class LazyGroup(click.Group):
         return super().resolve_command(ctx, args)
 
 
+def _show_version(*words: Any) -> None:
+    importlib.import_module("hijack_data.cli.version").show_version(*words)
+
+
 @click.group(
     cls=LazyGroup,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
-@click.version_option(None, "-V", "--version", package_name="agenthijack", prog_name="hijack")
+@click.option(
+    "-V",
+    "--version",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_show_version,
+    help="Show the version, with the environment for bug reports.",
+)
 @click.option(
     "--load",
     "files",

@@ -22,6 +22,7 @@ PURPOSES = {
     "ray": "builds and benchmarks on a cluster",
     "train": "the training examples",
     "dev": "work on AgentHijack itself",
+    "docs": "the site (make docs)",
 }
 OK = "[green]ok[/]"
 LACKING = "[yellow]--[/]"

@@ -99,7 +99,12 @@ def _planned(
     plan = spec.plan(scene, **key)
     if not is_bare(plan):
         return plan, notes
-    made = composite(plan, image, scene, seed=key["seed"], sample=key["sample"])
+    try:
+        made = composite(plan, image, scene, seed=key["seed"], sample=key["sample"])
+    except HijackError as error:
+        if not notes:
+            raise
+        raise HijackError(f"{error}; {notes[-1]}") from None
     advice = "a live desktop shows its own, see `hijack desktop corrupt`"
     return made.plan, (*notes, f"fidelity: {made.fidelity}; {advice}")
 

@@ -4,6 +4,7 @@ own process."""
 import hashlib
 import io
 import json
+import platform
 import subprocess
 import sys
 from pathlib import Path
@@ -51,7 +52,12 @@ def test_help_and_version():
     for name in ("list", "show", "apply", "gallery", "check", "doctor", "build"):
         assert name in done.stdout
         assert run(name, "--help").returncode == 0
-    assert "0.1.0" in run("--version").stdout == run("-V").stdout
+    said = run("--version").stdout
+    assert said == run("-V").stdout
+    assert said.startswith("hijack 0.1.0\n")
+    assert f"CPython {platform.python_version()}, {platform.system()}" in said
+    assert f"numpy {np.__version__}" in said  # for bug reports, which must not tell who sends them
+    assert str(Path.home()) not in said
 
 
 def test_list_and_show():

@@ -1,0 +1,158 @@
+"""Make the site: `python docs/site/make.py`, or `make docs`.
+
+It writes the pages and their pictures into build/pages, then has MkDocs make build/site of them. A
+broken link, a missing anchor or a name without documentation is an error.
+"""
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import charts
+import copied
+import corruption_pages
+import pictures
+import reference
+import yaml
+
+import hijack_data as hj
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parents[1]
+PAGES = ROOT / "build" / "pages"
+SETTINGS = ROOT / "build" / "mkdocs.yml"
+# What stands where; a page of docs/ that is in no section is under "More".
+SECTIONS: dict[str, tuple[str, ...]] = {
+    "Start": ("start", "concepts", "command_line", "faq", "troubleshooting", "comparison"),
+    "Datasets": (
+        "datasets",
+        "sources",
+        "input_format",
+        "howto_osworld_runs",
+        "composites",
+        "onlooker_data",
+        "configuration",
+        "view",
+        "verify_runs",
+        "clusters",
+    ),
+    "Training": ("training", "labels", "coordinates", "proof"),
+    "Scoring": (
+        "score_my_agent",
+        "score_my_model",
+        "offline_scoring",
+        "benchmark",
+        "suite",
+        "write_a_task",
+        "paper_results",
+    ),
+    "Live": (
+        "live_evaluation",
+        "embedded_desktop",
+        "effects",
+        "security",
+        "local_internet",
+        "bring_your_own_vm",
+        "osworld",
+        "recordings",
+    ),
+    "Project": (
+        "figures",
+        "results",
+        "write_a_corruption",
+        "architecture",
+        "contributing",
+        "changelog",
+    ),
+}
+
+
+def main() -> None:
+    """Make the pages, then the site."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("--pages-only", action="store_true", help="stop before MkDocs")
+    only_pages = parser.parse_args().pages_only
+    written = write_pages()
+    print(f"{PAGES.relative_to(ROOT)}: {written} pages", flush=True)
+    if only_pages:
+        return
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "-f", str(SETTINGS)]
+    # The theme prints an advertisement for its successor into every log.
+    place = os.environ | {"NO_MKDOCS_2_WARNING": "1"}
+    done = subprocess.run(command, cwd=ROOT, env=place, check=False)
+    if done.returncode:
+        sys.exit(done.returncode)
+    made = len(list((ROOT / "build" / "site").rglob("*.html")))
+    print(f"build/site: {made} pages, no broken link; open build/site/index.html")
+
+
+def write_pages() -> int:
+    """Write every page, the pictures and the settings; returns the number of pages."""
+    shutil.rmtree(PAGES, ignore_errors=True)
+    folder = PAGES / "pictures"
+    for problem in pictures.make(folder):
+        print(f"left out: {problem}")
+    shutil.copytree(ROOT / "docs" / "images", PAGES / "images")
+    shutil.copytree(HERE / "theme", PAGES / "theme")
+    texts = all_pages(folder)
+    for name, text in texts.items():
+        path = PAGES / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    SETTINGS.write_text(yaml.safe_dump(settings(texts), sort_keys=False), encoding="utf-8")
+    return len(texts)
+
+
+def all_pages(folder: Path) -> dict[str, str]:
+    """The text of every page, by file; `folder` holds the pictures."""
+    files = copied.pages()
+    site = {str(path.relative_to(ROOT)): name for name, path in files.items()}
+    site["README.md"] = "index.md"
+    texts = {name: copied.text_of(path, site) for name, path in files.items()}
+    landing = (HERE / "landing.md").read_text(encoding="utf-8")
+    texts["index.md"] = landing.replace("{{ chart }}", charts.success("UI-TARS-1.5-7B"))
+    texts["gallery.md"] = corruption_pages.gallery(folder)
+    texts["figures.md"] = charts.page()
+    texts["paper_results.md"] = charts.results_of_the_paper()
+    for name in hj.names()[:9]:
+        texts[f"corruptions/{name}.md"] = corruption_pages.page(name, folder)
+    return texts | reference.pages()
+
+
+def settings(texts: Iterable[str]) -> dict[str, Any]:
+    """The settings of this build: those of mkdocs.yml, and where every page stands."""
+    known = set(texts)
+    nine = [f"corruptions/{name}.md" for name in hj.names()[:9]]
+    api = sorted(name for name in known if name.startswith("reference/"))
+    nav: list[Any] = [{"Home": "index.md"}]
+    sections = {
+        title: [f"{name}.md" for name in names if f"{name}.md" in known]
+        for title, names in SECTIONS.items()
+    }
+    corruptions: list[Any] = ["gallery.md"]
+    corruptions += [{corruption_pages.TEXTS[Path(name).stem]["title"]: name} for name in nine]
+    corruptions.append({"All parameters": "corruptions.md"})
+    project = sections.pop("Project")
+    for title, names in sections.items():
+        nav.append({title: names})
+        if title == "Start":
+            nav.append({"Corruptions": corruptions})
+    nav.append({"Reference": api})
+    placed = {*nine, *api, *project, "index.md", "gallery.md", "corruptions.md"}
+    placed |= {name for names in sections.values() for name in names}
+    nav.append({"Project": [*project, *sorted(known - placed)]})
+    return {
+        "INHERIT": "../mkdocs.yml",
+        "docs_dir": "pages",
+        "site_dir": "site",
+        "nav": nav,
+    }
+
+
+if __name__ == "__main__":
+    main()

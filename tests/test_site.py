@@ -1,0 +1,202 @@
+"""The site: what it says is so, every public name is on it, and its code runs."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import hijack_data as hj
+import pipelines
+
+ROOT = Path(__file__).resolve().parent.parent
+HERE = ROOT / "docs" / "site"
+sys.path.insert(0, str(HERE))  # before a package of the same name
+
+copied = pytest.importorskip("copied")
+charts = pytest.importorskip("charts")
+corruption_pages = pytest.importorskip("corruption_pages")
+reference = pytest.importorskip("reference")
+tables = pytest.importorskip("tables")
+make = pytest.importorskip("make")
+
+NINE = hj.names()[:9]
+NO_PICTURES = Path("no pictures were made")
+
+
+def documented() -> set[str]:
+    """Every name of the reference."""
+    return {name for page in reference.pages().values() for name in reference.names(page)}
+
+
+def test_every_public_name_is_in_the_reference():
+    import online_env
+
+    expected = {f"hijack_data.{home}.{name}" for home, names in hj._HOMES.items() for name in names}
+    found = documented()
+    short = {f"hijack_data.{name.rpartition('.')[2]}" for name in expected}
+    assert short <= found
+    assert {f"pipelines.{name}" for name in pipelines.__all__} <= found
+    assert {f"online_env.{name}" for name in online_env._HOMES} <= found
+
+
+@pytest.mark.parametrize("name", NINE)
+def test_the_page_of_a_corruption_says_what_the_corruption_says(name: str):
+    page = corruption_pages.page(name, NO_PICTURES)
+    from hijack_data import params
+
+    cls = type(hj.get(name))
+    for key, (parameter, _) in params.parameters(cls).items():
+        assert f"| `{key}` |" in page
+        assert parameter.doc in page
+    assert cls.summary() in page
+    assert cls.paper in page
+    assert ("no levels" in page) == (not cls.severities)
+    for title in ("Severity", "In a recording, and live", "Code", "Seeds", "Measured"):
+        assert f"## {title}" in page
+    for language in ("torch", "JAX and Grain"):
+        assert f'=== "{language}"' in page
+
+
+def test_the_texts_are_of_the_nine():
+    assert list(corruption_pages.TEXTS) == NINE
+    assert {tuple(words) for words in corruption_pages.TEXTS.values()} == {
+        ("title", "why", "offline", "live")
+    }
+    assert list(tables.paper()[0]) == ["agent", "clean", *NINE]
+
+
+# Runs every name and every block in one process, since what takes time is to import the frameworks.
+RUNNER = """
+import importlib, inspect, json, sys, traceback
+
+
+def main():
+    order, found = json.load(open("order.json")), {}
+    for name in order["names"]:
+        module, _, last = name.rpartition(".")
+        thing = getattr(importlib.import_module(module), last)
+        found[name] = "" if inspect.getdoc(thing) else "no docstring"
+    for title, code in order["blocks"].items():
+        try:
+            exec(code, {})
+            found[title] = ""
+        except Exception:
+            found[title] = traceback.format_exc()
+    json.dump(found, open("found.json", "w"))
+
+
+if __name__ == "__main__":
+    main()
+"""
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """What was wrong with each documented name and each block; empty where nothing was."""
+    for module, extra in (("gymnasium", "online"), ("torch", "torch"), ("grain", "jax")):
+        pytest.importorskip(module, reason=f"needs the extra [{extra}]; make env")
+    folder = tmp_path_factory.mktemp("site")
+    (folder / "examples").symlink_to(ROOT / "examples")
+    every = list(corruption_pages.blocks())
+    drawn = {name for name, title, _ in every if title == "NumPy"}
+    # One of the corruptions of the machine stands for all: their code differs in the name alone.
+    shown = {*drawn, "verification"}
+    blocks = {f"{name}, {title}": code for name, title, code in every if name in shown}
+    order = {"names": sorted(documented()), "blocks": blocks}
+    (folder / "order.json").write_text(json.dumps(order))
+    (folder / "run.py").write_text(RUNNER)
+    done = subprocess.run(
+        [sys.executable, "run.py"],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=400,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads((folder / "found.json").read_text())
+
+
+def test_every_name_of_the_reference_is_documented(ran: dict[str, str]):
+    assert {name: ran[name] for name in documented() if ran[name]} == {}
+
+
+def test_code_of_the_pages_runs(ran: dict[str, str]):
+    blocks = {title: said for title, said in ran.items() if ", " in title}
+    for title in ("marks, NumPy", "marks, torch", "marks, JAX and Grain", "verification, torch"):
+        assert title in blocks
+    assert {title: said for title, said in blocks.items() if said} == {}
+
+
+def test_charts_are_made_of_the_tables():
+    page = charts.page()
+    assert page.count('<figure class="chart">') >= 9
+    assert "24.21 %" in page
+    (row,) = [
+        row
+        for row in tables.table("Severity levels, measured", "target hidden").rows
+        if (row["corruption"], row["level"]) == ("pop_ups", "5")
+    ]
+    assert f"{tables.number(row['target hidden']):g} %" in charts.hidden_targets()
+    with pytest.raises(tables.NoTable, match="no section 'None'"):
+        tables.table("None", "x")
+    with pytest.raises(tables.NoTable, match="no table with the columns x"):
+        tables.table("Severity levels, measured", "x")
+
+
+def test_tables_are_read_as_they_stand():
+    text = "said\n\n| a | b |\n|---|---|\n| 1 | 2x |\n\nmore\n| c |\n| - |\n| 3 |\n"
+    first, second = tables.tables(text)
+    assert (first.said, first.rows) == ("said", [{"a": "1", "b": "2x"}])
+    assert (second.said, second.rows) == ("more", [{"c": "3"}])
+    assert tables.number("1,234.5 / 7 ms") == 1234.5
+    assert tables.number("-2.2 (-3.7 to -0.7)") == -2.2
+    with pytest.raises(tables.NoTable, match="holds no number"):
+        tables.number("needs KVM")
+
+
+def test_links_that_leave_the_site_become_names(tmp_path: Path):
+    page = ROOT / "docs" / "made_up.md"
+    site = {"docs/a.md": "a.md", "benchmarks/RESULTS.md": "results.md"}
+    links = {
+        "[A](a.md#x)": "[A](a.md#x)",
+        "[R](../benchmarks/RESULTS.md)": "[R](results.md)",
+        "[c](../configs/x.yaml)": "c (`configs/x.yaml`)",
+        "[`c`](../configs/x.yaml)": "`c`",
+        "![p](images/p.svg)": "![p](images/p.svg)",
+        "[o](https://example.org)": "[o](https://example.org)",
+        "[h](#here)": "[h](#here)",
+    }
+    for link, expected in links.items():
+        file = tmp_path / "page.md"
+        file.write_text(link)
+        made = copied._LINK.sub(lambda match: copied._link(match, page, site), link)
+        assert made == expected
+
+
+def test_fences_lose_the_words_for_tests(tmp_path: Path):
+    file = tmp_path / "page.md"
+    file.write_text("```sh no-run it [takes](hours.md)\nx [a](b.md)\n```\n")
+    assert copied.text_of(file, {}) == "```sh\nx [a](b.md)\n```\n"
+
+
+def test_every_page_has_its_place():
+    texts = make.all_pages(NO_PICTURES)
+    nav = str(make.settings(texts)["nav"])
+    assert [name for name in texts if f"'{name}'" not in nav] == []
+    known = {f"{name}.md" for names in make.SECTIONS.values() for name in names}
+    assert known <= set(texts), "a section names a page that is not there"
+
+
+def test_messages_in_troubleshooting_are_printed_by_the_program():
+    page = (ROOT / "docs" / "troubleshooting.md").read_text()
+    quoted = re.findall(r"^### `([^`]+)`$", page, re.M)
+    assert len(quoted) > 12
+    packages = ("hijack_data", "pipelines", "online_env")
+    files = [path for name in packages for path in (ROOT / name).rglob("*.py")]
+    source = "\n".join(path.read_text() for path in [*files, ROOT / "Makefile"])
+    joined = re.sub(r'"\s*\n\s*f?"', "", source)  # texts that go over several lines
+    assert [text for text in quoted if text not in joined] == []
