@@ -7,8 +7,8 @@ from contextlib import AbstractContextManager
 from typing import Protocol
 
 from hijack_data.errors import ParameterError, UnknownNameError, suggest
-from hijack_data.ray_session import LOCAL as OWN_RAY
-from hijack_data.ray_session import address_of
+from pipelines.engines.ray_connection import LOCAL as OWN_RAY
+from pipelines.engines.ray_connection import address_of
 
 from .jobs import Job
 from .records import ResultRecord
@@ -58,7 +58,7 @@ def open_pool(
         episodes: How many are to be played; there are never more desktops.
         desktops: The most of them. By default as many as this machine has room for, or the nodes
             of a cluster.
-        ray_address: A running cluster; see `hijack_data.ray_session.session`.
+        ray_address: A running cluster; see `pipelines.engines.ray_connection.session`.
 
     Raises:
         UnknownNameError: There is no such engine.

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from hijack_data.errors import HijackError, StorageError
-from hijack_data.ray_session import session
+from pipelines.engines.ray_connection import session
 
 from ..errors import ClusterError
 from .delivery import Arrival
@@ -55,7 +55,7 @@ class RayPool:
     Args:
         setup: What an actor needs.
         most: The most desktops at once.
-        address: Of the cluster; see `hijack_data.ray_session.session`.
+        address: Of the cluster; see `pipelines.engines.ray_connection.session`.
     """
 
     def __init__(

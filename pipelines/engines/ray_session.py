@@ -5,9 +5,8 @@ from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from typing import Any, TypeVar
 
-from hijack_data import ray_session
-
 from ..errors import BuildError
+from . import ray_connection
 
 T = TypeVar("T")
 # Ray Data plans for blocks of 128 MB a task, which a small store has no room for; ours are some kB.
@@ -23,7 +22,7 @@ def session(workers: int, address: str | None = None) -> AbstractContextManager[
 
     The arguments are those of `pipelines.engines.ray.run`.
     """
-    return ray_session.session(
+    return ray_connection.session(
         workers,
         address,
         modules=("ray.data",),

@@ -10,14 +10,13 @@ from typing import Any
 import pytest
 
 import hijack_data as hj
-from hijack_data import ray_session
 from hijack_data.errors import MissingDependencyError, UnknownNameError
 from pipelines import build
 from pipelines.building.rows import RowSettings
 from pipelines.building.shards import ShardTask, build_shard, shard_tasks
 from pipelines.dataset.manifest import libraries
 from pipelines.engines import ray as engine
-from pipelines.engines import remote
+from pipelines.engines import ray_connection, remote
 from pipelines.errors import BuildError
 from pipelines.sources import Sources
 
@@ -87,7 +86,7 @@ def test_messages_of_ray_do_not_mix_with_the_output(capsys: Any) -> None:
     def speak() -> None:
         print("\033[33m(raylet)\033[0m A worker died.\n    [state-dump] 1\n    [state-dump] 2")
 
-    with ray_session._quiet():
+    with ray_connection._quiet():
         print("ours")
         for name in ("ray_listen_error_messages", "another"):
             thread = threading.Thread(target=speak, name=name)

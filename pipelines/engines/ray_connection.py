@@ -12,8 +12,8 @@ from collections.abc import Generator
 from contextlib import contextmanager, redirect_stdout
 from typing import IO, Any, cast
 
-from . import extras
-from .errors import HijackError
+from hijack_data import extras
+from hijack_data.errors import HijackError
 
 LOCAL = "local"
 # Seconds for the first answer of a cluster.
