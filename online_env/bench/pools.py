@@ -7,8 +7,6 @@ from contextlib import AbstractContextManager
 from typing import Protocol
 
 from hijack_data.errors import ParameterError, UnknownNameError, suggest
-from pipelines.engines.ray_connection import LOCAL as OWN_RAY
-from pipelines.engines.ray_connection import address_of
 
 from .jobs import Job
 from .records import ResultRecord
@@ -67,10 +65,9 @@ def open_pool(
     if engine not in ENGINES:
         raise UnknownNameError(f"unknown engine {engine!r}{suggest(engine, ENGINES)}")
     if engine == RAY:
-        from .ray_pool import RayPool
+        from .ray_pool import RayPool, is_started_here
 
-        is_own = address_of(ray_address) == OWN_RAY
-        room = default_desktops() if is_own else MOST
+        room = default_desktops() if is_started_here(ray_address) else MOST
         return RayPool(setup, min(desktops or room, episodes), ray_address)
     if ray_address is not None:
         raise ParameterError(f"--ray-address {ray_address} is for --engine ray, not for {engine!r}")

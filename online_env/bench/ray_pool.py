@@ -7,6 +7,7 @@ agent is not to blame: the same attempt is played elsewhere, and leaves no recor
 """
 
 import contextlib
+import importlib
 import math
 import threading
 import time
@@ -16,7 +17,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from hijack_data.errors import HijackError, StorageError
-from pipelines.engines.ray_connection import session
 
 from ..errors import ClusterError
 from .delivery import Arrival
@@ -44,6 +44,17 @@ class _Desktop:
 
     actor: Any
     report: NodeReport
+
+
+def is_started_here(address: str | None) -> bool:
+    """Return whether an address means a Ray that the run starts and ends itself."""
+    connection = _connection()
+    return connection.address_of(address) == connection.LOCAL
+
+
+def _connection() -> Any:
+    """Return the module that connects to Ray, which builds share."""
+    return importlib.import_module("pipelines.engines.ray_connection")
 
 
 class RayPool:
@@ -84,7 +95,7 @@ class RayPool:
         parcel = pack(self._setup)
         with ExitStack() as stack:
             self._ray: Any = stack.enter_context(
-                session(
+                _connection().session(
                     self.most * CORES,
                     self._address,
                     memory=self.most * MEMORY,
