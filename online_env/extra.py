@@ -27,7 +27,6 @@ MODULES = (
     "openpyxl",
     "docx",
     "pptx",
-    "zstandard",
 )
 
 

@@ -193,9 +193,8 @@ def test_doctor_says_how_to_mend(monkeypatch):
 
 
 def test_doctor_json(monkeypatch):
-    monkeypatch.setattr(
-        doctor, "diagnose", lambda profiles: [doctor.Finding("a", False, "b", "c", required=False)]
-    )
+    found = [doctor.Finding("a", False, "b", "c", required=False)]
+    monkeypatch.setattr(doctor, "diagnose", lambda profiles, image: found)
     result = CliRunner().invoke(desktop, ["doctor", "--json"])
     assert result.exit_code == 0
     assert json.loads(result.output) == [

@@ -10,6 +10,9 @@ import importlib.metadata
 import shutil
 from pathlib import Path
 
+from hijack_data import extras
+
+from ... import extra
 from ...errors import DesktopImageError
 from .manifest import Pin
 
@@ -55,9 +58,10 @@ def install(folder: Path) -> list[Pin]:
             found.append(_copy(importlib.metadata.distribution(name), folder))
         except importlib.metadata.PackageNotFoundError:
             if name not in OPTIONAL:
+                remedy = extras.remedy(extra.EXTRA)
                 raise DesktopImageError(
-                    f"the Python package {name} is not installed, which the guest server needs:"
-                    " pip install 'agenthijack[online]'"
+                    f"the Python package {name} is not installed, which the guest server needs;"
+                    f" {remedy}"
                 ) from None
     return sorted(found, key=lambda part: part.name)
 
@@ -67,7 +71,7 @@ def _copy(distribution: importlib.metadata.Distribution, folder: Path) -> Pin:
     if "Root-Is-Purelib: true" not in (distribution.read_text("WHEEL") or ""):
         raise DesktopImageError(
             f"the Python package {name} is not a wheel of pure Python, so an image cannot have it;"
-            f" install it again: pip install --force-reinstall {name}"
+            " install the wheel of a later version"
         )
     lines: list[str] = []
     for file in sorted(distribution.files or (), key=str):
