@@ -18,7 +18,14 @@ from .document import ReportDocument
 from .figures import LEFT, RIGHT, WIDTH, retention_panels, success_panels
 from .identity import RunIdentity
 from .model import RunReport
-from .tables import cell_table, compared_table, paper_rows, summary_table, trimmed
+from .tables import (
+    cell_table,
+    compared_table,
+    paper_rows,
+    parts_table,
+    summary_table,
+    trimmed,
+)
 
 PAGE = Path(__file__).parent / "page"
 SHOWN = 0.05  # a p value below is marked
@@ -41,6 +48,7 @@ def as_html(document: ReportDocument) -> str:
         cells=trimmed(*cell_table(report.cells)),
         feasible=trimmed(*cell_table(report.feasible)),
         infeasible=trimmed(*cell_table(report.infeasible)),
+        parts_found=trimmed(*parts_table(report.parts)),
         compared=trimmed(*compared_table(compared.cells)) if compared else None,
         paper=paper_rows(document.paper) if document.paper else None,
         has_ceiling=any(cell.ceiling is not None for cell in report.cells),

@@ -3,8 +3,9 @@
 import csv
 import io
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, fields
+from typing import Any
 
 from . import words
 from .compare import ComparedCell, RunComparison
@@ -52,6 +53,7 @@ COMPARED_HEADINGS = (
     "p",
     "seen at 80 %",
 )
+_COUNTED = ("hidden",)  # of the parts: rows, not a share
 Texts = Sequence[str]
 
 
@@ -93,6 +95,8 @@ def as_markdown(document: ReportDocument) -> str:
     if report.infeasible and document.comparison is None:
         parts += ["Feasible tasks:", markdown_table(*cell_table(report.feasible))]
         parts += ["Infeasible tasks:", markdown_table(*cell_table(report.infeasible))]
+    if report.parts:
+        parts += ["Right, by part:", markdown_table(*parts_table(report.parts))]
     if document.paper is not None:
         parts += ["### Beside the paper", markdown_table(*paper_rows(document.paper))]
         parts += _listed([document.paper.source + ".", *document.paper.notes])
@@ -138,6 +142,22 @@ def summary_table(rows: Sequence[AgentSummary]) -> tuple[Texts, list[Texts]]:
             words.percent(row.paper_average),
             words.percent(row.mce),
             words.percent(row.ceiling),
+        )
+        for row in rows
+    ]
+
+
+def parts_table(rows: Sequence[Mapping[str, Any]]) -> tuple[Texts, list[Texts]]:
+    """Return headings and rows of what a scoring run knows beside the success, in percent."""
+    named = {key: None for row in rows for key in row}
+    keys = [key for key in named if key not in ("agent", "corruption", "n")]
+    headings = [key if key in _COUNTED else f"{key.replace('_', ' ')}, %" for key in keys]
+    return ("agent", "corruption", "n", *headings), [
+        (
+            row["agent"],
+            row["corruption"],
+            str(row["n"]),
+            *(_part(key, row.get(key)) for key in keys),
         )
         for row in rows
     ]
@@ -208,6 +228,12 @@ def _safe(text: str) -> str:
     for character in "\\`*_[]<>|":
         text = text.replace(character, f"\\{character}")
     return " ".join(text.split())
+
+
+def _part(key: str, value: float | None) -> str:
+    if value is None:
+        return ""
+    return str(value) if key in _COUNTED else words.percent(value)
 
 
 def _is_number(text: str) -> bool:

@@ -143,6 +143,20 @@ def test_the_name_of_a_file_tells_the_format(folder, capsys, tmp_path):
         assert (tmp_path / name).read_text().startswith(start)
 
 
+def test_a_scoring_run_shows_its_parts(tmp_path):
+    found = [
+        made("a", "row", parts={"type": True, "place": False}, target_visible=0.25),
+        made("a", "other", parts={"type": True}, target_visible=1.0),
+    ]
+    run = read_run(tmp_path / "run", found, kind="score", question="steps")
+    document = ReportDocument(report=build_report(run))
+    lines = formats.write(document, "markdown").split("Right, by part:")[1].splitlines()
+    assert lines[2].startswith("| agent | corruption | n | type, % | place, % | malformed, % ")
+    assert [cell.strip() for cell in lines[4].split("|")][4:8] == ["100.0", "0.0", "100.0", "1"]
+    assert "Right, by part" in formats.write(document, "html")
+    assert document.report.cells[0].pass_hat == ()  # its rows are no repetitions
+
+
 # The page
 
 
