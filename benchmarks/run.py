@@ -14,6 +14,7 @@ SCRIPTS = {
     "dataset_builds": "Building and reading datasets",
     "rows_by_source": "Rows from recordings that people hold",
     "ray_builds": "Building datasets on Ray",
+    "ray_episodes": "Episodes on Ray",
     "augment": "Training-time augmentation, against other libraries",
     "gpu": "On a GPU",
     "gpu_training": "Training a model of 7 billion weights on a GPU",
@@ -22,11 +23,16 @@ SCRIPTS = {
     "offline_scoring": "Scoring agents on datasets",
     "online": "The embedded desktop",
     "install_times": "Installing the embedded desktop",
+    "desktop_image": "Images of the desktop",
     "virtual_machine": "A virtual machine beside the embedded desktop",
     "effects": "Effects on a live desktop",
     "suite": "The suite of tasks",
     "live_steps": "Corruptions on a live desktop, step by step",
+    "reports": "Reports",
+    "viewer_runs": "The page of runs",
     "pixel": "Reading by OCR: the agent pixel",
+    "kills": "A benchmark that is killed",
+    "bench_rate": "What the runner of benchmarks costs",
 }
 NOT_HERE = "Not measured: "  # what a script prints where it cannot measure
 HEAD = """# Results

@@ -15,7 +15,7 @@ from .arms import ARMS, BASE, MAIN
 from .experiment import START
 from .settings import Replication
 
-Scores: TypeAlias = Sequence[Mapping[str, Any]]
+ScoreTable: TypeAlias = Sequence[Mapping[str, Any]]
 LEVEL = 0.95
 FORMAT = "agenthijack-training-summary"
 VERSION = 1
@@ -46,7 +46,7 @@ def paired(differences: Sequence[float]) -> dict[str, Any]:
     }
 
 
-def summarise(replication: Replication, scores: Scores) -> dict[str, Any]:
+def summarise(replication: Replication, scores: ScoreTable) -> dict[str, Any]:
     """Return the summary as JSON data.
 
     `gain_visual`, `gain_clean` and `gain_heldout` are DA-GRPO's success minus GRPO's, in
