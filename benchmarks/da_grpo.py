@@ -2,7 +2,7 @@
 
     python benchmarks/da_grpo.py [ARMS]        # such as grpo,da_grpo, or all
 
-Five minutes on two quiet cores for the two arms of the configuration. Runs are kept in runs/toy: an
+Minutes for the two arms of the configuration. Runs are kept in runs/toy: an
 interrupted one goes on, and more arms are added to it.
 """
 
