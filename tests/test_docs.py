@@ -2,6 +2,7 @@
 run."""
 
 import re
+import runpy
 import subprocess
 import sys
 from importlib import import_module as load_module
@@ -177,3 +178,13 @@ def test_links_lead_somewhere(page):
         assert "://" in target or (page.parent / target).exists(), (
             f"{page.name} links to {target}, which is not there"
         )
+
+
+def test_every_table_of_the_results_has_a_script():
+    """`benchmarks/run.py` writes the page anew and keeps the sections that it knows."""
+    run = runpy.run_path(str(ROOT / "benchmarks" / "run.py"))
+    page = (ROOT / "benchmarks" / "RESULTS.md").read_text()
+    titles = re.findall(r"^## (.*)$", page, re.MULTILINE)
+    assert set(titles) <= set(run["SCRIPTS"].values())
+    for name in run["SCRIPTS"]:
+        assert (ROOT / "benchmarks" / f"{name}.py").is_file()
