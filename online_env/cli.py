@@ -352,7 +352,7 @@ def _code(result: RunResult) -> int:
 def _any_runs() -> bool:
     from .embedded import registry
 
-    return bool(registry.records())
+    return bool(registry.running())
 
 
 def _own() -> Any:

@@ -192,6 +192,11 @@ def state(record: Record) -> str:
     return record["state"]
 
 
+def running() -> list[Record]:
+    """The records of the desktops that somebody looks after, oldest first."""
+    return [record for record in records() if state(record) != "orphan"]
+
+
 def orphans() -> list[Record]:
     """Desktops that nobody looks after any more, namespaces without a folder included."""
     listed = records()

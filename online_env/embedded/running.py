@@ -10,12 +10,15 @@ from .desktop import EmbeddedDesktop
 
 
 def choose(name: str | None) -> dict[str, Any]:
-    """The record of `name`, or of the only desktop there is.
+    """The record of `name`, or of the only desktop that runs.
+
+    What a killed desktop left counts only if it is named.
 
     Raises:
         UnknownDesktopError: There is no such desktop, or `name` is missing and several run.
     """
-    records = {record["id"]: record for record in registry.records()}
+    found = registry.running() if name is None else registry.records()
+    records = {record["id"]: record for record in found}
     if name is not None and name in records:
         return records[name]
     if name is None and len(records) == 1:

@@ -67,10 +67,16 @@ def test_the_exit_code_of_a_command_is_passed_on(
 
 
 def test_which_desktop_is_asked_in_words_of_a_shell(monkeypatch):
-    monkeypatch.setattr(registry, "records", list)
+    states = {"a": "ready", "b": "ready", "left": "orphan"}
+    monkeypatch.setattr(registry, "state", lambda record: states[record["id"]])
+    monkeypatch.setattr(registry, "records", lambda: [{"id": "left"}])
+    assert not cli._any_runs()
+    assert running.choose("left")["id"] == "left"
     none = r"^say which desktop; there are: none \(hijack desktop up starts one\)"
     with pytest.raises(UnknownDesktopError, match=none):
         running.choose(None)
+    monkeypatch.setattr(registry, "records", lambda: [{"id": "left"}, {"id": "a"}])
+    assert running.choose(None)["id"] == "a"
     monkeypatch.setattr(registry, "records", lambda: [{"id": "a"}, {"id": "b"}])
     with pytest.raises(UnknownDesktopError, match=r"^say which desktop; there are: a, b"):
         running.choose(None)
