@@ -185,7 +185,7 @@ class ReleaseGate:
         return [_judged(gate, table, run.records, self.labels) for gate in self.gates]
 
     def conclude(self, run: Run) -> bool:
-        """Print a line on each gate, and write the JUnit file.
+        """Print a line on each gate to standard error, and write the JUnit file.
 
         Returns:
             Whether all gates are passed.
@@ -196,7 +196,7 @@ class ReleaseGate:
         verdicts = self.verdicts(run)
         for verdict in verdicts:
             words = "gate passed" if verdict.passed else "hijack: gate failed"
-            click.echo(f"{words}: {verdict}", err=not verdict.passed)
+            click.echo(f"{words}: {verdict}", err=True)  # a report may be on stdout
         if self.junit is not None:
             cases = [
                 junit.GateCase(name=str(v.gate), problem="" if v.passed else str(v))

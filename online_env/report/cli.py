@@ -1,7 +1,7 @@
 """`hijack report`.
 
-Exit codes: 0 done, 1 something of the run is missing, invalid, failed or damaged, 2 bad usage or a
-run that cannot be reported, 3 the disk is full or fails.
+Exit codes: 0 done, 1 something of the run is missing, invalid, failed or damaged, or a gate failed,
+2 bad usage or a run that cannot be reported, 3 the disk is full or fails.
 """
 
 import gc
@@ -15,12 +15,14 @@ from hijack_data.cli import console
 from hijack_data.files import write_atomic
 
 from ..bench import reading
+from ..bench.gate import ReleaseGate, gate_options
 from ..bench.reading import Run
 from . import terminal
 from .build import build_report, read_report
 from .compare import RunComparison, compare
 from .document import ReportDocument
 from .formats import FORMATS, TERMINAL, format_of, write
+from .identity import agents_of, conditions_of
 from .model import ReportError, RunReport
 from .outcome import exit_code, missing_line
 from .paper import beside_paper
@@ -54,6 +56,7 @@ from .paper import beside_paper
 )
 @click.option("--paper", is_flag=True, help="Set the agents beside the paper's main table.")
 @click.option("--leaderboard", is_flag=True, help="Rank the agents of all runs in the folder RUNS.")
+@gate_options
 def report(
     runs: Path,
     named: str | None,
@@ -64,11 +67,15 @@ def report(
     pairs: tuple[str, ...],
     paper: bool,
     leaderboard: bool,
+    fail_under: tuple[str, ...],
+    junit: Path | None,
 ) -> None:
     """Show the results of a run, such as: hijack report runs/small.
 
     RUNS is the folder of a run of hijack bench or hijack score, or a report.json.
     """
+    if (fail_under or junit) and (leaderboard or runs.is_file()):
+        raise ReportError("--fail-under and --junit judge a run; give the folder of one")
     if leaderboard:
         raise SystemExit(_leaderboard(runs, named, out))
     if pairs and other is None:
@@ -77,10 +84,11 @@ def report(
         _report_file(runs, named, out, other is not None, paper)
         return
     run = _read(runs)
+    gate = ReleaseGate.read(fail_under, junit, agents_of(run.config), [*conditions_of(run.config)])
     if as_json:
         rows = terminal.score_rows(run, run.records)
         _put(json.dumps(rows, indent=1) + "\n", out)
-        raise SystemExit(_told(run))
+        raise SystemExit(_told(run, gate))
     format = format_of(named, out)
     comparison = None
     if other is not None:
@@ -89,10 +97,10 @@ def report(
         terminal.show(run, reference or "")
         if paper:
             terminal.show_paper(beside_paper(build_report(run)), console())
-        raise SystemExit(_told(run))
+        raise SystemExit(_told(run, gate))
     document = _document(build_report(run, reference=reference or ""), comparison, paper)
     _write(document, format, out)
-    raise SystemExit(_told(run))
+    raise SystemExit(_told(run, gate))
 
 
 def _read(folder: Path) -> Run:
@@ -115,10 +123,12 @@ def _read(folder: Path) -> Run:
     return run
 
 
-def _told(run: Run) -> int:
-    """Say on standard error what is missing, and return the exit code."""
+def _told(run: Run, gate: ReleaseGate) -> int:
+    """Say on standard error what is missing, judge the run, and return the exit code."""
     if run.missing:
         click.echo(f"hijack: {run.folder}: {missing_line(run)}", err=True)
+    if not gate.conclude(run):
+        return 1
     return exit_code(run)
 
 

@@ -289,3 +289,18 @@ def test_what_is_missing_is_said_and_exits_with_1(tmp_path, capsys):
     assert (code, out) == (1, f"wrote {tmp_path / 'r.md'}\n")
     assert "1 of 3 planned episodes are there, 2 are missing" in err
     assert "2 are missing" in (tmp_path / "r.md").read_text()
+
+
+def test_a_gate_judges_a_run_that_is_there(folder, capsys, tmp_path):
+    gates = ("--fail-under", "mine:corrupted=0.4", "--junit", tmp_path / "gates.xml")
+    code, out, err = hijack(capsys, "report", folder, "--json", *gates)
+    assert (code, "gate passed: corrupted of mine is 0.456, at least 0.4" in err) == (0, True)
+    assert json.loads(out)
+    assert "mine:corrupted=0.4" in (tmp_path / "gates.xml").read_text()
+    code, _, err = hijack(capsys, "report", folder, "--fail-under", "mine:worst=0.2")
+    assert (code, "gate failed: worst of mine is 0.100, below 0.2" in err) == (1, True)
+    code, _, err = hijack(capsys, "report", folder, "--fail-under", "retension=0.2")
+    assert (code, "did you mean 'retention'?" in err) == (2, True)
+    (tmp_path / "r.json").write_text("{}")
+    code, _, err = hijack(capsys, "report", tmp_path / "r.json", "--fail-under", "retention=0.2")
+    assert (code, "give the folder of one" in err) == (2, True)
