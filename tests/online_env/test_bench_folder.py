@@ -290,12 +290,14 @@ def test_a_report_says_what_is_missing(run):
     assert (done.returncode, "1 of 4 planned episodes" in done.stdout) == (1, True)
 
 
-def test_a_run_without_an_episode_is_verified_and_reported(tmp_path):
+def test_a_run_without_an_episode_is_verified_and_not_reported(tmp_path):
     records.create(tmp_path / "run", config(), IDS)
     done = hijack("verify", tmp_path / "run")
     assert done.returncode == 1
     assert "4 of 4 planned episodes are not there" in done.stdout
-    assert hijack("report", tmp_path / "run").returncode == 1
+    done = hijack("report", tmp_path / "run")
+    assert (done.returncode, "holds no episodes yet" in done.stderr) == (2, True)
+    assert "--resume runs them" in done.stderr
 
 
 def test_what_an_environment_logged_by_itself_is_reported_too(run):
