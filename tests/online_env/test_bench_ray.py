@@ -207,13 +207,23 @@ def test_a_node_that_joins_is_used(cluster, orders, tmp_path):
             cluster.remove_node(joined)
 
 
+def is_gone(actor):
+    try:
+        ray.get(actor.ping.remote(), timeout=5)
+    except ray.exceptions.RayError:
+        return True
+    return False
+
+
 def test_a_process_that_is_killed_loses_the_episode_that_it_plays_and_no_other(
     cluster, orders, tmp_path
 ):
     class Kills(Silent):
         def begins(self, job, number, attempt):
             if number == 2:  # a desktop that is free, and about to be used
-                ray.kill(next(iter(pool._all)))
+                desktop = next(iter(pool._all))
+                ray.kill(desktop)
+                waiting.until(lambda: is_gone(desktop))  # Ray kills a little later
 
     (orders / "kill_me").touch()  # the first episode
     chosen = bench(seeds=1)
