@@ -9,7 +9,7 @@ from support import needs
 
 pytest.importorskip("gymnasium", reason=needs.ONLINE)
 pytest.importorskip("lxml", reason=needs.ONLINE)
-pytest.importorskip("ray", reason="Ray is not installed: pip install 'agenthijack[ray]'")
+pytest.importorskip("ray", reason=needs.RAY)
 
 from pipelines.proof.rebuild import rebuild
 

@@ -8,7 +8,7 @@ from support import needs
 
 pytest.importorskip("lxml", reason=needs.ONLINE)
 pytest.importorskip("starlette", reason=needs.ONLINE)
-pytest.importorskip("rapidocr", reason="needs the extra [ocr]; .venv/bin/pip install -e '.[ocr]'")
+pytest.importorskip("rapidocr", reason=needs.OCR)
 
 
 def test_it_does_a_task_by_reading_the_screen(embedded_machine: None, tmp_path: Path) -> None:

@@ -24,6 +24,8 @@ PACKAGES = {"libreoffice": "libreoffice-writer", "soffice": "libreoffice-writer"
 # From the root of a clone, whether or not its environment is active.
 HIJACK = ".venv/bin/hijack"
 ONLINE = "needs the extra [online]; .venv/bin/pip install -e '.[online]'"
+RAY = "needs the extra [ray]; .venv/bin/pip install -e '.[ray]'"
+OCR = "needs the extra [ocr]; .venv/bin/pip install -e '.[ocr]'"
 INSPECT = "needs the extra [inspect]; .venv/bin/pip install -e '.[inspect]'"
 
 
