@@ -249,7 +249,7 @@ def main() -> None:
                 results[size] = {**measure(run, browser), **limits(run)}
                 megabytes = (run / "records.jsonl").stat().st_size / 2**20
                 print(f"{size} episodes, journal of {megabytes:.1f} MB", file=sys.stderr)
-    print(machine())
+    print(f"{machine()}\n")
     rows = [[what, *(spread(results[size][what], 2) for size in SIZES)] for what in results[3690]]
     print(
         table(["seconds, min / median / max of 5", *(f"{size:,} episodes" for size in SIZES)], rows)
