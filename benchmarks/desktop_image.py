@@ -14,6 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from common import machine, table
+from online import memory
 
 from online_env.embedded import packages
 from online_env.embedded.desktop import EmbeddedDesktop
@@ -89,27 +90,6 @@ def as_file(name: str) -> None:
         os.environ[cache.VARIABLE] = str(kept)
         shutil.rmtree(Path(folder, "images"))
     print(table([f"image {name}", "measured"], rows))
-
-
-def memory(desktop: EmbeddedDesktop, field: str = "Pss") -> float:
-    """Return what a desktop with its keeper and sites takes, in MiB.
-
-    `Pss` shares the pages of files among all that use them, other desktops of the machine included;
-    `Pss_Anon` leaves files out.
-    """
-    total = 0
-    waiting = [desktop.record["keeper"][0]]
-    while waiting:
-        pid = waiting.pop()
-        process = Path(f"/proc/{pid}")
-        try:
-            lines = (process / "smaps_rollup").read_text().splitlines()
-            children = (process / f"task/{pid}/children").read_text()
-        except OSError:
-            continue
-        waiting += map(int, children.split())
-        total += sum(int(line.split()[1]) for line in lines if line.startswith(f"{field}:"))
-    return total / 1024
 
 
 def measured(image: str) -> dict[str, float]:

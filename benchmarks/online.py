@@ -50,8 +50,12 @@ def row(
     return [name, f"{shown} {unit}", str(len(seconds)), goal]
 
 
-def memory(desktop: EmbeddedDesktop) -> float:
-    """Return the proportional set size of a desktop with its keeper and sites, in MiB."""
+def memory(desktop: EmbeddedDesktop, field: str = "Pss") -> float:
+    """Return what a desktop with its keeper and sites takes, in MiB.
+
+    `Pss` shares the pages of files among all that use them, other desktops of the machine included;
+    `Pss_Anon` leaves files out.
+    """
     total = 0
     waiting = [desktop.record["keeper"][0]]
     while waiting:
@@ -63,9 +67,7 @@ def memory(desktop: EmbeddedDesktop) -> float:
         except OSError:
             continue
         waiting += map(int, children.split())
-        for line in lines:
-            if line.startswith("Pss:"):
-                total += int(line.split()[1])
+        total += sum(int(line.split()[1]) for line in lines if line.startswith(f"{field}:"))
     return total / 1024
 
 

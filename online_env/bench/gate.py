@@ -320,22 +320,18 @@ def _judged(
 
 def _over_all(gate: ScoreGate, made: Sequence[ResultRecord]) -> float | None:
     """Return the retention or the difference over all cases that are there clean and corrupted."""
-    final = scores.latest(made)
-    before = 0.0
-    after = 0.0
-    count = 0
-    for key, record in final.items():
-        agent, label, task, task_seed, seed = key
-        base = final.get((agent, CLEAN, task, task_seed, seed))
-        if agent != gate.agent or label == CLEAN or base is None:
-            continue
-        if scores.counts(record) and scores.counts(base):
-            before += base["score"] or 0.0
-            after += record["score"] or 0.0
-            count += 1
+    cells = scores.by_cell(record for record in made if record["agent"] == gate.agent)
+    by_label = {label: scores.scored(cases) for (_, label), cases in cells.items()}
+    clean = by_label.pop(CLEAN, {})
+    there: list[float] = []
+    here: list[float] = []
+    for own in by_label.values():
+        before, after, _ = scores.pairs(clean, own)
+        there += before
+        here += after
     if gate.score == "retention":
-        return after / before if before else None
-    return (after - before) / count if count else None
+        return sum(here) / sum(there) if sum(there) else None
+    return (sum(here) - sum(there)) / len(here) if here else None
 
 
 def _check_writable(path: Path) -> None:
