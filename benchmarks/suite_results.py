@@ -161,7 +161,9 @@ def by_task(tasks: Mapping[str, Task], played: Sequence[Played]) -> str:
     cases = by_case(played)
     rows: list[list[str]] = []
     for name, task in sorted(tasks.items(), key=lambda item: (item[1].domain, item[0])):
-        cells = [cell(task, corruption, cases.get((name, corruption), ())) for corruption in COLUMNS]
+        cells = [
+            cell(task, corruption, cases.get((name, corruption), ())) for corruption in COLUMNS
+        ]
         rows.append([task.domain, name, *cells])
     return table(["domain", "task", *COLUMNS], rows)
 
