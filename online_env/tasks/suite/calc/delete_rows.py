@@ -63,7 +63,7 @@ class DeleteRows(SheetTask):
                 "press enter",
                 "press ctrl+-",
             ]
-        return [*steps, "press ctrl+s", 'click "Use Excel 2007-365!"', "wait"]
+        return [*steps, "press ctrl+s", 'click "Use Excel 2007-365"', "wait"]
 
     def wrong(self):
         rows, state = self.drawn.rows, self.drawn.state

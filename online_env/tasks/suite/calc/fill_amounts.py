@@ -63,7 +63,7 @@ class FillAmounts(SheetTask):
             'type "=B2*C2"',
             "press alt+enter",
             "press ctrl+s",
-            'click "Use Excel 2007-365!"',
+            'click "Use Excel 2007-365"',
             "wait",
         ]
 

@@ -63,7 +63,7 @@ class ReplaceOnSlides(SlideTask):
             "wait",
             'click "Close"',
             "press ctrl+s",
-            'click "Use PowerPoint 2007-365!"',
+            'click "Use PowerPoint 2007-365"',
             "wait",
         ]
 

@@ -70,7 +70,7 @@ class WriteNotes(SlideTask):
             f"type {quoted(self.drawn.note)}",
             "press esc",
             "press ctrl+s",
-            'click "Use PowerPoint 2007-365!"',
+            'click "Use PowerPoint 2007-365"',
             "wait",
         ]
 

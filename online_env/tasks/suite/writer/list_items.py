@@ -61,7 +61,7 @@ class ListItems(TextTask):
             "press ctrl+shift+end",
             "press shift+f12",
             "press ctrl+s",
-            'click "Use Word 2007-365!"',
+            'click "Use Word 2007-365"',
             "wait",
         ]
 
