@@ -11,7 +11,7 @@ from .figures import BOTTOM, LEFT, RIGHT, TOP, WIDTH
 from .model import RunReport
 
 COLOURS = 5  # that the page has for agents; more begin again
-_BAR = 10.0
+_BAR = 12.0
 _GAP = 9.0  # between levels
 _TICKS = (0.0, 0.25, 0.5, 0.75, 1.0)
 
