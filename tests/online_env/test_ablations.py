@@ -19,7 +19,8 @@ from online_env.environment.script import BEFORE
 from online_env.report import build_report, formats
 from online_env.report.ablations import MODULES, ablations_of, level_table
 from online_env.report.document import ReportDocument
-from online_env.report.model import from_data
+from online_env.report.leaderboard import leaderboard, rankings_of, read_all
+from online_env.report.model import ReportError, from_data
 from online_env.tasks.plan_words import read_plan
 
 from support.reported import made, read_run, whole
@@ -165,3 +166,12 @@ def test_what_agents_were_given_stands_beside_them(tmp_path):
     assert "one (given the plan): corrupted" in formats.write(document, "terminal")
     assert "one (given the plan) &" in formats.write(document, "latex")
     assert "<td>the plan</td>" in formats.write(document, "html")
+    with pytest.raises(ReportError, match="only reference agents"):
+        formats.write(document, "model-index")
+
+
+def test_who_was_given_more_is_not_ranked(tmp_path):
+    reported(tmp_path, MARKS, {"one": SOLVED})
+    (line,) = rankings_of(read_all(tmp_path))[0].lines
+    assert (line.rank, line.why) == (None, "given the plan")
+    assert "given the plan" in leaderboard(read_all(tmp_path))

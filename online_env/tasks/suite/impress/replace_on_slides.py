@@ -56,7 +56,7 @@ class ReplaceOnSlides(SlideTask):
             'wait for "Replace All"',
             "press ctrl+a",
             f"type {quoted(self.drawn.old)}",
-            'click below "Replace:"',
+            'click right of "Replace:"',
             "press ctrl+a",
             f"type {quoted(self.drawn.new)}",
             'click "Replace All"',

@@ -67,6 +67,7 @@ class WriteNotes(SlideTask):
             'click "View"',
             'click "Notes" near "Outline"',
             'double-click "Click to add Notes"',
+            "wait",
             f"type {quoted(self.drawn.note)}",
             "press esc",
             "press ctrl+s",
