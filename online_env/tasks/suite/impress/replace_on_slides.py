@@ -62,6 +62,8 @@ class ReplaceOnSlides(SlideTask):
             'click "Replace All"',
             "wait",
             'click "Close"',
+            "wait",
+            "wait",
             "press ctrl+s",
             'click "Use PowerPoint 2007-365"',
             "wait",
