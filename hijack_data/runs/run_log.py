@@ -19,14 +19,17 @@ Since version 2 everything names the SHA-256 of what was written before it:
 
 So an edit is found unless all that follows is written anew. Who does that leaves no trace in the
 folder; against them there is the signature of `seal.json` (see `hijack_data.runs.seal`).
+
+Since version 3 a record says what its agent was given beside instruction and pictures (`GIVEN`).
 """
 
 import hashlib
 import re
 
 FORMAT = "agenthijack-run"
-VERSION = 2
+VERSION = 3
 CHAINED = 2  # the first version with hashes
+GIVING = 3  # the first version whose records say what their agent was given
 RUN = "run.json"
 RECORDS = "records.jsonl"
 EPISODES = "episodes"
@@ -39,6 +42,8 @@ SIGNATURE = "seal.json.sig"
 SCORE_RUN = "score"  # `config.kind` of a run of `hijack score`; one of `hijack bench` has no kind
 ROW = "row"  # of a record of such a run: the row of the dataset; it has no folder in `episodes`
 LINKS = ("previous", "episode_sha256")  # of a line of `records.jsonl`: not of the record itself
+GIVEN = "given"  # of a record: a list of these, or `null` where nobody knows
+GIVEN_KINDS = ("task", "plan")  # the task with the machine; the task's plan in words
 REINIT = "REQUEST_REINIT"  # what an agent says to be helped: no action on the screen
 
 _LONGEST = 200  # characters of an id, which is the name of a folder

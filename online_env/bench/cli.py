@@ -19,7 +19,7 @@ from hijack_data.runs import seal
 from ..errors import CostLimitError
 from ..report.outcome import exit_code
 from ..report.terminal import show
-from . import costs, origin, records
+from . import costs, records
 from .gate import ReleaseGate, gate_options
 from .progress import ProgressDisplay
 
@@ -177,14 +177,14 @@ def _begun(
     resume: bool,
     desktops: int,
 ) -> Lock:
-    begin = records.resume if resume else records.create
-    config = chosen.to_data()
-    made_by = origin.describe(config, desktops)
-    held = begin(out, config, [job.id for job in listed], made_by)
-    changed = origin.other_code(records.read_head(out), made_by)
-    if changed:
-        click.echo(f"hijack: {out}: {changed}", err=True)
-    return held
+    return records.begin(
+        out,
+        chosen.to_data(),
+        [job.id for job in listed],
+        goes_on=resume,
+        notice=lambda text: click.echo(f"hijack: {text}", err=True),
+        desktops=desktops,
+    )
 
 
 def _run(

@@ -6,10 +6,10 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 from hijack_data.planner import Planner
-from hijack_data.runs.run_log import VERSION, slug_of
+from hijack_data.runs.run_log import GIVEN, VERSION, slug_of
 
 from .. import tasks
 from ..agents.apart import AgentError, Apart
@@ -62,6 +62,10 @@ class EpisodeEnv(Protocol):
 
     def account(self, usage: dict[str, Any]) -> None:
         """Keep what the agent says it has used so far."""
+        ...
+
+    def give(self, what: Sequence[str]) -> None:
+        """Keep what the agent is given beside instruction and pictures."""
         ...
 
     def abandon(self, why: str, traceback: Sequence[str] = ()) -> None:
@@ -125,8 +129,7 @@ class LiveEpisodes:
 
     def _show(self, agent: Agent, job: Job) -> None:
         """Give a privileged agent the task and the desktop."""
-        if isinstance(agent, Privileged):
-            agent.prepare(self._stage.task, self._stage.machine)
+        cast("Privileged", agent).prepare(self._stage.task, self._stage.machine)
 
     def _plan(self) -> Sequence[str]:
         """Return the plan in words of the task that is set up."""
@@ -154,8 +157,8 @@ def play(
         job: What to run.
         attempt: The number of the attempt, from 0.
         planner: The corruption; `None` for a clean episode.
-        show: Called once the task is set up, with the agent and the job, for what a privileged
-            agent may know.
+        show: Called once the task is set up, with a privileged agent and the job, for what such
+            an agent may know.
     """
     with Apart(lambda: agent) as apart:
         return _played(env, apart, job, attempt, planner, show)
@@ -187,10 +190,12 @@ def _played(
             raise
         problem = f"{type(error).__name__}: {error}"
         return _never_begun(env.record, _not_begun(job, attempt, problem, start))
+    given: list[str] = []
     if show is not None and failed is None:
-        failed = _called(agent.call, show, agent.agent, job)
+        failed = _called(_prepare, agent, show, job, given)
     if told is not None and failed is None:
-        failed = _called(_tell, agent, told)
+        failed = _called(_tell, agent, told, given)
+    env.give(given)
     if failed is not None:
         _blame(env, failed)
     while (record := env.record) is None:
@@ -200,14 +205,33 @@ def _played(
     return record
 
 
-def _tell(agent: Apart, told: Callable[[], Sequence[str]]) -> None:
+def _prepare(
+    agent: Apart,
+    show: Callable[[Agent, Job], object],
+    job: Job,
+    given: list[str],
+) -> None:
+    """Give a privileged agent the task and the machine, and note it in `given`."""
+    if not agent.call(isinstance, agent.agent, Privileged):
+        return
+    given.append("task")
+    agent.call(show, agent.agent, job)
+
+
+def _tell(
+    agent: Apart,
+    told: Callable[[], Sequence[str]],
+    given: list[str],
+) -> None:
     """Give an agent that follows plans that of the task: words, and nothing that leads further.
 
-    No function of ours calls the agent's, so that it cannot look up the episode from there.
+    No function of ours calls the agent's, so that it cannot look up the episode from there. What
+    was given is noted in `given`.
     """
     if not agent.call(getattr, agent.agent, "uses_plan", False):
         return
     follow = agent.call(getattr, agent.agent, "follow")
+    given.append("plan")
     agent.call(follow, told())
 
 
@@ -325,5 +349,6 @@ def _not_begun(
         "last_action": None,
         "said": "",
         "usage": None,
+        GIVEN: None,
         "desktop": {},
     }

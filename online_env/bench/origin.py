@@ -23,17 +23,17 @@ _GROUP_LIMIT = Path("/sys/fs/cgroup/memory.max")
 _GROUP_USE = Path("/sys/fs/cgroup/memory.current")
 
 
-def describe(config: Mapping[str, Any], desktops: int) -> RunOrigin:
+def describe(config: Mapping[str, Any], **used: int) -> RunOrigin:
     """Return what a run should be able to say of its making, as JSON data.
 
     Args:
-        config: The benchmark, as `Bench.to_data` gives it.
-        desktops: How many are used side by side.
+        config: The benchmark, as `Bench.to_data` gives it, or what is scored.
+        used: How many `desktops`, or `workers`, are used side by side.
 
     Returns:
         `config_sha256`; `git` of this library and of the current folder, each with `commit` and
         `dirty` (files that git knows were changed), `None` outside a checkout; `machine` with
-        `cpu`, `cores`, `memory` in bytes and `kernel`; `desktops`.
+        `cpu`, `cores`, `memory` in bytes and `kernel`; and what is `used`.
     """
     return {
         "config_sha256": config_digest(config),
@@ -42,7 +42,7 @@ def describe(config: Mapping[str, Any], desktops: int) -> RunOrigin:
             "folder": git_state(Path.cwd()),
         },
         "machine": machine(),
-        "desktops": desktops,
+        **used,
     }
 
 

@@ -12,7 +12,7 @@ import json
 import os
 import platform
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
 
@@ -41,6 +41,7 @@ __all__ = [
     "RunError",
     "append",
     "append_all",
+    "begin",
     "create",
     "difference",
     "hold",
@@ -55,6 +56,36 @@ PACKAGES = ("agenthijack", "numpy", "pillow", "gymnasium")
 
 _BEGUN = (LOCK, RECORDS)  # in a folder where a run was about to begin
 _HALF_WRITTEN = f".{RUN}.*.tmp"  # what a kill leaves of `write_atomic`
+
+
+def begin(
+    folder: Path,
+    config: Mapping[str, Any],
+    episodes: Sequence[str],
+    *,
+    goes_on: bool,
+    notice: Callable[[str], object] = lambda text: None,
+    **used: int,
+) -> Lock:
+    """Begin a run or go on with it, and keep where that is done.
+
+    Errors and result are those of `create` and `resume`.
+
+    Args:
+        folder: The folder.
+        config: What is run.
+        episodes: Ids of the first attempts at all that is planned.
+        goes_on: Go on with the run in the folder, if there is one.
+        notice: Called with what a user should know.
+        used: How many `desktops`, or `workers`, are used side by side.
+    """
+    made_by = origin.describe(config, **used)
+    start = resume if goes_on else create
+    held = start(folder, config, episodes, made_by)
+    changed = origin.other_code(read_head(folder), made_by)
+    if changed:
+        notice(f"{folder}: {changed}")
+    return held
 
 
 def create(

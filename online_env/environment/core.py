@@ -12,9 +12,10 @@ import gymnasium
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
-from hijack_data.errors import HijackError, UnknownNameError
+from hijack_data.errors import HijackError, ParameterError, UnknownNameError
 from hijack_data.kernels.cpu import jit
 from hijack_data.planner import Planner
+from hijack_data.runs.run_log import GIVEN_KINDS
 from hijack_data.types import Size, UInt8Array
 
 from .episode import Episode
@@ -152,6 +153,24 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
         episode = _runners[self].episode
         if episode is not None:
             episode.account(usage)
+
+    def give(self, what: Sequence[str]) -> None:
+        """Keep for the record what the agent is given beside instruction and pictures.
+
+        A record without this call says that nobody knows.
+
+        Args:
+            what: some of `run_log.GIVEN_KINDS`; empty for nothing.
+
+        Raises:
+            ParameterError: it names something else.
+        """
+        for kind in what:
+            if kind not in GIVEN_KINDS:
+                raise ParameterError(f"given is one of {', '.join(GIVEN_KINDS)}, got {kind!r:.100}")
+        episode = _runners[self].episode
+        if episode is not None:
+            episode.give(what)
 
     def truncate(self) -> None:
         """Judge the episode as it stands, if a limit outside this environment ended it.

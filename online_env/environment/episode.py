@@ -7,7 +7,7 @@ judged.
 
 import contextlib
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -136,6 +136,10 @@ class Episode:
     def account(self, usage: dict[str, Any]) -> None:
         """Keep what the agent says it has used so far."""
         self._counts.usage = usage
+
+    def give(self, what: Sequence[str]) -> None:
+        """Keep what the agent is given beside instruction and pictures."""
+        self._counts.given = list(what)
 
     def truncate(self) -> None:
         """Judge an episode that is cut off from outside, if the agent took an action in it."""

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Literal, TypeAlias
 
 from hijack_data.planner import Planner
-from hijack_data.runs.run_log import VERSION, slug_of
+from hijack_data.runs.run_log import GIVEN, VERSION, slug_of
 from hijack_data.runs.run_planners import params_of, written
 
 from ..desktops.protocol import Desktop
@@ -54,6 +54,7 @@ class EpisodeCounts:
     repaired: int = 0
     said: str = ""  # the agent's last words
     usage: dict[str, Any] | None = None  # what it counted itself: tokens, money
+    given: list[str] | None = None  # beside instruction and pictures; `None` if nobody said
     history: list[str] = field(default_factory=list[str])
     start: float = field(default_factory=time.monotonic)
     setup_seconds: float | None = None  # to reset the desktop and set the task up
@@ -132,6 +133,7 @@ def make_record(
         "last_action": counts.history[-1] if counts.history else None,
         "said": counts.said,
         "usage": counts.usage,
+        GIVEN: counts.given,
         "desktop": _about(desktop, settings.settle),
     }
     return json.loads(json.dumps(record, default=repr))

@@ -104,6 +104,7 @@ class Session:
         except DesktopError:
             if env.record is None:
                 raise
+        env.give(())  # a model of Inspect's sees instruction and pictures
 
     def act(self, code: str) -> None:
         """Take an action, in pixels of the picture that the model sees; one step."""

@@ -8,8 +8,9 @@ from typing import Any, TypeAlias
 
 from hijack_data.errors import UnknownNameError, suggest
 from hijack_data.plan import CLEAN
+from hijack_data.runs.given import given_to
 from hijack_data.runs.run_log import FORMAT as RUN_FORMAT
-from hijack_data.runs.run_log import RUN
+from hijack_data.runs.run_log import GIVEN_KINDS, RUN
 
 from ..bench import reading, scores
 from ..bench.reading import ResultRecord, Run
@@ -174,6 +175,7 @@ def _summaries(
         AgentSummary(
             agent=agent,
             n=sum(cell.n for cell in own.values()),
+            given=_given(run, agent),
             errors=sum(cell.errors for cell in own.values()),
             invalid=sum(cell.invalid for cell in own.values()),
             **_means(own, identity),
@@ -184,6 +186,12 @@ def _summaries(
         )
         for agent, own in by_agent.items()
     ]
+
+
+def _given(run: Run, agent: str) -> tuple[str, ...] | None:
+    found = given_to(record for record in run.records if record["agent"] == agent)
+    there = {kind for given in found for kind in given}
+    return tuple(kind for kind in GIVEN_KINDS if kind in there) if found else None
 
 
 def _means(own: Mapping[str, Cell], identity: RunIdentity) -> dict[str, Any]:

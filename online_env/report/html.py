@@ -14,8 +14,10 @@ from hijack_data.plan import CLEAN
 
 from ..extra import require
 from . import words
+from .ablations import ablations_of, level_table
 from .document import ReportDocument
 from .figures import LEFT, RIGHT, WIDTH, retention_panels, success_panels
+from .grouped import grouped_panel
 from .identity import RunIdentity
 from .model import RunReport
 from .tables import (
@@ -44,6 +46,10 @@ def as_html(document: ReportDocument) -> str:
         success=success_panels(report),
         retention=retention_panels(report),
         matrix=_matrix(report),
+        ablations=[
+            (ablation, grouped_panel(report, ablation), level_table(report, ablation))
+            for ablation in ablations_of(report)
+        ],
         summary=trimmed(*summary_table(report.summaries)),
         cells=trimmed(*cell_table(report.cells)),
         feasible=trimmed(*cell_table(report.feasible)),

@@ -65,6 +65,7 @@ def identity_of(run: Run) -> RunIdentity:
         seeds=tuple(sorted({record["seed"] for record in final})),
         tasks=len(set(scores.task_names(map(_case_of, final)))),
         corruptions=names,
+        settings=settings_of(config),
         changed=tuple(_changed(config)),
         planned=run.planned,
         missing=run.missing,
@@ -102,15 +103,26 @@ def _entries(listed: Any) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
         yield str(known.get(_AS, name)), str(name), known
 
 
-def _changed(config: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the labels of the nine whose parameters are not the paper's defaults."""
+def settings_of(config: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return the parameters of each label that are not the corruption's defaults.
+
+    Labels of corruptions that are not installed here are left out.
+    """
+    found: dict[str, dict[str, Any]] = {}
     for label, name, settings in _entries(config.get("corruptions")):
-        if label not in NINE or name != label:
-            continue
         with suppress(HijackError):
             default = get(name).params()
-            if any(default.get(key) != value for key, value in settings.items() if key != _AS):
-                yield label
+            own = {key: value for key, value in settings.items() if key != _AS}
+            found[label] = {key: own[key] for key in own if default.get(key) != own[key]}
+    return found
+
+
+def _changed(config: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the labels of the nine whose parameters are not the paper's defaults."""
+    settings = settings_of(config)
+    for label, name, _ in _entries(config.get("corruptions")):
+        if label in NINE and name == label and settings.get(label):
+            yield label
 
 
 def _head(run: Run) -> Mapping[str, Any]:

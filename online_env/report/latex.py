@@ -5,6 +5,7 @@ An agent has a row, a condition a column, and the best of each column is bold.
 
 from collections.abc import Sequence
 
+from . import words
 from .document import ReportDocument
 from .model import AgentSummary, RunReport
 from .paper import PaperRow, PaperTable
@@ -43,7 +44,9 @@ def _own(report: RunReport, row: AgentSummary) -> _Row:
     for label in report.labels:
         cell = report.cell(row.agent, label)
         values.append(cell.success if cell else None)
-    return row.agent, [*values, row.corrupted, row.retention]
+    more = words.given(row.given)
+    named = f"{row.agent} (given {more})" if more else row.agent
+    return named, [*values, row.corrupted, row.retention]
 
 
 def _with_paper(paper: PaperTable) -> str:

@@ -176,6 +176,8 @@ def _key(row: AgentSummary) -> tuple[float, float]:
 
 def _unranked(report: RunReport, row: AgentSummary) -> str:
     """Return why an agent has no rank, or nothing."""
+    if row.given:
+        return f"given {words.given(row.given)}"
     if row.agent in YARDSTICKS:
         return "reference agent"
     if report.run.missing:

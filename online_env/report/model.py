@@ -13,7 +13,7 @@ from hijack_data.errors import HijackError, shown
 from hijack_data.files import check_versioned
 
 FORMAT = "agenthijack-report"
-VERSION = 1
+VERSION = 2  # 1 did not say what agents were given, nor how conditions differ
 T = TypeVar("T")
 _BESIDE = ("format", "version", "comparison", "paper")  # in the file, and not of the report itself
 
@@ -41,6 +41,7 @@ class RunIdentity:
         seeds: of variants and of the corruptions' draws.
         tasks: how many tasks there are, whatever their variants.
         corruptions: the corruption's name by label, `clean` included.
+        settings: what differs from the corruption's defaults, by label.
         changed: labels whose parameters are not the defaults, which are the paper's.
         planned: cases that were to be run.
         missing: of them, cases without a record.
@@ -61,6 +62,7 @@ class RunIdentity:
     seeds: tuple[int, ...] = ()
     tasks: int = 0
     corruptions: Mapping[str, str] = field(default_factory=dict[str, str])
+    settings: Mapping[str, Any] = field(default_factory=dict[str, Any])
     changed: tuple[str, ...] = ()
     planned: int = 0
     missing: int = 0
@@ -137,6 +139,8 @@ class AgentSummary:
     Attributes:
         agent: its name.
         n: episodes that count for it.
+        given: beside instruction and pictures, in all episodes or in some, of
+            `run_log.GIVEN_KINDS`; `None` if no record says.
         clean: success without corruption.
         conditions: how many corruptions it was played under.
         corrupted: mean success over them.
@@ -165,6 +169,7 @@ class AgentSummary:
 
     agent: str
     n: int
+    given: tuple[str, ...] | None = None
     clean: float | None = None
     conditions: int = 0
     corrupted: float | None = None

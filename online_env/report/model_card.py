@@ -21,13 +21,14 @@ _TOTAL = 100
 
 
 def as_model_index(document: ReportDocument) -> str:
-    """Return the block for every agent that is not one of ours.
+    """Return the block for every agent that is no reference and was given nothing more.
 
     Raises:
-        ReportError: all agents of the run are.
+        ReportError: the run has no such agent.
     """
     report = document.report
-    models = [row for row in report.summaries if row.agent not in YARDSTICKS]
+    contestants = (row for row in report.summaries if not row.given)
+    models = [row for row in contestants if row.agent not in YARDSTICKS]
     if not models:
         listed = ", ".join(report.agents)
         raise ReportError(

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from hijack_data.plan import CLEAN
+from hijack_data.runs.given import given_words
 
 from ..bench import scores
 from .model import RunReport
@@ -36,6 +37,7 @@ def _notes(report: RunReport) -> Iterator[str]:
 
 
 def _on_agents(report: RunReport) -> Iterator[str]:
+    yield from _on_what_is_given(report)
     incomplete = [row for row in report.summaries if row.conditions and row.paper_average is None]
     if incomplete:
         yield (
@@ -47,3 +49,18 @@ def _on_agents(report: RunReport) -> Iterator[str]:
         labels.setdefault(cell.agent, set()).add(cell.corruption)
     if len(set(map(frozenset, labels.values()))) > 1:
         yield "The agents were not played under the same conditions: their means differ in kind."
+
+
+def _on_what_is_given(report: RunReport) -> Iterator[str]:
+    """Yield who was given more than instruction and pictures, and of whom nobody knows."""
+    told: dict[tuple[str, ...] | None, list[str]] = {}
+    for row in report.summaries:
+        told.setdefault(row.given, []).append(row.agent)
+    for given, agents in told.items():
+        listed = ", ".join(agents)
+        verb = "was" if len(agents) == 1 else "were"
+        if given:
+            what = given_words(given)
+            yield f"{listed} {verb} given {what}, which agents that are compared do not get."
+        elif given is None:
+            yield f"What {listed} {verb} given beside instruction and pictures is not recorded."

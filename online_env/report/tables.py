@@ -8,6 +8,7 @@ from dataclasses import asdict, fields
 from typing import Any
 
 from . import words
+from .ablations import ablations_of, level_table
 from .compare import ComparedCell, RunComparison
 from .document import ReportDocument
 from .model import AgentSummary, Cell
@@ -31,6 +32,7 @@ CELL_HEADINGS = (
 )
 SUMMARY_HEADINGS = (
     "agent",
+    "given",
     "clean, %",
     "corrupted, %",
     "95 %",
@@ -95,6 +97,9 @@ def as_markdown(document: ReportDocument) -> str:
     if report.infeasible and document.comparison is None:
         parts += ["Feasible tasks:", markdown_table(*cell_table(report.feasible))]
         parts += ["Infeasible tasks:", markdown_table(*cell_table(report.infeasible))]
+    for ablation in ablations_of(report):
+        table = markdown_table(*level_table(report, ablation))
+        parts += [f"### {_safe(ablation.title)}", table]
     if report.parts:
         parts += ["Right, by part:", markdown_table(*parts_table(report.parts))]
     if document.paper is not None:
@@ -132,6 +137,7 @@ def summary_table(rows: Sequence[AgentSummary]) -> tuple[Texts, list[Texts]]:
     return SUMMARY_HEADINGS, [
         (
             row.agent,
+            words.given(row.given),
             words.percent(row.clean),
             words.percent(row.corrupted),
             words.interval(row.corrupted_low, row.corrupted_high),

@@ -99,7 +99,9 @@ def summary_line(row: AgentSummary, reference: str = "") -> str:
     """Return an agent over all its conditions, in words."""
     between = words.interval(row.corrupted_low, row.corrupted_high)
     worst = f"worst {row.worst} {words.percent(row.worst_success)}"
-    said = [f"{row.agent}: corrupted {words.percent(row.corrupted)}", worst]
+    more = words.given(row.given)
+    named = f"{row.agent} (given {more})" if more else row.agent
+    said = [f"{named}: corrupted {words.percent(row.corrupted)}", worst]
     if between:
         said.append(f"95 % of corrupted {between}")
     if row.retention is not None:

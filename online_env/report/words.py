@@ -1,5 +1,9 @@
 """How values are written, alike in every format: percent, points, intervals, amounts."""
 
+from collections.abc import Iterable
+
+_GIVEN = {"task": "the task", "plan": "the plan"}
+
 
 def percent(share: float | None, sign: str = "") -> str:
     """Return a share as percent with one digit, or nothing; `sign` may be `+`."""
@@ -49,3 +53,8 @@ def count(value: int | None) -> str:
 def money(value: float | None) -> str:
     """Return USD with two digits, or nothing."""
     return "" if value is None else f"{value:.2f}"
+
+
+def given(kinds: Iterable[str] | None) -> str:
+    """Return what an agent was given beside instruction and pictures; nothing if not known."""
+    return " and ".join(_GIVEN[kind] for kind in kinds or ())

@@ -13,7 +13,7 @@ from typing import Any, TypeAlias, cast
 
 from hijack_data.errors import HijackError
 from hijack_data.plan import CLEAN
-from hijack_data.runs.run_log import ROW, VERSION
+from hijack_data.runs.run_log import GIVEN, ROW, VERSION
 from hijack_data.types import Action, Box, UInt8Array
 
 from ..agents.apart import AgentError, Apart
@@ -234,6 +234,7 @@ def blank(case: Case, asking: Asking) -> ResultRecord:
         "steps": 1,
         "seconds": 0.0,
         "malformed": 0,
+        GIVEN: [],  # rows have no task and no plan
     }
 
 

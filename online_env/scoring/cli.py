@@ -128,7 +128,7 @@ def score(
         return
     if out is None:
         raise click.UsageError("--out RUNS: say where the records go (or --dry-run)")
-    with run.begin(out, resume):
+    with run.begin(out, resume, lambda text: click.echo(f"hijack: {text}", err=True)):
         _score(run, out, Console(stderr=True) if as_json else console())
     found = records.read(out)
     if as_json:

@@ -111,13 +111,25 @@ class ScoreRun:
             "code": self._code,
         }
 
-    def begin(self, out: Path, resume: bool) -> Lock:
+    def begin(
+        self,
+        out: Path,
+        resume: bool,
+        notice: Callable[[str], object] = lambda text: None,
+    ) -> Lock:
         """Begin the run in a new folder, or go on with it; the folder is locked.
 
-        `RunError` is raised as by `records.create` and `records.resume`.
+        `RunError` is raised as by `records.create` and `records.resume`; `notice` is called with
+        what a user should know.
         """
-        begin = records.resume if resume else records.create
-        return begin(out, self.config(), self.episodes)
+        return records.begin(
+            out,
+            self.config(),
+            self.episodes,
+            goes_on=resume,
+            notice=notice,
+            workers=self.settings.workers,
+        )
 
     def left(self, out: Path) -> dict[str, list[Case]]:
         """Return the cases of each agent that have no record yet."""

@@ -6,6 +6,17 @@ from pathlib import Path
 from hijack_data.gallery.markup import Html, fill_text, source
 
 PAGE = Path(__file__).parent / "page"
+# Of the page of a run, in the order in which they are read.
+RUN_SCRIPTS = (
+    "gallery.js",
+    "common.js",
+    "run_data.js",
+    "run_table.js",
+    "run_list.js",
+    "run_strokes.js",
+    "run_episode.js",
+    "run.js",
+)
 
 
 @lru_cache(maxsize=16)

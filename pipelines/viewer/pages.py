@@ -6,7 +6,7 @@ a fixed table.
 
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 from urllib.parse import parse_qsl
@@ -17,7 +17,7 @@ from hijack_data.gallery.markup import Html
 
 from . import answers
 from .datasets import DatasetSource
-from .page_files import page_file, run_page
+from .page_files import RUN_SCRIPTS, page_file, run_page
 from .pictures import BUDGET, Pictures, remembered, thumbnail
 from .runs import RunSource
 from .runs.export import MOST_IN_PAGE, export_page
@@ -25,11 +25,14 @@ from .runs.export import MOST_IN_PAGE, export_page
 STRIP = 240  # pixels of the longest side of a picture in the strip of steps
 _ROW_PICTURE = re.compile(r"/(thumb|picture|before)/([0-9]{1,9})")
 _RUN_PICTURE = re.compile(r"/(seen|clean|strip)/([0-9]{1,9})/([0-9]{1,6})")
+_ROW_SCRIPTS = ("gallery.js", "common.js", "view.js")
 _LINKS = Html(
-    '<link rel="stylesheet" href="view.css">\n'
-    '<script src="gallery.js"></script>\n'
-    '<script src="common.js"></script>\n'
-    '<script src="run.js"></script>'
+    "\n".join(
+        [
+            '<link rel="stylesheet" href="view.css">',
+            *(f'<script src="{name}"></script>' for name in RUN_SCRIPTS),
+        ]
+    )
 )
 
 
@@ -77,7 +80,7 @@ class RowPages:
         if picture and self._source.index.at(int(picture[2])) is not None:
             kind = "image/jpeg" if picture[1] == "thumb" else "image/png"
             return ViewerAnswer(self._pictures.get(picture[1], int(picture[2])), kind)
-        return _own_file(path, "view.js")
+        return _own_file(path, _ROW_SCRIPTS)
 
 
 class RunPages:
@@ -105,7 +108,7 @@ class RunPages:
         picture = _RUN_PICTURE.fullmatch(path)
         if picture and int(picture[2]) < len(self._source.entries):
             return self._picture(picture[1], int(picture[2]), int(picture[3]))
-        return _own_file(path, "run.js")
+        return _own_file(path, RUN_SCRIPTS)
 
     def _picture(
         self,
@@ -141,11 +144,11 @@ def pages_of(source: DatasetSource | RunSource) -> Pages:
     return RunPages(source) if isinstance(source, RunSource) else RowPages(source)
 
 
-def _own_file(path: str, script: str) -> ViewerAnswer | None:
+def _own_file(path: str, scripts: Sequence[str]) -> ViewerAnswer | None:
     name = path.removeprefix("/")
     if name == "view.css":
         return ViewerAnswer(page_file(name).encode(), "text/css")
-    if name in ("gallery.js", "common.js", script):
+    if name in scripts:
         return ViewerAnswer(page_file(name).encode(), "text/javascript")
     return None
 

@@ -98,11 +98,15 @@ ABLATIONS = {
 }
 
 
+# The paper's figures as live benchmarks: tests/online_env/test_ablations.py
+FIGURES = ("intensity", "content", "location", "modules")
+
+
 def test_the_ablations_are_the_paper_s():
     shipped = [
         name.removeprefix("ablations/") for name in available() if name.startswith("ablations/")
     ]
-    assert sorted(shipped) == sorted(ABLATIONS)
+    assert sorted(shipped) == sorted([*ABLATIONS, *FIGURES])
 
 
 @pytest.mark.parametrize("name", ABLATIONS)
@@ -118,7 +122,13 @@ def test_ablation_changes_its_parameter_only(name):
 
 
 @pytest.mark.parametrize(
-    "name", [n for n in available() if n.split("/")[0] in ("corruptions", "ablations", "datasets")]
+    "name",
+    [
+        name
+        for name in available()
+        if name.split("/")[0] in ("corruptions", "ablations", "datasets")
+        and name.rpartition("/")[2] not in FIGURES
+    ],
 )
 def test_shipped_configuration_loads_and_plans(name):
     config = load_config(name)

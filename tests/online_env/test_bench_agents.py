@@ -14,9 +14,10 @@ pytest.importorskip("lxml", reason="needs the extra [online]")
 
 from online_env import tasks
 from online_env.agents import registry as agents
+from online_env.agents.apart import Apart
 from online_env.agents.base import Privileged
 from online_env.agents.oracle import Oracle
-from online_env.bench.episodes import play
+from online_env.bench.episodes import _played, play
 from online_env.bench.jobs import Job
 from online_env.desktops.protocol import CAPABILITIES, RunResult
 from online_env.errors import DesktopError, MissingCapabilityError
@@ -229,6 +230,9 @@ class Env:
     def hear(self, said):
         self.said = said
 
+    def give(self, what):
+        self.given = list(what)
+
     def abandon(self, why, traceback=()):
         self.record = {
             "status": "error",
@@ -392,7 +396,51 @@ def test_a_desktop_that_fails_at_first_makes_an_invalid_episode_but_what_it_lack
     assert play(env, Speaker(), JOB, 0, None)["status"] == "invalid"
 
 
-def test_only_the_privileged_are_shown_more():
-    shown = []
-    play(Env(steps=1), Speaker(["a"]), JOB, 0, None, lambda agent, job: shown.append((agent, job)))
-    assert [job for _, job in shown] == [JOB]
+class Prepared(Speaker):
+    def prepare(self, task, machine):
+        raise NotImplementedError
+
+
+class PreparedAndTold(Prepared):
+    uses_plan = True
+
+    def follow(self, lines):
+        self.lines = lines
+
+
+class Planless(Speaker):
+    uses_plan = False
+
+
+@pytest.mark.parametrize(
+    ("kind", "given"),
+    [
+        (Speaker, []),
+        (Planless, []),
+        (Prepared, ["task"]),
+        (PreparedAndTold, ["task", "plan"]),
+    ],
+)
+def test_only_the_privileged_are_shown_more_and_the_record_says_so(kind, given):
+    env, shown = Env(steps=1), []
+    with Apart(lambda: kind(["a"])) as agent:
+        _played(
+            env,
+            agent,
+            JOB,
+            0,
+            None,
+            lambda agent, job: shown.append((agent, job)),
+            told=lambda: ("wait",),
+        )
+    assert [job for _, job in shown] == ([JOB] if "task" in given else [])
+    assert env.given == given
+
+
+def test_what_an_agent_was_given_is_kept_though_it_raised_over_it():
+    def raises(agent, job):
+        raise ValueError("no")
+
+    env = Env(steps=1)
+    assert play(env, Prepared(["a"]), JOB, 0, None, raises)["status"] == "error"
+    assert env.given == ["task"]

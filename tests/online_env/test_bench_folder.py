@@ -17,6 +17,7 @@ import pytest
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 from hijack_data.errors import StorageError
+from hijack_data.runs.run_log import VERSION
 from online_env.bench import records, runner, scores
 from online_env.bench.jobs import attempts
 from online_env.bench.records import RunError
@@ -111,7 +112,7 @@ def test_of_many_that_begin_at_once_one_begins(tmp_path):
             folder = tmp_path / str(number)
             locks = list(pool.map(begin, [folder] * 4))
             assert sum(lock is not None for lock in locks) == 1
-            assert json.loads((folder / "run.json").read_text())["version"] == 2
+            assert json.loads((folder / "run.json").read_text())["version"] == VERSION
 
 
 def test_a_lock_is_let_go_with_what_holds_it(tmp_path):

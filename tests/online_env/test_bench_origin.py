@@ -118,7 +118,7 @@ def test_the_limit_of_a_container_counts(tmp_path, monkeypatch):
 
 def test_a_run_keeps_where_it_was_begun_and_each_session_after_it(tmp_path):
     folder = tmp_path / "run"
-    first = origin.describe(config(), 3)
+    first = origin.describe(config(), desktops=3)
     records.create(folder, config(), IDS, first).release()
     head = json.loads((folder / "run.json").read_text())
     assert {key: head[key] for key in first} == first
@@ -126,7 +126,7 @@ def test_a_run_keeps_where_it_was_begun_and_each_session_after_it(tmp_path):
     assert (head["desktops"], set(head["git"])) == (3, {"agenthijack", "folder"})
     assert origin.sessions(folder) == []
     go_on(folder)
-    second = origin.describe(config(), 1)
+    second = origin.describe(config(), desktops=1)
     records.resume(folder, config(), IDS, second).release()
     with (folder / "sessions.jsonl").open("a") as file:
         file.write('{"at": 17')  # a kill

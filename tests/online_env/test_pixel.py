@@ -194,17 +194,25 @@ def test_a_plan_is_followed_on_pictures():
     assert abs(y - 260) < 8
 
 
-def test_a_text_that_does_not_come_is_waited_for_then_given_up():
+def test_a_text_that_does_not_come_is_waited_for_then_the_agent_ends():
     found = play(make("pixel"), ['wait for "Trash"', 'click "Copy"'], *[with_menu()] * 4)
-    assert [actions for _, actions in found] == [["WAIT"], ["WAIT"], ["FAIL"], ["FAIL"]]
+    assert [actions for _, actions in found] == [["WAIT"], ["WAIT"], ["DONE"], ["DONE"]]
     assert "I do not see 'Trash'. The closest text is '" in found[2][0]
     scrolled = play(make("pixel"), ['scroll down to "Trash"'], *[with_menu()] * 2)
     assert scrolled[0][1] == ["pyautogui.scroll(-5, 240, 155)"]
 
 
+def test_only_the_plan_says_that_a_task_cannot_be_done():
+    found = play(make("pixel"), ['click "Copy"', 'give up "no"'], *[with_menu()] * 2)
+    assert [actions[0] for _, actions in found][1] == "FAIL"
+    agent = make("pixel_onlooker_no_summaries")
+    lost = play(agent, ['click "Trash"', 'give up "no"'], *[with_menu()] * 3)
+    assert lost[-1][1] == ["DONE"]
+
+
 @pytest.mark.parametrize("name", ["pixel", "pixel_onlooker"])
 def test_without_a_plan_there_is_nothing_to_do(name):
-    assert play(make(name), [], with_menu())[0][1] == ["FAIL"]
+    assert play(make(name), [], with_menu())[0][1] == ["DONE"]
 
 
 def test_the_initial_check_knows_errors_by_their_looks():
@@ -291,13 +299,13 @@ class Contestant:
 
 def test_a_follower_gets_words_and_no_way_to_the_episode():
     with Apart(Curious) as agent:
-        _tell(agent, lambda: ("wait",))
+        _tell(agent, lambda: ("wait",), [])
         curious = agent.agent
     assert isinstance(curious, PlanFollower)
     assert curious.lines == ("wait",)
     assert not [name for name in curious.seen if "/bench/" in name or "/environment/" in name]
     with Apart(Contestant) as agent:
-        _tell(agent, lambda: ("wait",))
+        _tell(agent, lambda: ("wait",), [])
 
 
 def test_an_agent_that_cannot_read_says_so_before_the_run(monkeypatch, tmp_path):

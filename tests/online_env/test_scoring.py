@@ -16,7 +16,7 @@ pytest.importorskip("pyarrow", reason="needs the extra [hf]")
 
 from hijack_data.errors import HijackError, ParameterError
 from hijack_data.locking import LockedError
-from online_env.bench import records
+from online_env.bench import origin, records
 from online_env.bench.config import Bench, override
 from online_env.bench.reading import RunError
 from online_env.bench.scores import rows as score_rows
@@ -239,6 +239,23 @@ def test_another_run_is_refused(clicks, agents, tmp_path):
     changed = dataset(tmp_path, CLICKS[:1])
     with pytest.raises(RunError, match="is another run: content was"):
         ScoreRun(settings_for(changed, "fail")).begin(out, resume=True)
+
+
+def test_a_run_keeps_where_it_was_scored_and_what_agents_were_given(clicks, tmp_path):
+    out, settings = tmp_path / "run", settings_for(clicks, "fail")
+    played(settings, out)
+    head = json.loads((out / "run.json").read_text())
+    wanted = origin.describe(ScoreRun(settings).config(), workers=1)
+    assert {key: head[key] for key in wanted} == wanted
+    assert {tuple(record["given"]) for record in records.read(out).records} == {()}
+    assert rebuild(out).problems == []
+
+    head["git"]["agenthijack"] = {"commit": "0" * 40, "dirty": False}
+    (out / "run.json").write_text(json.dumps(head))
+    told = []
+    ScoreRun(settings).begin(out, True, told.append).release()
+    assert "was begun with commit 0000" in told[0]
+    assert [line["workers"] for line in origin.sessions(out)] == [1]
 
 
 def test_what_is_selected(tmp_path):

@@ -156,6 +156,8 @@ TAMPERINGS = {
     "the instruction in both": both(instruction="Open nothing"),
     "the instruction of the last episode in both": both(HALF, instruction="Open nothing"),
     "the version": both(version=1),
+    "what the agent was given in the journal": record(given=["plan"]),
+    "what the agent was given in both": both(given=["plan"]),
     "run.json: a parameter": head(
         lambda data: data["config"]["corruptions"][1]["marks"].update(number=4)
     ),
@@ -192,6 +194,44 @@ def test_a_second_attempt_that_was_removed_is_missed(run):
     )(run)
     chained_anew(run)
     assert rebuild(run).problems == [f"run.json: {HALF} was not run again, and retries is 1"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "problem"),
+    [
+        ({"given": ["hints"]}, "given must be null or a list of task, plan, got ['hints']"),
+        ({"given": ["plan", "plan"]}, "given must be null or a list of task, plan, got ['plan', "),
+        ({"given": []}, "records.jsonl: teller was not always given the same (given): nothing; "),
+    ],
+)
+def test_what_an_agent_was_given_is_of_a_kind_and_always_the_same(run, changes, problem):
+    for name in (CLEAN, MINIMISED, HALF):
+        both(name, given=["plan"])(run)
+    both(MARKS, **changes)(run)
+    chained_anew(run)
+    assert any(problem in found for found in rebuild(run).problems)
+
+
+def test_a_record_of_version_3_without_what_was_given_is_incomplete(run):
+    def dropped(row):
+        return {key: value for key, value in row.items() if key != "given"}
+
+    path = home(run) / "episode.json"
+    path.write_text(json.dumps(dropped(json.loads(path.read_text()))))
+    journal(lambda rows: [dropped(row) if row["id"] == MARKS else row for row in rows])(run)
+    chained_anew(run)
+    missing = "given is missing; records have it since version 3"
+    assert rebuild(run).problems == [f"episodes/{MARKS}/episode.json: {missing}"]
+
+
+def test_a_later_library_goes_on_with_a_run_and_an_earlier_one_does_not(run):
+    head(lambda data: data.update(version=2))(run)
+    chained_anew(run)
+    assert rebuild(run).problems == []
+    head(lambda data: data.update(version=3))(run)
+    both(MARKS, version=2)(run)
+    chained_anew(run)
+    assert "is of version 2, run.json is of version 3" in rebuild(run).problems[0]
 
 
 def test_with_the_hashes_of_one_file_written_anew_the_next_one_tells(run):

@@ -8,9 +8,9 @@ from hijack_data import extras
 from hijack_data.types import UInt8Array
 
 from ...tasks.plan_words import ToldStep, read_plan
-from ..base import DONE, FAIL, Observation
+from ..base import DONE, Observation
 from .reading import ScreenReader
-from .walking import PlanWalk
+from .walking import PlanWalk, Walked
 
 NO_PLAN = "Nobody told me how to do this."
 
@@ -18,8 +18,10 @@ NO_PLAN = "Nobody told me how to do this."
 class Pixel:
     """Follows a plan in words; each text of it is looked for on the picture, by OCR.
 
-    A text that is not seen is waited for; if it does not come, the agent answers `FAIL` and says
-    what it missed. Without a plan it answers `FAIL` at once.
+    A text that is not seen is waited for; if it does not come, the agent says what it missed and
+    ends the episode with `DONE`, as it does at once without a plan. `FAIL` claims that the task
+    cannot be done: it answers that only where the plan says so, or it would be right about
+    infeasible tasks by getting lost.
 
     Raises `MissingDependencyError` without the extra `ocr`.
     """
@@ -58,14 +60,16 @@ class Pixel:
             obs: `obs["screenshot"]` is uint8 RGB `[H, W, 3]`.
         """
         if not self.walk.steps:
-            return NO_PLAN, [FAIL]
+            return NO_PLAN, [DONE]
         return self._go_on(obs["screenshot"])
 
     def _begin(self, steps: Sequence[ToldStep]) -> None:
         self.walk = PlanWalk(steps, self.reader)
 
     def _go_on(self, picture: UInt8Array) -> tuple[str, Sequence[str]]:
-        walked = self.walk.act(picture)
-        if walked.lost:
-            return walked.said, [FAIL]
-        return walked.said, [walked.action or DONE]
+        return answer_of(self.walk.act(picture))
+
+
+def answer_of(walked: Walked) -> tuple[str, Sequence[str]]:
+    """Return words and action: `DONE` at the end of the plan, and where it cannot go on."""
+    return walked.said, [walked.action or DONE]

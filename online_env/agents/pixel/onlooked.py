@@ -12,9 +12,9 @@ from hijack_data.runs.run_log import REINIT
 from hijack_data.types import UInt8Array
 
 from ...tasks.plan_words import ToldStep, read_plan
-from ..base import FAIL, WAIT
+from ..base import WAIT
 from ..files import DEFAULT_ERRORS, read_errors
-from .agent import Pixel
+from .agent import Pixel, answer_of
 from .changes import changed_share
 from .onlooking import PictureOnlooker, ScreenFinding
 from .reading import ScreenReader, TextLine
@@ -133,13 +133,12 @@ class PixelOnlooker(Pixel):
             if walked.action:
                 return f"Recovery. {walked.said}", [walked.action]
             self._recovery = PlanWalk((), self.reader)
-        said, actions = super()._go_on(picture)
-        if actions != [FAIL] or not self.summarises or self.walk.ended:
-            return said, actions
-        if not self._recover(ScreenFinding(kind="lost", say=said, steps=DESPERATE)):
-            return said, actions
+        walked = self.walk.act(picture)
+        lost = ScreenFinding(kind="lost", say=walked.said, steps=DESPERATE)
+        if not walked.lost or not self.summarises or not self._recover(lost):
+            return answer_of(walked)
         self.walk.wait_again()
-        return f"{said} Recovery.", [self._recovery.act(picture).action]
+        return f"{walked.said} Recovery.", [self._recovery.act(picture).action]
 
 
 class NoCheck(PixelOnlooker):

@@ -16,7 +16,7 @@ from hijack_data.types import Scene, Size
 from ...readers import fields
 from ...readers.fields import FieldError
 from ...readers.files import lines, parse_file
-from .journal import Journal, id_of
+from .journal import Journal, given_problems, id_of
 from .observation import Key, ReplayedObservation, check_observation
 
 BEFORE = -1  # the step of what happens before the episode
@@ -59,6 +59,7 @@ def check_episode(
         seen.record = record
         version = _version(record)
         yield from _in_record(_identity(folder, record))
+        yield from _in_record(given_problems(record))
         planner, known = _planner(record, journal)
         yield from _in_record(_agrees(record, planner, known, journal))
         key = _key(record, planner, known)

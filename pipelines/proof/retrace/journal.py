@@ -14,6 +14,9 @@ from hijack_data.runs.run_log import (
     EPISODE,
     EPISODES,
     FORMAT,
+    GIVEN,
+    GIVEN_KINDS,
+    GIVING,
     LINKS,
     RECORDS,
     ROW,
@@ -79,9 +82,18 @@ class Journal:
         self._episodes[folder.name] = folder, record
         version = record.get("version", 1)
         self.oldest = min(self.oldest, version if isinstance(version, int) else 1)
-        if self.exists and version != self.version:
+        if self.exists and not self._goes_with(version):
             what = f"is of version {version}, {RUN} is of version {self.version}"
             self.found.append(f"{EPISODES}/{folder.name}/{EPISODE}: {what}")
+
+    def _goes_with(self, version: object) -> bool:
+        """Return whether an episode of a version may be in this run.
+
+        A later library goes on with a run that has hashes, and never an earlier one.
+        """
+        if version == self.version or not isinstance(version, int):
+            return version == self.version
+        return CHAINED <= self.version < version
 
     def problems(self) -> Iterator[str]:
         """Yield the problems of the journal, once all episodes were noted."""
@@ -97,6 +109,7 @@ class Journal:
         for number, record in enumerate(self.records, 1):
             for text in self._record(record):
                 yield f"{RECORDS}: line {number}: {text}"
+        yield from self._given_otherwise()
         for name in self._episodes.keys() - names.keys():
             yield f"{RECORDS}: has no line of {EPISODES}/{name}"
         yield from self._missing()
@@ -123,6 +136,7 @@ class Journal:
         """Yield where one record differs from the configuration and its episode."""
         yield from self._planned(record)
         if self.is_scored:
+            yield from given_problems(record)
             return  # rows of a dataset, not episodes
         name = str(record.get("id"))
         if name not in self._episodes:
@@ -137,6 +151,19 @@ class Journal:
         for key in sorted({*record, *episode} - left_out):
             if record.get(key) != episode.get(key):
                 yield f"{key} of {name} is another than in its {EPISODE}"
+
+    def _given_otherwise(self) -> Iterator[str]:
+        """Yield the agents that were given something in some episodes and not in others."""
+        kinds: dict[str, set[str]] = {}
+        for record in self.records:
+            given = record.get(GIVEN)
+            if isinstance(given, list):
+                said = ", ".join(map(str, given)) or "nothing"
+                kinds.setdefault(str(record.get("agent")), set()).add(said)
+        for agent, found in kinds.items():
+            if len(found) > 1:
+                listed = "; ".join(sorted(found))
+                yield f"{RECORDS}: {agent} was not always given the same ({GIVEN}): {listed}"
 
     def _planned(self, record: Mapping[str, Any]) -> Iterator[str]:
         config = self.config
@@ -177,6 +204,23 @@ class Journal:
         """Return the number of episodes that the configuration asks for."""
         lists = ("agents", "tasks", "seeds", "corruptions")
         return prod(len(self.config.get(key) or ()) for key in lists)
+
+
+def given_problems(record: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what is wrong with what a record says that its agent was given."""
+    version = record.get("version", 1)
+    if isinstance(version, int) and version < GIVING and GIVEN not in record:
+        return
+    if GIVEN not in record:
+        yield f"{GIVEN} is missing; records have it since version {GIVING}"
+        return
+    given = record[GIVEN]
+    if given is None:
+        return
+    known = isinstance(given, list) and all(kind in GIVEN_KINDS for kind in given)
+    if not known or len(set(given)) != len(given):
+        wanted = f"null or a list of {', '.join(GIVEN_KINDS)}"
+        yield f"{GIVEN} must be {wanted}, got {fields.shown(given)}"
 
 
 def _ours(record: Mapping[str, Any]) -> bool:

@@ -14,14 +14,13 @@ from hijack_data.files import write_atomic
 from hijack_data.gallery.embed import embed, scale_for
 from hijack_data.gallery.markup import Html, script_json, source_hash
 
-from ..page_files import page_file, run_page
-from .listing import columns
+from ..page_files import RUN_SCRIPTS, page_file, run_page
+from .columns import columns
 from .source import RunSource
 
 MOST_IN_PAGE = 30  # episodes that the page itself exports: a browser waits for it
 WIDTH = 1280  # pixels; wider pictures are scaled down
 STYLES = ("view.css",)
-SCRIPTS = ("gallery.js", "common.js", "run.js")
 
 
 def export_file(
@@ -77,7 +76,7 @@ def export_page(source: RunSource, numbers: Sequence[int]) -> str:
         episodes.append(data)
     entries = [source.entries[number] for number in kept]
     style = "".join(page_file(name) for name in STYLES)
-    script = "".join(page_file(name) for name in SCRIPTS)
+    script = "".join(page_file(name) for name in RUN_SCRIPTS)
     about = source.about()
     data = {
         **{key: about[key] for key in ("title", "problems", "scored")},

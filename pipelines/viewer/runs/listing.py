@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hijack_data.plan import CLEAN
+from hijack_data.runs.given import given_of, given_words
 from hijack_data.runs.run_log import (
     CHAINED,
     EPISODE,
@@ -22,7 +22,7 @@ from hijack_data.runs.run_log import (
 )
 
 from ...errors import DatasetError
-from ...readers.fields import FieldError, listed, mapping
+from ...readers.fields import FieldError, mapping
 from ...readers.files import parse, parse_file
 
 SUCCESS = "success"
@@ -47,18 +47,6 @@ OUTCOMES = (
 SAID = 160  # characters of the agent's last words that the search looks at
 NOTE = 300  # characters of why an episode ended that the list shows
 NEEDED = ("agent", "task", "corruption", "status", "id")
-TEXTS = (
-    "agent",
-    "task",
-    "corruption",
-    "outcome",
-    "seed",
-    "instruction",
-    "note",
-    "said",
-    "problem",
-)
-NUMBERS = ("score", "steps", "seconds", "tokens", "usd", "attempt")
 _ID = re.compile(rb'"id": ?"([^"\\]{1,200})"')
 
 
@@ -85,6 +73,7 @@ class EpisodeEntry:
         number: of its line in the journal, from 1; 0 if it has none.
         counts: whether the report counts it.
         problem: what is wrong with the files, or "".
+        given: what the agent was given beside instruction and pictures, in words; "" for nothing.
     """
 
     id: str
@@ -105,6 +94,7 @@ class EpisodeEntry:
     number: int = 0
     counts: bool = False
     problem: str = ""
+    given: str = ""
 
 
 @dataclass(kw_only=True)
@@ -172,6 +162,7 @@ def entry_of(record: Mapping[str, Any]) -> EpisodeEntry:
         said=word(record.get("said"))[:SAID],
         counts=_counts(record),
         problem=_version_problem(record),
+        given=_given(record),
     )
 
 
@@ -216,6 +207,11 @@ def _tokens(usage: Mapping[str, Any]) -> int | None:
     counts = [number(usage.get(key)) for key in ("input_tokens", "output_tokens")]
     known = [count for count in counts if count is not None]
     return int(sum(known)) if known else None
+
+
+def _given(record: Mapping[str, Any]) -> str:
+    given = given_of(record)
+    return given_words(given) if given else ""
 
 
 def _counts(record: Mapping[str, Any]) -> bool:
@@ -367,40 +363,3 @@ def _named(name: str) -> EpisodeEntry:
         seed=parts[2].removeprefix("s"),
         agent=parts[3],
     )
-
-
-def columns(entries: list[EpisodeEntry], config: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the entries by columns: text as codes of its values, numbers as they are.
-
-    Agents and corruptions come in the order of the configuration, as far as it names them.
-    """
-    first = {
-        "agent": _listed(config.get("agents")),
-        "corruption": [CLEAN, *_listed(config.get("corruptions"))],
-        "outcome": [*OUTCOMES],
-    }
-    texts = {name: [getattr(entry, name) for entry in entries] for name in TEXTS}
-    coded = {name: _coded(values, first.get(name, [])) for name, values in texts.items()}
-    return {
-        "ids": [entry.id for entry in entries],
-        "counts": [int(entry.counts) for entry in entries],
-        "texts": coded,
-        "numbers": {name: [getattr(entry, name) for entry in entries] for name in NUMBERS},
-    }
-
-
-def _coded(values: list[str], first: list[str]) -> dict[str, Any]:
-    present = set(values)
-    known = {value: k for k, value in enumerate(dict.fromkeys(v for v in first if v in present))}
-    codes = [known.setdefault(value, len(known)) for value in values]
-    return {"values": list(known), "codes": codes}
-
-
-def _listed(entries: object) -> list[str]:
-    """Return the names in a list of the configuration."""
-    found: list[str] = []
-    for entry in listed(entries):
-        if isinstance(entry, dict):
-            entry = entry.get("id") or entry.get("name")
-        found.append(word(entry))
-    return found

@@ -15,8 +15,9 @@ from ...proof.retrace.episode import Seen, check_episode
 from ...proof.retrace.journal import Journal
 from ...readers.fields import FieldError, mapping
 from ...readers.files import parse, parse_file
+from .columns import columns
 from .episode import EpisodeLines, episode_data, picture_file, read_lines, read_picture
-from .listing import EpisodeEntry, columns, read_listing
+from .listing import EpisodeEntry, read_listing
 from .scored import ScoredRows
 
 KEPT_EPISODES = 16

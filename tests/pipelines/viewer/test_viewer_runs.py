@@ -14,6 +14,7 @@ from pipelines.viewer import open_source
 from pipelines.viewer.runs import RunSource
 from pipelines.viewer.runs.drawing import strokes_of
 
+from support.edited_runs import read_lines, write_lines
 from support.runlog import lines_of, make_run
 from support.viewed_runs import HOSTILE, id_of
 from support.viewing import read
@@ -57,6 +58,15 @@ def test_the_list_has_every_episode_with_its_outcome(played: Path) -> None:
     assert values(about, "instruction")[place].startswith("Write a short packing list")
     assert about["counts"] == [1] * 12
     json.dumps(about, allow_nan=False)
+
+
+def test_what_an_agent_was_given_stands_beside_it(harmed: Path) -> None:
+    lines = read_lines(harmed / "records.jsonl")
+    given = {"pixel": ["plan"], "gpt-9": []}
+    write_lines(harmed / "records.jsonl", [row | {"given": given[row["agent"]]} for row in lines])
+    about = run_of(harmed).about()
+    found = set(zip(values(about, "agent"), values(about, "given"), strict=True))
+    assert found == {("pixel", "the task's plan in words"), ("gpt-9", "")}
 
 
 def test_a_step_has_what_was_said_done_and_seen(played: Path) -> None:

@@ -71,6 +71,18 @@ def choose(
     )
 
 
+def test_what_an_agent_was_given_stands_below_its_name(browser: Browser, harmed: Path) -> None:
+    lines = read_lines(harmed / "records.jsonl")
+    told = [row | {"given": ["plan"]} if row["agent"] == "pixel" else row for row in lines]
+    write_lines(harmed / "records.jsonl", told)
+    with served(harmed) as server:
+        visit(browser, server.url)
+        notes = "[...document.querySelectorAll('#table .given')].map(n => n.textContent)"
+        assert browser.js(notes) == ["given the task's plan in words"]
+        visit(browser, f"{server.url}#episode={PEER}")
+        assert text(browser, ".view .who") == "pixel · given the task's plan in words"
+
+
 def test_the_table_leads_to_its_episodes(browser: Browser, url: str) -> None:
     visit(browser, url)
     cells = "[...document.querySelectorAll('#table td')].map(c => c.textContent)"

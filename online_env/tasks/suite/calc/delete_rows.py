@@ -5,6 +5,7 @@ import re
 from online_env.tasks.kit.office import dump, save
 from online_env.tasks.kit.sheets import SheetTask, book, changes, go_to, read_book, shown
 from online_env.tasks.kit.words import FIRST_NAMES, GOODS, LAST_NAMES, shuffled
+from online_env.tasks.plan_words import quoted
 
 HEADER = ("Order", "Customer", "Article", "State")
 STATES = ("open", "paid", "sent", "cancelled", "returned")
@@ -51,6 +52,18 @@ class DeleteRows(SheetTask):
             go_to(hand, f"{number}:{number}")
             hand.press("ctrl", "-")
         save(hand)
+
+    def plan(self):
+        numbers = [n for n, row in enumerate(self.drawn.rows, 2) if row[3] == self.drawn.state]
+        steps = ['window "LibreOffice Calc"']
+        for number in reversed(numbers):
+            steps += [
+                "press ctrl+shift+t",
+                f"type {quoted(f'{number}:{number}')}",
+                "press enter",
+                "press ctrl+-",
+            ]
+        return [*steps, "press ctrl+s", 'click "Use Excel 2007-365"', "wait"]
 
     def wrong(self):
         rows, state = self.drawn.rows, self.drawn.state

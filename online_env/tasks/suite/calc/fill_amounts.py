@@ -3,6 +3,7 @@
 from online_env.tasks.kit.office import dump, save
 from online_env.tasks.kit.sheets import SheetTask, book, changes, go_to, is_number, with_values
 from online_env.tasks.kit.words import GOODS, sample
+from online_env.tasks.plan_words import quoted
 
 
 class FillAmounts(SheetTask):
@@ -52,6 +53,19 @@ class FillAmounts(SheetTask):
         hand.type("=B2*C2")
         hand.press("alt", "enter")  # into all cells that are selected
         save(hand)
+
+    def plan(self):
+        return [
+            'window "LibreOffice Calc"',
+            "press ctrl+shift+t",
+            f"type {quoted(f'D2:D{len(self.drawn.rows) + 1}')}",
+            "press enter",
+            'type "=B2*C2"',
+            "press alt+enter",
+            "press ctrl+s",
+            'click "Use Excel 2007-365"',
+            "wait",
+        ]
 
     def wrong(self):
         amounts = self.amounts()

@@ -80,6 +80,18 @@ class CommentOutFunction(Task):
         )
         text_editor.save(hand, drawn.path, APP)
 
+    def plan(self):
+        start, end = self.drawn.start, self.drawn.end
+        return [
+            'window "Geany"',
+            "press ctrl+home",
+            f"press down {start} times",
+            f"press shift+down {end - start} times",
+            "press ctrl+e",
+            "press ctrl+s",
+            "wait",
+        ]
+
     def wrong(self):
         path, lines = self.drawn.path, self.drawn.lines
         start, end = self.drawn.start, self.drawn.end

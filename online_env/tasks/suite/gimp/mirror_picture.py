@@ -6,6 +6,7 @@ from hijack_data.rng import Stream
 from online_env.tasks import Task
 from online_env.tasks.kit import pictures
 from online_env.tasks.kit.words import FIRST_NAMES
+from online_env.tasks.plan_words import quoted
 
 WAYS = {
     "Mirror it, so that left and right change places": (
@@ -66,6 +67,25 @@ class MirrorPicture(Task):
         pictures.gimp_command(hand, self.drawn.command)
         hand.gone("frame", "Search Actions", "gimp")
         pictures.gimp_export(hand, self.drawn.result)
+
+    def plan(self):
+        return [
+            'window "GIMP"',
+            "press /",
+            "wait",
+            f"type {quoted(self.drawn.command)}",
+            "wait",
+            "press enter",
+            "wait",
+            "press ctrl+shift+e",
+            'wait for "Export Image"',
+            "press ctrl+a",
+            f"type {quoted(self.drawn.new)}",
+            "press enter",
+            'wait for "Export Image as PNG"',
+            "press enter",
+            "wait",
+        ]
 
     def wrong(self):
         path, result, picture = self.drawn.path, self.drawn.result, self.picture()

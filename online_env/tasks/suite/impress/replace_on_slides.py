@@ -6,6 +6,7 @@ from online_env.tasks.kit.office import replace_all, save
 from online_env.tasks.kit.slides import SlideTask, presentation, slide_changes
 from online_env.tasks.kit.talks import talk
 from online_env.tasks.kit.words import CITIES
+from online_env.tasks.plan_words import quoted
 
 
 class ReplaceOnSlides(SlideTask):
@@ -47,6 +48,26 @@ class ReplaceOnSlides(SlideTask):
     def oracle(self, hand):
         replace_all(hand, self.drawn.old, self.drawn.new)
         save(hand)
+
+    def plan(self):
+        return [
+            'window "LibreOffice Impress"',
+            "press ctrl+h",
+            'wait for "Replace All"',
+            "press ctrl+a",
+            f"type {quoted(self.drawn.old)}",
+            'click right of "Replace:"',
+            "press ctrl+a",
+            f"type {quoted(self.drawn.new)}",
+            'click "Replace All"',
+            "wait",
+            'click "Close"',
+            "wait",
+            "wait",
+            "press ctrl+s",
+            'click "Use PowerPoint 2007-365"',
+            "wait",
+        ]
 
     def wrong(self):
         return {

@@ -11,6 +11,7 @@ from online_env.tasks.kit.slides import (
     write_in,
 )
 from online_env.tasks.kit.talks import talk
+from online_env.tasks.plan_words import quoted
 
 NOTES = (
     "Speak slowly here.",
@@ -57,6 +58,22 @@ class WriteNotes(SlideTask):
         if not any(node.text == self.drawn.note for node in hand.look()):
             write_in(hand, "Click to add Notes", self.drawn.note)
         save(hand)
+
+    def plan(self):
+        return [
+            'window "LibreOffice Impress"',
+            f"press pagedown {self.drawn.index} times",
+            "wait",
+            'click "View"',
+            'click "Notes" near "Outline"',
+            'double-click "Click to add Notes"',
+            "wait",
+            f"type {quoted(self.drawn.note)}",
+            "press esc",
+            "press ctrl+s",
+            'click "Use PowerPoint 2007-365"',
+            "wait",
+        ]
 
     def wrong(self):
         index, note = self.drawn.index, self.drawn.note

@@ -5,6 +5,7 @@ from dataclasses import replace
 from online_env.tasks.kit.documents import TextTask, document, paragraph_of, text_changes
 from online_env.tasks.kit.office import find_text, save
 from online_env.tasks.kit.prose import report
+from online_env.tasks.plan_words import quoted
 
 
 class ListItems(TextTask):
@@ -47,6 +48,22 @@ class ListItems(TextTask):
         if hand.see("list-item", app="soffice") is None:
             hand.press("shift", "f12")
         save(hand)
+
+    def plan(self):
+        return [
+            'window "LibreOffice Writer"',
+            "press ctrl+f",
+            "wait",
+            f"type {quoted(self.drawn.items[0])}",
+            "press enter",
+            "press esc",
+            "press home",
+            "press ctrl+shift+end",
+            "press shift+f12",
+            "press ctrl+s",
+            'click "Use Word 2007-365"',
+            "wait",
+        ]
 
     def wrong(self):
         items = self.drawn.items

@@ -1,0 +1,113 @@
+"""The paper's ablations in a report: levels of a corruption, and agents without a module.
+
+Conditions of one corruption that differ in the same parameters are the levels of an ablation, such
+as three values of `scale`. Which parameters those are stands in the identity of the run.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from hijack_data.plan import CLEAN
+
+from . import words
+from .model import Cell, RunReport
+
+# What an agent lacks of the one with all modules; the paper's "necessity of each module".
+MODULES: Mapping[str, Mapping[str, str]] = {
+    "pixel_onlooker": {
+        "pixel": "no onlooker",
+        "pixel_onlooker_no_check": "no check",
+        "pixel_onlooker_no_summaries": "no summaries",
+        "pixel_onlooker": "all modules",
+    },
+    "agenthijack-agent": {
+        "agenthijack-agent-no-rl": "no RL",
+        "agenthijack-agent-no-onlooker": "no onlooker",
+        "agenthijack-agent-no-check": "no check",
+        "agenthijack-agent-no-summary": "no summaries",
+        "agenthijack-agent": "all modules",
+    },
+}
+Texts = Sequence[str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ablation:
+    """Success by level and agent.
+
+    Attributes:
+        title: what is varied.
+        levels: label of the condition and name of the level, in the order of the configuration.
+        series: the agents, each with the name that it has here.
+    """
+
+    title: str
+    levels: tuple[tuple[str, str], ...]
+    series: tuple[tuple[str, str], ...]
+
+
+def ablations_of(report: RunReport) -> tuple[Ablation, ...]:
+    """Return the ablations that a report holds; none if no corruption has several levels."""
+    return (*_of_parameters(report), *_of_modules(report))
+
+
+def level_table(report: RunReport, ablation: Ablation) -> tuple[Texts, list[Texts]]:
+    """Return headings and rows of an ablation: a line a level, two columns an agent."""
+    headings = ["level"]
+    for _, name in ablation.series:
+        headings += [f"{name}, %", "95 %"]
+    rows: list[Texts] = []
+    for label, level in ablation.levels:
+        row = [level]
+        for agent, _ in ablation.series:
+            cell = report.cell(agent, label)
+            row += _shown(cell)
+        rows.append(row)
+    return headings, rows
+
+
+def _shown(cell: Cell | None) -> list[str]:
+    if cell is None:
+        return ["", ""]
+    return [words.percent(cell.success), words.interval(cell.ci_low, cell.ci_high)]
+
+
+def _of_parameters(report: RunReport) -> Iterator[Ablation]:
+    labels: dict[str, list[str]] = {}
+    for label in report.labels:
+        if label != CLEAN:
+            labels.setdefault(report.run.corruptions.get(label, label), []).append(label)
+    series = tuple((agent, agent) for agent in report.agents)
+    for corruption, own in labels.items():
+        varied = {label: frozenset(report.run.settings.get(label, {})) for label in own}
+        for parameters in _largest(varied.values()):
+            levels = [label for label in own if varied[label] <= parameters]
+            if len(levels) < 2:
+                continue
+            named = [(label, _level(label, corruption)) for label in levels]
+            clean = [(CLEAN, CLEAN)] if CLEAN in report.labels else []
+            yield Ablation(
+                title=f"{corruption}: {', '.join(sorted(parameters))}",
+                levels=(*clean, *named),
+                series=series,
+            )
+
+
+def _largest(found: Iterable[frozenset[str]]) -> list[frozenset[str]]:
+    """Return the sets of parameters that are in no other; a default condition varies none."""
+    there = list(dict.fromkeys(found))
+    return [one for one in there if one and not any(one < other for other in there)]
+
+
+def _level(label: str, corruption: str) -> str:
+    """Return the label without the name of its corruption."""
+    short = label.removeprefix(corruption).strip("_-")
+    return (short or label).replace("_", " ")
+
+
+def _of_modules(report: RunReport) -> Iterator[Ablation]:
+    levels = tuple((label, label.replace("_", " ")) for label in report.labels)
+    for whole, variants in MODULES.items():
+        there = tuple((agent, name) for agent, name in variants.items() if agent in report.agents)
+        if whole in report.agents and len(there) > 2:
+            yield Ablation(title=f"modules of {whole}", levels=levels, series=there)
