@@ -16,7 +16,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, cast
 
 from . import params as p
 from .errors import HijackError, PluginError, UnknownNameError, suggest
@@ -359,8 +359,7 @@ def _reduce(spec: Any) -> tuple[Any, ...]:
     Raises:
         PluginError: the file was forgotten.
     """
-    cls: type[Any] = type(spec)
-    file = file_of(cls)
+    file = file_of(cast("type[Any]", type(spec)))
     if file is None:
         raise PluginError(f"{spec.name}: the file that it was loaded from is not known any more")
     values = {key: getattr(spec, key) for key in p.parameters(spec)}

@@ -15,8 +15,8 @@ from hijack_data.elements import (
     nodes_from_tree,
     tree,
 )
+from hijack_data.elements.nodes import MAX_BYTES, MAX_DEPTH
 from hijack_data.elements.roles import INTERACTIVE_ROLES
-from hijack_data.elements.tree import MAX_BYTES, MAX_DEPTH
 from hijack_data.errors import ElementsError, HijackError
 
 SIZE = (1080, 1920)
