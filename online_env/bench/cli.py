@@ -254,10 +254,10 @@ def _play(
             episodes,
             teller,
             earlier,
-            pool.most,
-            stop or (lambda: None),
-            budget,
-            pool.place,
+            at_once=pool.most,
+            stop=stop or (lambda: None),
+            budget=budget,
+            place=pool.place,
         )
 
     with teller:

@@ -44,6 +44,7 @@ def run_jobs(
     episode: Callable[[Job, int], ResultRecord],
     listener: RunListener,
     earlier: Mapping[Job, Sequence[ResultRecord]] | None = None,
+    *,
     at_once: int = 1,
     stop: Callable[[], object] = lambda: None,
     budget: Budget | None = None,
