@@ -38,10 +38,10 @@ class _Settings:
         planner: a corruption, `OneOf`, `Sequence` or `Schedule`.
         seed: 0 to 2**64 - 1.
         label_policy: `"keep"`, or `"avoid"` to draw again until the target shows, and with it the
-            end of the action where that is a drag, else leave the element clean.
+            end of the action where that is a drag, or leave the element clean.
         return_plan: put the plan under `"plan"`, and with a target its visible share, or that of a
             drag's end if less, under `"target_visible"`.
-        image_key: name of the entry that holds the picture; by default `image`, else `screenshot`,
+        image_key: name of the entry that holds the picture; by default `image`, or `screenshot`,
             as in the rows of a dataset.
         id_key: name of the entry that holds the id.
         p: probability that an element is corrupted at all, 0..1.

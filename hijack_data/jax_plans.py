@@ -45,8 +45,8 @@ from .resample import weights
 from .types import Size, as_size, size_text
 
 _jax, jnp = cast(Any, jax), cast(Any, jax.numpy)  # JAX leaves many types open
-Array = npt.NDArray[Any]
-Pixels = tuple[Array, Array, Array]  # flat positions [n], keep [n], paint [n, 3]
+_Array = npt.NDArray[Any]
+Pixels = tuple[_Array, _Array, _Array]  # flat positions [n], keep [n], paint [n, 3]
 
 
 @_jax.tree_util.register_dataclass
@@ -262,7 +262,7 @@ class Packer:
         kind = np.array(
             [0 if pair is None else 1 + resample.columns_first(*pair) for pair in sizes], np.int32
         )
-        tables: list[Array] = []
+        tables: list[_Array] = []
         for axis, side in enumerate(canvas):
             found = [
                 None if pair is None else weights(pair[0][axis], pair[1][axis]) for pair in sizes

@@ -16,16 +16,20 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any, cast
 
 from . import params as p
 from .errors import HijackError, PluginError, UnknownNameError, suggest
 from .paths import PathLike
 from .plugins import place_of, reason_of
-from .registry import Registry, file_of_module, module_of, registries, undone_on_failure
-
-if TYPE_CHECKING:
-    from .corruption import Corruption
+from .registry import (
+    Registry,
+    file_of_module,
+    module_of,
+    registries,
+    registry_of,
+    undone_on_failure,
+)
 
 VARIABLE = "AGENTHIJACK_LOAD"
 SUFFIX = ".py"
@@ -174,18 +178,13 @@ def holds(sha256: str, corruptions: Iterable[str]) -> bool:
     """Return whether these corruptions come from a file with this SHA-256, loaded or imported."""
     if sha256 in [file.sha256 for file in loaded_files()]:
         return True
-    registry = _corruptions()
+    registry = registry_of("corruptions")
     known = registry.keys() & set(corruptions)
     for name in known:
         source = source_of(registry.get(name))
         if source is not None and source["sha256"] == sha256:
             return True
     return False
-
-
-def _corruptions() -> "Registry[type[Corruption]]":
-    """Return their registry, whose module imports this one."""
-    return importlib.import_module(".corruption", __package__).CORRUPTIONS
 
 
 def _entries() -> list[str]:
@@ -206,7 +205,9 @@ def _load(path: PathLike) -> LoadedFile:
         if known.sha256 != sha256:
             raise PluginError(f"{path}: was changed since this process loaded it; start again")
         return known
-    _corruptions().load_installed()  # plug-ins come first: a name that both have is an error
+    registry_of(
+        "corruptions"
+    ).load_installed()  # plug-ins come first: a name that both have is an error
     load_environment()
     known = _files.get(place)
     if known is None:
@@ -308,7 +309,7 @@ def _execute(
         line = _line(error, place)
         raise PluginError(f"{place}: cannot be imported{line}: {reason_of(error)}") from error
     for corruption in file.corruptions:
-        copyreg.pickle(_corruptions().get(corruption), _reduce)
+        copyreg.pickle(registry_of("corruptions").get(corruption), _reduce)
     return file
 
 
@@ -352,13 +353,13 @@ def _announce(place: str) -> None:
     _listed.add(place)
 
 
-def _reduce(spec: "Corruption") -> tuple[Any, ...]:
+def _reduce(spec: Any) -> tuple[Any, ...]:
     """Pickle a corruption of a file: as the file, and the values of its parameters.
 
     Raises:
         PluginError: the file was forgotten.
     """
-    file = file_of(type(spec))
+    file = file_of(cast("type[Any]", type(spec)))
     if file is None:
         raise PluginError(f"{spec.name}: the file that it was loaded from is not known any more")
     values = {key: getattr(spec, key) for key in p.parameters(spec)}
@@ -370,7 +371,7 @@ def _revive(
     sha256: str,
     name: str,
     values: Mapping[str, Any],
-) -> "Corruption":
+) -> Any:
     """Make a corruption of a file in another process.
 
     Raises:
@@ -384,5 +385,5 @@ def _revive(
                 f"{path}: another file (SHA-256 {found[:12]}) than the one that {name} was "
                 f"loaded from ({sha256[:12]}); every process needs the same file under this path"
             )
-    cls = _corruptions().get(name)
+    cls = registry_of("corruptions").get(name)
     return cls(**values)

@@ -21,6 +21,7 @@ from PIL import Image
 
 from .errors import AssetError, ParameterTypeError, shown
 from .files import read_versioned_json, sha256_of
+from .registry import registry_of
 from .types import ACTION_TYPES, MAX_SIDE, Action, Box, Size, UInt8Array
 
 FORMAT = "agenthijack-assets"
@@ -234,18 +235,16 @@ def picture_kinds() -> list[str]:
 
     Each corruption declares its own (`Corruption.pictures`).
     """
-    from .corruption import find, names
-
-    listed = [kind for name in names() for kind in find(name).pictures]
+    corruptions = registry_of("corruptions")
+    listed = [kind for name in corruptions.names() for kind in corruptions.get(name).pictures]
     return list(dict.fromkeys(listed))
 
 
-def _own_kinds() -> set[str]:
-    """Return the kinds of our corruptions; no plug-in is loaded for it."""
-    from . import corruptions
-
-    classes = [getattr(corruptions, name) for name in corruptions.__all__]
-    return {kind for cls in classes for kind in cls.pictures}
+def _registered_kinds() -> set[str]:
+    """Return the kinds of the corruptions that are registered; no plug-in is loaded for it."""
+    corruptions = registry_of("corruptions")
+    corruptions.load_ours()
+    return {kind for cls in corruptions.entries.values() for kind in cls.pictures}
 
 
 _known: dict[tuple[str, str], Asset] = {}
@@ -307,7 +306,7 @@ def _asset(folder: Path, entry: Mapping[str, Any]) -> Asset:
     kind = str(entry["kind"])
     if os.path.basename(file) != file or file in ("", ".", ".."):
         raise ValueError(f"picture {name!r}: file {file!r} is not a plain name")
-    if kind not in _own_kinds() and kind not in picture_kinds():
+    if kind not in _registered_kinds() and kind not in picture_kinds():
         known = ", ".join(picture_kinds())
         raise ValueError(f"picture {name!r}: kind {kind!r} is not one of {known}")
     width, height = _numbers(entry["screen"], 2)

@@ -41,7 +41,7 @@ class SamplePlanner:
         planner: a corruption, `OneOf`, `Sequence` or `Schedule`.
         seed: 0 to 2**64 - 1.
         label_policy: `keep` what was drawn, or `avoid`: draw again until the target shows, and with
-            it the end of a drag, else leave the sample clean.
+            it the end of a drag, or leave the sample clean.
         id_key: name of the entry that holds the id.
         labels: which entries are labels, and how they are written.
     """

@@ -118,7 +118,7 @@ def _print_check(check: Any) -> None:
 )
 @click.option(
     "--image",
-    help="Start from this image, or `host`.  [default: $AGENTHIJACK_IMAGE, else host]",
+    help="Start from this image, or `host`.  [default: $AGENTHIJACK_IMAGE, or host]",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the record as JSON.")
 def up(

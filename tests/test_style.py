@@ -145,15 +145,32 @@ def test_no_package_imports_one_above_or_beside_it(package, barred):
     assert found == []
 
 
+def meanings(path: Path) -> Iterator[tuple[str, str]]:
+    """Yield the public classes and type aliases of a module, each with what tells it from others.
+
+    A class is one of a kind; two aliases of the same type mean the same.
+    """
+    for node in parsed(path).body:
+        if isinstance(node, ast.ClassDef):
+            yield node.name, str(path)
+        elif isinstance(node, ast.AnnAssign) and "TypeAlias" in ast.dump(node.annotation):
+            yield ast.unparse(node.target), ast.unparse(node.value or node.target)
+        elif isinstance(node, ast.Assign) and isinstance(node.value, ast.Subscript | ast.BinOp):
+            names = [ast.unparse(target) for target in node.targets]
+            # `Row = dict[str, Any]`, not `T = TypeVar("T")` and no constant
+            yield from (
+                (name, ast.unparse(node.value))
+                for name in names
+                if name[:1].isupper() and not name.isupper()
+            )
+
+
 def test_one_meaning_a_name():
     """A public class or type alias is defined once in the whole project."""
-    places: dict[str, list[str]] = defaultdict(list)
+    places: dict[str, dict[str, str]] = defaultdict(dict)
     for path in files(*PACKAGES):
-        for node in parsed(path).body:
-            if isinstance(node, ast.ClassDef):
-                places[node.name].append(str(path))
-            elif isinstance(node, ast.AnnAssign) and "TypeAlias" in ast.dump(node.annotation):
-                places[ast.unparse(node.target)].append(str(path))
+        for name, meaning in meanings(path):
+            places[name][meaning] = str(path)
     shared = {
         name: found
         for name, found in places.items()

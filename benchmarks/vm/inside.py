@@ -44,7 +44,12 @@ def main() -> NoReturn:
     Path("/dev/pts").mkdir(exist_ok=True)
     kernel.mount("devpts", "/dev/pts", "devpts", options="ptmxmode=0666,mode=0620,gid=5")
     order = DesktopConfig(
-        "vm", SCREEN, "", tuple(sys.path[:2]), "/usr/bin/python3", (), (), time_out=240
+        name="vm",
+        screen=SCREEN,
+        layer="",
+        search_path=tuple(sys.path[:2]),
+        python="/usr/bin/python3",
+        time_out=240,
     )
     root = Path("/")
     folder = Path("/run/guest")

@@ -1,4 +1,4 @@
-"""The only file that draws. A recipe (JSON data) goes in, a sprite comes out.
+"""From a recipe (JSON data) to a sprite. Nothing outside this package draws.
 
 Pillow draws with its BASIC text layout and a bundled DejaVu font, so that a recipe gives the same
 sprite on every machine with the same FreeType. Each sprite has a fingerprint; a plan stores it, and
@@ -20,16 +20,15 @@ Recipes, by their `draw` key:
 import base64
 import binascii
 import io
-import itertools
 import json
 import math
 import operator
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any, TypeAlias, cast
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw
 
 from ..cache import Cache as _Cache
 from ..errors import ImageError, ImageTypeError, PlanError, shown, suggest
@@ -37,21 +36,16 @@ from ..limits import SPRITE_PIXELS
 from ..pack import find_asset
 from ..params import rgb
 from ..types import Box, Point, Size, UInt8Array
+from .canvas import canvas, check_area
+from .letters import line_mask
 from .sprite import Color, Layer, Sprite
-from .text import advances, line_height, line_width, load_font
+from .text import line_height, line_width, load_font
 
 CACHE_BYTES = 128 * 2**20
-LINE_CACHE_BYTES = 8 * 2**20
 MAX_FONT_SIZE = MAX_EDGE = 4096
 PNG_HEADER = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR"
-MARGIN = 2  # pixels kept around a line's measured box, in case a letter leaves it
-
-
-# left, top and coverage of a letter in its line
-_Letter: TypeAlias = tuple[int, int, UInt8Array]
 
 _cache = _Cache(CACHE_BYTES)
-_lines = _Cache(LINE_CACHE_BYTES)
 
 
 _recipe_key = json.JSONEncoder(sort_keys=True, separators=(",", ":")).encode
@@ -74,7 +68,7 @@ def render(recipe: Mapping[str, Any]) -> Sprite:
     return sprite
 
 
-# What Python, NumPy and Pillow raise for values that are none of theirs; a recipe may hold any.
+# What Python, NumPy and Pillow raise for unsuitable values; a recipe may hold any.
 _WRONG_VALUE = (
     ValueError,
     TypeError,
@@ -107,25 +101,13 @@ def _drawn(recipe: object) -> Sprite:
         raise PlanError(f"plan: the {name!r} sprite cannot be drawn: {why}") from error
 
 
-def _canvas(mode: str, width: int, height: int) -> Image.Image:
-    """Return an empty picture, of a size that a plan from elsewhere may ask for."""
-    _check_area(width, height)
-    return Image.new(mode, (width, height))
-
-
-def _check_area(width: int, height: int) -> None:
-    if not (width > 0 and height > 0 and width * height <= SPRITE_PIXELS):
-        limit = f"it must hold 1 to {SPRITE_PIXELS}"
-        raise PlanError(f"plan: a sprite of {width}x{height} pixels; {limit}")
-
-
 def _whole(array: npt.NDArray[Any]) -> Box:
     return 0, 0, array.shape[1], array.shape[0]
 
 
 def _mark(recipe: Mapping[str, Any]) -> Sprite:
     size = int(recipe["size"])
-    mask = _canvas("L", 2 * size, 2 * size)
+    mask = canvas("L", 2 * size, 2 * size)
     draw = ImageDraw.Draw(mask)
     last = 2 * size - 1
     match recipe["shape"]:
@@ -189,7 +171,7 @@ def _masks(recipe: Mapping[str, Any]) -> list[UInt8Array]:
     tall = max(1, step * len(widths))
     masks: list[UInt8Array] = []
     for stroke in (0, edge) if edge else (0,):
-        image = _canvas("L", wide + 2 * margin, tall + 2 * margin)
+        image = canvas("L", wide + 2 * margin, tall + 2 * margin)
         draw = ImageDraw.Draw(image)
         y = edge + margin
         for line, width in zip(lines, widths, strict=True):
@@ -218,7 +200,7 @@ def _window(recipe: Mapping[str, Any]) -> Sprite:
     """Draw a window: its edge, then panel after panel a filled box and lines of text."""
     width, height = (int(side) for side in recipe["size"])
     edge = _edge(recipe)
-    _check_area(width, height)
+    check_area(width, height)
     ink = rgb(recipe["color"])
     around = rgb(recipe["edge_color"])
     size = (height, width)
@@ -300,7 +282,7 @@ def _line(text: tuple[str, str, int], at: Point, ink: Color, size: Size) -> Laye
 
     Parts that stick out of the sprite are cut off; `None` stands for a line without pixels in it.
     """
-    mask, (left, top) = _line_mask(*text)
+    mask, (left, top) = line_mask(*text)
     height, width = size
     x = at[0] + left
     y = at[1] + top
@@ -327,87 +309,12 @@ def _inner(x1: int, y1: int, x2: int, y2: int, edge: int) -> Box:
     return max(0, x1 + edge), max(0, y1 + edge), max(0, x2 - edge), max(0, y2 - edge)
 
 
-def _line_mask(line: str, font: str, size: int) -> tuple[UInt8Array, Point]:
-    """Return the coverage of one line, uint8 `[h, w]`, and its corner relative to (x, y)."""
-    key = (line, font, size)
-    found = _lines.get(key)
-    if found is not None:
-        return found
-    made = _set_letters(line, font, size) if len(line) > 1 else None
-    if made is None:
-        made = _drawn_line(line, load_font(font, size))
-    mask, _ = made
-    mask.setflags(write=False)
-    _lines.put(key, made, mask.nbytes)
-    return made
-
-
-def _drawn_line(line: str, font: ImageFont.FreeTypeFont) -> tuple[UInt8Array, Point]:
-    """Let Pillow draw a line."""
-    x1, y1, x2, y2 = (int(v) for v in font.getbbox(line))
-    width = max(1, x2 - x1) + 2 * MARGIN
-    height = max(1, y2 - y1) + 2 * MARGIN
-    image = _canvas("L", width, height)
-    ImageDraw.Draw(image).text((MARGIN - x1, MARGIN - y1), line, fill=255, font=font)
-    left, top, right, bottom = image.getbbox() or (0, 0, 0, 0)
-    corner = (x1 - MARGIN + left, y1 - MARGIN + top)
-    return np.array(image)[top:bottom, left:right], corner
-
-
-def _set_letters(line: str, font: str, size: int) -> tuple[UInt8Array, Point] | None:
-    """Make a line of remembered letters, as Pillow does.
-
-    `None` stands for a line in which a letter lies between two pixels.
-    """
-    if "\n" in line:  # Pillow begins a new line
-        return None
-    starts = [0.0, *itertools.accumulate(advances(line, load_font(font, size)))][:-1]
-    if not all(start.is_integer() for start in starts):
-        return None
-    known = {letter: _line_mask(letter, font, size) for letter in set(line)}
-    placed: list[_Letter] = []
-    for start, letter in zip(starts, line, strict=True):
-        mask, (left, top) = known[letter]
-        if mask.size:
-            placed.append((int(start) + left, top, mask))
-    if not placed:
-        return np.zeros((0, 0), np.uint8), (0, 0)
-    return _joined(placed)
-
-
-def _joined(letters: list[_Letter]) -> tuple[UInt8Array, Point]:
-    """Return the coverage of letters together, and its corner."""
-    first = min(left for left, _, _ in letters)
-    top = min(y for _, y, _ in letters)
-    right = max(left + mask.shape[1] for left, _, mask in letters)
-    bottom = max(y + mask.shape[0] for _, y, mask in letters)
-    _check_area(right - first, bottom - top)
-    out = np.zeros((bottom - top, right - first), np.uint8)
-    end = first
-    for left, y, mask in letters:
-        height, width = mask.shape
-        row = y - top
-        column = left - first
-        below = out[row : row + height, column : column + width]
-        below[:] = mask if left >= end else _over(mask, below)
-        end = max(end, left + width)
-    return out, (first, top)
-
-
-def _over(mask: UInt8Array, below: UInt8Array) -> UInt8Array:
-    """Blend the coverage of a letter over that of the ones before."""
-    added = np.multiply(mask, np.uint16(255), dtype=np.uint16)
-    kept = np.multiply(below, 255 - mask, dtype=np.uint16)
-    total = added + kept + 128
-    return ((total + (total >> 8)) >> 8).astype(np.uint8)
-
-
 def _png(recipe: Mapping[str, Any]) -> Sprite:
     try:
         data = base64.b64decode(recipe["data"], validate=True)
     except binascii.Error as error:
         raise PlanError(f"plan: the 'png' sprite does not hold base64: {error}") from None
-    _check_area(*_png_size(data))
+    check_area(*_png_size(data))
     try:
         with Image.open(io.BytesIO(data), formats=["PNG"]) as image:
             pixels = np.array(image.convert("RGBA"))

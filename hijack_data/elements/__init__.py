@@ -8,11 +8,13 @@ from typing import Literal
 
 from ..errors import MissingDependencyError, UnknownNameError, suggest
 from ..types import Scene, as_target
-from .base import Elements, image_pixels, image_size
+from .base import Elements
 from .detector import boxes_from_picture
 from .labels import boxes_from_labels
+from .nodes import AccessibleNode, nodes_from_tree
 from .ocr import boxes_from_ocr
-from .tree import AccessibleNode, boxes_from_tree, interactive_elements, nodes_from_tree
+from .pictures import image_pixels, image_size
+from .tree import boxes_from_tree, interactive_elements
 
 __all__ = [
     "AccessibleNode",

@@ -1,14 +1,10 @@
-"""What every source of boxes returns, and how a picture is read."""
+"""What every source of boxes returns."""
 
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypeAlias, cast
+from typing import Literal, TypeAlias
 
-import numpy as np
-from PIL import Image
-
-from ..backends import backend_of, to_numpy
-from ..errors import ElementsError, ImageError, suggest
-from ..types import BoxArray, Size, UInt8Array, as_boxes
+from ..errors import ElementsError, suggest
+from ..types import BoxArray, as_boxes
 
 ElementSource: TypeAlias = Literal["tree", "labels", "picture", "ocr", "none"]
 SOURCES = ("tree", "labels", "picture", "ocr", "none")
@@ -49,40 +45,3 @@ class Elements:
 
     def __len__(self) -> int:
         return len(self.boxes)
-
-
-def image_size(image: object) -> Size:
-    """Return `(height, width)` of one picture without reading its pixels.
-
-    Any other kind or dtype is an `ImageTypeError`.
-
-    `image` is uint8 RGB: `[H, W, 3]` (NumPy, JAX) or `[3, H, W]` (torch); or a PIL image of any
-    mode.
-
-    Raises:
-        ImageError: the picture has another shape.
-    """
-    if isinstance(image, Image.Image):
-        width, height = image.size
-        if not width or not height:
-            raise ImageError(f"image is empty: {width} x {height} pixels")
-        return height, width
-    backend = backend_of(image)
-    backend.check(image)
-    shape = tuple(cast("Any", image).shape)
-    if len(shape) != 3:
-        raise ImageError(
-            f"image has shape {list(shape)}: elements are found in one picture at a time, not in a"
-            " batch"
-        )
-    return backend.size(image)
-
-
-def image_pixels(image: object) -> UInt8Array:
-    """Return the pixels of one picture as uint8 RGB `[H, W, 3]`.
-
-    Arguments and errors are those of `image_size`.
-    """
-    image_size(image)
-    pixels = np.asarray(image.convert("RGB")) if isinstance(image, Image.Image) else to_numpy(image)
-    return np.ascontiguousarray(pixels)

@@ -16,8 +16,9 @@ import numpy as np
 
 from .. import extras
 from ..types import BoxArray, UInt8Array, clip_boxes
-from .base import Elements, image_pixels
+from .base import Elements
 from .masks import Bools, Ints, Parts, straight
+from .pictures import image_pixels
 
 # Larger pictures are shrunk by a whole factor before anything else.
 MAX_PIXELS = 5_000_000

@@ -1,200 +1,34 @@
-"""Read accessibility trees in OSWorld's XML dialect: all nodes, or the interactive elements.
+"""The boxes of what a user can act on, from an accessibility tree in OSWorld's XML dialect.
 
-* `nodes_from_tree` returns every node, for callers that look for a label or a certain window.
+* `nodes_from_tree` (of `nodes`) returns every node, for callers that look for a label or a certain
+  window.
 * `boxes_from_tree` returns the boxes of the elements that a user can act on, for planning.
 * `interactive_elements` makes that choice among nodes that a caller has filtered itself.
-
-The tag of a node is its role. States, places and sizes are attributes such as
-`st:showing="true"`, `cp:screencoord="(10, 20)"` and `cp:size="(30, 40)"`, in the namespaces
-`https://accessibility.<platform>.example.org/ns/state` and `.../ns/component`, where the platform
-is `ubuntu`, `windows` or `macos`. The conventions of each platform follow OSWorld's guest server.
-
-A tree comes from a guest and is not trusted. Expat reads it in one pass, without a document in
-memory: a DOCTYPE ends the reading before any entity is declared, nothing outside the text is ever
-fetched, and bytes, depth, the digits of numbers and the number of nodes returned are limited.
 """
 
-import re
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import NoReturn
-from xml.parsers import expat
 
 import numpy as np
 
-from ..errors import ElementsError
 from ..types import Box, Point, Size, as_size
 from .base import Elements
-from .roles import INTERACTIVE_ENDINGS, INTERACTIVE_ROLES
+from .nodes import (
+    AccessibleNode,
+    TreePlatform,
+    box_of,
+    is_interactive,
+    is_shown,
+    pair_of,
+    platform_of,
+    read_nodes,
+    refuse,
+    roles_of,
+)
 
-MAX_BYTES = 50 * 2**20
-# OSWorld's servers stop at 50 levels.
-MAX_DEPTH = 10_000
-# The desktop's own guest server stops at about 10,000 nodes.
-MAX_NODES = 250_000
 # AT-SPI places an element without a position at -2**31.
 FAR = 2**30
-
-_PAIR = re.compile(r"\(\s*(-?[0-9]{1,10})\s*,\s*(-?[0-9]{1,10})\s*\)", re.ASCII)
-_TOO_LARGE = "the accessibility tree is {} bytes long; at most {} are read"
-
-
-class _Platform:
-    """The attributes that one platform writes, as `namespace}name`, the way Expat reports them."""
-
-    def __init__(
-        self,
-        name: str,
-        *,
-        shown: tuple[str, ...],
-        enabled: str,
-        labels: tuple[str, ...] = ("name",),
-        role: str = "",
-        passive: str = "",
-    ) -> None:
-        space = f"https://accessibility.{name}.example.org/ns/"
-        self.state = f"{space}state}}"
-        self.place = f"{space}component}}screencoord"
-        self.size = f"{space}component}}size"
-        self.shown = tuple(self.state + state for state in shown)
-        self.enabled = self.state + enabled
-        self.labels = tuple(space + label if "}" in label else label for label in labels)
-        self.role = space + role if role else ""
-        self.passive = passive
-
-
-_UBUNTU = _Platform("ubuntu", shown=("showing", "visible"), enabled="enabled")
-_WINDOWS = _Platform(
-    "windows", shown=("visible",), enabled="enabled", role="class}friendly_class_name"
-)
-# macOS describes static text as "text"; on the other platforms that role is an editable text.
-_MACOS = _Platform(
-    "macos",
-    shown=(),
-    enabled="AXEnabled",
-    labels=("name", "attributes}AXTitle", "attributes}AXDescription"),
-    passive="text",
-)
-
-
-@dataclass(slots=True, eq=False, kw_only=True)
-class AccessibleNode:
-    """One node of an accessibility tree.
-
-    Attributes:
-        index: the position of the node in document order; the root has 0.
-        parent: the node above, `None` for the root.
-        depth: the number of nodes from the root to this one, both included; the root has 1.
-        application: the name of the ancestor (or of the node itself) directly below the root,
-            which stands for an application; `""` for the root.
-        application_index: the `index` of that ancestor, which tells applications of the same name
-            apart; `-1` for the root.
-        tag: the tag as written; that of a namespace is `namespace}name`.
-        attributes: every attribute; the key of one in a namespace is `namespace}name`.
-        text: the text before the first child; always `""` in nodes that `boxes_from_tree` reads.
-        line: the line of the start tag, from 1.
-        column: its column, from 1.
-    """
-
-    index: int
-    parent: "AccessibleNode | None" = field(repr=False)
-    depth: int
-    application: str
-    application_index: int
-    tag: str
-    attributes: dict[str, str]
-    line: int
-    column: int
-    text: str = ""
-
-    @property
-    def role(self) -> str:
-        """The role in lower case with `-` between words, such as `push-button`."""
-        return _roles(self, _platform_of(self))[0]
-
-    @property
-    def name(self) -> str:
-        """The name that the application gives it, as written; `""` without one."""
-        for label in _platform_of(self).labels:
-            if name := self.attributes.get(label):
-                return name
-        return ""
-
-    @property
-    def states(self) -> frozenset[str]:
-        """The states that are true, such as `{"showing", "visible", "focused"}`."""
-        prefix = _platform_of(self).state
-        return frozenset(
-            key.removeprefix(prefix)
-            for key, value in self.attributes.items()
-            if key.startswith(prefix) and value.lower() == "true"
-        )
-
-    @property
-    def shown(self) -> bool:
-        """Whether the node has all states that its platform gives to a node on the screen.
-
-        Those are `showing` and `visible` on Ubuntu, `visible` on Windows and none on macOS. An
-        element that another window covers may have them, too.
-        """
-        return _is_shown(_platform_of(self), self.attributes)
-
-    @property
-    def enabled(self) -> bool:
-        """Whether the node is not marked as disabled."""
-        return self.attributes.get(_platform_of(self).enabled, "").lower() != "false"
-
-    @property
-    def interactive(self) -> bool:
-        """Whether the role is one that a user can click, type into or drag."""
-        platform = _platform_of(self)
-        return _is_interactive(platform, _roles(self, platform))
-
-    @property
-    def box(self) -> Box | None:
-        """The box `xyxy` in pixels of the screen, whether the node is shown or not.
-
-        It is not clipped to the screen. `None` if the node has no place or no size, if they are
-        not two 32-bit integers each, or if the area is empty.
-        """
-        platform = _platform_of(self)
-        place = _pair(self.attributes.get(platform.place, ""))
-        size = _pair(self.attributes.get(platform.size, ""))
-        if place is None or size is None or min(size) < 1:
-            return None
-        return _box(place, size)
-
-    @property
-    def path(self) -> str:
-        """The tags from the root to the node, joined by `/`; at most the last six."""
-        tags: list[str] = []
-        node: AccessibleNode | None = self
-        while node is not None and len(tags) < 6:
-            tags.append(node.tag)
-            node = node.parent
-        return "/".join(reversed(tags))
-
-
-def nodes_from_tree(xml: str | bytes) -> list[AccessibleNode]:
-    """Read all nodes of an accessibility tree, in document order.
-
-    The first is the root; its children stand for applications. A malformed place is no error
-    here: such a node has no `box`. `ElementsError`, which names line and node, is raised if the
-    text is not XML, has a DOCTYPE, is too large or too deep, or has more than `MAX_NODES` nodes.
-
-    Args:
-        xml: the tree, text or bytes (UTF-8, or UTF-16 with its mark), at most `MAX_BYTES`.
-    """
-    found: list[AccessibleNode] = []
-
-    def keep(node: AccessibleNode) -> None:
-        if len(found) == MAX_NODES:
-            _refuse(node, f"has more than {MAX_NODES} nodes")
-        found.append(node)
-
-    _parse(xml, keep, with_text=True)
-    return found
 
 
 def boxes_from_tree(xml: str | bytes, size: Size | None = None) -> Elements:
@@ -212,7 +46,7 @@ def boxes_from_tree(xml: str | bytes, size: Size | None = None) -> Elements:
         The same as `interactive_elements` for all nodes of the tree.
     """
     collector = _Collector(size)
-    _parse(xml, collector.add, with_text=False)
+    read_nodes(xml, collector.add, with_text=False)
     return collector.elements()
 
 
@@ -240,105 +74,6 @@ def interactive_elements(nodes: Iterable[AccessibleNode], size: Size | None = No
     return collector.elements()
 
 
-def _parse(xml: str | bytes, visit: Callable[[AccessibleNode], None], *, with_text: bool) -> None:
-    # Calls `visit` with each node at its start tag.
-    parser = expat.ParserCreate("utf-8", "}")
-    handlers = _Handlers(parser, visit)
-    parser.StartElementHandler = handlers.start
-    parser.EndElementHandler = handlers.end
-    parser.StartDoctypeDeclHandler = handlers.refuse_doctype
-    if with_text:
-        parser.buffer_text = True
-        parser.CharacterDataHandler = handlers.characters
-    try:
-        parser.Parse(_utf8(xml), True)
-    except expat.ExpatError as error:
-        raise ElementsError(
-            f"the accessibility tree is not well-formed XML: line {error.lineno}, column"
-            f" {error.offset + 1}: {expat.ErrorString(error.code)}; give the whole text of the"
-            " tree, in UTF-8"
-        ) from None
-
-
-def _utf8(xml: str | bytes) -> bytes:
-    # Always UTF-8, whatever the XML declaration claims.
-    if not isinstance(xml, str | bytes):  # pyright: ignore[reportUnnecessaryIsInstance]
-        raise ElementsError(
-            f"the accessibility tree must be text or bytes, got {type(xml).__name__}"
-        )
-    if len(xml) > MAX_BYTES:
-        raise ElementsError(_TOO_LARGE.format(len(xml), MAX_BYTES))
-    if isinstance(xml, bytes) and not xml.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return xml
-    try:
-        text = xml if isinstance(xml, str) else xml.decode("utf-16")
-        data = text.encode("utf-8")
-    except UnicodeError as error:
-        raise ElementsError(f"the accessibility tree is not valid text: {error}") from None
-    if len(data) > MAX_BYTES:
-        raise ElementsError(_TOO_LARGE.format(len(data), MAX_BYTES))
-    return data
-
-
-class _Handlers:
-    """What Expat calls; it knows the node that is open and how many there were."""
-
-    def __init__(
-        self, parser: expat.XMLParserType, visit: Callable[[AccessibleNode], None]
-    ) -> None:
-        self._parser = parser
-        self._visit = visit
-        self._open: AccessibleNode | None = None
-        self._count = 0
-        self._takes_text = False
-
-    def start(self, tag: str, attributes: dict[str, str]) -> None:
-        parent = self._open
-        depth = 1 if parent is None else parent.depth + 1
-        application = ""
-        application_index = -1
-        if depth == 2:
-            application = attributes.get("name", "")
-            application_index = self._count
-        elif parent is not None:
-            application = parent.application
-            application_index = parent.application_index
-        node = AccessibleNode(
-            index=self._count,
-            parent=parent,
-            depth=depth,
-            application=application,
-            application_index=application_index,
-            tag=tag,
-            attributes=attributes,
-            line=self._parser.CurrentLineNumber,
-            column=self._parser.CurrentColumnNumber + 1,
-        )
-        if depth > MAX_DEPTH:
-            _refuse(node, f"is more than {MAX_DEPTH} levels deep")
-        self._visit(node)
-        self._open = node
-        self._count += 1
-        self._takes_text = True
-
-    def end(self, _: str) -> None:
-        if self._open is not None:
-            self._open = self._open.parent
-        self._takes_text = False
-
-    def characters(self, data: str) -> None:
-        if self._takes_text and self._open is not None:
-            self._open.text += data
-
-    def refuse_doctype(self, *_: object) -> None:
-        line = self._parser.CurrentLineNumber
-        column = self._parser.CurrentColumnNumber + 1
-        raise ElementsError(
-            "the accessibility tree has a DOCTYPE, which is refused; remove it"
-            f" (line {line}, column {column})"
-        )
-
-
 @dataclass
 class _Collector:
     """The interactive elements found so far, and the reasons why others were left out."""
@@ -355,9 +90,9 @@ class _Collector:
             self.size = as_size(self.size)
 
     def add(self, node: AccessibleNode) -> None:
-        platform = _platform_of(node)
-        roles = _roles(node, platform)
-        if not _is_interactive(platform, roles):
+        platform = platform_of(node)
+        roles = roles_of(node, platform)
+        if not is_interactive(platform, roles):
             return
         place = self._place(node, platform)
         if isinstance(place, str):
@@ -367,10 +102,10 @@ class _Collector:
         self.names.append(node.name.strip())
         self.roles.append(roles[0])
 
-    def _place(self, node: AccessibleNode, platform: _Platform) -> Box | str:
+    def _place(self, node: AccessibleNode, platform: TreePlatform) -> Box | str:
         """Return the box of a node, clipped to the screen, or why it has none there."""
         attributes = node.attributes
-        if not _is_shown(platform, attributes):
+        if not is_shown(platform, attributes):
             return "hidden"
         if not node.enabled:
             return "disabled"
@@ -380,7 +115,7 @@ class _Collector:
         size = _checked_pair(node, platform.size)
         if min(size) < 1:
             return "without an area"
-        box = _box(place, size)
+        box = box_of(place, size)
         if self._is_off_screen(box):
             return "off the screen"
         return self._clip(box)
@@ -421,69 +156,11 @@ class _Collector:
         return notes
 
 
-def _refuse(node: AccessibleNode, problem: str) -> NoReturn:
-    raise ElementsError(
-        f"the accessibility tree {problem}"
-        f" (line {node.line}, column {node.column}, at {node.path[-200:]})"
-    )
-
-
-def _platform_of(node: AccessibleNode) -> _Platform:
-    if _UBUNTU.place in node.attributes:
-        return _UBUNTU
-    if _WINDOWS.place in node.attributes:
-        return _WINDOWS
-    if _MACOS.place in node.attributes:
-        return _MACOS
-    return _UBUNTU
-
-
-def _roles(node: AccessibleNode, platform: _Platform) -> list[str]:
-    """Return the names of a role: the friendly one, if the platform writes it, then the tag."""
-    tag = _role(node.tag)
-    friendly = node.attributes.get(platform.role)
-    return [_role(friendly), tag] if friendly else [tag]
-
-
-def _role(name: str) -> str:
-    return name.rpartition("}")[2].lower().replace("_", "-").replace(" ", "-")
-
-
-def _is_interactive(platform: _Platform, roles: list[str]) -> bool:
-    for role in roles:
-        known = role in INTERACTIVE_ROLES or role.endswith(INTERACTIVE_ENDINGS)
-        if known and role != platform.passive:
-            return True
-    return False
-
-
-def _is_shown(platform: _Platform, attributes: dict[str, str]) -> bool:
-    return all(attributes.get(state, "").lower() == "true" for state in platform.shown)
-
-
-def _box(place: Point, size: Point) -> Box:
-    x, y = place
-    width, height = size
-    return (x, y, x + width, y + height)
-
-
-def _pair(text: str) -> Point | None:
-    """Return the two 32-bit integers of `(10, 20)`, or `None`."""
-    match = _PAIR.fullmatch(text)
-    if not match:
-        return None
-    first = int(match[1])
-    second = int(match[2])
-    if min(first, second) < -(2**31) or max(first, second) >= 2**31:
-        return None
-    return first, second
-
-
 def _checked_pair(node: AccessibleNode, key: str) -> Point:
     value = node.attributes[key]
-    pair = _pair(value)
+    pair = pair_of(value)
     if pair is None:
-        _refuse(
+        refuse(
             node,
             f"has {key.rpartition('}')[2]}={value[:40]!r}: it must be two 32-bit integers, such"
             " as '(10, 20)'",

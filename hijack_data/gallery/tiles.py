@@ -20,6 +20,7 @@ DIVIDER = 2
 @dataclass(
     frozen=True,
     eq=False,
+    kw_only=True,
 )
 class GalleryPicture:
     """One picture of the gallery.
@@ -44,6 +45,7 @@ class GalleryPicture:
 @dataclass(
     frozen=True,
     eq=False,
+    kw_only=True,
 )
 class Tile:
     """One corruption of one picture.

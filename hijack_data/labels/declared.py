@@ -34,8 +34,8 @@ class Labels:
             or `None` to leave it as it is. An entry inside another is named by a path:
             `"objects.bbox"`; where a list is on the way, it counts for each of its parts.
         target: the declared entry at which the sample aims: what has to show under
-            `label_policy="avoid"`. By default `target`, else `target_box`, else the point of the
-            action, else the one declared point or box.
+            `label_policy="avoid"`. By default the first that is there of `target`, `target_box`,
+            the point of the action and the one declared point or box.
 
     A format that does not exist is an `UnknownNameError`, anything that is not a declaration a
     `ParameterError` or `ParameterTypeError`.

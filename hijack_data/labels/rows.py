@@ -27,7 +27,7 @@ from ..types import Action, Size
 from .actions import own_action
 from .base import Location, Move
 
-Row = Mapping[str, Any]
+_Row = Mapping[str, Any]
 # A sample that has these is a row of a dataset; the other columns may have been left out.
 MARKS_OF_A_ROW = ("trajectory_id", "step", "corruption")
 BASE = "base_screenshot"
@@ -49,12 +49,12 @@ _COORDINATES = re.compile(
 )
 
 
-def is_row(sample: Row) -> bool:
+def is_row(sample: _Row) -> bool:
     """Return whether a sample is a row of a dataset that `hijack build` made."""
     return all(key in sample for key in MARKS_OF_A_ROW)
 
 
-def check_drawn(sample: Row) -> None:
+def check_drawn(sample: _Row) -> None:
     """Refuse a lazy row whose screenshot is not drawn: its labels belong to another picture.
 
     Raises:
@@ -123,7 +123,7 @@ def label_of(plan: Plan) -> str:
 
 
 def corrupted_row(
-    row: Row,
+    row: _Row,
     plan: Plan,
     before: Any,
     after: Any,
@@ -167,7 +167,7 @@ def corrupted_row(
     return {key: value for key, value in made.items() if key in row}
 
 
-def _plan_of(row: Row, size: Size) -> Plan | None:
+def _plan_of(row: _Row, size: Size) -> Plan | None:
     """Return the plan by which the screenshot of a row was made from a clean one."""
     if row["corruption"] == CLEAN:
         return Plan.clean(size)
@@ -177,7 +177,7 @@ def _plan_of(row: Row, size: Size) -> Plan | None:
     return None if stored is None else Plan.from_json(cast(str, stored))
 
 
-def _renamed(row: Row, label: str) -> Any:
+def _renamed(row: _Row, label: str) -> Any:
     """Return the id of a row under another label, and the event of an inserted step.
 
     An id is `trajectory/step/label`.
@@ -214,7 +214,7 @@ def _on_screen(plan: Plan, place: tuple[float, ...] | None) -> Any:
 
 
 def _changed(
-    row: Row,
+    row: _Row,
     earlier: Plan | None,
     plan: Plan,
     before: Any,

@@ -277,7 +277,7 @@ def _numbers(value: Any) -> npt.NDArray[Any] | None:
 def _is_numeric(value: Any) -> bool:
     """Return whether a value is a number, an array, or a list that begins with one.
 
-    A picture of Pillow is none of them.
+    A picture of Pillow is not one of them.
     """
     while isinstance(value, list | tuple):
         value = next((part for part in cast("list[Any]", value) if part is not None), "")

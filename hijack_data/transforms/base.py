@@ -62,7 +62,7 @@ class Corrupt(v2.Transform):
             from the pixels, for pictures that come alone: the same picture then gets the same
             corruption until `set_epoch` is called.
         label_policy: `"keep"`, or `"avoid"` to draw again until the sample's target shows, and with
-            it the end of its action where that is a drag, else leave it clean.
+            it the end of its action where that is a drag, or leave it clean.
         return_plan: put the plan under `"plan"`, and with a target its visible share, or that of a
             drag's end if less, under `"target_visible"`; `"json"` puts it there as text, which a
             dataset can hold.

@@ -51,7 +51,7 @@ class Privileged(Agent, Protocol):
 
 @runtime_checkable
 class PlanFollower(Agent, Protocol):
-    """An agent that is told how to do the task, in words: a yardstick, never a contestant."""
+    """An agent that receives the steps of the task in words: a yardstick, never a contestant."""
 
     uses_plan: bool
 

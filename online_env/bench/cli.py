@@ -244,6 +244,7 @@ def _play(
 
     done = sum(not needs_attempt(earlier[job], chosen.retries) for job in listed)
     teller = ProgressDisplay(listed, console(), done)
+    budget = _budget(out, models.max_cost)
 
     def run(episodes: "Callable[[Job, int], records.ResultRecord]", stop: Any = None) -> None:
         run_jobs(
@@ -253,10 +254,10 @@ def _play(
             episodes,
             teller,
             earlier,
-            pool.most,
-            stop or (lambda: None),
-            lambda: costs.check_cost(out, models.max_cost),
-            pool.place,
+            at_once=pool.most,
+            stop=stop or (lambda: None),
+            budget=budget,
+            place=pool.place,
         )
 
     with teller:
@@ -266,6 +267,13 @@ def _play(
         else:
             run(pool, pool.stop)
             pool.stop()
+
+
+def _budget(out: Path, limit: float | None) -> costs.Budget | None:
+    """Return what the run may still cost; its journal is read for it once."""
+    if limit is None:
+        return None
+    return costs.Budget(limit, records.read(out).records)
 
 
 @contextlib.contextmanager

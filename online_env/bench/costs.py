@@ -2,29 +2,40 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 from ..errors import CostLimitError
-from . import records
 
 COUNTS = ("requests", "input_tokens", "output_tokens")
 
 
-def check_cost(folder: Path, limit: float | None) -> None:
-    """Check that a run may go on.
+class Budget:
+    """What the models of a run may cost, and what they have cost so far.
 
-    Raises:
-        CostLimitError: its episodes have cost what they may.
+    Args:
+        limit: in USD.
+        made: the records that the run has already.
     """
-    if limit is None:
-        return
-    spent = cost_of(records.read(folder).records)
-    if spent >= limit:
-        raise CostLimitError(
-            f"the run has cost {spent:.4f} USD, and --max-cost is {limit:g}: no further episode"
-            " begins; go on with --resume and a higher --max-cost"
-        )
+
+    def __init__(self, limit: float, made: Sequence[Mapping[str, Any]] = ()) -> None:
+        self._limit = limit
+        self._spent = cost_of(made)
+
+    def add(self, record: Mapping[str, Any]) -> None:
+        """Count an episode that has ended."""
+        self._spent += cost_of([record])
+
+    def check(self) -> None:
+        """Check that another episode may begin.
+
+        Raises:
+            CostLimitError: the episodes have cost what they may.
+        """
+        if self._spent >= self._limit:
+            raise CostLimitError(
+                f"the run has cost {self._spent:.4f} USD, and --max-cost is {self._limit:g}: no"
+                " further episode begins; go on with --resume and a higher --max-cost"
+            )
 
 
 def cost_of(made: Sequence[Mapping[str, Any]]) -> float:

@@ -1,7 +1,8 @@
 """What a run will take: time, disk and money, from what was measured before.
 
-An episode is expected to take what the same agent took in earlier runs nearby; else what the oracle
-needed for its task (`online_env/tasks/suite/measured.yaml`); else all the steps it may have.
+An episode is expected to take what the same agent took in earlier runs nearby; otherwise what the
+oracle needed for its task (`online_env/tasks/suite/measured.yaml`); otherwise all the steps that it
+may have.
 """
 
 import heapq

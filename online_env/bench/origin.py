@@ -151,7 +151,7 @@ def add_session(
     found: Mapping[str, Any],
     made: int,
 ) -> None:
-    """Note that a run is gone on with.
+    """Note that a run is resumed.
 
     Args:
         folder: Of the run.

@@ -30,7 +30,7 @@ OURS = ("hijack_data", "online_env")
 CODE = "code of agenthijack"
 _SHOWN = 12  # digits of a hash in messages
 
-Files = Mapping[str, bytes]
+_Files = Mapping[str, bytes]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,9 +51,9 @@ class Parcel:
     loaded: tuple[tuple[str, str], ...]
     setup: bytes
     agents: Mapping[str, AgentSettings]
-    agent_prompts: Mapping[str, Files]
-    prompts: Files | None
-    replay: Files | None
+    agent_prompts: Mapping[str, _Files]
+    prompts: _Files | None
+    replay: _Files | None
 
 
 def pack(setup: WorkerSetup) -> Parcel:
@@ -182,11 +182,11 @@ def _load(path: str, sha256: str) -> None:
         raise ClusterError(f"{path}: is another file here ({digests}); {remedy}")
 
 
-def _read(folder: Path, pattern: str) -> Files:
+def _read(folder: Path, pattern: str) -> _Files:
     return {path.name: path.read_bytes() for path in sorted(folder.glob(pattern))}
 
 
-def _written(files: Files | None, folder: Path) -> Path | None:
+def _written(files: _Files | None, folder: Path) -> Path | None:
     if files is None:
         return None
     folder.mkdir()

@@ -33,7 +33,7 @@ class ProgressDisplay:
     Args:
         listed: All jobs of the run.
         console: Where it is shown.
-        done: How many jobs had ended before, in a run that is gone on with.
+        done: How many jobs had ended before, in a run that is resumed.
         clock: Returns seconds; it must never be set back.
     """
 

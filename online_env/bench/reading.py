@@ -143,8 +143,9 @@ def read_head(folder: Path) -> dict[str, Any]:
     if not isinstance(version, int) or version > VERSION:
         problem = f"version {version!r} is newer than this library reads"
         raise RunError(f"{path}: {problem}; upgrade agenthijack")
-    if not isinstance(head.get("config", {}), dict):
-        raise RunError(f"{path}: field 'config' is not an object")
+    for key in ("config", "versions"):
+        if not isinstance(head.get(key, {}), dict):
+            raise RunError(f"{path}: field {key!r} is not an object")
     return head
 
 

@@ -161,7 +161,7 @@ def resume(
         if run.damaged:
             broken = run.damaged[0]
             place = f"{folder / RECORDS}:{broken.line}"
-            raise RunError(f"{place}: {broken.problem}; a damaged run cannot be gone on with")
+            raise RunError(f"{place}: {broken.problem}; a damaged run cannot be resumed")
         _adopt(folder, run, episodes)
         if made_by is not None:
             session = {**made_by, "versions": versions()}

@@ -10,6 +10,7 @@ from typing import Protocol
 
 from ..errors import CostLimitError
 from . import records
+from .costs import Budget
 from .jobs import Job
 from .records import ResultRecord
 
@@ -43,9 +44,10 @@ def run_jobs(
     episode: Callable[[Job, int], ResultRecord],
     listener: RunListener,
     earlier: Mapping[Job, Sequence[ResultRecord]] | None = None,
+    *,
     at_once: int = 1,
     stop: Callable[[], object] = lambda: None,
-    check: Callable[[], object] = lambda: None,
+    budget: Budget | None = None,
     place: Callable[[], AbstractContextManager[object]] = nullcontext,
 ) -> Counter[str]:
     """Run every job and append a record for each attempt.
@@ -63,15 +65,15 @@ def run_jobs(
         earlier: The attempts of a run that was broken off.
         at_once: How many jobs run side by side.
         stop: Breaks off what is under way; called if one job raises, or at Ctrl-C.
-        check: Called before each attempt. If it raises `CostLimitError`, no further attempt
-            begins, those under way are finished, and the error is raised.
+        budget: What the episodes may cost. Once it is spent, no further attempt begins, those
+            under way are finished, and its `CostLimitError` is raised.
         place: Its context is entered before each attempt, which begins once there is a desktop.
 
     Returns:
         How many jobs ended `"ok"`, `"invalid"` and `"error"`.
     """
     before = earlier or {}
-    run = _Run(folder, retries, episode, listener, check, place)
+    run = _Run(folder, retries, episode, listener, budget, place)
     numbered = list(enumerate(listed, 1))
     ended: Counter[str] = Counter()
     if at_once == 1:
@@ -111,14 +113,14 @@ class _Run:
         retries: int,
         episode: Callable[[Job, int], ResultRecord],
         listener: RunListener,
-        check: Callable[[], object],
+        budget: Budget | None,
         place: Callable[[], AbstractContextManager[object]],
     ) -> None:
         self._folder = folder
         self._retries = retries
         self._episode = episode
         self._listener = listener
-        self._check = check
+        self._budget = budget
         self._place = place
         self._one_at_a_time = threading.Lock()
         self.stopped = False
@@ -144,14 +146,16 @@ class _Run:
                     return "stopped"
                 record = records.kept(self._folder, record)
                 records.append(self._folder, record)
+                if self._budget is not None:
+                    self._budget.add(record)
                 self._listener.ended(job, number, record)
             made.append(record)
         return made[-1]["status"]
 
     def _may_begin(self) -> bool:
-        if self.refused is None:
+        if self.refused is None and self._budget is not None:
             try:
-                self._check()
+                self._budget.check()
             except CostLimitError as error:
                 self.refused = error
         return self.refused is None

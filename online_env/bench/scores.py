@@ -72,24 +72,33 @@ def summaries(table: Sequence[ScoreRow]) -> list[ScoreRow]:
     """
     found: list[ScoreRow] = []
     for agent in dict.fromkeys(row["agent"] for row in table):
-        success = {
-            row["corruption"]: row["success"]
-            for row in table
-            if row["agent"] == agent and row["success"] is not None
-        }
-        corrupted = {label: value for label, value in success.items() if label != CLEAN}
-        worst = min(corrupted, key=lambda label: corrupted[label], default=None)
+        own = {row["corruption"]: row["success"] for row in table if row["agent"] == agent}
+        known = [value for value in own.values() if value is not None]
         found.append(
             {
                 "agent": agent,
-                "clean": success.get(CLEAN),
-                "corrupted": fmean(corrupted.values()) if corrupted else None,
-                "worst": worst,
-                "worst_success": corrupted[worst] if worst is not None else None,
-                "paper_average": fmean(success.values()) if success else None,
+                **means(own),
+                "paper_average": fmean(known) if known else None,
             }
         )
     return found
+
+
+def means(success: Mapping[str, float | None]) -> dict[str, Any]:
+    """Return `clean`, `corrupted`, `worst` and `worst_success` of an agent, as in `summaries`.
+
+    Args:
+        success: the mean score under each condition; `None` where nothing was scored.
+    """
+    known = {label: value for label, value in success.items() if value is not None}
+    corrupted = {label: value for label, value in known.items() if label != CLEAN}
+    worst = min(corrupted, key=lambda label: corrupted[label], default=None)
+    return {
+        "clean": known.get(CLEAN),
+        "corrupted": fmean(corrupted.values()) if corrupted else None,
+        "worst": worst,
+        "worst_success": corrupted[worst] if worst is not None else None,
+    }
 
 
 def pairs(before: ScoreByCase, after: ScoreByCase) -> tuple[list[float], list[float], list[str]]:

@@ -9,7 +9,7 @@ import urllib3
 from urllib3.connection import HTTPConnection
 from urllib3.exceptions import HTTPError, NewConnectionError, ProtocolError
 
-from .connection import Way
+from .way import Way
 
 MAX_BODY = 2**30
 CHUNK = 2**20

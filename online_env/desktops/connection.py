@@ -10,6 +10,7 @@ from urllib.parse import urlsplit
 
 from ..errors import GuestError
 from ..extra import require
+from .way import Way
 
 if TYPE_CHECKING:
     from .client import Client
@@ -48,25 +49,6 @@ class GuestResponse:
         if not text:
             text = self.body[:500].decode("utf-8", "replace")
         return str(text)[:2000]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Way:
-    """The way to a guest.
-
-    Attributes:
-        host: its name or address.
-        port: of its server.
-        is_https: whether the connection is encrypted.
-        source: the address of this machine that it leaves from, if that matters.
-        door: a socket in the file system that leads there instead of the network.
-    """
-
-    host: str
-    port: int
-    is_https: bool
-    source: str | None
-    door: str | None
 
 
 class GuestConnection:

@@ -29,7 +29,7 @@ ABOUT = (
     " submit FAIL."
 )
 _KEY = f"{PACKAGE}:sample"
-Names = str | list[str] | None
+_Names = str | list[str] | None
 
 
 def registered(name: str) -> Callable[[Callable[..., Task]], Callable[..., Task]]:
@@ -52,8 +52,8 @@ def registered(name: str) -> Callable[[Callable[..., Task]], Callable[..., Task]
 
 @registered("embedded_small")
 def embedded_small(
-    tasks: Names = None,
-    corruptions: Names = None,
+    tasks: _Names = None,
+    corruptions: _Names = None,
     seeds: int | None = None,
     max_steps: int | None = None,
     desktops: int = 1,
@@ -66,8 +66,8 @@ def embedded_small(
 @registered("bench")
 def bench(
     config: str,
-    tasks: Names = None,
-    corruptions: Names = None,
+    tasks: _Names = None,
+    corruptions: _Names = None,
     seeds: int | None = None,
     max_steps: int | None = None,
     desktops: int = 1,
@@ -156,7 +156,7 @@ def _samples(benchmark: Bench) -> Iterator[Sample]:
                 )
 
 
-def _joined(names: Names) -> str | None:
+def _joined(names: _Names) -> str | None:
     """Return names as the command line of `hijack bench` takes them."""
     return ",".join(names) if isinstance(names, list) else names
 

@@ -5,7 +5,7 @@ Everything goes through OSWorld's `step`, as an agent's actions do.
 
 import time
 
-from hijack_data.elements import AccessibleNode, nodes_from_tree
+from hijack_data.elements.nodes import AccessibleNode, nodes_from_tree
 from hijack_data.types import Point
 
 from .env import OsworldEnv

@@ -49,7 +49,7 @@ class _PassingError(HijackError):
 
 
 @dataclass
-class Report:
+class PrefetchReport:
     """The result of `prefetch`.
 
     Args:
@@ -71,7 +71,7 @@ def prefetch(
     client: httpx.Client | None = None,
     tell: Callable[[int, int, str], object] = lambda *_: None,
     sleep: Callable[[float], object] = time.sleep,
-) -> Report:
+) -> PrefetchReport:
     """Fetch the files that `cache` lacks; the others go on if one cannot be had.
 
     Each address is fetched once, however many tasks need it. A damaged manifest raises
@@ -88,7 +88,7 @@ def prefetch(
         HijackError: The cache cannot be written, or another prefetch fills it.
     """
     ordered = sorted(set(files), key=lambda item: (item.path, item.url))
-    report = Report()
+    report = PrefetchReport()
     if client is None:
         timeout = httpx.Timeout(30, read=120)
         client = httpx.Client(follow_redirects=True, timeout=timeout)
@@ -168,7 +168,7 @@ class _Download:
         self._client = client
         self._sleep = sleep
 
-    def one(self, item: Wanted, report: Report) -> None:
+    def one(self, item: Wanted, report: PrefetchReport) -> None:
         """Fetch a file, unless it is there, and note in the report what came of it."""
         target = self._cache / item.path
         if self._is_there(item, target):

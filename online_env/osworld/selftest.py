@@ -18,7 +18,7 @@ from .player import Player, PlayError
 from .solutions import SOLUTIONS
 from .tasks import OsworldTask, Revision, TaskSet
 
-Status = Literal["works", "untried", "excluded", "error"]
+_Status = Literal["works", "untried", "excluded", "error"]
 Groups = Mapping[str, frozenset[str]]
 NO_GROUP = "-"
 # Seconds of doing nothing before the second evaluation of an untouched task, and before that of a
@@ -52,7 +52,7 @@ class SelfTestRow:
     group: str
     revision: str
     instruction: str
-    status: Status = "error"
+    status: _Status = "error"
     reason: str = ""
     untouched: float | None = None
     solved: float | None = None
@@ -60,7 +60,7 @@ class SelfTestRow:
     seconds: float = 0.0
     log: list[str] = field(default_factory=list)
 
-    def end(self, status: Status, reason: str) -> None:
+    def end(self, status: _Status, reason: str) -> None:
         """Set how the test ended, and why."""
         self.status = status
         self.reason = reason
@@ -173,13 +173,13 @@ class Results:
         """Whether no task ended in an error."""
         return not any(row.status == "error" for row in self.rows)
 
-    def count(self, status: Status) -> int:
+    def count(self, status: _Status) -> int:
         """Return how many tasks have a status."""
         return sum(row.status == status for row in self.rows)
 
     def summary(self) -> str:
         """Return one line."""
-        parts = ", ".join(f"{self.count(status)} {status}" for status in get_args(Status))
+        parts = ", ".join(f"{self.count(status)} {status}" for status in get_args(_Status))
         return f"{len(self.rows)} tasks of {self.revision}: {parts}"
 
     def as_json(self) -> dict[str, Any]:

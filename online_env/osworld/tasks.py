@@ -13,7 +13,7 @@ from typing import Any, cast
 
 from hijack_data.errors import ConfigError, ParameterError
 
-Task = dict[str, Any]
+_Task = dict[str, Any]
 # Digests of whole sets, as `load` computes them.
 KNOWN = {"55ea33168597": "osworld-verified", "7acd17614676": "agenthijack-fork"}
 DIGITS = 12
@@ -36,7 +36,7 @@ class OsworldTask:
 
     id: str
     domain: str
-    config: Task
+    config: _Task
     path: Path
 
     @property
@@ -132,7 +132,7 @@ def _parse(
     data: bytes,
     path: Path,
     problems: list[str],
-) -> Task | None:
+) -> _Task | None:
     try:
         config: object = json.loads(data.decode("utf-8"))
     except (ValueError, RecursionError) as error:  # UnicodeDecodeError is a ValueError
@@ -141,7 +141,7 @@ def _parse(
         return None
     found = list(mistakes(config, path.stem))
     problems.extend(f"{path}: {text}" for text in found)
-    return None if found else cast(Task, config)
+    return None if found else cast(_Task, config)
 
 
 def mistakes(config: object, name: str | None = None) -> Iterator[str]:

@@ -197,14 +197,10 @@ def _given(run: Run, agent: str) -> tuple[str, ...] | None:
 def _means(own: Mapping[str, Cell], identity: RunIdentity) -> dict[str, Any]:
     """Return the means over the conditions of an agent."""
     success = {label: cell.success for label, cell in own.items() if cell.success is not None}
-    corrupted = {label: value for label, value in success.items() if label != CLEAN}
-    worst = min(corrupted, key=lambda label: corrupted[label], default=None)
+    corrupted = [label for label in success if label != CLEAN]
     means: dict[str, Any] = {
-        "clean": success.get(CLEAN),
+        **scores.means(success),
         "conditions": len(corrupted),
-        "corrupted": fmean(corrupted.values()) if corrupted else None,
-        "worst": worst,
-        "worst_success": corrupted[worst] if worst is not None else None,
         "ceiling": _mean([own[label].ceiling for label in corrupted]),
     }
     if has_all_nine(identity, set(success)):

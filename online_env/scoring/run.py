@@ -91,7 +91,7 @@ class ScoreRun:
         return [case.id(agent) for agent in self.settings.agents for case in self.cases.cases]
 
     def config(self) -> dict[str, Any]:
-        """Return the configuration for `run.json`; a run is gone on with by the same one."""
+        """Return the configuration for `run.json`; a run is resumed with the same one."""
         settings = self.settings
         seeds = sorted({case.seed for case in self.cases.cases})
         return {

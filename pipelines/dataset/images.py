@@ -20,7 +20,7 @@ from hijack_data.files import decode_image
 from hijack_data.kernels import lower
 from hijack_data.plan import Paste, Plan
 from hijack_data.png import assemble, chunk, filtered
-from hijack_data.types import Size, UInt8Array
+from hijack_data.types import UInt8Array
 
 from .png import read
 
@@ -138,12 +138,6 @@ def touched(plan: Plan) -> Rows | None:
             height = stamp.sprite.size[0]
             rows += [(y, y + height) for y in stamp.ys.tolist()]
     return rows
-
-
-def png_size(data: bytes) -> Size:
-    """Return `(height, width)` of what `encode` returned."""
-    width, height = struct.unpack(">II", data[16:24])
-    return height, width
 
 
 def decode(data: bytes, name: str) -> UInt8Array:

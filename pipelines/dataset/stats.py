@@ -33,7 +33,7 @@ READ = (
 BATCH = 4096
 
 
-@dataclass
+@dataclass(kw_only=True)
 class LabelStats:
     """The figures of the rows of one corruption.
 

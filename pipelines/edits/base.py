@@ -126,8 +126,8 @@ class EditedStep:
     Args:
         ops: what is pasted on the clean screenshot; its size stays.
         event: what happened, one plain sentence.
-        fidelity: `recorded` when every pixel is from one recorded screen, else `composited`; see
-            `..fidelity`.
+        fidelity: `recorded` when every pixel is from one recorded screen, otherwise `composited`;
+            see `..fidelity`.
         response: the action to take now, in pixels of the screen, and its target; `None` keeps the
             recorded one.
         inserted: whether it is a step of its own, before the recorded one.

@@ -92,7 +92,7 @@ class ExportReport:
 
     @property
     def exit_code(self) -> int:
-        """0 when there are examples, else 1."""
+        """0 when there are examples, otherwise 1."""
         return 0 if self.total else 1
 
     def to_data(self) -> dict[str, Any]:

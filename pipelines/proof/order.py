@@ -13,7 +13,7 @@ from ..building.rows import RowSettings
 from ..dataset.shard import ShardRecord
 from ..edits.variants import acts
 
-Row = Mapping[str, Any]
+_Row = Mapping[str, Any]
 # Columns that are the same in every row of a trajectory.
 ABOUT = ("source", "domain", "instruction")
 # An input that is rejected for one of these fields leaves out a whole step.
@@ -80,7 +80,7 @@ class RowOrder:
                 " writes"
             )
 
-    def _place(self, row: Row) -> Iterator[str]:
+    def _place(self, row: _Row) -> Iterator[str]:
         trajectory = row["trajectory_id"]
         step = row["step"]
         if trajectory != self._trajectory:

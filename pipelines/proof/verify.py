@@ -13,6 +13,7 @@ from typing import Any
 from hijack_data import extras
 from hijack_data.errors import AssetError, HijackError
 from hijack_data.pack import VARIABLE, AssetPack
+from hijack_data.paths import PathLike
 from hijack_data.plan import CLEAN
 
 from ..building.loaded import require
@@ -31,8 +32,6 @@ from .manifest import beside, derived, library_notes, records_in, shard_problems
 from .order import RowOrder, Tallied
 from .recorded import RecordedFacts, Recordings, damaged, from_rows, provable
 from .rows import StepProof
-
-PathLike = str | os.PathLike[str]
 
 
 @dataclass

@@ -10,7 +10,7 @@ from .base import Rejected, register
 from .dialects import ANTHROPIC
 from .fields import FieldError, FieldTypeError, JsonObject
 from .files import Source
-from .logs import Conversation, LogEntry, Pointer, first_entries, parts_of, read_logs
+from .logs import Conversation, JsonPath, LogEntry, first_entries, parts_of, read_logs
 
 TOOL = "computer"
 _LOOKS = ("screenshot", "zoom", "cursor_position")
@@ -71,7 +71,7 @@ class _Taker:
         self,
         talk: Conversation,
         entry: LogEntry,
-        pointer: Pointer,
+        pointer: JsonPath,
         part: JsonObject,
     ) -> None:
         kind = part.get("type")
@@ -99,7 +99,7 @@ class _Taker:
 def _result(
     talk: Conversation,
     entry: LogEntry,
-    pointer: Pointer,
+    pointer: JsonPath,
     part: JsonObject,
 ) -> None:
     """Take the pictures that a use of the tool returned as the screen."""
@@ -112,7 +112,7 @@ def _result(
 def _look(
     talk: Conversation,
     entry: LogEntry,
-    pointer: Pointer,
+    pointer: JsonPath,
     block: JsonObject,
 ) -> None:
     source = fields.mapping(block.get("source"), "source")

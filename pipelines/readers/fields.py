@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, TypeAlias, cast
 
-from hijack_data.elements import boxes_from_labels
+from hijack_data.elements.labels import boxes_from_labels
 from hijack_data.errors import HijackError, suggest
 from hijack_data.platforms import as_platform
 from hijack_data.types import (

@@ -22,7 +22,7 @@ from .pictures import decoded, in_json
 LISTS = ("messages", "items", "input", "output")
 LONG_TEXT = 4096  # the end is kept: an action follows the thought
 PICTURES = (".png", ".jpg", ".jpeg", ".webp")
-Pointer = tuple[str | int, ...]
+JsonPath = tuple[str | int, ...]
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class LogEntry:
     data: JsonObject
     where: str
     offset: int | None
-    pointer: Pointer
+    pointer: JsonPath
 
 
 class WrongFile(FieldError):
@@ -66,7 +66,7 @@ class Conversation:
         self,
         value: object,
         entry: LogEntry,
-        pointer: Pointer,
+        pointer: JsonPath,
     ) -> None:
         """Take in a screenshot.
 
@@ -230,7 +230,7 @@ def entries(file: Path) -> Iterator[LogEntry | Rejected]:
         yield from _spread(fields.mapping(data, ""), "", None, ())
 
 
-def parts_of(entry: LogEntry) -> Iterator[tuple[Pointer, JsonObject]]:
+def parts_of(entry: LogEntry) -> Iterator[tuple[JsonPath, JsonObject]]:
     """Yield the parts of a message's `content`, with the pointer to each; text is one part."""
     content: object = entry.data.get("content")
     if isinstance(content, str):
@@ -291,7 +291,7 @@ def _spread(
     record: JsonObject,
     where: str,
     offset: int | None,
-    pointer: Pointer,
+    pointer: JsonPath,
 ) -> Iterator[LogEntry | Rejected]:
     inner = [key for key in LISTS if isinstance(record.get(key), list)]
     if not inner or "role" in record:
@@ -308,7 +308,7 @@ def _items(
     values: list[Any],
     where: str,
     offset: int | None,
-    pointer: Pointer,
+    pointer: JsonPath,
 ) -> Iterator[LogEntry | Rejected]:
     for index, value in enumerate(values):
         place = f"{where} {index}"

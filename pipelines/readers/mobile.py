@@ -32,7 +32,7 @@ _WAY_OUT = (
     "a TFRecord file, which is not read: write a JSON an episode (episode_id, goal, actions,"
     ' screenshots) and its PNGs with tf.data.TFRecordDataset(files, compression_type="GZIP")'
 )
-Entry = tuple[object, JsonObject]  # the picture that a step names, and what was done
+_Entry = tuple[object, JsonObject]  # the picture that a step names, and what was done
 
 
 def _begins(file: Path, signs: tuple[bytes, ...]) -> bool:
@@ -110,7 +110,7 @@ class _Phone(ABC):
         """Return the id, the instruction and the apps; a broken one is a `FieldError`."""
 
     @abstractmethod
-    def entries(self, record: JsonObject) -> list[Entry]:
+    def entries(self, record: JsonObject) -> list[_Entry]:
         """Return the steps in order; a broken list is a `FieldError`."""
 
     @abstractmethod
@@ -159,7 +159,7 @@ class GuiOdyssey(_Phone):
         name = fields.text(record, "episode_id")
         return name, fields.text(task, key), fields.strings(task.get("app"))
 
-    def entries(self, record: JsonObject) -> list[Entry]:
+    def entries(self, record: JsonObject) -> list[_Entry]:
         """Return the steps in order. Raises `FieldError`."""
         steps = fields.mappings(fields.items(record, "steps"), "steps")
         return [(step.get("screenshot"), step) for step in steps]
@@ -230,7 +230,7 @@ class AndroidControl(_Phone):
         name = fields.storable(str(given), "episode_id")
         return name, fields.text(record, "goal"), fields.strings(opened)
 
-    def entries(self, record: JsonObject) -> list[Entry]:
+    def entries(self, record: JsonObject) -> list[_Entry]:
         """Return the steps in order. Raises `FieldError`."""
         pictures = fields.items(record, "screenshots")
         actions = fields.items(record, "actions")

@@ -15,7 +15,7 @@ from .dialects import COMPUTER_13, PYAUTOGUI, RecordedStep, recorded
 from .fields import FieldError, JsonObject
 from .files import inside, parse, parsed, relative_name, size_of
 from .pictures import as_bytes, in_parquet
-from .talk import Picture, Talk, messages_in
+from .talk import Talk, TalkPicture, messages_in
 
 SOURCE = "parquet"
 # The names of pages without a browser around them, in cua-lite (`platform`) and ScreenSpot
@@ -160,7 +160,7 @@ def chat(row: ParquetRow) -> Iterator[Trajectory | FieldError]:
     many = "images" in record
     count = len(fields.items(record, "images")) if many else 1
 
-    def picture(index: int) -> Picture:
+    def picture(index: int) -> TalkPicture:
         if many:
             return row.picture("images", index)
         if index:

@@ -46,7 +46,7 @@ _TASKS = tuple(
         r"The user query: *(.*?)(?:\s*\n?\(?You have done the following.*|\s*Task progress.*)?\Z",
     )
 )
-Picture = tuple[str, Size]
+TalkPicture = tuple[str, Size]
 
 
 class Talk:
@@ -60,7 +60,7 @@ class Talk:
 
     def __init__(
         self,
-        picture: Callable[[int], Picture],
+        picture: Callable[[int], TalkPicture],
         count: int,
         choice: str | None,
     ) -> None:

@@ -13,10 +13,10 @@ from hijack_data.elements import (
     boxes_from_tree,
     interactive_elements,
     nodes_from_tree,
-    tree,
 )
+from hijack_data.elements import nodes as reading
+from hijack_data.elements.nodes import MAX_BYTES, MAX_DEPTH
 from hijack_data.elements.roles import INTERACTIVE_ROLES
-from hijack_data.elements.tree import MAX_BYTES, MAX_DEPTH
 from hijack_data.errors import ElementsError, HijackError
 
 SIZE = (1080, 1920)
@@ -296,9 +296,9 @@ def test_too_large() -> None:
     "xml", ["<a>" + "é" * 60 + "</a>", ("<a>" + "€" * 42 + "</a>").encode("utf-16")]
 )
 def test_the_limit_counts_bytes_of_utf8(monkeypatch: pytest.MonkeyPatch, xml: str | bytes) -> None:
-    monkeypatch.setattr(tree, "MAX_BYTES", 133)
+    monkeypatch.setattr(reading, "MAX_BYTES", 133)
     boxes_from_tree(xml)
-    monkeypatch.setattr(tree, "MAX_BYTES", 126)
+    monkeypatch.setattr(reading, "MAX_BYTES", 126)
     with pytest.raises(ElementsError, match="bytes long; at most 126"):
         boxes_from_tree(xml)
 
@@ -434,7 +434,7 @@ def test_the_interactive_elements_of_all_nodes_are_those_of_the_tree() -> None:
 
 
 def test_the_number_of_nodes_is_limited(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tree, "MAX_NODES", 3)
+    monkeypatch.setattr(reading, "MAX_NODES", 3)
     assert len(nodes_from_tree("<a><b/><b/></a>")) == 3
     with pytest.raises(ElementsError, match=r"more than 3 nodes \(line 1, column 12, at a/b\)"):
         nodes_from_tree("<a><b/><b/><b/></a>")

@@ -19,7 +19,7 @@ import hijack_data as hj
 from hijack_data import safety
 from hijack_data.backends import convert
 from hijack_data.conformance import picture, reference, scene
-from hijack_data.drawing import raster
+from hijack_data.drawing import letters, raster
 from hijack_data.drawing import sprite as sprite_module
 from hijack_data.drawing.raster import png_recipe, render
 from hijack_data.drawing.sprite import draw
@@ -56,7 +56,7 @@ def test_lines_of_remembered_letters_are_those_that_pillow_draws(
     font,
     size,
 ):
-    mask, (left, top) = raster._line_mask(line, font, size)
+    mask, (left, top) = letters.line_mask(line, font, size)
     loaded, at = load_font(font, size), (70, 70)
     image = Image.new("L", (math.ceil(loaded.getlength(line)) + 200, 300))
     expected = np.array(image)
@@ -212,7 +212,7 @@ def test_the_sprite_cache_is_bounded_and_shared_by_threads():
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system cannot fork")
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning", "ignore:.*fork.*:RuntimeWarning")
 def test_a_lock_that_is_held_at_a_fork_does_not_stop_the_child():
-    with raster._cache.lock, raster._lines.lock:
+    with raster._cache.lock, letters._masks.lock:
         child = os.fork()
         if child == 0:
             signal.alarm(20)

@@ -16,11 +16,11 @@ from online_env.embedded.runtime.identity import Identity
 from online_env.embedded.runtime.plain import DesktopConfig
 
 ORDER = DesktopConfig(
-    None,
-    (800, 600),
-    "/layer",
-    (),
-    "/python",
+    name=None,
+    screen=(800, 600),
+    layer="/layer",
+    search_path=(),
+    python="/python",
     memory=3 << 20,
     storage=1 << 20,
     processes=7,

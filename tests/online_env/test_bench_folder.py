@@ -199,7 +199,7 @@ def test_a_damaged_or_an_older_run_is_not_gone_on_with(run):
     path = run / "records.jsonl"
     whole = path.read_bytes()
     path.write_bytes(b"{x\n" + whole)
-    with pytest.raises(RunError, match=r"records.jsonl:1: not JSON.*cannot be gone on with"):
+    with pytest.raises(RunError, match=r"records.jsonl:1: not JSON.*cannot be resumed"):
         records.resume(run, config(), IDS)
     path.write_bytes(whole)
     head = json.loads((run / "run.json").read_text())

@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
-from online_env.bench import reading, records, runner, scores
+from online_env.bench import costs, reading, records, runner, scores
 from online_env.bench.jobs import Job
 from online_env.bench.records import RunError
+from online_env.errors import CostLimitError
 
 CONFIG = {
     "agents": ["oracle", "b"],
@@ -415,3 +416,14 @@ def test_what_was_done_is_on_the_disk_before_the_next_begins(folder):
         runner.run_jobs([Job("oracle", "t", "clean", 0)] * 5, folder, 1, episode, Log())
     assert seen == [0, 1, 2]
     assert len(records.read(folder).records) == 2
+
+
+def test_a_budget_counts_what_was_spent_before_and_reads_the_journal_no_more(folder, monkeypatch):
+    spent = {"requests": 1, "input_tokens": 10, "output_tokens": 2, "usd": 0.4}
+    budget = costs.Budget(1.0, [made(usage=spent)])
+    monkeypatch.setattr(records, "read", lambda _: pytest.fail("the journal was read again"))
+    jobs = [Job("oracle", "t", "clean", seed) for seed in range(4)]
+    with pytest.raises(CostLimitError, match=r"has cost 1\.2000 USD, and --max-cost is 1:"):
+        runner.run_jobs(jobs, folder, 0, lambda *_: made(usage=spent), Log(), budget=budget)
+    monkeypatch.undo()
+    assert len(records.read(folder).records) == 2, "the third would begin at 1.20 of 1 USD"

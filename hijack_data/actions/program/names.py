@@ -161,7 +161,7 @@ class Names:
         return not self.bindings[name]
 
     def callee(self, function: ast.expr) -> Callee | None:
-        """The function that an expression names, or `None` if it is none of ours.
+        """The function that an expression names, or `None` if this analysis does not know it.
 
         A bare `click` that nothing in the code defines is taken for pyautogui's.
         """

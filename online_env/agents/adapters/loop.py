@@ -29,7 +29,7 @@ from .reading import PYAUTOGUI, codes_of
 MOST_LOOKS = 100  # at one picture, before a loop counts as one that will not end
 MOST_CALLS_AFTER_THE_END = 100
 PARKED = threading.Event()  # never set: what waits for it sleeps until the process ends
-ENDING = 5.0  # s until a loop that is told that the episode is over has ended
+ENDING = 5.0  # s until a loop has ended after it heard that the episode is over
 
 
 class LoopEnd(BaseException):

@@ -6,7 +6,7 @@ from typing import Any
 from ..settings import TokenPrices
 
 
-@dataclass
+@dataclass(kw_only=True)
 class TokenCounts:
     """What was used. `usd` is `None` as soon as the price of any part is not known."""
 

@@ -25,7 +25,7 @@ TOOLS = "/usr/local/lib/desktop/bin"
 # What belongs to the server and not to what it starts.
 PRIVATE = ("PYTHONHOME", "PYTHONPATH", "VIRTUAL_ENV", "PYTHONSTARTUP")
 
-Command = Sequence[str] | str
+_Command = Sequence[str] | str
 
 
 @dataclass(frozen=True)

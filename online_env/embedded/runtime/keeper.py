@@ -35,7 +35,7 @@ OSWORLD_PORT = 5000
 
 
 def main(text: str) -> int:
-    """Keep one desktop until it, its controller or this process is told to end.
+    """Keep one desktop until it, its controller or this process has to end.
 
     Returns:
         The exit code.

@@ -11,7 +11,7 @@ class SetupError(Exception):
     """A desktop that cannot be built; the controller turns it into a `DesktopError`."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class DesktopConfig:
     """The order for a desktop.
 

@@ -2,7 +2,7 @@
 
 Its options are `--address A [--dns-port 53] [--http-port 80] [--answer A2] --state DIR`. It prints
 one line, `{"address": ..., "dns": port, "http": port}`, when both ports are open, then serves until
-it is told to end (SIGTERM, SIGINT). Its exit status is 0, or 2 with a message if an argument is
+a signal ends it (SIGTERM, SIGINT). Its exit status is 0, or 2 with a message if an argument is
 wrong or a port is taken.
 """
 

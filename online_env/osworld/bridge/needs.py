@@ -17,7 +17,7 @@ from typing import Any
 
 from .stubs import absent, stub_root
 
-Names = dict[str, Any]
+_Names = dict[str, Any]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -84,7 +84,7 @@ def _codes(code: types.CodeType) -> Iterator[types.CodeType]:
             yield from _codes(constant)
 
 
-def _named(code: types.CodeType, names: Names) -> Iterator[Any]:
+def _named(code: types.CodeType, names: _Names) -> Iterator[Any]:
     """Yield what a piece of code names: globals, attributes of modules, and imports."""
     steps = list(dis.get_instructions(code))
     for place, step in enumerate(steps):
@@ -103,7 +103,7 @@ def _imported(
     name: str,
     level: int,
     wanted: tuple[str, ...],
-    names: Names,
+    names: _Names,
 ) -> Iterator[Any]:
     """Yield functions of `desktop_env` that an import gives, or the root of another package."""
     package = str(names.get("__package__") or "")
@@ -124,7 +124,7 @@ def as_list(value: Any) -> list[Any]:
 
 
 def task_functions(
-    task: Names,
+    task: _Names,
     metrics: Any,
     getters: Any,
     setup: Any,
@@ -145,7 +145,7 @@ def task_functions(
 
 
 def problems(
-    task: Names,
+    task: _Names,
     metrics: Any,
     getters: Any,
     setup: Any,

@@ -6,7 +6,7 @@ from typing import Any
 
 import requests
 
-Address = dict[str, Any]
+_Address = dict[str, Any]
 PORTS = ("port", "chromium_port", "vnc_port", "vlc_port")
 PATH = "agenthijack"
 
@@ -22,7 +22,7 @@ class Manager:
 class Provider:
     """Reverting means asking for another desktop; its address may differ every time."""
 
-    def __init__(self, first: Address, fresh: Callable[[], Address]) -> None:
+    def __init__(self, first: _Address, fresh: Callable[[], _Address]) -> None:
         self.address = first
         self.fresh = fresh
         trust(first)
@@ -54,7 +54,7 @@ class Provider:
         """The controlling process ends the desktop."""
 
 
-def trust(address: Address) -> None:
+def trust(address: _Address) -> None:
     """Reach the guest without a proxy, and send its token to it and to nobody else."""
     host = address["host"]
     direct = f"{host},localhost,127.0.0.1"

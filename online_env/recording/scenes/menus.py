@@ -185,7 +185,7 @@ def _picture(
 
 
 def _kind(opened: Top, targets: Sequence[ClickTarget]) -> str:
-    """Return `menu` for a window of its own that has items, or no buttons; else `dialog`."""
+    """Return `menu` for a window of its own that has items, or no buttons; otherwise `dialog`."""
     if not opened.free:
         return "dialog"
     roles = {target.role for target in targets}

@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 from ..example import IMAGE, plain
 from .change import ScreenChange
 
-Fields: TypeAlias = Mapping[str, Any]
+_Fields: TypeAlias = Mapping[str, Any]
 Messages: TypeAlias = list[dict[str, str]]
 
 NONE = "None"
@@ -47,7 +47,7 @@ def summary_messages(
 
 
 def summary_of(
-    row: Fields,
+    row: _Fields,
     event: str | None,
     change: ScreenChange | None,
 ) -> str:
@@ -68,7 +68,7 @@ def summary_of(
     return " ".join(parts)
 
 
-def did(action: Fields, code: str) -> str:
+def did(action: _Fields, code: str) -> str:
     """Return an action as the end of a sentence that begins with "The agent"."""
     kind = str(action["type"])
     held = ""
@@ -84,7 +84,7 @@ def did(action: Fields, code: str) -> str:
 
 
 def _at(
-    action: Fields,
+    action: _Fields,
     end: str = "",
     word: str = "at",
 ) -> str:
@@ -95,7 +95,7 @@ def _at(
     return f" {word} ({x}, {y})"
 
 
-def _scrolled(action: Fields) -> str:
+def _scrolled(action: _Fields) -> str:
     amount = action["amount"] or 0
     direction = ""
     if amount:
@@ -103,14 +103,14 @@ def _scrolled(action: Fields) -> str:
     return f"scrolled{direction}{_at(action)}"
 
 
-def _typed(action: Fields) -> str:
+def _typed(action: _Fields) -> str:
     if action["text"] is None:
         return "typed"
     return f"typed {_quoted(action['text'])}"
 
 
-def _keyed(verb: str) -> Callable[[Fields], str]:
-    def words(action: Fields) -> str:
+def _keyed(verb: str) -> Callable[[_Fields], str]:
+    def words(action: _Fields) -> str:
         keys = "+".join(action["keys"] or ())
         return f"{verb} {keys or 'a key'}"
 
@@ -132,7 +132,7 @@ _POINTER: Mapping[str, str] = {
     "mouse_up": "let go of the mouse button",
 }
 _KEYS = ("hotkey", "key_down", "key_up")
-_OTHER: Mapping[str, Callable[[Fields], str]] = {
+_OTHER: Mapping[str, Callable[[_Fields], str]] = {
     "move": lambda action: f"moved the pointer{_at(action, word='to')}",
     "drag": lambda action: f"dragged{_at(action, word='from')}{_at(action, '2', 'to')}",
     "scroll": _scrolled,

@@ -22,7 +22,7 @@ from ...readers.files import inside
 NO_TEXT = "an action must be a string"  # the log then has the `repr` of what it was
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Key:
     """Everything that decides the plans of an episode.
 

@@ -62,7 +62,7 @@ def run_replication(
 ) -> list[dict[str, Any]]:
     """Play everything that is not there yet; return the scores of every run.
 
-    A folder that was interrupted is gone on with: whole runs are kept, and a run that was broken
+    A folder that was interrupted is resumed: whole runs are kept, and a run that was broken
     off continues from its checkpoint with the same future.
 
     Args:

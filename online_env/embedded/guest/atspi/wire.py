@@ -157,7 +157,7 @@ def _text_field(
     return _pad(bytes((code, 1)) + kind + b"\0" + _UINT.pack(len(encoded)) + encoded + b"\0")
 
 
-Call = tuple[Reference, Method]
+_Call = tuple[Reference, Method]
 
 
 class Wire:
@@ -195,7 +195,7 @@ class Wire:
         """Close the connection."""
         self._connection.close()
 
-    def ask(self, calls: Iterable[Call]) -> list[Any]:
+    def ask(self, calls: Iterable[_Call]) -> list[Any]:
         """The answer to each call, None if it failed or its application is silent.
 
         A `DesktopError` means that the bus itself has gone.
@@ -262,7 +262,7 @@ class Wire:
 class _Run:
     """Calls under way: a queue for each application, so that a silent one holds up no other."""
 
-    def __init__(self, calls: list[Call], silent: set[str]) -> None:
+    def __init__(self, calls: list[_Call], silent: set[str]) -> None:
         self.calls = calls
         self.answers: list[Any] = [None] * len(calls)
         self.waiting: dict[int, int] = {}

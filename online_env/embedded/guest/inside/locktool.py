@@ -17,10 +17,10 @@ DIALOG = 0.1  # s that a locker takes to show the field for the password
 LATIN_1 = 0x100  # characters below are their own keysyms
 UNICODE = 0x1000000  # others are, plus this
 
-Facts = dict[str, Any]
+_Facts = dict[str, Any]
 
 
-def lock(screen: Screen, typed: bool) -> Facts:
+def lock(screen: Screen, typed: bool) -> _Facts:
     """The owner of screen and input: the window on top, and both grabs.
 
     With `typed` also whether a key reaches a client of ours.
@@ -45,7 +45,7 @@ def _topmost(
     screen: Screen,
     width: int,
     height: int,
-) -> Facts | None:
+) -> _Facts | None:
     """The window on top of all that can be seen."""
     for window in reversed(screen.root.query_tree().children):
         with contextlib.suppress(*GONE):
@@ -92,13 +92,13 @@ def _typed_reaches(screen: Screen) -> bool:
     return came
 
 
-def wake(screen: Screen) -> Facts:
+def wake(screen: Screen) -> _Facts:
     """Press Shift: a locker that left the screen black shows its dialog."""
     _press(screen, "Shift_L")
     return {}
 
 
-def enter(screen: Screen, text: str) -> Facts:
+def enter(screen: Screen, text: str) -> _Facts:
     """Replace the content of the field that has the focus by `text`, then press Return.
 
     `typed` is False, and nothing was pressed, if the keyboard lacks one of the characters.
@@ -160,7 +160,7 @@ def _key_came(screen: Screen) -> bool:
     return False
 
 
-OPERATIONS: dict[str, Callable[..., Facts]] = {
+OPERATIONS: dict[str, Callable[..., _Facts]] = {
     "lock": lock,
     "wake": wake,
     "enter": enter,

@@ -19,12 +19,12 @@ A_RECORD = 1
 INTERNET = 1
 MAPPED = b"\0" * 10 + b"\xff\xff"  # how an IPv6 address that stands for an IPv4 one begins
 
-Facts = dict[str, Any]
+_Facts = dict[str, Any]
 
 
-def survey(sites: list[tuple[str, int]], patience: float) -> Facts:
+def survey(sites: list[tuple[str, int]], patience: float) -> _Facts:
     """Interfaces of the default routes, controlling hosts, and what can be reached."""
-    targets: list[Facts] = [
+    targets: list[_Facts] = [
         {
             "kind": "tcp",
             "host": host,
@@ -106,7 +106,7 @@ def _lines(path: str) -> list[str]:
         return []
 
 
-def reach(targets: list[Facts], patience: float) -> Facts:
+def reach(targets: list[_Facts], patience: float) -> _Facts:
     """Try all targets at once.
 
     Args:
@@ -123,10 +123,10 @@ def reach(targets: list[Facts], patience: float) -> Facts:
 
 
 def _timed(
-    work: Callable[[Facts, float], Facts],
-    target: Facts,
+    work: Callable[[_Facts, float], _Facts],
+    target: _Facts,
     patience: float,
-) -> Facts:
+) -> _Facts:
     start = time.monotonic()
     try:
         found = {"ok": True, **work(target, patience)}
@@ -135,12 +135,12 @@ def _timed(
     return {**found, "seconds": round(time.monotonic() - start, 4)}
 
 
-def _tcp(target: Facts, patience: float) -> Facts:
+def _tcp(target: _Facts, patience: float) -> _Facts:
     with socket.create_connection((target["host"], target["port"]), patience) as connection:
         return {"address": connection.getpeername()[0]}
 
 
-def _dns(target: Facts, patience: float) -> Facts:
+def _dns(target: _Facts, patience: float) -> _Facts:
     """One A question over UDP; any answer to it counts.
 
     Raises:
@@ -162,7 +162,7 @@ def _dns(target: Facts, patience: float) -> Facts:
     return {}
 
 
-OPERATIONS: dict[str, Callable[..., Facts]] = {"survey": survey, "reach": reach}
+OPERATIONS: dict[str, Callable[..., _Facts]] = {"survey": survey, "reach": reach}
 
 
 def main(operation: str, fields: str) -> None:

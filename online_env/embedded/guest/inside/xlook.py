@@ -16,8 +16,8 @@ from .ewmh import GONE, Screen
 DEEP = 12  # levels of windows inside windows
 PAUSE = 0.02
 
-Facts = dict[str, Any]
-Span = tuple[int, int]  # of columns in a row
+_Facts = dict[str, Any]
+_Span = tuple[int, int]  # of columns in a row
 
 
 def _outline(screen: Screen, window: Any) -> list[int]:
@@ -27,9 +27,9 @@ def _outline(screen: Screen, window: Any) -> list[int]:
     return [x1 - line, y1 - line, x2 + line, y2 + line]
 
 
-def tops(screen: Screen) -> Facts:
+def tops(screen: Screen) -> _Facts:
     """The windows that lie directly on the root and can be seen."""
-    found: list[Facts] = []
+    found: list[_Facts] = []
     for top in screen.root.query_tree().children:
         try:
             if screen.is_drawn(top):
@@ -39,7 +39,7 @@ def tops(screen: Screen) -> Facts:
     return {"tops": found}
 
 
-def _top(screen: Screen, top: Any) -> Facts:
+def _top(screen: Screen, top: Any) -> _Facts:
     client = screen.client(top)
     attributes = top.get_attributes()
     return {
@@ -51,11 +51,11 @@ def _top(screen: Screen, top: Any) -> Facts:
     }
 
 
-def shaped(screen: Screen, number: int) -> Facts:
+def shaped(screen: Screen, number: int) -> _Facts:
     """The holes in the shape of a window: rows `[y, x1, x2]` in its own pixels."""
     top = screen.window(number)
     size = top.get_geometry()
-    rows: dict[int, list[Span]] = {}
+    rows: dict[int, list[_Span]] = {}
     for part in top.shape_get_rectangles(shape.SK.Bounding).rectangles:
         span = (max(part.x, 0), min(part.x + part.width, size.width))
         for y in range(max(part.y, 0), min(part.y + part.height, size.height)):
@@ -66,7 +66,7 @@ def shaped(screen: Screen, number: int) -> Facts:
     return {"holes": holes}
 
 
-def _gaps(spans: list[Span], width: int) -> Iterator[Span]:
+def _gaps(spans: list[_Span], width: int) -> Iterator[_Span]:
     """The parts of a row of `width` pixels that no span covers."""
     at = 0
     for x1, x2 in sorted(spans):
@@ -77,7 +77,7 @@ def _gaps(spans: list[Span], width: int) -> Iterator[Span]:
         yield at, width
 
 
-def inner(screen: Screen, number: int) -> Facts:
+def inner(screen: Screen, number: int) -> _Facts:
     """The boxes of the windows that are drawn inside window `number`, other programs' included."""
     windows = [window for window in _below(screen.window(number), DEEP) if _drawn(screen, window)]
     return {"boxes": [_outline(screen, window) for window in windows]}
@@ -102,7 +102,7 @@ def gone(
     screen: Screen,
     number: int,
     patience: float,
-) -> Facts:
+) -> _Facts:
     """Whether a window goes away within `patience` seconds."""
     window = screen.window(number)
     end = time.monotonic() + patience
@@ -116,7 +116,7 @@ def gone(
     return {"gone": False}
 
 
-OPERATIONS: dict[str, Callable[..., Facts]] = {
+OPERATIONS: dict[str, Callable[..., _Facts]] = {
     "tops": tops,
     "shaped": shaped,
     "inner": inner,

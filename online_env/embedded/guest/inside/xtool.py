@@ -21,10 +21,10 @@ KEY_PATIENCE = 0.2  # s in which a button would have changed
 CLOSE_PAUSE = 0.4  # s between two requests to close
 SAME = 20  # looks, `TICK` apart, at which a window that leaves the full screen must be the same
 
-Facts = dict[str, Any]
+_Facts = dict[str, Any]
 
 
-def describe(screen: Screen, number: int) -> Facts | None:
+def describe(screen: Screen, number: int) -> _Facts | None:
     """A window as JSON data, with its frame, smallest size, states and whose dialog it is."""
     try:
         found = describe_window(screen, number)
@@ -48,7 +48,7 @@ def describe(screen: Screen, number: int) -> Facts | None:
         return None
 
 
-def listed(screen: Screen) -> list[Facts]:
+def listed(screen: Screen) -> list[_Facts]:
     """The managed windows, bottom to top."""
     numbers = screen.numbers(screen.root, "_NET_CLIENT_LIST_STACKING")
     if not numbers:
@@ -62,7 +62,7 @@ def visible(screen: Screen) -> list[int]:
     return [w["id"] for w in listed(screen) if w["mapped"] and w["type"] not in FIXED]
 
 
-def state(screen: Screen) -> Facts:
+def state(screen: Screen) -> _Facts:
     """The windows bottom to top, and what else a plan for them needs."""
     width, height = screen.size()
     desk = screen.number(screen.root, "_NET_CURRENT_DESKTOP")
@@ -84,7 +84,7 @@ def _pointer(screen: Screen) -> list[int]:
     return [pointer.root_x, pointer.root_y]
 
 
-def minimise(screen: Screen, patience: float) -> Facts:
+def minimise(screen: Screen, patience: float) -> _Facts:
     """Show the desktop; if the window manager cannot, minimise window by window."""
     before = visible(screen)
     active = screen.active()
@@ -117,7 +117,7 @@ def restore(
     ids: "list[int] | None",
     active: int,
     patience: float,
-) -> Facts:
+) -> _Facts:
     """Bring windows back, whatever hid them (`None`: all that are minimised).
 
     Those that were closed since are left out.
@@ -143,7 +143,7 @@ def restore(
     return {"restored": wanted, "left": sorted(left())}
 
 
-def _is_minimised(window: Facts) -> bool:
+def _is_minimised(window: _Facts) -> bool:
     return "hidden" in window["states"] and window["type"] not in FIXED
 
 
@@ -152,7 +152,7 @@ def await_window(
     before: list[int],
     classes: list[str],
     patience: float,
-) -> Facts:
+) -> _Facts:
     """Wait for a new application window that stays.
 
     Args:
@@ -162,12 +162,12 @@ def await_window(
         patience: in seconds.
     """
 
-    def is_wanted(window: Facts) -> bool:
+    def is_wanted(window: _Facts) -> bool:
         if not window["mapped"] or window["type"] != "normal" or window["id"] in before:
             return False
         return any(name in window["class"].lower() for name in classes)
 
-    def newest() -> Facts | None:
+    def newest() -> _Facts | None:
         return next((window for window in reversed(listed(screen)) if is_wanted(window)), None)
 
     end = time.monotonic() + patience
@@ -185,7 +185,7 @@ def drawn(
     number: int,
     frames: dict[str, list[int]],
     patience: float,
-) -> Facts:
+) -> _Facts:
     """Give windows their places; tell whether new window `number` then draws itself.
 
     Otherwise it only shows what was there: it is painted over and told to draw, and whatever hangs
@@ -232,12 +232,12 @@ def place(
     screen: Screen,
     frames: dict[str, list[int]],
     patience: float = PLACE,
-) -> Facts:
+) -> _Facts:
     """Give windows (by number) their places; none stays maximised or full-screen.
 
     A place is what a person sees of the window, xyxy.
     """
-    under: Facts = {}
+    under: _Facts = {}
     for number, frame in frames.items():
         with contextlib.suppress(*GONE):
             window = screen.window(int(number))
@@ -251,7 +251,7 @@ def _leave_full_screen(
     screen: Screen,
     number: int,
     patience: float,
-) -> Facts | None:
+) -> _Facts | None:
     """Return what a window is like without filling the screen.
 
     Chromium first takes back the place that it had before, and may maximise itself a little later.
@@ -287,7 +287,7 @@ def _place(
     until(lambda: screen.box(window) == box, patience / 2)
 
 
-def maximise(screen: Screen, number: int) -> Facts:
+def maximise(screen: Screen, number: int) -> _Facts:
     """Maximise a window."""
     screen.switch(screen.window(number), MAXIMISED, True)
     return {}
@@ -297,7 +297,7 @@ def fill(
     screen: Screen,
     number: int,
     patience: float = PLACE,
-) -> Facts:
+) -> _Facts:
     """Let a window fill the screen."""
     window = screen.window(number)
     screen.switch(window, FULL_SCREEN, True)
@@ -308,7 +308,7 @@ def activate(
     screen: Screen,
     number: int,
     patience: float = PLACE,
-) -> Facts:
+) -> _Facts:
     """Give a window the focus, if it is still there."""
 
     def has_it() -> bool:
@@ -324,7 +324,7 @@ def close(
     screen: Screen,
     ids: Iterable[int],
     patience: float,
-) -> Facts:
+) -> _Facts:
     """Ask windows and the dialogs before them to close; tell which are still there."""
     wanted = set(ids)
     end = time.monotonic() + patience
@@ -345,7 +345,7 @@ def move(
     screen: Screen,
     x: int,
     y: int,
-) -> Facts:
+) -> _Facts:
     """Move the pointer to a point."""
     xtest.fake_input(screen.display, X.MotionNotify, x=x, y=y)
     screen.display.sync()
@@ -356,7 +356,7 @@ def click(
     screen: Screen,
     number: int,
     frame: list[int],
-) -> Facts:
+) -> _Facts:
     """Click where the pointer is, if window `number` is still at `frame` (0: no matter).
 
     `delivered` is the server's own account of the button before, during and after.
@@ -381,7 +381,7 @@ def click(
     }
 
 
-OPERATIONS: dict[str, Callable[..., Facts]] = {
+OPERATIONS: dict[str, Callable[..., _Facts]] = {
     "state": state,
     "minimise": minimise,
     "restore": restore,

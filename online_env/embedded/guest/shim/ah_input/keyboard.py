@@ -8,7 +8,7 @@ from Xlib import X
 
 from .connection import Connection
 from .keys import CAPS_LOCK, NAMED, SHIFT, keysym_of
-from .layout import Key, KeyboardLayout, sole_typist
+from .layout import KeyboardLayout, KeyStroke, sole_typist
 
 MAX_TEXT = 100_000  # characters in one call
 BURST = 250  # characters before the application is waited for
@@ -88,7 +88,7 @@ class Keyboard:
 
     def _type_run(
         self,
-        keys: Sequence[Key],
+        keys: Sequence[KeyStroke],
         layout: KeyboardLayout,
         interval: float,
     ) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 from .connection import Connection
 
-Key = tuple[int, bool]  # keycode, and whether Shift is held
+KeyStroke = tuple[int, bool]  # keycode, and whether Shift is held
 LOCK_FILE = "keyboard.lock"
 GROUP_BIT = 13  # where the keyboard's group begins in the mask of modifiers
 
@@ -31,8 +31,8 @@ class KeyboardLayout:
         group = connection.root.query_pointer().mask >> GROUP_BIT & 3
         self.keys = self._read(group)
 
-    def _read(self, group: int) -> dict[int, Key]:
-        keys: dict[int, Key] = {}
+    def _read(self, group: int) -> dict[int, KeyStroke]:
+        keys: dict[int, KeyStroke] = {}
         for index, row in enumerate(self._rows):
             code = self._first + index
             if code in self.spare:
@@ -64,7 +64,7 @@ class KeyboardLayout:
             yield run, lacking
 
     @contextlib.contextmanager
-    def lent(self, symbols: list[int]) -> Iterator[dict[int, Key]]:
+    def lent(self, symbols: list[int]) -> Iterator[dict[int, KeyStroke]]:
         """Give each of `symbols` a spare key, until the application has read what was typed."""
         if not symbols:
             yield self.keys

@@ -1,0 +1,233 @@
+"""Files of a user that are damaged, of another version or wrong: what is said, and what is not done."""
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+pytest.importorskip("gymnasium", reason="needs the extra [online]")
+
+from hijack_data.errors import ConfigError, HijackError, ParameterError, UnknownNameError
+from online_env.agents.chat.request_log import RequestReplay
+from online_env.agents.scripted import Scripted, read_script
+from online_env.bench import reading, records
+from online_env.bench.gate import ReleaseGate
+from online_env.bench.reading import RunError
+from online_env.errors import ReplayError
+from online_env.osworld import table
+from online_env.osworld import tasks as osworld_tasks
+from online_env.report.build import load_report
+from online_env.report.cli import report
+
+CONFIG = {"agents": ["oracle"], "corruptions": ["clean"]}
+EPISODES = ["oracle--write_note-0--clean--0"]
+RECORD = {
+    "id": EPISODES[0],
+    "agent": "oracle",
+    "task": "write_note-0",
+    "task_seed": 0,
+    "corruption": "clean",
+    "seed": 0,
+    "status": "ok",
+    "score": 1.0,
+    "steps": 3,
+}
+
+
+@pytest.fixture
+def run(tmp_path):
+    """A run that was broken off after its first episode."""
+    folder = tmp_path / "run"
+    with records.create(folder, CONFIG, EPISODES):
+        records.append(folder, dict(RECORD))
+    return folder
+
+
+def head_of(folder, **changes):
+    path = folder / reading.RUN
+    path.write_text(json.dumps(json.loads(path.read_text()) | changes))
+
+
+def resume(folder, config=CONFIG, episodes=EPISODES):
+    with records.resume(folder, config, episodes):
+        pass
+
+
+# Going on with a run
+
+
+def test_a_run_goes_on_and_its_journal_stays_as_it_was(run):
+    before = (run / reading.RECORDS).read_bytes()
+    resume(run)
+    assert (run / reading.RECORDS).read_bytes() == before
+    assert len(records.read(run).records) == 1
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"version": 1}, r"was begun by an older version \(format 1, now \d+\); begin a new run"),
+        ({"version": 10**6}, "version 1000000 is newer than this library reads; upgrade"),
+        ({"version": "2"}, "version '2' is newer than this library reads"),
+        ({"format": "another"}, r"is not the head of a run \(field 'format' must be"),
+        ({"config": []}, "field 'config' is not an object"),
+        ({"versions": {"agenthijack": "0.0.1"}}, r"was begun with agenthijack 0\.0\.1, this is"),
+        ({"versions": []}, "field 'versions' is not an object"),
+        ({"episodes": ["another"]}, "is another run: its tasks have other variants"),
+    ],
+)
+def test_a_run_that_is_another_one_is_not_resumed(run, changes, said):
+    head_of(run, **changes)
+    before = {path: path.read_bytes() for path in run.iterdir() if path.is_file()}
+    with pytest.raises(RunError, match=said) as error:
+        resume(run)
+    assert str(run) in str(error.value)
+    assert {path: path.read_bytes() for path in before} == before, "refused, so nothing is written"
+
+
+def test_another_configuration_is_named_by_its_first_difference(run):
+    with pytest.raises(RunError, match=r'corruptions\[0\] was "clean", and is "marks" now'):
+        resume(run, CONFIG | {"corruptions": ["marks"]})
+
+
+def test_a_head_that_was_cut_off(run):
+    head = run / reading.RUN
+    head.write_bytes(head.read_bytes()[:40])
+    with pytest.raises(RunError, match=r"run\.json: is not JSON"):
+        resume(run)
+    found = CliRunner().invoke(report, [str(run)])
+    assert isinstance(found.exception, RunError)
+
+
+def test_a_line_that_was_cut_off_at_the_end_is_dropped_and_run_again(run):
+    journal = run / reading.RECORDS
+    whole = journal.read_bytes()
+    journal.write_bytes(whole + whole[:50])
+    resume(run)
+    assert journal.read_bytes() == whole
+
+
+def test_a_line_that_is_damaged_in_the_middle_is_never_dropped(run):
+    journal = run / reading.RECORDS
+    whole = journal.read_bytes()
+    broken = whole[:50] + b"\n" + whole
+    journal.write_bytes(broken)
+    with pytest.raises(RunError, match=r"records\.jsonl:1: not JSON, perhaps cut off"):
+        resume(run)
+    assert journal.read_bytes() == broken
+    assert [damage.line for damage in records.read(run).damaged] == [1]
+
+
+def test_a_run_that_another_process_plays(run):
+    with (
+        records.resume(run, CONFIG, EPISODES),
+        pytest.raises(RunError, match="is being written by process"),
+    ):
+        resume(run)
+    resume(run)
+
+
+# Reports
+
+
+def test_a_report_of_a_report_that_was_edited(run, tmp_path):
+    made = tmp_path / "report.json"
+    done = CliRunner().invoke(report, [str(run), "-o", str(made)])
+    assert done.exit_code == 0, done.output
+    assert load_report(made).cells
+    data = json.loads(made.read_text())
+    for changes, said in (
+        ({"color": "red"}, "unknown field 'color'; make the report again"),
+        ({"cells": 5}, "cells: must be a list, got 5; make the report again"),
+        ({"cells": [5]}, "must be an object, got 5; make the report again"),
+        ({"cells": [{"agent": 5}]}, "agent: must be str, got 5; make the report again"),
+    ):
+        made.write_text(json.dumps(data | changes))
+        with pytest.raises(HijackError) as error:
+            load_report(made)
+        assert said in str(error.value)
+        assert str(made) in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--format", "htm"], "--format: unknown format 'htm'; did you mean 'html'?"),
+        (["--compare", "RUN", "--pair", "oracle"], "--pair: 'oracle' is not OLD=NEW"),
+        (["--compare", "RUN", "--pair", "oracle=gpt"], r"--pair: 'gpt' is not in RUN (oracle)"),
+        (["--fail-under", "clean"], "--fail-under clean: write SCORE=X"),
+    ],
+)
+def test_options_of_a_report_that_cannot_be(run, words, said):
+    found = CliRunner().invoke(report, [str(run), *(w.replace("RUN", str(run)) for w in words)])
+    assert found.exit_code != 0
+    assert isinstance(found.exception, HijackError), found.output
+    assert said.replace("RUN", str(run)) in str(found.exception)
+
+
+@pytest.mark.parametrize(
+    ("gate", "error", "said"),
+    [
+        ("sucess=0.5", UnknownNameError, "no score 'sucess'; did you mean 'success'"),
+        ("orcle:success=0.5", UnknownNameError, "no agent 'orcle'; did you mean 'oracle'"),
+        ("success=much", ParameterError, "success=much"),
+    ],
+)
+def test_gates_that_mean_nothing_are_refused_before_the_run(gate, error, said):
+    with pytest.raises(error, match="fail-under") as found:
+        ReleaseGate.read((gate,), None, ("oracle",), ("clean",))
+    assert said in str(found.value)
+
+
+# Files of agents and of OSWorld
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[WAIT", "cannot be parsed"),
+        ("{a: 1}", "must be a list of actions, such as [WAIT, DONE]"),
+        ("[]", "must be a list of actions"),
+        ("[WAIT, 'click(1', DONE, 'import os']", "action 2"),
+    ],
+)
+def test_a_script_with_mistakes(tmp_path, text, said):
+    file = tmp_path / "plays.yaml"
+    file.write_text(text)
+    with pytest.raises(ConfigError) as error:
+        read_script(file)
+    assert f"{file}: {said}" in str(error.value)
+
+
+def test_a_scripted_agent_without_its_script(monkeypatch):
+    monkeypatch.delenv("AGENTHIJACK_SCRIPT", raising=False)
+    with pytest.raises(ParameterError, match=r"name it with AGENTHIJACK_SCRIPT=FILE\.yaml"):
+        Scripted()
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [('{"step": 0', "is damaged ("), ("[]", "it lacks one of"), ('{"step": 0}', "it lacks one of")],
+)
+def test_a_log_of_requests_that_is_damaged(tmp_path, line, said):
+    log = tmp_path / "requests.jsonl"
+    log.write_text(f"\n{line}\n")
+    with pytest.raises(ReplayError) as error:
+        RequestReplay(log)
+    assert f"{log}:2: " in str(error.value)
+    assert said in str(error.value)
+
+
+def test_task_tables_of_osworld(tmp_path):
+    with pytest.raises(ConfigError, match="no task files; expected examples/<domain>/<id>"):
+        osworld_tasks.load(tmp_path)
+    rows = tmp_path / "tasks.jsonl"
+    with pytest.raises(ConfigError, match=r"tasks\.jsonl: cannot be read"):
+        table.read(rows)
+    rows.write_bytes(b'{"task_id": "\xff"}\n')
+    with pytest.raises(ConfigError, match=r"tasks\.jsonl: not UTF-8"):
+        table.read(rows)
+    rows.write_text('{"task_id": 5}\n{"task_id": \n')
+    with pytest.raises(ConfigError) as error:
+        table.read(rows)
+    assert [":1:" in str(error.value), ":2:" in str(error.value)] == [True, True]
