@@ -19,11 +19,13 @@ from hijack_data.errors import UnknownNameError, some_of, suggest
 from hijack_data.png import encode
 
 from ..agents.adapters.reading import PYAUTOGUI
+from .drawing import HELD_OUT, TRAINING
 from .service import DesktopService
 from .sessions import DesktopSession, SessionView
 
 NAME = "agenthijack"
 OPTIONS = ("seed", "episode_id", "task", "corruption", "slot", "split", "index")
+SPLIT_TYPES = {TRAINING: "train", HELD_OUT: "test"}
 ABOUT = (
     "Tasks on a real Linux desktop that is corrupted on purpose: pop-ups, marks, subtitles, a"
     " lower resolution, foreign windows, accidental touches, minimised windows, no network, a lock"
@@ -151,9 +153,9 @@ class DesktopEnvironment(Environment[DesktopAction, DesktopObservation, DesktopS
         """Return what OpenEnv's `/metadata` shows."""
         return EnvironmentMetadata(name=NAME, description=ABOUT, version=__version__)
 
-    def list_splits(self) -> list[str]:
-        """Return the sides of the split that are served."""
-        return list(self._service.splits)
+    def list_splits(self) -> list[dict[str, str]]:
+        """Return the sides of the split that are served, with OpenEnv's word for each."""
+        return [{"name": side, "type": SPLIT_TYPES[side]} for side in self._service.splits]
 
     def list_tasks(self, split: str) -> list[dict[str, Any]]:
         """Return the tasks of a side."""

@@ -193,6 +193,7 @@ def serve(options: ServeOptions, say: Callable[[str], object]) -> None:
                 ws_per_message_deflate=False,
                 timeout_graceful_shutdown=GRACE,
             )
+            listener.listen()  # from here on, clients that come too early wait
             say(_about(options, service, listener.getsockname()[1]))
             uvicorn.Server(config).run(sockets=[listener])
         except KeyboardInterrupt:
