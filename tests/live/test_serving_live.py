@@ -64,6 +64,7 @@ def serving(*words):
         timer.cancel()
         process.kill()
         process.wait()
+        process.stdout.close()
 
 
 def client(url):
@@ -91,7 +92,8 @@ def free(url):
     """How many desktops a server has to lend."""
     headers = {"Authorization": f"Bearer {TOKEN}"}
     request = urllib.request.Request(f"{url}/metrics", headers=headers)
-    text = urllib.request.urlopen(request, timeout=30).read().decode()
+    with urllib.request.urlopen(request, timeout=30) as answer:
+        text = answer.read().decode()
     return float(re.search(r'hijack_desktops\{state="free"\} (\S+)', text)[1])
 
 
@@ -180,6 +182,7 @@ def test_one_desktop_meets_what_clients_and_machines_do():
         assert free(url) == 0
         vanishing.kill()
         vanishing.wait()
+        vanishing.stdout.close()
         until(lambda: free(url) == 1, 30)
 
         with client(url) as silent, client(url) as other:
