@@ -149,6 +149,8 @@ class DesktopPool:
         """
         ticket = object()
         with self._changed:
+            if self._closing.is_set():
+                raise ServerBusyError("the server is ending", LONGEST)
             if (self._waiting or not self._free) and len(self._waiting) >= self._line:
                 raise self._busy(f"{len(self._waiting)} sessions wait already")
             self._waiting.append(ticket)
@@ -187,11 +189,16 @@ class DesktopPool:
             self._starting.append(thread)
             thread.start()
 
-    def close(self) -> None:
-        """End all desktops, also those that are lent or being started; twice is fine."""
+    def stop_lending(self) -> None:
+        """Lend no desktop from now on; whoever waits is told so."""
         with self._changed:
             self._closing.set()
             self._changed.notify_all()
+
+    def close(self) -> None:
+        """End all desktops, also those that are lent or being started; twice is fine."""
+        self.stop_lending()
+        with self._changed:
             seats = [*self._free, *self._lent]
             threads = list(self._starting)
             self._free.clear()

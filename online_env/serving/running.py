@@ -1,5 +1,6 @@
 """Starts a server from its options, and ends it with all its desktops."""
 
+import ctypes
 import os
 import re
 import signal
@@ -29,6 +30,11 @@ MESSAGE = 2**20  # bytes of what a client may send at once
 PING = 20.0  # seconds between two pings
 PONG = 120.0  # seconds that a client may be too busy to answer one
 GRACE = 10  # seconds that sessions have to end with the server
+# malloc.h
+MMAP_THRESHOLD = -3
+ARENA_MAX = -8
+PICTURE = 2**19  # bytes from which on memory is a mapping of its own
+ARENAS = 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,6 +180,7 @@ def serve(options: ServeOptions, say: Callable[[str], object]) -> None:
             f"{options.host} can be reached from other machines, which needs a token: set"
             f" {TOKEN}, or give --token-file"
         )
+    _give_memory_back()
     service = make_service(options)
     sessions = options.sessions or 4 * options.desktops
     app = make_app(service, sessions=sessions, token=options.token)
@@ -257,6 +264,17 @@ def _about(
         f"{len(draws.tasks)} tasks{without}, {len(draws.planners)} conditions,"
         f" {options.desktops} desktop{plural} at http://{host}:{port}, {access}  (Ctrl-C ends)"
     )
+
+
+def _give_memory_back() -> None:
+    """Let glibc return the memory of every picture to the system as soon as it is free.
+
+    Otherwise it keeps what it freed, for each of the threads that come and go with the sessions.
+    """
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)  # other C libraries have none
+    if mallopt is not None:
+        mallopt(MMAP_THRESHOLD, PICTURE)
+        mallopt(ARENA_MAX, ARENAS)
 
 
 def _bound(host: str, port: int) -> socket.socket:

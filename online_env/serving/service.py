@@ -2,6 +2,7 @@
 
 import contextlib
 import itertools
+import logging
 import threading
 import time
 from collections.abc import Generator
@@ -14,6 +15,9 @@ from .pool import DesktopPool, DesktopSeat
 
 LOOKS = 4  # looks for silent clients in the length of a lease
 OFTEN = 0.2  # seconds between two looks at least
+ENDING = 30.0  # seconds that a reset or a step has at the end of the server
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(eq=False)
@@ -85,8 +89,18 @@ class DesktopService:
         self._reaper.start()
 
     def close(self) -> None:
-        """End the desktops; twice is fine."""
+        """End the desktops; twice is fine.
+
+        Resets and steps that are under way end first: a desktop that is being reset would
+        otherwise start another one after it was ended.
+        """
         self._ending.set()
+        self.pool.stop_lending()
+        with self._lock:
+            leases = list(self._leases)
+        for lease in leases:
+            if lease.lock.acquire(timeout=ENDING):
+                lease.lock.release()
         self.pool.close()
         if self._reaper.is_alive():
             self._reaper.join()
@@ -136,15 +150,23 @@ class DesktopService:
         with lease.lock:
             if lease.ended:
                 return
-            env = lease.env
-            if env is not None and env.record is None:
-                if self.settings.log is not None:
-                    env.truncate()
-                if env.record is None:
-                    env.abandon(why)
-            is_broken = not lease.seat.is_alive()
-            self.end(lease, why, is_broken=is_broken)
+            is_broken = True  # until it has shown that it is not
+            try:
+                self._finish(lease, why)
+                is_broken = not lease.seat.is_alive()
+            finally:
+                self.end(lease, why, is_broken=is_broken)
             self.metrics.broken_off.inc()
+
+    def _finish(self, lease: DesktopLease, why: str) -> None:
+        """End the episode on a lent desktop."""
+        env = lease.env
+        if env is None or env.record is not None:
+            return
+        if self.settings.log is not None:
+            env.truncate()
+        if env.record is None:
+            env.abandon(why)
 
     def environment(self, lease: DesktopLease, session: int) -> CorruptedEnv:
         """Return an environment for one episode on a lent desktop."""
@@ -171,7 +193,10 @@ class DesktopService:
             with self._lock:
                 leases = list(self._leases)
             for lease in leases:
-                self._take_back(lease)
+                try:
+                    self._take_back(lease)
+                except Exception:  # noqa: BLE001  (the other leases have to end as well)
+                    _log.exception("the desktop of a silent client could not be put back")
 
     def _take_back(self, lease: DesktopLease) -> None:
         if not lease.lock.acquire(blocking=False):

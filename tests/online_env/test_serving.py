@@ -255,6 +255,43 @@ def test_the_end_of_a_server_ends_all_desktops_and_all_waiting():
     assert (refused, desktops.stages) == ([True], [])
 
 
+def test_the_end_of_a_server_waits_for_the_reset_that_is_under_way():
+    desktops = Desktops()
+    with service_on(desktops) as service:
+        session = DesktopSession(service)
+        begun, order = threading.Event(), []
+
+        def slowly():
+            begun.set()
+            threading.Event().wait(0.5)
+            order.append("reset")
+
+        desktops.stages[0].desktop.reset = slowly
+        thread = threading.Thread(target=session.reset)
+        thread.start()
+        begun.wait(10)
+        service.close()
+        order.append("closed")
+        thread.join()
+        assert order == ["reset", "closed"]
+
+
+def test_a_desktop_that_fails_when_it_is_put_back_is_replaced():
+    desktops = Desktops()
+    with service_on(desktops, lease=0.2) as service:
+        session = DesktopSession(service)
+        session.reset()
+        stage = desktops.stages[0]
+
+        def broken():
+            raise ValueError("no screen")
+
+        stage.desktop.on["screenshot"] = broken
+        until(lambda: service.pool.replaced == 1)
+        until(lambda: service.pool.counts().free == 1)
+        assert DesktopSession(service).reset().done is False
+
+
 def test_a_desktop_that_does_not_start_ends_the_others():
     desktops = Desktops()
     desktops.failures = 1
