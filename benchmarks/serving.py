@@ -211,10 +211,10 @@ def compare(
         for name, found in (("in the process", here), ("through the server", there)):
             rows.append(_row(name, count, found))
         medians = [statistics.median(found.steps) * 1e3 for found in (here, there)]
+        plural = "s" if count > 1 else ""
         ratios.append(
-            f"With {count} session{'s' if count > 1 else ''}, the server adds"
-            f" {medians[1] - medians[0]:.0f} ms to the median step"
-            f" ({medians[1] / medians[0]:.2f} times)."
+            f"With {count} session{plural}, the median step through the server takes"
+            f" {medians[1] / medians[0]:.2f} times as long."
         )
     head = ("", "sessions", "resets / s", "reset p50", "step p50", "step p99", "steps")
     return f"{table(head, rows)}\n\n{' '.join(ratios)}"

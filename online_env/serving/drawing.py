@@ -140,12 +140,12 @@ class EpisodeDraws:
             )
         worker = session if self._sampler.per == "worker" else place
         draw = self._sampler.draw(step=0, group=f"{name} s{whole}", slot=worker)
-        label = CLEAN if draw.planner is None else self._labels.get(id(draw.planner), draw.label)
         return EpisodeChoice(
             task=name,
             seed=whole,
             slot=place,
-            label=label,
+            # The sampler knows corruptions by their own names, the configuration may give others.
+            label=self._labels.get(id(draw.planner), str(draw.label)),
             planner=draw.planner,
             key=draw.key,
         )
