@@ -32,6 +32,7 @@ SCRIPTS = {
     "viewer_runs": "The page of runs",
     "pixel": "Reading by OCR: the agent pixel",
     "kills": "A benchmark that is killed",
+    "serving": "Desktops behind a server",
     "bench_rate": "What the runner of benchmarks costs",
 }
 NOT_HERE = "Not measured: "  # what a script prints where it cannot measure

@@ -41,7 +41,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "verify_runs",
         "clusters",
     ),
-    "Training": ("training", "labels", "coordinates", "proof"),
+    "Training": ("training", "labels", "coordinates", "proof", "serve"),
     "Scoring": (
         "score_my_agent",
         "score_my_model",

@@ -39,6 +39,7 @@ COMMANDS = {
     "train": "pipelines.train.cli:train",
     "desktop": "online_env.cli:desktop",
     "bench": "online_env.bench.cli:bench",
+    "serve": "online_env.serving.cli:serve",
     "score": "online_env.scoring.cli:score",
     "report": "online_env.report.cli:report",
     "tasks": "online_env.tasks.cli:tasks",

@@ -19,6 +19,7 @@ PURPOSES = {
     "inspect": "benchmarks as tasks of Inspect",
     "agent-s": "Agent S3, in an environment of its own",
     "cua": "cua-agent, in an environment of its own",
+    "serve": "desktops behind an OpenEnv server",
     "ray": "builds and benchmarks on a cluster",
     "train": "the training examples",
     "dev": "work on AgentHijack itself",

@@ -26,6 +26,7 @@ HIJACK = ".venv/bin/hijack"
 ONLINE = "needs the extra [online]; .venv/bin/pip install -e '.[online]'"
 RAY = "needs the extra [ray]; .venv/bin/pip install -e '.[ray]'"
 OCR = "needs the extra [ocr]; .venv/bin/pip install -e '.[ocr]'"
+SERVE = "needs the extra [serve]; .venv/bin/pip install -e '.[serve]'"
 INSPECT = "needs the extra [inspect]; .venv/bin/pip install -e '.[inspect]'"
 
 

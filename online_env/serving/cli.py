@@ -1,0 +1,168 @@
+"""`hijack serve`.
+
+Exit codes: 0 ended by SIGTERM or Ctrl-C, 2 bad usage or configuration, or a desktop that does not
+start, 3 the disk is full or fails.
+"""
+
+from pathlib import Path
+
+import click
+
+from hijack_data import extras
+
+MODULES = ("openenv", "prometheus_client", "uvicorn", "gymnasium")
+
+
+@click.command()
+@click.argument("config")
+@click.option(
+    "--desktops",
+    type=click.IntRange(1, 256),
+    metavar="N",
+    help="Desktops side by side; by default as many as cores and memory allow.",
+)
+@click.option(
+    "--tasks",
+    metavar="A,B",
+    help="Tasks or a set, instead of those of CONFIG: suite, core, write_note, my_task.py:MyTask.",
+)
+@click.option(
+    "--corruptions",
+    metavar="A,B|all",
+    help="Labels of CONFIG or names; all is clean and every corruption.",
+)
+@click.option(
+    "--evaluation",
+    is_flag=True,
+    help="Serve held-out tasks as well: for scoring, never for training.",
+)
+@click.option(
+    "--per",
+    type=click.Choice(("rollout", "group", "worker")),
+    default="rollout",
+    show_default=True,
+    help="What gets a corruption of its own: each reset, each task and seed, or each session.",
+)
+@click.option(
+    "--clean",
+    type=click.FloatRange(0, 1),
+    metavar="P",
+    help="Share of clean episodes.  [default: as likely as each of the others]",
+)
+@click.option(
+    "--seed",
+    type=click.IntRange(0, 2**64 - 1),
+    default=0,
+    show_default=True,
+    help="Of all draws.",
+)
+@click.option(
+    "--max-steps",
+    type=click.IntRange(1, 1000),
+    metavar="N",
+    help="Actions until an episode is cut off, instead of CONFIG's.",
+)
+@click.option("--size", metavar="WIDTHxHEIGHT", help="Of the screens, instead of CONFIG's.")
+@click.option("--host", default="127.0.0.1", show_default=True, help="The address to listen at.")
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=8000,
+    show_default=True,
+    help="Where to listen; 0 takes a free one.",
+)
+@click.option(
+    "--token-file",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="What clients have to send.  [also: AGENTHIJACK_SERVE_TOKEN]",
+)
+@click.option(
+    "--sessions",
+    type=click.IntRange(1, 4096),
+    metavar="N",
+    help="Clients that may be connected.  [default: 4 a desktop]",
+)
+@click.option(
+    "--line",
+    type=click.IntRange(0, 4096),
+    metavar="N",
+    help="Clients that may wait for a desktop; others have to come back.  [default: 2 a desktop]",
+)
+@click.option(
+    "--wait",
+    type=click.FloatRange(0, 3600),
+    default=45,
+    show_default=True,
+    metavar="SECONDS",
+    help="How long they wait at most; below the time-out of the clients.",
+)
+@click.option(
+    "--lease",
+    type=click.FloatRange(1, 86_400),
+    default=600,
+    show_default=True,
+    metavar="SECONDS",
+    help="A client that is silent for so long in mid-episode loses its desktop.",
+)
+@click.option(
+    "-o",
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    metavar="RUNS",
+    help="Log every episode there, for hijack view and verify.  [default: none is logged]",
+)
+@click.option("--dry-run", is_flag=True, help="Check everything and list the tasks; start nothing.")
+def serve(
+    config: str,
+    desktops: int | None,
+    tasks: str | None,
+    corruptions: str | None,
+    evaluation: bool,
+    per: str,
+    clean: float | None,
+    seed: int,
+    max_steps: int | None,
+    size: str | None,
+    host: str,
+    port: int,
+    token_file: Path | None,
+    sessions: int | None,
+    line: int | None,
+    wait: float,
+    lease: float,
+    out: Path | None,
+    dry_run: bool,
+) -> None:
+    """Serve desktops with the tasks of a benchmark to trainers, as an OpenEnv environment.
+
+    Such as: hijack serve embedded --desktops 4
+    """
+    extras.require("hijack serve", "serve", MODULES)
+    from ..bench.config import load_bench, override
+    from ..bench.workers import default_desktops
+    from . import running
+
+    token = running.read_token(token_file)
+    bench = override(load_bench(config), task=tasks, corruption=corruptions)
+    options = running.ServeOptions(
+        bench=running.adjusted(bench, max_steps, size),
+        desktops=desktops or default_desktops(),
+        host=host,
+        port=port,
+        token=token,
+        is_evaluation=evaluation,
+        per=per,
+        clean=clean,
+        seed=seed,
+        sessions=sessions,
+        line=line,
+        patience=wait,
+        lease=lease,
+        log=out,
+    )
+    if dry_run:
+        for name in options.draws().tasks:
+            click.echo(name)
+        return
+    running.serve(options, click.echo)

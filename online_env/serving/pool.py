@@ -1,0 +1,259 @@
+"""The desktops of a server: started together, lent for one episode, replaced when they end.
+
+A session that finds no free desktop waits in line. The line is short, and waiting has a limit, so a
+client is told that the server is busy instead of running into a time-out of its own.
+"""
+
+import contextlib
+import logging
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+from ..desktops.protocol import Desktop
+from ..environment import SmallTasks
+from ..environment.stage import Stage
+from ..errors import DesktopError
+from .errors import ServerBusyError
+
+STARTS = 5.0  # seconds between two tries to start a desktop in the place of one that ended
+LONGEST = 300  # seconds, the most that a client is told to wait
+RECENT = 20  # loans that the advice when to come back is made from
+
+# Called without arguments; the stage is there within the context.
+StageMaker: TypeAlias = Callable[[], AbstractContextManager[Stage]]
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PoolCounts:
+    """How many desktops there are, by what they do, and how many sessions wait."""
+
+    free: int
+    lent: int
+    starting: int
+    waiting: int
+
+
+@dataclass(eq=False)
+class DesktopSeat:
+    """One desktop of the pool.
+
+    Args:
+        stage: The desktop with its tasks.
+        stack: Ends the desktop.
+    """
+
+    stage: Stage
+    stack: ExitStack
+    lent_at: float = field(default=0.0)
+
+    def is_alive(self) -> bool:
+        """Return whether the desktop still shows a screen."""
+        try:
+            self.stage.desktop.screenshot()
+        except DesktopError:
+            return False
+        return True
+
+
+class DesktopPool:
+    """Lends desktops; safe to call from several threads.
+
+    Args:
+        make: Starts a desktop.
+        count: How many desktops there are, at least 1.
+        line: How many sessions may wait for one.
+        patience: Seconds that a session waits at most.
+    """
+
+    def __init__(
+        self,
+        make: StageMaker,
+        *,
+        count: int,
+        line: int,
+        patience: float,
+    ) -> None:
+        self.count = count
+        self.replaced = 0
+        self._make = make
+        self._line = line
+        self._patience = patience
+        self._changed = threading.Condition()
+        self._closing = threading.Event()
+        self._free: list[DesktopSeat] = []
+        self._lent: set[DesktopSeat] = set()
+        self._waiting: deque[object] = deque()
+        self._starting: list[threading.Thread] = []
+        self._loans: deque[float] = deque(maxlen=RECENT)
+
+    def start(self) -> None:
+        """Start all desktops side by side, and wait until they are ready.
+
+        Raises:
+            DesktopError: One of them does not start; the others are ended.
+        """
+        failures: list[BaseException] = []
+
+        def begin() -> None:
+            try:
+                self._add()
+            except BaseException as error:  # noqa: BLE001  (raised below, in the calling thread)
+                failures.append(error)
+
+        threads = [threading.Thread(target=begin, daemon=True) for _ in range(self.count)]
+        for thread in threads:
+            thread.start()
+        self._starting += threads
+        for thread in threads:
+            thread.join()
+            self._starting.remove(thread)
+        if failures:
+            self.close()
+            raise failures[0]
+
+    def counts(self) -> PoolCounts:
+        """Return what the desktops do now."""
+        with self._changed:
+            free, lent = len(self._free), len(self._lent)
+            return PoolCounts(
+                free=free,
+                lent=lent,
+                starting=max(0, self.count - free - lent),
+                waiting=len(self._waiting),
+            )
+
+    def any_seat(self) -> DesktopSeat:
+        """Return a desktop that is free, without lending it.
+
+        Raises:
+            DesktopError: None is free.
+        """
+        with self._changed:
+            if not self._free:
+                raise DesktopError("no desktop of the server is ready")
+            return self._free[0]
+
+    def take(self) -> DesktopSeat:
+        """Lend a desktop, to whoever has waited longest.
+
+        Raises:
+            ServerBusyError: Too many wait already, or none became free in time.
+        """
+        ticket = object()
+        with self._changed:
+            if self._closing.is_set():
+                raise ServerBusyError("the server is ending", LONGEST)
+            if (self._waiting or not self._free) and len(self._waiting) >= self._line:
+                raise self._busy(f"{len(self._waiting)} sessions wait already")
+            self._waiting.append(ticket)
+            try:
+                self._changed.wait_for(lambda: self._may_go(ticket), self._patience)
+            finally:
+                is_first = self._waiting[0] is ticket
+                self._waiting.remove(ticket)
+                self._changed.notify_all()
+            if self._closing.is_set():
+                raise ServerBusyError("the server is ending", LONGEST)
+            if not is_first or not self._free:
+                raise self._busy(f"none became free in {self._patience:g} s")
+            seat = self._free.pop(0)
+            seat.lent_at = time.monotonic()
+            self._lent.add(seat)
+            return seat
+
+    def give_back(self, seat: DesktopSeat) -> None:
+        """Take a desktop back; the next reset on it makes it pristine."""
+        with self._changed:
+            self._lent.discard(seat)
+            self._loans.append(time.monotonic() - seat.lent_at)
+            self._free.append(seat)
+            self._changed.notify_all()
+
+    def replace(self, seat: DesktopSeat) -> None:
+        """End a desktop that failed and start another one, in a thread."""
+        with self._changed:
+            self._lent.discard(seat)
+            self.replaced += 1
+            if self._closing.is_set():
+                seat.stack.close()
+                return
+            thread = threading.Thread(target=self._replace, args=(seat,), daemon=True)
+            self._starting.append(thread)
+            thread.start()
+
+    def stop_lending(self) -> None:
+        """Lend no desktop from now on; whoever waits is told so."""
+        with self._changed:
+            self._closing.set()
+            self._changed.notify_all()
+
+    def close(self) -> None:
+        """End all desktops, also those that are lent or being started; twice is fine."""
+        self.stop_lending()
+        with self._changed:
+            seats = [*self._free, *self._lent]
+            threads = list(self._starting)
+            self._free.clear()
+            self._lent.clear()
+        enders = [threading.Thread(target=seat.stack.close) for seat in seats]
+        for thread in enders:
+            thread.start()
+        for thread in [*enders, *threads]:
+            thread.join()
+
+    def _may_go(self, ticket: object) -> bool:
+        if self._closing.is_set():
+            return True
+        return bool(self._free) and self._waiting[0] is ticket
+
+    def _busy(self, why: str) -> ServerBusyError:
+        """Return the error of a session that gets no desktop."""
+        starting = self.count - len(self._free) - len(self._lent)
+        state = f"{len(self._lent)} of {self.count} desktops are in use"
+        if starting:
+            state += f", {starting} are being started"
+        mean = sum(self._loans) / len(self._loans) if self._loans else self._patience
+        ahead = len(self._waiting) + 1
+        seconds = min(LONGEST, max(1, math.ceil(mean * ahead / self.count)))
+        return ServerBusyError(f"the server is busy: {state}, and {why}", seconds)
+
+    def _add(self) -> None:
+        """Start a desktop and put it among the free ones."""
+        with ExitStack() as stack:
+            stage = stack.enter_context(self._make())
+            seat = DesktopSeat(stage, stack.pop_all())
+        with self._changed:
+            if not self._closing.is_set():
+                self._free.append(seat)
+                self._changed.notify_all()
+                return
+        seat.stack.close()
+
+    def _replace(self, seat: DesktopSeat) -> None:
+        """End a desktop, and start another one until that works."""
+        with contextlib.suppress(DesktopError):
+            seat.stack.close()
+        while not self._closing.is_set():
+            try:
+                self._add()
+                break
+            except DesktopError as error:
+                _log.error("no desktop in the place of one that ended, trying again: %s", error)
+                self._closing.wait(STARTS)
+        with self._changed:
+            self._starting.remove(threading.current_thread())
+
+
+@contextlib.contextmanager
+def stage_on(context: AbstractContextManager[Desktop]) -> Iterator[SmallTasks]:
+    """The tasks of the suite on a desktop, as long as that is there."""
+    with context as desktop:
+        yield SmallTasks(desktop)

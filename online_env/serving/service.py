@@ -1,0 +1,211 @@
+"""What all sessions of a server share: desktops, draws, leases and counts."""
+
+import contextlib
+import itertools
+import logging
+import threading
+import time
+from collections.abc import Generator
+from dataclasses import dataclass, field
+
+from ..environment import CorruptedEnv, EvalSettings
+from .drawing import EpisodeChoice, EpisodeDraws, sides
+from .metrics import ServerMetrics
+from .pool import DesktopPool, DesktopSeat
+
+LOOKS = 4  # looks for silent clients in the length of a lease
+OFTEN = 0.2  # seconds between two looks at least
+ENDING = 30.0  # seconds that a reset or a step has at the end of the server
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(eq=False)
+class DesktopLease:
+    """A desktop that a session holds, from a reset to the end of the episode.
+
+    Whoever uses the desktop holds `lock`.
+
+    Args:
+        seat: The desktop.
+        ended: Why the lease is over; empty while it is not.
+    """
+
+    seat: DesktopSeat
+    env: CorruptedEnv | None = None
+    ended: str = ""
+    used: float = field(default_factory=time.monotonic)
+    lock: threading.RLock = field(default_factory=threading.RLock)
+
+    @contextlib.contextmanager
+    def in_use(self) -> Generator[None]:
+        """Hold the desktop; the client counts as silent from the end of it."""
+        with self.lock:
+            try:
+                yield
+            finally:
+                self.used = time.monotonic()
+
+
+class DesktopService:
+    """The shared part of a server; `start` it before there are sessions, and `close` it.
+
+    Args:
+        pool: The desktops.
+        draws: What resets play.
+        settings: What holds for every episode.
+        lease: Seconds of silence after which a client loses its desktop.
+        metrics: Where everything is counted.
+    """
+
+    def __init__(
+        self,
+        pool: DesktopPool,
+        draws: EpisodeDraws,
+        settings: EvalSettings,
+        *,
+        lease: float,
+        metrics: ServerMetrics | None = None,
+    ) -> None:
+        self.pool = pool
+        self.draws = draws
+        self.settings = settings
+        self.lease = lease
+        self.splits = {side: names for side, names in sides(draws.tasks).items() if names}
+        self.metrics = metrics or ServerMetrics(pool)
+        self._numbers = itertools.count(1)
+        self._leases: set[DesktopLease] = set()
+        self._lock = threading.Lock()
+        self._ending = threading.Event()
+        self._reaper = threading.Thread(target=self._reap, name="leases", daemon=True)
+
+    def start(self) -> None:
+        """Start the desktops, and look for silent clients from now on.
+
+        Raises:
+            DesktopError: A desktop does not start.
+        """
+        self.pool.start()
+        self._reaper.start()
+
+    def close(self) -> None:
+        """End the desktops; twice is fine.
+
+        Resets and steps that are under way end first: a desktop that is being reset would
+        otherwise start another one after it was ended.
+        """
+        self._ending.set()
+        self.pool.stop_lending()
+        with self._lock:
+            leases = list(self._leases)
+        for lease in leases:
+            if lease.lock.acquire(timeout=ENDING):
+                lease.lock.release()
+        self.pool.close()
+        if self._reaper.is_alive():
+            self._reaper.join()
+
+    def new_session(self) -> int:
+        """Return the number of a new session, from 1."""
+        return next(self._numbers)
+
+    def lend(self) -> DesktopLease:
+        """Lend a desktop for an episode.
+
+        Raises:
+            ServerBusyError: None is free.
+        """
+        with self.metrics.waiting():
+            lease = DesktopLease(self.pool.take())
+        with self._lock:
+            self._leases.add(lease)
+        return lease
+
+    def end(
+        self,
+        lease: DesktopLease,
+        why: str,
+        *,
+        is_broken: bool = False,
+    ) -> None:
+        """End a lease; the desktop goes back to the pool, or is replaced if it is broken.
+
+        The caller holds the lease's lock. Only the first call counts.
+        """
+        if lease.ended:
+            return
+        lease.ended = why
+        with self._lock:
+            self._leases.discard(lease)
+        if is_broken:
+            self.pool.replace(lease.seat)
+        else:
+            self.pool.give_back(lease.seat)
+
+    def break_off(self, lease: DesktopLease, why: str) -> None:
+        """End a lease and the episode on it, because the client left, or is silent.
+
+        Where episodes are logged, one in which the agent acted is judged as it stands.
+        """
+        with lease.lock:
+            if lease.ended:
+                return
+            is_broken = True  # until it has shown that it is not
+            try:
+                self._finish(lease, why)
+                is_broken = not lease.seat.is_alive()
+            finally:
+                self.end(lease, why, is_broken=is_broken)
+            self.metrics.broken_off.inc()
+
+    def _finish(self, lease: DesktopLease, why: str) -> None:
+        """End the episode on a lent desktop."""
+        env = lease.env
+        if env is None or env.record is not None:
+            return
+        if self.settings.log is not None:
+            env.truncate()
+        if env.record is None:
+            env.abandon(why)
+
+    def environment(self, lease: DesktopLease, session: int) -> CorruptedEnv:
+        """Return an environment for one episode on a lent desktop."""
+        lease.env = CorruptedEnv(
+            lease.seat.stage,
+            settings=self.settings,
+            # Two sessions may play the same episode at the same time: their logs are kept apart.
+            agent=f"{self.settings.agent}-{session}",
+        )
+        return lease.env
+
+    def options(self, choice: EpisodeChoice) -> dict[str, object]:
+        """Return the options of the environment's `reset`."""
+        return {
+            "task": choice.task,
+            "corruption": choice.planner,
+            "label": choice.label,
+        }
+
+    def _reap(self) -> None:
+        """Take the desktops of silent clients back."""
+        pause = max(OFTEN, self.lease / LOOKS)
+        while not self._ending.wait(pause):
+            with self._lock:
+                leases = list(self._leases)
+            for lease in leases:
+                try:
+                    self._take_back(lease)
+                except Exception:  # noqa: BLE001  (the other leases have to end as well)
+                    _log.exception("the desktop of a silent client could not be put back")
+
+    def _take_back(self, lease: DesktopLease) -> None:
+        if not lease.lock.acquire(blocking=False):
+            return  # a step is being taken
+        try:
+            silent = time.monotonic() - lease.used
+            if lease.ended or silent < self.lease:
+                return
+            self.metrics.expired.inc()
+            self.break_off(lease, f"the client said nothing for {silent:.0f} s")
+        finally:
+            lease.lock.release()
