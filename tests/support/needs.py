@@ -27,6 +27,7 @@ ONLINE = "needs the extra [online]; .venv/bin/pip install -e '.[online]'"
 RAY = "needs the extra [ray]; .venv/bin/pip install -e '.[ray]'"
 OCR = "needs the extra [ocr]; .venv/bin/pip install -e '.[ocr]'"
 INSPECT = "needs the extra [inspect]; .venv/bin/pip install -e '.[inspect]'"
+TRL = "needs the extra [trl]; .venv/bin/pip install -e '.[trl]'"
 
 
 def profile_of(program: str) -> str:
