@@ -31,7 +31,7 @@ class TokenRollout(Rollout):
 
     @property
     def counts(self) -> bool:
-        """Whether the rollout can be trained on; an agent that never acts has failed, and counts."""
+        """Whether it can be trained on; an agent that never acted has failed, which counts."""
         return self.status == "ok"
 
     def reward(self, weight: float = 1.0) -> float | None:

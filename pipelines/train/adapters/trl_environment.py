@@ -257,7 +257,7 @@ class TrlEnvironments:
     def close(self) -> None:
         """Close all environments; may be called again."""
         for each in self._made:
-            each._episode.close()  # noqa: SLF001  (a public method would be a tool)
+            each._episode.close()
 
 
 def format_reward(

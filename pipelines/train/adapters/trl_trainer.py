@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import torch
-from transformers import TrainerCallback
 from trl import GRPOTrainer
 
 from hijack_data.errors import ParameterError
@@ -17,31 +16,8 @@ from hijack_data.errors import ParameterError
 from ..errors import TrainError
 from ..replay import ReplayBuffer
 from ..split import check_split
+from .finite import FiniteCallback
 from .trl_environment import TrlEnvironment, TrlEnvironments, format_reward
-
-
-class FiniteCallback(TrainerCallback):
-    """Ends a run before a step that would make its weights NaN; for any trainer of transformers."""
-
-    def on_pre_optimizer_step(
-        self,
-        args: Any,
-        state: Any,
-        control: Any,
-        **kwargs: Any,
-    ) -> None:
-        """Check the gradients.
-
-        Raises:
-            TrainError: one is not finite.
-        """
-        for name, parameter in kwargs["model"].named_parameters():
-            if parameter.grad is not None and not bool(torch.isfinite(parameter.grad).all()):
-                raise TrainError(
-                    f"step {state.global_step}: the gradient of {name} is not finite; no step was"
-                    " taken. Lower learning_rate or max_grad_norm, and go on from the last"
-                    " checkpoint"
-                )
 
 
 @dataclass(kw_only=True)
@@ -120,7 +96,7 @@ class DAGRPOTrainer(GRPOTrainer):
         environments: list[TrlEnvironment] = self.environments or []
         prompt_ids, completion_ids, tool_mask, completions, logprobs, extra, images, seen = played
         rollouts = [
-            environment._outcome(completion)  # noqa: SLF001  (a public method would be a tool)
+            environment._outcome(completion)
             for environment, completion in zip(environments, completions, strict=True)
         ]
         self._made.check_played()
@@ -137,7 +113,7 @@ class DAGRPOTrainer(GRPOTrainer):
             )
         for i, rollout in self._stored(rollouts):
             stored: _Tokens = rollout.tokens
-            environments[i]._replayed = rollout  # noqa: SLF001
+            environments[i]._replayed = rollout
             prompt_ids[i] = stored.prompt_ids
             completion_ids[i] = stored.completion_ids
             tool_mask[i] = stored.tool_mask
