@@ -6,9 +6,13 @@ TRL's own.
 
 import json
 import os
+import subprocess
+import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+import yaml
 
 from support import needs
 
@@ -39,6 +43,7 @@ from pipelines.train.toy.env import ToyEnv  # noqa: E402
 
 from support import tiny_qwen3  # noqa: E402
 
+ROOT = Path(__file__).resolve().parents[3]
 TASKS = ("toy-00000", "toy-00001")
 HOW = "Call the tool with click(x, y) or DONE."
 PICTURES = hj.OneOf(
@@ -350,3 +355,50 @@ def test_the_loss_is_ours(made):
     theirs = trainer._compute_loss(trainer.model, inputs)
     ours = clipped_loss(new, old, advantages, mask.bool()).mean()
     assert torch.allclose(theirs, ours, atol=1e-6)
+
+
+def test_the_example_runs_from_a_folder(tmp_path, words):
+    """`examples/train_trl.py` with the shipped fields, made small: a random model, one step."""
+    tiny_qwen3.model(words.tokenizer).save_pretrained(tmp_path / "model")
+    words.save_pretrained(tmp_path / "model")
+    fields = yaml.safe_load((ROOT / "configs" / "train" / "trl.yaml").read_text())
+    assert fields["gradient_accumulation_steps"] == 4 * fields["num_generations"]
+    small = {
+        "num_generations": 2,
+        "steps_per_generation": 2,
+        "gradient_accumulation_steps": 2,
+        "max_completion_length": 16,
+        "max_steps": 1,
+        "bf16": False,
+        "use_cpu": True,
+        "disable_tqdm": True,
+    }
+    config = tmp_path / "trl.yaml"
+    config.write_text(yaml.safe_dump({**fields, **small}))
+    out = tmp_path / "out"
+    command = [sys.executable, ROOT / "examples" / "train_trl.py", "--model", tmp_path / "model"]
+    command += ["--config", config, "--out", out, "--tasks", "1"]
+    done = subprocess.run(
+        list(map(str, command)),
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert (out / "model" / "model.safetensors").is_file()
+    rows = log_of(out)
+    assert [row["well_formed"] for row in rows] == [False, False], "a random model calls no tool"
+
+
+def test_the_shipped_fields_are_the_paper_s(tmp_path):
+    from trl import GRPOConfig
+
+    fields = yaml.safe_load((ROOT / "configs" / "train" / "trl.yaml").read_text())
+    args = GRPOConfig(output_dir=str(tmp_path), **{**fields, "bf16": False, "use_cpu": True})
+    assert (args.learning_rate, args.temperature, args.num_train_epochs) == (1e-6, 1.0, 15)
+    assert (args.epsilon, args.epsilon_high, args.beta) == (0.2, 0.3, 0.0)
+    assert (args.num_generations, args.loss_type) == (4, "grpo")
+    assert args.optim.startswith("adamw")
+    groups = args.gradient_accumulation_steps * args.per_device_train_batch_size
+    assert groups == 4 * args.num_generations

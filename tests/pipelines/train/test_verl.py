@@ -32,7 +32,6 @@ with warnings.catch_warnings():  # of ray and of verl, while they are imported
         compute_grpo_outcome_advantage,
         compute_policy_loss_vanilla,
     )
-    from verl.trainer.ppo.v1.replay_buffer import ReplayBuffer as _  # noqa: F401
     from verl.utils.dataset.rl_dataset import RLHFDataset
     from verl.workers.rollout.replica import TokenOutput
 
@@ -332,7 +331,7 @@ def test_the_shipped_loop_is_one_that_verl_can_make(words, net):
         )
 
     loop = asyncio.run(made())
-    assert len(loop.sampler.planner.planners) == 4
+    assert len(loop.sampler.planner.options) == 4
     assert loop.environment_args == {"max_steps": 10}
 
 
@@ -356,11 +355,20 @@ def queue():
     """TransferQueue itself, on a Ray of this process."""
     import ray
 
-    ray.init(num_cpus=4, include_dashboard=False, log_to_driver=False)
+    patch = pytest.MonkeyPatch()
+    patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
+    patch.setenv("RAY_raylet_start_wait_time_s", "300")  # on a busy machine
+    ray.init(
+        num_cpus=4,
+        include_dashboard=False,
+        log_to_driver=False,
+        object_store_memory=80 * 2**20,
+    )
     tq.init()
     yield
     tq.close()
     ray.shutdown()
+    patch.undo()
 
 
 def _buffer(**options):
@@ -378,7 +386,6 @@ def _buffer(**options):
 
 def _put(uid, rewards, step, task="toy-00000"):
     """What verl's workers put into the queue for a group, of different lengths."""
-    from tensordict import TensorDict  # noqa: F401  (list_of_dict_to_tensordict makes one)
     from verl.utils.tensordict_utils import list_of_dict_to_tensordict
 
     fields, keys, tags = [], [], []
