@@ -97,6 +97,15 @@ def expert(number, turn, env):
     return call(expert_answer(env)[0])
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _one_thread():
+    """Threads of a tiny model wait for each other on a busy machine."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
 @pytest.fixture(scope="module")
 def words():
     return tiny_qwen3.processor(tiny_qwen3.trl_template())

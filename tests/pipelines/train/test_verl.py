@@ -86,6 +86,15 @@ class Server:
         )
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _one_thread():
+    """Threads of a tiny model wait for each other on a busy machine."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
 @pytest.fixture(scope="module")
 def words():
     return tiny_qwen3.processor(TEMPLATE)
@@ -358,6 +367,7 @@ def queue():
     patch = pytest.MonkeyPatch()
     patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
     patch.setenv("RAY_raylet_start_wait_time_s", "300")  # on a busy machine
+    patch.setenv("RAY_agent_register_timeout_ms", "300000")
     ray.init(
         num_cpus=4,
         include_dashboard=False,
