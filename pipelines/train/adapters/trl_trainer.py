@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import torch
-from trl import GRPOTrainer
 
+from hijack_data import extras
 from hijack_data.errors import ParameterError
 
 from ..errors import TrainError
@@ -18,6 +18,8 @@ from ..replay import ReplayBuffer
 from ..split import check_split
 from .finite import FiniteCallback
 from .trl_environment import TrlEnvironment, TrlEnvironments, format_reward
+
+GRPOTrainer: Any = extras.load("trl", "DAGRPOTrainer", "trl").GRPOTrainer
 
 
 @dataclass(kw_only=True)

@@ -10,14 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 from uuid import uuid4
 
-from omegaconf import OmegaConf
-from verl.experimental.agent_loop.agent_loop import (
-    AgentLoopBase,
-    AgentLoopMetrics,
-    AgentLoopOutput,
-)
-from verl.utils.profiler import simple_timer
-
+from hijack_data import extras
 from hijack_data.compose import OneOf
 from hijack_data.config import load_config
 from hijack_data.errors import ParameterError
@@ -29,6 +22,11 @@ from hijack_data.rng import Stream
 from ..rollouts import RolloutRequest, SeenObservation
 from ..sampler import CorruptionSampler, Draw
 from .episodes import DrivenEpisode, TokenRollout, picture_of
+
+_agents = extras.load("verl.experimental.agent_loop.agent_loop", "HijackLoop", "verl")
+AgentLoopBase: Any = _agents.AgentLoopBase
+simple_timer: Any = extras.load("verl.utils.profiler", "HijackLoop", "verl").simple_timer
+OmegaConf: Any = extras.load("omegaconf", "HijackLoop", "verl").OmegaConf
 
 _idle: dict[str, list[DrivenEpisode]] = {}  # environments by what made them, for the next episode
 
@@ -81,8 +79,8 @@ class HijackLoop(AgentLoopBase):
         self,
         sampling_params: dict[str, Any],
         **kwargs: Any,
-    ) -> AgentLoopOutput | list[AgentLoopOutput]:
-        """Play one episode; an empty list leaves it out of its group.
+    ) -> Any:
+        """Play one episode; return an `AgentLoopOutput`, or `[]` to leave it out of its group.
 
         Raises:
             ParameterError: the row has no task, or the trainer is not v1.
@@ -107,7 +105,7 @@ class HijackLoop(AgentLoopBase):
         request: RolloutRequest,
         messages: list[dict[str, Any]],
         sampling_params: dict[str, Any],
-    ) -> AgentLoopOutput | None:
+    ) -> Any:
         metrics: dict[str, Any] = {}
         with simple_timer("tool_calls", metrics):
             seen = await self._off(episode.reset, request)
@@ -166,7 +164,7 @@ class HijackLoop(AgentLoopBase):
         if total is None:
             return self._left_out(rollout)
         end = self.rollout_config.response_length  # what is cut is text: pictures were checked
-        return AgentLoopOutput(
+        return _agents.AgentLoopOutput(
             prompt_ids=ids[:prompt],
             response_ids=ids[prompt:][:end],
             response_mask=mask[:end],
@@ -174,7 +172,7 @@ class HijackLoop(AgentLoopBase):
             multi_modal_data={"images": pictures},
             reward_score=total,
             num_turns=2 * rollout.answers,
-            metrics=AgentLoopMetrics(**metrics),
+            metrics=_agents.AgentLoopMetrics(**metrics),
             extra_fields={"reward_extra_info": _facts(rollout)},
         )
 

@@ -8,10 +8,7 @@ way. It overrides a private method of verl 0.9.
 from collections import defaultdict
 from typing import Any
 
-import transfer_queue
-from transfer_queue import KVBatchMeta
-from verl.trainer.ppo.v1.replay_buffer import ReplayBuffer as VerlBuffer
-
+from hijack_data import extras
 from hijack_data.errors import ParameterError
 
 from ..replay import ReplayBuffer
@@ -19,6 +16,10 @@ from ..rollouts import RolloutRequest
 from ..sampler import Draw
 from ..split import check_split
 from .episodes import TokenRollout
+
+transfer_queue: Any = extras.load("transfer_queue", "HijackReplay", "verl")
+_module = extras.load("verl.trainer.ppo.v1.replay_buffer", "HijackReplay", "verl")
+VerlBuffer: Any = _module.ReplayBuffer
 
 TRAINING = "train"  # verl's name of the partition
 _STATED = ("status", "prompt_len", "response_len", "seq_len")
@@ -41,14 +42,14 @@ class HijackReplay(VerlBuffer):
             raise ParameterError(f"sampler_kwargs: unknown {', '.join(unknown)}")
         self.stored = ReplayBuffer(**options)
 
-    def _materialize_batch(self, partition_id: str, *args: Any) -> KVBatchMeta:
+    def _materialize_batch(self, partition_id: str, *args: Any) -> Any:
         """Return the batch, after stored successes were put into groups that have none."""
         batch = super()._materialize_batch(partition_id, *args)
         if partition_id == TRAINING and batch.keys:
             self._replay(batch)
         return batch
 
-    def _replay(self, batch: KVBatchMeta) -> None:
+    def _replay(self, batch: Any) -> None:
         rows = transfer_queue.kv_batch_get(keys=batch.keys, partition_id=TRAINING)
         groups: dict[str, list[int]] = defaultdict(list)
         for place, key in enumerate(batch.keys):
@@ -72,7 +73,7 @@ class HijackReplay(VerlBuffer):
 
     def _put(
         self,
-        batch: KVBatchMeta,
+        batch: Any,
         place: int,
         row: Any,
         stored: Any,

@@ -7,6 +7,7 @@ from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 
+from hijack_data import extras
 from hijack_data.errors import ParameterError, UnknownNameError, suggest
 from hijack_data.files import write_atomic
 
@@ -93,7 +94,6 @@ def _trainer(
     out: Path,
 ) -> Any:
     from transformers import AutoModelForImageTextToText, AutoProcessor
-    from trl import SFTTrainer
 
     from ..adapters.finite import FiniteCallback
 
@@ -109,7 +109,8 @@ def _trainer(
         raise TrainError(f"model {settings.model!r} takes no pictures: it has no image processor")
     if settings.max_pixels is not None:
         _limit(images, settings.max_pixels)
-    return SFTTrainer(
+    trl: Any = extras.load("trl", "method sft", "trl")
+    return trl.SFTTrainer(
         model=model,
         args=config,
         train_dataset=_dataset(rows),
@@ -139,8 +140,7 @@ def _config(settings: SftSettings, out: Path) -> Any:
     Raises:
         UnknownNameError: `trl` has a field that TRL does not know, or one that is a key of ours.
     """
-    from trl import SFTConfig
-
+    trl: Any = extras.load("trl", "method sft", "trl")
     ours: dict[str, Any] = {
         "output_dir": str(out / CHECKPOINTS),
         "num_train_epochs": settings.epochs,
@@ -157,7 +157,7 @@ def _config(settings: SftSettings, out: Path) -> Any:
         "report_to": [],
         "save_strategy": "epoch",
     }
-    known = {each.name for each in fields(SFTConfig)}
+    known = {each.name for each in fields(trl.SFTConfig)}
     for name in settings.trl:
         if name in ours:
             raise UnknownNameError(f"{settings.source}: trl: {name} is set by the keys beside trl")
@@ -165,7 +165,7 @@ def _config(settings: SftSettings, out: Path) -> Any:
             raise UnknownNameError(
                 f"{settings.source}: trl: SFTConfig has no {name!r}{suggest(name, sorted(known))}"
             )
-    return SFTConfig(**{**defaults, **settings.trl, **ours})
+    return trl.SFTConfig(**{**defaults, **settings.trl, **ours})
 
 
 def _dataset(rows: list[ChatRow]) -> Any:

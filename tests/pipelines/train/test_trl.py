@@ -392,7 +392,7 @@ def test_the_example_runs_from_a_folder(tmp_path, words):
         capture_output=True,
         text=True,
         check=False,
-        timeout=300,
+        timeout=900,
     )
     assert done.returncode == 0, done.stderr[-2000:]
     assert (out / "model" / "model.safetensors").is_file()
