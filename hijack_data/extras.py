@@ -18,6 +18,7 @@ WIDE = frozenset({"all", "dev", "docs"})
 APART = ("agent-s", "cua", "verl")  # in environments of their own, since they pin what others need
 # Where the module of a distribution has another name.
 _MODULES = {
+    "TransferQueue": "transfer_queue",
     "inspect-ai": "inspect_ai",
     "markdown-it-py": "markdown_it",
     "mkdocs-material": "material",

@@ -147,15 +147,17 @@ def _fine_tune(
     from .sft.settings import load_sft
 
     settings = run.overridden(load_sft(config), **changes)
+    rows = run.rows_of(settings)
     if dry_run:
-        for folder, rows in run.rows_of(settings).items():
-            click.echo(f"{folder}: {len(rows)} rows")
+        for name, some in rows.items():
+            click.echo(f"{name}: {len(some)} rows")
         return
     extras.require("hijack train with method sft", "trl", ("torch", "transformers", "trl"))
     folder = _folder(config, out, resume)
     summary = run.fine_tune(
         settings,
         folder,
+        rows=rows,
         resume=resume,
         say=lambda line: click.echo(line, err=True),
     )

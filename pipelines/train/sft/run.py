@@ -44,6 +44,7 @@ def fine_tune(
     settings: SftSettings,
     out: Path,
     *,
+    rows: dict[str, list[ChatRow]] | None = None,
     resume: bool = False,
     say: Callable[[str], object] = lambda _: None,
 ) -> dict[str, Any]:
@@ -54,6 +55,7 @@ def fine_tune(
     Args:
         settings: what is trained on what.
         out: the folder of the results.
+        rows: what `rows_of` returned; it is read if omitted.
         resume: go on from the last checkpoint in it.
         say: called with a line on what is read.
 
@@ -61,7 +63,7 @@ def fine_tune(
         TrainError: the loss is not finite, the model cannot be loaded or is not made for pictures,
             or there is no checkpoint to go on from.
     """
-    rows = rows_of(settings)
+    rows = rows_of(settings) if rows is None else rows
     for folder, some in rows.items():
         say(f"{folder}: {len(some)} rows")
     every = [row for some in rows.values() for row in some]
