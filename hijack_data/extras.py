@@ -15,9 +15,10 @@ from .errors import MissingDependencyError
 DISTRIBUTION = "agenthijack"
 # Extras that no single use needs: everything at once, and what works on the library itself.
 WIDE = frozenset({"all", "dev", "docs"})
-APART = ("agent-s", "cua")  # in environments of their own, since they pin what others need
+APART = ("agent-s", "cua", "verl")  # in environments of their own, since they pin what others need
 # Where the module of a distribution has another name.
 _MODULES = {
+    "TransferQueue": "transfer_queue",
     "inspect-ai": "inspect_ai",
     "markdown-it-py": "markdown_it",
     "mkdocs-material": "material",

@@ -52,6 +52,17 @@ PLOT = "gains.svg"
     metavar="N",
     help="Processes, of one thread each; their number changes no result.",
 )
+@click.option(
+    "--model",
+    metavar="NAME|DIR",
+    help="With method sft: the model that is fine-tuned, instead of CONFIG's.",
+)
+@click.option(
+    "--data",
+    multiple=True,
+    metavar="DIR",
+    help="With method sft: a folder of hijack export, instead of CONFIG's; may be repeated.",
+)
 @click.option("--resume", is_flag=True, help="Go on in DIR, or add arms and seeds to it.")
 @click.option("--dry-run", is_flag=True, help="Check the configuration, list the runs, run none.")
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as one JSON object.")
@@ -62,6 +73,8 @@ def train(
     seeds: int | None,
     epochs: int | None,
     workers: int,
+    model: str | None,
+    data: tuple[str, ...],
     resume: bool,
     dry_run: bool,
     as_json: bool,
@@ -69,7 +82,26 @@ def train(
     """Train with corruptions (DA-GRPO) and without (GRPO), and compare them on unseen tasks.
 
     Such as: hijack train configs/train/toy.yaml --out runs/toy
+
+    With "method: sft" in CONFIG, fine-tune a vision model on exports instead, such as: hijack train
+    configs/train/sft.yaml --model DIR --data chat --out runs/sft
     """
+    from .sft.settings import METHOD, method_of
+
+    if method_of(config) == METHOD:
+        if arms is not None or seeds is not None:
+            raise click.UsageError(f"--arms and --seeds are not for method {METHOD}")
+        _fine_tune(
+            config,
+            out,
+            {"model": model, "data": data, "epochs": epochs},
+            resume=resume,
+            dry_run=dry_run,
+            as_json=as_json,
+        )
+        return
+    if model is not None or data:
+        raise click.UsageError(f"--model and --data are for method {METHOD}")
     extras.require("hijack train", "train", ("torch", "gymnasium", "scipy"))
     from .split import check_split
     from .toy.settings import load_replication
@@ -82,14 +114,59 @@ def train(
             for arm in chosen.arms:
                 click.echo(f"{arm}, seed {seed}")
         return
-    folder = out or Path("runs") / "train" / Path(config).stem
-    if folder.exists() and any(folder.iterdir()) and not resume:
-        raise click.UsageError(f"{folder} is not empty; --resume goes on there, or give --out")
+    folder = _folder(config, out, resume)
     _run(
         chosen,
         folder,
         workers,
         as_json,
+    )
+
+
+def _folder(
+    config: str,
+    out: Path | None,
+    resume: bool,
+) -> Path:
+    folder = out or Path("runs") / "train" / Path(config).stem
+    if folder.exists() and any(folder.iterdir()) and not resume:
+        raise click.UsageError(f"{folder} is not empty; --resume goes on there, or give --out")
+    return folder
+
+
+def _fine_tune(
+    config: str,
+    out: Path | None,
+    changes: dict[str, Any],
+    *,
+    resume: bool,
+    dry_run: bool,
+    as_json: bool,
+) -> None:
+    from .sft import run
+    from .sft.settings import load_sft
+
+    settings = run.overridden(load_sft(config), **changes)
+    rows = run.rows_of(settings)
+    if dry_run:
+        for name, some in rows.items():
+            click.echo(f"{name}: {len(some)} rows")
+        return
+    extras.require("hijack train with method sft", "trl", ("torch", "transformers", "trl"))
+    folder = _folder(config, out, resume)
+    summary = run.fine_tune(
+        settings,
+        folder,
+        rows=rows,
+        resume=resume,
+        say=lambda line: click.echo(line, err=True),
+    )
+    if as_json:
+        click.echo(json.dumps(summary))
+        return
+    click.echo(
+        f"{folder / run.MODEL}: {summary['steps']} steps, loss {summary['first_loss']:.4g} in the"
+        f" first, {summary['last_loss']:.4g} in the last"
     )
 
 

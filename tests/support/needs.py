@@ -28,6 +28,8 @@ RAY = "needs the extra [ray]; .venv/bin/pip install -e '.[ray]'"
 OCR = "needs the extra [ocr]; .venv/bin/pip install -e '.[ocr]'"
 SERVE = "needs the extra [serve]; .venv/bin/pip install -e '.[serve]'"
 INSPECT = "needs the extra [inspect]; .venv/bin/pip install -e '.[inspect]'"
+TRL = "needs the extra [trl]; .venv/bin/pip install -e '.[trl]'"
+VERL = "needs verl 0.9 and TransferQueue in an environment of their own, see docs/train.md"
 
 
 def profile_of(program: str) -> str:

@@ -1,0 +1,335 @@
+"""Our environments as tools of TRL's `GRPOTrainer` (its argument `environment_factory`).
+
+TRL makes an object for each rollout of a generation batch, resets it with a row of the dataset, and
+offers every public method to the model as a tool. So `TrlEnvironment` has one, `computer`, and
+`CorruptedEnv` itself must not be handed over. Written for TRL 1.16; nothing of TRL is imported.
+"""
+
+import atexit
+import json
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any, Protocol, TypeAlias
+
+from hijack_data.errors import ParameterError
+from hijack_data.files import unwritable
+from hijack_data.rng import Stream
+
+from ..errors import TrainError
+from ..journal import ROLLOUTS
+from ..rollouts import RolloutRequest, SeenObservation
+from ..sampler import CorruptionSampler
+from ..split import check_split
+from .episodes import DrivenEpisode, MakeEnvironment, TokenRollout, picture_of
+
+Content: TypeAlias = list[dict[str, Any]]
+OVER = "The episode is over."
+
+
+class BatchSettings(Protocol):
+    """What is read of TRL's `GRPOConfig`."""
+
+    num_generations: Any
+    per_device_train_batch_size: int
+    steps_per_generation: Any
+    process_index: Any
+    world_size: Any
+
+
+class TrlEnvironment:
+    """One rollout at a time, for TRL; made by `TrlEnvironments`.
+
+    Args:
+        number: which of the environments of this process it is, from 0.
+        owner: what made it.
+        make: makes the gymnasium environment, with the first `reset`.
+    """
+
+    def __init__(
+        self,
+        number: int,
+        owner: "TrlEnvironments",
+        make: MakeEnvironment,
+    ) -> None:
+        self._number = number
+        self._owner = owner
+        self._episode = DrivenEpisode(make)
+        self._replayed: TokenRollout | None = None
+        self._is_logged = False
+
+    def reset(
+        self,
+        task: str,
+        seed: int | None = None,
+        **_row: Any,
+    ) -> Content:
+        """Begin a rollout under a corruption that the sampler draws, and return the prompt's end.
+
+        Args:
+            task: the task, of the dataset's row.
+            seed: of the environment; drawn for each group and batch if the row has none.
+            **_row: the row's other columns.
+
+        Raises:
+            UnknownNameError: the environment does not know the task.
+            TrainError: none of the last batch's rollouts could be played.
+        """
+        if self._number == 0:
+            self._owner.begin_batch()
+        self._replayed = None
+        self._is_logged = False
+        seen = self._episode.reset(self._owner.request(task, self._number, seed))
+        if seen is None:
+            return [{"type": "text", "text": OVER}]
+        return [{"type": "text", "text": seen["instruction"]}, _image(seen)]
+
+    def computer(self, action: str) -> Content:
+        """Act on the computer, then look at its screen.
+
+        Args:
+            action: The next action, in the form that the task asks for.
+
+        Returns:
+            The next screenshot.
+        """
+        seen = self._episode.step(str(action))
+        return [{"type": "text", "text": OVER}] if seen is None else [_image(seen)]
+
+    def get_reward(self) -> float | None:
+        """Return the success of the rollout, or `None` if it does not count.
+
+        TRL leaves a reward of `None` out of its group.
+        """
+        rollout = self._outcome()
+        return rollout.success if rollout.counts else None
+
+    def _outcome(self, completion: Sequence[Any] | None = None) -> TokenRollout:
+        """Return the judged rollout, or the stored one that replaces it.
+
+        Args:
+            completion: the messages of the rollout, which tell whether its end had the right form.
+        """
+        if self._replayed is not None:
+            return self._replayed
+        return self._own(completion)
+
+    def _own(self, completion: Sequence[Any] | None) -> TokenRollout:
+        was_over = self._episode.is_over
+        rollout = self._episode.finish()
+        if self._is_logged:
+            return rollout
+        if completion is not None and not was_over:
+            rollout.is_well_formed &= _ended_with_a_call(completion)
+        self._is_logged = True
+        self._owner.log(rollout)
+        return rollout
+
+
+class TrlEnvironments:
+    """Makes the environments of a `GRPOTrainer`: pass it as `environment_factory`.
+
+    Give `format_reward` as `reward_funcs`, and rows with a column `task` (`training_rows`).
+
+    Args:
+        make: makes a gymnasium environment with the interface of `CorruptedEnv`; called once for
+            each rollout of a generation batch, with its first `reset`.
+        args: the trainer's `GRPOConfig`.
+        sampler: which rollout meets which corruption; `None` plays clean ones.
+        seed: of the environments' seeds, 0 to 2**64 - 1.
+        folder: where `rollouts.jsonl` goes (`rollouts-RANK.jsonl` of several processes): which
+            rollout met which corruption, and what came of it; `None` writes none.
+        report: called with a line on each rollout that is left out.
+    """
+
+    def __init__(
+        self,
+        make: MakeEnvironment,
+        args: BatchSettings,
+        *,
+        sampler: CorruptionSampler | None = None,
+        seed: int = 0,
+        folder: Path | None = None,
+        report: Callable[[str], object] = print,
+    ) -> None:
+        self.rollouts = int(args.num_generations)
+        self.per_process = int(args.per_device_train_batch_size) * int(args.steps_per_generation)
+        self.sampler = sampler or CorruptionSampler(None)
+        self.seed = seed
+        self._make = make
+        self._report = report
+        self._rank = int(args.process_index)
+        self._log = _log_of(folder, self._rank, int(args.world_size))
+        self._made: list[TrlEnvironment] = []
+        self._batch = -1
+        self._epoch = 0
+        self._is_set = False
+        self._failed: list[str] = []
+        self._ended = 0
+        atexit.register(self.close)  # TRL never closes an environment
+
+    def __call__(self) -> TrlEnvironment:
+        """Make the next environment; no machine starts before its first `reset`."""
+        made = TrlEnvironment(len(self._made), self, self._make)
+        self._made.append(made)
+        return made
+
+    def set_batch(self, number: int, epoch: int = 0) -> None:
+        """Say which generation batch comes next, so that a resumed run draws as it would have.
+
+        Without it the batches of this process are counted from 0.
+
+        Args:
+            number: from 0, over the whole run.
+            epoch: for a `Schedule`.
+        """
+        self._batch = number
+        self._epoch = epoch
+        self._is_set = True
+
+    def begin_batch(self) -> None:
+        """Begin the next generation batch; the first environment's `reset` calls this.
+
+        Raises:
+            TrainError: none of the last batch's rollouts could be played: TRL would go on without
+                a gradient for ever.
+        """
+        if not self._is_set:
+            self._batch += 1
+        self._is_set = False
+        self.check_played()
+
+    def check_played(self) -> None:
+        """Check the batch that is over, if that was not done yet.
+
+        Raises:
+            TrainError: none of its rollouts could be played.
+        """
+        failed, ended = self._failed, self._ended
+        self._failed, self._ended = [], 0
+        if ended and len(failed) == ended:
+            raise TrainError(f"none of {ended} rollouts could be played; the first: {failed[0]}")
+
+    def request(
+        self,
+        task: str,
+        number: int,
+        seed: int | None,
+    ) -> RolloutRequest:
+        """Return what an environment is to play in the present batch."""
+        place = self._rank * self.per_process + number
+        slot = place % self.rollouts
+        if seed is None:
+            stream = Stream(self.seed, "environment_seed-v1", task, self._batch)
+            seed = stream.integer(0, 2**32 - 1)
+        draw = self.sampler.draw(
+            step=self._batch,
+            group=task,
+            slot=slot,
+            epoch=self._epoch,
+        )
+        return RolloutRequest(
+            step=self._batch,
+            group=task,
+            slot=slot,
+            seed=seed,
+            draw=draw,
+        )
+
+    def log(self, rollout: TokenRollout) -> None:
+        """Write the line of a rollout that is over."""
+        self._ended += 1
+        if not rollout.counts:
+            request = rollout.request
+            line = (
+                f"batch {request.step}: {request.group}, rollout {request.slot} is left out:"
+                f" {rollout.status}, {rollout.problem}"
+            )
+            self._failed.append(line)
+            self._report(line)
+        if self._log is None:
+            return
+        try:
+            with self._log.open("a", encoding="utf-8") as stream:
+                stream.write(json.dumps(rollout.to_data()) + "\n")
+        except OSError as error:
+            raise unwritable(self._log, error) from None
+
+    def close(self) -> None:
+        """Close all environments; may be called again."""
+        for each in self._made:
+            each._episode.close()
+
+
+def format_reward(
+    completions: Sequence[Sequence[Any]],
+    environments: Sequence[TrlEnvironment],
+    **_: Any,
+) -> list[float | None]:
+    """Return -1 for each rollout with an answer in the wrong form, else 0 (paper, section 5).
+
+    A reward function for `GRPOTrainer(reward_funcs=[format_reward])`; TRL adds it to the success
+    that `TrlEnvironment.get_reward` gives. Wrong are actions that the environment refuses, and a
+    rollout that ends with an answer that calls no tool, before the episode is over.
+    `GRPOConfig(reward_weights=[0.5])` halves the penalty.
+    """
+    outcomes = [
+        environment._outcome(completion)
+        for environment, completion in zip(environments, completions, strict=True)
+    ]
+    penalties: list[float | None] = []
+    for outcome in outcomes:
+        penalty = 0.0 if outcome.is_well_formed else -1.0
+        penalties.append(penalty if outcome.counts else None)
+    return penalties
+
+
+def training_rows(
+    tasks: Iterable[str],
+    how: str,
+    *,
+    evaluation: Iterable[str] = (),
+) -> list[dict[str, Any]]:
+    """Return a row for each training task: `prompt` (how to answer) and `task`.
+
+    `datasets.Dataset.from_list` makes a dataset of them. The instruction and the first screenshot
+    come with `reset`.
+
+    Args:
+        tasks: names of training tasks.
+        how: what the model is told before the instruction, such as the form of an action.
+        evaluation: names of the tasks that are reported.
+
+    Raises:
+        LeakError: a task is held out or reported.
+        ParameterError: there are no tasks.
+    """
+    names = list(dict.fromkeys(tasks))
+    if not names:
+        raise ParameterError("training_rows: there are no tasks")
+    check_split(names, evaluation, what="training_rows")
+    return [{"prompt": [{"role": "user", "content": f"{how}\n"}], "task": name} for name in names]
+
+
+def _ended_with_a_call(completion: Sequence[Any]) -> bool:
+    """Return whether the last answer called a tool; TRL drops a result that did not fit."""
+    answers = [message for message in completion if message.get("role") == "assistant"]
+    return bool(answers) and bool(answers[-1].get("tool_calls"))
+
+
+def _image(seen: SeenObservation) -> dict[str, Any]:
+    return {"type": "image", "image": picture_of(seen)}
+
+
+def _log_of(
+    folder: Path | None,
+    rank: int,
+    processes: int,
+) -> Path | None:
+    if folder is None:
+        return None
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritable(folder, error) from None
+    stem, _, ending = ROLLOUTS.partition(".")
+    return folder / (ROLLOUTS if processes == 1 else f"{stem}-{rank}.{ending}")

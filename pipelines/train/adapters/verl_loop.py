@@ -1,0 +1,278 @@
+"""Our environments as an agent loop of verl: one episode, screenshot for screenshot.
+
+`configs/train/verl_agent.yaml` registers it with verl (`rollout.agent.agent_loop_config_path`), and
+rows of `verl_rows.write_rows` name it. Written for verl 0.9 with its v1 trainer.
+"""
+
+import asyncio
+import atexit
+from collections.abc import Mapping, Sequence
+from typing import Any
+from uuid import uuid4
+
+from hijack_data import extras
+from hijack_data.compose import OneOf
+from hijack_data.config import load_config
+from hijack_data.errors import ParameterError
+from hijack_data.loading import load_reference
+from hijack_data.plan import CLEAN
+from hijack_data.planner import Planner
+from hijack_data.rng import Stream
+
+from ..rollouts import RolloutRequest, SeenObservation
+from ..sampler import CorruptionSampler, Draw
+from .episodes import DrivenEpisode, TokenRollout, picture_of
+
+_agents = extras.load("verl.experimental.agent_loop.agent_loop", "HijackLoop", "verl")
+AgentLoopBase: Any = _agents.AgentLoopBase
+simple_timer: Any = extras.load("verl.utils.profiler", "HijackLoop", "verl").simple_timer
+OmegaConf: Any = extras.load("omegaconf", "HijackLoop", "verl").OmegaConf
+
+_idle: dict[str, list[DrivenEpisode]] = {}  # environments by what made them, for the next episode
+
+
+class HijackLoop(AgentLoopBase):
+    """Plays an episode. The whole text of an answer is the action; there is no tool call.
+
+    A row brings `raw_prompt` (how to answer) and `extra_info` with `task`, and maybe `seed` and
+    `corruption`: `clean`, or the name of one, in place of a draw.
+
+    Args:
+        *args: of verl.
+        environment: `package.module:make` or `path/to/file.py:make`: what makes an environment
+            with the interface of `CorruptedEnv`. It is made with the first episode that needs it,
+            and kept for later ones.
+        environment_args: arguments of `make`.
+        corruptions: as the list `corruptions` of a configuration; none of them plays clean.
+        per: what gets a corruption of its own, see `CorruptionSampler`.
+        seed: of the draws and of the environments' seeds.
+        max_steps: answers until an episode is cut off.
+        format_weight: the penalty of an answer in the wrong form.
+        **kwargs: of verl.
+    """
+
+    def __init__(
+        self,
+        *args: Any,
+        environment: str,
+        environment_args: Mapping[str, Any] | None = None,
+        corruptions: Sequence[Any] = (),
+        per: str = "rollout",
+        seed: int = 0,
+        max_steps: int = 10,
+        format_weight: float = 1.0,
+        **kwargs: Any,
+    ) -> None:
+        super().__init__(*args, **kwargs)
+        self.environment = environment
+        self.environment_args = _plain(environment_args or {})
+        self.sampler = CorruptionSampler(
+            planner_of(_plain(corruptions)),
+            per=per,
+            seed=seed,
+        )
+        self.seed = seed
+        self.max_steps = max_steps
+        self.format_weight = format_weight
+
+    async def run(
+        self,
+        sampling_params: dict[str, Any],
+        **kwargs: Any,
+    ) -> Any:
+        """Play one episode; return an `AgentLoopOutput`, or `[]` to leave it out of its group.
+
+        Raises:
+            ParameterError: the row has no task, or the trainer is not v1.
+            UnknownNameError: the environment does not know the task.
+        """
+        request = self._request(kwargs)
+        key, episode = self._taken()
+        try:
+            output = await self._play(
+                episode,
+                request,
+                list(kwargs["raw_prompt"]),
+                sampling_params,
+            )
+        finally:
+            _idle.setdefault(key, []).append(episode)
+        return [] if output is None else output
+
+    async def _play(
+        self,
+        episode: DrivenEpisode,
+        request: RolloutRequest,
+        messages: list[dict[str, Any]],
+        sampling_params: dict[str, Any],
+    ) -> Any:
+        metrics: dict[str, Any] = {}
+        with simple_timer("tool_calls", metrics):
+            seen = await self._off(episode.reset, request)
+        if seen is None:
+            rollout = await self._off(episode.finish)
+            return self._left_out(rollout)
+        messages.append(_message(seen, seen["instruction"]))
+        pictures = [messages[-1]["content"][0]["image"]]
+        self._assert_mm_supported(True)
+        ids = await self.ct_build_initial_tokens(messages, images=pictures)
+        prompt = len(ids)
+        mask: list[int] = []
+        logprobs: list[float] = []
+        server = uuid4().hex
+        for _ in range(self.max_steps):
+            with simple_timer("generate_sequences", metrics):
+                said = await self.server_manager.generate(
+                    request_id=server,
+                    prompt_ids=ids,
+                    sampling_params=sampling_params,
+                    image_data=pictures,
+                )
+            merged, mask, new = await self.ct_merge_assistant_token(
+                ids,
+                said.token_ids,
+                mask,
+                logprobs if said.log_probs else None,
+                assistant_logprobs=said.log_probs,
+            )
+            ids = merged.token_ids
+            logprobs = new or []
+            text = self.tokenizer.decode(said.token_ids, skip_special_tokens=True)
+            messages.append({"role": "assistant", "content": text})
+            with simple_timer("tool_calls", metrics):
+                seen = await self._off(episode.step, text)
+            if seen is None or len(mask) >= self.rollout_config.response_length:
+                break
+            message = _message(seen)
+            merged, longer, new = await self.ct_merge_context_msg(
+                messages,
+                [*messages, message],
+                ids,
+                mask,
+                logprobs or None,
+            )
+            # before the picture is kept: verl fails if pictures and their tokens disagree
+            if len(longer) >= self.rollout_config.response_length:
+                break
+            ids = merged.token_ids
+            mask = longer
+            logprobs = new or []
+            messages.append(message)
+            pictures.append(message["content"][0]["image"])
+        rollout = await self._off(episode.finish)
+        total = rollout.reward(self.format_weight)
+        if total is None:
+            return self._left_out(rollout)
+        end = self.rollout_config.response_length  # what is cut is text: pictures were checked
+        return _agents.AgentLoopOutput(
+            prompt_ids=ids[:prompt],
+            response_ids=ids[prompt:][:end],
+            response_mask=mask[:end],
+            response_logprobs=logprobs[:end] or None,
+            multi_modal_data={"images": pictures},
+            reward_score=total,
+            num_turns=2 * rollout.answers,
+            metrics=_agents.AgentLoopMetrics(**metrics),
+            extra_fields={"reward_extra_info": _facts(rollout)},
+        )
+
+    def _left_out(self, rollout: TokenRollout) -> None:
+        request = rollout.request
+        print(
+            f"step {request.step}: {request.group}, rollout {request.slot} is left out:"
+            f" {rollout.status}, {rollout.problem}",
+            flush=True,
+        )
+
+    def _request(self, row: Mapping[str, Any]) -> RolloutRequest:
+        about = row.get("extra_info") or {}
+        if not about.get("task"):
+            raise ParameterError("a row without extra_info.task; verl_rows.write_rows writes rows")
+        if "session_id" not in row or "global_steps" not in row:
+            raise ParameterError(
+                "verl gave neither session_id nor global_steps: set trainer.use_v1=True, since the"
+                " draw of a rollout needs its place in the group and the step"
+            )
+        task = str(about["task"])
+        step = int(row["global_steps"])
+        slot = int(row["session_id"])
+        stream = Stream(self.seed, "environment_seed-v1", task, step)
+        seed = about.get("seed")
+        draw = self.sampler.draw(
+            step=step,
+            group=task,
+            slot=slot,
+        )
+        fixed = about.get("corruption")
+        if fixed:
+            planner = None if fixed == CLEAN else planner_of([fixed])
+            draw = Draw(label=str(fixed), planner=planner, key="row")
+        return RolloutRequest(
+            step=step,
+            group=task,
+            slot=slot,
+            seed=stream.integer(0, 2**32 - 1) if seed is None else int(seed),
+            draw=draw,
+        )
+
+    def _taken(self) -> tuple[str, DrivenEpisode]:
+        """Return an environment that nobody plays in, and the key to give it back under."""
+        key = f"{self.environment} {sorted(self.environment_args.items())}"
+        idle = _idle.setdefault(key, [])
+        if idle:
+            return key, idle.pop()
+        make = load_reference(self.environment)
+        arguments = self.environment_args
+        return key, DrivenEpisode(lambda: make(**arguments))
+
+    async def _off(self, function: Any, *args: Any) -> Any:
+        """Call what blocks in a thread, so that the worker's other episodes go on."""
+        loop = asyncio.get_running_loop()
+        return await loop.run_in_executor(None, function, *args)
+
+
+def planner_of(corruptions: Sequence[Any]) -> Planner | None:
+    """Return what draws one of `corruptions` with equal odds; `None` for none.
+
+    Args:
+        corruptions: as the list `corruptions` of a configuration.
+
+    Raises:
+        ConfigError: an unknown corruption or parameter.
+    """
+    if not corruptions:
+        return None
+    found = list(load_config({"corruptions": list(corruptions)}).corruptions.values())
+    return found[0] if len(found) == 1 else OneOf(found)
+
+
+def close_idle() -> None:
+    """Close the environments that no episode is played in."""
+    for episodes in _idle.values():
+        for episode in episodes:
+            episode.close()
+    _idle.clear()
+
+
+def _facts(rollout: TokenRollout) -> dict[str, Any]:
+    """Return what verl keeps beside the reward; the same keys for every rollout."""
+    return {
+        "task": rollout.request.group,
+        "corruption": rollout.request.draw.label,
+        "success": rollout.success,
+        "well_formed": rollout.is_well_formed,
+    }
+
+
+def _message(seen: SeenObservation, text: str = "") -> dict[str, Any]:
+    content: list[dict[str, Any]] = [{"type": "image", "image": picture_of(seen)}]
+    if text:
+        content.append({"type": "text", "text": text})
+    return {"role": "user", "content": content}
+
+
+def _plain(value: Any) -> Any:
+    return OmegaConf.to_container(value) if OmegaConf.is_config(value) else value
+
+
+atexit.register(close_idle)

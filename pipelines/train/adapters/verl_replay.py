@@ -1,0 +1,112 @@
+"""DA-GRPO's replay in verl: a stored success for a group whose rewards are all 0.
+
+`configs/train/verl.yaml` names it (`trainer.v1.sampler.custom_sampler`). What verl calls a replay
+buffer is the place from which its v1 trainer takes finished groups; this one changes a group on its
+way. It overrides a private method of verl 0.9.
+"""
+
+from collections import defaultdict
+from typing import Any
+
+from hijack_data import extras
+from hijack_data.errors import ParameterError
+
+from ..replay import ReplayBuffer
+from ..rollouts import RolloutRequest
+from ..sampler import Draw
+from ..split import check_split
+from .episodes import TokenRollout
+
+transfer_queue: Any = extras.load("transfer_queue", "HijackReplay", "verl")
+_module = extras.load("verl.trainer.ppo.v1.replay_buffer", "HijackReplay", "verl")
+VerlBuffer: Any = _module.ReplayBuffer
+
+TRAINING = "train"  # verl's name of the partition
+_STATED = ("status", "prompt_len", "response_len", "seq_len")
+# What a row says of its own place; the rest is the rollout.
+_PLACE = ("uid", "session_id", "global_steps", "index")
+
+
+class HijackReplay(VerlBuffer):
+    """Verl's buffer, with ours behind it.
+
+    `trainer.v1.sampler.sampler_kwargs` may have `capacity`, `when`, `slot` and `seed`, as
+    `pipelines.train.replay.ReplayBuffer`. It begins empty when a run is resumed.
+    """
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        options = dict(self.sampler_kwargs or {})
+        unknown = sorted(options.keys() - {"capacity", "when", "slot", "seed"})
+        if unknown:
+            raise ParameterError(f"sampler_kwargs: unknown {', '.join(unknown)}")
+        self.stored = ReplayBuffer(**options)
+
+    def _materialize_batch(self, partition_id: str, *args: Any) -> Any:
+        """Return the batch, after stored successes were put into groups that have none."""
+        batch = super()._materialize_batch(partition_id, *args)
+        if partition_id == TRAINING and batch.keys:
+            self._replay(batch)
+        return batch
+
+    def _replay(self, batch: Any) -> None:
+        rows = transfer_queue.kv_batch_get(keys=batch.keys, partition_id=TRAINING)
+        groups: dict[str, list[int]] = defaultdict(list)
+        for place, key in enumerate(batch.keys):
+            groups[key.split("_")[0]].append(place)
+        rollouts = [
+            _rollout(rows[place], key, batch.tags[place]) for place, key in enumerate(batch.keys)
+        ]
+        check_split(
+            (rollout.request.group for rollout in rollouts),
+            what="the rows of data.train_files",
+        )
+        for places in groups.values():
+            group = [rollouts[place] for place in places]
+            rewards = [float(rows[place]["rm_scores"].sum()) for place in places]
+            filled = self.stored.fill(group, rewards, group[0].request.step)
+            for place, old, new in zip(places, group, filled, strict=True):
+                if new is not old:
+                    self._put(batch, place, rows[place], new)
+            for rollout in group:
+                self.stored.add(rollout)
+
+    def _put(
+        self,
+        batch: Any,
+        place: int,
+        row: Any,
+        stored: Any,
+    ) -> None:
+        """Write a stored rollout over the one at `place`; it keeps its group and its number."""
+        fields, tag = stored.tokens
+        whole = fields.clone(recurse=False)
+        for name in _PLACE:
+            if name in row.keys():  # noqa: SIM118  (of a TensorDict)
+                whole[name] = row[name]
+        batch.tags[place] = {**batch.tags[place], **tag}
+        transfer_queue.kv_batch_put(
+            keys=[batch.keys[place]],
+            fields=whole.unsqueeze(0),
+            tags=[batch.tags[place]],
+            partition_id=TRAINING,
+        )
+
+
+def _rollout(row: Any, key: str, tag: Any) -> TokenRollout:
+    about = row["extra_fields"]
+    about = getattr(about, "data", about)
+    facts = about["reward_extra_info"]
+    request = RolloutRequest(
+        step=int(tag["global_steps"]),
+        group=str(facts["task"]),
+        slot=int(key.split("_")[1]),
+        seed=0,
+        draw=Draw(label=str(facts["corruption"]), planner=None, key=key),
+    )
+    return TokenRollout(
+        request=request,
+        success=float(facts["success"]),
+        is_well_formed=bool(facts["well_formed"]),
+        tokens=(row, {name: tag[name] for name in _STATED if name in tag}),
+    )

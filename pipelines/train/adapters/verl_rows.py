@@ -1,0 +1,98 @@
+"""The rows that verl trains on: a task each. Needs pyarrow, not verl."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from hijack_data.errors import ParameterError
+from hijack_data.files import replace_atomic
+
+from ...dataset.columns import Kind, pyarrow, schema_of
+from ..split import check_split
+
+LOOP = "agenthijack"  # the name in configs/train/verl_agent.yaml
+_KINDS: dict[str, Kind] = {
+    "data_source": "string",
+    "agent_name": "string",
+    "prompt": [{"role": "string", "content": "string"}],
+    "ability": "string",
+    "reward_model": {"style": "string", "ground_truth": "string"},
+    "extra_info": {
+        "index": "int64",
+        "task": "string",
+        "corruption": "string",
+    },
+}
+
+
+def write_rows(
+    path: Path,
+    tasks: Iterable[str],
+    how: str,
+    *,
+    evaluation: Iterable[str] = (),
+) -> int:
+    """Write a Parquet file with a row for each training task; returns their number.
+
+    Args:
+        path: the file (verl: `data.train_files`).
+        tasks: names of training tasks.
+        how: the system message, such as the form of an action.
+        evaluation: names of the tasks that are reported.
+
+    Raises:
+        LeakError: a task is held out or reported.
+        ParameterError: there are no tasks.
+    """
+    names = list(dict.fromkeys(tasks))
+    check_split(names, evaluation, what=str(path))
+    return _write(path, names, how, "")
+
+
+def write_evaluation_rows(
+    path: Path,
+    tasks: Iterable[str],
+    how: str,
+    *,
+    corruption: str = "clean",
+) -> int:
+    """Write a Parquet file for `data.val_files`; every rollout meets the same corruption.
+
+    Args:
+        path: the file.
+        tasks: names of the tasks.
+        how: the system message, as in training.
+        corruption: `clean`, or the name of one with its default parameters.
+
+    Raises:
+        ParameterError: there are no tasks.
+    """
+    return _write(path, list(dict.fromkeys(tasks)), how, corruption)
+
+
+def _write(
+    path: Path,
+    names: list[str],
+    how: str,
+    corruption: str,
+) -> int:
+    if not names:
+        raise ParameterError(f"{path}: there are no tasks")
+    rows: list[dict[str, Any]] = []
+    for index, name in enumerate(names):
+        about = {"index": index, "task": name, "corruption": corruption}
+        rows.append(
+            {
+                "data_source": "agenthijack",
+                "agent_name": LOOP,
+                "prompt": [{"role": "system", "content": how}],
+                "ability": "computer_use",
+                "reward_model": {"style": "rule", "ground_truth": ""},
+                "extra_info": about,
+            }
+        )
+    pa = pyarrow()
+    table = pa.Table.from_pylist(rows, schema=schema_of(_KINDS))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    replace_atomic(path, lambda place: pa.parquet.write_table(table, place))
+    return len(rows)

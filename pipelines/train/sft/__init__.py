@@ -1,0 +1,1 @@
+"""Supervised fine-tuning on exports, with TRL's `SFTTrainer`."""
