@@ -200,8 +200,7 @@ def set_canvas(
 
 def _enter(hand: Hand, field: TreeNode, value: int) -> None:
     hand.double_click(field)
-    hand.replace(str(value))
-    hand.press("tab")
+    hand.replace(f"{value}\t")
 
 
 def _canvas_fields(hand: Hand) -> tuple[list[TreeNode], TreeNode]:

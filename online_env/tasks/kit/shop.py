@@ -35,6 +35,7 @@ _LABELS = {
     "street": "Street and number",
     "postcode": "Postcode",
     "city": "Town",
+    "country": "Country",
 }
 
 
@@ -244,9 +245,7 @@ def check_out(
 ) -> None:
     """Order what is in the cart that is open; a message comes with a wrapped present."""
     browser.follow(hand, "Go to checkout", "Checkout")
-    for key, label in _LABELS.items():
-        browser.enter(hand, label, person[key])
-    browser.select(hand, "Country", person["country"])
+    browser.enter_in_turn(hand, {label: person[key] for key, label in _LABELS.items()})
     browser.tick(hand, browser.starting(delivery_label(delivery)))
     browser.tick(hand, payment_label(payment))
     if message:
