@@ -84,6 +84,8 @@ class CarefulHand(Hand):
             return
         if self._start and not any(self._is_own_window(node) for node in present):
             self._start_again()
+        elif self._bring_back(present):
+            return
         elif self._is_offline(present):
             self._ask_for_help()
         else:
@@ -106,6 +108,16 @@ class CarefulHand(Hand):
             self._close(foreign[0])
             return True
         return False
+
+    def _bring_back(self, seen: list[TreeNode]) -> bool:
+        """Restore a window if none of the own ones shows; return whether there is one to restore.
+
+        Applications on Qt do not say that they are minimised.
+        """
+        own = [node for node in seen if self._is_own_window(node)]
+        if any(node.box for node in own):
+            return False
+        return any(self._restore(window, seen) for window in reversed(own))  # a dialog comes last
 
     def _is_own_window(self, node: TreeNode) -> bool:
         return node.role in _WINDOWS and self._is_own(node)
@@ -132,7 +144,7 @@ class CarefulHand(Hand):
         for node in seen:
             if node.app == _PANEL and node.box and node.name == window.name:
                 self._click_plainly(node)
-                self._until(lambda later: not _is_minimised(window, later))
+                self._until(lambda later: _is_restored(window, later))
                 return True
         return False
 
@@ -175,9 +187,9 @@ class CarefulHand(Hand):
             time.sleep(PAUSE)
 
 
-def _is_minimised(window: TreeNode, seen: list[TreeNode]) -> bool:
-    """Return whether a window of that application and name is minimised."""
-    return any(
-        node.app == window.app and node.name == window.name and "iconified" in node.states
-        for node in seen
-    )
+def _is_restored(window: TreeNode, seen: list[TreeNode]) -> bool:
+    """Return whether a window that was minimised no longer is, or has gone."""
+    now = [node for node in seen if (node.app, node.name) == (window.app, window.name)]
+    if "iconified" in window.states:
+        return not any("iconified" in node.states for node in now)
+    return any(node.box for node in now)

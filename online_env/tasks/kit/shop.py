@@ -3,11 +3,12 @@
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, ClassVar
 
 from hijack_data.rng import Stream
 
 from ...embedded.sites.hosts import shop as site
+from ..base import Task
 from ..hand import BUTTONS, Hand
 from ..machine import Machine
 from . import browser
@@ -37,6 +38,19 @@ _LABELS = {
     "city": "Town",
     "country": "Country",
 }
+
+
+class ShopTask(Task):
+    """A task at shop.test, whose first page is open at the start."""
+
+    domain = "shop"
+    apps = ("chrome",)
+    sites = ("shop",)
+    unsolvable: ClassVar = {"network_error": "the shop cannot be reached"}
+
+    def opens(self, machine: Machine) -> Sequence[str]:
+        """Return the browser with the shop."""
+        return "chrome", HOME
 
 
 def recipient(stream: Stream) -> dict[str, str]:

@@ -49,7 +49,7 @@ class SnapScene(Task):
         yield from pictures.picture_problems(machine, path, wanted, kind, JPEG_SLACK)
 
     def oracle(self, hand):
-        vlc.pause_at(hand, self.drawn.place * recordings.SCENE + recordings.SCENE // 2)
+        vlc.pause_at(hand, self.drawn.place * recordings.SCENE + 1)
         hand.press("shift", "s")
 
     def wrong(self):
