@@ -49,7 +49,15 @@ class CarefulHand(Hand):
         self._start = start
         self._password = password
         self._asked = False
+        self._programs: set[str] = set()  # how the titles of the own windows end
         self._lost = 0.0  # when to look for a reason, by `time.monotonic`
+
+    def look(self) -> list[TreeNode]:
+        """Return the nodes of the tree as it is now, and keep the titles of the own windows."""
+        seen = super().look()
+        titles = [node.name for node in seen if node.box and self._is_own_window(node)]
+        self._programs |= {_program(title) for title in titles if title}
+        return seen
 
     def wait(
         self,
@@ -112,12 +120,20 @@ class CarefulHand(Hand):
     def _bring_back(self, seen: list[TreeNode]) -> bool:
         """Restore a window if none of the own ones shows; return whether there is one to restore.
 
-        Applications on Qt do not say that they are minimised.
+        Applications on Qt neither say that they are minimised, nor keep the names of their windows
+        then. The buttons of the panel have them.
         """
-        own = [node for node in seen if self._is_own_window(node)]
-        if any(node.box for node in own):
+        if any(node.box for node in seen if self._is_own_window(node)):
             return False
-        return any(self._restore(window, seen) for window in reversed(own))  # a dialog comes last
+        for node in reversed(seen):  # the button of a dialog comes after that of its window
+            if node.app == _PANEL and node.box and _program(node.name) in self._programs:
+                self._click_plainly(node)
+                self._until(self._shows)
+                return True
+        return False
+
+    def _shows(self, seen: list[TreeNode]) -> bool:
+        return any(self._is_own_window(node) and node.box for node in seen)
 
     def _is_own_window(self, node: TreeNode) -> bool:
         return node.role in _WINDOWS and self._is_own(node)
@@ -144,7 +160,7 @@ class CarefulHand(Hand):
         for node in seen:
             if node.app == _PANEL and node.box and node.name == window.name:
                 self._click_plainly(node)
-                self._until(lambda later: _is_restored(window, later))
+                self._until(lambda later: not _is_minimised(window, later))
                 return True
         return False
 
@@ -187,9 +203,14 @@ class CarefulHand(Hand):
             time.sleep(PAUSE)
 
 
-def _is_restored(window: TreeNode, seen: list[TreeNode]) -> bool:
-    """Return whether a window that was minimised no longer is, or has gone."""
-    now = [node for node in seen if (node.app, node.name) == (window.app, window.name)]
-    if "iconified" in window.states:
-        return not any("iconified" in node.states for node in now)
-    return any(node.box for node in now)
+def _is_minimised(window: TreeNode, seen: list[TreeNode]) -> bool:
+    """Return whether a window of that application and name is minimised."""
+    return any(
+        node.app == window.app and node.name == window.name and "iconified" in node.states
+        for node in seen
+    )
+
+
+def _program(title: str) -> str:
+    """Return what a title ends with: most windows name a document, then their program."""
+    return title.rpartition(" - ")[2]

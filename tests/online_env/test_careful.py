@@ -10,16 +10,18 @@ from online_env.tasks import careful
 
 SPACE = "https://accessibility.ubuntu.example.org/ns"
 PLACE = 'st:showing="true" st:visible="true" cp:screencoord="(100, 200)" cp:size="(80, 100)"'
-SHOWN = f'<frame name="VLC media player" {PLACE}/>'
-HIDDEN = '<frame name="VLC media player"/>'
+PANEL = PLACE.replace("(100, 200)", "(0, 700)")
+SHOWN = f'<frame name="song - VLC media player" {PLACE}/>'
+HIDDEN = '<frame name=""/>'
 BUTTON = f'<toggle-button name="VLC media player" {PLACE}/>'
 
 
 def tree(window: str, button: str = BUTTON) -> str:
     return (
         f'<desktop-frame xmlns:st="{SPACE}/state" xmlns:cp="{SPACE}/component" name="main">'
-        f'<application name="vlc">{window}</application>'
-        f'<application name="xfce4-panel">{button}</application></desktop-frame>'
+        f'<application name="vlc">{window}<frame name=""/></application>'
+        f'<application name="xfce4-panel"><frame name="" {PANEL}/>{button}</application>'
+        "</desktop-frame>"
     )
 
 
@@ -44,9 +46,11 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_window_that_does_not_say_it_is_minimised_is_restored_from_the_panel() -> None:
-    desktop = Trees([tree(HIDDEN), tree(SHOWN)])
-    careful.CarefulHand(desktop, ["vlc"], patience=5).find("frame", "VLC media player")
-    assert desktop.ran == ["pyautogui.click(140, 250)"]
+    desktop = Trees([tree(SHOWN), tree(HIDDEN), tree(SHOWN)])
+    hand = careful.CarefulHand(desktop, ["vlc"], patience=5)
+    hand.press("enter")
+    hand.find("frame", "song - VLC media player")
+    assert desktop.ran[1:] == ["pyautogui.click(140, 250)"]
 
 
 def test_a_window_that_shows_is_never_minimised_by_its_button() -> None:
@@ -61,5 +65,5 @@ def test_a_window_without_a_button_cannot_be_restored() -> None:
     desktop = Trees([tree(HIDDEN, "")])
     hand = careful.CarefulHand(desktop, ["vlc"], patience=0.3)
     with pytest.raises(DesktopTimeoutError):
-        hand.find("frame", "VLC media player")
+        hand.find("frame", "song - VLC media player")
     assert set(desktop.ran) == {"pyautogui.press('escape')"}

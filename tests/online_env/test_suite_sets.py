@@ -15,7 +15,7 @@ from online_env.tasks import catalogue, get, sets, suite
 
 # What was trained on must never be scored: a task that is added gets a side, none moves. The
 # digest is of the held-out tasks of this release; write it anew only for tasks that are added.
-HELD_OUT = "9dca3f331d2e1d5c"
+HELD_OUT = "aeebe8e4ff8b18d0"
 
 
 def test_every_task_is_on_exactly_one_side() -> None:
