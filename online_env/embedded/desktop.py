@@ -1,5 +1,6 @@
 """The embedded desktop: `Desktop` (protocol.py) on this machine, without a virtual machine."""
 
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -44,7 +45,8 @@ class EmbeddedDesktop:
         """Start a desktop and wait until it is usable.
 
         Args:
-            size: `(height, width)` of the screen in pixels.
+            size: `(height, width)` of the screen in pixels. A `UserWarning` is given if it is
+                higher than wide, as (1920, 1080) is.
             name: its id; each `reset` builds another one, called `name-2`, `name-3` ...
             apps: applications that are open when it is ready: `browser editor files terminal writer
                 calc impress code`.
@@ -58,6 +60,13 @@ class EmbeddedDesktop:
 
         If it does not start, it is a `DesktopError` (or a subclass) with the reason and the log.
         """
+        height, width = size
+        if height > width:
+            warnings.warn(
+                f"size is (height, width): this desktop will be {width} wide and {height} high;"
+                f" for a {height}x{width} screen give size=({width}, {height})",
+                stacklevel=2,
+            )
         order = handle.make_order(
             size,
             name,

@@ -45,6 +45,7 @@ PROFILES: dict[str, tuple[str, ...]] = {
         "ristretto",
         "evince",
         "xarchiver",
+        "thunar-archive-plugin",  # "Extract Here" and "Create Archive" in the menus of Thunar
         "zip",
         "unzip",
         # the accessibility tree

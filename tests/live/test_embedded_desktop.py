@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from hijack_data.errors import ParameterError
+from online_env import EmbeddedDesktop
 from online_env.desktops.protocol import CAPABILITIES
 from online_env.embedded import home, registry
 from online_env.embedded.runtime import account
@@ -119,6 +120,12 @@ def test_standby_makes_reset_quick(up):
         assert shell(desktop, "ls /home/user/Desktop") == ""
         seen.append(desktop.id)
     assert seen == ["quick", "quick-2", "quick-3"]
+
+
+def test_width_and_height_in_the_wrong_order_are_told():
+    warns = pytest.warns(UserWarning, match=r"1080 wide and 1920 high.*size=\(1080, 1920\)")
+    with warns, pytest.raises(DesktopError, match="bad_name"):  # so that none is started
+        EmbeddedDesktop.up(size=(1920, 1080), name="bad_name")
 
 
 def test_a_dead_spare_is_replaced(up, leaves_nothing):

@@ -239,7 +239,14 @@ def show_sheet(hand: Hand, name: str) -> None:
 
 
 def shown(hand: Hand) -> dict[str, str]:
-    """Return the texts of the cells in sight, by address; empty cells are left out."""
+    """Wait for cells that hold something, and return their texts by address.
+
+    Empty cells, and cells out of sight, are left out.
+
+    Raises:
+        DesktopTimeoutError: No cell in sight holds anything.
+    """
+    hand.wait("a cell with a text", lambda node: _is_filled(node, node.name))
     cells = [node for node in hand.look() if node.role == "table-cell" and APP in node.app]
     return {node.name: node.text for node in cells if node.box and node.text}
 

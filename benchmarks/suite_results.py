@@ -1,0 +1,225 @@
+"""Which tasks of the suite an oracle solves under which corruption: the page `docs/results/suite.md`.
+
+    python benchmarks/suite_results.py [RUNS ...]
+
+Every finished episode of the given runs of `hijack bench embedded --agent oracle` (or
+`recovering`) is added to `docs/results/suite/AGENT.csv`, then the page is made from those files.
+The runs take hours, so they are made one corruption at a time; an episode that was played more
+than once counts as often as it was played.
+"""
+
+import argparse
+import csv
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import astuple, dataclass, fields
+from pathlib import Path
+
+from common import table
+
+from hijack_data import names
+from hijack_data.files import write_atomic
+from online_env.bench import records
+from online_env.tasks import get, suite
+from online_env.tasks.base import Task
+
+RESULTS = Path(__file__).resolve().parents[1] / "docs" / "results"
+AGENTS = ("oracle", "recovering")
+COLUMNS = ("clean", *names())
+SOLVED, FAILED, UNSOLVABLE, OPEN = "✓", "✗", "–", ""
+
+
+@dataclass(frozen=True, order=True)
+class Played:
+    """One finished episode: who, what, how it ended, and the commit of the code that played it."""
+
+    task: str
+    corruption: str
+    seed: int
+    begun: int
+    score: float
+    actions: int
+    seconds: float
+    commit: str
+
+
+def episodes(folder: Path) -> dict[str, list[Played]]:
+    """Read the finished episodes of a run, by agent."""
+    run = records.read(folder)
+    head = records.read_head(folder)
+    commit = str(head["git"]["agenthijack"]["commit"])[:7]
+    found: dict[str, list[Played]] = defaultdict(list)
+    for record in run.records:
+        if record["status"] != "ok":
+            continue
+        found[record["agent"]].append(
+            Played(
+                task=str(record["task"]).removesuffix(f"-{record['task_seed']}"),
+                corruption=record["corruption"],
+                seed=record["task_seed"],
+                begun=int(head["created"]),
+                score=record["score"],
+                actions=record["steps"] - 1,
+                seconds=round(record["seconds"], 1),
+                commit=commit,
+            )
+        )
+    return found
+
+
+def kept(agent: str) -> list[Played]:
+    """Read what earlier runs have left."""
+    path = RESULTS / "suite" / f"{agent}.csv"
+    if not path.exists():
+        return []
+    types = {field.name: field.type for field in fields(Played)}
+    with path.open(newline="") as lines:
+        return [
+            Played(**{name: _typed(value, types[name]) for name, value in row.items()})
+            for row in csv.DictReader(lines)
+        ]
+
+
+def _typed(value: str, kind: object) -> str | int | float:
+    if kind is int:
+        return int(value)
+    return float(value) if kind is float else value
+
+
+def keep(agent: str, played: Iterable[Played]) -> None:
+    """Write the episodes of an agent, sorted and each once."""
+    lines = [[field.name for field in fields(Played)]]
+    lines += [[str(value) for value in astuple(one)] for one in sorted(set(played))]
+    text = "".join(",".join(line) + "\n" for line in lines)
+    folder = RESULTS / "suite"
+    folder.mkdir(parents=True, exist_ok=True)
+    write_atomic(folder / f"{agent}.csv", text.encode())
+
+
+def cell(task: Task, corruption: str, scores: Sequence[float]) -> str:
+    """Return what the table says of one task under one corruption."""
+    declared = corruption in task.unsolvable
+    if not scores:
+        return UNSOLVABLE if declared else OPEN
+    solved = sum(score == 1.0 for score in scores)
+    if declared and not solved:
+        return UNSOLVABLE
+    if solved == len(scores):
+        return SOLVED
+    if not solved:
+        return FAILED
+    return f"{solved}/{len(scores)}"
+
+
+def by_case(played: Iterable[Played]) -> dict[tuple[str, str], list[float]]:
+    """Return the scores of each task under each corruption."""
+    found: dict[tuple[str, str], list[float]] = defaultdict(list)
+    for one in played:
+        found[one.task, one.corruption].append(one.score)
+    return found
+
+
+def totals(agents: Mapping[str, Sequence[Played]]) -> str:
+    """Return the table of all agents: solved of played episodes."""
+    rows: list[list[str]] = []
+    for agent, played in agents.items():
+        row = [f"`{agent}`"]
+        for corruption in COLUMNS:
+            scores = [one.score for one in played if one.corruption == corruption]
+            solved = sum(score == 1.0 for score in scores)
+            row.append(f"{solved} of {len(scores)}" if scores else "not run")
+        rows.append(row)
+    return table(["agent", *COLUMNS], rows)
+
+
+def declared(tasks: Mapping[str, Task]) -> str:
+    """Return how many tasks are declared solvable under each corruption, as a row of a table."""
+    counts = [
+        str(sum(corruption not in task.unsolvable for task in tasks.values()))
+        for corruption in COLUMNS
+    ]
+    return table(["declared solvable", *COLUMNS], [[f"of {len(tasks)}", *counts]])
+
+
+def against(tasks: Mapping[str, Task], played: Sequence[Played]) -> str:
+    """Return where the careful user's result differs from what the task's author declared."""
+    lines: list[str] = []
+    for (name, corruption), scores in sorted(by_case(played).items()):
+        if name not in tasks:
+            continue
+        expected = corruption not in tasks[name].unsolvable
+        solved = sum(score == 1.0 for score in scores)
+        if solved == (len(scores) if expected else 0):
+            continue
+        said = "solvable" if expected else "not solvable"
+        lines.append(f"* `{name}` under {corruption}: declared {said}, {solved} of {len(scores)}")
+    return "\n".join(lines) or "None."
+
+
+def by_task(tasks: Mapping[str, Task], played: Sequence[Played]) -> str:
+    """Return the table of all tasks under all corruptions."""
+    cases = by_case(played)
+    rows: list[list[str]] = []
+    for name, task in sorted(tasks.items(), key=lambda item: (item[1].domain, item[0])):
+        cells = [
+            cell(task, corruption, cases.get((name, corruption), ())) for corruption in COLUMNS
+        ]
+        rows.append([task.domain, name, *cells])
+    return table(["domain", "task", *COLUMNS], rows)
+
+
+def page(agents: Mapping[str, Sequence[Played]]) -> str:
+    """Return the page in Markdown."""
+    known = {name: get(name) for name in suite.listed()}
+    parts = [
+        "# Which tasks can be solved under which corruption",
+        "<!-- Made by `python benchmarks/suite_results.py`: run it again, do not edit. -->",
+        "Two agents that know the solution of every task play the whole suite on the embedded"
+        " desktop. `oracle` carries out its actions whatever happens; it is what a clean desktop"
+        " is checked with. `recovering` looks first, and does what a careful user would: it closes"
+        " what is in the way, restores the window, logs in, waits and reloads. Its score is the"
+        " ceiling that reports print beside every agent's.",
+        "Episodes were played with two to four desktops side by side on two cores. An episode"
+        " whose corruption could not be proved, or whose desktop failed, does not count.",
+        "```sh no-run it takes hours\n"
+        "hijack bench embedded --agent recovering --corruptions marks --out runs/recovering-marks\n"
+        "python benchmarks/suite_results.py runs/recovering-marks\n```",
+        "## Solved of played episodes",
+        totals(agents),
+        declared(known),
+    ]
+    if agents.get("recovering"):
+        parts += [
+            "## Where `recovering` and the declaration differ",
+            "Each task declares under which corruptions not even a careful user can do it.",
+            against(known, agents["recovering"]),
+        ]
+    for agent, played in agents.items():
+        parts += [
+            f"## Each task with `{agent}`",
+            f"{SOLVED} solved, {FAILED} not solved, {UNSOLVABLE} declared unsolvable; a fraction"
+            " where episodes of one case ended differently; empty where none was played.",
+            by_task(known, played),
+        ]
+    return "\n\n".join(parts) + "\n"
+
+
+def main() -> None:
+    """Add the runs and make the page."""
+    options = argparse.ArgumentParser()
+    options.add_argument("runs", nargs="*", type=Path, help="folders of runs to add")
+    given = options.parse_args()
+    agents = {agent: kept(agent) for agent in AGENTS}
+    for folder in given.runs:
+        for agent, played in episodes(folder).items():
+            if agent in agents:
+                agents[agent] += played
+    agents = {agent: sorted(set(played)) for agent, played in agents.items() if played}
+    for agent, played in agents.items():
+        keep(agent, played)
+    write_atomic(RESULTS / "suite.md", page(agents).encode())
+    print(totals(agents))
+
+
+if __name__ == "__main__":
+    main()
