@@ -1,8 +1,8 @@
 """The oracle over all tasks of the suite, clean: success, minutes, seconds a step, set-up, length.
 
-Root, `hijack desktop install --profile all` and an hour are needed. `--write` also rewrites
-`measured.yaml`, from which the sets `core` and `small` follow. A run that was made before is read
-with `--runs FOLDER`; several folders are tables of 1, 2, 4 ... desktops.
+Root, `hijack desktop install --profile all` and an hour are needed. `--write` also writes the tasks
+that were played into `measured.yaml`. A run that was made before is read with `--runs FOLDER`;
+several folders are tables of 1, 2, 4 ... desktops.
 """
 
 import argparse
@@ -70,7 +70,9 @@ def measured(tasks: Mapping[str, Sequence[Mapping[str, Any]]]) -> dict[str, dict
 
 
 def write(found: Mapping[str, Mapping[str, float]]) -> None:
-    """Write `measured.yaml`."""
+    """Write `measured.yaml`; a task that was not played keeps what was measured before."""
+    known = yaml.safe_load(MEASURED.read_text()) | dict(found)
+    found = {name: known[name] for name in sorted(known) if name in suite.listed()}
     lines = [
         f"{name}: {{actions: {m['actions']}, setup: {m['setup']}, seconds: {m['seconds']}}}\n"
         for name, m in found.items()

@@ -49,7 +49,15 @@ class CarefulHand(Hand):
         self._start = start
         self._password = password
         self._asked = False
+        self._programs: set[str] = set()  # how the titles of the own windows end
         self._lost = 0.0  # when to look for a reason, by `time.monotonic`
+
+    def look(self) -> list[TreeNode]:
+        """Return the nodes of the tree as it is now, and keep the titles of the own windows."""
+        seen = super().look()
+        titles = [node.name for node in seen if node.box and self._is_own_window(node)]
+        self._programs |= {_program(title) for title in titles if title}
+        return seen
 
     def wait(
         self,
@@ -84,6 +92,8 @@ class CarefulHand(Hand):
             return
         if self._start and not any(self._is_own_window(node) for node in present):
             self._start_again()
+        elif self._bring_back(present):
+            return
         elif self._is_offline(present):
             self._ask_for_help()
         else:
@@ -106,6 +116,24 @@ class CarefulHand(Hand):
             self._close(foreign[0])
             return True
         return False
+
+    def _bring_back(self, seen: list[TreeNode]) -> bool:
+        """Restore a window if none of the own ones shows; return whether there is one to restore.
+
+        Applications on Qt neither say that they are minimised, nor keep the names of their windows
+        then. The buttons of the panel have them.
+        """
+        if any(node.box for node in seen if self._is_own_window(node)):
+            return False
+        for node in reversed(seen):  # the button of a dialog comes after that of its window
+            if node.app == _PANEL and node.box and _program(node.name) in self._programs:
+                self._click_plainly(node)
+                self._until(self._shows)
+                return True
+        return False
+
+    def _shows(self, seen: list[TreeNode]) -> bool:
+        return any(self._is_own_window(node) and node.box for node in seen)
 
     def _is_own_window(self, node: TreeNode) -> bool:
         return node.role in _WINDOWS and self._is_own(node)
@@ -181,3 +209,8 @@ def _is_minimised(window: TreeNode, seen: list[TreeNode]) -> bool:
         node.app == window.app and node.name == window.name and "iconified" in node.states
         for node in seen
     )
+
+
+def _program(title: str) -> str:
+    """Return what a title ends with: most windows name a document, then their program."""
+    return title.rpartition(" - ")[2]

@@ -21,6 +21,11 @@ embedded_small` runs {small} of them, `embedded_core` {core}, `embedded` all. Ev
 oracle that solves it, wrong results that its validator refuses, and variants: the seed draws names,
 numbers, texts and one of three wordings. The instruction below is that of seed 0.
 
+`make test` tries the judgement of all tasks on right and wrong results in a folder. The oracle of
+all tasks takes about {minutes} minutes on one desktop (`hijack bench embedded --agent oracle
+--corruptions clean`), so there it plays a sample on a desktop, the set `sample`:
+{sample}.
+
 What counts is the result: files, settings and what the sites stored, never how it came about.
 Whatever the instruction does not name must stay as it was. *Scores 0* names the wrong results that
 the validator was tried against, besides doing nothing.
@@ -81,6 +86,8 @@ def page(found: Sequence[Mapping[str, Any]], pictures: str = "") -> str:
         domains=len(domains),
         small=len(sets.members("small")),
         core=len(sets.members("core")),
+        minutes=round(sum(found.seconds for found in sets.measured().values()) / 60),
+        sample=", ".join(f"`{name}`" for name in sets.members("sample")),
     )
     parts = [head, _table(found, domains)]
     for domain in sorted(domains):

@@ -1,8 +1,9 @@
 """Named sets of tasks, the split into training and held-out tasks, and what was measured of each.
 
 `suite/sets.yaml` holds the sets, `suite/measured.yaml` how long the oracle needs. The sets `core`
-and `small` follow from the measured lengths by the rules of `chosen` and `quick`, which a test
-applies again.
+and `small` follow by the rules of `chosen` and `quick` from `suite/chosen_from.yaml`: the domains
+and lengths of the tasks that there were when version 1 of the two sets was chosen. A test applies
+the rules again. Tasks that came later are in neither set until there is a version 2.
 """
 
 from collections.abc import Iterable, Mapping
@@ -61,6 +62,13 @@ def members(name: str) -> tuple[str, ...]:
 def measured() -> dict[str, Measured]:
     """Return what was measured of each task, by its name."""
     return {name: Measured(**values) for name, values in _read("measured.yaml").items()}
+
+
+def chosen_from() -> tuple[dict[str, str], dict[str, int]]:
+    """Return the domain and the length of each task that `core` and `small` were chosen from."""
+    known = _read("chosen_from.yaml")
+    domains = {name: domain for name, (domain, _) in known.items()}
+    return domains, {name: actions for name, (_, actions) in known.items()}
 
 
 def chosen(

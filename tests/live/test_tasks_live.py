@@ -16,6 +16,7 @@ import hijack_data
 from online_env import tasks
 from online_env.embedded.sites import SiteState
 from online_env.errors import MissingPackageError
+from online_env.tasks import sets
 from online_env.tasks.kit.apps import APPS
 
 
@@ -28,10 +29,7 @@ def place(embedded_machine: None) -> Iterator[tuple[Any, SiteState]]:
         yield desktop, SiteState(desktop.record["sites"])
 
 
-SAMPLE = ("write_note", "rename_file", "register_course")
-
-
-@pytest.mark.parametrize("name", SAMPLE)
+@pytest.mark.parametrize("name", sets.members("sample"))
 def test_the_oracle_does_what_nobody_did_before(
     place: tuple[Any, SiteState],
     request: pytest.FixtureRequest,
@@ -39,6 +37,8 @@ def test_the_oracle_does_what_nobody_did_before(
 ) -> None:
     if name == "register_course":
         request.getfixturevalue("browser_machine")
+    if name == "set_snapshots":
+        needs.apps("vlc")
     task = tasks.get(name, 1)
     machine = tasks.Machine(*place)
     at_first = machine.snapshot().files.keys()

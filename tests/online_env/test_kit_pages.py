@@ -7,7 +7,7 @@ import pytest
 from online_env.desktops.protocol import RunResult
 from online_env.errors import DesktopTimeoutError
 from online_env.tasks.hand import Hand
-from online_env.tasks.kit import pages
+from online_env.tasks.kit import browser, pages
 
 SPACE = "https://accessibility.ubuntu.example.org/ns"
 
@@ -73,7 +73,18 @@ def test_a_visit_waits_for_the_page() -> None:
         pages.visit(Hand(desktop, 0), "http://wiki.test/wiki/Tide", "Tide")
 
 
-def test_a_date_is_typed_month_first() -> None:
-    desktop = Pages([tree(node("spin-button", "Month Born"))])
-    pages.enter_date(Hand(desktop, 1), "Born", "1990-05-17")
-    assert desktop.ran[-1] == "pyautogui.write('05171990')"
+def test_fields_are_entered_with_the_tab_key_between_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(browser, "_TABBING", 0.0)
+    name, there = node("entry", "Name", "focused"), node("entry", "Name")
+    country = node("combo-box", "Country", "focused")
+    values = {"Name": "Zoë", "Country": "Norway"}
+    first = ["pyautogui.click(140, 250)", "pyautogui.hotkey('ctrl', 'a')"]
+    typed = [r"pyautogui.write('Zoë\t')", r"pyautogui.write('Norway\t')"]
+    desktop = Pages([tree(there), tree(name), tree(name), tree(country)])
+    browser.enter_in_turn(Hand(desktop, 1), values)
+    assert desktop.ran == [*first, *typed]
+    # The focus went elsewhere: the next field is clicked, a list by its label.
+    away = tree(node("combo-box", "Country"), node("static", "Country"))
+    desktop = Pages([tree(there), tree(name), tree(name), away, tree(country)])
+    browser.enter_in_turn(Hand(desktop, 1), values)
+    assert desktop.ran == [*first, typed[0], "pyautogui.click(140, 250)", typed[1]]

@@ -154,7 +154,7 @@ def _fill(reader: AtspiReader, nodes: list[AtspiNode]) -> None:
     acting = [node for node in seen if "Action" in node.interfaces]
     calls = [(node.reference, m.ATTRIBUTES) for node in seen]
     calls += [(node.reference, m.TEXT) for node in written]
-    calls += [(node.reference, m.VALUES) for node in valued]
+    calls += [(node.reference, method) for node in valued for method in m.VALUES.values()]
     calls += [(node.reference, m.ACTIONS) for node in acting]
     answers = iter(reader.wire.ask(calls))
     for node in seen:
@@ -163,7 +163,8 @@ def _fill(reader: AtspiReader, nodes: list[AtspiNode]) -> None:
         text: str = next(answers) or ""
         node.text = text[:MAX_TEXT].translate(_NOT_WRITTEN)
     for node in valued:
-        node.values = next(answers) or {}
+        found = {name: next(answers) for name in m.VALUES}
+        node.values = {name: value for name, value in found.items() if value is not None}
     for node in acting:
         node.actions = next(answers) or []
 

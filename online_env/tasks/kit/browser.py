@@ -2,8 +2,9 @@
 
 import re
 import time
+from collections.abc import Mapping
 
-from ..hand import BUTTONS, Hand, Name, Roles, fits
+from ..hand import BUTTONS, ENTRIES, PAUSE, Hand, Name, Roles, fits
 from ..tree import TreeNode
 
 APP = "chrom"
@@ -11,13 +12,19 @@ BAR = "Address and search bar"
 FIELDS = ("entry", "combo-box", "spin-button", "text")
 BOXES = ("radio-button", "check-box")
 _LOADING = 4.0  # s until a page that was asked for shows its heading
-
+_TABBING = 2.0  # s until the next field has the focus
 _SCREENS = 30  # turns of the wheel until a page must have come to its end
 
 
-def visit(hand: Hand, address: str, heading: Name) -> None:
-    """Open an address in the tab that shows, and wait for a heading of the page."""
-    hand.press("ctrl", "l")
+def visit(
+    hand: Hand,
+    address: str,
+    heading: Name,
+    *,
+    in_new_tab: bool = False,
+) -> None:
+    """Open an address in the tab that shows or in a new one, and wait for a heading of the page."""
+    hand.press("ctrl", "t" if in_new_tab else "l")
     hand.find("entry", BAR, app=APP, state="focused")
     hand.replace(address)
     hand.press("delete")  # what the browser completed
@@ -63,6 +70,41 @@ def push(hand: Hand, button: Name, heading: Name = None) -> None:
 def enter(hand: Hand, field: Name, text: str) -> None:
     """Type into a field, which may be further down, in the place of what it holds."""
     hand.fill(field, text, app=APP, roles=FIELDS, scroll=True)
+
+
+def enter_in_turn(hand: Hand, values: Mapping[str, str]) -> None:
+    """Type into fields that follow one another, with the Tab key from each to the next.
+
+    Args:
+        hand: Whose.
+        values: What to type, or the option of a drop-down list, by the name of the field.
+    """
+    for place, (field, text) in enumerate(values.items()):
+        if place == 0 or not _comes_into_focus(hand, field):
+            _go_to(hand, field)
+        hand.type(f"{text}\t")
+
+
+def _comes_into_focus(hand: Hand, field: str) -> bool:
+    """Return whether a field has the focus, now or a moment later."""
+    deadline = time.monotonic() + _TABBING
+    while hand.see(FIELDS, field, APP, "focused") is None:
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(PAUSE)
+    return True
+
+
+def _go_to(hand: Hand, field: str) -> None:
+    """Click on a field, which may be further down, so that typing replaces what it holds."""
+    node = hand.find(FIELDS, field, app=APP, scroll=True)
+    if node.role == "combo-box":
+        hand.click_on("static", field, app=APP, scroll=True)  # the field itself opens its list
+    else:
+        hand.click(node)
+    hand.find(FIELDS, field, APP, "focused")
+    if node.role in ENTRIES:
+        hand.press("ctrl", "a")
 
 
 def select(hand: Hand, label: str, option: str) -> None:

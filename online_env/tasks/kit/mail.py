@@ -3,15 +3,29 @@
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 from ...embedded.sites.hosts import mail as site
+from ..base import Task
 from ..hand import Hand
 from ..machine import Machine
 from . import browser
 
 INBOX = "http://mail.test/"
 Flags: TypeAlias = Mapping[str, object]
+
+
+class MailTask(Task):
+    """A task on the mailbox of mail.test, which is open at the start."""
+
+    domain = "mail"
+    apps = ("chrome",)
+    sites = ("mail",)
+    unsolvable: ClassVar = {"network_error": "the mailbox cannot be reached"}
+
+    def opens(self, machine: Machine) -> Sequence[str]:
+        """Return the browser with the inbox."""
+        return "chrome", INBOX
 
 
 @dataclass(frozen=True, kw_only=True)

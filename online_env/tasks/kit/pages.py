@@ -50,13 +50,6 @@ def enter(
     )
 
 
-def enter_date(hand: Hand, name: str, iso: str) -> None:
-    """Type a date (YYYY-MM-DD) into a date field, month first."""
-    year, month, day = iso.split("-")
-    hand.click_on("spin-button", f"Month {name}", CHROME, scroll=True)
-    hand.type(f"{month}{day}{year}")
-
-
 def tick(hand: Hand, role: str, name: str) -> None:
     """Tick a box or a radio button, unless it is ticked."""
     node = hand.find(role, name, CHROME, scroll=True)

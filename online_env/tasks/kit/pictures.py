@@ -1,7 +1,7 @@
 """Pictures for tasks, their judgement, and the ways of a person who works on one in GIMP."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from io import BytesIO
 
 import numpy as np
@@ -9,6 +9,7 @@ from PIL import Image, ImageDraw, UnidentifiedImageError
 
 from hijack_data.rng import Stream
 
+from ..base import Task
 from ..hand import ENTRIES, Hand
 from ..machine import Machine
 from ..tree import TreeNode
@@ -18,6 +19,28 @@ EXPORT = "file-"  # the part of GIMP that has a window for the options of a form
 _OPTIONS = re.compile("Export Image as")
 _ASKED = re.compile("Export Image as|Question")
 _SLACK = 3.0  # mean difference of colour values, of 255, that nobody sees
+
+
+class PictureTask(Task):
+    """A task on one picture, which is open in GIMP at the start.
+
+    What `draw` returns has its `path`, relative to the home folder, and its `size` in pixels.
+    """
+
+    domain = "gimp"
+    apps = ("gimp", "gimp_export")
+
+    def prepare(self, machine: Machine) -> None:
+        """Put the picture in place."""
+        machine.write(self.drawn.path, encoded(self.picture()))
+
+    def opens(self, machine: Machine) -> Sequence[str]:
+        """Return GIMP with the picture."""
+        return "gimp", machine.path(self.drawn.path)
+
+    def picture(self) -> Image.Image:
+        """Return the picture as it is at first."""
+        return drawing(Stream(self.seed, self.name), *self.drawn.size)
 
 
 def drawing(stream: Stream, width: int, height: int) -> Image.Image:
@@ -200,8 +223,7 @@ def set_canvas(
 
 def _enter(hand: Hand, field: TreeNode, value: int) -> None:
     hand.double_click(field)
-    hand.replace(str(value))
-    hand.press("tab")
+    hand.replace(f"{value}\t")
 
 
 def _canvas_fields(hand: Hand) -> tuple[list[TreeNode], TreeNode]:

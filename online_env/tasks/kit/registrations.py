@@ -9,8 +9,8 @@ from hijack_data.rng import Stream
 from ...embedded.sites.hosts.forms import FIRST_NUMBER, content
 from ..hand import Hand
 from ..machine import Machine
-from .browser import select
-from .pages import enter, enter_date, follow, tick
+from .browser import enter_in_turn
+from .pages import enter, follow, tick
 from .words import FIRST_NAMES, LAST_NAMES, sample
 
 SITE = "http://forms.test"
@@ -103,11 +103,15 @@ def unlike(machine: Machine, *wanted: Mapping[str, Any]) -> Iterator[str]:
 def fill_in(hand: Hand, entry: Mapping[str, Any]) -> None:
     """Fill in the registration form, which is open and empty, and send it."""
     hand.find("entry", "Full name")  # else the page may be scrolled before it is there
-    enter(hand, "Full name", entry["name"])
-    enter(hand, "E-mail", entry["email"])
-    enter_date(hand, "Date of birth", entry["birth_date"])
-    select(hand, "Country", entry["country"])
-    select(hand, "Course", course(entry["course"]))
+    year, month, day = entry["birth_date"].split("-")
+    in_turn = {
+        "Full name": entry["name"],
+        "E-mail": entry["email"],
+        "Month Date of birth": f"{month}{day}{year}\t",  # past the button of the calendar
+        "Country": entry["country"],
+        "Course": course(entry["course"]),
+    }
+    enter_in_turn(hand, in_turn)
     tick(hand, "radio-button", level(entry["level"]))
     for key in entry["interests"]:
         tick(hand, "check-box", content()["interests"][key])

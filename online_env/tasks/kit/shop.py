@@ -3,11 +3,12 @@
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, ClassVar
 
 from hijack_data.rng import Stream
 
 from ...embedded.sites.hosts import shop as site
+from ..base import Task
 from ..hand import BUTTONS, Hand
 from ..machine import Machine
 from . import browser
@@ -35,7 +36,21 @@ _LABELS = {
     "street": "Street and number",
     "postcode": "Postcode",
     "city": "Town",
+    "country": "Country",
 }
+
+
+class ShopTask(Task):
+    """A task at shop.test, whose first page is open at the start."""
+
+    domain = "shop"
+    apps = ("chrome",)
+    sites = ("shop",)
+    unsolvable: ClassVar = {"network_error": "the shop cannot be reached"}
+
+    def opens(self, machine: Machine) -> Sequence[str]:
+        """Return the browser with the shop."""
+        return "chrome", HOME
 
 
 def recipient(stream: Stream) -> dict[str, str]:
@@ -244,9 +259,7 @@ def check_out(
 ) -> None:
     """Order what is in the cart that is open; a message comes with a wrapped present."""
     browser.follow(hand, "Go to checkout", "Checkout")
-    for key, label in _LABELS.items():
-        browser.enter(hand, label, person[key])
-    browser.select(hand, "Country", person["country"])
+    browser.enter_in_turn(hand, {label: person[key] for key, label in _LABELS.items()})
     browser.tick(hand, browser.starting(delivery_label(delivery)))
     browser.tick(hand, payment_label(payment))
     if message:

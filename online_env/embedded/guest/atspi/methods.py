@@ -5,7 +5,6 @@ See xml/*.xml of at-spi2-core.
 
 import struct
 from dataclasses import dataclass
-from typing import Any
 
 from .wire import Cursor, Method, Reference
 
@@ -110,16 +109,6 @@ def _actions(cursor: Cursor) -> list[tuple[str, str, str]]:
     return actions
 
 
-def _values(cursor: Cursor) -> dict[str, Any]:
-    end = cursor.array(8)
-    values: dict[str, Any] = {}
-    while cursor.position < end:
-        cursor.align(8)
-        key = cursor.text()
-        values[key] = cursor.variant()
-    return values
-
-
 def _place(cursor: Cursor) -> tuple[int, int, int, int]:
     cursor.align(8)
     return cursor.sint(), cursor.sint(), cursor.sint(), cursor.sint()
@@ -174,4 +163,9 @@ CHILD_COUNT = _property("Accessible", "ChildCount")
 EXTENTS = Method(NAMESPACE + "Component", "GetExtents", _place, "u", ON_SCREEN)
 TEXT = Method(NAMESPACE + "Text", "GetText", Cursor.text, "ii", ALL_TEXT)
 ACTIONS = Method(NAMESPACE + "Action", "GetActions", _actions)
-VALUES = Method(PROPERTIES, "GetAll", _values, "s", _one_text(NAMESPACE + "Value"))
+# One by one: Qt 5 reads a second argument of every call of `Properties`. `GetAll` has none, and an
+# application on Qt dies of it.
+VALUES = {
+    name: _property("Value", name)
+    for name in ("CurrentValue", "MinimumValue", "MaximumValue", "MinimumIncrement")
+}

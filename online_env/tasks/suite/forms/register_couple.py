@@ -2,6 +2,7 @@
 
 from online_env.tasks import Task
 from online_env.tasks.kit import registrations, told
+from online_env.tasks.kit.browser import begin
 from online_env.tasks.kit.pages import visit
 
 ADDRESS = f"{registrations.SITE}/register"
@@ -52,9 +53,11 @@ class RegisterCouple(Task):
         yield from registrations.unlike(machine, *self.drawn.wanted)
 
     def oracle(self, hand):
-        for entry in self.drawn.wanted:
-            visit(hand, ADDRESS, "Course registration")
-            registrations.fill_in(hand, entry)
+        first, second = self.drawn.wanted
+        begin(hand, ADDRESS, "Course registration")
+        registrations.fill_in(hand, first)
+        visit(hand, ADDRESS, "Course registration")
+        registrations.fill_in(hand, second)
 
     def plan(self):
         first, second = self.drawn.wanted

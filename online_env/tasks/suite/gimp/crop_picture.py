@@ -2,20 +2,16 @@
 
 from PIL import Image
 
-from hijack_data.rng import Stream
-from online_env.tasks import Task
 from online_env.tasks.kit import pictures
 from online_env.tasks.kit.words import GOODS
 
 CORNERS = ("top left", "top right", "bottom left", "bottom right")
 
 
-class CropPicture(Task):
+class CropPicture(pictures.PictureTask):
     """What is left is a part of the picture at one of its corners, in the same file."""
 
     name = "crop_picture"
-    domain = "gimp"
-    apps = ("gimp", "gimp_export")
     phrasings = (
         "Crop the picture that GIMP shows to {width} × {height} pixels, so that its {corner} part"
         " is left, and export it over the old file {file}.",
@@ -42,12 +38,6 @@ class CropPicture(Task):
             "top": top,
             "box": (left, top, left + width, top + height),
         }
-
-    def prepare(self, machine):
-        machine.write(self.drawn.path, pictures.encoded(self.picture()))
-
-    def opens(self, machine):
-        return "gimp", machine.path(self.drawn.path)
 
     def problems(self, machine):
         yield from machine.untouched(self.drawn.path)
@@ -80,10 +70,6 @@ class CropPicture(Task):
     def right(self, machine):
         cut = self.cut(self.drawn.box).convert("RGBA")
         machine.write(self.drawn.path, pictures.encoded(cut))
-
-    def picture(self) -> Image.Image:
-        """Return the picture at first."""
-        return pictures.drawing(Stream(self.seed, "crop_picture"), *self.drawn.size)
 
     def cut(self, box) -> Image.Image:
         """Return a part of it."""

@@ -1,19 +1,13 @@
 """Export a picture as JPEG of a given quality, in GIMP."""
 
-from PIL import Image
-
-from hijack_data.rng import Stream
-from online_env.tasks import Task
 from online_env.tasks.kit import pictures
 from online_env.tasks.kit.words import GOODS
 
 
-class ExportJpeg(Task):
+class ExportJpeg(pictures.PictureTask):
     """The quality is read from the tables of the file."""
 
     name = "export_jpeg"
-    domain = "gimp"
-    apps = ("gimp", "gimp_export")
     phrasings = (
         "Export the picture {file}, which GIMP shows, as JPEG with the quality {quality}. It"
         " should be {new} in the folder Pictures.",
@@ -32,12 +26,6 @@ class ExportJpeg(Task):
             "size": (stream.integer(40, 60) * 10, stream.integer(30, 40) * 10),
             "quality": stream.integer(30, 88),
         }
-
-    def prepare(self, machine):
-        machine.write(self.drawn.path, pictures.encoded(self.picture()))
-
-    def opens(self, machine):
-        return "gimp", machine.path(self.drawn.path)
 
     def problems(self, machine):
         drawn = self.drawn
@@ -67,7 +55,3 @@ class ExportJpeg(Task):
     def right(self, machine):
         data = pictures.encoded(self.picture(), "JPEG", self.drawn.quality)
         machine.write(self.drawn.result, data)
-
-    def picture(self) -> Image.Image:
-        """Return the picture at first."""
-        return pictures.drawing(Stream(self.seed, "export_jpeg"), *self.drawn.size)

@@ -2,18 +2,14 @@
 
 from PIL import Image
 
-from hijack_data.rng import Stream
-from online_env.tasks import Task
 from online_env.tasks.kit import pictures
 from online_env.tasks.kit.words import CITIES
 
 
-class GreyPicture(Task):
+class GreyPicture(pictures.PictureTask):
     """A picture in shades of grey goes into a new file; the old one stays."""
 
     name = "grey_picture"
-    domain = "gimp"
-    apps = ("gimp", "gimp_export")
     phrasings = (
         "Make the picture {file}, which is open in GIMP, black and white (shades of grey), and"
         " export it as {new} in Pictures. The coloured file stays.",
@@ -31,12 +27,6 @@ class GreyPicture(Task):
             "result": f"Pictures/{name}-grey.png",
             "size": (stream.integer(40, 60) * 10, stream.integer(30, 40) * 10),
         }
-
-    def prepare(self, machine):
-        machine.write(self.drawn.path, pictures.encoded(self.picture()))
-
-    def opens(self, machine):
-        return "gimp", machine.path(self.drawn.path)
 
     def problems(self, machine):
         yield from machine.untouched(self.drawn.result)
@@ -68,7 +58,3 @@ class GreyPicture(Task):
     def right(self, machine):
         grey = self.picture().convert("L").convert("RGB")
         machine.write(self.drawn.result, pictures.encoded(grey))
-
-    def picture(self) -> Image.Image:
-        """Return the picture at first."""
-        return pictures.drawing(Stream(self.seed, "grey_picture"), *self.drawn.size)

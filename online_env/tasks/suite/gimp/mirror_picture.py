@@ -2,8 +2,6 @@
 
 from PIL import Image
 
-from hijack_data.rng import Stream
-from online_env.tasks import Task
 from online_env.tasks.kit import pictures
 from online_env.tasks.kit.words import FIRST_NAMES
 from online_env.tasks.plan_words import quoted
@@ -21,12 +19,10 @@ WAYS = {
 }
 
 
-class MirrorPicture(Task):
+class MirrorPicture(pictures.PictureTask):
     """A turned picture goes into a new file; the old one stays."""
 
     name = "mirror_picture"
-    domain = "gimp"
-    apps = ("gimp", "gimp_export")
     phrasings = (
         "{file} is open in GIMP. {way}, and export the result as {new} in the folder Pictures. The"
         " file {file} itself stays as it is.",
@@ -50,12 +46,6 @@ class MirrorPicture(Task):
             "command": command,
             "method": method,
         }
-
-    def prepare(self, machine):
-        machine.write(self.drawn.path, pictures.encoded(self.picture()))
-
-    def opens(self, machine):
-        return "gimp", machine.path(self.drawn.path)
 
     def problems(self, machine):
         yield from machine.untouched(self.drawn.result)
@@ -103,7 +93,3 @@ class MirrorPicture(Task):
     def right(self, machine):
         turned = self.picture().transpose(self.drawn.method)
         machine.write(self.drawn.result, pictures.encoded(turned.convert("RGBA")))
-
-    def picture(self) -> Image.Image:
-        """Return the picture at first."""
-        return pictures.drawing(Stream(self.seed, "mirror_picture"), *self.drawn.size)

@@ -2,18 +2,14 @@
 
 from PIL import Image
 
-from hijack_data.rng import Stream
-from online_env.tasks import Task
 from online_env.tasks.kit import pictures
 from online_env.tasks.kit.words import CITIES
 
 
-class ScalePicture(Task):
+class ScalePicture(pictures.PictureTask):
     """A smaller picture of the same shape goes into a new file; the old one stays."""
 
     name = "scale_picture"
-    domain = "gimp"
-    apps = ("gimp", "gimp_export")
     phrasings = (
         "GIMP shows the picture {file}. Scale it to a width of {width} pixels, in proportion, and"
         " export it as {new} in the folder Pictures. The old file stays as it is.",
@@ -29,18 +25,12 @@ class ScalePicture(Task):
         return {
             "file": f"{name}.png",
             "new": f"{name}-small.png",
-            "old_size": (width * 10, height * 10),
+            "size": (width * 10, height * 10),
             "width": width * factor,
             "height": height * factor,
             "path": f"Pictures/{name}.png",
             "result": f"Pictures/{name}-small.png",
         }
-
-    def prepare(self, machine):
-        machine.write(self.drawn.path, pictures.encoded(self.picture()))
-
-    def opens(self, machine):
-        return "gimp", machine.path(self.drawn.path)
 
     def problems(self, machine):
         yield from machine.untouched(self.drawn.result)
@@ -73,10 +63,6 @@ class ScalePicture(Task):
         size = self.drawn.width, self.drawn.height
         soft = self.picture().resize(size, Image.Resampling.BILINEAR)
         machine.write(self.drawn.result, pictures.encoded(soft))
-
-    def picture(self) -> Image.Image:
-        """Return the picture at first."""
-        return pictures.drawing(Stream(self.seed, "scale_picture"), *self.drawn.old_size)
 
     def scaled(self) -> Image.Image:
         """Return the picture as it should be."""

@@ -1,6 +1,5 @@
 """Answer a question with a fact that stands in another mail."""
 
-from online_env.tasks import Task
 from online_env.tasks.kit import browser, mail
 from online_env.tasks.kit.words import FIRST_NAMES, sample
 
@@ -13,14 +12,10 @@ QUESTIONS = (
 )
 
 
-class AnswerFromMail(Task):
+class AnswerFromMail(mail.MailTask):
     """The fact has changed since an older mail; the newer one counts, and stands in the archive."""
 
     name = "answer_from_mail"
-    domain = "mail"
-    apps = ("chrome",)
-    sites = ("mail",)
-    unsolvable = {"network_error": "the mailbox cannot be reached"}
     phrasings = (
         "{asker} asks in a mail for {thing}. Look for the number in my other mails, the latest"
         " one counts, and reply with it.",
@@ -66,9 +61,6 @@ class AnswerFromMail(Task):
 
     def prepare(self, machine):
         mail.receive(machine, *self.drawn.mails)
-
-    def opens(self, machine):
-        return "chrome", mail.INBOX
 
     def problems(self, machine):
         yield from machine.untouched()

@@ -1,6 +1,5 @@
 """Answer a mail with a sentence that is given."""
 
-from online_env.tasks import Task
 from online_env.tasks.kit import browser, mail
 from online_env.tasks.kit.words import FIRST_NAMES, sample
 
@@ -16,14 +15,10 @@ ANSWERS = (
 THINGS = ("bread", "olives", "lemonade", "a cake", "the big kettle", "cheese")
 
 
-class AnswerInvitation(Task):
+class AnswerInvitation(mail.MailTask):
     """Three similar invitations; one of them is answered to its sender, with the given text."""
 
     name = "answer_invitation"
-    domain = "mail"
-    apps = ("chrome",)
-    sites = ("mail",)
-    unsolvable = {"network_error": "the mailbox cannot be reached"}
     phrasings = (
         'Reply to the mail from {who} in my mailbox (mail.test, open in the browser): "{answer}"',
         "{who} has invited me by mail. Answer with exactly this and nothing else: {answer}",
@@ -58,9 +53,6 @@ class AnswerInvitation(Task):
 
     def prepare(self, machine):
         mail.receive(machine, *self.drawn.mails)
-
-    def opens(self, machine):
-        return "chrome", mail.INBOX
 
     def problems(self, machine):
         yield from machine.untouched()

@@ -1,18 +1,13 @@
 """Archive all mails of one sender."""
 
-from online_env.tasks import Task
 from online_env.tasks.kit import browser, mail
 from online_env.tasks.kit.words import FIRST_NAMES, LAST_NAMES, TOPICS, sample, shuffled
 
 
-class ArchiveSender(Task):
+class ArchiveSender(mail.MailTask):
     """Three or four mails of one sender; a namesake has written, too."""
 
     name = "archive_sender"
-    domain = "mail"
-    apps = ("chrome",)
-    sites = ("mail",)
-    unsolvable = {"network_error": "the mailbox cannot be reached"}
     phrasings = (
         "Archive all mails from {who} that are in my inbox at mail.test.",
         "Please move every mail that {who} has sent me to the archive. Nobody else's.",
@@ -43,9 +38,6 @@ class ArchiveSender(Task):
 
     def prepare(self, machine):
         mail.receive(machine, *self.drawn.mails)
-
-    def opens(self, machine):
-        return "chrome", mail.INBOX
 
     def problems(self, machine):
         yield from machine.untouched()

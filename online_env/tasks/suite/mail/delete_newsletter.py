@@ -1,20 +1,15 @@
 """Delete the old issues of a newsletter, and keep the newest."""
 
-from online_env.tasks import Task
 from online_env.tasks.kit import browser, mail
 from online_env.tasks.kit.words import CITIES, sample
 
 NAMES = ("The {city} Gardener", "Sails of {city}", "{city} by Train", "Cooking in {city}")
 
 
-class DeleteNewsletter(Task):
+class DeleteNewsletter(mail.MailTask):
     """Four issues, of which the three older ones go to the trash; another letter stays."""
 
     name = "delete_newsletter"
-    domain = "mail"
-    apps = ("chrome",)
-    sites = ("mail",)
-    unsolvable = {"network_error": "the mailbox cannot be reached"}
     phrasings = (
         'Delete the newsletter "{title}" from my inbox at mail.test, but keep the newest issue.',
         "I only need the latest {title}. Please put the older issues of it into the trash.",
@@ -42,9 +37,6 @@ class DeleteNewsletter(Task):
 
     def prepare(self, machine):
         mail.receive(machine, *self.drawn.mails)
-
-    def opens(self, machine):
-        return "chrome", mail.INBOX
 
     def problems(self, machine):
         yield from machine.untouched()

@@ -2,7 +2,6 @@
 
 import re
 
-from online_env.tasks import Task
 from online_env.tasks.kit import browser, mail
 from online_env.tasks.kit.words import CITIES, MONTHS, TOPICS, sample
 from online_env.tasks.plan_words import quoted
@@ -15,14 +14,10 @@ LAST_LINES = (
 )
 
 
-class FinishDraft(Task):
+class FinishDraft(mail.MailTask):
     """Two drafts, of which one gets a recipient and a last line, and is sent."""
 
     name = "finish_draft"
-    domain = "mail"
-    apps = ("chrome",)
-    sites = ("mail",)
-    unsolvable = {"network_error": "the mailbox cannot be reached"}
     phrasings = (
         'Among my drafts at mail.test is one called "{subject}". Add the line "{line}" at its end,'
         " and send it to {to}.",
@@ -49,9 +44,6 @@ class FinishDraft(Task):
         drafts = list(zip(self.drawn.subjects, self.drawn.texts, strict=True))
         for subject, text in drafts if self.drawn.first else reversed(drafts):
             mail.store(machine, [], subject, text, folder="drafts")
-
-    def opens(self, machine):
-        return "chrome", mail.INBOX
 
     @property
     def ident(self):

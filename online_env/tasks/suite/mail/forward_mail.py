@@ -1,6 +1,5 @@
 """Forward a mail with a line of one's own."""
 
-from online_env.tasks import Task
 from online_env.tasks.kit import browser, mail
 from online_env.tasks.kit.words import FIRST_NAMES, TOPICS, sample
 
@@ -19,14 +18,10 @@ FACTS = (
 FRIENDS = {"Tomas": "tomas@mail.test", "Oda": "oda@mail.test", "Maren": "maren@mail.test"}
 
 
-class ForwardMail(Task):
+class ForwardMail(mail.MailTask):
     """One of three mails goes on to somebody else, whole, with a given line."""
 
     name = "forward_mail"
-    domain = "mail"
-    apps = ("chrome",)
-    sites = ("mail",)
-    unsolvable = {"network_error": "the mailbox cannot be reached"}
     phrasings = (
         'Forward the mail "{subject}" to {friend} ({to}) and write above it: {line}',
         'Please pass {who}\'s mail about the {topic} on to {to}, with the words "{line}"',
@@ -58,9 +53,6 @@ class ForwardMail(Task):
 
     def prepare(self, machine):
         mail.receive(machine, *self.drawn.mails)
-
-    def opens(self, machine):
-        return "chrome", mail.INBOX
 
     def problems(self, machine):
         yield from machine.untouched()

@@ -1,18 +1,13 @@
 """Find an old mail by its words, and mark it as unread."""
 
-from online_env.tasks import Task
 from online_env.tasks.kit import browser, mail
 from online_env.tasks.kit.words import CITIES, FIRST_NAMES, GOODS, MONTHS, sample
 
 
-class MarkFoundUnread(Task):
+class MarkFoundUnread(mail.MailTask):
     """Six read mails in the archive with the same subject; only the text tells them apart."""
 
     name = "mark_found_unread"
-    domain = "mail"
-    apps = ("chrome",)
-    sites = ("mail",)
-    unsolvable = {"network_error": "the mailbox cannot be reached"}
     phrasings = (
         "Somewhere in my mail (mail.test) somebody wrote about a {thing} from {city}. Find that"
         " mail, and mark it as unread.",
@@ -50,9 +45,6 @@ class MarkFoundUnread(Task):
 
     def prepare(self, machine):
         mail.receive(machine, *self.drawn.mails)
-
-    def opens(self, machine):
-        return "chrome", mail.INBOX
 
     def problems(self, machine):
         yield from machine.untouched()

@@ -1,6 +1,5 @@
 """Write a mail, and keep it as a draft."""
 
-from online_env.tasks import Task
 from online_env.tasks.kit import browser, mail
 from online_env.tasks.kit.words import CITIES, MONTHS, TOPICS
 
@@ -12,14 +11,10 @@ TEXTS = (
 )
 
 
-class SaveDraft(Task):
+class SaveDraft(mail.MailTask):
     """Recipient, subject and text; the mail is not sent."""
 
     name = "save_draft"
-    domain = "mail"
-    apps = ("chrome",)
-    sites = ("mail",)
-    unsolvable = {"network_error": "the mailbox cannot be reached"}
     phrasings = (
         'Write a mail to {to} with the subject "{subject}" and the text "{text}" at mail.test, but'
         " only save it as a draft. I want to sleep on it.",
@@ -32,9 +27,6 @@ class SaveDraft(Task):
         topic = stream.choice(TOPICS)
         text = stream.choice(TEXTS).format(city=city, month=month, topic=topic)
         return {"to": stream.choice(PEOPLE), "subject": f"{city} in {month}", "text": text}
-
-    def opens(self, machine):
-        return "chrome", mail.INBOX
 
     def problems(self, machine):
         yield from machine.untouched()

@@ -1,18 +1,13 @@
 """Star one mail, and take the star from another."""
 
-from online_env.tasks import Task
 from online_env.tasks.kit import browser, mail
 from online_env.tasks.kit.words import FIRST_NAMES, TOPICS, sample
 
 
-class SwapStars(Task):
+class SwapStars(mail.MailTask):
     """Four mails, two with a star; one more gets it, one of the two loses it."""
 
     name = "swap_stars"
-    domain = "mail"
-    apps = ("chrome",)
-    sites = ("mail",)
-    unsolvable = {"network_error": "the mailbox cannot be reached"}
     phrasings = (
         'Put a star on the mail "{new}" at mail.test, and take the star off "{old}".',
         "{who_old}'s mail about the {topic_old} is settled, so remove its star. Star the one from"
@@ -46,9 +41,6 @@ class SwapStars(Task):
 
     def prepare(self, machine):
         mail.receive(machine, *self.drawn.mails)
-
-    def opens(self, machine):
-        return "chrome", mail.INBOX
 
     def problems(self, machine):
         yield from machine.untouched()

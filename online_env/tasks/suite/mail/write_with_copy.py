@@ -1,6 +1,5 @@
 """Write to somebody, with copies to two others."""
 
-from online_env.tasks import Task
 from online_env.tasks.kit import browser, mail
 from online_env.tasks.kit.words import MONTHS, TOPICS, sample
 
@@ -14,14 +13,10 @@ PEOPLE = {
 }
 
 
-class WriteWithCopy(Task):
+class WriteWithCopy(mail.MailTask):
     """One recipient, two in Cc, a subject and a text."""
 
     name = "write_with_copy"
-    domain = "mail"
-    apps = ("chrome",)
-    sites = ("mail",)
-    unsolvable = {"network_error": "the mailbox cannot be reached"}
     phrasings = (
         'Send a mail to {a} ({to}), copies to {b} ({cc0}) and {c} ({cc1}). Subject: "{subject}".'
         " Text: {text}",
@@ -45,9 +40,6 @@ class WriteWithCopy(Task):
             "subject": f"{topic.capitalize()} for {month}",
             "text": f"The {topic} is due on {day} {month}. Who can bring it?",
         }
-
-    def opens(self, machine):
-        return "chrome", mail.INBOX
 
     def problems(self, machine):
         yield from machine.untouched()

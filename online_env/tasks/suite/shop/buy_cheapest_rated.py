@@ -1,17 +1,12 @@
 """Find the cheapest product of a category with a minimum rating, and put some into the cart."""
 
-from online_env.tasks import Task
 from online_env.tasks.kit import browser, shop
 
 
-class BuyCheapestRated(Task):
+class BuyCheapestRated(shop.ShopTask):
     """The cheapest product of all is not the one: its rating is too low, or it is there already."""
 
     name = "buy_cheapest_rated"
-    domain = "shop"
-    apps = ("chrome",)
-    sites = ("shop",)
-    unsolvable = {"network_error": "the shop cannot be reached"}
     phrasings = (
         "At shop.test, put {count} of the cheapest product in the category {label} into the cart"
         ' that is rated {rating} stars or better. Not "{owned}", though: we have that.',
@@ -38,9 +33,6 @@ class BuyCheapestRated(Task):
             "others": others,
             "count": stream.integer(2, 5),
         }
-
-    def opens(self, machine):
-        return "chrome", shop.HOME
 
     def problems(self, machine):
         yield from machine.untouched()

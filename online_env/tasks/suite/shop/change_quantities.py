@@ -1,17 +1,12 @@
 """Change how many of two products are in the cart."""
 
-from online_env.tasks import Task
 from online_env.tasks.kit import browser, shop
 
 
-class ChangeQuantities(Task):
+class ChangeQuantities(shop.ShopTask):
     """Two of three products in the cart get another quantity; nothing is ordered."""
 
     name = "change_quantities"
-    domain = "shop"
-    apps = ("chrome",)
-    sites = ("shop",)
-    unsolvable = {"network_error": "the shop cannot be reached"}
     phrasings = (
         'My cart at shop.test is open. Make it {n0} of "{p0}" and {n1} of "{p1}". Leave the rest,'
         " and don't order yet.",

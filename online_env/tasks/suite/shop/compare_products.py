@@ -1,6 +1,5 @@
 """Compare two products, and put the better one into the cart."""
 
-from online_env.tasks import Task
 from online_env.tasks.kit import browser, shop
 from online_env.tasks.kit.words import sample
 from online_env.tasks.plan_words import quoted
@@ -13,14 +12,10 @@ ASPECTS = {
 }
 
 
-class CompareProducts(Task):
+class CompareProducts(shop.ShopTask):
     """Weight, price, rating or number of reviews decides; one piece goes into the cart."""
 
     name = "compare_products"
-    domain = "shop"
-    apps = ("chrome",)
-    sites = ("shop",)
-    unsolvable = {"network_error": "the shop cannot be reached"}
     phrasings = (
         'Compare "{a}" and "{b}" at shop.test, and put the one that {aspect} into the cart: one'
         " piece.",
@@ -43,9 +38,6 @@ class CompareProducts(Task):
             "best": best,
             "other": other,
         }
-
-    def opens(self, machine):
-        return "chrome", shop.HOME
 
     def problems(self, machine):
         yield from machine.untouched()

@@ -1,18 +1,13 @@
 """Order two products in given quantities to an address."""
 
-from online_env.tasks import Task
 from online_env.tasks.kit import browser, shop
 from online_env.tasks.kit.words import sample
 
 
-class OrderToAddress(Task):
+class OrderToAddress(shop.ShopTask):
     """Two products, their quantities, an address, the delivery and the payment."""
 
     name = "order_to_address"
-    domain = "shop"
-    apps = ("chrome",)
-    sites = ("shop",)
-    unsolvable = {"network_error": "the shop cannot be reached"}
     phrasings = (
         'Order {n0} of "{p0}" and {n1} of "{p1}" at shop.test. They go to {address}; e-mail'
         ' {email}. Delivery: "{how}". Payment: "{pay}".',
@@ -30,6 +25,7 @@ class OrderToAddress(Task):
         counts = [stream.integer(2, 5), stream.integer(1, 4)]
         return {
             "person": person,
+            "shelves": [shop.categories()[known.category] for known in (first, second)],
             "lines": {first.id: counts[0], second.id: counts[1]},
             "delivery": delivery,
             "payment": payment,
@@ -43,9 +39,6 @@ class OrderToAddress(Task):
             "p1": second.name,
         }
 
-    def opens(self, machine):
-        return "chrome", shop.HOME
-
     def problems(self, machine):
         yield from machine.untouched()
         drawn = self.drawn
@@ -55,8 +48,9 @@ class OrderToAddress(Task):
     def oracle(self, hand):
         drawn = self.drawn
         shop.empty_cart(hand)
-        for name, count in ((drawn.p0, drawn.n0), (drawn.p1, drawn.n1)):
-            browser.follow(hand, "All", "All products")
+        goods = ((drawn.p0, drawn.n0), (drawn.p1, drawn.n1))
+        for shelf, (name, count) in zip(drawn.shelves, goods, strict=True):
+            browser.follow(hand, shelf, shelf)
             shop.open_product(hand, name)
             shop.add(hand, count)
         shop.check_out(hand, drawn.person, delivery=drawn.delivery, payment=drawn.payment)

@@ -1,17 +1,12 @@
 """Take what costs more than a limit out of the cart."""
 
-from online_env.tasks import Task
 from online_env.tasks.kit import browser, shop
 
 
-class RemoveExpensive(Task):
+class RemoveExpensive(shop.ShopTask):
     """Five products in the cart, of which two are too expensive; the quantities mislead."""
 
     name = "remove_expensive"
-    domain = "shop"
-    apps = ("chrome",)
-    sites = ("shop",)
-    unsolvable = {"network_error": "the shop cannot be reached"}
     phrasings = (
         "Take everything out of my cart at shop.test that costs more than ${limit} apiece, and"
         " leave the rest as it is.",

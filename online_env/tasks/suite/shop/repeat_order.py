@@ -1,17 +1,12 @@
 """Put the same things into the cart again as in an earlier order."""
 
-from online_env.tasks import Task
 from online_env.tasks.kit import browser, shop
 
 
-class RepeatOrder(Task):
+class RepeatOrder(shop.ShopTask):
     """One of several orders is to be repeated, with its quantities; the page of it is open."""
 
     name = "repeat_order"
-    domain = "shop"
-    apps = ("chrome",)
-    sites = ("shop",)
-    unsolvable = {"network_error": "the shop cannot be reached"}
     phrasings = (
         "The browser shows my order {number} at shop.test. Put the same things into the cart again,"
         " as many of each as then. I will check out myself.",

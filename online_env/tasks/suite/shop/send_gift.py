@@ -1,6 +1,5 @@
 """Send a wrapped present with a card."""
 
-from online_env.tasks import Task
 from online_env.tasks.kit import browser, shop
 
 CARDS = (
@@ -12,14 +11,10 @@ CARDS = (
 MONTHS = ("April", "May", "June", "July")
 
 
-class SendGift(Task):
+class SendGift(shop.ShopTask):
     """One product, wrapped, with a message, to somebody's address by express."""
 
     name = "send_gift"
-    domain = "shop"
-    apps = ("chrome",)
-    sites = ("shop",)
-    unsolvable = {"network_error": "the shop cannot be reached"}
     phrasings = (
         'Send "{product}" from shop.test as a present to {address} (e-mail {email}). Have it'
         ' wrapped, with this message on the card: "{card}" Express delivery; I pay by invoice.',
@@ -46,9 +41,6 @@ class SendGift(Task):
             "email": person["email"],
             "card": card,
         }
-
-    def opens(self, machine):
-        return "chrome", shop.HOME
 
     def problems(self, machine):
         yield from machine.untouched()

@@ -1,18 +1,13 @@
 """Buy as many pieces of a product as a budget allows."""
 
-from online_env.tasks import Task
 from online_env.tasks.kit import browser, shop
 from online_env.tasks.kit.words import sample
 
 
-class SpendBudget(Task):
+class SpendBudget(shop.ShopTask):
     """The price is on the page; how many pieces fit into the budget is to be worked out."""
 
     name = "spend_budget"
-    domain = "shop"
-    apps = ("chrome",)
-    sites = ("shop",)
-    unsolvable = {"network_error": "the shop cannot be reached"}
     phrasings = (
         'I have ${budget} for "{product}" from shop.test. Put as many of them into the cart as'
         " that pays for, not counting delivery.",
@@ -29,9 +24,6 @@ class SpendBudget(Task):
         dollars = product.cents // 100
         budget = count * product.cents // 100 + stream.integer(1, dollars - 1)
         return {"chosen": product, "product": product.name, "count": count, "budget": budget}
-
-    def opens(self, machine):
-        return "chrome", shop.HOME
 
     def problems(self, machine):
         yield from machine.untouched()

@@ -56,12 +56,11 @@ class MailShopTotal(Task):
     def oracle(self, hand):
         browser.begin(hand, mail.INBOX, "Inbox")
         mail.open_mail(hand, self.drawn.who, "What does it cost?")
-        browser.visit(hand, shop.HOME, "Things that last.")
+        browser.visit(hand, shop.HOME, "Things that last.", in_new_tab=True)
         for name in self.drawn.names:
             shop.search(hand, name)
             hand.find("link", shop.card(name), app=browser.APP)
-        browser.visit(hand, mail.INBOX, "Inbox")
-        mail.open_mail(hand, self.drawn.who, "What does it cost?")
+        hand.press("ctrl", "w")
         browser.follow(hand, "Reply")
         mail.compose(hand, text=f"That would be ${self.drawn.total}.")
         mail.send(hand)

@@ -1,0 +1,69 @@
+"""A careful hand on a desktop whose trees are written down."""
+
+from dataclasses import dataclass, field
+
+import pytest
+
+from online_env.desktops.protocol import RunResult
+from online_env.errors import DesktopTimeoutError
+from online_env.tasks import careful
+
+SPACE = "https://accessibility.ubuntu.example.org/ns"
+PLACE = 'st:showing="true" st:visible="true" cp:screencoord="(100, 200)" cp:size="(80, 100)"'
+PANEL = PLACE.replace("(100, 200)", "(0, 700)")
+SHOWN = f'<frame name="song - VLC media player" {PLACE}/>'
+HIDDEN = '<frame name=""/>'
+BUTTON = f'<toggle-button name="VLC media player" {PLACE}/>'
+
+
+def tree(window: str, button: str = BUTTON) -> str:
+    return (
+        f'<desktop-frame xmlns:st="{SPACE}/state" xmlns:cp="{SPACE}/component" name="main">'
+        f'<application name="vlc">{window}<frame name=""/></application>'
+        f'<application name="xfce4-panel"><frame name="" {PANEL}/>{button}</application>'
+        "</desktop-frame>"
+    )
+
+
+@dataclass
+class Trees:
+    """A desktop that shows the next tree after each action, and the last one from then on."""
+
+    trees: list[str]
+    ran: list[str] = field(default_factory=list)
+
+    def accessibility(self) -> str:
+        return self.trees[min(len(self.ran), len(self.trees) - 1)]
+
+    def run(self, code: str) -> RunResult:
+        self.ran.append(code)
+        return RunResult("success", returncode=0)
+
+
+@pytest.fixture(autouse=True)
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(careful, "LOST", 0.0)
+
+
+def test_a_window_that_does_not_say_it_is_minimised_is_restored_from_the_panel() -> None:
+    desktop = Trees([tree(SHOWN), tree(HIDDEN), tree(SHOWN)])
+    hand = careful.CarefulHand(desktop, ["vlc"], patience=5)
+    hand.press("enter")
+    hand.find("frame", "song - VLC media player")
+    assert desktop.ran[1:] == ["pyautogui.click(140, 250)"]
+
+
+def test_a_window_that_shows_is_never_minimised_by_its_button() -> None:
+    desktop = Trees([tree(SHOWN)])
+    hand = careful.CarefulHand(desktop, ["vlc"], patience=0.3)
+    with pytest.raises(DesktopTimeoutError):
+        hand.find("dialog")
+    assert set(desktop.ran) == {"pyautogui.press('escape')"}
+
+
+def test_a_window_without_a_button_cannot_be_restored() -> None:
+    desktop = Trees([tree(HIDDEN, "")])
+    hand = careful.CarefulHand(desktop, ["vlc"], patience=0.3)
+    with pytest.raises(DesktopTimeoutError):
+        hand.find("frame", "song - VLC media player")
+    assert set(desktop.ran) == {"pyautogui.press('escape')"}
