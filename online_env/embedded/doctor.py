@@ -100,7 +100,7 @@ def _system(with_image: bool) -> Finding:
     if platform.system() != "Linux":
         fix = "use a desktop of your own over HTTP (docs/bring_your_own_vm.md)"
         return Finding("system", False, name, fix)
-    fix = "hijack desktop image build, and then: hijack desktop up --image web"
+    fix = "hijack desktop install"
     return Finding("system", with_image or bool(shutil.which("apt-get")), name, fix)
 
 
