@@ -23,7 +23,7 @@ from ..runtime.identity import Identity
 from ..runtime.nest import Nest
 from ..runtime.plain import DesktopConfig, SetupError
 from . import pristine
-from .control import CONTROL_PORT, Control
+from .control import Control
 
 GUEST_PORT = 5000
 TOKEN = "AGENTHIJACK_TOKEN"
@@ -116,8 +116,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         osworld=options.osworld,
         time_out=options.time_out,
     )
-    guest = _listen(GUEST_PORT)
-    control = Control(CONTROL_PORT, token)
+    guest = _listen(options.port)
+    control = Control(options.port + 1, token)
     control.load()
     _load()
     image_python.forget_modules()
@@ -141,7 +141,7 @@ def _serve(
             container.begin()
             seconds = time.monotonic() - began
             control.answer({"ready": True, "seconds": round(seconds, 3)})
-            print(f"ready on port {GUEST_PORT} ({seconds:.1f} s)", flush=True)
+            print(f"ready ({seconds:.1f} s)", flush=True)
             control.wait(container.reap)
             container.end()
             pristine.check(started)
@@ -184,6 +184,12 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
         "--osworld",
         action="store_true",
         help="OSWorld's routes without a token, sudo without a password",
+    )
+    parser.add_argument(
+        "--port",
+        type=int,
+        default=GUEST_PORT,
+        help="of the guest server; resets are asked for on the next one",
     )
     parser.add_argument("--time-out", type=float, default=60.0, help="seconds for a start")
     return parser.parse_args(arguments)

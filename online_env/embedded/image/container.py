@@ -15,6 +15,7 @@ import sys
 import tarfile
 import tempfile
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -229,7 +230,7 @@ def _add_tree(
     name: str,
 ) -> None:
     for path in tree.walk(top):
-        entry = tree.look(path, top)
+        entry = replace(tree.look(path, top), time=tree.EPOCH)
         shown = f"{name}/{entry.path}".lstrip("/")
         _add_entry(tar, shown, path, entry)
 

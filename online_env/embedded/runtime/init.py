@@ -339,7 +339,7 @@ def _authority_entries() -> bytes:
     """
     cookie = os.urandom(16)
     number = session.DISPLAY.lstrip(":").encode()
-    named = _authority_entry(FAMILY_LOCAL, account.HOST_NAME.encode(), number, cookie)
+    named = _authority_entry(FAMILY_LOCAL, os.uname().nodename.encode(), number, cookie)
     return named + _authority_entry(FAMILY_WILD, b"", b"", cookie)
 
 
