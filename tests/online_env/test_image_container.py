@@ -124,8 +124,9 @@ def control():
     thread = threading.Thread(target=made.wait, args=(lambda: None,), daemon=True)
     thread.start()
     yield made, f"http://127.0.0.1:{made._server.server_port}", thread
-    made._server.asked = socket.socket()  # so that it waits no more
-    thread.join(10)
+    with socket.socket() as anything:
+        made._server.asked = anything  # so that it waits no more
+        thread.join(10)
     made._server.server_close()
 
 
