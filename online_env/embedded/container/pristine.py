@@ -5,6 +5,7 @@ that no reset is called pristine that is not.
 """
 
 import os
+import re
 import shutil
 import stat
 import time
@@ -21,6 +22,7 @@ SUDO_RULE = Path("/etc/sudoers.d", account.NAME)
 # Not looked at: made anew, the kernel's, or written by whoever logs in.
 _PASSED = frozenset((*EMPTIED, "/proc", "/sys", "/dev", "/run", "/home", "/var/log"))
 _MOST_NAMED = 3
+_ESCAPED = re.compile(r"\\([0-7]{3})")  # as mountinfo writes spaces (proc(5))
 
 
 def begin(order: DesktopConfig) -> int:
@@ -92,7 +94,7 @@ def check(since: int) -> None:
     Raises:
         SetupError: Some were; with their names.
     """
-    changed = list(_changed("/", os.lstat("/").st_dev, since))
+    changed = list(_changed("/", _PASSED | mount_points(), since))
     if changed:
         names = ", ".join(changed[:_MOST_NAMED])
         more = f" and {len(changed) - _MOST_NAMED} more" if len(changed) > _MOST_NAMED else ""
@@ -102,27 +104,29 @@ def check(since: int) -> None:
         )
 
 
+def mount_points(mounts: Path = Path("/proc/self/mountinfo")) -> frozenset[str]:
+    """What is mounted over the system: by the engine (`/etc/hosts`), or by the user (`-v`).
+
+    The root itself is not among them. Numbers of devices would not do: in an overlay, files of
+    one folder may have different ones.
+    """
+    lines = mounts.read_text(encoding="utf-8", errors="surrogateescape").splitlines()
+    names = (line.split()[4] for line in lines)
+    return frozenset(_ESCAPED.sub(lambda found: chr(int(found[1], 8)), name) for name in names)
+
+
 def _changed(
     folder: str,
-    device: int,
+    passed: frozenset[str],
     since: int,
 ) -> Iterator[str]:
     with os.scandir(folder) as found:
         entries = list(found)
     for entry in entries:
-        if entry.path in _PASSED:
+        if entry.path in passed:
             continue
         seen = entry.stat(follow_symlinks=False)
-        if seen.st_ctime_ns > since and not _is_mounted(entry.path, seen, device):
+        if seen.st_ctime_ns > since:
             yield entry.path
-        if stat.S_ISDIR(seen.st_mode) and seen.st_dev == device:
-            yield from _changed(entry.path, device, since)
-
-
-def _is_mounted(
-    path: str,
-    seen: os.stat_result,
-    device: int,
-) -> bool:
-    """Whether the engine mounts it (`/etc/hosts`), or a folder of the user's own was (`-v`)."""
-    return os.path.ismount(path) or (stat.S_ISDIR(seen.st_mode) and seen.st_dev != device)
+        if stat.S_ISDIR(seen.st_mode):
+            yield from _changed(entry.path, passed, since)
