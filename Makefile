@@ -44,7 +44,7 @@ desktop: live  ## A live desktop in your browser, on any Linux (IMAGE=file or UR
 	$(BIN)/hijack desktop install $(if $(IMAGE),--image $(IMAGE)) $(if $(MIRROR),--mirror $(MIRROR))
 	$(BIN)/hijack desktop view
 
-foreign: env  ## Desktops on hosts that are no Debian 12 (IMAGE=file of an image; root, mmdebstrap; some five minutes)
+foreign: env  ## Desktops on hosts that are no Debian 12 (IMAGE=file of an image; root, mmdebstrap; five to ten minutes)
 	.ci/foreign_host $(IMAGE) $(SUITE)
 
 check: env lint  ## Lint, types and the quick tests, for the daily loop (under three minutes)
