@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: help env light live demo desktop check test lint bench golden docs package clean
+.PHONY: help env light live demo desktop foreign check test lint bench golden docs package clean
 
 help:  ## Show this list
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 18
@@ -40,9 +40,12 @@ $(VENV)/.docs: pyproject.toml | $(VENV)/.light
 demo: light  ## Corrupt real screens, make a gallery and build a Hugging Face dataset (into ./demo)
 	$(BIN)/hijack demo --out demo
 
-desktop: live  ## A live desktop in your browser (Debian; installs its packages, once: root or sudo)
-	$(BIN)/hijack desktop install
+desktop: live  ## A live desktop in your browser, on any Linux (IMAGE=file or URL, or MIRROR=a Debian archive, off Debian 12)
+	$(BIN)/hijack desktop install $(if $(IMAGE),--image $(IMAGE)) $(if $(MIRROR),--mirror $(MIRROR))
 	$(BIN)/hijack desktop view
+
+foreign: env  ## Desktops on hosts that are no Debian 12 (IMAGE=file of an image; root, mmdebstrap; five to ten minutes)
+	.ci/foreign_host $(IMAGE) $(SUITE)
 
 check: env lint  ## Lint, types and the quick tests, for the daily loop (under three minutes)
 	$(BIN)/python -m pytest -q -n auto -m 'not slow'

@@ -125,19 +125,30 @@ def beside(name: str, runs: int) -> None:
     print(table([f"median of {runs}", "host-based", "from the image", "ratio"], rows))
 
 
-def shared(name: str, number: int) -> None:
-    """Measure what desktops side by side take each: the system's files are shared."""
-    desktops = [EmbeddedDesktop.up(image=name, apps=("editor",))]
+def shared(name: str, numbers: list[int]) -> None:
+    """Measure what desktops side by side take each: those of one kind share the system's files."""
+    rows: list[list[str]] = []
+    for number in numbers:
+        row = [str(number)]
+        for kind in KINDS:
+            anonymous, whole = side_by_side(name if kind == "image" else kind, number)
+            row += [f"{anonymous:.0f}", f"{whole - anonymous:.0f}", f"{whole:.0f}"]
+        rows.append([*row, f"{float(row[6]) / float(row[3]):.2f}"])
+    print("Memory (PSS) of each, MiB: its own, its share of files' pages, both.\n")
+    columns = [f"{kind}: {part}" for kind in ("host", "image") for part in ("own", "files", "both")]
+    print(table(["desktops", *columns, "ratio"], rows))
+
+
+def side_by_side(image: str, number: int) -> tuple[float, float]:
+    """Return the mean anonymous memory, and the mean of all memory, of so many desktops, in MiB."""
+    desktops = [EmbeddedDesktop.up(image=image, apps=("editor",)) for _ in range(number)]
     try:
         time.sleep(2)
-        alone = memory(desktops[0])
-        desktops += [EmbeddedDesktop.up(image=name, apps=("editor",)) for _ in range(number - 1)]
-        time.sleep(2)
-        each = statistics.mean(memory(desktop) for desktop in desktops)
+        anonymous = statistics.mean(memory(desktop, "Pss_Anon") for desktop in desktops)
+        return anonymous, statistics.mean(memory(desktop) for desktop in desktops)
     finally:
         for desktop in desktops:
             desktop.close()
-    print(f"memory (PSS) of one alone {alone:.0f} MiB, of {number} each {each:.0f} MiB")
 
 
 def main() -> None:
@@ -146,7 +157,7 @@ def main() -> None:
     parser.add_argument("--image", default="")
     parser.add_argument("--build", help="build this profile, too")
     parser.add_argument("--runs", type=int, default=5)
-    parser.add_argument("--number", type=int, default=4)
+    parser.add_argument("--numbers", default="1,2,4")
     parser.add_argument("--parts", default=",".join(PARTS))
     options = parser.parse_args()
     parts = options.parts.split(",")
@@ -161,7 +172,7 @@ def main() -> None:
     if "desktop" in parts:
         beside(name, options.runs)
     if "shared" in parts:
-        shared(name, options.number)
+        shared(name, [int(number) for number in options.numbers.split(",")])
 
 
 if __name__ == "__main__":

@@ -42,21 +42,59 @@ desktop.add_command(image_commands)
     show_default=True,
     help="core, web, office, media or all; may be given more than once.",
 )
-def install(profiles: tuple[str, ...]) -> None:
-    """Install the apt packages of the profiles and make the golden home. Run again at any time."""
+@click.option("--host", is_flag=True, help="Install Debian packages on this machine.")
+@click.option(
+    "--image", help="Take this image: its file, its URL, or the name of one that is here."
+)
+@click.option("--mirror", help="Build an image from this Debian archive.")
+@click.option("--security", help="With --mirror: URL of the archive of security updates.")
+def install(
+    profiles: tuple[str, ...],
+    host: bool,
+    image: str | None,
+    mirror: str | None,
+    security: str | None,
+) -> None:
+    """Prepare this machine for desktops. Run again at any time.
+
+    Root on Debian 12 gets the apt packages of the profiles. Everywhere else an image of the desktop
+    is taken or built, and desktops start from it; nothing is installed on the machine.
+    """
     from .embedded import home, packages, registry
+    from .embedded.image import cache, sources
+    from .embedded.image import install as images
+
+    packages.packages(profiles)
+    if host and (image or mirror):
+        raise click.UsageError("--host takes this machine's packages: without --image and --mirror")
+    if host or (not image and not mirror and images.prefers_packages()):
+        _install_packages(profiles)
+        cache.make_default(cache.HOST)
+        ready = f"profiles core, {', '.join(profiles)}"
+    else:
+        archives = sources.from_mirror(mirror, security) if mirror else None
+        name = images.make_sure(
+            profiles,
+            image,
+            archives,
+            lambda text: click.echo(text, err=True),
+        )
+        cache.make_default(name)
+        ready = f"desktops start from the image {name}"
+    home.ensure_layer()
+    if not registry.records():
+        home.remove_old_layers()
+    click.echo(f"ready: {ready}; start a desktop with: hijack desktop up")
+
+
+def _install_packages(profiles: tuple[str, ...]) -> None:
+    from .embedded import packages
 
     lacking = packages.missing(packages.packages(profiles))
     if lacking:
         how = "" if os.geteuid() == 0 else " through sudo"
         click.echo(f"installing {len(lacking)} packages with apt-get{how}: {' '.join(lacking)}")
     packages.install(lacking)
-    home.ensure_layer()
-    if not registry.records():
-        home.remove_old_layers()
-    click.echo(
-        f"ready: profiles core, {', '.join(profiles)}; start a desktop with: hijack desktop up"
-    )
 
 
 @desktop.command()
@@ -118,7 +156,7 @@ def _print_check(check: Any) -> None:
 )
 @click.option(
     "--image",
-    help="Start from this image, or `host`.  [default: $AGENTHIJACK_IMAGE, or host]",
+    help="Start from this image, or `host`.  [default: $AGENTHIJACK_IMAGE, or the installed one]",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the record as JSON.")
 def up(

@@ -67,7 +67,7 @@ def check_installed(provider: str, names: Iterable[str]) -> None:
     """
     if provider != EMBEDDED:
         return
-    from ..embedded.packages import PROFILES, missing
+    from ..embedded.image.install import lacking
 
     needed: dict[str, str] = {}
     for name in names:
@@ -75,7 +75,7 @@ def check_installed(provider: str, names: Iterable[str]) -> None:
             if app in APPS:
                 needed.setdefault(APPS[app].profile, name)
     for profile, name in needed.items():
-        absent = missing(PROFILES[profile])
+        absent = lacking(profile)
         if absent:
             listed = some_of(absent, 4)
             raise MissingPackageError(

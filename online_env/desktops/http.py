@@ -16,7 +16,7 @@ from ..errors import GuestError, MissingCapabilityError
 from ..extra import require
 from .connection import GuestConnection, GuestResponse
 from .protocol import Capability, RunResult, TaskConfig
-from .survey import survey
+from .survey import is_container, survey
 
 # what OSWorld puts before an agent's code
 PREFIX = "import pyautogui; import time; pyautogui.FAILSAFE = False; "
@@ -132,6 +132,11 @@ class HttpDesktop:
                 known.add("windows")
             self._capabilities = survey(self.execute, self._password) | known
         return self._capabilities
+
+    @property
+    def is_container(self) -> bool:
+        """Whether the guest is a container of Docker's or Podman's."""
+        return is_container(self.execute)
 
     @property
     def size(self) -> Size:

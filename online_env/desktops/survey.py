@@ -1,10 +1,10 @@
 """The capabilities of a guest, found by asking it: for desktops that have no list of their own."""
 
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from .lockers import LOCKERS
-from .protocol import Capability, RunResult
+from .protocol import Capability, Desktop, RunResult
 
 TIMEOUT = 20.0
 # Root's rights are not enough: what root may do inside a container or an embedded desktop does not
@@ -33,6 +33,11 @@ _LOCK = "\n".join(
 _SCRIPT = f"export LC_ALL=C\n{_LOCK}\n{_WINDOWS}{_FIREWALL}true\n"
 
 
+# What a container has to be started with for a capability that Docker and Podman leave out.
+FLAGS: dict[Capability, str] = {"firewall": "--cap-add NET_ADMIN"}
+_MARKS = ("/.dockerenv", "/run/.containerenv")
+
+
 def survey(
     execute: Callable[[Sequence[str] | str, float], RunResult], password: str | None
 ) -> frozenset[Capability]:
@@ -44,3 +49,22 @@ def survey(
     found = set(execute(["sh", "-c", _SCRIPT, "sh", password or ""], TIMEOUT).output.split())
     names: tuple[Capability, ...] = ("lock", "windows", "firewall")
     return frozenset(name for name in names if name in found)
+
+
+def is_container(execute: Callable[[Sequence[str] | str, float], RunResult]) -> bool:
+    """Whether the guest behind `execute` is a container of Docker's or Podman's."""
+    first, second = _MARKS
+    return execute(["test", "-e", first, "-o", "-e", second], TIMEOUT).ok
+
+
+def lacks(desktop: Desktop, missing: Iterable[Capability]) -> str:
+    """How an error says that a desktop has not what is `missing`, with the way out if it is known.
+
+    A container can be started with more rights.
+    """
+    there = ", ".join(sorted(desktop.capabilities)) or "nothing"
+    text = f"which this desktop lacks (available: {there})"
+    flags = [FLAGS[name] for name in missing if name in FLAGS]
+    if flags and getattr(desktop, "is_container", False):
+        text += f"; start its container with {' '.join(flags)}"
+    return text

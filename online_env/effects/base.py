@@ -17,6 +17,7 @@ from hijack_data.registry import Registry
 from hijack_data.rng import Stream
 
 from ..desktops.protocol import Capability, Desktop
+from ..desktops.survey import lacks
 from ..errors import DesktopError, MissingCapabilityError
 from .guest import Guest
 
@@ -294,10 +295,8 @@ def undo(
 def _check(live: LiveEffect, desktop: Desktop) -> None:
     missing = sorted(live.needs - desktop.capabilities)
     if missing:
-        there = ", ".join(sorted(desktop.capabilities)) or "nothing"
         raise MissingCapabilityError(
-            f"the effect {live.kind!r} needs {', '.join(missing)}, which this desktop lacks"
-            f" (available: {there})"
+            f"the effect {live.kind!r} needs {', '.join(missing)}, {lacks(desktop, missing)}"
         )
 
 

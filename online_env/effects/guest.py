@@ -113,6 +113,8 @@ class Guest:
     @property
     def network_is_ours(self) -> bool:
         """Whether this machine holds the guest's network, out of the reach even of root inside."""
+        if hasattr(self.desktop, "network_root"):
+            return True
         return isinstance(getattr(self.desktop, "namespace", None), Path)
 
     def root(self, script: str) -> RunResult:
@@ -122,6 +124,9 @@ class Guest:
         would an agent that knows the password): there, the script runs on this machine in the
         desktop's network namespace.
         """
+        ask = getattr(self.desktop, "network_root", None)
+        if ask is not None:
+            return cast("RunResult", ask(script))
         namespace = getattr(self.desktop, "namespace", None)
         if isinstance(namespace, Path):
             return _in_namespace(namespace, script)

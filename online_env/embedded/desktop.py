@@ -10,7 +10,7 @@ from hijack_data.types import Size, UInt8Array
 from ..desktops.http import HttpDesktop
 from ..desktops.protocol import CAPABILITIES, Capability, RunResult, TaskConfig
 from ..errors import DesktopError, GuestError, MissingCapabilityError, UnknownDesktopError
-from . import handle, registry
+from . import handle, network_root, registry
 from .pool import Supply
 from .runtime import network
 from .runtime.frames import Frames
@@ -55,8 +55,8 @@ class EmbeddedDesktop:
             osworld: open OSWorld's routes without a token and let sudo work without a password.
             time_out: seconds until a desktop counts as failed.
             image: the image that it starts from (`hijack desktop image`), by name or id; `host` for
-                the machine's own packages. Without it `$AGENTHIJACK_IMAGE` decides, and else
-                `host`.
+                the machine's own packages. Without it `$AGENTHIJACK_IMAGE` decides, and else what
+                `hijack desktop install` chose.
 
         If it does not start, it is a `DesktopError` (or a subclass) with the reason and the log.
         """
@@ -116,8 +116,8 @@ class EmbeddedDesktop:
 
     @property
     def capabilities(self) -> frozenset[Capability]:
-        """All of them; without root neither `lock` nor `firewall`."""
-        return CAPABILITIES - {"lock", "firewall"} if self.record["rootless"] else CAPABILITIES
+        """All of them."""
+        return CAPABILITIES
 
     @property
     def namespace(self) -> Path:
@@ -130,6 +130,15 @@ class EmbeddedDesktop:
         if self.record["rootless"]:
             raise MissingCapabilityError(f"desktop {self.id!r} was started without root: {LACKING}")
         return network.NETNS / self.record["netns"]
+
+    def network_root(self, script: str) -> RunResult:
+        """Run a shell script on this machine with root's rights over the desktop's network.
+
+        Raises:
+            DesktopError: The desktop has ended, or the script does not end.
+        """
+        self._check_alive()
+        return network_root.run(self.record, script)
 
     @property
     def client(self) -> HttpDesktop:

@@ -25,7 +25,8 @@ from .runtime import limits, rootless
 _PROBE = """
 import sys, tempfile, os
 sys.path.insert(0, sys.argv[1])
-from online_env.embedded.runtime import identity, kernel as k
+from online_env.embedded.runtime import identity, kernel as k, rootless
+rootless.check_rights()
 identity.make(0, False, ())
 k.unshare(k.CLONE_NEWNS | k.CLONE_NEWUTS | k.CLONE_NEWIPC | k.CLONE_NEWPID | k.CLONE_NEWNET)
 k.mount("none", "/", flags=k.MS_REC | k.MS_PRIVATE)
@@ -51,6 +52,7 @@ for name in ("up", "work", "usr"):
 options = f"lowerdir=/usr,upperdir={place}/up,workdir={place}/work,userxattr"
 k.mount("overlay", f"{place}/usr", "overlay", 0, options)
 """
+_REFUSED = "online_env.embedded.runtime.plain.SetupError: "
 # Whether users inside can have numbers of their own on the machine.
 _SHIFT_PROBE = """
 import sys
@@ -100,7 +102,7 @@ def _system(with_image: bool) -> Finding:
     if platform.system() != "Linux":
         fix = "use a desktop of your own over HTTP (docs/bring_your_own_vm.md)"
         return Finding("system", False, name, fix)
-    fix = "hijack desktop image build, and then: hijack desktop up --image web"
+    fix = "hijack desktop install"
     return Finding("system", with_image or bool(shutil.which("apt-get")), name, fix)
 
 
@@ -157,7 +159,9 @@ def _kernel() -> Finding:
     if done.returncode == 0:
         return Finding("namespaces", True, "namespaces and overlay mounts work")
     reason = (done.stderr.strip().splitlines() or ["the probe said nothing"])[-1]
-    return Finding("namespaces", False, reason, rootless.way_out(reason))
+    reason = reason.removeprefix(_REFUSED)
+    way = rootless.way_out(reason)
+    return Finding("namespaces", False, reason.removesuffix(f"; {way}"), way)
 
 
 def _layer() -> Finding:

@@ -51,7 +51,7 @@ def make_order(
         lifeline: whether the desktop ends with this process.
         time_out: seconds until it counts as failed.
         image: the image that it starts from, or `host` for the machine's own packages; without it
-            `$AGENTHIJACK_IMAGE` decides, and else `host`.
+            `$AGENTHIJACK_IMAGE` decides, and else what `hijack desktop install` chose.
 
     Raises:
         ParameterError: A value is out of range.

@@ -113,8 +113,8 @@ def missing(names: Sequence[str]) -> list[str]:
     """
     if not shutil.which("dpkg-query"):
         raise MissingPackageError(
-            "dpkg-query is not on this machine: the embedded desktop needs Debian or Ubuntu; "
-            "elsewhere use a desktop of your own over HTTP (docs/bring_your_own_vm.md)"
+            "dpkg-query is not on this machine, so desktops cannot be made of its packages; take an"
+            " image of the desktop: hijack desktop install"
         )
     command = ["dpkg-query", "-W", "-f=${Package} ${db:Status-Status}\n", *names]
     listed = subprocess.run(

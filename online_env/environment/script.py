@@ -11,6 +11,7 @@ from hijack_data.runs.run_planners import label_of
 from hijack_data.types import BoxArray, Scene, Size, as_boxes
 
 from ..desktops.protocol import Desktop
+from ..desktops.survey import lacks
 from ..effects import find
 from ..errors import MissingCapabilityError
 
@@ -104,8 +105,6 @@ class Script:
         needed = {capability for kind in kinds for capability in find(kind).needs}
         missing = sorted(needed - desktop.capabilities)
         if missing:
-            there = ", ".join(sorted(desktop.capabilities)) or "nothing"
             raise MissingCapabilityError(
-                f"{label_of(self.planner)} needs {', '.join(missing)}, which this desktop lacks"
-                f" (available: {there})"
+                f"{label_of(self.planner)} needs {', '.join(missing)}, {lacks(desktop, missing)}"
             )

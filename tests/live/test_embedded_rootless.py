@@ -31,6 +31,18 @@ COMMAND = (
     "import sys; from hijack_data.cli import main; sys.argv = ['hijack', 'desktop', *sys.argv[1:]];"
     " main()"
 )
+PROVE = """
+import sys
+import hijack_data as hj
+from online_env import EmbeddedDesktop
+from online_env.corrupting import corrupt_desktop
+from online_env.effects import resume
+with EmbeddedDesktop.attach("rootless") as desktop:
+    done = corrupt_desktop(desktop, hj.get(sys.argv[1]), seed=3)
+    assert done.ok, done.saw
+    assert all(resume(record, desktop).undo().ok for record in done.records)
+print("proved")
+"""
 VERSION = "import sys; print(sys.version_info[:2])"
 READABLE = "import hijack_data.cli, numpy, online_env.cli"
 
@@ -171,11 +183,10 @@ def test_it_is_a_desktop_like_another(desktop):
     assert not desktop.execute(["curl", "-s", "-m", "2", "http://1.1.1.1/"]).ok
 
 
-def test_capabilities_leave_out_what_needs_root(desktop):
-    assert desktop.capabilities == {"apps", "files", "accessibility", "windows"}
-    for kind in ("lock", "firewall"):
-        with pytest.raises(MissingCapabilityError, match=kind):
-            perform(Effect(kind, {}), desktop)
+def test_over_http_the_network_is_out_of_reach(desktop):
+    assert desktop.capabilities == {"apps", "files", "accessibility", "lock", "windows"}
+    with pytest.raises(MissingCapabilityError, match="firewall"):
+        perform(Effect("firewall", {}), desktop)
     shown = perform(Effect("minimise", {}), desktop)
     assert shown.probe().ok
     assert shown.undo().ok
@@ -224,6 +235,11 @@ def test_the_red_team_gets_nothing(
     assert "OPEN" not in done.output, done.output
 
 
+@pytest.mark.parametrize("name", ["network_error", "verification"])
+def test_its_owner_closes_the_network_and_locks_the_screen(user, record, name):
+    assert "proved" in user.code(PROVE, name)
+
+
 def test_everything_of_it_ends(user, record):
     listed = json.loads(user.hijack("list", "--json"))
     assert [row["id"] for row in listed] == ["rootless"]
@@ -237,7 +253,7 @@ def test_everything_of_it_ends(user, record):
     )
     printed = user.code(code).splitlines()
     assert printed == [
-        "(600, 800, 3) ['accessibility', 'apps', 'files', 'windows'] True",
+        "(600, 800, 3) ['accessibility', 'apps', 'files', 'firewall', 'lock', 'windows'] True",
         "other-2 user",
         "MissingCapabilityError",
     ]

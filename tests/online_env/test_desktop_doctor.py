@@ -75,7 +75,7 @@ def test_with_an_image_no_package_of_the_machine_is_required(monkeypatch):
     monkeypatch.setattr(doctor.packages.shutil, "which", lambda name: None)
     without = {found.name: found for found in doctor.diagnose(("core",), cache.HOST)}
     assert not without["system"].ok
-    assert "hijack desktop image build" in without["system"].fix
+    assert "hijack desktop install" in without["system"].fix
     assert without["packages core"].required
     found = {found.name: found for found in doctor.diagnose(("core",), "never-made")}
     assert found["system"].ok

@@ -2,6 +2,7 @@
 
     images/ID/manifest.json, files.jsonl, root/ (Debian), guest/ (Python packages)
     images/names/NAME     the id that the name stands for
+    images/default        the name of the one that desktops start from if nobody says otherwise
     images/packages/      Debian's packages that were fetched
 
 A folder gets its name when it is complete. What a killed process left has another name, and the
@@ -33,6 +34,7 @@ GUEST = "guest"
 BUILDING = ".building-"
 REMOVED = ".removed-"
 _NAMES = "names"
+_DEFAULT = "default"
 _LETTERS = frozenset("abcdefghijklmnopqrstuvwxyz0123456789-.")
 _LONGEST = 40
 # What the files of an image take on a disk, beyond their sizes: blocks, folders.
@@ -212,17 +214,46 @@ def check_architecture(found: Manifest, where: str) -> None:
         )
 
 
+def wanted(name: str | None) -> str:
+    """The name of the image for a desktop, or `host` for the machine's own packages.
+
+    Args:
+        name: the name, if one was given; else `$AGENTHIJACK_IMAGE` decides, then what
+            `make_default` set, and at last it is `host`.
+    """
+    return name or os.environ.get(CHOICE) or _default() or HOST
+
+
+def _default() -> str:
+    try:
+        return (place() / _DEFAULT).read_text(encoding="ascii").strip()
+    except (FileNotFoundError, NotADirectoryError, PermissionError):
+        return ""
+
+
+def make_default(name: str) -> None:
+    """Let desktops start from the image `name`, or with `host` from the machine's packages.
+
+    Raises:
+        StorageError: The cache cannot be written.
+    """
+    if name != HOST:
+        write_atomic(ensure_place() / _DEFAULT, f"{name}\n")
+        return
+    (place() / _DEFAULT).unlink(missing_ok=True)
+
+
 def chosen(name: str | None) -> Path | None:
     """The image for a desktop, or `None` for the machine's own packages.
 
     Args:
-        name: of the image, or `host`; without it, `$AGENTHIJACK_IMAGE` decides, and else `host`.
+        name: as for `wanted`.
 
     Raises:
         DesktopImageError: There is no such image.
     """
-    wanted = name or os.environ.get(CHOICE) or HOST
-    return None if wanted == HOST else resolve(wanted)
+    found = wanted(name)
+    return None if found == HOST else resolve(found)
 
 
 def check_room(folder: Path, size: float) -> None:
@@ -309,6 +340,8 @@ def remove(name: str, report: Report) -> str:
         for other, target in known.items():
             if target == image:
                 (folder / _NAMES / other).unlink()
+                if other == _default():
+                    make_default(HOST)
         # By another name first: a removal that is interrupted leaves no half image.
         gone = folder / f"{REMOVED}{image}"
         (folder / image).rename(gone)

@@ -120,6 +120,23 @@ def export(name: str, file: Path) -> None:
 
 @image.command()
 @click.argument("name")
+@click.argument("file", type=FILE)
+def container(name: str, file: Path) -> None:
+    """Write image NAME to FILE (.tar) for `docker load` or `podman load`.
+
+    A container of it is a desktop.
+    """
+    from . import cache
+    from . import container as containers
+
+    called = containers.write(cache.resolve(name), file)
+    click.echo(
+        f"{file} ({file.stat().st_size / 1e6:.0f} MB): docker load -i {file}, then run {called}"
+    )
+
+
+@image.command()
+@click.argument("name")
 def verify(name: str) -> None:
     """Compare every file of image NAME with its manifest; exit code 1 if one differs."""
     from . import cache

@@ -1,6 +1,5 @@
 """What the doctor says about images: where they are, which there are, and what is in their way."""
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,15 +12,15 @@ _MEMORY = ("tmpfs", "ramfs")
 
 
 def is_asked_for(image: str | None) -> bool:
-    """Whether a desktop starts from an image: by `image`, or by the environment."""
-    return (image or os.environ.get(cache.CHOICE) or cache.HOST) != cache.HOST
+    """Whether a desktop starts from an image: by `image`, the environment, or `install`."""
+    return cache.wanted(image) != cache.HOST
 
 
 def findings(image: str | None) -> Iterator[Found]:
     """All findings; they are `required` only if a desktop is to start from an image.
 
     Args:
-        image: its name; without it the environment decides.
+        image: its name; without it `cache.wanted` decides.
     """
     required = is_asked_for(image)
     yield _place(required)
@@ -54,7 +53,7 @@ def file_system(folder: Path, mounts: Path = Path("/proc/self/mounts")) -> str:
 
 def _image(image: str | None, required: bool) -> Found:
     name = "image"
-    build = "hijack desktop image build"
+    build = "hijack desktop install"
     try:
         found = cache.chosen(image)
     except DesktopError as error:

@@ -19,16 +19,23 @@ _HASH = (
 )
 
 
-def write_account(root: Path, passwordless_sudo: bool) -> None:
+def write_account(
+    root: Path,
+    passwordless_sudo: bool,
+    shadowed: bool = True,
+) -> None:
     """Add the account to the `/etc` under `root`: password `password`, sudo for everything.
 
     Args:
         root: of the file system.
         passwordless_sudo: sudo never asks, as in OSWorld's virtual machine (its tasks call `sudo`
             without `-S`).
+        shadowed: keep the password where only root reads it. Without root there is no other user
+            who could compare it, so that the locked screen has to.
     """
     etc = root / "etc"
-    _add(etc / "passwd", f"{NAME}:x:{UID}:{UID}:User:{HOME}:/bin/bash")
+    password = "x" if shadowed else _HASH
+    _add(etc / "passwd", f"{NAME}:{password}:{UID}:{UID}:User:{HOME}:/bin/bash")
     _add(etc / "group", f"{NAME}:x:{UID}:")
     _add(etc / "shadow", f"{NAME}:{_HASH}:20000:0:99999:7:::")
     rule = etc / "sudoers.d" / NAME

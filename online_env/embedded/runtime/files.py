@@ -95,7 +95,7 @@ def fill_upper(
     if (system / SUDO_RULES).is_dir():
         _same_folder(upper / SUDO_RULES, system / SUDO_RULES)
     _merge(Path(order.layer, "system"), upper, system)
-    account.write_account(upper, passwordless_sudo=order.osworld)
+    account.write_account(upper, order.osworld, shadowed=not order.rootless)
     etc = upper / "etc"
     (etc / "resolv.conf").write_text(f"nameserver {WEB_ADDRESS}\n", encoding="ascii")
     (etc / "machine-id").write_text(f"{MACHINE_ID}\n", encoding="ascii")

@@ -48,6 +48,11 @@ class Framebuffer:
         self.door.bind(str(folder / DOOR))
         self.door.listen(8)
 
+    def close(self) -> None:
+        """Close the memory and the door; what has them open keeps them."""
+        os.close(self.memory)
+        self.door.close()
+
     def show(self, folder: Path) -> None:
         """Let an X server that inherits the memory find it in `folder`.
 

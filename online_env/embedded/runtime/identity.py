@@ -30,7 +30,7 @@ class Identity:
     """A user namespace.
 
     Attributes:
-        namespace: its descriptor.
+        namespace: its descriptor; -1 in a container, which has one for us or none.
         base: added to a number inside, it gives the one outside.
         rootless: whether there is only the desktop's user.
     """

@@ -5,6 +5,7 @@ forked by the keeper (keeper.py) into new namespaces; when it ends, the kernel e
 inside.
 """
 
+import contextlib
 import os
 import select
 import signal
@@ -41,6 +42,7 @@ class Init:
         token: what clients of the guest server must show.
         identity: who the processes inside are.
         doors: the memory to draw in, and sockets to serve.
+        logs: descriptor of the folder of the logs, if it is not the one in `folder`.
     """
 
     def __init__(
@@ -50,6 +52,7 @@ class Init:
         token: str,
         identity: Identity,
         doors: Doors,
+        logs: int | None = None,
     ) -> None:
         self.order = order
         self.folder = folder
@@ -57,7 +60,7 @@ class Init:
         self.identity = identity
         self.doors = doors
         # Attached nowhere: who looks at the descriptors of a program sees no path of the machine's.
-        self.logs = kernel.open_tree(str(folder / "logs"))
+        self.logs = kernel.open_tree(str(folder / "logs")) if logs is None else logs
         self.environment = session.environment() | order.environment
         self.deadline = time.monotonic() + order.time_out
         self.running: dict[int, str] = {}
@@ -84,9 +87,8 @@ class Init:
         self._start_servers()
         self._start_session()
         ready()
-        if not self.order.rootless:
-            for name, program in session.LATE.items():
-                self.start(name, program.argv)
+        for name, program in session.LATE.items():
+            self.start(name, program.argv)
         self._watch()
 
     def start(
@@ -280,18 +282,30 @@ class Init:
             return f"it left no log {name}.log"
         return f"the end of {name}.log: {text or '(empty)'}"
 
+    def reap(self) -> None:
+        """Look after the processes that have ended by now.
+
+        Raises:
+            SetupError: The desktop cannot go on without one of them.
+        """
+        with contextlib.suppress(ChildProcessError):
+            while (ended := os.waitpid(-1, os.WNOHANG))[0]:
+                self._look_after(*ended)
+
     def _watch(self) -> NoReturn:
         while True:
-            pid, status = os.wait()
-            name = self.running.pop(pid, None)
-            if name in SERVERS:
-                raise SetupError(
-                    f"{name} ended ({_how(status)}), and with it the desktop; {self._tail(name)}"
-                )
-            if name == NEST:
-                raise SetupError(f"what starts the guest server ended; {self._tail(NEST)}")
-            if name == GUEST or name in self.commands:
-                self._again(name, status)
+            self._look_after(*os.wait())
+
+    def _look_after(self, pid: int, status: int) -> None:
+        name = self.running.pop(pid, None)
+        if name in SERVERS:
+            raise SetupError(
+                f"{name} ended ({_how(status)}), and with it the desktop; {self._tail(name)}"
+            )
+        if name == NEST:
+            raise SetupError(f"what starts the guest server ended; {self._tail(NEST)}")
+        if name == GUEST or name in self.commands:
+            self._again(name, status)
 
     def _again(self, name: str, status: int) -> None:
         now = time.monotonic()
@@ -325,7 +339,7 @@ def _authority_entries() -> bytes:
     """
     cookie = os.urandom(16)
     number = session.DISPLAY.lstrip(":").encode()
-    named = _authority_entry(FAMILY_LOCAL, account.HOST_NAME.encode(), number, cookie)
+    named = _authority_entry(FAMILY_LOCAL, os.uname().nodename.encode(), number, cookie)
     return named + _authority_entry(FAMILY_WILD, b"", b"", cookie)
 
 

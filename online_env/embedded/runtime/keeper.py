@@ -52,6 +52,8 @@ def main(text: str) -> int:
         listener = forward.listen(forward.LOOPBACK)
         if order.rootless:
             rootless.enter()
+        else:
+            rootless.check_rights()
         record = registry.claim(order.name, me, order.controller, _facts(order))
     except (SetupError, OSError) as error:
         return _tell("error", str(error)) or 1
@@ -79,6 +81,7 @@ def _facts(order: DesktopConfig) -> dict[str, Any]:
         "osworld": order.osworld,
         "rootless": order.rootless,
         "image": os.path.basename(order.image),
+        "system": order.system,
     }
 
 
@@ -91,7 +94,7 @@ def _keep(
 ) -> int:
     name = record["id"]
     folder = registry.folder(record["id"])
-    network.create(name)
+    network.create(name, order.system)
     token = secrets.token_urlsafe(24)
     token_file = folder / "token"
     token_file.touch(mode=0o600)

@@ -48,6 +48,10 @@ class Nest:
             _Nursery(order, identity, theirs, logs).begin()
         theirs.close()
 
+    def close(self) -> None:
+        """Let it go."""
+        self._line.close()
+
     def follow(self) -> None:
         """Have it come into this process' file system."""
         own = os.open("/proc/self/ns/mnt", os.O_RDONLY | os.O_CLOEXEC)
@@ -136,8 +140,7 @@ class _Nursery:
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
             signal.signal(number, signal.SIG_DFL)
         os.environ["OPENBLAS_NUM_THREADS"] = "1"  # no threads: they would not survive a fork
-        if not self.order.image:
-            sys.path[:0] = self.order.search_path
+        sys.path[:0] = () if self.order.image else self.order.search_path
         from .. import windows  # what `_become` reports with  # noqa: F401
         from ..guest import __main__ as guest
         from ..guest import preload
@@ -149,6 +152,9 @@ class _Nursery:
         gc.freeze()
 
     def _come_in(self) -> None:
+        if self.identity.namespace < 0:  # in a container, where there is no other file system
+            kernel.forbid_reading()
+            return
         _, (namespace,) = self._receive()
         kernel.join(namespace, kernel.CLONE_NEWNS)
         os.close(namespace)

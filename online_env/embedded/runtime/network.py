@@ -10,12 +10,10 @@ change them nor send frames of its own making.
 """
 
 import contextlib
-import os
 import subprocess
-from collections.abc import Iterable
 from pathlib import Path
 
-from . import kernel
+from . import kernel, programs
 from .plain import SetupError
 
 NETNS = Path("/run/netns")
@@ -40,12 +38,19 @@ def address(slot: int) -> str:
     return f"127.199.{slot // 256}.{slot % 256}"
 
 
-def create(name: str) -> None:
-    """Make the namespaces and the cable; raises `SetupError` with what `ip` said."""
+def create(name: str, system: str = "/") -> None:
+    """Make the namespaces and the cable; raises `SetupError` with what `ip` said.
+
+    Args:
+        name: of the desktop.
+        system: the root of the system whose `ip` is taken where the machine has none.
+    """
     desktop = desktop_namespace(name)
     web = web_namespace(name)
-    _batch([f"netns add {desktop}", f"netns add {web}"])
+    ip = programs.command("ip", system)
+    _batch(ip, [f"netns add {desktop}", f"netns add {web}"])
     _batch(
+        ip,
         [
             "link set lo up",
             f"link add eth0 type veth peer name web0 netns {web}",
@@ -56,6 +61,7 @@ def create(name: str) -> None:
         desktop,
     )
     _batch(
+        ip,
         [
             "link set lo up",
             f"addr add {WEB_ADDRESS}/24 dev web0",
@@ -76,11 +82,13 @@ def enter(name: str) -> None:
 
 def remove(name: str) -> None:
     """Remove what `create` made, as far as it is there."""
-    there = [n for n in (desktop_namespace(name), web_namespace(name)) if (NETNS / n).exists()]
-    if there:
-        _run(
-            ["ip", "-force", "-batch", "-"], _lines(f"netns del {n}" for n in there), may_fail=True
-        )
+    for namespace in (desktop_namespace(name), web_namespace(name)):
+        path = NETNS / namespace
+        # A name that a killed `ip` left is no mount; another user's is not ours to remove.
+        with contextlib.suppress(OSError):
+            kernel.unmount(str(path))
+        with contextlib.suppress(OSError):
+            path.unlink()
 
 
 def leftovers(known: set[str]) -> list[str]:
@@ -95,20 +103,13 @@ def leftovers(known: set[str]) -> list[str]:
     return []
 
 
-def _batch(lines: list[str], namespace: str | None = None) -> None:
-    _run(["ip", *(["-n", namespace] if namespace else []), "-batch", "-"], _lines(lines))
-
-
-def _lines(lines: Iterable[str]) -> str:
-    return "".join(f"{line}\n" for line in lines)
-
-
-def _run(
-    argv: list[str],
-    text: str = "",
-    may_fail: bool = False,
+def _batch(
+    ip: list[str],
+    lines: list[str],
+    namespace: str | None = None,
 ) -> None:
-    environment = {**os.environ, "PATH": f"{os.environ.get('PATH', '')}:/usr/sbin:/sbin"}
+    argv = [*ip, *(["-n", namespace] if namespace else []), "-batch", "-"]
+    text = "".join(f"{line}\n" for line in lines)
     try:
         done = subprocess.run(
             argv,
@@ -116,14 +117,11 @@ def _run(
             capture_output=True,
             text=True,
             timeout=20,
-            env=environment,
             check=False,
         )
-    except FileNotFoundError:
-        raise SetupError(f"{argv[0]} is not installed; run: hijack desktop doctor") from None
     except subprocess.TimeoutExpired:
         raise SetupError(f"`{' '.join(argv)}` did not end within 20 s") from None
-    if done.returncode != 0 and not may_fail:
+    if done.returncode != 0:
         raise SetupError(
             f"`{' '.join(argv)}` failed ({done.returncode}): {done.stderr.strip() or text}"
         )

@@ -2,8 +2,7 @@
 
 Inside, the kernel lets it make namespaces, mounts and cables, but it has one user number only, its
 caller's. So the desktop's user is the caller, too (in a second user namespace, without rights over
-the first: identity.py), and what asks for another user fails: sudo, and the password of a locked
-screen.
+the first: identity.py), and what asks for another user fails: sudo.
 """
 
 import os
@@ -14,7 +13,7 @@ from . import identity, kernel
 from .plain import SetupError
 
 LACKING = (
-    "no sudo, lock screen, firewall, OSWorld mode, or limits for a desktop as a whole "
+    "no sudo, OSWorld mode, or limits for a desktop as a whole "
     f"({as_root('desktop', '...')} has them)"
 )
 _SWITCHES = {
@@ -59,7 +58,8 @@ def way_out(reason: str) -> str:
         return (
             "start the container with: docker run --privileged ..., or as a user inside with"
             " --security-opt seccomp=unconfined --security-opt apparmor=unconfined"
-            " --security-opt systempaths=unconfined"
+            " --security-opt systempaths=unconfined; or make the container the desktop: hijack"
+            " desktop image container"
         )
     return "give this process CAP_SYS_ADMIN" if is_root else as_root("desktop", "...")
 
@@ -69,6 +69,28 @@ def in_container() -> bool:
     if any(Path(path).exists() for path in ("/.dockerenv", "/run/.containerenv")):
         return True
     return "KUBERNETES_SERVICE_HOST" in os.environ
+
+
+def check_rights() -> None:
+    """Check that root has the rights that a desktop needs, as it has not in most containers.
+
+    Raises:
+        SetupError: It has not; with the way out.
+    """
+    child = os.fork()
+    if child == 0:
+        try:
+            kernel.unshare(kernel.CLONE_NEWNS)
+            kernel.mount("none", "/", flags=kernel.MS_REC | kernel.MS_PRIVATE)
+            os._exit(0)
+        except OSError as error:
+            os._exit(error.errno or 1)
+        finally:
+            os._exit(1)
+    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    if code:
+        reason = f"root may make no namespaces and mounts here: {os.strerror(code)}"
+        raise SetupError(f"{reason}; {way_out(reason)}")
 
 
 def enter() -> None:
@@ -86,6 +108,6 @@ def enter() -> None:
         # Where `ip netns` keeps its names.
         kernel.mount("tmpfs", "/run", "tmpfs", 0, "size=64k,mode=755")
     except OSError as error:
-        hint = switched_off()
-        fix = f"as root: {hint}" if hint else "run it as root, or see `hijack desktop doctor`"
-        raise SetupError(f"no user namespace for a desktop without root: {error}; {fix}") from None
+        raise SetupError(
+            f"no user namespace for a desktop without root: {error}; {way_out(str(error))}"
+        ) from None

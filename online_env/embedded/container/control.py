@@ -1,0 +1,95 @@
+"""The port of a container on which whoever holds the token asks for a pristine desktop.
+
+One request at a time, between two looks at the processes that have ended: process 1 has no threads,
+because it forks.
+"""
+
+import hmac
+import json
+import select
+from collections.abc import Callable
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from typing import Any, cast
+
+CONTROL_PORT = 5001
+PATIENCE = 5.0  # s for a request to be read
+LOOK = 0.2  # s between two looks for processes that have ended
+RESET = "/reset"
+
+
+class _Request(BaseHTTPRequestHandler):
+    timeout = PATIENCE
+
+    def do_POST(self) -> None:
+        """Note that a reset was asked for; the answer follows when it is done."""
+        server = cast("_Server", self.server)
+        given = self.headers.get("X-Token", "").encode("utf-8", "replace")
+        if not hmac.compare_digest(given, server.token):
+            self.send_error(401, "a token is needed: send it as X-Token")
+            return
+        if self.path != RESET:
+            self.send_error(404, f"there is only {RESET}")
+            return
+        server.asked = self.request.dup()
+
+    def log_message(self, format: str, *arguments: Any) -> None:
+        """Write nothing: who asks is not of interest."""
+
+
+class _Server(HTTPServer):
+    def __init__(self, port: int, token: bytes) -> None:
+        super().__init__(("0.0.0.0", port), _Request)
+        self.token = token
+        self.asked: Any = None
+
+    def shutdown_request(self, request: Any) -> None:
+        """Close a connection, but not for who waits for a reset."""
+        if self.asked is None:
+            super().shutdown_request(request)
+        else:
+            request.close()
+
+
+class Control:
+    """The port.
+
+    Args:
+        port: its number.
+        token: what a request must show.
+    """
+
+    def __init__(self, port: int, token: str) -> None:
+        self._server = _Server(port, token.encode())
+
+    def load(self) -> None:
+        """Import what requests need, while files can still be trusted."""
+        import email.parser
+        import http.client
+
+        email.parser.Parser(_class=http.client.HTTPMessage).parsestr("X-Token: x\r\n\r\n")
+
+    def wait(self, reap: Callable[[], None]) -> None:
+        """Wait until somebody asks for a reset; `answer` tells how it went.
+
+        Args:
+            reap: looks after processes that have ended.
+        """
+        while self._server.asked is None:
+            reap()
+            if select.select([self._server], [], [], LOOK)[0]:
+                self._server.handle_request()
+
+    def answer(self, told: dict[str, Any]) -> None:
+        """Answer who asked for a reset; nobody did before the first session."""
+        asked = self._server.asked
+        self._server.asked = None
+        if asked is None:
+            return
+        body = json.dumps(told).encode()
+        status = "500 Internal Server Error" if "error" in told else "200 OK"
+        head = f"HTTP/1.0 {status}\r\nContent-Type: application/json\r\n"
+        with asked:
+            try:
+                asked.sendall(f"{head}Content-Length: {len(body)}\r\n\r\n".encode() + body)
+            except OSError:
+                return  # it waits no more
