@@ -1,4 +1,4 @@
-"""The `hijack` command. Every subcommand is imported when it is called, so that `--help` is quick.
+"""The `hijack` command. A subcommand is imported when it is called; `hijack --help` imports none.
 
 Exit codes: 0 done, 1 finished but something failed or is invalid, 2 bad usage or configuration,
 3 the disk is full or fails.
@@ -12,10 +12,14 @@ from contextlib import contextmanager
 from typing import Any
 
 import click
+from click.shell_completion import CompletionItem
 
 from .. import extras
 from ..errors import HijackError, PluginWarning, StorageError, suggest
 from ..shadowed import complaint
+from .help_pages import page_for
+from .options import WholeSummaries
+from .summaries import SECTIONS, SUMMARIES
 
 FULL = 3  # exit code
 # One row a command: where it lives. Other packages of the distribution add theirs here, as text,
@@ -47,7 +51,7 @@ COMMANDS = {
 }
 
 
-class LazyGroup(click.Group):
+class LazyGroup(WholeSummaries):
     """A group whose commands are imported on first use."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -67,6 +71,33 @@ class LazyGroup(click.Group):
         if problem:
             raise HijackError(problem)
         return getattr(importlib.import_module(module), attribute)
+
+    def summary(self, ctx: click.Context, name: str) -> str:
+        """Return the line of `summaries`; a command that has none there is imported for its own."""
+        if name in SUMMARIES:
+            return SUMMARIES[name]
+        return super().summary(ctx, name)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands by section, each with its whole summary."""
+        sections = {title: list(lines) for title, lines in SECTIONS.items()}
+        others = [name for name in COMMANDS if name not in SUMMARIES]
+        if others:
+            sections["Others"] = others
+        wide = max(map(len, COMMANDS))
+        for title, names in sections.items():
+            with formatter.section(title):
+                rows = [(name.ljust(wide), self.summary(ctx, name)) for name in names]
+                formatter.write_dl(rows)
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """Complete the names of commands, and the options that stand before one."""
+        found = [
+            CompletionItem(name, help=self.summary(ctx, name))
+            for name in COMMANDS
+            if name.startswith(incomplete)
+        ]
+        return found + click.Command.shell_complete(self, ctx, incomplete)
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         """Find the command.
@@ -173,7 +204,10 @@ def console() -> Any:
 
 
 def fail(message: str, code: int = 2) -> None:
-    """Print an error and end with an exit code."""
+    """Print an error, and the page that explains it if there is one; end with an exit code."""
     for line in message.splitlines() or ["failed"]:
         click.echo(f"hijack: error: {line}", err=True)
+    page = page_for(message)
+    if page:
+        click.echo(f"hijack: explained in {page}", err=True)
     sys.exit(code)
