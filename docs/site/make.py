@@ -16,8 +16,10 @@ from typing import Any
 import charts
 import copied
 import corruption_pages
+import notebooks
 import pictures
 import reference
+import results
 import yaml
 
 import hijack_data as hj
@@ -28,7 +30,18 @@ PAGES = ROOT / "build" / "pages"
 SETTINGS = ROOT / "build" / "mkdocs.yml"
 # What stands where; a page of docs/ that is in no section is under "More".
 SECTIONS: dict[str, tuple[str, ...]] = {
-    "Start": ("start", "concepts", "command_line", "faq", "troubleshooting", "comparison"),
+    "Start": (
+        "start",
+        "concepts",
+        "command_line",
+        "notebooks/datasets",
+        "notebooks/torch_training",
+        "notebooks/jax_grain",
+        "notebooks/live_agent",
+        "faq",
+        "troubleshooting",
+        "comparison",
+    ),
     "Datasets": (
         "datasets",
         "sources",
@@ -41,19 +54,21 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "verify_runs",
         "clusters",
     ),
-    "Training": ("training", "labels", "coordinates", "proof"),
+    "Training": ("training", "labels", "coordinates", "train", "proof"),
     "Scoring": (
         "score_my_agent",
         "score_my_model",
         "offline_scoring",
         "benchmark",
         "suite",
+        "reports",
         "write_a_task",
-        "paper_results",
     ),
+    "Results": ("results/index", "results/leaderboard", "paper_results", "results/da_grpo"),
     "Live": (
         "live_evaluation",
         "embedded_desktop",
+        "desktop_image",
         "effects",
         "security",
         "local_internet",
@@ -98,9 +113,10 @@ def write_pages() -> int:
     for problem in pictures.make(folder):
         print(f"left out: {problem}")
     shutil.copytree(ROOT / "docs" / "images", PAGES / "images")
+    shutil.copytree(results.RESULTS, PAGES / "results", ignore=shutil.ignore_patterns("*.md"))
     shutil.copytree(HERE / "theme", PAGES / "theme")
     texts = all_pages(folder)
-    for name, text in texts.items():
+    for name, text in (texts | results.files()).items():
         path = PAGES / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
@@ -111,7 +127,7 @@ def write_pages() -> int:
 def all_pages(folder: Path) -> dict[str, str]:
     """The text of every page, by file; `folder` holds the pictures."""
     files = copied.pages()
-    site = {str(path.relative_to(ROOT)): name for name, path in files.items()}
+    site = {path.relative_to(ROOT).as_posix(): name for name, path in files.items()}
     site["README.md"] = "index.md"
     texts = {name: copied.text_of(path, site) for name, path in files.items()}
     landing = (HERE / "landing.md").read_text(encoding="utf-8")
@@ -119,6 +135,7 @@ def all_pages(folder: Path) -> dict[str, str]:
     texts["gallery.md"] = corruption_pages.gallery(folder)
     texts["figures.md"] = charts.page()
     texts["paper_results.md"] = charts.results_of_the_paper()
+    texts |= results.pages() | notebooks.pages(folder)
     for name in hj.names()[:9]:
         texts[f"corruptions/{name}.md"] = corruption_pages.page(name, folder)
     return texts | reference.pages()
@@ -139,6 +156,8 @@ def settings(texts: Iterable[str]) -> dict[str, Any]:
     corruptions.append({"All parameters": "corruptions.md"})
     project = sections.pop("Project")
     for title, names in sections.items():
+        if title == "Results":
+            names += sorted({name for name in known if name.startswith("results/")} - {*names})
         nav.append({title: names})
         if title == "Start":
             nav.append({"Corruptions": corruptions})

@@ -5,6 +5,8 @@ Exit codes: 0 done, 1 finished but something failed or is invalid, 2 bad usage o
 """
 
 import importlib
+import importlib.util
+import platform
 import sys
 import warnings
 from collections.abc import Generator
@@ -49,6 +51,8 @@ COMMANDS = {
     "prefetch": "online_env.osworld.cli:prefetch",
     "osworld": "online_env.osworld.cli:osworld",
 }
+# Those that are made of processes, users and sockets as Linux and macOS have them.
+NEEDS_POSIX = ("desktop", "bench", "osworld")
 
 
 class LazyGroup(WholeSummaries):
@@ -62,10 +66,14 @@ class LazyGroup(WholeSummaries):
         """Import one command, or `None`.
 
         Raises:
-            HijackError: another package on the path has the name of one of ours.
+            HijackError: another package on the path has the name of one of ours, or this system
+            cannot have the command.
         """
         if cmd_name not in COMMANDS:
             return None
+        if cmd_name in NEEDS_POSIX and importlib.util.find_spec("fcntl") is None:
+            system = f"{platform.system()} has not what hijack {cmd_name} is made of"
+            raise HijackError(f"{system}; use Linux, or WSL on Windows")
         module, _, attribute = COMMANDS[cmd_name].partition(":")
         problem = complaint(module.partition(".")[0])
         if problem:
