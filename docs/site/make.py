@@ -129,6 +129,7 @@ def all_pages(folder: Path) -> dict[str, str]:
     files = copied.pages()
     site = {path.relative_to(ROOT).as_posix(): name for name, path in files.items()}
     site["README.md"] = "index.md"
+    site |= notebooks.places()
     texts = {name: copied.text_of(path, site) for name, path in files.items()}
     landing = (HERE / "landing.md").read_text(encoding="utf-8")
     texts["index.md"] = landing.replace("{{ chart }}", charts.success("UI-TARS-1.5-7B"))

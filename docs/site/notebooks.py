@@ -20,6 +20,14 @@ def pages(folder: Path) -> dict[str, str]:
     }
 
 
+def places() -> dict[str, str]:
+    """The place on the site of each notebook, by its file in the repository."""
+    return {
+        path.relative_to(ROOT).as_posix(): f"notebooks/{path.stem}.md"
+        for path in NOTEBOOKS.glob("*.ipynb")
+    }
+
+
 def page(path: Path, folder: Path) -> str:
     """A notebook as Markdown, each cell with its outputs."""
     parts: list[str] = []
