@@ -34,10 +34,6 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "start",
         "concepts",
         "command_line",
-        "notebooks/datasets",
-        "notebooks/torch_training",
-        "notebooks/jax_grain",
-        "notebooks/live_agent",
         "faq",
         "troubleshooting",
         "comparison",
@@ -85,6 +81,8 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "changelog",
     ),
 }
+
+NOTEBOOKS = ("datasets", "torch_training", "jax_grain", "live_agent")
 
 
 def main() -> None:
@@ -155,15 +153,17 @@ def settings(texts: Iterable[str]) -> dict[str, Any]:
     corruptions: list[Any] = ["gallery.md"]
     corruptions += [{corruption_pages.TEXTS[Path(name).stem]["title"]: name} for name in nine]
     corruptions.append({"All parameters": "corruptions.md"})
+    books = [f"notebooks/{name}.md" for name in NOTEBOOKS]
     project = sections.pop("Project")
     for title, names in sections.items():
         if title == "Results":
             names += sorted({name for name in known if name.startswith("results/")} - {*names})
         nav.append({title: names})
         if title == "Start":
+            nav[-1] = {title: [*names, {"Notebooks": books}]}
             nav.append({"Corruptions": corruptions})
     nav.append({"Reference": api})
-    placed = {*nine, *api, *project, "index.md", "gallery.md", "corruptions.md"}
+    placed = {*books, *nine, *api, *project, "index.md", "gallery.md", "corruptions.md"}
     placed |= {name for names in sections.values() for name in names}
     nav.append({"Project": [*project, *sorted(known - placed)]})
     return {

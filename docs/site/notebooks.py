@@ -56,4 +56,4 @@ def _shown(
         (folder / name).write_bytes(base64.b64decode(data["image/jpeg"]))
         return f"![What the cell shows](../pictures/{name})"
     text = "".join(output.get("text", "") or data.get("text/plain", ""))
-    return f"```text\n{text.rstrip()}\n```"
+    return f"```{{.text .output}}\n{text.rstrip()}\n```"

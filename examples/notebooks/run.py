@@ -1,7 +1,8 @@
-"""Run the notebooks of this folder and store what they print and draw: `python run.py [NAME ...]`.
+"""Run the notebooks of this folder and store what they print and draw.
 
-`--out DIR` writes them there instead. Pictures are stored as JPEG, so that a notebook stays small.
-It needs nbclient and ipykernel, which the extra `dev` brings.
+`python run.py [NAME ...]`; `--out DIR` writes them there instead. Pictures are
+stored as JPEG, so that a notebook stays small. It needs nbclient and ipykernel,
+which the extra `dev` brings.
 """
 
 import argparse
@@ -31,11 +32,12 @@ def main() -> None:
         notebook = run(HERE / f"{name}.ipynb")
         path = options.out / f"{name}.ipynb"
         nbformat.write(notebook, path)
-        print(f"{path}: {time.perf_counter() - began:.1f} s, {path.stat().st_size / 1e3:.0f} kB")
+        seconds, size = time.perf_counter() - began, path.stat().st_size
+        print(f"{path}: {seconds:.1f} s, {size / 1e3:.0f} kB")
 
 
 def run(path: Path) -> nbformat.NotebookNode:
-    """Run a notebook in its own folder; what is kept of a run does not change with the clock."""
+    """Run a notebook in its own folder; no time of a run is kept."""
     notebook = nbformat.read(path, as_version=4)
     notebook.cells.insert(0, nbformat.v4.new_code_cell(PICTURES_AS_JPEG))
     NotebookClient(
