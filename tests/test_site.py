@@ -25,6 +25,7 @@ results = pytest.importorskip("results")
 make = pytest.importorskip("make")
 
 NINE = hj.names()[:9]
+MKDOCS = (ROOT / "mkdocs.yml").read_text()
 NO_PICTURES = Path("no pictures were made")
 
 
@@ -218,6 +219,14 @@ def test_a_report_is_all_that_a_result_needs(tmp_path: Path):
     files = results.files(place.parent)
     assert set(files) == {"results/two_agents/report.html", "results/board.html"}
     assert "good" in files["results/board.html"]
+
+
+def test_no_page_asks_another_host():
+    """The theme's plug-in for sites on a disk adds a script from another host unless it is here."""
+    (script,) = re.findall(r"polyfills: \[theme/(\S*iframe-worker\S*)\]", MKDOCS)
+    for name in (script, "site.js", "site.css"):
+        assert "http" not in (HERE / "theme" / name).read_text()
+    assert "font: false" in MKDOCS
 
 
 def test_notebooks_are_pages_with_what_they_show(tmp_path: Path):
