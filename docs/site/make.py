@@ -82,6 +82,12 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     ),
 }
 
+# How much more a page counts in the search than others.
+SEARCH = {
+    **dict.fromkeys(("faq.md", "troubleshooting.md", "concepts.md", "start.md"), 2),
+    **dict.fromkeys(("training.md", "score_my_model.md", "score_my_agent.md"), 2),
+    **dict.fromkeys(("architecture.md", "changelog.md", "results.md"), 0.5),
+}
 NOTEBOOKS = ("datasets", "torch_training", "jax_grain", "live_agent")
 
 
@@ -137,7 +143,17 @@ def all_pages(folder: Path) -> dict[str, str]:
     texts |= results.pages() | notebooks.pages(folder)
     for name in hj.names()[:9]:
         texts[f"corruptions/{name}.md"] = corruption_pages.page(name, folder)
-    return texts | reference.pages()
+    return ranked(texts | reference.pages())
+
+
+def ranked(texts: dict[str, str]) -> dict[str, str]:
+    """The pages, with what the search puts first: answers before the reference."""
+    made = dict(texts)
+    for name, text in texts.items():
+        boost = SEARCH.get(name, 0.5 if name.startswith("reference/") else 1)
+        if boost != 1:
+            made[name] = f"---\nsearch:\n  boost: {boost}\n---\n\n{text}"
+    return made
 
 
 def settings(texts: Iterable[str]) -> dict[str, Any]:
