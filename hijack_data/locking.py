@@ -5,15 +5,20 @@ They rest on `flock`: the kernel releases one when its holder ends, in whatever 
 process that is killed.
 """
 
-import fcntl
 import json
 import os
+import platform
 import socket
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 from .errors import HijackError
+
+try:
+    import fcntl
+except ModuleNotFoundError:  # Windows: pictures and transforms work, and lock nothing
+    fcntl = None
 
 _LONGEST_NOTE = 1000  # bytes
 
@@ -90,7 +95,13 @@ def lock(
     Raises:
         LockedError: Somebody else holds the lock, and `wait` is false.
         OSError: The file or folder cannot be opened.
+        HijackError: This system has no such locks.
     """
+    if fcntl is None:
+        raise HijackError(
+            f"{path}: {platform.system()} has no locks that end with their process, without which"
+            " nothing is written to a folder that others may use; use Linux, macOS or WSL"
+        )
     flags = os.O_CLOEXEC | os.O_NOFOLLOW
     if path.is_dir():
         flags |= os.O_RDONLY | os.O_DIRECTORY

@@ -13,6 +13,7 @@ from typing import Any
 
 import click
 
+from hijack_data.cli.options import OutOption, WholeSummaries, seed_option
 from hijack_data.errors import ParameterError
 
 from .corrupting import Ledger, corrupt
@@ -24,7 +25,7 @@ from .privilege import as_root
 SIZE_HELP = "Screen as WIDTHxHEIGHT in pixels."
 
 
-@click.group()
+@click.group(cls=WholeSummaries)
 def desktop() -> None:
     """Real Linux desktops on this machine, without a virtual machine."""
 
@@ -40,6 +41,7 @@ desktop.add_command(image_commands)
     multiple=True,
     default=("web",),
     show_default=True,
+    metavar="NAME",
     help="core, web, office, media or all; may be given more than once.",
 )
 @click.option("--host", is_flag=True, help="Install Debian packages on this machine.")
@@ -104,9 +106,10 @@ def _install_packages(profiles: tuple[str, ...]) -> None:
     multiple=True,
     default=("web",),
     show_default=True,
+    metavar="NAME",
     help="The profiles that must be there.",
 )
-@click.option("--image", help="Look at what a desktop from this image needs.")
+@click.option("--image", metavar="NAME", help="Look at what a desktop from this image needs.")
 @click.option("--json", "as_json", is_flag=True, help="Print a JSON list.")
 def doctor(
     profiles: tuple[str, ...],
@@ -142,13 +145,15 @@ def _print_check(check: Any) -> None:
     "--size",
     default="1920x1080",
     show_default=True,
+    metavar="WxH",
     help=SIZE_HELP,
 )
-@click.option("--name", help="Its id; the next free of d1, d2 ... if not given.")
+@click.option("--name", metavar="ID", help="Its id; the next free of d1, d2 ... if not given.")
 @click.option(
     "--app",
     "apps",
     multiple=True,
+    metavar="NAME",
     help="Open this before it is ready (browser, editor, files, terminal ...).",
 )
 @click.option(
@@ -156,6 +161,7 @@ def _print_check(check: Any) -> None:
 )
 @click.option(
     "--image",
+    metavar="NAME",
     help="Start from this image, or `host`.  [default: $AGENTHIJACK_IMAGE, or the installed one]",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the record as JSON.")
@@ -198,7 +204,10 @@ def up(
 @click.argument("name", required=False)
 @click.option(
     "-o",
+    "--out",
     "--output",
+    "output",
+    cls=OutOption,
     type=click.Path(
         dir_okay=False,
         writable=True,
@@ -206,6 +215,7 @@ def up(
     ),
     default="desktop.png",
     show_default=True,
+    metavar="OUT.png",
     help="Where the PNG goes.",
 )
 def shot(name: str | None, output: Path) -> None:
@@ -222,7 +232,7 @@ def shot(name: str | None, output: Path) -> None:
 
 @desktop.command()
 @click.argument("code")
-@click.option("--on", "name", help="The desktop's id; the only one, if not given.")
+@click.option("--on", "name", metavar="ID", help="The desktop's id; the only one, if not given.")
 @click.option("--shell", is_flag=True, help="CODE is a shell command; its exit code is ours.")
 def run(
     code: str,
@@ -302,53 +312,65 @@ def down(
 @click.argument("name", required=False)
 @click.option(
     "-o",
+    "--out",
     "--output",
+    "output",
+    cls=OutOption,
     type=click.Path(path_type=Path),
+    metavar="FILE|DIR",
     help="Where the video (desktop.mp4, if not given) or the folder of trajectories goes.",
 )
 @click.option(
     "--seconds",
     type=click.FloatRange(0.1, 86400),
+    metavar="S",
     help="Length of the video; until Ctrl-C, if not given.",
 )
 @click.option(
     "--assets",
     type=click.Path(file_okay=False, path_type=Path),
+    metavar="DIR",
     help="Record the asset pack into it.",
 )
 @click.option(
-    "--only", help="Only these kinds of pictures of the pack, with commas between; the others stay."
+    "--only",
+    metavar="A,B",
+    help="Only these kinds of pictures of the pack, with commas between; the others stay.",
 )
 @click.option(
-    "--sizes", help="Only screens of these sizes for the pack, such as 1920x1080,1280x720."
+    "--sizes",
+    metavar="WxH,WxH",
+    help="Only screens of these sizes for the pack, such as 1920x1080,1280x720.",
 )
 @click.option(
     "--looks",
+    metavar="A,B",
     help="Only desktops of these looks for the pack: golden, dark, bright.  [default: all]",
 )
 @click.option(
-    "--task", help="Record a trajectory of this small task, done by its oracle, into the folder -o."
+    "--task",
+    metavar="NAME",
+    help="Record a trajectory of this small task, done by its oracle, into the folder -o.",
 )
-@click.option(
-    "--seed",
-    type=click.IntRange(0, 2**64 - 1),
-    default=0,
-    show_default=True,
-    help="Variant of the task.",
-)
+@seed_option("Variant of the task.")
 @click.option(
     "--person",
     is_flag=True,
     help="A person does it, on a page as that of `view`; ends with Ctrl-C.",
 )
-@click.option("--instruction", help="What the person is to do, without a --task.")
+@click.option(
+    "--instruction", metavar="SENTENCE", help="What the person is to do, without a --task."
+)
 @click.option(
     "--size",
     default="1920x1080",
     show_default=True,
+    metavar="WxH",
     help="Screen for a --task without NAME.",
 )
-@click.option("--port", default=0, help="Port of the page for --person; any free one if 0.")
+@click.option(
+    "--port", default=0, metavar="N", help="Port of the page for --person; any free one if 0."
+)
 def record(name: str | None, **options: Any) -> None:
     """Record desktop NAME to a video, or record a trajectory, or the asset pack."""
     from .recording.command import RecordOptions, run
@@ -361,7 +383,9 @@ def record(name: str | None, **options: Any) -> None:
 
 @desktop.command()
 @click.argument("name", required=False)
-@click.option("--port", default=0, help="Port on the loopback interface; any free one if 0.")
+@click.option(
+    "--port", default=0, metavar="N", help="Port on the loopback interface; any free one if 0."
+)
 def view(name: str | None, port: int) -> None:
     """Show desktop NAME live in a browser, with mouse and keyboard; ends with Ctrl-C.
 

@@ -14,6 +14,7 @@ from typing import Any, cast
 import click
 
 from hijack_data._apply import apply
+from hijack_data.cli.options import OutOption, seed_option
 from hijack_data.corruption import Corruption, find
 from hijack_data.elements import scene_from
 from hijack_data.errors import ParameterError
@@ -249,7 +250,9 @@ def undo_unrecorded(desktop: Desktop, spec: Corruption) -> list[tuple[str, str, 
 
 @click.command()
 @click.argument("name", required=False)
-@click.option("--on", "desktop_name", help="The desktop's id; the only one, if not given.")
+@click.option(
+    "--on", "desktop_name", metavar="ID", help="The desktop's id; the only one, if not given."
+)
 @click.option(
     "--set",
     "settings",
@@ -257,17 +260,19 @@ def undo_unrecorded(desktop: Desktop, spec: Corruption) -> list[tuple[str, str, 
     metavar="KEY=VALUE",
     help="Set a parameter; may be repeated.",
 )
+@seed_option()
 @click.option(
-    "--seed",
-    type=click.IntRange(0, 2**64 - 1),
-    default=0,
-    show_default=True,
-    help="Random seed.",
+    "--step",
+    type=int,
+    metavar="N",
+    help="Step of an episode.  [default: the first at which it acts]",
 )
-@click.option("--step", type=int, help="Step of an episode.  [default: the first at which it acts]")
 @click.option(
     "-o",
+    "--out",
     "--output",
+    "output",
+    cls=OutOption,
     type=click.Path(
         dir_okay=False,
         writable=True,

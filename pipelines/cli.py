@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from hijack_data.cli import console
+from hijack_data.cli.options import seed_option
 from hijack_data.config.options import LABEL_POLICIES
 from hijack_data.files import write_atomic
 from hijack_data.platforms import PLATFORMS
@@ -94,7 +95,9 @@ class Meter:
         " ones]"
     ),
 )
-@click.option("--seed", type=int, help="Random seed.  [default: 0, or the configuration's]")
+@click.option(
+    "--seed", type=int, metavar="N", help="Random seed.  [default: 0, or the configuration's]"
+)
 @click.option(
     "--format",
     "format_",
@@ -146,9 +149,10 @@ class Meter:
 )
 @click.option(
     "--workers",
-    type=int,
+    type=click.IntRange(min=1),
     default=1,
     show_default=True,
+    metavar="N",
     help="Processes.",
 )
 @click.option(
@@ -247,15 +251,10 @@ def _end(result: Any, code: int) -> None:
     type=int,
     default=SAMPLE,
     show_default=True,
+    metavar="N",
     help="Trajectories of each format to try them on; 0: none.",
 )
-@click.option(
-    "--seed",
-    type=int,
-    default=0,
-    show_default=True,
-    help="Random seed.",
-)
+@seed_option()
 @click.option(
     "--assets",
     metavar="DIR",
@@ -317,7 +316,7 @@ def verify(
     "--key",
     metavar="KEY",
     required=True,
-    help="SSH key: ssh-keygen -t ed25519 -f KEY",
+    help="SSH key, made by: ssh-keygen -t ed25519 -f KEY.",
 )
 def sign(runs: Path, key: str) -> None:
     """Sign a run for its recipients, after verifying it: hijack sign RUNS --key KEY."""
@@ -362,9 +361,10 @@ def stats(
     help=f"The format ({', '.join([*FORMATS.entries, ONLOOKER])}, FILE.py:CLASS).",
 )
 @click.option(
+    "-o",
     "--out",
     required=True,
-    metavar="DIR2",
+    metavar="FOLDER",
     help="The folder to make.",
 )
 @click.option(

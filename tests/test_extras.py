@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 import pytest
 
 from hijack_data import extras
-from hijack_data.cli import COMMANDS, machine
+from hijack_data.cli import COMMANDS, machine, main
 from hijack_data.errors import MissingDependencyError
 from pipelines import build
 
@@ -266,15 +266,25 @@ def test_without_an_installed_package_there_are_no_extras(monkeypatch: pytest.Mo
 def test_doctor_has_a_row_for_every_extra_and_one_for_the_desktop() -> None:
     declared = set(extras.extras()) - {"all"}
     assert {row[1] for row in machine.extra_rows()} == declared == set(machine.PURPOSES)
-    command = [sys.executable, "-m", "hijack_data.cli", "doctor"]
+    command = [sys.executable, "-m", "hijack_data.cli", "doctor", "--json"]
     done = subprocess.run(
         command,
         capture_output=True,
         text=True,
         check=True,
     )
-    named = {line.split()[1] for line in done.stdout.splitlines() if re.match(r"(ok|--)  ", line)}
-    assert declared | {"core", "desktop"} <= named
+    rows = {row["what"]: row for row in json.loads(done.stdout)["found"]}
+    assert declared | {"core", "desktop"} <= set(rows)
+    assert rows["core"]["ok"] is True
+    assert rows["core"]["found"].startswith("Python 3.")
+
+
+def test_doctor_prints_a_table(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="0"):
+        main(["doctor"])
+    lines = capsys.readouterr().out.splitlines()
+    named = {line.split()[1] for line in lines if re.match(r"(ok|--)  ", line)}
+    assert {"core", "desktop", "hf"} <= named
 
 
 def test_the_remedy_is_composed_in_one_place() -> None:

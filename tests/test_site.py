@@ -20,9 +20,12 @@ charts = pytest.importorskip("charts")
 corruption_pages = pytest.importorskip("corruption_pages")
 reference = pytest.importorskip("reference")
 tables = pytest.importorskip("tables")
+notebooks = pytest.importorskip("notebooks")
+results = pytest.importorskip("results")
 make = pytest.importorskip("make")
 
 NINE = hj.names()[:9]
+MKDOCS = (ROOT / "mkdocs.yml").read_text()
 NO_PICTURES = Path("no pictures were made")
 
 
@@ -189,6 +192,51 @@ def test_every_page_has_its_place():
     assert [name for name in texts if f"'{name}'" not in nav] == []
     known = {f"{name}.md" for names in make.SECTIONS.values() for name in names}
     assert known <= set(texts), "a section names a page that is not there"
+
+
+def test_a_report_is_all_that_a_result_needs(tmp_path: Path):
+    from online_env.bench import reading
+    from online_env.report.build import build_report
+
+    from support.reported import CONDITIONS, run_of, whole
+
+    assert "No run of a whole agent" in results.pages(tmp_path)["results/leaderboard.md"]
+    assert results.files(tmp_path) == {}
+    found = whole("good", dict.fromkeys(CONDITIONS, 9)) + whole("bad", dict.fromkeys(CONDITIONS, 2))
+    report = build_report(reading.read(run_of(tmp_path / "run", found)))
+    place = tmp_path / "results" / "two_agents"
+    place.mkdir(parents=True)
+    (place / "report.json").write_text(json.dumps(report.to_data()))
+    (place / "about.md").write_text("Made for a test.\n")
+    pages = results.pages(place.parent)
+    assert "[Two agents](two_agents.md) | 200 live episodes" in pages["results/index.md"]
+    own = pages["results/two_agents.md"]
+    assert "Made for a test." in own
+    assert own.count('<figure class="chart">') == 2
+    assert "| `good` | 90.0 % | 100.0 % |" in own
+    board = pages["results/leaderboard.md"]
+    assert re.search(r"\| 1 \| `good` \| 90.0 % \|.*\n\| 2 \| `bad` \| 20.0 % \|", board)
+    files = results.files(place.parent)
+    assert set(files) == {"results/two_agents/report.html", "results/board.html"}
+    assert "good" in files["results/board.html"]
+
+
+def test_no_page_asks_another_host():
+    """The theme's plug-in for sites on a disk adds a script from another host unless it is here."""
+    (script,) = re.findall(r"polyfills: \[theme/(\S*iframe-worker\S*)\]", MKDOCS)
+    for name in (script, "site.js", "site.css"):
+        assert "http" not in (HERE / "theme" / name).read_text()
+    assert "font: false" in MKDOCS
+
+
+def test_notebooks_are_pages_with_what_they_show(tmp_path: Path):
+    pages = notebooks.pages(tmp_path)
+    assert len(pages) == 4
+    for name, text in pages.items():
+        pictures = re.findall(r"!\[[^\]]*\]\(\.\./pictures/([^)]+)\)", text)
+        assert pictures, f"{name}: run examples/notebooks/run.py"
+        assert all((tmp_path / picture).stat().st_size < 60_000 for picture in pictures)
+        assert "../../docs" not in text
 
 
 def test_messages_in_troubleshooting_are_printed_by_the_program():

@@ -231,7 +231,7 @@ def results_of_the_paper() -> str:
     named = ", ".join(f"`{name}`" for name in hj.names()[:9])
     return "\n".join(
         [
-            "# Results\n",
+            "# The paper's table\n",
             "The table is the paper's: success in percent on OSWorld's tasks, clean and under each"
             f" of the nine ({named}). This repository has not run these models.\n",
             f"| {head} |",
@@ -240,6 +240,6 @@ def results_of_the_paper() -> str:
             "",
             "To measure your own agent, see [Score my agent](score_my_agent.md) and"
             " [Score my model](score_my_model.md); [the benchmark](benchmark.md) says how its"
-            " intervals and tests are made. There is no public leaderboard yet.\n",
+            " intervals and tests are made. [All results](results/index.md).\n",
         ]
     )

@@ -24,7 +24,9 @@ _LINK = re.compile(r"(!?)\[((?:[^\]\[]|\[[^\]]*\])*)\]\(([^)\s]+)\)")
 
 def pages() -> dict[str, Path]:
     """The file of each page of the site that is a page of the repository."""
-    found = {path.name: path for path in sorted((ROOT / "docs").glob("*.md"))}
+    docs = ROOT / "docs"
+    files = sorted([*docs.glob("*.md"), *docs.glob("results/*.md")])
+    found = {path.relative_to(docs).as_posix(): path for path in files}
     outside = {name: ROOT / file for file, name in OUTSIDE.items() if name != "index.md"}
     return found | outside
 
@@ -55,8 +57,12 @@ def _link(
         return match[0]
     file, sign, anchor = target.partition("#")
     name = os.path.relpath(path.parent / file, ROOT)
-    if name in site:
-        return f"{image}[{words}]({site[name]}{sign}{anchor})"
-    if name.startswith("docs/images/"):
-        return f"{image}[{words}]({name.removeprefix('docs/')})"
+    own = site.get(os.path.relpath(path, ROOT), "")
+    place = site.get(name, "")
+    if image and name.startswith(("docs/images/", "docs/results/")):
+        place = name.removeprefix("docs/")
+    if place:
+        return (
+            f"{image}[{words}]({os.path.relpath(place, os.path.dirname(own) or '.')}{sign}{anchor})"
+        )
     return words if words.startswith("`") else f"{words} (`{name}`)"

@@ -169,7 +169,13 @@ def _fidelity(name: str) -> str:
     if not is_bare(plan):
         return ""
     made = composite(plan, screen.pixels, screen.scene, **key)
-    return f" The picture above has the [fidelity](../concepts.md#fidelity) `{made.fidelity}`."
+    said = f" The picture above has the [fidelity](../concepts.md#fidelity) `{made.fidelity}`"
+    if made.fidelity != "foreign":
+        return f"{said}."
+    return (
+        f"{said}, since nothing says which desktop a single screenshot is of; in a dataset from a"
+        " recording of our desktop it would be `recorded` or `composited`."
+    )
 
 
 def _code(name: str, info: dict[str, Any]) -> Iterator[str]:

@@ -16,8 +16,10 @@ from typing import Any
 import charts
 import copied
 import corruption_pages
+import notebooks
 import pictures
 import reference
+import results
 import yaml
 
 import hijack_data as hj
@@ -28,7 +30,14 @@ PAGES = ROOT / "build" / "pages"
 SETTINGS = ROOT / "build" / "mkdocs.yml"
 # What stands where; a page of docs/ that is in no section is under "More".
 SECTIONS: dict[str, tuple[str, ...]] = {
-    "Start": ("start", "concepts", "command_line", "faq", "troubleshooting", "comparison"),
+    "Start": (
+        "start",
+        "concepts",
+        "command_line",
+        "faq",
+        "troubleshooting",
+        "comparison",
+    ),
     "Datasets": (
         "datasets",
         "sources",
@@ -41,19 +50,21 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "verify_runs",
         "clusters",
     ),
-    "Training": ("training", "labels", "coordinates", "proof", "serve"),
+    "Training": ("training", "labels", "coordinates", "train", "serve", "proof"),
     "Scoring": (
         "score_my_agent",
         "score_my_model",
         "offline_scoring",
         "benchmark",
         "suite",
+        "reports",
         "write_a_task",
-        "paper_results",
     ),
+    "Results": ("results/index", "results/leaderboard", "paper_results", "results/da_grpo"),
     "Live": (
         "live_evaluation",
         "embedded_desktop",
+        "desktop_image",
         "effects",
         "security",
         "local_internet",
@@ -70,6 +81,14 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "changelog",
     ),
 }
+
+# How much more a page counts in the search than others.
+SEARCH = {
+    **dict.fromkeys(("faq.md", "troubleshooting.md", "concepts.md", "start.md"), 2),
+    **dict.fromkeys(("training.md", "score_my_model.md", "score_my_agent.md"), 2),
+    **dict.fromkeys(("architecture.md", "changelog.md", "results.md"), 0.5),
+}
+NOTEBOOKS = ("datasets", "torch_training", "jax_grain", "live_agent")
 
 
 def main() -> None:
@@ -98,9 +117,10 @@ def write_pages() -> int:
     for problem in pictures.make(folder):
         print(f"left out: {problem}")
     shutil.copytree(ROOT / "docs" / "images", PAGES / "images")
+    shutil.copytree(results.RESULTS, PAGES / "results", ignore=shutil.ignore_patterns("*.md"))
     shutil.copytree(HERE / "theme", PAGES / "theme")
     texts = all_pages(folder)
-    for name, text in texts.items():
+    for name, text in (texts | results.files()).items():
         path = PAGES / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
@@ -111,17 +131,29 @@ def write_pages() -> int:
 def all_pages(folder: Path) -> dict[str, str]:
     """The text of every page, by file; `folder` holds the pictures."""
     files = copied.pages()
-    site = {str(path.relative_to(ROOT)): name for name, path in files.items()}
+    site = {path.relative_to(ROOT).as_posix(): name for name, path in files.items()}
     site["README.md"] = "index.md"
+    site |= notebooks.places()
     texts = {name: copied.text_of(path, site) for name, path in files.items()}
     landing = (HERE / "landing.md").read_text(encoding="utf-8")
     texts["index.md"] = landing.replace("{{ chart }}", charts.success("UI-TARS-1.5-7B"))
     texts["gallery.md"] = corruption_pages.gallery(folder)
     texts["figures.md"] = charts.page()
     texts["paper_results.md"] = charts.results_of_the_paper()
+    texts |= results.pages() | notebooks.pages(folder)
     for name in hj.names()[:9]:
         texts[f"corruptions/{name}.md"] = corruption_pages.page(name, folder)
-    return texts | reference.pages()
+    return ranked(texts | reference.pages())
+
+
+def ranked(texts: dict[str, str]) -> dict[str, str]:
+    """The pages, with what the search puts first: answers before the reference."""
+    made = dict(texts)
+    for name, text in texts.items():
+        boost = SEARCH.get(name, 0.5 if name.startswith("reference/") else 1)
+        if boost != 1:
+            made[name] = f"---\nsearch:\n  boost: {boost}\n---\n\n{text}"
+    return made
 
 
 def settings(texts: Iterable[str]) -> dict[str, Any]:
@@ -137,13 +169,17 @@ def settings(texts: Iterable[str]) -> dict[str, Any]:
     corruptions: list[Any] = ["gallery.md"]
     corruptions += [{corruption_pages.TEXTS[Path(name).stem]["title"]: name} for name in nine]
     corruptions.append({"All parameters": "corruptions.md"})
+    books = [f"notebooks/{name}.md" for name in NOTEBOOKS]
     project = sections.pop("Project")
     for title, names in sections.items():
+        if title == "Results":
+            names += sorted({name for name in known if name.startswith("results/")} - {*names})
         nav.append({title: names})
         if title == "Start":
+            nav[-1] = {title: [*names, {"Notebooks": books}]}
             nav.append({"Corruptions": corruptions})
     nav.append({"Reference": api})
-    placed = {*nine, *api, *project, "index.md", "gallery.md", "corruptions.md"}
+    placed = {*books, *nine, *api, *project, "index.md", "gallery.md", "corruptions.md"}
     placed |= {name for names in sections.values() for name in names}
     nav.append({"Project": [*project, *sorted(known - placed)]})
     return {

@@ -1,10 +1,12 @@
-"""The `hijack` command. Every subcommand is imported when it is called, so that `--help` is quick.
+"""The `hijack` command. A subcommand is imported when it is called; `hijack --help` imports none.
 
 Exit codes: 0 done, 1 finished but something failed or is invalid, 2 bad usage or configuration,
 3 the disk is full or fails.
 """
 
 import importlib
+import importlib.util
+import platform
 import sys
 import warnings
 from collections.abc import Generator
@@ -12,10 +14,14 @@ from contextlib import contextmanager
 from typing import Any
 
 import click
+from click.shell_completion import CompletionItem
 
 from .. import extras
 from ..errors import HijackError, PluginWarning, StorageError, suggest
 from ..shadowed import complaint
+from .help_pages import page_for
+from .options import WholeSummaries
+from .summaries import SECTIONS, SUMMARIES
 
 FULL = 3  # exit code
 # One row a command: where it lives. Other packages of the distribution add theirs here, as text,
@@ -46,9 +52,11 @@ COMMANDS = {
     "prefetch": "online_env.osworld.cli:prefetch",
     "osworld": "online_env.osworld.cli:osworld",
 }
+# Those that are made of processes, users and sockets as Linux and macOS have them.
+NEEDS_POSIX = ("desktop", "bench", "osworld")
 
 
-class LazyGroup(click.Group):
+class LazyGroup(WholeSummaries):
     """A group whose commands are imported on first use."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -59,15 +67,46 @@ class LazyGroup(click.Group):
         """Import one command, or `None`.
 
         Raises:
-            HijackError: another package on the path has the name of one of ours.
+            HijackError: another package on the path has the name of one of ours, or this system
+            cannot have the command.
         """
         if cmd_name not in COMMANDS:
             return None
+        if cmd_name in NEEDS_POSIX and importlib.util.find_spec("fcntl") is None:
+            system = f"{platform.system()} has not what hijack {cmd_name} is made of"
+            raise HijackError(f"{system}; use Linux, or WSL on Windows")
         module, _, attribute = COMMANDS[cmd_name].partition(":")
         problem = complaint(module.partition(".")[0])
         if problem:
             raise HijackError(problem)
         return getattr(importlib.import_module(module), attribute)
+
+    def summary(self, ctx: click.Context, name: str) -> str:
+        """Return the line of `summaries`; a command that has none there is imported for its own."""
+        if name in SUMMARIES:
+            return SUMMARIES[name]
+        return super().summary(ctx, name)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands by section, each with its whole summary."""
+        sections = {title: list(lines) for title, lines in SECTIONS.items()}
+        others = [name for name in COMMANDS if name not in SUMMARIES]
+        if others:
+            sections["Others"] = others
+        wide = max(map(len, COMMANDS))
+        for title, names in sections.items():
+            with formatter.section(title):
+                rows = [(name.ljust(wide), self.summary(ctx, name)) for name in names]
+                formatter.write_dl(rows)
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """Complete the names of commands, and the options that stand before one."""
+        found = [
+            CompletionItem(name, help=self.summary(ctx, name))
+            for name in COMMANDS
+            if name.startswith(incomplete)
+        ]
+        return found + click.Command.shell_complete(self, ctx, incomplete)
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         """Find the command.
@@ -174,7 +213,10 @@ def console() -> Any:
 
 
 def fail(message: str, code: int = 2) -> None:
-    """Print an error and end with an exit code."""
+    """Print an error, and the page that explains it if there is one; end with an exit code."""
     for line in message.splitlines() or ["failed"]:
         click.echo(f"hijack: error: {line}", err=True)
+    page = page_for(message)
+    if page:
+        click.echo(f"hijack: explained in {page}", err=True)
     sys.exit(code)

@@ -2,14 +2,16 @@
 
 import importlib
 import importlib.metadata
+import json
 import platform
 import sys
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Iterable, Iterator
+from typing import Any, TypeAlias
 
 import click
 from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from .. import conformance, extras
 from .. import corruption as registry
@@ -17,6 +19,8 @@ from ..errors import PluginError
 from ..loading import SUFFIX, LoadedFile, run_file
 from . import console, machine
 from .plugin_rows import plugin_rows
+
+DoctorRow: TypeAlias = tuple[str, str, str, str]
 
 
 @click.command()
@@ -152,8 +156,13 @@ def _show(out: Any, result: Any) -> bool:
 
 
 @click.command()
-def doctor() -> None:
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def doctor(as_json: bool) -> None:
     """List what is installed, what is missing, and the commands that add it."""
+    rows, remedy = list(_doctor_rows()), machine.extras_remedy()
+    if as_json:
+        click.echo(json.dumps({"found": [_plain(row) for row in rows], "remedy": remedy}))
+        return
     table = Table(
         box=None,
         header_style="bold",
@@ -161,25 +170,30 @@ def doctor() -> None:
     )
     for column in ("", "what", "for", "found"):
         table.add_column(column, overflow="fold")  # a path that is cut off helps nobody
+    for row in rows:
+        table.add_row(*row)
+    console().print(table)
+    if remedy:
+        click.echo(remedy)
+
+
+def _doctor_rows() -> Iterator[DoctorRow]:
+    """Yield a mark, what was looked at, what it is for, and what was found; the last is markup."""
     core = ", ".join(
         f"{name} {importlib.metadata.version(name)}" for name in ("numpy", "pillow", "pyyaml")
     )
-    table.add_row(
-        "[green]ok[/]",
-        "core",
-        "plans and NumPy pictures",
-        f"Python {platform.python_version()}, {core}",
-    )
-    for row in machine.extra_rows():
-        table.add_row(*row)
-    table.add_row(*_gpu())
-    for row in plugin_rows():
-        table.add_row(*row)
-    table.add_row(*machine.desktop_row())
-    console().print(table)
-    remedy = machine.extras_remedy()
-    if remedy:
-        click.echo(remedy)
+    found = f"Python {platform.python_version()}, {core}"
+    yield machine.OK, "core", "plans and NumPy pictures", found
+    yield from machine.extra_rows()
+    yield _gpu()
+    yield from plugin_rows()
+    yield machine.desktop_row()
+
+
+def _plain(row: DoctorRow) -> dict[str, Any]:
+    """Return a row without markup, for a program."""
+    mark, what, purpose, found = (Text.from_markup(cell).plain for cell in row)
+    return {"ok": mark == "ok", "what": what, "for": purpose, "found": found}
 
 
 def _gpu() -> tuple[str, str, str, str]:

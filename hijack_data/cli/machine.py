@@ -1,6 +1,7 @@
 """The rows that `hijack doctor` prints for the extras and for the desktop."""
 
 import importlib
+import platform
 from collections.abc import Iterator
 from typing import Any
 
@@ -56,6 +57,9 @@ def extras_remedy() -> str:
 def desktop_row() -> tuple[str, str, str, str]:
     """Return the row on whether real desktops with a browser can run here."""
     purpose = "real desktops on this machine"
+    if platform.system() != "Linux":
+        instead = "use a desktop of your own over HTTP (docs/bring_your_own_vm.md)"
+        return LACKING, "desktop", purpose, f"needs Linux; {instead}"
     # It belongs to another package of the distribution, on which this one does not depend.
     doctor: Any = importlib.import_module("online_env.embedded.doctor")
     lost = [check for check in doctor.diagnose() if check.required and not check.ok]

@@ -21,6 +21,7 @@ from ..plan import Plan
 from ..planner import Planner
 from ..types import Scene, UInt8Array
 from .folders import apply_below, pictures_of
+from .options import seed_option
 
 
 def parse_settings(cls: type[Corruption], settings: tuple[str, ...]) -> dict[str, Any]:
@@ -131,19 +132,17 @@ def _read_plan(file: str, name: str | None) -> Plan:
     metavar="OUT.png|DIR",
     help="Where to write the corrupted picture.",
 )
-@click.option(
-    "--seed",
-    type=int,
-    default=0,
-    show_default=True,
-    help="Random seed.",
-)
+@seed_option()
 @click.option(
     "--sample",
+    metavar="ID",
     help="Id of the sample; another id, another plan.  [default: 0; in a folder the name]",
 )
 @click.option(
-    "--step", type=int, help="Step in the trajectory.  [default: the first at which it acts]"
+    "--step",
+    type=int,
+    metavar="N",
+    help="Step in the trajectory.  [default: the first at which it acts]",
 )
 @click.option(
     "--set",
@@ -152,12 +151,15 @@ def _read_plan(file: str, name: str | None) -> Plan:
     metavar="KEY=VALUE",
     help="Set a parameter; may be repeated.",
 )
-@click.option("--severity", type=int, help="1 (mild) to 5 (harsh); 3 is the paper's default.")
+@click.option(
+    "--severity", type=int, metavar="1-5", help="1 (mild) to 5 (harsh); 3 is the paper's default."
+)
 @click.option(
     "--backend",
     type=click.Choice(NAMES),
     default="numpy",
     show_default=True,
+    help="What draws; the bytes are the same.",
 )
 @click.option(
     "--tree", metavar="A11Y.xml", help="Accessibility tree with the interactive elements."
@@ -265,13 +267,7 @@ def _report(
     metavar="OUT.html",
     help="Where to write the page.",
 )
-@click.option(
-    "--seed",
-    type=int,
-    default=0,
-    show_default=True,
-    help="Random seed.",
-)
+@seed_option()
 @click.option("--corruptions", metavar="A,B|all", help="Which to show.  [default: all]")
 @click.option(
     "--detect", type=click.Choice(["picture", "ocr", "none"]), help="How to find elements."

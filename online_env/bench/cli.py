@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hijack_data.cli import console
+from hijack_data.cli.options import new_run_options
 from hijack_data.errors import StorageError
 from hijack_data.locking import Lock
 from hijack_data.runs import seal
@@ -34,12 +35,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("config")
-@click.option(
-    "--out",
-    type=click.Path(file_okay=False, path_type=Path),
-    metavar="RUNS",
-    help="Folder of the run: new.",
-)
+@new_run_options
 @click.option(
     "--agent",
     metavar="A,B",
@@ -82,7 +78,6 @@ if TYPE_CHECKING:
     metavar="auto|HOST:PORT",
     help="A running Ray cluster; by default RAY_ADDRESS, or a Ray that is started and ended here.",
 )
-@click.option("--resume", is_flag=True, help="Go on with the run in RUNS where it was broken off.")
 @click.option(
     "--prompts",
     type=click.Path(path_type=Path),

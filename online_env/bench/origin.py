@@ -77,6 +77,13 @@ def git_state(folder: Path, trusted: bool = False) -> RunOrigin | None:
     return {"commit": commit, "dirty": None if changed is None else bool(changed)}
 
 
+def usable_cores() -> int:
+    """Return how many cores this process may use, or all where the system does not say (macOS)."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
 def _git(folder: Path, *words: str) -> str | None:
     """Return what git prints; `None` if it fails."""
     try:
@@ -97,7 +104,7 @@ def machine() -> RunOrigin:
     """Return `cpu`, `cores`, `memory` in bytes and `kernel` of this machine."""
     return {
         "cpu": _processor(),
-        "cores": len(os.sched_getaffinity(0)),
+        "cores": usable_cores(),
         "memory": os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"),
         "kernel": f"{platform.system()} {platform.release()} {platform.machine()}",
     }

@@ -7,7 +7,6 @@ next episode starts another one. Processes end with the runner, also if that is 
 import contextlib
 import math
 import multiprocessing
-import os
 import pickle
 import signal
 import threading
@@ -30,7 +29,7 @@ from .config import Bench
 from .episodes import LiveEpisodes, lost
 from .jobs import Job
 from .models import ModelOptions, prepare
-from .origin import available_memory
+from .origin import available_memory, usable_cores
 from .providers import PROVIDERS
 from .records import ResultRecord
 
@@ -79,7 +78,7 @@ def references(bench: Bench) -> tuple[ForeignEntry, ...]:
 
 def default_desktops() -> int:
     """Return how many desktops this machine plays on side by side: by cores and free memory."""
-    cores = len(os.sched_getaffinity(0))
+    cores = usable_cores()
     return max(1, desktops_in(cores, available_memory()))
 
 

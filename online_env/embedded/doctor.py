@@ -16,7 +16,7 @@ from .. import extra
 from ..errors import MissingPackageError
 from ..privilege import as_root
 from . import home, packages, registry
-from .handle import PACKAGES
+from .handle import INSTEAD, LINUX, PACKAGES
 from .image import doctor as images
 from .runtime import limits, rootless
 
@@ -91,6 +91,8 @@ def diagnose(profiles: Iterable[str] = ("web",), image: str | None = None) -> li
     wanted = {"core", *profiles}
     wanted |= set(packages.PROFILES) if packages.ALL in wanted else set()
     with_image = images.is_asked_for(image)
+    if platform.system() != LINUX:
+        return [_system(with_image)]
     checks = [_system(with_image), _root()]
     checks += [_packages(name, name in wanted and not with_image) for name in packages.PROFILES]
     checks += [Finding(*finding) for finding in images.findings(image)]
@@ -99,9 +101,8 @@ def diagnose(profiles: Iterable[str] = ("web",), image: str | None = None) -> li
 
 def _system(with_image: bool) -> Finding:
     name = f"{platform.system()} {platform.release()}"
-    if platform.system() != "Linux":
-        fix = "use a desktop of your own over HTTP (docs/bring_your_own_vm.md)"
-        return Finding("system", False, name, fix)
+    if platform.system() != LINUX:
+        return Finding("system", False, name, INSTEAD)
     fix = "hijack desktop install"
     return Finding("system", with_image or bool(shutil.which("apt-get")), name, fix)
 

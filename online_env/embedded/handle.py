@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import platform
 import select
 import subprocess
 import sys
@@ -25,8 +26,21 @@ _KEEPER = (
     "import sys; sys.path.insert(0, sys.argv[1]); from online_env.embedded.runtime.keeper import"
     " main; sys.exit(main(sys.argv[2]))"
 )
+LINUX = "Linux"
+INSTEAD = "use a desktop of your own over HTTP (docs/bring_your_own_vm.md)"
 SMALLEST = 200
 LARGEST = 8192
+
+
+def require_linux() -> None:
+    """Check that this system has the namespaces that a desktop is made of.
+
+    Raises:
+        DesktopError: it is another system than Linux.
+    """
+    if platform.system() != LINUX:
+        system = f"{platform.system()} {platform.release()}"
+        raise DesktopError(f"an embedded desktop needs Linux, and this is {system}; {INSTEAD}")
 
 
 def make_order(
@@ -58,6 +72,7 @@ def make_order(
         DesktopImageError: There is no such image.
         RootRequiredError: An option needs root.
     """
+    require_linux()
     height, width = as_size(size)
     if not (SMALLEST <= height <= LARGEST and SMALLEST <= width <= LARGEST):
         raise ParameterError(

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import click
 
+from hijack_data.cli.options import WholeSummaries
 from hijack_data.files import write_atomic
 
 from . import table, venv
@@ -13,6 +14,7 @@ from . import table, venv
 @click.command()
 @click.argument("source", metavar="TASKS", type=click.Path(path_type=Path))
 @click.option(
+    "-o",
     "--out",
     required=True,
     metavar="CACHE",
@@ -26,7 +28,11 @@ from . import table, venv
     help="Only this task (an id or its beginning); may be repeated.",
 )
 @click.option(
-    "--list", "list_", is_flag=True, help="Print what would be fetched, and fetch nothing."
+    "--dry-run",
+    "--list",
+    "list_",
+    is_flag=True,
+    help="Print what would be fetched, and fetch nothing.",
 )
 @click.option(
     "--check", "check_", is_flag=True, help="Fetch nothing; hash again what the manifest lists."
@@ -85,7 +91,7 @@ def prefetch(
     return 1 if report.failed else 0
 
 
-@click.group()
+@click.group(cls=WholeSummaries)
 def osworld() -> None:
     """OSWorld's own environment and evaluators on our desktops."""
 
@@ -122,6 +128,7 @@ def setup(tier: str, folder: Path) -> None:
 @osworld.command()
 @click.argument("source", metavar="TASKS", type=click.Path(path_type=Path))
 @click.option(
+    "-o",
     "--out",
     required=True,
     metavar="RESULTS.json",
@@ -159,6 +166,7 @@ def setup(tier: str, folder: Path) -> None:
     type=click.Path(path_type=Path),
     default=venv.DEFAULT,
     show_default=True,
+    help="Where OSWorld's Python environment is.",
 )
 def selftest(
     source: Path,

@@ -20,7 +20,7 @@ from .model import AgentSummary, ReportError, RunIdentity, RunReport
 from .named import YARDSTICKS
 
 _SKIPPED = (EPISODES, "requests", ".git")
-_SUFFIX = ".report.json"
+_SUFFIX = "report.json"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,7 +77,7 @@ class Ranking:
 
 
 def read_all(folder: Path) -> FoundReports:
-    """Read all runs below a folder, and files named `*.report.json`.
+    """Read all runs below a folder, and files named `report.json` or `*.report.json`.
 
     Raises:
         ReportError: there is no such folder, or it holds nothing that can be read.
@@ -135,7 +135,11 @@ def _places(folder: Path) -> Iterator[Path]:
             folders.clear()
             yield Path(base)
             continue
-        yield from (Path(base) / name for name in files if name.endswith(_SUFFIX))
+        yield from (Path(base) / name for name in files if _is_report(name))
+
+
+def _is_report(name: str) -> bool:
+    return name == _SUFFIX or name.endswith(f".{_SUFFIX}")
 
 
 def _board(group: Sequence[tuple[str, RunReport]]) -> Ranking:

@@ -13,6 +13,7 @@ import click
 from rich.console import Console
 
 from hijack_data.cli import console
+from hijack_data.cli.options import new_run_options
 from hijack_data.errors import ParameterError
 
 from ..bench import records
@@ -34,13 +35,7 @@ from .run import TIMEOUT, ScoreRun, ScoreSettings
     metavar="A,B",
     help="Agents: random, fail, my_agent.py:MyAgent, package.module:MyAgent.",
 )
-@click.option(
-    "-o",
-    "--out",
-    type=click.Path(file_okay=False, path_type=Path),
-    metavar="RUNS",
-    help="Folder of the run: new.",
-)
+@new_run_options
 @click.option(
     "--ask",
     type=click.Choice(QUESTIONS),
@@ -89,7 +84,6 @@ from .run import TIMEOUT, ScoreRun, ScoreSettings
     metavar="N",
     help="Rows at a time, for an agent with predict_batch.",
 )
-@click.option("--resume", is_flag=True, help="Go on with the run in RUNS where it was broken off.")
 @click.option("--dry-run", is_flag=True, help="Say what would be scored, and score nothing.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON list.")
 def score(

@@ -14,6 +14,7 @@ from .server import serve
     "--port",
     type=click.IntRange(0, 65535),
     default=0,
+    metavar="N",
     help="Where to listen.  [default: a free port]",
 )
 @click.option(

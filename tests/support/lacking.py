@@ -2,11 +2,14 @@
 
 `python lacking.py '{"modules": [...], "commands": {name: words}, "code": {name: text}}'` runs all
 of it in one process and prints, for each name, the exit code or the error, and what was printed.
+With `"system": "Darwin"` the machine says that it is one, and `"functions"` of `os` are gone.
 """
 
 import contextlib
 import io
 import json
+import os
+import platform
 import sys
 import traceback
 from collections.abc import Callable, Sequence
@@ -48,8 +51,19 @@ def watched(act: Callable[[], Any]) -> dict[str, Any]:
     return {**done, "printed": out.getvalue()}
 
 
+def pretend(system: str, functions: Sequence[str]) -> None:
+    """Answer as another system does; the standard library has been imported by then."""
+    if system:
+        platform.system = lambda: system
+    for name in functions:
+        delattr(os, name)
+
+
 def main(order: dict[str, Any]) -> None:
     """Carry out an order, and print its results as JSON."""
+    pretend(order.get("system", ""), order.get("functions", ()))
+    for name in order["modules"]:
+        sys.modules.pop(name, None)  # what starts before us may have it
     sys.meta_path[:] = [Without(finder, order["modules"]) for finder in sys.meta_path]
     from hijack_data.cli import main as hijack
     from pipelines.viewer import cli as viewer

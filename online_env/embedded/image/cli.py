@@ -6,10 +6,12 @@ from pathlib import Path
 
 import click
 
+from hijack_data.cli.options import WholeSummaries
+
 FILE = click.Path(dir_okay=False, path_type=Path)
 
 
-@click.group()
+@click.group(cls=WholeSummaries)
 def image() -> None:
     """Images of the desktop: Debian 12 with its packages, for any Linux."""
 
@@ -21,12 +23,17 @@ def image() -> None:
     multiple=True,
     default=("web",),
     show_default=True,
+    metavar="NAME",
     help="core, web, office, media or all; may be given more than once.",
 )
-@click.option("--name", help="What to call it; by its profiles, if not given.")
-@click.option("--out", type=FILE, help="Export it to this file, too (.tar.zst).")
-@click.option("--mirror", help="URL of a Debian archive.  [default: apt's configuration here]")
-@click.option("--security", help="With --mirror: URL of the archive of security updates.")
+@click.option("--name", metavar="NAME", help="What to call it; by its profiles, if not given.")
+@click.option("-o", "--out", type=FILE, help="Export it to this file, too (.tar.zst).")
+@click.option(
+    "--mirror", metavar="URL", help="URL of a Debian archive.  [default: apt's configuration here]"
+)
+@click.option(
+    "--security", metavar="URL", help="With --mirror: URL of the archive of security updates."
+)
 @click.option("--keyring", type=FILE, help="With --mirror: the keys of that archive.")
 @click.option("--unsigned", is_flag=True, help="Take archives whose signature cannot be checked.")
 @click.option("--like", type=FILE, help="Take exactly the packages of this manifest.")
@@ -98,7 +105,7 @@ def list_command(as_json: bool) -> None:
 
 @image.command("import")
 @click.argument("file", type=FILE)
-@click.option("--name", help="What to call it; by its profiles, if not given.")
+@click.option("--name", metavar="NAME", help="What to call it; by its profiles, if not given.")
 def import_command(file: Path, name: str | None) -> None:
     """Read an image from FILE, and check every file in it."""
     from . import cache

@@ -1,0 +1,165 @@
+"""Results of this repository: `docs/results/NAME/report.json` is all that a page of its own needs.
+
+The file is what `hijack report RUNS -o report.json` writes. An `about.md` beside it stands before
+its figures. The leaderboard is that of `hijack report docs/results --leaderboard`.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from charts import Bar, chart
+
+from online_env.report.build import read_report
+from online_env.report.document import ReportDocument
+from online_env.report.formats import write
+from online_env.report.leaderboard import Ranking, leaderboard, rankings_of, read_all
+from online_env.report.model import AgentSummary, RunReport
+
+ROOT = Path(__file__).resolve().parents[2]
+RESULTS = ROOT / "docs" / "results"
+REPORT = "report.json"
+FULL = "report.html"
+BOARD = "board.html"
+
+
+def pages(folder: Path = RESULTS) -> dict[str, str]:
+    """The text of every page, by file: one of each report, the leaderboard, and the list of all."""
+    found = reports(folder)
+    made = {f"results/{name}.md": of_report(name, report, folder) for name, report in found.items()}
+    made["results/leaderboard.md"] = board(folder, found)
+    made["results/index.md"] = index(found)
+    return made
+
+
+def files(folder: Path = RESULTS) -> dict[str, str]:
+    """Whole pages that stand beside them, by file: each report, and the leaderboard."""
+    found = reports(folder)
+    made = {
+        f"results/{name}/{FULL}": write(ReportDocument(report=report), "html")
+        for name, report in found.items()
+    }
+    if found:
+        made[f"results/{BOARD}"] = leaderboard(read_all(folder))
+    return made
+
+
+def reports(folder: Path) -> dict[str, RunReport]:
+    """The reports by the names of their folders.
+
+    `ReportError` is raised for a file that is no report.
+    """
+    return {path.parent.name: read_report(path) for path in sorted(folder.glob(f"*/{REPORT}"))}
+
+
+def index(found: dict[str, RunReport]) -> str:
+    """The list of all results."""
+    lines = [
+        "# Results\n",
+        "What was measured, and by whom. Each page says how it was made.\n",
+        "| result | what was measured |\n|---|---|",
+        "| [The paper's table](../paper_results.md) | success on OSWorld's tasks, clean and under"
+        " each of the nine; the paper's numbers, not run here |",
+        "| [Training with DA-GRPO](da_grpo.md) | what training with corruptions adds on the toy"
+        " desktop, with intervals |",
+        "| [Is the augmentation worth using?](../proof.md) | a small grounding network,"
+        " trained with and without corruptions |",
+        "| [Reading by OCR: the agent pixel](../results.md#reading-by-ocr-the-agent-pixel) | single"
+        " episodes of an agent without a model |",
+    ]
+    for name, report in found.items():
+        agents = ", ".join(f"`{agent}`" for agent in report.agents)
+        lines.append(f"| [{titled(name)}]({name}.md) | {_played(report)}: {agents} |")
+    lines += [
+        "",
+        "[The leaderboard](leaderboard.md) ranks the agents of the runs above that played the same"
+        " setting. [Figures](../figures.md) has speed and memory.\n",
+    ]
+    return "\n".join(lines)
+
+
+def titled(name: str) -> str:
+    """The title of a result, from the name of its folder."""
+    return name.replace("_", " ").replace("-", " ").capitalize()
+
+
+def of_report(
+    name: str,
+    report: RunReport,
+    folder: Path,
+) -> str:
+    """The page of one report."""
+    about = folder / name / "about.md"
+    lines = [f"# {titled(name)}\n"]
+    if about.is_file():
+        lines.append(about.read_text(encoding="utf-8"))
+    lines.append(f"{_played(report)}.\n")
+    lines += _table(report)
+    lines += [_bars(report, row) for row in report.summaries]
+    lines += [f"* {note}" for note in report.notes]
+    lines.append(f"\n[The whole report]({name}/{FULL}) has intervals, differences and costs.\n")
+    return "\n".join(lines)
+
+
+def board(folder: Path, found: dict[str, RunReport]) -> str:
+    """The page of the leaderboard."""
+    lines = [
+        "# Leaderboard\n",
+        "Agents are ranked by their mean success over the corruptions, and only against agents that"
+        " played the same tasks, conditions, seeds and limits.\n",
+    ]
+    if not found:
+        lines.append("No run of a whole agent has been added yet.\n")
+    else:
+        for ranking in rankings_of(read_all(folder)):
+            lines += _ranking(ranking)
+        lines.append(f"[The same as one page]({BOARD}), as the command line makes it.\n")
+    lines += [
+        "## Add a run\n",
+        "Play it with `hijack bench` ([Score my agent](../score_my_agent.md)) and write its report"
+        " to a folder of `docs/results`; `make docs` does the rest.\n",
+        "```sh\nhijack report runs/mine -o docs/results/mine/report.json\nmake docs\n```\n",
+        "`hijack report runs --leaderboard -o leaderboard.html` ranks runs of your own.\n",
+    ]
+    return "\n".join(lines)
+
+
+def _ranking(ranking: Ranking) -> Iterator[str]:
+    yield f"## {ranking.title}\n"
+    yield f"| rank | agent | over corruptions | {' | '.join(ranking.labels)} |"
+    yield f"|---|---|---:|{'---:|' * len(ranking.labels)}"
+    for line in ranking.lines:
+        rank = str(line.rank) if line.rank else f"({line.why})"
+        values = " | ".join(line.values)
+        yield f"| {rank} | `{line.row.agent}` | {_percent(line.row.corrupted)} | {values} |"
+    yield ""
+
+
+def _played(report: RunReport) -> str:
+    run = report.run
+    kind = "rows of a dataset" if run.kind == "score" else "live episodes"
+    episodes = sum(cell.n for cell in report.cells)
+    return f"{episodes:,} {kind}, {run.tasks} tasks, {len(report.labels)} conditions"
+
+
+def _table(report: RunReport) -> Iterator[str]:
+    yield "| agent | over corruptions | keeps of clean | worst under |\n|---|---:|---:|---|"
+    for row in report.summaries:
+        worst = f"`{row.worst}`, {_percent(row.worst_success)}" if row.worst else ""
+        yield f"| `{row.agent}` | {_percent(row.corrupted)} | {_percent(row.retention)} | {worst} |"
+    yield ""
+
+
+def _percent(share: float | None) -> str:
+    return "" if share is None else f"{100 * share:.1f} %"
+
+
+def _bars(report: RunReport, row: AgentSummary) -> str:
+    """Success of one agent under each condition."""
+    bars: list[Bar] = []
+    for label in report.labels:
+        cell = report.cell(row.agent, label)
+        if cell is None or cell.success is None:
+            continue
+        share = 100 * cell.success
+        bars.append(Bar(label, share, f"{share:.1f} %", label == "clean"))
+    return chart(f"{row.agent}: tasks solved", bars)

@@ -1,0 +1,34 @@
+"""Where an error is explained: parts of messages that are headings of docs/troubleshooting.md."""
+
+import re
+
+PAGE = "docs/troubleshooting.md"
+EXPLAINED = (
+    "or from a clone: pip install -e",
+    "is imported in the place of AgentHijack's own package",
+    "could be a label, and the picture goes from",
+    "does not fit",
+    "say which: --format",
+    "say which with --boxes and --coordinates",
+    "the recording does not say which desktop it shows",
+    "the recording does not say which applications it uses",
+    "was begun with other parameters",
+    "neither nft nor iptables works as root",
+    "the golden home is not made yet",
+    "start the container with: docker run --privileged",
+    "use a desktop of your own over HTTP",
+    "holds a run already",
+)
+
+
+def page_for(message: str) -> str:
+    """Return the page and heading that explain a message, or `""`."""
+    for part in EXPLAINED:
+        if part in message:
+            return f"{PAGE}#{anchor(part)}"
+    return ""
+
+
+def anchor(heading: str) -> str:
+    """Return a heading as the anchor that GitHub and the site give it."""
+    return re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")

@@ -1,0 +1,46 @@
+"""One line on every command, as data, so that `hijack --help` and completion import none of them.
+
+A test compares each line with the command's own docstring.
+"""
+
+SECTIONS = {
+    "Corruptions": {
+        "list": "List all corruptions, the paper's nine first.",
+        "show": "Show one corruption: its parameters, defaults, ranges and severity levels.",
+        "demo": "Corrupt screens, build a dataset, corrupt a live desktop.",
+        "apply": "Corrupt one picture, or all of a folder.",
+        "gallery": "Make one self-contained HTML page of before/after pictures.",
+        "new": "Write a file to begin with.",
+        "check": (
+            "Run the conformance suites on what a file holds: corruptions, live effects, agents,"
+            " tasks."
+        ),
+        "doctor": "List what is installed, what is missing, and the commands that add it.",
+    },
+    "Datasets and training": {
+        "inspect": "Show the content of recordings, and the result of a build, without building.",
+        "build": "Build a Hugging Face dataset from recorded trajectories.",
+        "verify": "Check every byte, picture, plan and label of a dataset, or of a run.",
+        "stats": "Show the figures of a dataset: counts, visible targets, changed pixels.",
+        "export": (
+            "Export a dataset as chat rows, verl Parquet, WebDataset tar files or onlooker data."
+        ),
+        "view": "Look through a dataset, or the episodes of a run, in a browser.",
+        "train": (
+            "Train with corruptions (DA-GRPO) and without (GRPO), and compare them on unseen tasks."
+        ),
+    },
+    "Live desktops and scores": {
+        "desktop": "Real Linux desktops on this machine, without a virtual machine.",
+        "bench": "Run agents on a live desktop, clean and corrupted.",
+        "score": "Score agents on the rows of a dataset, clean and corrupted, without a desktop.",
+        "report": "Show the results of a run, such as: hijack report runs/small.",
+        "sign": "Sign a run for its recipients, after verifying it: hijack sign RUNS --key KEY.",
+        "tasks": (
+            "List the tasks of the suite, or write one row for every OSWorld task and corruption."
+        ),
+        "prefetch": "Fill OSWorld's file cache, so that runs need no network.",
+        "osworld": "OSWorld's own environment and evaluators on our desktops.",
+    },
+}
+SUMMARIES = {name: line for lines in SECTIONS.values() for name, line in lines.items()}
