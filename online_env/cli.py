@@ -46,10 +46,12 @@ desktop.add_command(image_commands)
 )
 @click.option("--host", is_flag=True, help="Install Debian packages on this machine.")
 @click.option(
-    "--image", help="Take this image: its file, its URL, or the name of one that is here."
+    "--image",
+    metavar="IMAGE",
+    help="Take this image: its file, its URL, or the name of one that is here.",
 )
-@click.option("--mirror", help="Build an image from this Debian archive.")
-@click.option("--security", help="With --mirror: URL of the archive of security updates.")
+@click.option("--mirror", metavar="URL", help="Build an image from this Debian archive.")
+@click.option("--security", metavar="URL", help="With --mirror: the archive of security updates.")
 def install(
     profiles: tuple[str, ...],
     host: bool,

@@ -53,7 +53,7 @@ COMMANDS = {
     "osworld": "online_env.osworld.cli:osworld",
 }
 # Those that are made of processes, users and sockets as Linux and macOS have them.
-NEEDS_POSIX = ("desktop", "bench", "osworld")
+NEEDS_POSIX = ("desktop", "bench", "serve", "osworld")
 
 
 class LazyGroup(WholeSummaries):
@@ -73,8 +73,10 @@ class LazyGroup(WholeSummaries):
         if cmd_name not in COMMANDS:
             return None
         if cmd_name in NEEDS_POSIX and importlib.util.find_spec("fcntl") is None:
-            system = f"{platform.system()} has not what hijack {cmd_name} is made of"
-            raise HijackError(f"{system}; use Linux, or WSL on Windows")
+            raise HijackError(
+                f"hijack {cmd_name} cannot run on {platform.system()}, which lacks POSIX locks and"
+                " users: use Linux, or WSL on Windows"
+            )
         module, _, attribute = COMMANDS[cmd_name].partition(":")
         problem = complaint(module.partition(".")[0])
         if problem:

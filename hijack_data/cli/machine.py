@@ -23,6 +23,8 @@ PURPOSES = {
     "serve": "desktops behind an OpenEnv server",
     "ray": "builds and benchmarks on a cluster",
     "train": "the training examples",
+    "trl": "TRL's trainers, supervised fine-tuning",
+    "verl": "verl's trainer, in an environment of its own",
     "dev": "work on AgentHijack itself",
     "docs": "the site (make docs)",
 }

@@ -33,6 +33,9 @@ SECTIONS = {
     "Live desktops and scores": {
         "desktop": "Real Linux desktops on this machine, without a virtual machine.",
         "bench": "Run agents on a live desktop, clean and corrupted.",
+        "serve": (
+            "Serve desktops with the tasks of a benchmark to trainers, as an OpenEnv environment."
+        ),
         "score": "Score agents on the rows of a dataset, clean and corrupted, without a desktop.",
         "report": "Show the results of a run, such as: hijack report runs/small.",
         "sign": "Sign a run for its recipients, after verifying it: hijack sign RUNS --key KEY.",

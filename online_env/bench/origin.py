@@ -101,13 +101,19 @@ def _git(folder: Path, *words: str) -> str | None:
 
 
 def machine() -> RunOrigin:
-    """Return `cpu`, `cores`, `memory` in bytes and `kernel` of this machine."""
+    """Return `cpu`, `cores`, `memory` in bytes (`None` on Windows) and `kernel` of this machine."""
     return {
         "cpu": _processor(),
         "cores": usable_cores(),
-        "memory": os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"),
+        "memory": _memory(),
         "kernel": f"{platform.system()} {platform.release()} {platform.machine()}",
     }
+
+
+def _memory() -> int | None:
+    if not hasattr(os, "sysconf"):
+        return None
+    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 
 def available_memory() -> int:

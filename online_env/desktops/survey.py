@@ -58,7 +58,7 @@ def is_container(execute: Callable[[Sequence[str] | str, float], RunResult]) -> 
 
 
 def lacks(desktop: Desktop, missing: Iterable[Capability]) -> str:
-    """How an error says that a desktop has not what is `missing`, with the way out if it is known.
+    """Return how an error says that a desktop lacks `missing`, with the way out if it is known.
 
     A container can be started with more rights.
     """

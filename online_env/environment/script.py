@@ -10,7 +10,7 @@ from hijack_data.rng import Stream
 from hijack_data.runs.run_planners import label_of
 from hijack_data.types import BoxArray, Scene, Size, as_boxes
 
-from ..desktops.protocol import Desktop
+from ..desktops.protocol import Capability, Desktop
 from ..desktops.survey import lacks
 from ..effects import find
 from ..errors import MissingCapabilityError
@@ -103,7 +103,7 @@ class Script:
     def _check_capabilities(self, plans: list[Plan], desktop: Desktop) -> None:
         kinds = {effect.kind for plan in plans for effect in plan.effects}
         needed = {capability for kind in kinds for capability in find(kind).needs}
-        missing = sorted(needed - desktop.capabilities)
+        missing: list[Capability] = sorted(needed - desktop.capabilities)
         if missing:
             raise MissingCapabilityError(
                 f"{label_of(self.planner)} needs {', '.join(missing)}, {lacks(desktop, missing)}"

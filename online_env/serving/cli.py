@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 from hijack_data import extras
+from hijack_data.cli.options import seed_option
 
 MODULES = ("openenv", "prometheus_client", "uvicorn", "gymnasium")
 
@@ -49,13 +50,7 @@ MODULES = ("openenv", "prometheus_client", "uvicorn", "gymnasium")
     metavar="P",
     help="Share of clean episodes.  [default: as likely as each of the others]",
 )
-@click.option(
-    "--seed",
-    type=click.IntRange(0, 2**64 - 1),
-    default=0,
-    show_default=True,
-    help="Of all draws.",
-)
+@seed_option("Seed of all draws.")
 @click.option(
     "--max-steps",
     type=click.IntRange(1, 1000),
@@ -63,12 +58,19 @@ MODULES = ("openenv", "prometheus_client", "uvicorn", "gymnasium")
     help="Actions until an episode is cut off, instead of CONFIG's.",
 )
 @click.option("--size", metavar="WIDTHxHEIGHT", help="Of the screens, instead of CONFIG's.")
-@click.option("--host", default="127.0.0.1", show_default=True, help="The address to listen at.")
+@click.option(
+    "--host",
+    default="127.0.0.1",
+    show_default=True,
+    metavar="ADDRESS",
+    help="The address to listen at.",
+)
 @click.option(
     "--port",
     type=click.IntRange(0, 65535),
     default=8000,
     show_default=True,
+    metavar="PORT",
     help="Where to listen; 0 takes a free one.",
 )
 @click.option(
