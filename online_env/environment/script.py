@@ -102,8 +102,8 @@ class Script:
 
     def _check_capabilities(self, plans: list[Plan], desktop: Desktop) -> None:
         kinds = {effect.kind for plan in plans for effect in plan.effects}
-        needed = {capability for kind in kinds for capability in find(kind).needs}
-        missing: list[Capability] = sorted(needed - desktop.capabilities)
+        needed: set[Capability] = {one for kind in kinds for one in find(kind).needs}
+        missing = sorted(needed - desktop.capabilities)
         if missing:
             raise MissingCapabilityError(
                 f"{label_of(self.planner)} needs {', '.join(missing)}, {lacks(desktop, missing)}"
