@@ -14,7 +14,7 @@ class AddSheet(SheetTask):
     phrasings = (
         'Add a sheet named "{new}" after the last sheet of the open workbook, write "{text}" into'
         " its cell A1, and save.",
-        'New sheet at the end, name: {new}. In its A1: "{text}". Save the file as xlsx.',
+        'New sheet at the end, name: {new}. In its A1: "{text}". Save the file; it stays an xlsx.',
         'Please append a sheet called "{new}" to {file}, with "{text}" in the cell A1 and nothing'
         " more, and save the workbook.",
     )

@@ -32,8 +32,8 @@ class TickItems(Task):
         " them, with an x between the brackets as it is there already, and save the file.",
         "Please mark as done ([x]) in Documents/{file}:\n\n{items}\n\nand leave the rest of the"
         " list alone.",
-        "I have done this:\n\n{items}\n\nTick it in my to-do list, the file {file} that the editor"
-        " shows, and save it.",
+        "I have done these things:\n\n{items}\n\nTick them in my to-do list, the file {file} that"
+        " the editor shows, and save it.",
     )
 
     def draw(self, stream):

@@ -21,8 +21,8 @@ class SortDownloads(Task):
         " everything else where it is.",
         "My Downloads are a mess. Please put the PDFs in a new folder {papers} inside Downloads,"
         " and the images in a new folder {pictures}, also inside Downloads. The rest can stay.",
-        "In Downloads: all .png and .jpg files into a subfolder {pictures}, all .pdf files into a"
-        " subfolder {papers}. Don't touch the other files.",
+        "In Downloads, move all .png and .jpg files into a subfolder {pictures}, and all .pdf files"
+        " into a subfolder {papers}. Don't touch the other files.",
     )
 
     def draw(self, stream):

@@ -15,7 +15,8 @@ class ScalePicture(pictures.PictureTask):
         " export it as {new} in the folder Pictures. The old file stays as it is.",
         "I need {file} (in Pictures) smaller: {width} pixels wide and {height} high. Please save"
         " that as Pictures/{new} with GIMP and keep the original.",
-        "Make a copy {new} of Pictures/{file} that is {width} × {height} pixels.",
+        "Scale Pictures/{file} to {width} × {height} pixels and keep that as {new} in the same"
+        " folder. Leave the original as it is.",
     )
 
     def draw(self, stream):

@@ -19,7 +19,7 @@ class ReplaceOnSlides(SlideTask):
         "Replace {old} by {new} on all slides of the open presentation, and save it.",
         "The talk was moved: everywhere on the slides it should say {new}, not {old}. Save.",
         "Please change the name of the city from {old} to {new} throughout {file}, in titles and"
-        " texts, and save the file as pptx.",
+        " texts, and save the file under its name; it stays a pptx.",
     )
 
     def draw(self, stream):

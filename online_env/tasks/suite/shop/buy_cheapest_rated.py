@@ -12,8 +12,8 @@ class BuyCheapestRated(shop.ShopTask):
         ' that is rated {rating} stars or better. Not "{owned}", though: we have that.',
         "Which {label} article at shop.test is the cheapest with at least {rating} stars, apart"
         " from {owned}? Please put {count} of it into my cart. No order yet.",
-        "Cart at shop.test: {count} x the cheapest thing from {label} with a rating of {rating} or"
-        " more ({owned} does not count, we own it).",
+        "Put into the cart at shop.test, without ordering: {count} x the cheapest thing from"
+        " {label} with a rating of {rating} or more ({owned} does not count, we own it).",
     )
 
     def draw(self, stream):

@@ -18,8 +18,8 @@ class FindBigFolder(Task):
         " nothing else, into the file Documents/{answer}.",
         "My disk is filling up. Find out which folder directly in ~/Documents/{place} is the"
         " biggest, with all that is in it, and save just its name as ~/Documents/{answer}.",
-        "Use du to find the largest folder of Documents/{place}; its name goes into"
-        " Documents/{answer}.",
+        "Use du to find out which folder directly in Documents/{place} is the largest; only its"
+        " name goes into Documents/{answer}.",
     )
 
     def draw(self, stream):

@@ -20,10 +20,11 @@ class TotalInLetter(TextTask):
         "The open letter has the blank [SUM]. Put the total of the column Euros of the workbook"
         " {book}, in Documents, in its place (a whole number), and save the letter. Leave the"
         " workbook as it is.",
-        "Add up the Euros in Documents/{book}, write the result instead of [SUM] into {file}, which"
-        " is open, and save it. Don't change the workbook.",
-        "Please finish this letter: [SUM] should be the sum of all amounts (Euros) in {book}, which"
-        " lies in Documents, too. Save the letter as docx; do not save the workbook.",
+        "Add up the Euros in Documents/{book}, write the result (only its digits) instead of [SUM]"
+        " into {file}, which is open, and save it. Don't change the workbook.",
+        "Please finish this letter: [SUM] should be the sum of all amounts (Euros) in {book}, only"
+        " its digits. The workbook lies in Documents, too. Save the letter as docx; do not save the"
+        " workbook.",
     )
 
     def draw(self, stream):
