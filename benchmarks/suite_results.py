@@ -119,26 +119,21 @@ def by_case(played: Iterable[Played]) -> dict[tuple[str, str], list[float]]:
     return found
 
 
-def totals(agents: Mapping[str, Sequence[Played]]) -> str:
-    """Return the table of all agents: solved of played episodes."""
-    rows: list[list[str]] = []
+def totals(agents: Mapping[str, Sequence[Played]], tasks: Mapping[str, Task]) -> str:
+    """Return the table of all agents: solved of played episodes, below what was declared."""
+    counts = [
+        str(sum(corruption not in task.unsolvable for task in tasks.values()))
+        for corruption in COLUMNS
+    ]
+    rows = [[f"tasks declared solvable, of {len(tasks)}", *counts]]
     for agent, played in agents.items():
-        row = [f"`{agent}`"]
+        row = [f"`{agent}`, solved of played"]
         for corruption in COLUMNS:
             scores = [one.score for one in played if one.corruption == corruption]
             solved = sum(score == 1.0 for score in scores)
             row.append(f"{solved} of {len(scores)}" if scores else "not run")
         rows.append(row)
-    return table(["agent", *COLUMNS], rows)
-
-
-def declared(tasks: Mapping[str, Task]) -> str:
-    """Return how many tasks are declared solvable under each corruption, as a row of a table."""
-    counts = [
-        str(sum(corruption not in task.unsolvable for task in tasks.values()))
-        for corruption in COLUMNS
-    ]
-    return table(["declared solvable", *COLUMNS], [[f"of {len(tasks)}", *counts]])
+    return table(["", *COLUMNS], rows)
 
 
 def against(tasks: Mapping[str, Task], played: Sequence[Played]) -> str:
@@ -168,9 +163,14 @@ def by_task(tasks: Mapping[str, Task], played: Sequence[Played]) -> str:
     return table(["domain", "task", *COLUMNS], rows)
 
 
+def all_tasks() -> dict[str, Task]:
+    """Return the tasks of the suite by name."""
+    return {name: get(name) for name in suite.listed()}
+
+
 def page(agents: Mapping[str, Sequence[Played]]) -> str:
     """Return the page in Markdown."""
-    known = {name: get(name) for name in suite.listed()}
+    known = all_tasks()
     parts = [
         "# Which tasks can be solved under which corruption",
         "<!-- Made by `python benchmarks/suite_results.py`: run it again, do not edit. -->",
@@ -179,14 +179,14 @@ def page(agents: Mapping[str, Sequence[Played]]) -> str:
         " is checked with. `recovering` looks first, and does what a careful user would: it closes"
         " what is in the way, restores the window, logs in, waits and reloads. Its score is the"
         " ceiling that reports print beside every agent's.",
-        "Episodes were played with two to four desktops side by side on two cores. An episode"
-        " whose corruption could not be proved, or whose desktop failed, does not count.",
+        "The desktops shared two cores with other work, at loads up to 50: some episodes were lost"
+        " to time-outs of the oracle. An episode that was lost is played again and counts as often"
+        " as it was played. One whose corruption could not be proved does not count.",
         "```sh no-run it takes hours\n"
         "hijack bench embedded --agent recovering --corruptions marks --out runs/recovering-marks\n"
         "python benchmarks/suite_results.py runs/recovering-marks\n```",
         "## Solved of played episodes",
-        totals(agents),
-        declared(known),
+        totals(agents, known),
     ]
     if agents.get("recovering"):
         parts += [
@@ -218,7 +218,7 @@ def main() -> None:
     for agent, played in agents.items():
         keep(agent, played)
     write_atomic(RESULTS / "suite.md", page(agents).encode())
-    print(totals(agents))
+    print(totals(agents, all_tasks()))
 
 
 if __name__ == "__main__":

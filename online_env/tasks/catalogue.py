@@ -31,9 +31,9 @@ Whatever the instruction does not name must stay as it was. *Scores 0* names the
 the validator was tried against, besides doing nothing.
 
 *Length* is the number of actions of the oracle. *Not under* names the corruptions under which not
-even a careful user can do the task, as its author declared; the table of the oracle `recovering`
-that is to prove it has not been made yet. *Set* is `training` or `held_out`: what learns must not
-see the held-out tasks.
+even a careful user can do the task, as its author declared;
+[what was played](results/suite.md) is set beside it. *Set* is `training` or `held_out`: what learns
+must not see the held-out tasks.
 """
 
 
