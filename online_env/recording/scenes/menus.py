@@ -102,7 +102,7 @@ CLICKS: dict[str, tuple[tuple[Click, ...], ...]] = {
         _item("Data", "Sort..."),
         _item("Insert", "Chart..."),
     ),
-    # VLC has no accessibility tree, so the place of its menu bar is given.
+    # VLC had no accessibility tree when this was recorded, so the place of its menu bar is given.
     "vlc": ((Click("Media", at=(0.02, 0.045)),),),
     "": (_press("Applications"), _right(0.5, 0.5), (Click("Web Browser", kind="right_click"),)),
 }
