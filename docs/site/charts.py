@@ -80,7 +80,7 @@ def hidden_targets() -> str:
         )
     ordered = sorted(bars, key=lambda bar: -bar.value)
     note = "Share of targets of which less than half stays visible; level 3 is the paper's default."
-    return chart("Which corruption hides targets most", ordered, note)
+    return chart("Targets hidden, by corruption and level", ordered, note)
 
 
 def levels(corruption: str) -> str:
@@ -207,7 +207,9 @@ def page() -> str:
         success("UI-TARS-1.5-7B"),
         success("Gemini-2.5-Pro"),
         success("AgentHijack-Agent"),
-        "## What they hide\n",
+        "## Which corruption hides targets most\n",
+        "Measured for the four corruptions of the picture. Of the others, a lock screen and a"
+        " minimised window hide everything.\n",
         hidden_targets(),
         "## Speed\n",
         drawing(),

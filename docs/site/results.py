@@ -61,6 +61,10 @@ def index(found: dict[str, RunReport]) -> str:
         " each of the nine; the paper's numbers, not run here |",
         "| [Training with DA-GRPO](da_grpo.md) | what training with corruptions adds on the toy"
         " desktop, with intervals |",
+        "| [Which tasks can be solved](suite.md) | oracles on all tasks of the suite; so far one"
+        " corruption was played |",
+        "| [What goes wrong for pixel](pixel_failures.md) | failures of an agent without a model,"
+        " looked at |",
         "| [Is the augmentation worth using?](../proof.md) | a small grounding network,"
         " trained with and without corruptions |",
         "| [Reading by OCR: the agent pixel](../results.md#reading-by-ocr-the-agent-pixel) | single"
