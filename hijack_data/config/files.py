@@ -44,7 +44,7 @@ def read_config(path_or_name: str | os.PathLike[str]) -> tuple[str, bytes]:
 
 
 def _unknown(name: str, known: list[str]) -> str:
-    short_name = name if len(name) <= 200 else name[:200] + "..."
+    short_name = name if len(name) <= 100 else name[:100] + "..."
     shown = repr(short_name)
     packaged = ", ".join(known)
     if name.endswith((".yaml", ".yml")):

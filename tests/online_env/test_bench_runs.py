@@ -76,7 +76,7 @@ def test_a_run_begins_in_a_new_folder_and_never_over_another(tmp_path):
     place = tmp_path / "deep" / "run"
     records.create(place, CONFIG)
     head = json.loads((place / "run.json").read_text())
-    assert (head["format"], head["version"], head["config"]) == ("agenthijack-run", 2, CONFIG)
+    assert (head["format"], head["version"], head["config"]) == ("agenthijack-run", 3, CONFIG)
     assert {"agenthijack", "python", "numpy"} <= head["versions"].keys()
     assert head["created"] > 1.7e9
     records.append(place, made())
@@ -134,7 +134,7 @@ def test_damaged_lines_are_named_and_skipped(folder):
         (None, "is not the folder of a run"),
         ("{", "is not JSON"),
         ("[]", "is not the head of a run"),
-        ('{"format": "agenthijack-run", "version": 3}', "newer"),
+        ('{"format": "agenthijack-run", "version": 4}', "newer"),
         ('{"format": "agenthijack-run", "version": 1, "config": 3}', "'config' is not an object"),
     ],
 )
@@ -277,7 +277,7 @@ def test_report_as_json_and_as_a_table(folder):
     few = table.stdout.split("few")[1].split()
     assert few[:4] == ["2", "50.0", "[0.0,", "100.0]"]
     assert few[4:9] == ["-50.0", "[-100.0,", "+0.0]", "1.000", "50.0"]
-    assert "oracle: corrupted 50.0, worst few 50.0" in table.stdout
+    assert "oracle (given the task): corrupted 50.0, worst few 50.0" in table.stdout
 
 
 def test_report_tells_infeasible_tasks_apart(folder):

@@ -20,6 +20,7 @@ KNOWN = (
     "apt-get",
     "chromium",
     "cp",
+    "docker",
     "eval",
     "export",
     "inspect",
