@@ -113,7 +113,7 @@ class Guest:
     @property
     def network_is_ours(self) -> bool:
         """Whether this machine holds the guest's network, out of the reach even of root inside."""
-        if hasattr(self.desktop, "network_root"):
+        if getattr(self.desktop, "network_root", None) is not None:
             return True
         return isinstance(getattr(self.desktop, "namespace", None), Path)
 

@@ -60,13 +60,6 @@ class EmbeddedDesktop:
 
         If it does not start, it is a `DesktopError` (or a subclass) with the reason and the log.
         """
-        height, width = size
-        if height > width:
-            warnings.warn(
-                f"size is (height, width): this desktop will be {width} wide and {height} high;"
-                f" for a {height}x{width} screen give size=({width}, {height})",
-                stacklevel=2,
-            )
         order = handle.make_order(
             size,
             name,
@@ -75,6 +68,13 @@ class EmbeddedDesktop:
             time_out=time_out,
             image=image,
         )
+        height, width = size
+        if height > width:
+            warnings.warn(
+                f"size is (height, width): this desktop will be {width} wide and {height} high;"
+                f" for a {height}x{width} screen give size=({width}, {height})",
+                stacklevel=2,
+            )
         supply = Supply(order, standby=standby)
         try:
             return cls(supply, supply.next())

@@ -100,7 +100,7 @@ def test_the_command_for_root_names_the_program_by_its_path(monkeypatch, tmp_pat
 
 
 @pytest.fixture
-def installing(monkeypatch):
+def installing(monkeypatch, tmp_path):
     """Notes the commands that would be run, as a user with one package missing; the exit code can
     be set."""
     ran = SimpleNamespace(commands=[], code=0)
@@ -114,12 +114,13 @@ def installing(monkeypatch):
     monkeypatch.setattr(home, "ensure_layer", lambda: None)
     monkeypatch.setattr(home, "remove_old_layers", lambda: None)
     monkeypatch.setattr(privilege.shutil, "which", lambda name: f"/usr/bin/{name}")
+    monkeypatch.setenv("AGENTHIJACK_IMAGES", str(tmp_path / "images"))
     monkeypatch.setattr(os, "geteuid", lambda: 1000)
     return ran
 
 
 def test_installing_asks_sudo_for_what_needs_root_and_for_nothing_else(installing, monkeypatch):
-    done = CliRunner().invoke(cli.desktop, ["install"], catch_exceptions=False)
+    done = CliRunner().invoke(cli.desktop, ["install", "--host"], catch_exceptions=False)
     assert done.exit_code == 0
     assert "installing 1 packages with apt-get through sudo: xvfb" in done.output
     assert [command[:4] for command in installing.commands] == [

@@ -295,7 +295,8 @@ def test_the_reason_names_the_switch(monkeypatch, tmp_path):
         raise OSError(1, "no")
 
     monkeypatch.setattr(kernel, "unshare", refuse)
-    with pytest.raises(SetupError, match="as root: sysctl it=1"):
+    monkeypatch.setattr(rootless.os, "geteuid", lambda: 1000)
+    with pytest.raises(SetupError, match="; sudo sysctl it=1"):
         rootless.enter()
     switch.write_text("100\n")
     assert rootless.switched_off() == ""

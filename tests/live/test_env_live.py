@@ -150,6 +150,8 @@ def test_each_effect_proves_itself_and_is_undone(play, name):
 class NoFirewall(Around):
     """Root's scripts do nothing."""
 
+    network_root = None
+
     @property
     def namespace(self):
         return None

@@ -89,6 +89,7 @@ class WithSudo(Around):
         self.namespace = None
 
     tool = None  # its server is not ours
+    network_root = None  # nor is its network
 
     def give(self, name):
         """Give root a program of this machine."""
