@@ -19,7 +19,17 @@ PASSWORD = "password"
 LOST = 2.0  # seconds without what is wanted, until the hand looks for a reason
 _PANEL = "xfce4-panel"
 _LOCKER = "mate-screensaver"
-_SYSTEM = (_PANEL, _LOCKER, "xfdesktop", "xfsettingsd", "xfwm4", "wrapper", "xfce4-notifyd")
+_FINDER = "xfce4-appfinder"  # what Alt+F2 opens: the hand may have done so
+_SYSTEM = (
+    _PANEL,
+    _LOCKER,
+    _FINDER,
+    "xfdesktop",
+    "xfsettingsd",
+    "xfwm4",
+    "wrapper",
+    "xfce4-notifyd",
+)
 _WINDOWS = ("frame", "dialog", "file-chooser", "alert")
 _OFFLINE = re.compile("No internet|This site can.t be reached|Your connection was interrupted")
 

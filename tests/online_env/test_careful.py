@@ -67,3 +67,19 @@ def test_a_window_without_a_button_cannot_be_restored() -> None:
     with pytest.raises(DesktopTimeoutError):
         hand.find("frame", "song - VLC media player")
     assert set(desktop.ran) == {"pyautogui.press('escape')"}
+
+
+@pytest.mark.parametrize(
+    ("other", "closed"),
+    [
+        ("xfce4-appfinder", False),
+        ("galculator", True),
+    ],
+)
+def test_what_the_hand_may_have_opened_itself_is_not_in_its_way(other: str, closed: bool) -> None:
+    opened = f'<application name="{other}"><frame name="it" {PLACE}/></application>'
+    shown = tree(SHOWN)
+    desktop = Trees([shown.replace("</desktop-frame>", f"{opened}</desktop-frame>"), shown, shown])
+    hand = careful.CarefulHand(desktop, ["vlc"], patience=0.3)
+    hand.press("ctrl", "a")
+    assert ("pyautogui.hotkey('alt', 'f4')" in desktop.ran) == closed
