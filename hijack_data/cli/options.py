@@ -52,3 +52,17 @@ def new_run_options(command: Command) -> Command:
         "--resume", is_flag=True, help="Go on with the run in RUNS where it was broken off."
     )
     return out(resume(command))
+
+
+# Of the commands that take the CONFIG of a benchmark.
+desktops_option = click.option(
+    "--desktops",
+    type=click.IntRange(1, 256),
+    metavar="N",
+    help="Desktops side by side; by default as many as cores and memory allow.",
+)
+conditions_option = click.option(
+    "--corruptions",
+    metavar="A,B|all",
+    help="Labels of CONFIG or names; all is clean and every corruption.",
+)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hijack_data.cli import console
-from hijack_data.cli.options import new_run_options
+from hijack_data.cli.options import conditions_option, desktops_option, new_run_options
 from hijack_data.errors import StorageError
 from hijack_data.locking import Lock
 from hijack_data.runs import seal
@@ -49,23 +49,14 @@ if TYPE_CHECKING:
     metavar="A,B",
     help="Tasks, instead of those of CONFIG: write_note, my_task.py:MyTask.",
 )
-@click.option(
-    "--corruptions",
-    metavar="A,B|all",
-    help="Labels of CONFIG or names; all is clean and every corruption.",
-)
+@conditions_option
 @click.option(
     "--seeds",
     type=click.IntRange(1, 10_000),
     metavar="N",
     help="Seeds 0 to N-1, instead of CONFIG's.",
 )
-@click.option(
-    "--desktops",
-    type=click.IntRange(1, 256),
-    metavar="N",
-    help="Desktops side by side; by default as many as cores and memory allow.",
-)
+@desktops_option
 @click.option(
     "--engine",
     type=click.Choice(("local", "ray")),

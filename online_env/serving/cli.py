@@ -9,29 +9,20 @@ from pathlib import Path
 import click
 
 from hijack_data import extras
-from hijack_data.cli.options import seed_option
+from hijack_data.cli.options import conditions_option, desktops_option, seed_option
 
 MODULES = ("openenv", "prometheus_client", "uvicorn", "gymnasium")
 
 
 @click.command()
 @click.argument("config")
-@click.option(
-    "--desktops",
-    type=click.IntRange(1, 256),
-    metavar="N",
-    help="Desktops side by side; by default as many as cores and memory allow.",
-)
+@desktops_option
 @click.option(
     "--tasks",
     metavar="A,B",
     help="Tasks or a set, instead of those of CONFIG: suite, core, write_note, my_task.py:MyTask.",
 )
-@click.option(
-    "--corruptions",
-    metavar="A,B|all",
-    help="Labels of CONFIG or names; all is clean and every corruption.",
-)
+@conditions_option
 @click.option(
     "--evaluation",
     is_flag=True,

@@ -61,7 +61,8 @@ class EpisodeDraws:
         held_out: Tasks that are refused because results are reported on them.
 
     Raises:
-        ParameterError: There are no tasks, or `clean` does not fit the corruptions.
+        ParameterError: There are no tasks, `clean` does not fit the corruptions, or `seed` is out
+            of range (0 to 2**64 - 1).
         UnknownNameError: `per` is none of the three.
     """
 
@@ -75,6 +76,7 @@ class EpisodeDraws:
         clean: float | None = None,
         held_out: Iterable[str] = (),
     ) -> None:
+        checked_seed(seed)
         self.tasks = tuple(tasks)
         self.planners = dict(planners)
         self.held_out = frozenset(held_out)

@@ -333,6 +333,12 @@ def test_a_slot_of_the_client_draws_again_what_it_drew():
     ]
 
 
+@pytest.mark.parametrize("seed", [-1, 2**64])
+def test_a_seed_of_the_server_out_of_range_is_refused(seed):
+    with pytest.raises(ParameterError, match=r"seed must be in \[0, 2\*\*64 - 1\]"):
+        EpisodeDraws(TASKS, NINE, seed=seed)
+
+
 @pytest.mark.parametrize(("clean", "share"), [(None, 0.1), (0.0, 0.0), (0.5, 0.5), (1.0, 1.0)])
 def test_the_share_of_clean_episodes(clean, share):
     found = choices(EpisodeDraws(TASKS, NINE, clean=clean), 1000)
