@@ -26,7 +26,6 @@ make = pytest.importorskip("make")
 
 NINE = hj.names()[:9]
 MKDOCS = (ROOT / "mkdocs.yml").read_text()
-NO_PICTURES = Path("no pictures were made")
 
 
 def documented() -> set[str]:
@@ -46,8 +45,8 @@ def test_every_public_name_is_in_the_reference():
 
 
 @pytest.mark.parametrize("name", NINE)
-def test_the_page_of_a_corruption_says_what_the_corruption_says(name: str):
-    page = corruption_pages.page(name, NO_PICTURES)
+def test_the_page_of_a_corruption_says_what_the_corruption_says(name: str, tmp_path: Path):
+    page = corruption_pages.page(name, tmp_path)
     from hijack_data import params
 
     cls = type(hj.get(name))
@@ -186,8 +185,8 @@ def test_fences_lose_the_words_for_tests(tmp_path: Path):
     assert copied.text_of(file, {}) == "```sh\nx [a](b.md)\n```\n"
 
 
-def test_every_page_has_its_place():
-    texts = make.all_pages(NO_PICTURES)
+def test_every_page_has_its_place(tmp_path: Path):
+    texts = make.all_pages(tmp_path)
     nav = str(make.settings(texts)["nav"])
     assert [name for name in texts if f"'{name}'" not in nav] == []
     known = {f"{name}.md" for names in make.SECTIONS.values() for name in names}
