@@ -13,7 +13,8 @@ from ..errors import DesktopError, DesktopTimeoutError
 from .tree import TreeNode, nodes
 
 PATIENCE = 20.0
-PAUSE = 0.1
+PAUSE = 0.1  # s between two looks, at first
+LONGEST_PAUSE = 0.5  # s; looking costs the machine time that what is waited for needs
 BUTTONS = ("push-button", "button")
 ENTRIES = ("entry", "text")
 MENU_ROLES = ("menu", "menu-item", "check-menu-item", "radio-menu-item")
@@ -60,6 +61,7 @@ class Hand:
         deadline = time.monotonic() + self._patience
         before: TreeNode | None = None
         moved = False
+        pause = PAUSE
         while True:
             seen = self.look()
             found = next((node for node in seen if test(node)), None)
@@ -71,7 +73,8 @@ class Hand:
             if found is None:
                 moved |= self._while_missing(seen, meanwhile)
             before = found
-            time.sleep(PAUSE)
+            time.sleep(pause)
+            pause = PAUSE if moved else _longer(pause)
 
     def _while_missing(
         self,
@@ -129,11 +132,13 @@ class Hand:
             DesktopTimeoutError: One still shows.
         """
         deadline = time.monotonic() + self._patience
+        pause = PAUSE
         while self.see(roles, name, app, state) is not None:
             if time.monotonic() > deadline:
                 what = _words(roles, name, app, state)
                 raise DesktopTimeoutError(f"{what} still shows after {self._patience:g} s")
-            time.sleep(PAUSE)
+            time.sleep(pause)
+            pause = _longer(pause)
 
     def run(self, code: str) -> None:
         """Run pyautogui code: one action.
@@ -301,6 +306,11 @@ def fits(
         return not state or state in node.states
 
     return test
+
+
+def _longer(pause: float) -> float:
+    """Return the pause after the next look in vain."""
+    return min(1.5 * pause, LONGEST_PAUSE)
 
 
 def _words(

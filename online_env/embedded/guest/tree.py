@@ -151,10 +151,13 @@ def _fill(reader: AtspiReader, nodes: list[AtspiNode]) -> None:
     seen = [node for node in nodes if node.states & SHOWING]
     written = [node for node in nodes if _has_text(node)]
     valued = [node for node in seen if "Value" in node.interfaces]
+    at_once = [node for node in valued if reader.wire.is_direct(node.reference[0])]
+    one_by_one = [node for node in valued if not reader.wire.is_direct(node.reference[0])]
     acting = [node for node in seen if "Action" in node.interfaces]
     calls = [(node.reference, m.ATTRIBUTES) for node in seen]
     calls += [(node.reference, m.TEXT) for node in written]
-    calls += [(node.reference, method) for node in valued for method in m.VALUES.values()]
+    calls += [(node.reference, m.ALL_VALUES) for node in at_once]
+    calls += [(node.reference, method) for node in one_by_one for method in m.VALUES.values()]
     calls += [(node.reference, m.ACTIONS) for node in acting]
     answers = iter(reader.wire.ask(calls))
     for node in seen:
@@ -162,7 +165,9 @@ def _fill(reader: AtspiReader, nodes: list[AtspiNode]) -> None:
     for node in written:
         text: str = next(answers) or ""
         node.text = text[:MAX_TEXT].translate(_NOT_WRITTEN)
-    for node in valued:
+    for node in at_once:
+        node.values = next(answers) or {}
+    for node in one_by_one:
         found = {name: next(answers) for name in m.VALUES}
         node.values = {name: value for name, value in found.items() if value is not None}
     for node in acting:

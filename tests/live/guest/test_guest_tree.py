@@ -1,11 +1,21 @@
 """The accessibility tree: OSWorld's dialect, what is really visible, and applications that do not
 answer."""
 
+import contextlib
+import multiprocessing
+import os
+from multiprocessing.connection import Connection
+from pathlib import Path
+
 import pytest
 from lxml import etree
 
 from hijack_data.elements import boxes_from_tree
 from online_env.embedded.guest.atspi.states import STATES
+from online_env.embedded.guest.atspi.wire import Wire
+from online_env.embedded.guest.display import SharedDisplay
+from online_env.embedded.guest.tree import AccessibilityTree
+from online_env.embedded.guest.windows import Windows
 
 ST = "{https://accessibility.ubuntu.example.org/ns/state}"
 CP = "{https://accessibility.ubuntu.example.org/ns/component}"
@@ -220,6 +230,75 @@ def test_stopped_application_does_not_hold_up_the_others(clean, eventually):
         clean.execute(["kill", "-CONT", str(stopped["pid"])])
     eventually("Mousepad again", lambda: clean.shown("//application[@name='mousepad']//*"))
     eventually("nothing to complain of", lambda: not told()[1])
+
+
+def read_twice(
+    bus: str,
+    display: str,
+    uid: int,
+    answers: Connection,
+) -> None:
+    """Read the tree as the session's user: directly where applications allow it, then not at all.
+
+    Sends how many were asked directly, and the two trees.
+    """
+    os.setuid(uid)  # the bus lets in its user only
+    windows = Windows(SharedDisplay(display))
+    directly = AccessibilityTree(bus, windows)
+    directly.read()
+    first = directly.read()
+    asked = sum(map(directly._reader.wire.is_direct, directly._reader._asked_in))
+    Wire.connect = lambda *arguments: None
+    over_the_bus = AccessibilityTree(bus, windows)
+    over_the_bus.read()
+    answers.send((asked, first, over_the_bus.read()))
+
+
+def test_the_tree_is_the_same_directly_and_over_the_bus(clean, eventually):
+    clean.launch("mousepad", title="Mousepad")
+    eventually("Mousepad", lambda: clean.shown("//application[@name='mousepad']//text"))
+    clean.launch("thunar", "/usr", title="Thunar")
+    eventually("Thunar", lambda: clean.shown("//application[contains(@name, 'hunar')]//*"))
+    bus, display = clean.execute("echo $DBUS_SESSION_BUS_ADDRESS $DISPLAY")["output"].split()
+    here, there = multiprocessing.Pipe(duplex=False)
+    arguments = (bus, display, clean.account.pw_uid, there)
+    reader = multiprocessing.get_context("fork").Process(target=read_twice, args=arguments)
+    reader.start()
+    there.close()
+    asked, directly, over_the_bus = here.recv()
+    reader.join()
+    assert asked >= 3  # Mousepad and Thunar, the panel ...
+
+    def subtrees(text):
+        root = etree.fromstring(text.encode())
+        found = {app.get("name").lower(): etree.tostring(app) for app in root.iter("application")}
+        return {name: found[name] for name in ("mousepad", "thunar")}
+
+    assert subtrees(directly) == subtrees(over_the_bus)
+
+
+def test_the_connection_to_an_application_that_ends_is_closed(clean, eventually):
+    """Otherwise the server keeps a socket of each application that ever was."""
+
+    def sockets():
+        found = 0
+        for process in Path("/proc").glob("[0-9]*"):
+            with contextlib.suppress(OSError):
+                if str(clean.token_file).encode() in (process / "cmdline").read_bytes():
+                    targets = [os.readlink(file) for file in (process / "fd").iterdir()]
+                    found += sum(target.startswith("socket:") for target in targets)
+        return found
+
+    clean.tree()
+    clean.tree()
+    before = sockets()
+    assert before > 1
+    for _ in range(3):
+        clean.launch("mousepad", title="Mousepad")
+        eventually("it", lambda: clean.shown("//application[@name='mousepad']//text"))
+        clean.close_windows()
+        eventually("its end", lambda: not clean.tree().xpath("application[@name='mousepad']"))
+    assert sockets() <= before + 1
 
 
 def test_killed_application_leaves_the_tree(clean, eventually):

@@ -5,6 +5,7 @@ See xml/*.xml of at-spi2-core.
 
 import struct
 from dataclasses import dataclass
+from typing import Any
 
 from .wire import Cursor, Method, Reference
 
@@ -121,6 +122,16 @@ def _property(interface: str, name: str) -> Method:
     return Method(PROPERTIES, "Get", Cursor.variant, "ss", words)
 
 
+def _values(cursor: Cursor) -> dict[str, Any]:
+    end = cursor.array(8)
+    found: dict[str, Any] = {}
+    while cursor.position < end:
+        cursor.align(8)
+        name = cursor.text()
+        found[name] = cursor.variant()
+    return {name: found[name] for name in VALUES if found.get(name) is not None}
+
+
 def _one_text(text: str) -> bytes:
     return struct.pack("<I", len(text)) + text.encode() + b"\0"
 
@@ -163,6 +174,10 @@ CHILD_COUNT = _property("Accessible", "ChildCount")
 EXTENTS = Method(NAMESPACE + "Component", "GetExtents", _place, "u", ON_SCREEN)
 TEXT = Method(NAMESPACE + "Text", "GetText", Cursor.text, "ii", ALL_TEXT)
 ACTIONS = Method(NAMESPACE + "Action", "GetActions", _actions)
+# Where an application lets us in: the empty address for one on Qt, and for root.
+DIRECT = Method(NAMESPACE + "Application", "GetApplicationBusAddress", Cursor.text)
+# All of them at once, from AT-SPI's bridge for ATK only.
+ALL_VALUES = Method(PROPERTIES, "GetAll", _values, "s", _one_text(NAMESPACE + "Value"))
 # One by one: Qt 5 reads a second argument of every call of `Properties`. `GetAll` has none, and an
 # application on Qt dies of it.
 VALUES = {

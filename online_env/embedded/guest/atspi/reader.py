@@ -12,7 +12,9 @@ from . import methods as m
 from .states import DOCUMENT_WEB, EXTENDED, MANAGES_DESCENDANTS, SHOWING, TABLE
 from .wire import Reference, Wire
 
-PATIENCE, BUDGET = 1.0, 8.0  # s of silence of one application, and for the whole tree
+# s of silence of one application: on a busy machine LibreOffice needs more than one for its cache
+PATIENCE = 2.0
+BUDGET = 8.0  # s for the whole tree
 MAX_NODES = 10_000
 MAX_CHILDREN = 1024  # of one node, as OSWorld's server
 MAX_DEPTH = 50
@@ -92,6 +94,7 @@ class AtspiReader:
                 f" {error!r}; is at-spi2-core installed and the session alive?"
             ) from None
         self._role_names: dict[tuple[str, int], str] = {}
+        self._asked_in: set[str] = set()  # applications that were asked for their own address
 
     def close(self) -> None:
         """Close the connections."""
@@ -112,6 +115,9 @@ class AtspiReader:
         if wanted is not None:
             references = self._picked(references, wanted)
         caches = self.wire.ask([((reference[0], m.CACHE), m.ITEMS) for reference in references])
+        self._connect(
+            [one for one, items in zip(references, caches, strict=True) if items is not None]
+        )
         pids = self.wire.ask([(m.BUS, m.process_id(name)) for name, _ in references])
         nodes: dict[Reference, AtspiNode] = {}
         roots: list[AtspiNode] = []
@@ -125,6 +131,18 @@ class AtspiReader:
                     f"did not answer within {PATIENCE:g} s; this part of the tree may be incomplete"
                 )
         return [Application(root, pid or 0) for root, pid in zip(roots, pids, strict=True)]
+
+    def _connect(self, present: list[Reference]) -> None:
+        """Ask the applications that answer for their own addresses, and let go of the others."""
+        names = {name for name, _ in present}
+        self.wire.keep(names)
+        self._asked_in &= names
+        new = [reference for reference in present if reference[0] not in self._asked_in]
+        self._asked_in |= names
+        addresses = self.wire.ask([(reference, m.DIRECT) for reference in new])
+        for (name, _), address in zip(new, addresses, strict=True):
+            if address:
+                self.wire.connect(name, address)
 
     def _picked(
         self, references: list[Reference], wanted: Callable[[str], bool]
