@@ -6,9 +6,9 @@ Minutes for the two arms of the configuration. Runs are kept in runs/toy: an
 interrupted one goes on, and more arms are added to it.
 """
 
+import argparse
 import dataclasses
 import json
-import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -35,9 +35,14 @@ WORDS = {
 
 def main() -> None:
     """Run what is missing, and write the page anew."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("arms", nargs="?", help="all, or some of " + ",".join(ARMS))
+    arms = parser.parse_args().arms
     replication = load_replication(ROOT / "configs" / "train" / "toy.yaml")
-    if len(sys.argv) > 1:
-        names = list(ARMS) if sys.argv[1] == "all" else sys.argv[1].split(",")
+    if arms:
+        names = list(ARMS) if arms == "all" else arms.split(",")
+        if unknown := set(names) - set(ARMS):
+            parser.error(f"no such arms: {', '.join(sorted(unknown))}; there are {', '.join(ARMS)}")
         replication = dataclasses.replace(replication, arms=tuple(names))
     before = time.monotonic()
     scores = run_replication(replication, FOLDER, say=print)
