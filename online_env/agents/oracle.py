@@ -161,17 +161,21 @@ class Oracle:
             return self._failure, [DONE if task.infeasible else FAIL]
         return "The task is done.", [DONE]
 
-    def _next(self, task: Task, desktop: StandIn) -> str | None:
-        if self._thread is None:
-            self._thread = threading.Thread(
-                target=self._solve,
-                args=(task, desktop),
-                name="oracle",
-                daemon=True,
-            )
-            self._thread.start()
-        else:
+    def _go_on(self, task: Task, desktop: StandIn) -> None:
+        """Let the solution look for its next action."""
+        if self._thread is not None:
             desktop.done.put(True)
+            return
+        self._thread = threading.Thread(
+            target=self._solve,
+            args=(task, desktop),
+            name="oracle",
+            daemon=True,
+        )
+        self._thread.start()
+
+    def _next(self, task: Task, desktop: StandIn) -> str | None:
+        self._go_on(task, desktop)
         try:
             return desktop.code.get(timeout=PATIENCE)
         except queue.Empty:

@@ -7,6 +7,7 @@ desktop is imported: any such environment will do.
 """
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol, TypeAlias
 
@@ -154,6 +155,7 @@ def play(
     requests: Sequence[RolloutRequest],
     *,
     max_steps: int,
+    threads: int = 1,
 ) -> list[Rollout]:
     """Play one rollout in each environment, in step, so that the policy answers in batches.
 
@@ -165,28 +167,32 @@ def play(
         policy: what plays.
         requests: what is to be played.
         max_steps: answers until a rollout is cut off; it then counts with the reward so far.
+        threads: environments that reset and step at the same time. More than one is for those that
+            wait, as desktops do; the rollouts are the same.
 
     Raises:
-        ParameterError: there are too few environments.
+        ParameterError: there are too few environments, or `threads` is below 1.
     """
     if len(environments) < len(requests):
         raise ParameterError(
             f"{len(requests)} rollouts for {len(environments)} environments: make one for each"
         )
+    if threads < 1:
+        raise ParameterError(f"threads must be at least 1, got {threads}")
     seats = [_Seat(env, request) for env, request in zip(environments, requests, strict=False)]
-    for seat in seats:
-        seat.reset()
-    for _ in range(max_steps):
-        live = [seat for seat in seats if seat.is_live]
-        if not live:
-            break
-        answers = policy.act(
-            [seat.observation for seat in live],
-            [seat.stream for seat in live],
-        )
-        for seat, answer in zip(live, answers, strict=True):
-            seat.step(answer)
-    return [seat.leave() for seat in seats]
+    with ThreadPoolExecutor(threads) as pool:
+        each = map if threads == 1 else pool.map
+        list(each(_Seat.reset, seats))
+        for _ in range(max_steps):
+            live = [seat for seat in seats if seat.is_live]
+            if not live:
+                break
+            answers = policy.act(
+                [seat.observation for seat in live],
+                [seat.stream for seat in live],
+            )
+            list(each(_Seat.step, live, answers))
+        return list(each(_Seat.leave, seats))
 
 
 class _Seat:

@@ -118,6 +118,7 @@ class Trainer:
         settings: the numbers.
         replay: the replay buffer, or `None`.
         folder: where `rollouts.jsonl`, `steps.jsonl` and `checkpoint.pt` go; `None` writes none.
+        threads: environments that reset and step at the same time; see `play`.
         report: called with each line on what went wrong.
 
     Raises:
@@ -134,6 +135,7 @@ class Trainer:
         settings: TrainSettings,
         replay: ReplayBuffer | None = None,
         folder: Path | None = None,
+        threads: int = 1,
         report: TellProblem = lambda _: None,
     ) -> None:
         needed = settings.batch * settings.rollouts
@@ -153,6 +155,7 @@ class Trainer:
         self.replay = replay
         self.step_number = 0
         self._environments = environments
+        self._threads = threads
         self._report = report
         self._optimiser = torch.optim.AdamW(
             policy.network().parameters(),
@@ -214,6 +217,7 @@ class Trainer:
             self.policy,
             [self._request(task, slot, epoch) for task in tasks for slot in self._slots()],
             max_steps=self.settings.max_steps,
+            threads=self._threads,
         )
         self._check_played(played, report)
         groups: list[_Group] = []

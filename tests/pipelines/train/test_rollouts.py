@@ -1,5 +1,7 @@
 """The rollout loop on environments that end, fail and judge in every way."""
 
+import threading
+
 import numpy as np
 import pytest
 
@@ -130,3 +132,29 @@ def test_options_and_seed_reach_the_environment():
 def test_too_few_environments():
     with pytest.raises(ParameterError, match="2 rollouts for 1 environments"):
         play([Scripted()], Says(), [request(0), request(1)], max_steps=5)
+
+
+class Meets(Scripted):
+    """Goes on only when another environment does so at the same time."""
+
+    def __init__(self, barrier):
+        super().__init__()
+        self.barrier = barrier
+
+    def step(self, action):
+        self.barrier.wait()
+        return super().step(action)
+
+
+def test_environments_that_wait_do_so_at_the_same_time():
+    requests = [request(slot) for slot in range(2)]
+    barrier = threading.Barrier(2, timeout=5)
+    met = play([Meets(barrier), Meets(barrier)], Says(), requests, max_steps=5, threads=2)
+    plain = play([Scripted(), Scripted()], Says(), requests, max_steps=5)
+    assert [rollout.to_data() for rollout in met] == [rollout.to_data() for rollout in plain]
+    assert [rollout.status for rollout in met] == ["ok", "ok"]
+
+
+def test_no_threads_are_refused():
+    with pytest.raises(ParameterError, match="threads"):
+        play([Scripted()], Says(), [request()], max_steps=1, threads=0)
