@@ -66,7 +66,7 @@ REMEDIES = {
 }
 ARMS = ("clean", "augmented", "da_grpo")
 RECORDED = 2  # seeds of each training task that are recorded
-EPOCHS, ROLLOUTS = 3, 4
+EPOCHS, ROLLOUTS = 2, 4
 MAX_STEPS = 12
 LEARNING_RATE = 1e-3
 CURIOUS = 0.2  # what an imitation leaves to skills that were not shown
@@ -146,7 +146,7 @@ def cloned(pictures: UInt8Array, labels: torch.Tensor, seed: int) -> ChoiceNetwo
     counts = torch.bincount(labels, minlength=len(SKILLS)).float()
     weights = (1 / counts)[labels]
     screens = torch.from_numpy(pictures)
-    for _ in range(300):
+    for _ in range(150):
         some = torch.multinomial(weights, 64, replacement=True)
         loss = torch.nn.functional.cross_entropy(
             network(screens[some]), labels[some], label_smoothing=CURIOUS

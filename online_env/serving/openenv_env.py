@@ -65,6 +65,10 @@ class DesktopState(State):
     seed: int | None = None
     slot: int | None = None
     corruption: str | None = None
+    planner: dict[str, Any] | None = Field(
+        default=None,
+        description="The corruption with every parameter; null for a clean episode",
+    )
     draw: str | None = Field(default=None, description="By which the corruption was drawn")
     record: dict[str, Any] | None = Field(default=None, description="After the end")
 
@@ -141,6 +145,7 @@ class DesktopEnvironment(Environment[DesktopAction, DesktopObservation, DesktopS
                 "seed": choice.seed,
                 "slot": choice.slot,
                 "corruption": choice.label,
+                "planner": None if choice.planner is None else choice.planner.to_config(),
                 "draw": choice.key or None,
             }
         )

@@ -1,11 +1,9 @@
 """The server as OpenEnv's own client and tools see it, on desktops that are none."""
 
 import base64
-import contextlib
 import io
 import json
 import socket
-import threading
 import urllib.error
 import urllib.request
 from pathlib import Path
@@ -20,44 +18,18 @@ pytest.importorskip("gymnasium", reason=needs.ONLINE)
 pytest.importorskip("prometheus_client", reason=needs.SERVE)
 pytest.importorskip("openenv", reason=needs.SERVE)
 
-import uvicorn
 from click.testing import CliRunner
 from openenv.core.generic_client import GenericEnvClient
 
 from online_env.serving import openenv_env
-from online_env.serving.app import make_app
 from online_env.serving.cli import serve
 
 from support.episodes import CLICK
-from support.serving import Desktops, service_on, until
+from support.serving import Desktops, server, until
 
 TOKEN = "correct-horse-battery-staple"
 HEADERS = {"Authorization": f"Bearer {TOKEN}"}
 pytestmark = pytest.mark.filterwarnings("ignore")
-
-
-@contextlib.contextmanager
-def server(
-    desktops=None,
-    count=1,
-    *,
-    token=None,
-    sessions=4,
-    **options,
-):
-    """A server in a thread; yields its address and its service."""
-    with service_on(desktops or Desktops(), count, **options) as service:
-        app = make_app(service, sessions=sessions, token=token)
-        config = uvicorn.Config(app, log_level="warning", ws_per_message_deflate=False)
-        running = uvicorn.Server(config)
-        with socket.create_server(("127.0.0.1", 0)) as listener:
-            thread = threading.Thread(target=running.run, kwargs={"sockets": [listener]})
-            thread.start()
-            try:
-                yield f"http://127.0.0.1:{listener.getsockname()[1]}", service
-            finally:
-                running.should_exit = True
-                thread.join()
 
 
 def client(url, **options):

@@ -1,6 +1,8 @@
 """A server's parts on desktops that are none."""
 
 import contextlib
+import socket
+import threading
 import time
 
 import hijack_data as hj
@@ -86,3 +88,31 @@ def until(condition, seconds=10.0):
     while not condition():
         assert time.monotonic() < end, "that did not happen"
         time.sleep(0.01)
+
+
+@contextlib.contextmanager
+def server(
+    desktops=None,
+    count=1,
+    *,
+    token=None,
+    sessions=4,
+    **options,
+):
+    """A server in a thread; yields its address and its service."""
+    import uvicorn
+
+    from online_env.serving.app import make_app
+
+    with service_on(desktops or Desktops(), count, **options) as service:
+        app = make_app(service, sessions=sessions, token=token)
+        config = uvicorn.Config(app, log_level="warning", ws_per_message_deflate=False)
+        running = uvicorn.Server(config)
+        with socket.create_server(("127.0.0.1", 0)) as listener:
+            thread = threading.Thread(target=running.run, kwargs={"sockets": [listener]})
+            thread.start()
+            try:
+                yield f"http://127.0.0.1:{listener.getsockname()[1]}", service
+            finally:
+                running.should_exit = True
+                thread.join()
