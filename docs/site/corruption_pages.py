@@ -134,7 +134,7 @@ def _severities(
     if not levels:
         yield "It happens or it does not: there are no levels.\n"
         return
-    yield f"Level 3 is the paper's default: `hj.{type(hj.get(name)).__name__}.at(4)`, or"
+    yield f"Level 3 is the paper's default. Another: `hj.{type(hj.get(name)).__name__}.at(4)`, or"
     yield f"`hijack apply ... {name} --severity 4`.\n"
     tiles: list[tuple[str, str]] = []
     for number, level in enumerate(levels, 1):
