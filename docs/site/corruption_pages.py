@@ -69,7 +69,7 @@ print(len(rows), rows[0]["corruption"], rows[0]["instruction"])
 ROWS_TORCH = """from pipelines.loaders.torch import TorchDataset
 
 rows = TorchDataset("shown_{name}")
-print(len(rows), rows[0]["image"].shape if "image" in rows[0] else rows[0]["screenshot"].shape)
+print(len(rows), rows[0]["screenshot"].shape)
 """
 ROWS_GRAIN = """import grain
 
@@ -218,7 +218,8 @@ def _parameters(info: dict[str, Any]) -> Iterator[str]:
         accepts = row["accepts"].replace("|", "or")
         yield f"| `{row['name']}` | `{json.dumps(row['default'])}` | {accepts} | {row['doc']} |"
     yield ""
-    yield "In YAML ([Configuration](../configuration.md)), by `--set KEY=VALUE`, or as arguments.\n"
+    yield "Set them in YAML ([Configuration](../configuration.md)), with `--set KEY=VALUE` on the"
+    yield "command line, or as arguments in Python.\n"
 
 
 def _seeds(name: str, folder: Path) -> Iterator[str]:
