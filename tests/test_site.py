@@ -185,6 +185,12 @@ def test_fences_lose_the_words_for_tests(tmp_path: Path):
     assert copied.text_of(file, {}) == "```sh\nx [a](b.md)\n```\n"
 
 
+def test_a_bar_in_the_code_of_a_table_is_no_backslash(tmp_path: Path):
+    file = tmp_path / "page.md"
+    file.write_text("| `a\\|b` | c \\| d |\n\n```console\nx \\| y\n```\n")
+    assert copied.text_of(file, {}) == "| `a|b` | c \\| d |\n\n```sh\nx \\| y\n```\n"
+
+
 def test_every_page_has_its_place(tmp_path: Path):
     texts = make.all_pages(tmp_path)
     nav = str(make.settings(texts)["nav"])

@@ -1,7 +1,8 @@
 """The pages of the repository as pages of the site.
 
 They stay plain Markdown that reads well beside the code. Here only what a site needs is changed:
-links that leave docs/, and the words after a fence's language, which are for the tests.
+links that leave docs/, the words after a fence's language, which are for the tests, and what GitHub
+and MkDocs read differently.
 """
 
 import os
@@ -19,6 +20,10 @@ OUTSIDE = {
     "benchmarks/RESULTS.md": "results.md",
 }
 _FENCE = re.compile(r"^( *)```([a-z]+)[^\n`]*$", re.M)
+# Of a console's lines, those without a prompt are coloured as output: ours have none.
+_COLOURED_AS = {"console": "sh"}
+_ROW_OF_A_TABLE = re.compile(r"^ *\|.*$", re.M)
+_CODE = re.compile(r"`[^`]+`")
 _LINK = re.compile(r"(!?)\[((?:[^\]\[]|\[[^\]]*\])*)\]\(([^)\s]+)\)")
 
 
@@ -39,11 +44,23 @@ def text_of(
 
     `site` is the address on the site of each file of the repository that is on it.
     """
-    text = _FENCE.sub(r"\1```\2", path.read_text(encoding="utf-8"))
+    text = _FENCE.sub(_fence, path.read_text(encoding="utf-8"))
     pieces = re.split(r"(^ *```.*?^ *```$)", text, flags=re.S | re.M)
     for number in range(0, len(pieces), 2):
-        pieces[number] = _LINK.sub(lambda match: _link(match, path, site), pieces[number])
+        linked = _LINK.sub(lambda match: _link(match, path, site), pieces[number])
+        pieces[number] = _ROW_OF_A_TABLE.sub(_row, linked)
     return "".join(pieces)
+
+
+def _fence(match: re.Match[str]) -> str:
+    """The first line of a block, without the words for the tests."""
+    indent, language = match.groups()
+    return f"{indent}```{_COLOURED_AS.get(language, language)}"
+
+
+def _row(match: re.Match[str]) -> str:
+    r"""A row of a table: in its code, GitHub wants `\|` for a bar, and MkDocs shows the `\`."""
+    return _CODE.sub(lambda code: code[0].replace(r"\|", "|"), match[0])
 
 
 def _link(

@@ -69,7 +69,7 @@ print(len(rows), rows[0]["corruption"], rows[0]["instruction"])
 ROWS_TORCH = """from pipelines.loaders.torch import TorchDataset
 
 rows = TorchDataset("shown_{name}")
-print(len(rows), rows[0]["image"].shape if "image" in rows[0] else rows[0]["screenshot"].shape)
+print(len(rows), rows[0]["screenshot"].shape)
 """
 ROWS_GRAIN = """import grain
 
@@ -134,7 +134,7 @@ def _severities(
     if not levels:
         yield "It happens or it does not: there are no levels.\n"
         return
-    yield f"Level 3 is the paper's default: `hj.{type(hj.get(name)).__name__}.at(4)`, or"
+    yield f"Level 3 is the paper's default. Another: `hj.{type(hj.get(name)).__name__}.at(4)`, or"
     yield f"`hijack apply ... {name} --severity 4`.\n"
     tiles: list[tuple[str, str]] = []
     for number, level in enumerate(levels, 1):
@@ -218,7 +218,8 @@ def _parameters(info: dict[str, Any]) -> Iterator[str]:
         accepts = row["accepts"].replace("|", "or")
         yield f"| `{row['name']}` | `{json.dumps(row['default'])}` | {accepts} | {row['doc']} |"
     yield ""
-    yield "In YAML ([Configuration](../configuration.md)), by `--set KEY=VALUE`, or as arguments.\n"
+    yield "Set them in YAML ([Configuration](../configuration.md)), with `--set KEY=VALUE` on the"
+    yield "command line, or as arguments in Python.\n"
 
 
 def _seeds(name: str, folder: Path) -> Iterator[str]:

@@ -31,6 +31,7 @@ SETTINGS = ROOT / "build" / "mkdocs.yml"
 # What stands where; a page of docs/ that is in no section is under "More".
 SECTIONS: dict[str, tuple[str, ...]] = {
     "Start": (
+        "install",
         "start",
         "concepts",
         "command_line",
@@ -84,7 +85,8 @@ SECTIONS: dict[str, tuple[str, ...]] = {
 
 # How much more a page counts in the search than others.
 SEARCH = {
-    **dict.fromkeys(("faq.md", "troubleshooting.md", "concepts.md", "start.md"), 2),
+    **dict.fromkeys(("install.md", "faq.md", "troubleshooting.md"), 2),
+    **dict.fromkeys(("concepts.md", "start.md"), 2),
     **dict.fromkeys(("training.md", "score_my_model.md", "score_my_agent.md"), 2),
     **dict.fromkeys(("architecture.md", "changelog.md", "results.md"), 0.5),
 }

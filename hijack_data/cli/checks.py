@@ -28,7 +28,7 @@ DoctorRow: TypeAlias = tuple[str, str, str, str]
 @click.option(
     "--desktop/--no-desktop",
     default=True,
-    help="Whether to try effects on real desktops (needs root).",
+    help="Whether to try effects and oracles of tasks on real desktops.",
 )
 @click.option(
     "--timeout",
