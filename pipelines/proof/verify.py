@@ -181,9 +181,10 @@ class _Check:
         rest = [label for label, _ in self.settings.planners if label not in proved]
         if rest:
             self.report.unproved.append(
-                f"not made again from the seed: the plans of {', '.join(rest)}; they follow from"
-                " what the dataset does not hold (elements, applications, the steps before);"
-                " --source RECORDINGS makes them, too"
+                f"the pictures of {', '.join(rest)} were drawn again from their stored plans; that"
+                " the seed gives these plans was not checked, since they also follow from what the"
+                " dataset does not hold (elements, applications, the steps before): --source"
+                " RECORDINGS checks it, too"
             )
 
     def _tasks(self, source: PathLike | Sequence[PathLike]) -> Iterator[ShardTask]:

@@ -260,7 +260,7 @@ def test_a_plan_that_avoids_elements_is_made_again_from_the_source(
     built: Built, tmp_path: Path
 ) -> None:
     out = built.copy("materialised", tmp_path)
-    note = "not made again from the seed: the plans of covers, touch, locked"
+    note = "the pictures of covers, touch, locked were drawn again from their stored plans; that"
     assert any(note in text for text in verify(out).unproved)
     tamper(out, replaced(built, COVERS))
     problems = verify(out, source=built.source).problems

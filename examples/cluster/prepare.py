@@ -1,0 +1,35 @@
+"""Write what verl reads: the rows of the training tasks, and an agent file that names the servers.
+
+python examples/cluster/prepare.py SERVER,SERVER... OUT
+"""
+
+import sys
+from pathlib import Path
+
+import yaml
+
+from pipelines.train.adapters.verl_rows import write_evaluation_rows, write_rows
+from pipelines.train.split import members
+
+HOW = (
+    "You operate a Linux desktop. Answer each screenshot with one line of pyautogui code, such as"
+    " pyautogui.click(300, 200), in pixels of the screenshot; with WAIT; with DONE when the task is"
+    " done; or with FAIL if it cannot be done."
+)
+TEMPLATE = Path(__file__).parents[2] / "configs" / "train" / "verl_served.yaml"
+
+
+def main() -> None:
+    """Write the three files."""
+    servers, out = sys.argv[1].split(","), Path(sys.argv[2])
+    loops = yaml.safe_load(TEMPLATE.read_text())
+    loops[0]["environment_args"]["addresses"] = servers
+    (out / "agent.yaml").write_text(yaml.safe_dump(loops, sort_keys=False))
+    training, held_out = members("suite/training"), members("suite/held_out")
+    count = write_rows(out / "train.parquet", training, HOW, evaluation=held_out)
+    write_evaluation_rows(out / "val.parquet", held_out, HOW, corruption="clean")
+    print(f"{out}: {count} training tasks, {len(held_out)} held out, {len(servers)} servers")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,17 @@
+#!/bin/sh
+# DA-GRPO in verl on the desktops of other machines: start it on the first GPU node. Needs the extra verl, vLLM as verl's
+# documentation installs it, Ray running on all GPU nodes (`ray start`), and the servers of desktops.sh.
+#   AGENTHIJACK_SERVE_TOKEN=... examples/cluster/verl.sh "http://cpu-1:8000,http://cpu-2:8000" [KEY=VALUE of verl]...
+set -eu
+: "${AGENTHIJACK_SERVE_TOKEN:?the secret of the servers}"
+servers=${1:?the addresses of the servers, parted by commas}
+shift
+cd "$(dirname "$0")/../.."
+out=${OUT:-runs/verl}
+mkdir -p "$out"
+python examples/cluster/prepare.py "$servers" "$out"
+exec python -m verl.trainer.main_ppo -cp "$PWD/configs/train" -cn verl \
+  "data.train_files=$out/train.parquet" "data.val_files=$out/val.parquet" \
+  "actor_rollout_ref.rollout.agent.agent_loop_config_path=$out/agent.yaml" \
+  "actor_rollout_ref.rollout.agent.num_workers=${WORKERS:-4}" "trainer.default_local_dir=$out" \
+  "trainer.nnodes=${NODES:-1}" "trainer.n_gpus_per_node=${GPUS:-2}" "$@"

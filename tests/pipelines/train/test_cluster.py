@@ -1,0 +1,56 @@
+"""The scripts for clusters agree with each other and with the split."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+pytest.importorskip("pyarrow", reason="needs the extra [hf]")
+import pyarrow.parquet as parquet
+
+from pipelines.train.split import members
+
+ROOT = Path(__file__).resolve().parents[3]
+CLUSTER = ROOT / "examples" / "cluster"
+
+
+def loop(path):
+    (found,) = yaml.safe_load(path.read_text())
+    return found
+
+
+def test_servers_and_trainer_have_the_same_corruptions():
+    served = re.search(r"--corruptions (\S+)", (CLUSTER / "desktops.sh").read_text())[1]
+    trained = loop(ROOT / "configs" / "train" / "verl_served.yaml")["corruptions"]
+    assert served.split(",") == [*trained, "clean"]
+
+
+def test_what_verl_reads_is_written(tmp_path):
+    servers = "http://a:8000,http://b:8000"
+    command = [sys.executable, str(CLUSTER / "prepare.py"), servers, str(tmp_path)]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    said = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    assert "80 training tasks, 52 held out, 2 servers" in said.stdout
+    rows = parquet.read_table(tmp_path / "train.parquet").to_pylist()
+    assert {row["extra_info"]["task"] for row in rows} == set(members("suite/training"))
+    assert loop(tmp_path / "agent.yaml")["environment_args"]["addresses"] == servers.split(",")
+
+
+@pytest.mark.parametrize(
+    ("script", "problem"), [("desktops.sh", "openssl rand"), ("verl.sh", "the secret of the serve")]
+)
+def test_without_a_secret_nothing_starts(script, problem):
+    environment = {"PATH": os.environ["PATH"]}
+    said = subprocess.run(
+        [CLUSTER / script, "http://a:8000"], capture_output=True, text=True, env=environment
+    )
+    assert (said.returncode != 0, problem in said.stderr) == (True, True)
+
+
+@pytest.mark.parametrize("script", sorted(CLUSTER.glob("*.s*"), key=str))
+def test_the_shell_reads_each_script(script):
+    subprocess.run(["bash", "-n", script], check=True)
