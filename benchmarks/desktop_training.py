@@ -271,12 +271,19 @@ def evaluate(out: Path, seeds: int, desktops: int) -> None:
 
 
 def successes(out: Path) -> dict[tuple[str, int], dict[str, list[float]]]:
-    """Return the scores of each arm and seed by corruption."""
-    found: dict[tuple[str, int], dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
+    """Return the scores of each arm and seed by corruption, of the cases that all have played."""
+    scores: dict[tuple[str, str], dict[tuple[str, int], float]] = defaultdict(dict)
     for record in records.read(out / "scored").records:
         if record["status"] != "invalid":
             arm, _, seed = record["agent"].rpartition(":")[2].rpartition("_")
-            found[arm, int(seed)][record["corruption"]].append(record["score"] or 0.0)
+            case = record["corruption"], record["task"]
+            scores[case][arm, int(seed)] = record["score"] or 0.0
+    everybody = {policy for played in scores.values() for policy in played}
+    found: dict[tuple[str, int], dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
+    for (corruption, _), played in scores.items():
+        if played.keys() == everybody:
+            for policy, score in played.items():
+                found[policy][corruption].append(score)
     return found
 
 
