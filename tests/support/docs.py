@@ -11,6 +11,7 @@ A fence says what its block is by the words after its language:
 Blocks of other languages (`text`, `yaml`, `json`, `toml`) are no commands.
 """
 
+import json
 import os
 import re
 import stat
@@ -30,7 +31,7 @@ RUN, DESKTOP, TESTED_IN, NO_RUN = "", "desktop", "tested-in", "no-run"
 KINDS = (RUN, DESKTOP, TESTED_IN, NO_RUN)
 ACTIVATE = ". .venv/bin/activate"
 # What a clone holds; the packages are imported from where they are installed.
-PARTS = ("benchmarks", "configs", "docs", "examples", "tests", "Makefile", "README.md")
+PARTS = ("benchmarks", "configs", "docs", "tests", "Makefile", "README.md")
 # Where a paste finds programs before the environment is active.
 SYSTEM = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
 _FENCE = re.compile(r"^( *)```([^\n]*)\n(.*?)^\1```", re.S | re.M)
@@ -99,12 +100,28 @@ def clone(folder: Path) -> Path:
     """A folder that is, to a command, the root of a clone after `make env`."""
     for name in PARTS:
         (folder / name).symlink_to(ROOT / name)
+    _examples(folder / "examples")
     programs = folder / ".venv" / "bin"
     programs.mkdir(parents=True)
     _program(programs / "hijack", '-c "from hijack_data.cli import main; main()"')
     _program(programs / "python", "")
     (programs / "activate").write_text(f'PATH="{programs}:$PATH"\n')
     return folder
+
+
+def _examples(folder: Path) -> None:
+    """The examples, of the recordings the first alone: commands do with 8 steps what they do with
+    23."""
+    recordings = ROOT / "examples" / "recordings"
+    (folder / "recordings").mkdir(parents=True)
+    for path in (*recordings.parent.iterdir(), *recordings.iterdir()):
+        place = folder / path.relative_to(recordings.parent)
+        if not place.exists() and path.suffix != ".jsonl":
+            place.symlink_to(path)
+    lines = (recordings / "trajectories.jsonl").read_text(encoding="utf-8").splitlines(True)
+    first = json.loads(lines[0])["trajectory_id"]
+    kept = [line for line in lines if json.loads(line)["trajectory_id"] == first]
+    (folder / "recordings" / "trajectories.jsonl").write_text("".join(kept), encoding="utf-8")
 
 
 def _program(path: Path, arguments: str) -> None:
