@@ -14,6 +14,7 @@ Blocks of other languages (`text`, `yaml`, `json`, `toml`) are no commands.
 import json
 import os
 import re
+import shutil
 import stat
 import subprocess
 import sys
@@ -32,6 +33,7 @@ KINDS = (RUN, DESKTOP, TESTED_IN, NO_RUN)
 ACTIVATE = ". .venv/bin/activate"
 # What a clone holds; the packages are imported from where they are installed.
 PARTS = ("benchmarks", "configs", "docs", "tests", "Makefile", "README.md")
+RECORDED, STEPS = "trajectories.jsonl", 4
 # Where a paste finds programs before the environment is active.
 SYSTEM = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
 _FENCE = re.compile(r"^( *)```([^\n]*)\n(.*?)^\1```", re.S | re.M)
@@ -110,18 +112,17 @@ def clone(folder: Path) -> Path:
 
 
 def _examples(folder: Path) -> None:
-    """The examples, of the recordings the first alone: commands do with 8 steps what they do with
-    23."""
-    recordings = ROOT / "examples" / "recordings"
-    (folder / "recordings").mkdir(parents=True)
-    for path in (*recordings.parent.iterdir(), *recordings.iterdir()):
-        place = folder / path.relative_to(recordings.parent)
-        if not place.exists() and path.suffix != ".jsonl":
-            place.symlink_to(path)
-    lines = (recordings / "trajectories.jsonl").read_text(encoding="utf-8").splitlines(True)
-    first = json.loads(lines[0])["trajectory_id"]
-    kept = [line for line in lines if json.loads(line)["trajectory_id"] == first]
-    (folder / "recordings" / "trajectories.jsonl").write_text("".join(kept), encoding="utf-8")
+    """The examples, of each recording the first steps alone: commands do with 12 pictures what they
+    do with 23."""
+    folder.mkdir()
+    for path in (ROOT / "examples").iterdir():
+        if path.name != "recordings":
+            (folder / path.name).symlink_to(path)
+    # copied: a source may not lead elsewhere
+    file = shutil.copytree(ROOT / "examples" / "recordings", folder / "recordings") / RECORDED
+    lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
+    kept = [line for line in lines if json.loads(line)["step"] < STEPS]
+    file.write_text("".join(kept), encoding="utf-8")
 
 
 def _program(path: Path, arguments: str) -> None:
