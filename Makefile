@@ -5,6 +5,11 @@ VENV := .venv
 BIN := $(VENV)/bin
 
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+# --dist worksteal: each process keeps neighbouring tests, so what a file sets up is made once
+TEST := $(BIN)/python -m pytest -q -n auto --dist worksteal
+
+# Where it is set, each of the hundreds of processes that the tests start compiles all modules again.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: help env light live demo desktop foreign check test lint bench golden docs package clean
 
@@ -48,10 +53,10 @@ foreign: env  ## Desktops on hosts that are no Debian 12 (IMAGE=file of an image
 	.ci/foreign_host $(IMAGE) $(SUITE)
 
 check: env lint  ## Lint, types and the quick tests, for the daily loop (under three minutes)
-	$(BIN)/python -m pytest -q -n auto -m 'not slow'
+	$(TEST) -m 'not slow'
 
 test: env lint  ## Lint, check the types and run the whole suite
-	$(BIN)/python -m pytest -q -n auto --ignore tests/live
+	$(TEST) --ignore tests/live
 	$(BIN)/python -m pytest -q tests/live -n 2 --dist loadfile --reruns 2 --reruns-delay 2  # real desktops on a shared machine
 
 lint: env

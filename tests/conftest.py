@@ -3,6 +3,7 @@
 import os
 import signal
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -31,13 +32,25 @@ ROOT = Path(__file__).resolve().parent.parent
 SHARED_DATA = ROOT.parent / "shared" / "data"
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """`make check` does not even import the slow files: some load several frameworks."""
+    if config.option.markexpr == "not slow" and is_slow(collection_path):
+        return True
+    return None
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests that `make check` leaves out: of slow files, and those that need a desktop."""
-    tests = Path(__file__).resolve().parent
+    """Mark the tests that `make check` leaves out."""
     for item in items:
-        place = item.path.relative_to(tests)
-        if place.as_posix() in SLOW or place.parts[0] == "live":
+        if is_slow(item.path):
             item.add_marker("slow")
+
+
+@cache
+def is_slow(path: Path) -> bool:
+    """Whether this is one of the slow files, or needs a desktop."""
+    place = path.relative_to(ROOT / "tests")
+    return place.as_posix() in SLOW or place.parts[:1] == ("live",)
 
 
 @pytest.fixture(autouse=True)

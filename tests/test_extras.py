@@ -35,7 +35,7 @@ COMMANDS_WITHOUT_ONLINE = {
     f"check {ROOT}/tests/ext_package/dead_pixels.py --no-desktop": WORKS,
     "new corruption dust -o {out}/dust.py": WORKS,
     "doctor": WORKS,
-    f"build {RECORDINGS} --out {{out}}/d --corruptions marks": WORKS,
+    f"build {RECORDINGS} --out {{out}}/d --corruptions marks --limit 1": WORKS,
     f"inspect {RECORDINGS} --corruptions marks": WORKS,
     "verify {out}/d": WORKS,
     "verify {run}": WORKS,
@@ -84,7 +84,7 @@ CORE_ALONE = {
     f"check {ROOT}/tests/ext_package/dead_pixels.py --no-desktop": "",
     "doctor": "",
     "report {run}": "",
-    f"build {RECORDINGS} --out {{out}}/d --corruptions marks": "hf",
+    f"build {RECORDINGS} --out {{out}}/d --corruptions marks --limit 1": "hf",
     "stats {data}": "hf",
     "view {data}": "hf",
     f"apply {SCREEN} accidental_touch -o {{out}}/m.png": "vision",
@@ -114,7 +114,7 @@ def places(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         "evaluator": {"func": "infeasible"},
     }
     task.write_text(json.dumps({"id": task.stem, **infeasible}))
-    build(RECORDINGS, folder / "data", corruptions="marks")
+    build(RECORDINGS, folder / "data", corruptions="marks", limit=1)
     run = make_run(folder / "run")
     return {
         "out": folder / "out",

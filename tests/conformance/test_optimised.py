@@ -5,6 +5,7 @@ import sys
 
 import pytest
 
+from support import lean
 from support.bad_plugins import catalogue
 from support.plugins import write
 
@@ -32,16 +33,20 @@ def python(level, *words):
     )
 
 
-@pytest.fixture(params=["-O", "-OO"])
-def level(request):
-    return request.param
-
-
-def test_a_good_one_passes(level, tmp_path):
-    done = python(level, "-m", "hijack_data.cli", "check", write(tmp_path))
+@pytest.mark.parametrize(
+    ("level", "code"), [("-O", lean.CODE), ("-OO", lean.WHOLE)], ids=["-O", "-OO"]
+)
+def test_a_good_one_passes(
+    level,
+    code,
+    tmp_path,
+):
+    """With the frameworks at one level: Python compiles all of a framework for each."""
+    done = python(level, "-c", code, "check", write(tmp_path))
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.parametrize("level", ["-O", "-OO"])
 def test_bad_ones_are_caught(level, tmp_path):
     """Each in the check that names its fault; in one process, which starts with a file of each."""
     for number, kind in enumerate(BAD):

@@ -16,6 +16,7 @@ from hijack_data import loading
 from hijack_data.errors import PluginError
 from hijack_data.files import encode_png, write_atomic
 
+from support import lean
 from support.plugins import write
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -28,7 +29,7 @@ def run(
     env=None,
     cwd=ROOT,
 ):
-    command = [sys.executable, "-m", "hijack_data.cli", *map(str, words)]
+    command = [*lean.HIJACK, *map(str, words)]
     kept = {key: value for key, value in os.environ.items() if key != loading.VARIABLE}
     env = {**kept, **(env or {})}
     done = subprocess.run(

@@ -1,10 +1,11 @@
 """`hijack new corruption`: what it writes passes `hijack check` as it is."""
 
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+from support import lean
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -14,7 +15,7 @@ def run(
     *words,
     code=0,
 ):
-    command = [sys.executable, "-m", "hijack_data.cli", *words]
+    command = [*lean.HIJACK, *words]
     done = subprocess.run(
         command,
         capture_output=True,

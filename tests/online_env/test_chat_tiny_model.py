@@ -20,7 +20,7 @@ from support.episodes import make as make_env
 
 torch = pytest.importorskip("torch", reason="needs the extra [train]")
 transformers = pytest.importorskip("transformers", reason="needs the extra [train]")
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("no_waiting")]
+pytestmark = pytest.mark.usefixtures("no_waiting")
 SPECIAL = [
     "<|endoftext|>",
     "<|im_start|>",

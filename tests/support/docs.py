@@ -11,8 +11,10 @@ A fence says what its block is by the words after its language:
 Blocks of other languages (`text`, `yaml`, `json`, `toml`) are no commands.
 """
 
+import json
 import os
 import re
+import shutil
 import stat
 import subprocess
 import sys
@@ -30,7 +32,8 @@ RUN, DESKTOP, TESTED_IN, NO_RUN = "", "desktop", "tested-in", "no-run"
 KINDS = (RUN, DESKTOP, TESTED_IN, NO_RUN)
 ACTIVATE = ". .venv/bin/activate"
 # What a clone holds; the packages are imported from where they are installed.
-PARTS = ("benchmarks", "configs", "docs", "examples", "tests", "Makefile", "README.md")
+PARTS = ("benchmarks", "configs", "docs", "tests", "Makefile", "README.md")
+RECORDED, STEPS = "trajectories.jsonl", 4
 # Where a paste finds programs before the environment is active.
 SYSTEM = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
 _FENCE = re.compile(r"^( *)```([^\n]*)\n(.*?)^\1```", re.S | re.M)
@@ -99,12 +102,27 @@ def clone(folder: Path) -> Path:
     """A folder that is, to a command, the root of a clone after `make env`."""
     for name in PARTS:
         (folder / name).symlink_to(ROOT / name)
+    _examples(folder / "examples")
     programs = folder / ".venv" / "bin"
     programs.mkdir(parents=True)
     _program(programs / "hijack", '-c "from hijack_data.cli import main; main()"')
     _program(programs / "python", "")
     (programs / "activate").write_text(f'PATH="{programs}:$PATH"\n')
     return folder
+
+
+def _examples(folder: Path) -> None:
+    """The examples, of each recording the first steps alone: commands do with 12 pictures what they
+    do with 23."""
+    folder.mkdir()
+    for path in (ROOT / "examples").iterdir():
+        if path.name != "recordings":
+            (folder / path.name).symlink_to(path)
+    # copied: a source may not lead elsewhere
+    file = shutil.copytree(ROOT / "examples" / "recordings", folder / "recordings") / RECORDED
+    lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
+    kept = [line for line in lines if json.loads(line)["step"] < STEPS]
+    file.write_text("".join(kept), encoding="utf-8")
 
 
 def _program(path: Path, arguments: str) -> None:

@@ -20,11 +20,8 @@ torch = pytest.importorskip("torch", reason="needs the extra [train]")
 pytest.importorskip("gymnasium", reason="needs the extra [train]")
 pytest.importorskip("trl", reason=needs.TRL)
 os.environ.setdefault("TRL_EXPERIMENTAL_SILENCE", "1")
-pytestmark = [
-    pytest.mark.slow,
-    # of accelerate and torch, on a machine without an accelerator
-    pytest.mark.filterwarnings("ignore"),
-]
+# of accelerate and torch, on a machine without an accelerator
+pytestmark = pytest.mark.filterwarnings("ignore")
 
 import hijack_data as hj  # noqa: E402
 from hijack_data.errors import ParameterError, UnknownNameError  # noqa: E402

@@ -20,7 +20,7 @@ pytest.importorskip("verl", reason=needs.VERL)
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
     tq = pytest.importorskip("transfer_queue", reason=needs.VERL)
-pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
+pytestmark = pytest.mark.filterwarnings("ignore")
 
 import numpy as np  # noqa: E402
 
