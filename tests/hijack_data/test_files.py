@@ -370,3 +370,26 @@ def test_a_folder_that_cannot_be_synced_is_no_error(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "fsync", refuse)
     write_atomic(tmp_path / "a", "content")
     assert (tmp_path / "a").read_text() == "content"
+
+
+# Devices
+
+
+def test_a_pipe_is_written_to_and_never_replaced(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        write_atomic(pipe, "whole")
+        assert os.read(reader, 100) == b"whole"
+    finally:
+        os.close(reader)
+    assert stat.S_ISFIFO(pipe.stat().st_mode), "as root, a rename would replace /dev/null"
+    assert list(tmp_path.iterdir()) == [pipe]
+
+
+def test_a_name_of_an_open_file_is_not_replaced(tmp_path):
+    with (tmp_path / "open").open("w") as file, pytest.raises(HijackError) as error:
+        write_atomic(f"/proc/self/fd/{file.fileno()}", "x")
+    assert "is another name for a file that is open; name the file" in str(error.value)
+    assert (tmp_path / "open").read_bytes() == b""
