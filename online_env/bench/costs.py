@@ -2,11 +2,20 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeGuard
 
 from ..errors import CostLimitError
 
 COUNTS = ("requests", "input_tokens", "output_tokens")
+_MOST = 2**53  # beyond, floats are no longer exact, and nothing that was counted is so large
+
+
+def is_amount(value: object) -> TypeGuard[float]:
+    """Return whether a value is a number that can be summed: from 0 on, not NaN, not absurd.
+
+    An agent says itself what it has used, so what it says may be anything.
+    """
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value <= _MOST
 
 
 class Budget:
@@ -44,7 +53,7 @@ def cost_of(made: Sequence[Mapping[str, Any]]) -> float:
     for record in made:
         usage = record.get("usage")
         spent = usage.get("usd") if isinstance(usage, Mapping) else None
-        if isinstance(spent, int | float):
+        if is_amount(spent):
             total += spent
     return total
 
@@ -59,8 +68,8 @@ def usage_line(made: Sequence[Mapping[str, Any]]) -> str:
         for key in COUNTS:
             whole[key] += usage[key]
     requests, read, written = [whole[key] for key in COUNTS]
-    prices = [usage.get("usd") for usage in counted]
-    cost = "price not known" if None in prices else f"{cost_of(made):.2f} USD"
+    known = all(is_amount(usage.get("usd")) for usage in counted)
+    cost = "price not known" if not known else f"{cost_of(made):.2f} USD"
     return f"models: {requests} requests, {read} tokens read, {written} written, {cost}"
 
 
@@ -70,6 +79,11 @@ def _counted(made: Sequence[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
         usage = record.get("usage")
         if not isinstance(usage, Mapping):
             continue
-        counts = [usage.get(key) for key in COUNTS]
-        if all(isinstance(count, int) for count in counts):
+        if has_counts(usage):
             yield usage
+
+
+def has_counts(usage: Mapping[str, Any]) -> bool:
+    """Return whether requests and tokens are there, as whole numbers."""
+    counts = [usage.get(key) for key in COUNTS]
+    return all(is_amount(count) and isinstance(count, int) for count in counts)
