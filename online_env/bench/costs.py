@@ -28,18 +28,30 @@ class Budget:
 
     def __init__(self, limit: float, made: Sequence[Mapping[str, Any]] = ()) -> None:
         self._limit = limit
-        self._spent = cost_of(made)
+        self._spent = 0.0
+        self._unknown = ""
+        for record in made:
+            self.add(record)
 
     def add(self, record: Mapping[str, Any]) -> None:
         """Count an episode that has ended."""
         self._spent += cost_of([record])
+        usage = record.get("usage")
+        if isinstance(usage, Mapping) and usage.get("requests") and usage.get("usd", 0.0) is None:
+            self._unknown = str(record.get("id"))
 
     def check(self) -> None:
         """Check that another episode may begin.
 
         Raises:
-            CostLimitError: the episodes have cost what they may.
+            CostLimitError: the episodes have cost what they may, or nobody knows what.
         """
+        if self._unknown:
+            raise CostLimitError(
+                f"--max-cost {self._limit:g} cannot be kept: what episode {self._unknown} cost is"
+                " not known, perhaps since its endpoint counts no tokens; let it report `usage`, or"
+                " go on with --resume and without --max-cost"
+            )
         if self._spent >= self._limit:
             raise CostLimitError(
                 f"the run has cost {self._spent:.4f} USD, and --max-cost is {self._limit:g}: no"

@@ -431,3 +431,10 @@ def test_a_budget_counts_what_was_spent_before_and_reads_the_journal_no_more(fol
         runner.run_jobs(jobs, folder, 0, episode, Log(), budget=budget)
     monkeypatch.undo()
     assert len(records.read(folder).records) == 2, "the third would begin at 1.20 of 1 USD"
+
+
+def test_a_budget_is_not_kept_by_what_costs_nobody_knows_how_much():
+    spent = {"requests": 3, "input_tokens": 0, "output_tokens": 0, "usd": None}
+    costs.Budget(1.0, [made(usage=None), made(usage={"turns": 5})]).check()
+    with pytest.raises(CostLimitError, match="what episode t-clean cost is not known"):
+        costs.Budget(1.0, [made(usage=spent)]).check()
