@@ -17,7 +17,7 @@ import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, BinaryIO, cast
 
 import numpy as np
 from PIL import ExifTags, Image, ImageOps, UnidentifiedImageError
@@ -241,6 +241,30 @@ def unwritable(path: str | os.PathLike[str], error: OSError) -> HijackError:
     """
     kind = StorageError if error.errno in _STORAGE else HijackError
     return kind(f"{path}: cannot be written ({error.strerror or error})")
+
+
+def open_regular(path: Path) -> BinaryIO:
+    """Open a file that somebody else made, for reading.
+
+    Raises:
+        OSError: it cannot be opened, or it is a pipe or a device, whose reading might never end.
+        IsADirectoryError: it is a folder.
+    """
+    flags = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0)
+    handle = os.open(path, flags)
+    mode = os.fstat(handle).st_mode
+    if stat.S_ISREG(mode):
+        return os.fdopen(handle, "rb")
+    os.close(handle)
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    raise OSError(errno.EINVAL, "is not a regular file, and reading it might never end")
+
+
+def read_regular(path: Path) -> bytes:
+    """Return the content of a file that somebody else made; the errors are `open_regular`'s."""
+    with open_regular(path) as file:
+        return file.read()
 
 
 def write_atomic(path: str | os.PathLike[str], data: bytes | str) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, TypeAlias, cast
 
 from hijack_data.errors import HijackError, shown
+from hijack_data.files import read_regular
 from hijack_data.runs.run_log import (
     EPISODE,
     EPISODES,
@@ -122,7 +123,7 @@ def read(folder: Path) -> Run:
         episodes=tuple(head.get("episodes") or ()),
     )
     try:
-        lines = (folder / RECORDS).read_bytes().split(b"\n")
+        lines = read_regular(folder / RECORDS).split(b"\n")
     except OSError as error:
         raise RunError(f"{folder / RECORDS}: cannot be read ({error.strerror or error})") from None
     seen: dict[object, int] = {}
@@ -147,7 +148,7 @@ def read_head(folder: Path) -> dict[str, Any]:
     """
     path = folder / RUN
     try:
-        data: object = json.loads(path.read_bytes(), parse_constant=_refuse)
+        data: object = json.loads(read_regular(path), parse_constant=_refuse)
         json.dumps(data, ensure_ascii=False).encode()  # half of a surrogate pair is no text
     except OSError as error:
         why = error.strerror or error
@@ -163,6 +164,8 @@ def read_head(folder: Path) -> dict[str, Any]:
     if not isinstance(version, int) or version > VERSION:
         problem = f"version {version!r} is newer than this library reads"
         raise RunError(f"{path}: {problem}; upgrade agenthijack")
+    if isinstance(version, bool) or version < 1:
+        raise RunError(f"{path}: version {version!r} is none; versions begin with 1")
     for key in ("config", "versions"):
         if not isinstance(head.get(key, {}), dict):
             raise RunError(f"{path}: field {key!r} is not an object")
@@ -177,7 +180,7 @@ def _episodes(folder: Path) -> Run:
     run = Run(folder=folder)
     for path in sorted((folder / EPISODES).glob(f"*/{EPISODE}")):
         try:
-            run.records.append(_parsed(path.read_bytes()))
+            run.records.append(_parsed(read_regular(path)))
         except OSError as error:
             problem = f"cannot be read ({error.strerror or error})"
         except _DamagedError as damage:

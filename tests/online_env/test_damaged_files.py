@@ -69,6 +69,7 @@ def test_a_run_goes_on_and_its_journal_stays_as_it_was(run):
         ({"version": 1}, r"was begun by an older version \(format 1, now \d+\); begin a new run"),
         ({"version": 10**6}, "version 1000000 is newer than this library reads; upgrade"),
         ({"version": "2"}, "version '2' is newer than this library reads"),
+        ({"version": -1}, "version -1 is none; versions begin with 1"),
         ({"format": "another"}, r"is not the head of a run \(field 'format' must be"),
         ({"config": []}, "field 'config' is not an object"),
         ({"versions": {"agenthijack": "0.0.1"}}, r"was begun with agenthijack 0\.0\.1, this is"),
@@ -207,6 +208,14 @@ def test_a_run_of_a_machine_without_a_clock_has_no_date(run, tmp_path, created):
     done = CliRunner().invoke(report, [str(run), "-o", str(tmp_path / "report.html")])
     assert done.exit_code == 0, done.output
     assert "begun</" not in (tmp_path / "report.html").read_text()
+
+
+@pytest.mark.parametrize("name", [reading.RUN, reading.RECORDS])
+def test_a_device_in_the_place_of_a_file_is_not_read(run, name):
+    (run / name).unlink()
+    (run / name).symlink_to("/dev/null")
+    with pytest.raises(RunError, match="is not a regular file, and reading it might never end"):
+        reading.read(run)
 
 
 # Reports
