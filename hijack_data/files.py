@@ -10,11 +10,14 @@ import io
 import json
 import os
 import secrets
+import shutil
+import stat
+import tempfile
 import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, BinaryIO, cast
 
 import numpy as np
 from PIL import ExifTags, Image, ImageOps, UnidentifiedImageError
@@ -240,6 +243,30 @@ def unwritable(path: str | os.PathLike[str], error: OSError) -> HijackError:
     return kind(f"{path}: cannot be written ({error.strerror or error})")
 
 
+def open_regular(path: Path) -> BinaryIO:
+    """Open a file that somebody else made, for reading.
+
+    Raises:
+        OSError: it cannot be opened, or it is a pipe or a device, whose reading might never end.
+        IsADirectoryError: it is a folder.
+    """
+    flags = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0)
+    handle = os.open(path, flags)
+    mode = os.fstat(handle).st_mode
+    if stat.S_ISREG(mode):
+        return os.fdopen(handle, "rb")
+    os.close(handle)
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    raise OSError(errno.EINVAL, "is not a regular file, and reading it might never end")
+
+
+def read_regular(path: Path) -> bytes:
+    """Return the content of a file that somebody else made; the errors are `open_regular`'s."""
+    with open_regular(path) as file:
+        return file.read()
+
+
 def write_atomic(path: str | os.PathLike[str], data: bytes | str) -> None:
     """Write a file whole or not at all: into a temporary file beside it, then by rename.
 
@@ -261,17 +288,25 @@ def replace_atomic(path: str | os.PathLike[str], write: Callable[[Path], object]
     If anything fails, the temporary file is removed and `path` is as it was. The content is on the
     disk before the file has its name, and the name before this function returns: a machine that
     loses its power finds the old file or the new one, whole. The permissions are those of a new
-    file under the process's umask.
+    file under the process's umask. A device or a pipe, such as `/dev/null`, is written to and never
+    replaced.
 
     Raises:
         ParameterTypeError: `path` is not a path.
-        HijackError: the folder is missing or read-only, or the name is impossible. It is a
-            `StorageError` if the disk is full or broken. Any other error of `write` goes on.
+        HijackError: the folder is missing or read-only, or the name is impossible, or it is a name
+            in `/dev` or `/proc` for a file that is open. It is a `StorageError` if the disk is
+            full or broken. Any other error of `write` goes on.
     """
     try:
         target = Path(path)
     except TypeError:
         raise ParameterTypeError(f"a file is named by its path, got {shown(path)}") from None
+    if _is_device(target):
+        with tempfile.TemporaryDirectory() as folder:
+            whole = Path(folder) / "content"
+            write(whole)
+            _copy_to_device(whole, target)
+        return
     try:
         temporary = _new_file_beside(target)
     except OSError as error:
@@ -290,6 +325,36 @@ def replace_atomic(path: str | os.PathLike[str], write: Callable[[Path], object]
         raise
     with suppress(OSError):  # not every system can do this with a folder
         _to_disk(target.parent, os.O_RDONLY)
+
+
+def _is_device(target: Path) -> bool:
+    """Return whether a path names a device, a pipe or a socket.
+
+    Raises:
+        HijackError: it is another name for a file that a process has open, as `/dev/stdout` is:
+            a rename would replace that name for the whole machine.
+    """
+    try:
+        mode = target.stat().st_mode
+        folder = target.parent.resolve()
+    except (OSError, ValueError, RuntimeError):
+        return False  # not there, or no name: writing says so
+    if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
+        return True
+    if target.is_symlink() and folder.parts[1:2] in (("dev",), ("proc",)):
+        raise HijackError(
+            f"{target}: is another name for a file that is open; name the file, or redirect what"
+            " the command prints"
+        )
+    return False
+
+
+def _copy_to_device(source: Path, target: Path) -> None:
+    try:
+        with source.open("rb") as content, target.open("wb") as device:
+            shutil.copyfileobj(content, device)
+    except OSError as error:
+        raise unwritable(target, error) from None
 
 
 def _new_file_beside(target: Path) -> Path:

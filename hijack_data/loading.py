@@ -232,6 +232,10 @@ def _read(path: PathLike) -> tuple[str, bytes]:
         found = f"its path holds {os.pathsep!r}, which parts the paths of {VARIABLE}"
         raise PluginError(f"{path}: {found}; rename it")
     try:
+        place.encode()
+    except UnicodeEncodeError:
+        raise PluginError(f"{place!r}: its path is not UTF-8; rename the file") from None
+    try:
         return place, Path(place).read_bytes()
     except OSError as error:
         reason = error.strerror or str(error)

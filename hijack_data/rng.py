@@ -95,6 +95,16 @@ def _words(text: str, person: bytes = b"") -> tuple[int, int]:
     return first, second
 
 
+def as_seed(value: object) -> int:
+    """Return a seed as an integer.
+
+    Raises:
+        ParameterError: it is below 0, or 2**64 or more.
+        ParameterTypeError: it is no integer; a bool is none.
+    """
+    return _integer(value, "seed", 0, 2**64 - 1)
+
+
 def _integer(
     value: object,
     what: str,

@@ -26,6 +26,7 @@ from .labels import Labels
 from .labels.rows import corrupted_row, is_row
 from .plan import Plan
 from .planner import Planner, as_planner
+from .rng import as_seed
 from .safety import plan_avoiding, target_visible
 from .types import Scene, Size, as_boxes, as_target
 
@@ -56,6 +57,7 @@ class SamplePlanner:
         as_planner(self.planner, "expected a corruption such as Marks()")
         if self.label_policy not in LABEL_POLICIES:
             raise ParameterError(f"label_policy must be keep or avoid, got {self.label_policy!r}")
+        as_seed(self.seed)  # here, not at the first sample in some worker
 
     def plan(
         self,
@@ -151,6 +153,8 @@ def scalar(
     if value is None:
         return default
     try:
+        if isinstance(value, bool):
+            raise TypeError
         return int(value.__index__())
     except (AttributeError, TypeError):
         raise ParameterTypeError(f"{what} must be an integer, got {value!r}") from None

@@ -13,7 +13,7 @@ from typing import Literal, TypeAlias, cast
 import numpy as np
 import numpy.typing as npt
 
-from .errors import ParameterError, ParameterTypeError
+from .errors import ParameterError, ParameterTypeError, shown
 
 Size: TypeAlias = tuple[int, int]
 Box: TypeAlias = tuple[int, int, int, int]
@@ -90,9 +90,13 @@ def as_boxes(value: BoxesLike, what: str = "boxes") -> BoxArray:
     if value is None:
         return np.zeros((0, 4), np.int32)
     try:
+        if np.asarray(value).dtype == np.bool_:
+            raise TypeError  # a mask, which would be boxes of a pixel
         raw = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ParameterTypeError(f"{what} must be rows of x1, y1, x2, y2, got {value!r}") from None
+    except (TypeError, ValueError, OverflowError):
+        raise ParameterTypeError(
+            f"{what} must be rows of x1, y1, x2, y2, got {shown(value)}"
+        ) from None
     if raw.size == 0:
         return np.zeros((0, 4), np.int32)
     if raw.ndim != 2 or raw.shape[1] != 4:

@@ -6,6 +6,7 @@ Exit codes: 0 done, 1 finished but something failed or is invalid, 2 bad usage o
 
 import importlib
 import importlib.util
+import io
 import platform
 import sys
 import warnings
@@ -158,6 +159,7 @@ def main(argv: list[str] | None = None) -> None:
         ModuleNotFoundError: of a module that no extra brings.
     """
     code: object = 0
+    _print_anything()
     try:
         with _plugin_warnings():
             code = hijack.main(
@@ -184,6 +186,16 @@ def main(argv: list[str] | None = None) -> None:
         sys.stderr.close()
         sys.exit(1)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def _print_anything() -> None:
+    """Let what a terminal cannot show be printed as an escape, as Python writes it.
+
+    What agents, models and recordings say is printed as well, and no text of theirs may end a run.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
 @contextmanager

@@ -245,8 +245,10 @@ def follow_tensor(value: Any, plans: list[Plan]) -> Any:
     They follow the geometry of all other labels.
 
     Raises:
+        LabelError: they belong to a picture of another size.
         ParameterError: the pictures of a batch get different sizes.
     """
+    _check_canvas(value, plans[0].size)
     if all(plan.coords.is_identity for plan in plans):
         return value
     moves = {Move(plan.size, plan.out_size) for plan in plans}
@@ -275,6 +277,20 @@ def follow_tensor(value: Any, plans: list[Plan]) -> Any:
         tv_tensors.wrap(plain.to(torch.float64), like=value), list(move.after)
     )
     return tv_tensors.wrap(scaled.as_subclass(torch.Tensor).to(value.dtype), like=scaled)
+
+
+def _check_canvas(value: Any, size: Size) -> None:
+    is_mask = isinstance(value, tv_tensors.Mask)
+    canvas = tuple(value.shape[-2:]) if is_mask else tuple(value.canvas_size)
+    if canvas == tuple(size):
+        return
+    name = type(value).__name__
+    height, width = canvas
+    raise LabelError(
+        f"a {name} belongs to a picture of {width}x{height} pixels, and the sample's has"
+        f" {size[1]}x{size[0]}; resize both with one transform, or give the {name} the canvas that"
+        " it is in"
+    )
 
 
 def _points_moved(points: torch.Tensor, move: Move) -> torch.Tensor:

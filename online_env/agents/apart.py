@@ -69,7 +69,7 @@ class Apart:
 
         Raises `AgentError` if the agent raises.
         """
-        reset = getattr(self.agent, "reset", None)
+        reset = self.call(getattr, self.agent, "reset", None)
         if reset is not None:
             self.call(reset)
 
@@ -79,7 +79,7 @@ class Apart:
         Raises:
             AgentError: the agent raises, or returns anything but a text and a list.
         """
-        predict = getattr(self.agent, "predict", None)
+        predict = self.call(getattr, self.agent, "predict", None)
         if predict is None:
             raise AgentError(f"{type(self.agent).__name__} has no predict(instruction, obs)")
         answer = self.call(predict, instruction, obs)
@@ -88,7 +88,7 @@ class Apart:
                 return said, actions
             case _:
                 wanted = 'predict must return (text, [actions]), such as ("", ["DONE"])'
-                raise AgentError(f"{wanted}, got {answer!r:.200}")
+                raise AgentError(f"{wanted}, got {self.call(repr, answer)[:200]}")
 
     def call(self, function: _Function, *values: Any) -> Any:
         """Call a function in the agent's thread.
@@ -107,8 +107,7 @@ class Apart:
         self._busy = False
         if raised is None:
             return answer
-        problem = f"{type(raised).__name__}: {raised}"
-        raise AgentError(problem, _frames(raised)) from raised
+        raise AgentError(_problem(raised), _frames(raised)) from raised
 
     def close(self) -> None:
         """Let the thread end; twice is fine."""
@@ -126,6 +125,15 @@ def _serve(calls: _Calls, answers: _Answers) -> None:
             answers.put((function(*values), None))
         except BaseException as error:  # noqa: BLE001  (an agent may raise anything)
             answers.put((None, error))
+
+
+def _problem(raised: BaseException) -> str:
+    """Return what an exception says; its text is the agent's own, and may raise in its turn."""
+    name = type(raised).__name__
+    try:
+        return f"{name}: {raised}"
+    except Exception:  # noqa: BLE001
+        return f"{name}, whose text cannot be shown"
 
 
 def _frames(raised: BaseException) -> tuple[str, ...]:

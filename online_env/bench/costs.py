@@ -2,11 +2,20 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeGuard
 
 from ..errors import CostLimitError
 
 COUNTS = ("requests", "input_tokens", "output_tokens")
+_MOST = 2**53  # beyond, floats are no longer exact, and nothing that was counted is so large
+
+
+def is_amount(value: object) -> TypeGuard[float]:
+    """Return whether a value is a number that can be summed: from 0 on, not NaN, not absurd.
+
+    An agent says itself what it has used, so what it says may be anything.
+    """
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value <= _MOST
 
 
 class Budget:
@@ -19,18 +28,30 @@ class Budget:
 
     def __init__(self, limit: float, made: Sequence[Mapping[str, Any]] = ()) -> None:
         self._limit = limit
-        self._spent = cost_of(made)
+        self._spent = 0.0
+        self._unknown = ""
+        for record in made:
+            self.add(record)
 
     def add(self, record: Mapping[str, Any]) -> None:
         """Count an episode that has ended."""
         self._spent += cost_of([record])
+        usage = record.get("usage")
+        if isinstance(usage, Mapping) and usage.get("requests") and usage.get("usd", 0.0) is None:
+            self._unknown = str(record.get("id"))
 
     def check(self) -> None:
         """Check that another episode may begin.
 
         Raises:
-            CostLimitError: the episodes have cost what they may.
+            CostLimitError: the episodes have cost what they may, or nobody knows what.
         """
+        if self._unknown:
+            raise CostLimitError(
+                f"--max-cost {self._limit:g} cannot be kept: what episode {self._unknown} cost is"
+                " not known, perhaps since its endpoint counts no tokens; let it report `usage`, or"
+                " go on with --resume and without --max-cost"
+            )
         if self._spent >= self._limit:
             raise CostLimitError(
                 f"the run has cost {self._spent:.4f} USD, and --max-cost is {self._limit:g}: no"
@@ -44,7 +65,7 @@ def cost_of(made: Sequence[Mapping[str, Any]]) -> float:
     for record in made:
         usage = record.get("usage")
         spent = usage.get("usd") if isinstance(usage, Mapping) else None
-        if isinstance(spent, int | float):
+        if is_amount(spent):
             total += spent
     return total
 
@@ -59,8 +80,8 @@ def usage_line(made: Sequence[Mapping[str, Any]]) -> str:
         for key in COUNTS:
             whole[key] += usage[key]
     requests, read, written = [whole[key] for key in COUNTS]
-    prices = [usage.get("usd") for usage in counted]
-    cost = "price not known" if None in prices else f"{cost_of(made):.2f} USD"
+    known = all(is_amount(usage.get("usd")) for usage in counted)
+    cost = "price not known" if not known else f"{cost_of(made):.2f} USD"
     return f"models: {requests} requests, {read} tokens read, {written} written, {cost}"
 
 
@@ -70,6 +91,11 @@ def _counted(made: Sequence[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
         usage = record.get("usage")
         if not isinstance(usage, Mapping):
             continue
-        counts = [usage.get(key) for key in COUNTS]
-        if all(isinstance(count, int) for count in counts):
+        if has_counts(usage):
             yield usage
+
+
+def has_counts(usage: Mapping[str, Any]) -> bool:
+    """Return whether requests and tokens are there, as whole numbers."""
+    counts = [usage.get(key) for key in COUNTS]
+    return all(is_amount(count) and isinstance(count, int) for count in counts)

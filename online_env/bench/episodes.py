@@ -23,6 +23,7 @@ from .models import begin
 from .records import ResultRecord
 
 KEPT = 2000  # characters of a problem
+_LONGEST_USAGE = 2**20  # characters of JSON: a line of the journal has an end
 # The fields of a record that name an episode, and pair it with others.
 IDENTITY = (
     "id",
@@ -264,7 +265,10 @@ def _account(env: EpisodeEnv, agent: Apart) -> None:
     try:
         usage = agent.call(getattr, agent.agent, "usage", None)
         if isinstance(usage, Mapping):
-            env.account(json.loads(json.dumps(dict(usage), allow_nan=False)))
+            text = json.dumps(dict(usage), allow_nan=False)
+            if len(text) > _LONGEST_USAGE:
+                raise ValueError(f"{len(text)} characters, of which {_LONGEST_USAGE} are allowed")
+            env.account(json.loads(text))
     except (AgentError, TypeError, ValueError) as error:
         env.account({"problem": f"usage cannot be kept: {error}"[:KEPT]})
 

@@ -20,6 +20,7 @@ from ..agents.makers import FileAgentMaker
 from ..agents.registry import AGENTS
 from ..tasks import sets
 from .config import Bench
+from .costs import is_amount
 from .jobs import Job
 from .reading import ResultRecord, read
 
@@ -278,7 +279,7 @@ def _count(found: History, record: ResultRecord) -> None:
     }
     whole = (str(record["agent"]), task, str(record["corruption"]))
     for name, value in values.items():
-        if not isinstance(value, int | float):
+        if not is_amount(value):
             continue
         by_key: dict[tuple[str, ...], list[float]] = getattr(found, name)
         for count in (3, 2, 1):

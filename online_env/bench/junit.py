@@ -6,13 +6,13 @@ with `testsuite`s, whose `testcase`s hold at most one of `skipped`, `error` and 
 
 import re
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
 from hijack_data.files import unwritable, write_atomic
-from hijack_data.runs.run_log import ROW, slug_of
+from hijack_data.runs.run_log import ROW
 
 from . import scores
 from .reading import ResultRecord, Run
@@ -65,7 +65,8 @@ def tree_of(run: Run, gates: Sequence[GateCase]) -> XmlElement:
     for record in scores.latest(run.records).values():
         by_agent.setdefault(str(record["agent"]), []).append(_episode(record))
     suites = [_suite(agent, cases) for agent, cases in by_agent.items()]
-    lost = [_missing(name) for name in _not_there(run)]
+    # The ids of a dataset's rows have another form.
+    lost = [] if run.is_scored else [_missing(name) for name in run.unplayed]
     if lost:
         suites.append(_suite("missing", lost))
     if gates:
@@ -143,27 +144,6 @@ def _add(
     found = ElementTree.SubElement(case, what, type=kind)
     found.set("message", _text(message.split("\n")[0]))
     found.text = _text(message)
-
-
-def _not_there(run: Run) -> Iterator[str]:
-    """Yield the planned episodes without a record."""
-    if run.is_scored:
-        return  # rows of a dataset, whose ids have another form
-    made = {_base(record) for record in run.records}
-    for name in run.episodes:
-        if name not in made:
-            yield name
-
-
-def _base(record: ResultRecord) -> str:
-    """Return the id of the first attempt at an episode."""
-    return slug_of(
-        record["task"],
-        record["corruption"],
-        record["seed"],
-        record["agent"],
-        0,
-    )
 
 
 def _seconds(value: float) -> str:

@@ -1,13 +1,15 @@
 """Reading a run: its head, the records that can be read, and the lines that cannot."""
 
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import prod
 from pathlib import Path
 from typing import Any, TypeAlias, cast
 
-from hijack_data.errors import HijackError
+from hijack_data.errors import HijackError, shown
+from hijack_data.files import read_regular
 from hijack_data.runs.run_log import (
     EPISODE,
     EPISODES,
@@ -17,7 +19,10 @@ from hijack_data.runs.run_log import (
     RUN,
     SCORE_RUN,
     VERSION,
+    slug_of,
 )
+
+from .costs import is_amount
 
 ResultRecord: TypeAlias = dict[str, Any]
 STATUSES = ("ok", "invalid", "error")
@@ -30,6 +35,8 @@ _FIELDS = {
     "seed": int,
     "status": str,
 }
+_HALF = re.compile("[\ud800-\udfff]")
+_AMOUNTS = ("attempt", "steps", "seconds", "malformed")  # where a record has them
 
 
 class RunError(HijackError, ValueError):
@@ -83,11 +90,20 @@ class Run:
     @property
     def missing(self) -> int:
         """How many of them have no record."""
+        if self.episodes:
+            return len(self.unplayed)
         cases = {
             (r["agent"], r["task"], r.get("task_seed"), r["corruption"], r["seed"])
             for r in self.records
         }
         return max(0, self.planned - len(cases))
+
+    @property
+    def unplayed(self) -> tuple[str, ...]:
+        """The ids in `episodes` that have no record; records of other cases do not fill them."""
+        made = {str(record.get("id")) for record in self.records}
+        made |= {_first_id(record) for record in self.records}
+        return tuple(name for name in self.episodes if name not in made)
 
 
 def read(folder: Path) -> Run:
@@ -107,16 +123,20 @@ def read(folder: Path) -> Run:
         episodes=tuple(head.get("episodes") or ()),
     )
     try:
-        lines = (folder / RECORDS).read_bytes().split(b"\n")
+        lines = read_regular(folder / RECORDS).split(b"\n")
     except OSError as error:
         raise RunError(f"{folder / RECORDS}: cannot be read ({error.strerror or error})") from None
+    seen: dict[object, int] = {}
     for number, line in enumerate(lines, 1):
         if not line.strip():
             continue
         try:
-            run.records.append(_parsed(line))
+            record = _parsed(line)
+            _check_new(record, seen, number)
         except _DamagedError as damage:
             run.damaged.append(Damage(number, str(damage)))
+        else:
+            run.records.append(record)
     return run
 
 
@@ -128,7 +148,8 @@ def read_head(folder: Path) -> dict[str, Any]:
     """
     path = folder / RUN
     try:
-        data: object = json.loads(path.read_bytes())
+        data: object = json.loads(read_regular(path), parse_constant=_refuse)
+        json.dumps(data, ensure_ascii=False).encode()  # half of a surrogate pair is no text
     except OSError as error:
         why = error.strerror or error
         raise RunError(
@@ -143,9 +164,14 @@ def read_head(folder: Path) -> dict[str, Any]:
     if not isinstance(version, int) or version > VERSION:
         problem = f"version {version!r} is newer than this library reads"
         raise RunError(f"{path}: {problem}; upgrade agenthijack")
+    if isinstance(version, bool) or version < 1:
+        raise RunError(f"{path}: version {version!r} is none; versions begin with 1")
     for key in ("config", "versions"):
         if not isinstance(head.get(key, {}), dict):
             raise RunError(f"{path}: field {key!r} is not an object")
+    listed = head.get("episodes") or []
+    if not isinstance(listed, list) or not all(isinstance(name, str) for name in listed):
+        raise RunError(f"{path}: field 'episodes' is not a list of ids")
     return head
 
 
@@ -154,7 +180,7 @@ def _episodes(folder: Path) -> Run:
     run = Run(folder=folder)
     for path in sorted((folder / EPISODES).glob(f"*/{EPISODE}")):
         try:
-            run.records.append(_parsed(path.read_bytes()))
+            run.records.append(_parsed(read_regular(path)))
         except OSError as error:
             problem = f"cannot be read ({error.strerror or error})"
         except _DamagedError as damage:
@@ -174,17 +200,59 @@ def _parsed(line: bytes) -> ResultRecord:
     if len(line) > MAX_LINE:
         raise _DamagedError(f"longer than {MAX_LINE} bytes")
     try:
-        data: object = json.loads(line)
+        data: object = json.loads(line, parse_constant=_refuse)
     except (ValueError, RecursionError) as error:
         raise _DamagedError(f"not JSON, perhaps cut off ({str(error)[:120]})") from None
     if not isinstance(data, dict):
         raise _DamagedError("not an object")
     record = cast("ResultRecord", data)
     for key, kind in _FIELDS.items():
-        if not isinstance(record.get(key), kind):
+        if not isinstance(record.get(key), kind) or isinstance(record[key], bool):
             raise _DamagedError(f"field {key!r} is missing or of the wrong type")
+    if not isinstance(record.get("task_seed"), int | str | None):
+        raise _DamagedError("field 'task_seed' is neither a number nor a text")
+    for key in _AMOUNTS:
+        if record.get(key) is not None and not is_amount(record[key]):
+            raise _DamagedError(f"{key} {shown(record[key])} is no number from 0 on")
+    for key in ("agent", "task", "corruption"):
+        if _HALF.search(record[key]):
+            raise _DamagedError(f"field {key!r} holds half of a surrogate pair")
     _check_score(record)
     return {key: value for key, value in record.items() if key not in LINKS}
+
+
+def _refuse(name: str) -> object:
+    """Refuse NaN and its kind, which Python reads as numbers and JSON does not have."""
+    raise ValueError(f"{name} is not a number")
+
+
+def _check_new(
+    record: ResultRecord,
+    seen: dict[object, int],
+    number: int,
+) -> None:
+    """Check that no earlier line is of the same episode, and note this one.
+
+    Raises:
+        _DamagedError: there is one: two journals were put together, or a line was doubled.
+    """
+    name = record.get("id")
+    if not isinstance(name, str):
+        return
+    first = seen.setdefault(name, number)
+    if first != number:
+        raise _DamagedError(f"episode {shown(name)} is on line {first} already, which counts")
+
+
+def _first_id(record: ResultRecord) -> str:
+    """Return the id of the first attempt at the episode of a record."""
+    return slug_of(
+        record["task"],
+        record["corruption"],
+        record["seed"],
+        record["agent"],
+        0,
+    )
 
 
 def _check_score(record: ResultRecord) -> None:
@@ -194,5 +262,5 @@ def _check_score(record: ResultRecord) -> None:
     if status != "ok":
         return
     score = record.get("score")
-    if not isinstance(score, int | float) or not 0 <= score <= 1:
+    if isinstance(score, bool) or not isinstance(score, int | float) or not 0 <= score <= 1:
         raise _DamagedError(f"score {score!r} is no number in 0..1")

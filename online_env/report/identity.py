@@ -10,8 +10,9 @@ from hijack_data.errors import HijackError
 from hijack_data.runs.run_log import RUN, SCORE_RUN, digest_of
 
 from ..bench import scores
+from ..bench.costs import is_amount
 from ..bench.reading import Run, read_head
-from .model import RunIdentity
+from .model import YEAR_10000, RunIdentity
 
 # The paper's corruptions, in the order of the columns of its main table.
 NINE = (
@@ -57,7 +58,7 @@ def identity_of(run: Run) -> RunIdentity:
         source=str(config.get("source", "")),
         head_sha256=_head_digest(run),
         setting_sha256=_setting_digest(config),
-        created=float(created) if isinstance(created, int | float) else None,
+        created=float(created) if is_amount(created) and created < YEAR_10000 else None,
         versions=_texts(head.get("versions")),
         provider=str(desktop.get("provider", "")) if isinstance(desktop, dict) else "",
         recovery=str(config.get("recovery", "")),

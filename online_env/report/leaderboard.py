@@ -186,6 +186,8 @@ def _unranked(report: RunReport, row: AgentSummary) -> str:
         return "reference agent"
     if report.run.missing:
         return f"{report.run.missing} of {report.run.planned} episodes are missing"
+    if report.run.damaged:
+        return f"{report.run.damaged} lines of the run are left out, for they cannot be read"
     if row.corrupted is None:
         return "no corruption was played"
     if row.invalid:

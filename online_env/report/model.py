@@ -4,17 +4,30 @@ All shares (success, retention, differences ...) are fractions, not percent. A v
 exist is `None`: an interval without scipy, a difference without a clean condition.
 """
 
+import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from types import UnionType
-from typing import Any, TypeVar, get_args, get_type_hints
+from typing import Any, TypeVar, cast, get_args, get_type_hints
 
 from hijack_data.errors import HijackError, shown
 from hijack_data.files import check_versioned
+from hijack_data.runs.run_log import GIVEN_KINDS
 
 FORMAT = "agenthijack-report"
 VERSION = 2  # 1 did not say what agents were given, nor how conditions differ
 T = TypeVar("T")
+_SHARES = frozenset(
+    [
+        *("success", "ci_low", "ci_high", "p", "ceiling"),
+        *("clean", "corrupted", "corrupted_low", "corrupted_high", "worst_success"),
+        *("nine", "paper_average"),
+    ]
+)
+_CHANGES = frozenset({"delta", "delta_low", "delta_high"})
+YEAR_10000 = 253_402_300_800  # in seconds since 1970
+_MOST = 2**53
+_ROUNDED = 1e-9  # a mean may be past its end by so much
 _BESIDE = ("format", "version", "comparison", "paper")  # in the file, and not of the report itself
 
 
@@ -260,6 +273,11 @@ def from_data(data: object, where: str) -> RunReport:
         error=ReportError,
     )
     given = {key: value for key, value in found.items() if key not in _BESIDE}
+    try:
+        json.dumps(given, ensure_ascii=False, allow_nan=False).encode()
+    except ValueError as error:
+        said = f"holds what JSON does not have ({str(error)[:100]})"
+        raise ReportError(f"{where}: {said}; make the report again") from None
     return _made(RunReport, given, where)
 
 
@@ -277,10 +295,43 @@ def _made(
     if unknown:
         raise ReportError(f"{where}: unknown field {unknown[0]!r}; make the report again")
     values = {key: _value(hints[key], value, f"{where}: {key}") for key, value in data.items()}
+    for key, value in values.items():
+        _check_range(key, value, f"{where}: {key}")
     try:
         return kind(**values)
     except TypeError as error:
         raise ReportError(f"{where}: {error}; make the report again") from None
+
+
+def _check_range(
+    key: str,
+    value: object,
+    where: str,
+) -> None:
+    """Check a field's content, which agents are ranked by and pages are drawn from.
+
+    Raises:
+        ReportError: it is out of range, or of no known kind.
+    """
+    problem = ""
+    if isinstance(value, int | float):
+        low = -1 if key in _CHANGES else 0
+        high = 1 if key in _CHANGES | _SHARES else _MOST
+        if key == "created":
+            high = YEAR_10000 - 1
+        if not low - _ROUNDED <= value <= high + _ROUNDED:
+            problem = f"must be from {low} to {high}"
+    elif key == "given" and isinstance(value, tuple) and not set(GIVEN_KINDS).issuperset(value):
+        problem = f"must be among {', '.join(GIVEN_KINDS)}"
+    elif key == "settings" and not _holds_objects(value):
+        problem = "must hold the parameters of each label"
+    if problem:
+        raise ReportError(f"{where}: {problem}, got {shown(value)}; make the report again")
+
+
+def _holds_objects(value: object) -> bool:
+    found = cast("Mapping[str, object]", value)
+    return all(isinstance(own, dict) for own in found.values())
 
 
 def _value(
@@ -300,8 +351,10 @@ def _value(
         return _made(hint, value, where)  # type: ignore[arg-type]
     expected = getattr(hint, "__origin__", hint)
     if expected is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
+        return float(max(-2 * _MOST, min(value, 2 * _MOST)))  # out of range stays so
     if isinstance(value, bool) or not isinstance(value, expected):
         name = getattr(expected, "__name__", expected)
         raise ReportError(f"{where}: must be {name}, got {shown(value)}; make the report again")
+    if isinstance(value, Mapping) and arguments and arguments[1] is not Any:
+        return {key: _value(arguments[1], own, f"{where}: {key}") for key, own in value.items()}
     return value

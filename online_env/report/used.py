@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from statistics import fmean
 from typing import Any
 
-from ..bench.costs import COUNTS
+from ..bench.costs import COUNTS, has_counts, is_amount
 from ..bench.reading import ResultRecord
 from ..bench.scores import counts
 
@@ -18,9 +18,9 @@ def means(records: Iterable[ResultRecord]) -> dict[str, Any]:
     """
     every = list(records)
     counted = [record for record in every if counts(record)]
-    steps = [record["steps"] for record in counted if _is_number(record.get("steps"))]
-    seconds = [record["seconds"] for record in counted if _is_number(record.get("seconds"))]
-    broken = [record["malformed"] for record in counted if _is_number(record.get("malformed"))]
+    steps = [record["steps"] for record in counted if is_amount(record.get("steps"))]
+    seconds = [record["seconds"] for record in counted if is_amount(record.get("seconds"))]
+    broken = [record["malformed"] for record in counted if is_amount(record.get("malformed"))]
     found: dict[str, Any] = {
         "steps": fmean(steps) if steps else None,
         "seconds": fmean(seconds) if seconds else None,
@@ -35,15 +35,11 @@ def _tokens(records: Iterable[ResultRecord]) -> dict[str, Any]:
         usage = record.get("usage")
         if isinstance(usage, Mapping):
             usages.append(usage)
-    known = [usage for usage in usages if all(isinstance(usage.get(key), int) for key in COUNTS)]
+    known = [usage for usage in usages if has_counts(usage)]
     if not known:
         return {}
     found: dict[str, Any] = {key: sum(usage[key] for usage in known) for key in COUNTS}
     prices = [usage.get("usd") for usage in known]
-    if all(_is_number(price) for price in prices):
-        found["usd"] = float(sum(price for price in prices if price is not None))
+    if all(is_amount(price) for price in prices):
+        found["usd"] = float(sum(filter(is_amount, prices)))
     return found
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)

@@ -113,7 +113,15 @@ def _sample(
     code = row["action_code"]
     dialect = _dialect(code, action, size)
     box: Any = None if row["target_box"] is None else tuple(row["target_box"])
-    step = RecordedStep(row["step"], "", action, code, box, dialect=dialect or SIZELESS)
+    step = RecordedStep(
+        row["step"],
+        "",
+        action,
+        code,
+        box,
+        dialect=dialect or SIZELESS,
+        extra=row.get("extra") or "",
+    )
     trajectory = Trajectory(
         id=row["trajectory_id"],
         source=row["source"],

@@ -24,7 +24,7 @@ from typing import Any, TypeAlias, cast
 
 from PIL import Image
 
-from hijack_data.files import FORMATS
+from hijack_data.files import FORMATS, open_regular
 from hijack_data.types import Size
 
 from .fields import FieldError, JsonObject, mapping
@@ -98,7 +98,7 @@ def lines(path: Path, limit: int | None = None) -> Iterator[RecordLine]:
     """Yield the lines of a file, never holding more than one of at most `limit` bytes."""
     limit = MAX_RECORD if limit is None else limit
     number = 0
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         while True:
             offset = file.tell()
             data = file.readline(limit + 1)
@@ -160,7 +160,7 @@ def parse_any(path: Path) -> object:
         FieldError: the file is unreadable, empty, too large or not JSON.
     """
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             data = file.read(MAX_RECORD + 1)
     except OSError as error:
         raise FieldError("", f"cannot be read ({error.strerror or error})") from None

@@ -31,7 +31,10 @@ METADATA = "metadata.jsonl"
 FILE_NAME = "file_name"
 # The place of a picture decides its trajectory and step.
 KNOWN = (FILE_NAME, *(name for name in FIELDS if name not in ("trajectory_id", "step", "image")))
-RECORDS = (".json", ".jsonl", ".parquet", ".csv", ".tar", ".zip", ".arrow", ".tfrecord")
+RECORDS = (
+    *(".json", ".jsonl", ".ndjson", ".parquet", ".csv", ".tsv", ".arrow", ".tfrecord"),
+    *(".tar", ".tgz", ".zip", ".7z", ".gz", ".xz", ".bz2", ".zst"),
+)
 
 
 @register

@@ -104,11 +104,12 @@ def train(
         raise click.UsageError(f"--model and --data are for method {METHOD}")
     extras.require("hijack train", "train", ("torch", "gymnasium", "scipy"))
     from .split import check_split
-    from .toy.settings import load_replication
+    from .toy.settings import check_tasks, load_replication
 
     chosen = load_replication(config)
     chosen = _overridden(chosen, arms, seeds, epochs)
     check_split(chosen.training, chosen.evaluation, what=chosen.source)
+    check_tasks(chosen)
     if dry_run:
         for seed in range(chosen.seeds):
             for arm in chosen.arms:

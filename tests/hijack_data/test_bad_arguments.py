@@ -158,3 +158,11 @@ def test_a_large_number_is_out_of_range_in_words():
         ParameterError, match=r"marks\.number must be int in \[0, 100000\], got a int"
     ):
         hj.Marks(number=10**5000)
+
+
+@pytest.mark.parametrize(
+    "boxes", [[[10**400, 0, 1, 1]], np.zeros((2, 4), bool), [[False, True, True, True]]]
+)
+def test_what_is_no_boxes_is_said(boxes):
+    with pytest.raises(ParameterTypeError, match="boxes must be rows of x1, y1, x2, y2, got"):
+        hj.Scene(size=(10, 10), boxes=boxes)

@@ -14,7 +14,11 @@ import pytest
 from PIL import Image
 
 import hijack_data as hj
+<<<<<<< HEAD
 from hijack_data.cli import main
+=======
+from hijack_data import cli
+>>>>>>> breaker
 from hijack_data.files import encode_png, load_image, write_atomic
 
 from support import lean
@@ -437,3 +441,12 @@ def test_build_and_verify(tmp_path):
     done = run("verify", tmp_path / "d", "--json")
     assert done.returncode == 1
     assert json.loads(done.stdout)["ok"] is False
+
+
+def test_what_a_terminal_cannot_show_is_printed_as_an_escape(monkeypatch):
+    printed = io.TextIOWrapper(io.BytesIO(), encoding="utf-8")
+    monkeypatch.setattr(sys, "stdout", printed)
+    with pytest.raises(SystemExit):
+        cli.main(["--help"])
+    print("half a pair: \ud83d", flush=True)
+    assert printed.buffer.getvalue().endswith(b"half a pair: \\ud83d\n")

@@ -17,6 +17,7 @@ from hijack_data.files import (
     decode_image,
     encode_png,
     load_image,
+    read_regular,
     read_versioned_json,
     replace_atomic,
     write_atomic,
@@ -370,3 +371,39 @@ def test_a_folder_that_cannot_be_synced_is_no_error(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "fsync", refuse)
     write_atomic(tmp_path / "a", "content")
     assert (tmp_path / "a").read_text() == "content"
+
+
+# Devices
+
+
+def test_a_pipe_is_written_to_and_never_replaced(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        write_atomic(pipe, "whole")
+        assert os.read(reader, 100) == b"whole"
+    finally:
+        os.close(reader)
+    assert stat.S_ISFIFO(pipe.stat().st_mode), "as root, a rename would replace /dev/null"
+    assert list(tmp_path.iterdir()) == [pipe]
+
+
+def test_a_name_of_an_open_file_is_not_replaced(tmp_path):
+    with (tmp_path / "open").open("w") as file, pytest.raises(HijackError) as error:
+        write_atomic(f"/proc/self/fd/{file.fileno()}", "x")
+    assert "is another name for a file that is open; name the file" in str(error.value)
+    assert (tmp_path / "open").read_bytes() == b""
+
+
+def test_only_a_regular_file_of_somebody_else_is_read(tmp_path):
+    write_atomic(tmp_path / "file", "content")
+    (tmp_path / "link").symlink_to("file")
+    assert read_regular(tmp_path / "link") == b"content"
+    (tmp_path / "endless").symlink_to("/dev/null")  # as /dev/zero, which old code would read on
+    os.mkfifo(tmp_path / "pipe")
+    for name in ("endless", "pipe"):
+        with pytest.raises(OSError, match="is not a regular file, and reading it might never end"):
+            read_regular(tmp_path / name)
+    with pytest.raises(IsADirectoryError):
+        read_regular(tmp_path)

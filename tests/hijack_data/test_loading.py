@@ -282,3 +282,14 @@ def test_doctor_lists_it(tmp_path):
     assert f"okfilebar{file}" in out
     out = " ".join(run("doctor", env={**env, loading.VARIABLE: "gone.py"}).stdout.split())
     assert "broken file AGENTHIJACK_LOAD gone.py: not a Python file that can be read" in out
+
+
+def test_a_file_whose_name_is_not_utf_8(tmp_path):
+    path = os.path.join(os.fsencode(tmp_path), b"\xff.py")
+    try:
+        with open(path, "w"):
+            pass
+    except OSError:
+        pytest.skip("this file system has no such names")
+    with pytest.raises(PluginError, match=r"its path is not UTF-8; rename the file"):
+        loading.load_file(os.fsdecode(path))

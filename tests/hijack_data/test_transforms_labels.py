@@ -6,11 +6,12 @@ import pytest
 
 import hijack_data as hj
 from hijack_data.conformance import picture
+from hijack_data.errors import LabelError, ParameterError, ParameterTypeError
 from hijack_data.plan import Plan
 from hijack_data.safety import target_visible
 
 torch = pytest.importorskip("torch")
-pytest.importorskip("torchvision")
+tv_tensors = pytest.importorskip("torchvision.tv_tensors")
 
 import hijack_data.transforms as tr  # noqa: E402
 
@@ -166,3 +167,29 @@ def test_ends_of_a_batch_and_of_resized_screens():
     ]
     assert out["target_visible"] != [target_visible(p, (190, 110)) for p in out["plan"]]
     assert out["action"][0].end == (20, 25)
+
+
+def canvases(size):
+    """Everything that has a canvas, of this size."""
+    return [
+        tv_tensors.BoundingBoxes(torch.tensor([[4, 4, 9, 9]]), format="XYXY", canvas_size=size),
+        tv_tensors.KeyPoints(torch.tensor([[4, 4]]), canvas_size=size),
+        tv_tensors.Mask(torch.zeros(1, *size, dtype=torch.uint8)),
+    ]
+
+
+@pytest.mark.parametrize("number", range(3))
+@pytest.mark.parametrize("transform", [tr.Resolution(scale=0.5), tr.Marks(number=3, mark_size=8)])
+def test_labels_of_a_picture_of_another_size_are_refused(transform, number):
+    image = tv_tensors.Image(torch.zeros(3, 60, 80, dtype=torch.uint8))
+    transform({"image": image, "id": 1, "label": canvases((60, 80))[number]})
+    other = canvases((30, 40))[number]
+    said = rf"a {type(other).__name__} belongs to a picture of 40x30 pixels, and .* has 80x60"
+    with pytest.raises(LabelError, match=said):
+        transform({"image": image, "id": 1, "label": other})
+
+
+@pytest.mark.parametrize("seed", [-1, 2**64, True, 7.0])
+def test_a_seed_out_of_range_is_refused_where_it_is_given(seed):
+    with pytest.raises((ParameterError, ParameterTypeError), match="seed must be"):
+        tr.Marks(seed=seed)

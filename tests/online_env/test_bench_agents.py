@@ -14,7 +14,7 @@ pytest.importorskip("lxml", reason="needs the extra [online]")
 
 from online_env import tasks
 from online_env.agents import registry as agents
-from online_env.agents.apart import Apart
+from online_env.agents.apart import AgentError, Apart
 from online_env.agents.base import Privileged
 from online_env.agents.oracle import Oracle
 from online_env.bench.episodes import _played, play
@@ -444,3 +444,43 @@ def test_what_an_agent_was_given_is_kept_though_it_raised_over_it():
     env = Env(steps=1)
     assert play(env, Prepared(["a"]), JOB, 0, None, raises)["status"] == "error"
     assert env.given == ["task"]
+
+
+class Unspeakable(Exception):
+    def __str__(self):
+        raise RuntimeError("nothing")
+
+    __repr__ = __str__
+
+
+class Unspeaking:
+    """Its exception, its answer or its very attributes raise when they are looked at."""
+
+    def __init__(self, how):
+        self.how = how
+
+    def __getattribute__(self, name):
+        if name == "predict" and object.__getattribute__(self, "how") == "attribute":
+            raise Unspeakable
+        return object.__getattribute__(self, name)
+
+    def predict(self, instruction, obs):
+        if self.how == "raises":
+            raise Unspeakable
+        return Unspeakable()
+
+
+@pytest.mark.parametrize(
+    ("how", "problem"),
+    [
+        ("raises", "Unspeakable, whose text cannot be shown"),
+        ("answers", "RuntimeError: nothing"),
+        ("attribute", "Unspeakable, whose text cannot be shown"),
+    ],
+)
+def test_what_cannot_be_shown_ends_an_episode_and_not_the_run(how, problem):
+    with (
+        Apart(lambda: Unspeaking(how)) as agent,
+        pytest.raises(AgentError, match=f"^{problem}$"),
+    ):
+        agent.predict("do it", {})

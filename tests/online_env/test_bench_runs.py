@@ -367,11 +367,11 @@ def test_invalid_episodes_are_run_again_then_reported(folder):
     job = Job("oracle", "t", "few", 0)
     answers = iter(
         [
-            made(status="invalid"),
-            made(score=0.5),
-            made(status="invalid"),
-            made(status="invalid"),
-            made(status="error"),
+            made(id="a", status="invalid"),
+            made(id="b", score=0.5),
+            made(id="c", status="invalid"),
+            made(id="d", status="invalid"),
+            made(id="e", status="error"),
         ]
     )
     log = Log()
@@ -410,7 +410,7 @@ def test_what_was_done_is_on_the_disk_before_the_next_begins(folder):
         seen.append(len(records.read(folder).records))
         if len(seen) == 3:
             raise KeyboardInterrupt
-        return made()
+        return made(id=str(len(seen)))
 
     with pytest.raises(KeyboardInterrupt):
         runner.run_jobs([Job("oracle", "t", "clean", 0)] * 5, folder, 1, episode, Log())
@@ -423,7 +423,18 @@ def test_a_budget_counts_what_was_spent_before_and_reads_the_journal_no_more(fol
     budget = costs.Budget(1.0, [made(usage=spent)])
     monkeypatch.setattr(records, "read", lambda _: pytest.fail("the journal was read again"))
     jobs = [Job("oracle", "t", "clean", seed) for seed in range(4)]
+
+    def episode(job, attempt):
+        return made(id=str(job.seed), usage=spent)
+
     with pytest.raises(CostLimitError, match=r"has cost 1\.2000 USD, and --max-cost is 1:"):
-        runner.run_jobs(jobs, folder, 0, lambda *_: made(usage=spent), Log(), budget=budget)
+        runner.run_jobs(jobs, folder, 0, episode, Log(), budget=budget)
     monkeypatch.undo()
     assert len(records.read(folder).records) == 2, "the third would begin at 1.20 of 1 USD"
+
+
+def test_a_budget_is_not_kept_by_what_costs_nobody_knows_how_much():
+    spent = {"requests": 3, "input_tokens": 0, "output_tokens": 0, "usd": None}
+    costs.Budget(1.0, [made(usage=None), made(usage={"turns": 5})]).check()
+    with pytest.raises(CostLimitError, match="what episode t-clean cost is not known"):
+        costs.Budget(1.0, [made(usage=spent)]).check()

@@ -15,6 +15,7 @@ pytest.importorskip("anthropic", reason="needs the extra [agents]")
 from online_env.agents.chat.endpoint import RetryWaits
 from online_env.agents.chat.parsing import ReplyParser
 from online_env.agents.chat.query import Reply
+from online_env.agents.chat.request_log import RequestLog
 from online_env.agents.settings import COORDINATES
 from online_env.bench.episodes import play
 from online_env.bench.jobs import Job
@@ -129,6 +130,45 @@ def test_an_endpoint_may_ask_for_a_wait_and_there_is_a_longest_one(tmp_path, mon
     waits = [seconds for seconds in slept if seconds]  # the server sleeps as well, for 0 s
     assert (waits[0], waits[2]) == (5.0, 5.0)
     assert 2.0 <= waits[1] <= 3.0, "twice the first one, and some chance"
+
+
+def test_half_a_surrogate_pair_is_said_and_the_next_request_goes_out(tmp_path):
+    with serving("click \ud83d here", GOOD) as endpoint:
+        agent = agent_of(tmp_path, endpoint.url, retries=0)
+        assert ask(agent) == ["click \ud83d here"]
+        assert ask(agent) == CLICK
+    assert "click \N{REPLACEMENT CHARACTER} here" in json.dumps(
+        endpoint.asked[1], ensure_ascii=False
+    )
+
+
+@pytest.mark.parametrize(
+    ("counts", "used"),
+    [
+        (None, (0, 0, None)),
+        ({"prompt_tokens": True, "completion_tokens": 5}, (0, 5, None)),
+        ({"prompt_tokens": 10**30, "completion_tokens": 5}, (0, 5, None)),
+        ({"prompt_tokens": 7, "completion_tokens": 5}, (7, 5, 12e-6)),
+    ],
+)
+def test_an_endpoint_that_does_not_count_is_not_free(tmp_path, counts, used):
+    body = json.dumps({**chat(GOOD), "usage": counts}).encode()
+    prices = "{input: 1, output: 1}"
+    with serving(Raw(body)) as endpoint:
+        agent = agent_of(tmp_path, endpoint.url, prices=prices)
+        ask(agent)
+    usage = agent.usage
+    found = (usage["input_tokens"], usage["output_tokens"], usage["usd"])
+    assert found == used
+
+
+def test_an_answer_may_begin_with_a_mark_and_hold_what_json_does_not_have(tmp_path):
+    body = json.dumps({**chat(GOOD), "logprobs": [float("-inf")]}).encode()
+    with serving(Raw(b"\xef\xbb\xbf" + body)) as endpoint:
+        agent = agent_of(tmp_path, endpoint.url, retries=0)
+        agent._model._recorder = RequestLog(tmp_path / "requests.jsonl")
+        assert ask(agent) == CLICK
+    assert '"logprobs": [null]' in (tmp_path / "requests.jsonl").read_text()
 
 
 # What the model says
@@ -334,6 +374,7 @@ class Counter:
         ("much", None),
         ({"tokens": float("nan")}, {"problem": "usage cannot be kept: Out of range float"}),
         ({"tokens": object()}, {"problem": "usage cannot be kept: Object of type object"}),
+        ({"log": "x" * 2**20}, {"problem": "usage cannot be kept: 1048587 characters"}),
     ],
 )
 def test_any_agent_may_count(usage, kept):

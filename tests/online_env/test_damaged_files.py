@@ -10,13 +10,13 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 from hijack_data.errors import ConfigError, HijackError, ParameterError, UnknownNameError
 from online_env.agents.chat.request_log import RequestReplay
 from online_env.agents.scripted import Scripted, read_script
-from online_env.bench import reading, records
+from online_env.bench import costs, reading, records
 from online_env.bench.gate import ReleaseGate
 from online_env.bench.reading import RunError
 from online_env.errors import ReplayError
 from online_env.osworld import table
 from online_env.osworld import tasks as osworld_tasks
-from online_env.report.build import load_report
+from online_env.report.build import build_report, load_report
 from online_env.report.cli import report
 
 CONFIG = {"agents": ["oracle"], "corruptions": ["clean"]}
@@ -69,6 +69,7 @@ def test_a_run_goes_on_and_its_journal_stays_as_it_was(run):
         ({"version": 1}, r"was begun by an older version \(format 1, now \d+\); begin a new run"),
         ({"version": 10**6}, "version 1000000 is newer than this library reads; upgrade"),
         ({"version": "2"}, "version '2' is newer than this library reads"),
+        ({"version": -1}, "version -1 is none; versions begin with 1"),
         ({"format": "another"}, r"is not the head of a run \(field 'format' must be"),
         ({"config": []}, "field 'config' is not an object"),
         ({"versions": {"agenthijack": "0.0.1"}}, r"was begun with agenthijack 0\.0\.1, this is"),
@@ -127,7 +128,101 @@ def test_a_run_that_another_process_plays(run):
     resume(run)
 
 
+# Lines that no run writes
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"task_seed": []}, "field 'task_seed' is neither a number nor a text"),
+        ({"seed": True}, "field 'seed' is missing or of the wrong type"),
+        ({"score": True}, "score True is no number in 0..1"),
+        ({"steps": float("nan")}, "NaN is not a number"),
+        ({"steps": -1}, "steps -1 is no number from 0 on"),
+        ({"seconds": 10**400}, "is no number from 0 on"),
+        ({"malformed": "1"}, "malformed '1' is no number from 0 on"),
+        ({"attempt": True}, "attempt True is no number from 0 on"),
+        ({"agent": "\ud800"}, "field 'agent' holds half of a surrogate pair"),
+        ({}, f"episode '{EPISODES[0]}' is on line 1 already, which counts"),
+    ],
+)
+def test_a_line_that_no_run_writes_is_left_out_and_named(run, changes, said):
+    other = {"id": "another"} if changes else {}
+    with (run / reading.RECORDS).open("a") as file:
+        file.write(json.dumps({**RECORD, "score": 0.0, **other, **changes}) + "\n")
+    found = records.read(run)
+    assert [record["score"] for record in found.records] == [1.0]
+    ((line, problem),) = [(damage.line, damage.problem) for damage in found.damaged]
+    assert line == 2
+    assert said in problem
+    done = CliRunner().invoke(report, [str(run), "--format", "json"])
+    assert done.exit_code == 1, "something is damaged"
+    assert f"records.jsonl:2: skipped: {problem}" in done.stderr
+
+
+def test_what_an_agent_says_it_used_is_summed_only_if_it_can_be(run):
+    sane = {"requests": 1, "input_tokens": 20, "output_tokens": 3, "usd": 0.25}
+    odd = [sane, {**sane, "usd": -9.0}, {**sane, "input_tokens": -5}, {**sane, "usd": 10**400}]
+    with (run / reading.RECORDS).open("a") as file:
+        for number, usage in enumerate(odd):
+            names = {"id": f"more-{number}", "task": f"task-{number}", "usage": usage}
+            file.write(json.dumps({**RECORD, **names}) + "\n")
+    found = records.read(run)
+    assert not found.damaged
+    (cell,) = build_report(found).cells
+    assert (cell.input_tokens, cell.usd) == (60, None), "one price is not known"
+    assert costs.cost_of(found.records) == 0.5
+    assert costs.usage_line(found.records).endswith("60 tokens read, 9 written, price not known")
+
+
+def test_records_of_other_episodes_do_not_stand_for_missing_ones(tmp_path):
+    folder = tmp_path / "run"
+    planned = [EPISODES[0], "oracle--rename--clean--0"]
+    with records.create(folder, CONFIG, planned):
+        records.append_all(folder, [RECORD, {**RECORD, "id": "x", "agent": "another"}])
+    found = records.read(folder)
+    assert found.unplayed == ("oracle--rename--clean--0",)
+    assert found.missing == 1
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"episodes": 5}, "field 'episodes' is not a list of ids"),
+        ({"episodes": [5]}, "field 'episodes' is not a list of ids"),
+        ({"created": float("nan")}, "is not JSON (NaN is not a number)"),
+        ({"config": {"source": "\ud800"}}, "is not JSON ('utf-8' codec can't encode"),
+    ],
+)
+def test_a_head_that_no_run_writes(run, changes, said):
+    head_of(run, **changes)
+    found = CliRunner().invoke(report, [str(run)])
+    assert isinstance(found.exception, RunError)
+    assert str(run / reading.RUN) in str(found.exception)
+    assert said in str(found.exception)
+
+
+@pytest.mark.parametrize("created", [10**400, 1e300, -1, True])
+def test_a_run_of_a_machine_without_a_clock_has_no_date(run, tmp_path, created):
+    head_of(run, created=created)
+    done = CliRunner().invoke(report, [str(run), "-o", str(tmp_path / "report.html")])
+    assert done.exit_code == 0, done.output
+    assert "begun</" not in (tmp_path / "report.html").read_text()
+
+
+@pytest.mark.parametrize("name", [reading.RUN, reading.RECORDS])
+def test_a_device_in_the_place_of_a_file_is_not_read(run, name):
+    (run / name).unlink()
+    (run / name).symlink_to("/dev/null")
+    with pytest.raises(RunError, match="is not a regular file, and reading it might never end"):
+        reading.read(run)
+
+
 # Reports
+
+
+def cell(**fields):
+    return {"cells": [{"agent": "a", "corruption": "clean", "n": 1, **fields}]}
 
 
 def test_a_report_of_a_report_that_was_edited(run, tmp_path):
@@ -141,6 +236,25 @@ def test_a_report_of_a_report_that_was_edited(run, tmp_path):
         ({"cells": 5}, "cells: must be a list, got 5; make the report again"),
         ({"cells": [5]}, "must be an object, got 5; make the report again"),
         ({"cells": [{"agent": 5}]}, "agent: must be str, got 5; make the report again"),
+        (cell(success=7.0), "success: must be from 0 to 1, got 7.0; make the report again"),
+        (cell(delta=-2), "delta: must be from -1 to 1, got -2.0"),
+        (cell(steps=10**400), "steps: must be from 0 to 9007199254740992"),
+        (cell(n=-1), "n: must be from 0 to"),
+        (cell(success=float("nan")), "holds what JSON does not have"),
+        (cell(agent="\ud800"), "holds what JSON does not have"),
+        (
+            {"summaries": [{"agent": "a", "n": 1, "given": ["hints"]}]},
+            "given: must be among task, plan, got ('hints',)",
+        ),
+        (
+            {"run": {"name": "x", "kind": "bench", "settings": {"marks": 5}}},
+            "settings: must hold the parameters of each label",
+        ),
+        (
+            {"run": {"name": "x", "kind": "bench", "corruptions": {"marks": []}}},
+            "corruptions: marks: must be str, got []",
+        ),
+        ({"run": {"name": "x", "kind": "bench", "created": 1e18}}, "created: must be from 0 to"),
     ):
         made.write_text(json.dumps(data | changes))
         with pytest.raises(HijackError) as error:

@@ -145,6 +145,17 @@ def test_what_lacks_episodes_has_no_rank(runs):
     assert ranks["strong"] == (1, "")
 
 
+def test_an_episode_that_is_there_twice_has_no_rank(runs):
+    path = runs / "deep" / "b" / "records.jsonl"
+    lines = path.read_bytes().splitlines(keepends=True)
+    path.write_bytes(b"".join([*lines, lines[0].replace(b'"score": 1.0', b'"score": 0.0')]))
+    (board,) = rankings_of(read_all(runs))
+    ranks = {line.row.agent: (line.rank, line.why) for line in board.lines}
+    assert ranks["weak"] == (1, "")
+    said = "1 lines of the run are left out, for they cannot be read"
+    assert ranks["strong"] == (None, said)
+
+
 def test_a_finished_report_counts_as_a_run(runs, capsys):
     _, out, _ = hijack(capsys, "report", runs / "a", "--format", "json")
     (runs / "mine.report.json").write_text(out)

@@ -283,7 +283,7 @@ def test_an_empty_run_and_another_version_are_refused(tmp_path, capsys):
 
 def test_what_is_missing_is_said_and_exits_with_1(tmp_path, capsys):
     found = [made("a", "t0")]
-    with records.create(tmp_path / "run", {"agents": ["a"]}, ["x", "y", "z"]):
+    with records.create(tmp_path / "run", {"agents": ["a"]}, [found[0]["id"], "y", "z"]):
         records.append_all(tmp_path / "run", found)
     code, out, err = hijack(capsys, "report", tmp_path / "run", "-o", tmp_path / "r.md")
     assert (code, out) == (1, f"wrote {tmp_path / 'r.md'}\n")

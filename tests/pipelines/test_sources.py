@@ -8,9 +8,11 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import hijack_data as hj
+from hijack_data.files import encode_png, write_atomic
 from hijack_data.types import Trajectory
 from pipelines import build, open_dataset, verify
 from pipelines.errors import BuildError, SourceError
@@ -44,6 +46,17 @@ def mixed(tmp_path: Path) -> Path:
         (folder / name).mkdir(parents=True)
         make(folder / name)
     return folder
+
+
+@pytest.mark.parametrize("name", ["trajectories.jsonl.gz", "steps.ndjson", "labels.tsv", "all.tgz"])
+def test_pictures_are_not_read_alone_beside_records_that_are_not_read(
+    tmp_path: Path, name: str
+) -> None:
+    write_atomic(tmp_path / "a.png", encode_png(np.zeros((9, 16, 3), np.uint8)))
+    (tmp_path / name).write_bytes(b"\x1f\x8b")
+    with pytest.raises(SourceError, match=rf"{name} is of none.*or take the pictures alone"):
+        survey(tmp_path)
+    assert list(survey(tmp_path, "images").parts) == ["images"]
 
 
 def test_a_mixed_folder_is_read_by_all_its_readers(mixed: Path, tmp_path: Path) -> None:

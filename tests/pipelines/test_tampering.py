@@ -372,3 +372,10 @@ def test_what_follows_from_something_else_is_found_in_version_1_too(name, run):
     as_version_1(run)
     TAMPERINGS[name](run)
     assert rebuild(run).problems, f"{name}: not found"
+
+
+@pytest.mark.parametrize("name", ["records.jsonl", f"episodes/{MARKS}/steps.jsonl"])
+def test_a_device_in_the_place_of_a_file_is_not_read(name, run):
+    (run / name).unlink()
+    (run / name).symlink_to("/dev/null")
+    assert any("is not a regular file" in problem for problem in rebuild(run).problems)

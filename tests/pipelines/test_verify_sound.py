@@ -80,3 +80,20 @@ def test_inputs_that_are_rejected(
         good_line("t9", 0, action_code="pyautogui.click(somewhere)", image="images/t0-0.png"),
     )
     check(source, tmp_path / "out", small, rows_per_shard=7)
+
+
+@pytest.mark.parametrize("output", ["materialised", "lazy"])
+@pytest.mark.parametrize("clean", [True, False])
+def test_what_else_a_recording_says(
+    output: str,
+    clean: bool,
+    recording: Any,
+    add_line: Any,
+    good_line: Any,
+    tmp_path: Path,
+) -> None:
+    source = recording(trajectories=1, steps=1)
+    more = {"thought": "The column is too narrow.", "reward": 0.5, "huge": 10**400}
+    add_line(source, good_line("t9", 0, image="images/t0-0.png", **more))
+    planners = {"few": hj.Marks(number=3, mark_size=6), "half": hj.Resolution(scale=0.5)}
+    check(source, tmp_path / "out", planners, output=output, clean=clean)

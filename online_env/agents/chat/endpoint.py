@@ -20,6 +20,7 @@ from .wires import ModelWire, wire_of
 from .wires.common import EXTRA, RETRIES
 
 _AGAIN = frozenset({408, 409, 425, 429})  # statuses below 500 after which a request may succeed
+_BOM = "\ufeff"
 _KEPT = 500  # characters of what an endpoint says about a failure
 
 
@@ -165,7 +166,7 @@ class Endpoint:
         except Exception as error:  # the clients raise their own, and those of what is below
             raise self._explained(error) from error
         try:
-            answer = json.loads(text)
+            answer = json.loads(text.removeprefix(_BOM), parse_constant=lambda _: None)
         except (ValueError, RecursionError) as error:
             raise EndpointError(
                 f"{self._place}: the answer is not whole JSON ({error}): {shown(text[-80:])}",

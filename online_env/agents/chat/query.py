@@ -3,6 +3,7 @@
 import base64
 import hashlib
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -15,6 +16,7 @@ from hijack_data.types import Size, UInt8Array
 from .prompts import Prompt
 
 URL = "data:image/png;base64,"
+_HALF = re.compile("[\ud800-\udfff]")
 LEFT_OUT = "(An older screenshot, left out.)"
 
 
@@ -152,9 +154,14 @@ def _add(
 
 
 def wired(body: Any) -> Any:
-    """Return a request with its pictures as base64, as it goes out."""
+    """Return a request with its pictures as base64, as it goes out.
+
+    A model may have said half of a surrogate pair, which no request can carry back to it.
+    """
     if isinstance(body, EmbeddedPicture):
         return f"{body.prefix}{body.picture.base64}"
+    if isinstance(body, str):
+        return _HALF.sub("\N{REPLACEMENT CHARACTER}", body)
     return _walked(body, wired)
 
 

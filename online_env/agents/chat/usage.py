@@ -55,7 +55,13 @@ class UsageMeter:
         seconds: float,
         tries: int,
     ) -> None:
-        """Count one answered request; `tries` is how often it was sent."""
+        """Count one answered request; `tries` is how often it was sent.
+
+        No request is read without tokens, so 0 of them mean that the endpoint does not count: what
+        that costs is not known, unless tokens cost nothing.
+        """
+        if prices is not None and not read and prices.cost(1, 1):
+            prices = None
         used = TokenCounts(
             requests=1,
             retries=tries - 1,

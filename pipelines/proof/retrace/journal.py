@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.errors import HijackError
+from hijack_data.files import read_regular
 from hijack_data.planner import Planner
 from hijack_data.runs.run_log import (
     CHAINED,
@@ -279,7 +280,7 @@ def _read_head(journal: Journal) -> None:
 def _read_records(journal: Journal) -> None:
     path = journal.folder / RECORDS
     try:
-        content = path.read_bytes()
+        content = read_regular(path)
     except OSError as error:
         journal.found.append(f"{RECORDS}: cannot be read ({error.strerror or error})")
         return

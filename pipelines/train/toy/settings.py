@@ -24,6 +24,7 @@ from hijack_data.planner import Planner
 
 from ..replay import WHEN
 from .arms import ARMS
+from .tasks import toy_task
 
 ENVIRONMENTS = ("toy",)
 _NUMBERS = {
@@ -42,6 +43,7 @@ _NUMBERS = {
     "start_tasks": Parameter("int", "Tasks that the expert shows", low=1, high=100_000),
     "start_epochs": Parameter("int", "How often the start sees each", low=1, high=10_000),
 }
+_SETS = {"training": "toy/training", "evaluation": "toy/held_out"}
 _KEYS = ("environment", "training", "evaluation", "arms", "trained", "untrained", *_NUMBERS)
 
 
@@ -148,6 +150,13 @@ class _Reader:
                 found[key] = self._tasks(key, item)
             elif key == "environment":
                 self._environment(item)
+        for label in found.get("untrained", {}):
+            if label in found.get("trained", {}):
+                self._problems.add(
+                    tree.items["untrained"].place,
+                    f"untrained: {label!r} is in trained, too, so runs are trained with it; take it"
+                    " out, or label it, such as as: other",
+                )
         self._problems.check()
         return Replication(**found)
 
@@ -167,8 +176,12 @@ class _Reader:
             if value in ARMS and value not in names:
                 names.append(str(value))
                 continue
-            twice = " twice" if value in names else ""
-            self._problems.add(node.place, f"arms: no {value!r}{twice}{suggest(value, ARMS)}")
+            problem = f"arms: no {value!r}{suggest(value, ARMS)}"
+            if value in names:
+                problem = f"arms: {value!r} is there twice; remove one"
+            self._problems.add(node.place, problem)
+        if isinstance(item, SequenceNode) and not item.items:
+            self._problems.add(item.place, f"arms is empty; known: {', '.join(ARMS)}")
         return tuple(names)
 
     def _tasks(self, key: str, item: ConfigNode) -> tuple[str, ...]:
@@ -185,7 +198,22 @@ class _Reader:
                 names += members(value)
             except UnknownNameError as error:
                 self._problems.add(node.place, f"{key}: {error}")
+        if not names and isinstance(item, SequenceNode) and not item.items:
+            self._problems.add(item.place, f"{key} is empty; name a set, such as {_SETS[key]}")
         return tuple(dict.fromkeys(names))
+
+
+def check_tasks(replication: Replication) -> None:
+    """Check that all tasks are the toy desktop's, before anything is played.
+
+    Raises:
+        UnknownNameError: one is not.
+    """
+    for name in (*replication.training, *replication.evaluation):
+        try:
+            toy_task(name)
+        except UnknownNameError as error:
+            raise UnknownNameError(f"{replication.source}: {error}") from None
 
 
 def settings_of(replication: Replication) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hijack_data.files import read_regular
 from hijack_data.runs.given import given_of, given_words
 from hijack_data.runs.run_log import (
     CHAINED,
@@ -233,7 +234,7 @@ def _version_problem(record: Mapping[str, Any]) -> str:
 def _lines(folder: Path) -> list[bytes] | None:
     """Return the lines of the journal; `None` if there is none."""
     try:
-        return (folder / RECORDS).read_bytes().split(b"\n")
+        return read_regular(folder / RECORDS).split(b"\n")
     except OSError:
         return None
 

@@ -110,6 +110,14 @@ def test_the_shipped_configuration_is_the_paper_s():
         ("  - marks:", "  - mark:", "did you mean 'marks'"),
         ("epochs: 2\n", "arms: [grpo, dagrpo]\n", "did you mean 'da_grpo'"),
         ("trained:\n", "traned:\n", "trained is missing"),
+        ("epochs: 2\n", "arms: [grpo, grpo]\n", "arms: 'grpo' is there twice; remove one"),
+        ("epochs: 2\n", "arms: []\n", "arms is empty; known: grpo, da_grpo"),
+        (
+            "[toy-10000, toy-10001, toy-10002]",
+            "[]",
+            "evaluation is empty; name a set, such as toy/",
+        ),
+        ("[verification]", "[marks]", "untrained: 'marks' is in trained, too"),
     ],
 )
 def test_mistakes_are_named(config, old, new, message):
@@ -117,6 +125,13 @@ def test_mistakes_are_named(config, old, new, message):
     with pytest.raises(ConfigError) as caught:
         load_replication(config)
     assert message in str(caught.value)
+
+
+def test_tasks_of_another_desktop_are_told_before_anything_is_played(config, tmp_path):
+    config.write_text(SMALL.replace("toy-00003", "task-3"))
+    done = CliRunner().invoke(train, [str(config), "--out", str(tmp_path / "out"), "--dry-run"])
+    assert isinstance(done.exception, HijackError)
+    assert f"{config}: no task 'task-3' of the toy desktop" in str(done.exception)
 
 
 def test_several_mistakes_at_once(config):

@@ -11,6 +11,7 @@ from ...settings import AgentSettings, ModelSettings
 
 EXTRA = "agents"
 RETRIES = "tenacity"
+_MOST = 2**53  # tokens: a larger count is none
 NO_KEY = "none"  # what is sent to endpoints that want no key: the client insists on one
 MODULES = {
     "openai": "openai",
@@ -70,7 +71,7 @@ def tokens(usage: object, *names: str) -> int:
     whole = 0
     for name in names:
         count = usage.get(name)
-        if isinstance(count, int):
+        if isinstance(count, int) and not isinstance(count, bool) and count <= _MOST:
             whole += max(0, count)
     return whole
 
