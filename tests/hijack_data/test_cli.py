@@ -14,11 +14,8 @@ import pytest
 from PIL import Image
 
 import hijack_data as hj
-<<<<<<< HEAD
-from hijack_data.cli import main
-=======
 from hijack_data import cli
->>>>>>> breaker
+from hijack_data.cli import main
 from hijack_data.files import encode_png, load_image, write_atomic
 
 from support import lean
