@@ -8,6 +8,7 @@ from online_env.tasks.kit.words import CITIES, sample
 from online_env.tasks.plan_words import quoted
 
 APP = "mousepad"
+LINE = 60  # pixels; a field is one line high
 WORDS = {
     "lamp": ("lampshade", "lantern"),
     "bench": ("workbench", "table"),
@@ -80,10 +81,8 @@ class ReplaceWord(Task):
         text_editor.begin(hand, drawn.path, drawn.text, APP)
         hand.press("ctrl", "r")
         hand.find("dialog", "Find and Replace", APP)
-        hand.find("text", app=APP, state="focused")
-        hand.replace(drawn.old)
-        hand.press("tab")
-        hand.replace(drawn.new)
+        _fill(hand, 0, drawn.old)
+        _fill(hand, 1, drawn.new)
         for box in ("Match whole word", "Replace all in:"):
             if hand.see("check-box", box, APP, "checked") is None:
                 hand.click_on("check-box", box, APP)
@@ -124,3 +123,17 @@ class ReplaceWord(Task):
 
     def right(self, machine):
         machine.write(self.drawn.path, self.drawn.wanted.rstrip("\n"))
+
+
+def _is_field(node):
+    """Whether a node is one of the dialog's two fields, which have no names; the text is higher."""
+    return node.app == APP and node.role == "text" and node.box and node.box[3] - node.box[1] < LINE
+
+
+def _fill(hand, number, text):
+    """Fill a field of the dialog; the keyboard may be with the other window."""
+    hand.wait("a field of the dialog", _is_field)
+    fields = sorted(filter(_is_field, hand.look()), key=lambda node: node.centre[1])
+    hand.click(fields[number])
+    hand.replace(text)
+    hand.wait(f"a field with {text!r}", lambda node: _is_field(node) and node.text == text)
