@@ -30,7 +30,8 @@ _SYSTEM = (
     "wrapper",
     "xfce4-notifyd",
 )
-_WINDOWS = ("frame", "dialog", "file-chooser", "alert")
+_DIALOGS = ("dialog", "file-chooser", "alert")
+_WINDOWS = ("frame", *_DIALOGS)
 _OFFLINE = re.compile("No internet|This site can.t be reached|Your connection was interrupted")
 
 
@@ -171,13 +172,26 @@ class CarefulHand(Hand):
             if node.app == _PANEL and node.box and node.name == window.name:
                 self._click_plainly(node)
                 self._until(lambda later: not _is_minimised(window, later))
+                self._return_to_dialog()
                 return True
         return False
 
+    def _return_to_dialog(self) -> None:
+        """Give the keyboard back to a dialog: its window was restored, and has it now."""
+        for node in self.look():
+            if self._is_own(node) and node.role in _DIALOGS and node.box:
+                self._activate(node)
+                return
+
+    def _activate(self, window: TreeNode) -> None:
+        """Click on the title bar of a window that does not have the keyboard."""
+        if "active" in window.states:
+            return
+        x1, y1, x2, _ = window.box or (0, 0, 0, 0)
+        super().run(f"pyautogui.click({(x1 + x2) // 2}, {y1 + 10})")
+
     def _close(self, window: TreeNode) -> None:
-        if "active" not in window.states:
-            x1, y1, x2, _ = window.box or (0, 0, 0, 0)
-            super().run(f"pyautogui.click({(x1 + x2) // 2}, {y1 + 10})")  # its title bar
+        self._activate(window)
         super().run("pyautogui.hotkey('alt', 'f4')")
         self._until(lambda seen: not any(n.app == window.app and n.box for n in seen))
 
