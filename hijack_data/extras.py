@@ -6,9 +6,12 @@ Whatever needs an extra says so with the words made here: one remedy, printed ev
 import functools
 import importlib
 import importlib.util
+import json
 import re
+import shlex
 from collections.abc import Iterable, Mapping
 from typing import Any
+from urllib.parse import unquote, urlsplit
 
 from .errors import MissingDependencyError
 
@@ -33,9 +36,46 @@ _REQUIREMENT = re.compile(r"""([A-Za-z0-9._-]+).*;\s*extra\s*==\s*["']([^"']+)["
 
 
 def remedy(*extras: str) -> str:
-    """Return the command that adds `extras`, for a release and in a clone."""
+    """Return the command that adds `extras` here, to a clone, a wheel or a release."""
+    return install_command(extras, _origin())
+
+
+def remedy_anywhere(*extras: str) -> str:
+    """Return the command that adds `extras`, for a release and in a clone, for other machines."""
     names = ",".join(extras)
     return f"pip install 'agenthijack[{names}]', or from a clone: pip install -e '.[{names}]'"
+
+
+def install_command(extras: Iterable[str], origin: str) -> str:
+    """Return the command that adds extras to the package as it is installed.
+
+    Args:
+        extras: their names.
+        origin: `direct_url.json` of the installed package (PyPA's "Direct URL Data Structure"),
+            or "" for a release.
+    """
+    names = ",".join(extras)
+    release = f"pip install '{DISTRIBUTION}[{names}]'"
+    try:
+        found = json.loads(origin or "{}")
+        url = str(found["url"])
+    except (ValueError, TypeError, KeyError):
+        return release
+    if "dir_info" not in found:
+        return f"pip install '{DISTRIBUTION}[{names}] @ {url}'"
+    folder = unquote(urlsplit(url).path)
+    editable = "-e " if (found["dir_info"] or {}).get("editable") else ""
+    return f"pip install {editable}{shlex.quote(f'{folder}[{names}]')}"
+
+
+@functools.lru_cache(maxsize=1)
+def _origin() -> str:
+    import importlib.metadata  # here: it is slow to import, and rarely needed
+
+    try:
+        return importlib.metadata.distribution(DISTRIBUTION).read_text("direct_url.json") or ""
+    except (importlib.metadata.PackageNotFoundError, OSError, ValueError):
+        return ""
 
 
 def missing(what: str, *extras: str) -> MissingDependencyError:

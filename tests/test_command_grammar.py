@@ -165,7 +165,7 @@ def test_an_error_names_the_page_that_explains_it(tmp_path: Path):
     assert "explained in docs/troubleshooting.md#does-not-fit\n" in done.stderr
     anchors = {part: help_pages.anchor(part) for part in help_pages.EXPLAINED[:2]}
     assert list(anchors.values()) == [
-        "or-from-a-clone-pip-install--e",
+        "pip-install",
         "is-imported-in-the-place-of-agenthijacks-own-package",
     ]
 

@@ -161,9 +161,25 @@ def core_alone(places: dict[str, Path]) -> Results:
 
 
 def says(done: dict[str, Any], extra: str) -> bool:
-    """Whether the remedy is there, as it is typed for a release and in a clone."""
-    words = f"pip install 'agenthijack[{extra}]', or from a clone: pip install -e '.[{extra}]'"
-    return words in done["printed"]
+    """Whether the remedy is there, as it is typed here."""
+    return extras.remedy(extra) in done["printed"]
+
+
+@pytest.mark.parametrize(
+    ("origin", "command"),
+    [
+        ("", "pip install 'agenthijack[hf,ray]'"),
+        ("torn {", "pip install 'agenthijack[hf,ray]'"),
+        ('{"dir_info": {"editable": true}, "url": "file:///a/b"}', "pip install -e '/a/b[hf,ray]'"),
+        ('{"dir_info": {}, "url": "file:///a%20b"}', "pip install '/a b[hf,ray]'"),
+        (
+            '{"archive_info": {}, "url": "file:///x/agenthijack-0.1.0-py3-none-any.whl"}',
+            "pip install 'agenthijack[hf,ray] @ file:///x/agenthijack-0.1.0-py3-none-any.whl'",
+        ),
+    ],
+)
+def test_the_remedy_adds_to_what_is_installed(origin: str, command: str) -> None:
+    assert extras.install_command(["hf", "ray"], origin) == command
 
 
 @pytest.mark.parametrize("words", COMMANDS_WITHOUT_ONLINE)
@@ -244,7 +260,7 @@ def test_a_module_leads_to_its_extra() -> None:
 
 def test_lacking_modules_are_named_and_what_is_there_is_loaded() -> None:
     assert extras.lacking(["json", "no_such_module", "numpy"]) == ["no_such_module"]
-    with pytest.raises(MissingDependencyError, match=r"^x needs no_such: pip .*\[hf\]', or"):
+    with pytest.raises(MissingDependencyError, match=r"^x needs no_such: pip install .*\[hf\]'$"):
         extras.load("no_such.part", "x", "hf")
     assert extras.load("json.decoder", "x", "hf").__name__ == "json.decoder"
     with pytest.raises(MissingDependencyError, match="x needs no_such, nor_this: pip"):

@@ -4,7 +4,7 @@ import re
 
 PAGE = "docs/troubleshooting.md"
 EXPLAINED = (
-    "or from a clone: pip install -e",
+    "pip install",
     "is imported in the place of AgentHijack's own package",
     "could be a label, and the picture goes from",
     "does not fit",

@@ -142,7 +142,7 @@ def _reading(lazy: bool) -> list[str]:
     return [
         (
             "The screenshot of each step is stored once, as it was recorded; the corrupted ones"
-            f" are drawn on access ({extras.remedy('hf')}):"
+            f" are drawn on access ({extras.remedy_anywhere('hf')}):"
         ),
         "",
         "```python",

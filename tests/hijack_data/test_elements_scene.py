@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from hijack_data import extras
 from hijack_data.elements import Elements, elements_from, scene_from
 from hijack_data.errors import (
     ElementsError,
@@ -139,7 +140,7 @@ def test_a_missing_detector_names_three_ways_out(
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(MissingDependencyError) as caught:
         scene_from(picture(), detect=detect)
-    for way in (f"pip install 'agenthijack[{extra}]'", "tree= or labels=", "detect='none'"):
+    for way in (extras.remedy(extra), "tree= or labels=", "detect='none'"):
         assert way in str(caught.value)
     assert len(scene_from(picture(), labels=LABELS).boxes) == 2
 

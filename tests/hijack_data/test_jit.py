@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import hijack_data as hj
+from hijack_data import extras
 from hijack_data.conformance import picture, reference, scene
 from hijack_data.errors import HijackWarning, ImageTypeError
 from hijack_data.kernels.cpu import blend, compare, jit, pixels, resize
@@ -62,7 +63,7 @@ def check_one_warning(cause: str):
     message = str(ours[0].message)
     assert cause in message
     assert "plain NumPy kernels" in message
-    assert "pip install 'agenthijack[fast]'" in message
+    assert extras.remedy("fast") in message
     assert not jit.available()
 
 
