@@ -57,14 +57,15 @@ def install_command(extras: Iterable[str], origin: str) -> str:
     names = ",".join(extras)
     release = f"pip install '{DISTRIBUTION}[{names}]'"
     try:
-        found = json.loads(origin or "{}")
+        found: dict[str, Any] = json.loads(origin or "{}")
         url = str(found["url"])
     except (ValueError, TypeError, KeyError):
         return release
     if "dir_info" not in found:
         return f"pip install '{DISTRIBUTION}[{names}] @ {url}'"
     folder = unquote(urlsplit(url).path)
-    editable = "-e " if (found["dir_info"] or {}).get("editable") else ""
+    about: dict[str, Any] = found["dir_info"] or {}
+    editable = "-e " if about.get("editable") else ""
     return f"pip install {editable}{shlex.quote(f'{folder}[{names}]')}"
 
 
