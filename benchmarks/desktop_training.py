@@ -2,12 +2,12 @@
 
     python benchmarks/desktop_training.py [--seeds N] [--desktops N] [--out DIR]
 
-Three ways to train the agent of `desktop_agent.py` on the suite's training tasks, from the same
-recordings of clean desktops: `clean` imitates them, `augmented` imitates a dataset that
-`hijack build` made from them (all nine corruptions, `--label-policy recover`), and `da_grpo` goes
-on from `clean` by playing on desktops that are disturbed. Then `hijack bench` scores each on
-held-out tasks, clean and under all nine. Takes hours on two cores; whatever was finished is kept
-in DIR, and the same command goes on from there.
+Three ways to train the agent of `desktop_agent.py` on the suite's training tasks, each adding one
+thing to the one before: `clean` imitates recordings of clean desktops, `augmented` imitates a
+dataset that `hijack build` made from them (all nine corruptions, `--label-policy recover`), and
+`da_grpo` goes on from there by playing on desktops that are disturbed. Then `hijack bench` scores
+each on held-out tasks, clean and under all nine. Takes hours on two cores; whatever was finished is
+kept in DIR, and the same command goes on from there.
 """
 
 import argparse
@@ -23,6 +23,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import torch
+import yaml
 from common import table
 from desktop_agent import GO_ON, NUMBERS, SKILLS, ChoiceNetwork, ChoicePolicy, SkilledHands, small
 
@@ -42,20 +43,31 @@ from pipelines.train.trainer import Trainer, TrainSettings
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "results" / "desktop_training.md"
 BEGIN, END = "<!-- made by benchmarks/desktop_training.py -->", "<!-- end -->"
-TRAINING = (
+RECORDED = (
     "choose_icons",
     "convert_line_ends",
     "pack_folder",
     "set_permissions",
+    "find_mention",
+    "count_errors",
     "rename_file",
     "insert_line",
     "trash_and_restore",
     "fix_setting",
-    "archive_sender",
     "set_font_size",
+    "set_wallpaper",
+    "archive_sender",
+    "save_page",
+    "remove_expensive",
+    "buy_cheapest_rated",
+    "change_quantities",
+    "answer_invitation",
+    "write_article",
+    "forward_mail",
 )
+PLAYED = (*RECORDED[:12:2], *RECORDED[12:16])  # by the rollouts: short ones
 HELD_OUT = ("mark_found_unread", "set_workspaces")
-# Those whose remedy is a skill, but for network_error, which two tasks of all thirteen can have.
+# Those whose remedy is a skill, but for network_error, which few tasks of ours can have.
 TRAINED = ("verification", "app_minimization", "multi_apps", "accidental_touch")
 REMEDIES = {
     "verification": "unlock",
@@ -65,9 +77,9 @@ REMEDIES = {
     "network_error": "reload",
 }
 ARMS = ("clean", "augmented", "da_grpo")
-RECORDED = 2  # seeds of each training task that are recorded
 EPOCHS, ROLLOUTS = 2, 4
-MAX_STEPS = 12
+MAX_STEPS = 12  # of a rollout
+MAX_SCORED = 25  # of an episode that is scored
 LEARNING_RATE = 1e-3
 CURIOUS = 0.2  # what an imitation leaves to skills that were not shown
 
@@ -79,7 +91,7 @@ def main() -> None:
     parser.add_argument("--desktops", type=int, default=ROLLOUTS)
     parser.add_argument("--out", type=Path, default=ROOT / "runs" / "desktop")
     given = parser.parse_args()
-    check_split(TRAINING, HELD_OUT)
+    check_split(RECORDED, HELD_OUT)
     out: Path = given.out
     out.mkdir(parents=True, exist_ok=True)
     collect(out, given.desktops)
@@ -104,16 +116,16 @@ def hijack(*arguments: object) -> None:
     subprocess.run(command, check=True)
 
 
-def bench(run: Path, *options: object) -> None:
+def bench(config: object, run: Path, *options: object) -> None:
     """Play a run, or what is left of it."""
-    hijack("bench", "embedded", "-o", run, *(["--resume"] if run.exists() else []), *options)
+    hijack("bench", config, "-o", run, *(["--resume"] if run.exists() else []), *options)
 
 
 def collect(out: Path, desktops: int) -> None:
     """Record the training tasks on clean desktops, and build the dataset with corruptions."""
     if not (out / "rows").exists():
-        options = ["--tasks", ",".join(TRAINING), "--corruptions", "clean", "--seeds", RECORDED]
-        bench(out / "recorded", "--agent", "oracle", "--desktops", desktops, *options)
+        options = ["--tasks", ",".join(RECORDED), "--corruptions", "clean"]
+        bench("embedded", out / "recorded", "--agent", "oracle", "--desktops", desktops, *options)
         labels = ["--corruptions", "all", "--label-policy", "recover"]
         hijack("build", out / "recorded", "-o", out / "rows", *labels)
 
@@ -139,12 +151,12 @@ def augmented_screens(out: Path) -> tuple[UInt8Array, torch.Tensor]:
 
 
 def cloned(pictures: UInt8Array, labels: torch.Tensor, seed: int) -> ChoiceNetwork:
-    """Return a network that imitates, each skill shown equally often, and stays curious."""
+    """Return a network that imitates and stays curious; rare skills are shown more often."""
     torch.manual_seed(seed)
     network = ChoiceNetwork()
     optimiser = torch.optim.Adam(network.parameters(), lr=1e-3)
     counts = torch.bincount(labels, minlength=len(SKILLS)).float()
-    weights = (1 / counts)[labels]
+    weights = counts.rsqrt()[labels]
     screens = torch.from_numpy(pictures)
     for _ in range(150):
         some = torch.multinomial(weights, 64, replacement=True)
@@ -211,9 +223,9 @@ def environments(count: int) -> Iterator[list[SkillEnv]]:
 
 
 def trained(out: Path, seed: int) -> ChoiceNetwork:
-    """Return what DA-GRPO makes of the network that imitates clean recordings."""
+    """Return what DA-GRPO makes of the network that imitates the augmented recordings."""
     network = ChoiceNetwork()
-    network.load_state_dict(torch.load(policy_file(out, "clean", seed), weights_only=True))
+    network.load_state_dict(torch.load(policy_file(out, "augmented", seed), weights_only=True))
     planner = hj.OneOf([hj.get(name) for name in TRAINED])
     settings = TrainSettings(
         epochs=EPOCHS,
@@ -228,7 +240,7 @@ def trained(out: Path, seed: int) -> ChoiceNetwork:
         trainer = Trainer(
             ChoicePolicy(network),
             desktops,
-            tasks=TRAINING,
+            tasks=PLAYED,
             sampler=CorruptionSampler(planner, seed=seed),
             settings=settings,
             replay=ReplayBuffer(seed=seed),
@@ -266,8 +278,17 @@ def evaluate(out: Path, seeds: int, desktops: int) -> None:
             lines.append(f"    policy = {str(policy_file(out, arm, seed).resolve())!r}")
             wanted.append(f"{agents}:{arm}_{seed}")
     agents.write_text("\n".join(lines) + "\n")
-    options = ["--tasks", ",".join(HELD_OUT), "--corruptions", "all", "--desktops", desktops]
-    bench(out / "scored", "--agent", ",".join(wanted), *options)
+    setting = {
+        "desktop": {"provider": "embedded", "size": [1920, 1080]},
+        "agents": wanted,
+        "tasks": list(HELD_OUT),
+        "corruptions": "all",
+        "seeds": [0],
+        "max_steps": MAX_SCORED,
+    }
+    config = out / "scored.yaml"
+    config.write_text(yaml.safe_dump(setting))
+    bench(config, out / "scored", "--desktops", desktops)
 
 
 def successes(out: Path) -> dict[tuple[str, int], dict[str, list[float]]]:
@@ -325,7 +346,8 @@ def write_page(out: Path, seeds: int) -> None:
         f"{count} episodes of `hijack bench` on {len(HELD_OUT)} held-out tasks, {seeds} seeds."
     )
     parts = [BEGIN, episodes, table(header, rows), table(["arm", *columns], by_label), END]
-    head, _, rest = PAGE.read_text().partition(BEGIN)
+    text = PAGE.read_text() if PAGE.exists() else f"# Training on the real desktop\n\n{BEGIN}{END}\n"
+    head, _, rest = text.partition(BEGIN)
     _, _, tail = rest.partition(END)
     PAGE.write_text(head + "\n\n".join(parts) + tail)
 
