@@ -346,7 +346,9 @@ def write_page(out: Path, seeds: int) -> None:
         f"{count} episodes of `hijack bench` on {len(HELD_OUT)} held-out tasks, {seeds} seeds."
     )
     parts = [BEGIN, episodes, table(header, rows), table(["arm", *columns], by_label), END]
-    text = PAGE.read_text() if PAGE.exists() else f"# Training on the real desktop\n\n{BEGIN}{END}\n"
+    text = (
+        PAGE.read_text() if PAGE.exists() else f"# Training on the real desktop\n\n{BEGIN}{END}\n"
+    )
     head, _, rest = text.partition(BEGIN)
     _, _, tail = rest.partition(END)
     PAGE.write_text(head + "\n\n".join(parts) + tail)
