@@ -311,7 +311,7 @@ def test_without_numba(monkeypatch):
     blend._kernel.cache_clear()
     try:
         assert np.array_equal(kernels.paste(image.copy(), stamps), reference(plan, image))
-        with pytest.raises(MissingDependencyError, match=r"agenthijack\[fast\]"):
+        with pytest.raises(MissingDependencyError, match=r"pip install .*\[fast\]'"):
             blend.paste(image, rows_of(stamps, "host-rows", on_host))
     finally:
         jit._importable.cache_clear()

@@ -77,5 +77,5 @@ def test_a_batch_is_refused() -> None:
 def test_without_rapidocr(monkeypatch: pytest.MonkeyPatch, module: str) -> None:
     ocr._engine.cache_clear()
     monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(MissingDependencyError, match=r"agenthijack\[ocr\]"):
+    with pytest.raises(MissingDependencyError, match=r"pip install .*\[ocr\]'"):
         boxes_from_ocr(page()[0])

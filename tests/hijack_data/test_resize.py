@@ -306,7 +306,7 @@ def test_without_numba(monkeypatch):
     resize._kernel.cache_clear()
     try:
         assert jit.available() is False
-        with pytest.raises(MissingDependencyError, match=r"agenthijack\[fast\]"):
+        with pytest.raises(MissingDependencyError, match=r"pip install .*\[fast\]'"):
             resize.resample(np.zeros((4, 4, 3), np.uint8), (2, 2))
     finally:
         jit._importable.cache_clear()

@@ -310,7 +310,7 @@ def test_a_follower_gets_words_and_no_way_to_the_episode():
 
 def test_an_agent_that_cannot_read_says_so_before_the_run(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "rapidocr", None)
-    with pytest.raises(MissingDependencyError, match=r"agenthijack\[ocr\]"):
+    with pytest.raises(MissingDependencyError, match=r"pip install .*\[ocr\]'"):
         prepare(["pixel"], ModelOptions(), tmp_path)
     prepare(["pixel"], ModelOptions(), None)
 

@@ -104,7 +104,7 @@ def test_without_ray(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setitem(sys.modules, "ray", None)
-    with pytest.raises(MissingDependencyError, match=r"pip install 'agenthijack\[ray\]'"):
+    with pytest.raises(MissingDependencyError, match=r"pip install .*\[ray\]'"):
         build(recording(), tmp_path / "out", corruptions={"marks": MARKS}, engine="ray")
 
 

@@ -265,5 +265,5 @@ def test_without_trl_the_remedy_is_named(config, monkeypatch):
     from hijack_data import extras
 
     monkeypatch.setattr(extras, "lacking", lambda modules: ["trl"])
-    with pytest.raises(MissingDependencyError, match=r"agenthijack\[trl\]"):
+    with pytest.raises(MissingDependencyError, match=r"pip install .*\[trl\]'"):
         run(config(), "--out", "none")
