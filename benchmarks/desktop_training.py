@@ -95,7 +95,7 @@ def main() -> None:
     out: Path = given.out
     out.mkdir(parents=True, exist_ok=True)
     collect(out, given.desktops)
-    screens = {"clean": clean_screens(out), "augmented": augmented_screens(out)}
+    screens = screens_of(out)
     for seed in range(given.seeds):
         for arm, (pictures, labels) in screens.items():
             if not policy_file(out, arm, seed).exists():
@@ -130,24 +130,19 @@ def collect(out: Path, desktops: int) -> None:
         hijack("build", out / "recorded", "-o", out / "rows", *labels)
 
 
-def clean_screens(out: Path) -> tuple[UInt8Array, torch.Tensor]:
-    """Return the recorded screens, uint8 `[N, 90, 160, 3]`, and what was done: it went on."""
-    rows = [row for row in open_dataset(out / "rows") if row["corruption"] == "clean"]
-    pictures = np.stack([small(np.asarray(row["screenshot"])) for row in rows])
-    return pictures, torch.full((len(rows),), GO_ON)
-
-
-def augmented_screens(out: Path) -> tuple[UInt8Array, torch.Tensor]:
-    """Return the screens of the dataset with corruptions, and what is right on each."""
-    rows = open_dataset(out / "rows")
-    pictures = np.stack([small(np.asarray(row["screenshot"])) for row in rows])
-    labels = [
-        NUMBERS[REMEDIES[row["corruption"]]]
-        if row["corruption"] in REMEDIES and row["event"]
-        else GO_ON
-        for row in rows
-    ]
-    return pictures, torch.tensor(labels)
+def screens_of(out: Path) -> dict[str, tuple[UInt8Array, torch.Tensor]]:
+    """Return what each arm imitates: screens, uint8 `[N, 90, 160, 3]`, and what is right there."""
+    pictures: list[UInt8Array] = []
+    labels: list[int] = []
+    clean: list[int] = []
+    for number, row in enumerate(open_dataset(out / "rows")):
+        name = row["corruption"]
+        pictures.append(small(np.asarray(row["screenshot"])))
+        labels.append(NUMBERS[REMEDIES[name]] if name in REMEDIES and row["event"] else GO_ON)
+        if name == "clean":
+            clean.append(number)
+    everything, right = np.stack(pictures), torch.tensor(labels)
+    return {"clean": (everything[clean], right[clean]), "augmented": (everything, right)}
 
 
 def cloned(pictures: UInt8Array, labels: torch.Tensor, seed: int) -> ChoiceNetwork:
@@ -268,7 +263,7 @@ def keep(network: ChoiceNetwork, out: Path, arm: str, seed: int) -> None:
 
 def evaluate(out: Path, seeds: int, desktops: int) -> None:
     """Score every policy on the held-out tasks."""
-    agents = out / "agents.py"
+    agents = (out / "agents.py").resolve()
     lines = ["import sys", f"sys.path.insert(0, {str(Path(__file__).parent)!r})"]
     lines += ["from desktop_agent import Learned"]
     wanted: list[str] = []
