@@ -4,6 +4,7 @@ answer."""
 import contextlib
 import multiprocessing
 import os
+import socket
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -240,7 +241,7 @@ def read_twice(
 ) -> None:
     """Read the tree as the session's user: directly where applications allow it, then not at all.
 
-    Sends how many were asked directly, and the two trees.
+    Sends how many were asked directly, and the trees: directly, as the sockets are lost, by bus.
     """
     os.setuid(uid)  # the bus lets in its user only
     windows = Windows(SharedDisplay(display))
@@ -248,10 +249,13 @@ def read_twice(
     directly.read()
     first = directly.read()
     asked = sum(map(directly._reader.wire.is_direct, directly._reader._asked_in))
+    for channel in directly._reader.wire._direct.values():
+        channel.socket.shutdown(socket.SHUT_RDWR)
+    after_a_loss = directly.read()
     Wire.connect = lambda *arguments: None
     over_the_bus = AccessibilityTree(bus, windows)
     over_the_bus.read()
-    answers.send((asked, first, over_the_bus.read()))
+    answers.send((asked, first, after_a_loss, over_the_bus.read()))
 
 
 def test_the_tree_is_the_same_directly_and_over_the_bus(clean, eventually):
@@ -265,7 +269,7 @@ def test_the_tree_is_the_same_directly_and_over_the_bus(clean, eventually):
     reader = multiprocessing.get_context("fork").Process(target=read_twice, args=arguments)
     reader.start()
     there.close()
-    asked, directly, over_the_bus = here.recv()
+    asked, directly, after_a_loss, over_the_bus = here.recv()
     reader.join()
     assert asked >= 3  # Mousepad and Thunar, the panel ...
 
@@ -274,7 +278,7 @@ def test_the_tree_is_the_same_directly_and_over_the_bus(clean, eventually):
         found = {app.get("name").lower(): etree.tostring(app) for app in root.iter("application")}
         return {name: found[name] for name in ("mousepad", "thunar")}
 
-    assert subtrees(directly) == subtrees(over_the_bus)
+    assert subtrees(directly) == subtrees(after_a_loss) == subtrees(over_the_bus)
 
 
 def test_the_connection_to_an_application_that_ends_is_closed(clean, eventually):
