@@ -240,11 +240,14 @@ class Machine:
                 yield f"{path} was added"
 
     def untouched_sites(self, but: Iterable[str] = ()) -> Iterator[str]:
-        """Yield the local sites whose stored state differs from before, but for some."""
+        """Yield the local sites whose stored state differs from before, but for some.
+
+        What is empty is the same as nothing, such as a cart that something was in for a while.
+        """
         was = self.before.sites
         now = self._stored()
         for site in SITES:
-            if site not in but and was.get(site) != now.get(site):
+            if site not in but and _filled(was.get(site, {})) != _filled(now.get(site, {})):
                 yield f"{site}.test was used to change something"
 
     def _stored(self) -> dict[str, dict[str, Any]]:
@@ -269,6 +272,11 @@ class Machine:
         added = self.snapshot().files.keys() - self._at_first.files.keys()
         if added:
             self.run("rm", "-rf", "--", *sorted(added))
+
+
+def _filled(state: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a stored state without what is empty."""
+    return {key: value for key, value in state.items() if value}
 
 
 def _allowed(path: str, patterns: Iterable[str]) -> bool:
