@@ -15,11 +15,13 @@ from ..errors import DesktopError, DesktopTimeoutError, GuestError, MissingPacka
 from .hand import Hand
 from .kit.apps import APPS, TaskApp, find_app
 
-# One entry a file, folder or link that is not hidden: kind, mode and path; then the digests.
+# One entry a file, folder or link that is not hidden: kind, mode and path; then the digests. A file
+# that the user may not read, or that goes meanwhile, has none (and xargs ends with 123).
 _LIST = r"""cd "$HOME" || exit 1
 find . -mindepth 1 -name '.*' -prune -o -printf '%y %m\t%P\0'
 printf '\0'
-find . -mindepth 1 -name '.*' -prune -o -type f -print0 | xargs -0 -r sha256sum -z --"""
+find . -mindepth 1 -name '.*' -prune -o -type f -print0 |
+    xargs -0 -r sha256sum -z -- || [ $? = 123 ]"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +30,8 @@ class Snapshot:
 
     Args:
         files: By path relative to the home folder: kind, mode and digest, in one text. What is
-            hidden, or in a hidden folder, is left out.
+            hidden, or in a hidden folder, is left out. What is no file, or cannot be read, has no
+            digest.
         sites: The stored state of each local site.
     """
 
