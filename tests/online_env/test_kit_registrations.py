@@ -39,6 +39,9 @@ def test_registrations_are_judged_in_whatever_order(machine: Machine) -> None:
     assert [entry["number"] for entry in registrations.stored(machine)] == [1001, 1002]
     assert list(registrations.unlike(machine, one, two)) == []
     assert list(registrations.unlike(machine, one)) == ["2 registrations were sent, not 1"]
+    registrations.store(machine, one, {**two, "cancelled": True})
+    assert list(registrations.unlike(machine, one)) == []
+    assert len(list(registrations.unlike(machine, one, two))) == 1
     registrations.store(machine, {**one, "notes": "other"}, two)
     (problem,) = registrations.unlike(machine, one, two)
     assert problem == f"notes of {one['name']} is 'other', not {one['notes']!r}"
