@@ -42,8 +42,8 @@ class BookContent:
     Args:
         cells: By the name of the sheet and the address of the cell; empty cells are left out.
         sheets: The names of the sheets, in order.
-        frozen: By sheet, the first cell that scrolls, such as `A2`; `None` if all do. If what is
-            above and left of it does not begin with A1, it is a range.
+        frozen: By sheet, the first cell that scrolls, such as `A2`; `None` if all do. A range, if
+            what does not scroll does not begin with the first row or column.
         hidden: The rows and columns that do not show, by sheet, and `all` of a hidden sheet.
         merged: The ranges that became one cell, by sheet.
     """
@@ -322,14 +322,17 @@ def _frozen(sheet: Any) -> str | None:
 
     openpyxl's `freeze_panes` is the cell to which it was scrolled, and also that of a split view.
     """
-    from openpyxl.utils import get_column_letter
+    from openpyxl.utils import cell, get_column_letter
 
     pane = sheet.sheet_view.pane
     if pane is None or pane.state not in ("frozen", "frozenSplit"):
         return None
-    place = f"{get_column_letter(int(pane.xSplit or 0) + 1)}{int(pane.ySplit or 0) + 1}"
+    rows, columns = int(pane.ySplit or 0), int(pane.xSplit or 0)
+    place = f"{get_column_letter(columns + 1)}{rows + 1}"
     start = sheet.sheet_view.topLeftCell or "A1"
-    return place if start == "A1" else f"{start}:{place}"
+    row, column = cell.coordinate_to_tuple(start)
+    is_from_first = (not rows or row == 1) and (not columns or column == 1)
+    return place if is_from_first else f"{start}:{place}"
 
 
 def _hidden(sheet: Any) -> tuple[str, ...]:

@@ -55,7 +55,7 @@ class FreezeHeader(SheetTask):
             "yet another part": self.frozen(others[1]),
             "a row too many": self.frozen("A3"),
             "split, not frozen": self.frozen(wanted, state="split"),
-            "frozen further down": self.frozen(wanted, start="A9"),
+            "frozen further down": self.frozen(wanted, start="C9"),
         }
 
     def right(self, machine):
