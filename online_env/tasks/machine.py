@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import PurePosixPath
-from typing import Any
+from typing import Any, cast
 
 from ..desktops import commands
 from ..desktops.protocol import Desktop
@@ -245,12 +245,12 @@ class Machine:
     def untouched_sites(self, but: Iterable[str] = ()) -> Iterator[str]:
         """Yield the local sites whose stored state differs from before, but for some.
 
-        What is empty is the same as nothing, such as a cart that something was in for a while.
+        Whether a mail was read does not count, nor a cart that is empty again.
         """
         was = self.before.sites
         now = self._stored()
         for site in SITES:
-            if site not in but and _filled(was.get(site, {})) != _filled(now.get(site, {})):
+            if site not in but and _kept(was.get(site)) != _kept(now.get(site)):
                 yield f"{site}.test was used to change something"
 
     def _stored(self) -> dict[str, dict[str, Any]]:
@@ -277,9 +277,15 @@ class Machine:
             self.run("rm", "-rf", "--", *sorted(added))
 
 
-def _filled(state: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a stored state without what is empty."""
-    return {key: value for key, value in state.items() if value}
+def _kept(stored: Any) -> Any:
+    """Return stored state without what is empty or false, and which mails were read."""
+    if isinstance(stored, list):
+        return [_kept(value) for value in cast("list[Any]", stored)]
+    if not isinstance(stored, dict):
+        return stored
+    known = cast("dict[str, Any]", stored)
+    kept = {key: _kept(value) for key, value in known.items() if key != "read"}
+    return {key: value for key, value in kept.items() if value}
 
 
 def _allowed(path: str, patterns: Iterable[str]) -> bool:
