@@ -229,6 +229,8 @@ def _contradict(action: Action, said: Action) -> bool:
         return False
     if len(kinds) > 1:
         return True
+    if (action.amount or 0) * (said.amount or 0) < 0 and action.type == "scroll":
+        return True  # up and down
     pairs = [(action.point, said.point), (action.end, said.end)]
     return any(_apart(one, two) for one, two in pairs if one is not None and two is not None)
 
@@ -244,7 +246,8 @@ def _apart(one: Point, two: Point) -> bool:
 def _in_words(action: Action) -> str:
     place = "" if action.point is None else f" at {action.point}"
     end = "" if action.end is None else f" to {action.end}"
-    return f"{action.type}{place}{end}"
+    amount = f" by {action.amount:g}" if action.type == "scroll" and action.amount else ""
+    return f"{action.type}{place}{end}{amount}"
 
 
 def boxes_of(

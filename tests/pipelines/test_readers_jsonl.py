@@ -281,6 +281,11 @@ def test_a_key_twice_is_refused_where_it_stands(
             "pyautogui.moveTo(10, 20); pyautogui.dragTo(30, 60)",
             "says drag at (10, 20) to (30, 60)",
         ),
+        (
+            {"type": "scroll", "x": 100, "y": 50, "amount": -5},
+            "pyautogui.scroll(3, 100, 50)",
+            "says scroll at (100, 50) by 3, but action is scroll at (100, 50) by -5",
+        ),
         ({"type": "type", "text": "a"}, "DONE", "says done, but action is type"),
         ({"type": "other"}, "pyautogui.click(0.5, 0.25)", "counts in fractions of the picture"),
     ],
@@ -312,6 +317,7 @@ def test_code_that_contradicts_its_action_is_refused(
         ({"type": "drag", "x": 1, "y": 2, "x2": 30, "y2": 40}, "pyautogui.dragTo(30, 40)"),
         ({"type": "hotkey", "keys": ["enter"]}, "pyautogui.write('\\n')"),
         ({"type": "other"}, "pyautogui.click(9, 9)"),
+        ({"type": "scroll", "amount": -5}, "pyautogui.scroll(-300, 9, 9)"),
         ({"type": "click", "x": 100, "y": 50}, "click(start_box='(9,9)')"),
     ],
 )
