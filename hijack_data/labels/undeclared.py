@@ -415,6 +415,8 @@ def how_to_declare(path: str, value: Any) -> str:
         return f"labels={{{path!r}: 'x'}} (or 'y', 'dx', 'dy', 'width', 'height')"
     if numbers.shape[-1] == 4:
         return f"labels={{{path!r}: 'xyxy'}} (or 'xywh', 'cxcywh')"
+    if numbers.ndim >= 3 and numbers.shape[-3] > 4:
+        return f"labels={{{path!r}: 'mask'}} (its last axes have to be those of the picture)"
     if numbers.ndim >= 2 and numbers.shape[-1] > 4:
         return f"labels={{{path!r}: 'mask'}}"
     return f"labels={{{path!r}: 'point'}} (or 'xyxy', 'xywh', ...)"
