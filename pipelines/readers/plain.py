@@ -193,7 +193,7 @@ def check_agreement(
     if _is_written_so(action, code) or not calls_pyautogui(code):
         return
     try:
-        said = parse_pyautogui(code, None)
+        said = parse_pyautogui(code, size)  # a pointer stops at the edge
     except HijackError:
         _check_pixels(code, size)
         return
