@@ -1,10 +1,11 @@
 """Apply plans to pictures: one function for every framework, single pictures, batches and lists."""
 
+import struct
 from collections.abc import Sequence
 from typing import Any, cast, overload
 
 import numpy as np
-from PIL import Image
+from PIL import ExifTags, Image
 
 from .backends import backend_of
 from .backends.base import check_keeps_size, count_of
@@ -168,8 +169,26 @@ def _apply_pil(
         raise ImageTypeError(f"PIL image has mode {image.mode!r}; use image.convert('RGB')")
     if inplace:
         raise ParameterError(_NO_PIL)
+    _check_upright(image)
     try:
         pixels = np.asarray(image)
     except Exception as error:  # what was opened is decoded now, and decoders raise anything
         raise ImageError(f"the PIL image cannot be decoded: {error}") from error
     return Image.fromarray(apply(plans[0] if len(plans) == 1 else plans, pixels))
+
+
+def _check_upright(image: Image.Image) -> None:
+    """Check that no EXIF orientation turns a picture, which the result would no longer carry.
+
+    Raises:
+        ImageError: one does.
+    """
+    try:
+        orientation = image.getexif().get(ExifTags.Base.Orientation, 1)
+    except (OSError, SyntaxError, ValueError, KeyError, struct.error):
+        return  # damaged notes turn nothing; damaged pixels are found when they are decoded
+    if orientation in range(2, 9):
+        raise ImageError(
+            f"the PIL image has EXIF orientation {orientation}, so viewers and models see it turned"
+            " while its pixels and labels are not; use PIL.ImageOps.exif_transpose(image)"
+        )

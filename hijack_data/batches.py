@@ -71,8 +71,9 @@ def corrupt_batch(
     images = [_pixels(image) for image in _pictures(batch)]
     count = len(images)
     check_ids(ids, count)
+    sizes = [_size(image) for image in images]
     known = _labels(
-        count,
+        sizes,
         ids=ids,
         boxes=boxes,
         targets=targets,
@@ -80,8 +81,8 @@ def corrupt_batch(
         steps=steps,
     )
     plans: list[Plan] = []
-    for image, labels in zip(images, known, strict=True):
-        scene = Scene(_size(image), labels.boxes, target=labels.target)
+    for size, labels in zip(sizes, known, strict=True):
+        scene = Scene(size, labels.boxes, target=labels.target)
         plan = planner.plan(
             scene,
             seed=seed,
@@ -141,7 +142,7 @@ def check_ids(ids: object, count: int) -> None:
 
 
 def _labels(
-    count: int,
+    sizes: Sequence[Size],
     *,
     ids: Sequence[int | str],
     boxes: Sequence[Any] | None,
@@ -149,9 +150,12 @@ def _labels(
     ends: Sequence[Any] | None,
     steps: Sequence[int] | None,
 ) -> list[_Labels]:
+    count = len(sizes)
     per_box = [as_boxes(value) for value in _one_each(boxes, count, "boxes")]
-    per_target = [as_target(value) for value in _one_each(targets, count, "targets")]
-    per_end = [as_target(value) for value in _one_each(ends, count, "ends")]
+    aims = zip(_one_each(targets, count, "targets"), sizes, strict=True)
+    per_target = [as_target(value, size) for value, size in aims]
+    stops = zip(_one_each(ends, count, "ends"), sizes, strict=True)
+    per_end = [as_target(value, size) for value, size in stops]
     per_step = _one_each(steps, count, "steps")
     keys = list(ids)
     return [

@@ -97,14 +97,19 @@ class _Settings:
     def _image_key(self, element: Mapping[str, Any]) -> str:
         """Return the name of the entry that holds the picture."""
         names = ("image", "screenshot") if self.image_key is None else (self.image_key,)
-        found = next((name for name in names if name in element), None)
-        if found is None:
+        found = [name for name in names if name in element]
+        if not found:
             have = ", ".join(map(str, element))
             raise ImageError(
                 f"the element has no {names[0]!r} entry; it has {have}; image_key= names the"
                 " picture"
             )
-        return found
+        if len(found) > 1:  # the other one would stay as it is
+            raise ImageError(
+                f"the element has {' and '.join(map(repr, found))}; image_key= says which of them"
+                " is corrupted"
+            )
+        return found[0]
 
     def _size(self, element: object) -> Size:
         if not isinstance(element, Mapping):

@@ -4,6 +4,8 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, TypeAlias, cast
 
+import numpy as np
+
 from ..errors import HijackError, LabelError, ParameterError, ParameterTypeError
 from ..plan import Plan
 from ..types import Size
@@ -11,7 +13,8 @@ from .actions import is_own_action
 from .base import Format, Location, Move
 from .boxes import box_format
 from .formats import FORMATS, LEAVE, format_of, moved_as, places_of
-from .rows import PROVENANCE, is_row, moved_code
+from .numbers import to_host
+from .rows import PROVENANCE, RECORDED, is_row, moved_code
 from .undeclared import explained, find_undeclared, how_to_declare
 
 SampleDict: TypeAlias = Mapping[str, Any]
@@ -58,8 +61,17 @@ class Labels:
             )
         self.target = target
 
+    def __reduce__(self) -> "tuple[type[Labels], tuple[Declared, str | None]]":
+        # Formats are functions; their names go to workers, and into the fingerprints of `datasets`.
+        return Labels, ({key: form.name for key, form in self.declared.items()}, self.target)
+
     def __repr__(self) -> str:
         return repr({key: form.name for key, form in self.declared.items()})
+
+    @property
+    def left(self) -> frozenset[str]:
+        """The entries that pass as they are."""
+        return frozenset(path for path, form in self.declared.items() if form.name == LEAVE)
 
     # --- what follows the pixels
 
@@ -117,19 +129,21 @@ class Labels:
     ) -> bool:
         """Move an entry that has a meaning of its own; `False` for one that has none."""
         value = sample[key]
-        if key in KEYS or (row and key in PROVENANCE):
+        if key in KEYS or (row and key in (*PROVENANCE, *RECORDED)):
             return True
         if key in ("width", "height"):
             height, width = move.before
-            if value == (width if key == "width" else height):
-                moved[key] = moved_as(key, FORMATS[key], value, move)
+            side = width if key == "width" else height
+            if not np.all(np.asarray(to_host(value)) == side):
+                return False  # of a box, or of another picture
+            moved[key] = moved_as(key, FORMATS[key], value, move)
             return True
         if key == "action_code":
             moved[key] = self._code(value, sample, move, row)
             return True
         if key == "action" and not is_own_action(value):
             return False  # perhaps another dialect: to be declared
-        if key in OWN:
+        if _is_own(key, value):
             moved[key] = moved_as(key, _own_format(key, value), value, move)
             return True
         if row and key == "boxes":  # TorchDataset's
@@ -210,7 +224,7 @@ class Labels:
             LabelError: an entry could be the target, but none is declared, or several are.
         """
         known = [path for path in self._pointing() if _split(path, sample)[0] in sample]
-        known += [key for key in OWN if key in sample and key != "elements"]
+        known += [key for key in ("target", "target_box", "action") if _is_told(key, sample)]
         several = [path for path in known if path in self.declared and path not in OWN]
         if len(several) > 1 and len(several) == len(known) and self.target is None:
             raise LabelError(
@@ -220,9 +234,9 @@ class Labels:
         if known or is_row(sample):
             return
         for key, value in sample.items():
-            if key in KEYS or key in self.declared:
+            if key in KEYS or key == "elements" or key in self.declared:
                 continue
-            found = find_undeclared(key, value, size)
+            found = find_undeclared(key, value, size, aims=True)
             if found is not None:
                 raise LabelError(
                     "label_policy='avoid' keeps the target of a sample in sight; this one names"
@@ -250,6 +264,8 @@ class Labels:
         for path in self._pointing():
             if path not in OWN:
                 found += self._places_at(path, sample, size)
+        if not found and "action_code" in self.declared:
+            return self._places_at("action_code", sample, size)[:1]
         return found if len(found) == 1 else []
 
     def _places_at(
@@ -264,7 +280,7 @@ class Labels:
             return []
         if path in self.declared:
             form = self.declared[path]
-        elif path == "action" and not is_own_action(value):
+        elif not _is_told(path, sample):
             return []
         else:
             form = _own_format(path, value)
@@ -296,6 +312,21 @@ DRAGGING = ("drag", "mouseUp")  # pyautogui code without any of these drags noth
 
 def _first_end(places: list[Location]) -> tuple[float, ...] | None:
     return places[0].end if places else None
+
+
+def _is_own(key: str, value: Any) -> bool:
+    """Return whether an entry has a meaning of its own.
+
+    A dictionary under `target` is what torchvision's detection models take: boxes, masks, classes.
+    """
+    return key in OWN and not (key == "target" and isinstance(value, Mapping))
+
+
+def _is_told(key: str, sample: SampleDict) -> bool:
+    """Return whether a sample has an entry of its own of which it is known how it is written."""
+    if key not in sample or not _is_own(key, sample[key]):
+        return False
+    return key != "action" or sample[key] is None or is_own_action(sample[key])
 
 
 def _own_format(key: str, value: Any) -> Format:

@@ -17,7 +17,22 @@ def to_host(value: Any) -> Any:
     detach = getattr(value, "detach", None)
     if detach is None:
         return value
-    return detach().cpu().numpy()
+    tensor = detach().cpu()
+    try:
+        return tensor.numpy()
+    except TypeError:  # bfloat16, which NumPy does not have, and float32 holds exactly
+        return tensor.float().numpy()
+
+
+def host_array(value: Any) -> Numbers:
+    """Return a value as a NumPy array; bfloat16 of JAX becomes float32.
+
+    What has no array raises what NumPy and torch raise.
+    """
+    array: Numbers = np.asarray(to_host(value))
+    if array.dtype.kind == "V" and array.dtype.names is None:
+        return array.astype(np.float32)
+    return array
 
 
 def change_groups(
@@ -78,7 +93,7 @@ def as_numbers(value: Any) -> Numbers | None:
         LabelError: the value has no numbers, or some are not finite.
     """
     try:
-        array = np.asarray(to_host(value))
+        array = host_array(value)
     # ragged, or tensors that NumPy cannot take
     except (TypeError, ValueError, OverflowError, RuntimeError):
         array = np.empty(0, object)
@@ -125,7 +140,7 @@ def _check_fit(
     stored: Numbers,
     dtype: object,
 ) -> None:
-    if stored.dtype.kind != "f" and not np.array_equal(wanted, stored):
+    if stored.dtype.kind not in "fV" and not np.array_equal(wanted, stored):
         raise LabelError(f"no longer fits its dtype {dtype}; give the label as int64 or a float")
 
 

@@ -43,6 +43,8 @@ PROVENANCE = (
     "changed_pixels",
     "image_sha256",
 )
+# What a row tells of its recording and its events, word for word; it speaks of the recorded screen.
+RECORDED = ("extra", "event", "reminder")
 _PAIR = re.compile(r"(-?\d+(?:\.\d+)?)\s*,\s*(-?\d+(?:\.\d+)?)")
 _COORDINATES = re.compile(
     _PAIR.pattern + r"|<point>\s*\d|\b(?:x|y|width|height)\d?[\"']?\s*[:=]\s*[\"'(\[]?-?\d"

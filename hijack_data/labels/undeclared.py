@@ -7,7 +7,8 @@ an answer with coordinates in it.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
+from dataclasses import fields, is_dataclass
 from itertools import pairwise
 from typing import Any, cast
 
@@ -16,10 +17,20 @@ import numpy.typing as npt
 
 from ..errors import shown
 from ..types import SLACK, Action, Size
-from .numbers import to_host
+from .numbers import host_array
 from .rows import holds_coordinates
 
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
+# Text that is nothing but numbers, as a CSV file has them: "100", "100 200 30 40", "[100;200]".
+_NUMBERS = re.compile(r"[\s\[(]*-?\d+(?:\.\d+)?(?:[\s,;]+-?\d+(?:\.\d+)?)*[\s\])]*")
+_NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
+# How the actions of models begin, under whatever name their text stands.
+_SAID = re.compile(
+    r"pyautogui\.\w+\(|\b(?:start_box|end_box)\s*=|<tool_call>|<\|?(?:box|point)(?:_start\|)?>"
+    r"|\"coordinate\"\s*:|\b(?:left_|right_|double_)?click\("
+)
+
+_OPENED = ("O", "U", "S")  # kinds of arrays whose parts are looked into, one by one
 
 # What the words in the name of an entry tell.
 PLACES = frozenset(
@@ -129,6 +140,8 @@ ANSWERS = frozenset(
     ]
 )
 SIZES = frozenset("width height size resolution shape w h".split())  # noqa: SIM905
+# The sides of a box as well as those of the picture.
+SIDES = frozenset(["width", "height", "w", "h"])
 HARMLESS = frozenset(
     [
         "id",
@@ -188,6 +201,8 @@ def find_undeclared(
     name: str,
     value: Any,
     size: Size,
+    *,
+    aims: bool = False,
 ) -> tuple[str, Any] | None:
     """Return the path and the value of the first part of an entry that could be a label.
 
@@ -197,8 +212,10 @@ def find_undeclared(
         name: the key of the entry.
         value: anything; dictionaries and lists of dictionaries are looked into.
         size: (height, width) of the picture before it was resized.
+        aims: find the boxes and key points of torchvision too: they follow the pixels by
+            themselves, but do not say whether a sample aims at them.
     """
-    return _find(name, frozenset[str](), value, size)
+    return _find(name, frozenset[str](), value, size, aims)
 
 
 def _words(name: str) -> frozenset[str]:
@@ -212,6 +229,7 @@ def _find(
     above: frozenset[str],
     value: Any,
     size: Size,
+    aims: bool,
 ) -> tuple[str, Any] | None:
     name = path.rpartition(".")[2]
     words = _words(name)
@@ -220,58 +238,102 @@ def _find(
     if isinstance(value, Action):
         return path, value
     if type(value).__module__.startswith("torchvision.tv_tensors"):
-        return None  # these know themselves how they are written
+        known = type(value).__name__ in ("BoundingBoxes", "KeyPoints")
+        return (path, value) if aims and known and len(cast(Any, value)) else None
     if isinstance(value, bytes):
         value = value.decode("utf-8", "replace")
     if isinstance(value, str):
-        return (path, value) if _is_telling_text(words, above, value) else None
+        return (path, value) if _is_telling_text(name, above, value, size) else None
+    value = _opened(cast(Any, value))
     if isinstance(value, Mapping):
         entries = cast("Mapping[Any, Any]", value).items()
-        return _first([(f"{path}.{key}", part) for key, part in entries], words | above, size)
+        items = [(f"{path}.{key}", part) for key, part in entries]
+        return _first(items, words | above, size, aims)
     if isinstance(value, list | tuple):
-        parts = cast("list[Any]", value)
-        if any(isinstance(part, Mapping | str | bytes | Action) for part in parts):
-            return _first([(path, part) for part in parts], above, size)
-    numbers = _numbers(cast(Any, value))
+        parts = _as_numbers(cast("list[Any]", value))
+        if any(not _is_numeric(part) for part in parts if part is not None):
+            return _first([(path, part) for part in parts], above, size, aims)
+        value = parts
+    numbers = _numbers(value)
     if numbers is None or not numbers.size:
         return None
-    return (path, cast(Any, value)) if _could_be_label(name, above, numbers, size) else None
+    return (path, value) if _could_be_label(name, above, numbers, size) else None
+
+
+def _opened(value: Any) -> Any:
+    """Return what holds other values as a list or a mapping of them; anything else as it is."""
+    if isinstance(value, Set):
+        return list(cast("Set[Any]", value))
+    if is_dataclass(value) and not isinstance(value, type):
+        return {field.name: getattr(value, field.name) for field in fields(value)}
+    known: Any = value
+    if isinstance(value, np.ndarray) and known.dtype.kind in _OPENED:
+        return known.tolist()
+    if getattr(known, "is_nested", False):  # a tensor of tensors of different lengths
+        return list(known.unbind())
+    return known
+
+
+def _as_numbers(parts: list[Any]) -> list[Any]:
+    """Return a list of numbers that were written as text as numbers; any other as it is."""
+    if parts and all(isinstance(part, str) and _NUMBER.fullmatch(part) for part in parts):
+        return [float(part) for part in parts]
+    return parts
 
 
 def _first(
     items: list[tuple[str, Any]],
     above: frozenset[str],
     size: Size,
+    aims: bool,
 ) -> tuple[str, Any] | None:
     for path, part in items:
-        found = _find(path, above, part, size)
+        found = _find(path, above, part, size, aims)
         if found is not None:
             return found
     return None
 
 
 def _is_telling_text(
-    words: frozenset[str],
+    name: str,
     above: frozenset[str],
     text: str,
+    size: Size,
 ) -> bool:
+    words = _words(name)
     if words & PROSE:
         return False
-    return bool((words | above) & (PLACES | ACTIONS | ANSWERS)) and holds_coordinates(text)
+    if _NUMBERS.fullmatch(text) and not HARMLESS.intersection(_last_word(name)):
+        numbers = [float(number) for number in _NUMBER.findall(text)]
+        if len(numbers) == 1:
+            return _is_telling_number(words, numbers[0], size)
+        if (words | above) & (PLACES | COORDINATES):
+            return max(map(abs, numbers)) > 1
+    is_named = bool((words | above) & (PLACES | ACTIONS | ANSWERS))
+    return (is_named or _SAID.search(text) is not None) and holds_coordinates(text)
 
 
 def _numbers(value: Any) -> npt.NDArray[Any] | None:
-    """Return the numbers of a value, or `None`; flattened if its parts differ in length."""
+    """Return the numbers of a value, or `None`."""
     if not _is_numeric(value):
         return None
     try:
-        array: npt.NDArray[Any] = np.asarray(to_host(value))
+        array = host_array(value)
     except (TypeError, ValueError, OverflowError, RuntimeError):
-        several = cast("list[Any]", value) if isinstance(value, list | tuple) else []
-        parts = [_numbers(part) for part in several]
-        known = [part.reshape(-1) for part in parts if part is not None]
-        return np.concatenate(known) if known else None
+        return _joined(cast("list[Any]", value)) if isinstance(value, list | tuple) else None
     return array if array.dtype.kind in "iufb" else None
+
+
+def _joined(parts: list[Any]) -> npt.NDArray[Any] | None:
+    """Return the numbers of parts that differ in length: as rows if those are of one length."""
+    found = [_numbers(part) for part in parts]
+    known = [np.atleast_1d(part) for part in found if part is not None and part.size]
+    if not known:
+        return None
+    width = known[0].shape[-1]
+    if all(part.shape[-1] == width for part in known):
+        return np.concatenate([part.reshape(-1, width) for part in known])
+    return np.concatenate([part.reshape(-1) for part in known])
 
 
 def _is_numeric(value: Any) -> bool:
@@ -281,9 +343,11 @@ def _is_numeric(value: Any) -> bool:
     """
     while isinstance(value, list | tuple):
         value = next((part for part in cast("list[Any]", value) if part is not None), "")
-    return isinstance(value, int | float | np.generic) or (
-        hasattr(value, "dtype") and hasattr(value, "shape")
-    )
+    if isinstance(value, int | float):
+        return True
+    dtype = getattr(value, "dtype", None)
+    is_array = dtype is not None and hasattr(value, "shape")
+    return is_array and getattr(dtype, "kind", None) not in _OPENED
 
 
 def _could_be_label(
@@ -293,12 +357,9 @@ def _could_be_label(
     size: Size,
 ) -> bool:
     words = _words(name)
-    last = _WORD.findall(name.lower())[-1:]
-    if numbers.ndim >= 2 and size in (numbers.shape[:2], numbers.shape[-2:]):
-        is_picture = numbers.ndim >= 3 and (
-            numbers.shape[:2] == size or numbers.shape[-3] in (3, 4)
-        )
-        return not is_picture
+    last = _last_word(name)
+    if size in (numbers.shape[:2], numbers.shape[-2:], numbers.shape[-3:-1]):
+        return not _is_picture(numbers, size)
     if numbers.ndim == 0:
         return _is_telling_number(words, float(numbers), size)
     # what is smaller are fractions, or flags: the same at every size
@@ -307,12 +368,28 @@ def _could_be_label(
         return False
     if words & SIZES and numbers.ndim == 1 and tuple(numbers.tolist()) in (size, size[::-1]):
         return True
+    if name == "labels" and numbers.ndim == 1:  # the classes of boxes
+        return False
     if words & (PLACES | COORDINATES) or above & PLACES:
         return True
-    if words & HARMLESS or (name == "labels" and numbers.ndim == 1):  # the classes of boxes
+    if words & HARMLESS:
         return False
+    if words & SIDES:
+        return True
     in_groups = numbers.shape[-1] in (2, 4) and numbers.ndim <= 3
     return bool(in_groups and numbers.min() >= 0 and numbers.max() <= (1 + SLACK) * max(size))
+
+
+def _is_picture(numbers: npt.NDArray[Any], size: Size) -> bool:
+    """Return whether values for each pixel are colours; one channel, or many, are labels."""
+    if numbers.ndim < 3 or numbers.dtype.kind == "b":
+        return False
+    channels = numbers.shape[-3] if numbers.shape[-2:] == size else numbers.shape[-1]
+    return channels in (3, 4)
+
+
+def _last_word(name: str) -> list[str]:
+    return _WORD.findall(name.lower())[-1:]
 
 
 def _is_telling_number(
@@ -320,20 +397,26 @@ def _is_telling_number(
     number: float,
     size: Size,
 ) -> bool:
-    if words & COORDINATES:
+    if words & COORDINATES or (words & SIDES and not words & HARMLESS):
         return abs(number) > 1
     return bool(words & SIZES) and number in size
 
 
 def how_to_declare(path: str, value: Any) -> str:
     """Return an example of a declaration for a message."""
+    order = getattr(getattr(value, "format", None), "value", None)
+    if order is not None:  # BoundingBoxes of torchvision
+        return f"labels={{{path!r}: {str(order).lower()!r}}}"
     if isinstance(value, str | bytes | Mapping | Action):
-        return f"labels={{{path!r}: 'openai'}} (or another dialect of actions)"
+        dialect = "pyautogui" if "pyautogui." in str(cast(Any, value)) else "openai"
+        return f"labels={{{path!r}: {dialect!r}}} (or another dialect of actions)"
     numbers = _numbers(value)
     if numbers is None or numbers.ndim == 0:
         return f"labels={{{path!r}: 'x'}} (or 'y', 'dx', 'dy', 'width', 'height')"
     if numbers.shape[-1] == 4:
         return f"labels={{{path!r}: 'xyxy'}} (or 'xywh', 'cxcywh')"
+    if numbers.ndim >= 3 and numbers.shape[-3] > 4:
+        return f"labels={{{path!r}: 'mask'}} (its last axes have to be those of the picture)"
     if numbers.ndim >= 2 and numbers.shape[-1] > 4:
         return f"labels={{{path!r}: 'mask'}}"
     return f"labels={{{path!r}: 'point'}} (or 'xyxy', 'xywh', ...)"

@@ -22,10 +22,12 @@ from .leaves import (
     DatasetRow,
     changed_entries,
     check_beside,
+    check_orders,
     content,
     corrupt,
     each_of,
     entries_of,
+    follow_inside,
     follow_tensor,
     pictures_of,
     plain,
@@ -119,6 +121,7 @@ class Corrupt(v2.Transform):
         """Corrupt one sample or batch; the input is never modified."""
         sample = _as_dict(inputs[0]) if len(inputs) == 1 else inputs
         check_drawn(entries_of(sample))
+        check_orders(entries_of(sample), self.settings.labels)
         aside, rest = _split(sample, self.settings.labels)
         paths, spec = _tree.tree_flatten_with_path(rest)
         leaves = [leaf for _, leaf in paths]
@@ -149,7 +152,10 @@ class Corrupt(v2.Transform):
             return_plan=self.return_plan,
         )
         tensors = [k for k in changes if isinstance(entries.get(k), tv_tensors.TVTensor)]
-        return put(out, {k: v for k, v in changes.items() if k not in tensors})
+        out = put(out, {k: v for k, v in changes.items() if k not in tensors})
+        for key in aside.keys() - self.settings.labels.left:
+            out[key] = follow_inside(out[key], plans)
+        return out
 
     def _rows(
         self,
@@ -256,7 +262,9 @@ def _split(sample: Any, labels: Labels) -> tuple[dict[str, Any], Any]:
     entries = cast("dict[str, Any]", sample)
     names = {*_ASIDE, *(path.partition(".")[0] for path in labels.declared)}
     aside = {
-        k: v for k, v in entries.items() if k in names and not isinstance(v, tv_tensors.TVTensor)
+        k: v
+        for k, v in entries.items()
+        if k in labels.left or (k in names and not isinstance(v, tv_tensors.TVTensor))
     }
     return aside, {k: v for k, v in entries.items() if k not in aside}
 

@@ -18,6 +18,7 @@ from ..labels import Labels
 from ..labels.base import Move
 from ..labels.boxes import box_format
 from ..labels.declared import OWN
+from ..labels.numbers import to_host
 from ..labels.undeclared import find_undeclared
 from ..plan import Plan
 from ..samples import PICTURE_KEYS, follow, is_many, visible_in
@@ -80,6 +81,24 @@ def _corners(boxes: Any) -> Any:
     return v2.functional.convert_bounding_box_format(boxes, new_format="XYXY").as_subclass(
         torch.Tensor
     )
+
+
+def check_orders(entries: DatasetRow, labels: Labels) -> None:
+    """Check that a declaration does not contradict the format that boxes carry.
+
+    Raises:
+        LabelError: it does.
+    """
+    for key, form in labels.declared.items():
+        value = entries.get(key)
+        if not isinstance(value, tv_tensors.BoundingBoxes) or key in labels.left:
+            continue
+        order = str(cast(Any, value).format.value).lower()
+        if form.name != order:
+            raise LabelError(
+                f"the sample's entry {key!r} is a BoundingBoxes of format {order.upper()}, and it"
+                f" is declared {form.name!r}; declare it {order!r}, or leave it out of labels="
+            )
 
 
 def check_beside(sample: Any, plans: list[Plan]) -> None:
@@ -279,6 +298,27 @@ def follow_tensor(value: Any, plans: list[Plan]) -> Any:
     return tv_tensors.wrap(scaled.as_subclass(torch.Tensor).to(value.dtype), like=scaled)
 
 
+def follow_inside(value: Any, plans: list[Plan]) -> Any:
+    """Return an entry with the boxes, key points and masks of torchvision in it moved."""
+    if isinstance(value, FOLLOWING):
+        return follow_tensor(value, plans)
+    if not _holds_tensors(value):
+        return value
+    if isinstance(value, Mapping):
+        entries = cast("Mapping[Any, Any]", value).items()
+        return {key: follow_inside(part, plans) for key, part in entries}
+    parts = [follow_inside(part, plans) for part in cast("list[Any]", value)]
+    return tuple(parts) if isinstance(value, tuple) else parts
+
+
+def _holds_tensors(value: Any) -> bool:
+    if isinstance(value, Mapping):
+        return any(_holds_tensors(part) for part in cast("Mapping[Any, Any]", value).values())
+    if isinstance(value, list | tuple):
+        return any(_holds_tensors(part) for part in cast("list[Any]", value))
+    return isinstance(value, FOLLOWING)
+
+
 def _check_canvas(value: Any, size: Size) -> None:
     is_mask = isinstance(value, tv_tensors.Mask)
     canvas = tuple(value.shape[-2:]) if is_mask else tuple(value.canvas_size)
@@ -298,11 +338,12 @@ def _points_moved(points: torch.Tensor, move: Move) -> torch.Tensor:
 
     Unlike points that somebody clicked, they may lie off the picture.
     """
+    numbers = to_host(points)
     if points.is_floating_point():
-        return points.new_tensor(move.scaling.positions(points.detach().cpu().numpy()))
+        return points.new_tensor(move.scaling.positions(numbers))
     free = replace(
         move.scaling,
         bounded=False,
         clamp=False,
     )
-    return points.new_tensor(free.points(points.detach().cpu().numpy()))
+    return points.new_tensor(free.points(numbers))

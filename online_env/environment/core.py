@@ -16,13 +16,13 @@ from hijack_data.errors import HijackError, ParameterError, UnknownNameError
 from hijack_data.kernels.cpu import jit
 from hijack_data.planner import Planner
 from hijack_data.runs.run_log import GIVEN_KINDS
+from hijack_data.spaces import Actions, observations
 from hijack_data.types import Size, UInt8Array
 
 from .episode import Episode
 from .record import End, EpisodeRecord
 from .runner import EpisodeRunner, ResetOptions, checked_seed, ready
 from .settings import EvalOptions, EvalSettings
-from .spaces import Actions, observations
 from .stage import Stage
 
 # The arguments of `gymnasium.make` that an agent may see.

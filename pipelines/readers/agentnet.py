@@ -99,7 +99,7 @@ def _is_recording(file: Path) -> bool:
     if file.suffix == ".jsonl":
         return any("traj" in record for record in first_records(file))
     try:
-        record = parse_file(file)
+        record = parse_file(file, unique=False)
     except FieldError:
         return False
     return "task_id" in record and ("steps" in record or "traj" in record)

@@ -15,6 +15,7 @@ import stat
 import struct
 import warnings
 import zlib
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -27,10 +28,11 @@ from PIL import Image
 from hijack_data.files import FORMATS, open_regular
 from hijack_data.types import Size
 
-from .fields import FieldError, JsonObject, mapping
+from .fields import FieldError, JsonObject, mapping, shown
 
 MAX_RECORD = 50 * 2**20
 SNIFFED = 20
+LONGEST_NAME = 60  # of a field in a report
 PICKLES = (".pkl", ".pickle", ".pkl.xz", ".pkl.gz", ".pt", ".pth", ".joblib", ".npy", ".npz")
 PICKLE = (
     "a pickle (or a file that may hold one) is never opened: reading it would run what is in it"
@@ -83,15 +85,15 @@ class RecordLine:
     offset: int
     data: bytes | None
 
-    def record(self) -> JsonObject:
-        """Return the JSON object in the line.
+    def record(self, *, unique: bool = True) -> JsonObject:
+        """Return the JSON object in the line; `unique` as in `parse`.
 
         Raises:
             FieldError: the line is too long; other text is one, too.
         """
         if self.data is None:
             raise FieldError("", f"longer than {MAX_RECORD // 2**20} MiB")
-        return mapping(parse(self.data), "")
+        return mapping(parse(self.data, unique=unique), "")
 
 
 def lines(path: Path, limit: int | None = None) -> Iterator[RecordLine]:
@@ -118,18 +120,40 @@ def line_at(file: Any, offset: int) -> bytes:
     return file.readline(MAX_RECORD + 1)
 
 
-def parse(data: bytes) -> object:
+def _unique(pairs: list[tuple[str, Any]]) -> JsonObject:
+    """Return an object of JSON; Python's own reader would take the last of equal keys."""
+    record = dict(pairs)
+    if len(record) == len(pairs):
+        return record
+    ((twice, _),) = Counter(key for key, _ in pairs).most_common(1)
+    field = twice if twice.isprintable() and len(twice) <= LONGEST_NAME else ""
+    raise FieldError(field, f"the key {shown(twice)} stands twice in one object; keep one")
+
+
+_STRICT = json.JSONDecoder(object_pairs_hook=_unique)
+
+
+def parse(data: bytes, *, unique: bool = True) -> object:
     """Parse JSON.
 
+    Args:
+        data: UTF-8 text.
+        unique: whether a key twice in an object is an error. Otherwise the last one counts, which
+            is enough to find out which format a file has.
+
     Raises:
-        FieldError: the text is not UTF-8 or not JSON, or nested too deeply.
+        FieldError: the text is not UTF-8 or not JSON, nested too deeply, or an object in it has a
+            key twice.
     """
     try:
-        return json.loads(data.decode("utf-8-sig"))
+        text = data.decode("utf-8-sig")
+        return _STRICT.decode(text) if unique else json.loads(text)
     except UnicodeDecodeError as error:
         raise FieldError("", f"not UTF-8 (byte {error.start}: {error.reason})") from None
     except RecursionError:
         raise FieldError("", "nested too deeply") from None
+    except FieldError:
+        raise
     except ValueError as error:
         raise FieldError("", f"not JSON ({error})") from None
 
@@ -148,13 +172,13 @@ def parsed(value: object, field: str) -> object:
         raise FieldError(field, error.reason) from None
 
 
-def parse_file(path: Path) -> JsonObject:
-    """Parse a whole file as a JSON object; anything else is a `FieldError`."""
-    return mapping(parse_any(path), "")
+def parse_file(path: Path, *, unique: bool = True) -> JsonObject:
+    """Parse a whole file as a JSON object; anything else is a `FieldError`. See `parse`."""
+    return mapping(parse_any(path, unique=unique), "")
 
 
-def parse_any(path: Path) -> object:
-    """Parse a whole file as JSON.
+def parse_any(path: Path, *, unique: bool = True) -> object:
+    """Parse a whole file as JSON, see `parse`.
 
     Raises:
         FieldError: the file is unreadable, empty, too large or not JSON.
@@ -168,7 +192,7 @@ def parse_any(path: Path) -> object:
         raise FieldError("", f"larger than {MAX_RECORD // 2**20} MiB")
     if not data.strip():
         raise FieldError("", "the file is empty")
-    return parse(data)
+    return parse(data, unique=unique)
 
 
 def first_records(path: Path) -> list[JsonObject]:
@@ -179,7 +203,7 @@ def first_records(path: Path) -> list[JsonObject]:
             if line.data is None or line.offset > MAX_RECORD:
                 break
             try:
-                found.append(line.record())
+                found.append(line.record(unique=False))
             except FieldError:
                 continue
     except OSError:

@@ -4,8 +4,11 @@ import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import cast
 
-from hijack_data.types import Action, Step, Trajectory
+from hijack_data.actions import calls_pyautogui, parse_pyautogui
+from hijack_data.errors import HijackError
+from hijack_data.types import Action, Platform, Size, Step, Trajectory
 
 from . import fields
 from .base import Rejected, register
@@ -25,7 +28,16 @@ from .files import (
     size_of,
     walk,
 )
-from .plain import FIELDS, LineProblems, action_of, apps_of, boxes_of, check_names, extra_of
+from .plain import (
+    FIELDS,
+    LineProblems,
+    action_of,
+    apps_of,
+    boxes_of,
+    check_agreement,
+    check_names,
+    extra_of,
+)
 
 METADATA = "metadata.jsonl"
 FILE_NAME = "file_name"
@@ -165,20 +177,19 @@ def _trajectory(
     problems.check()
     check_names(record, problems, KNOWN)
     target, elements = boxes_of(record, size, problems)
-    action = Action("other")
-    if record.get("action") is not None and size is not None:
-        action = action_of(record["action"], size, problems) or action
     texts = {
         key: problems.of(lambda key=key: fields.text(record, key, default=""))
         for key in ("instruction", "domain", "action_code", "id")
     }
+    action = problems.of(lambda: _action(record, texts["action_code"] or "", size, problems))
     apps = problems.of(lambda: apps_of(record))
+    platform = problems.of(lambda: fields.platform(record.get("platform"), "platform"))
     extra = problems.of(lambda: extra_of(record, KNOWN))
     problems.check()
     step = Step(
         index=0,
         image=os.fspath(file),
-        action=action,
+        action=action or Action("other"),
         action_code=texts["action_code"] or "",
         target_box=target,
         elements=elements,
@@ -186,4 +197,31 @@ def _trajectory(
         extra=extra or "",
     )
     about = texts["instruction"] or "", (step,), texts["domain"] or "", apps or ()
-    return Trajectory(name, Images.name, *about)
+    return Trajectory(name, Images.name, *about, platform=cast("Platform | None", platform))
+
+
+def _action(
+    record: JsonObject,
+    code: str,
+    size: Size | None,
+    problems: LineProblems,
+) -> Action:
+    """Return the action of a picture: as it is described, or else what its code says.
+
+    Raises:
+        FieldError: the two contradict each other, or the code points off the picture.
+    """
+    if size is None:
+        return Action("other")
+    if record.get("action") is not None:
+        action = action_of(record["action"], size, problems) or Action("other")
+        check_agreement(action, code, size)
+        return action
+    check_agreement(Action("other"), code, size)  # fractions would be no pixels
+    if not calls_pyautogui(code):
+        return Action("other")
+    try:
+        said = parse_pyautogui(code, None)
+    except HijackError:  # what it does is known only when it runs
+        return Action("other")
+    return fields.on_screen(said, size, "action_code")

@@ -209,8 +209,8 @@ def _taken(
         yield error
 
 
-def entries(file: Path) -> Iterator[LogEntry | Rejected]:
-    """Yield the entries of a log: lines of a `.jsonl`, or a list in a `.json`.
+def entries(file: Path, *, unique: bool = True) -> Iterator[LogEntry | Rejected]:
+    """Yield the entries of a log: lines of a `.jsonl`, or a list in a `.json`, see `parse`.
 
     Bodies with one of the `LISTS` are spread out. A line that cannot be read is a `Rejected`
     without file; a `.json` file that cannot be read is a `FieldError`.
@@ -219,11 +219,11 @@ def entries(file: Path) -> Iterator[LogEntry | Rejected]:
         for line in lines(file):
             where = f"line {line.number}"
             try:
-                yield from _spread(line.record(), where, line.offset, ())
+                yield from _spread(line.record(unique=unique), where, line.offset, ())
             except FieldError as error:
                 yield Rejected("", where, error.field, error.reason)
         return
-    data = parse_any(file)
+    data = parse_any(file, unique=unique)
     if isinstance(data, list):
         yield from _items(cast("list[object]", data), "entry", None, ())
     else:
@@ -269,7 +269,8 @@ def _sniffed(
     They are kept, since every reader asks for them; `changed` and `size` are part of the key.
     """
     try:
-        found = [entry for entry in islice(entries(file), SNIFFED) if isinstance(entry, LogEntry)]
+        first = islice(entries(file, unique=False), SNIFFED)
+        found = [entry for entry in first if isinstance(entry, LogEntry)]
         return tuple(_shortened(entry) for entry in found)
     except (FieldError, OSError, RecursionError):
         return ()

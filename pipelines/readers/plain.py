@@ -7,7 +7,9 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-from hijack_data.types import Action, Size, Step
+from hijack_data.actions import calls_pyautogui, parse_pyautogui, write_pyautogui
+from hijack_data.errors import HijackError
+from hijack_data.types import Action, Point, Size, Step
 
 from . import fields
 from .fields import ACTION_FIELDS, FieldError, FieldTypeError, JsonObject
@@ -50,6 +52,9 @@ OTHER_NAMES = {
     "step_id": "step",
     "step_num": "step",
 }
+# A text may be typed key by key, and a key is a text of one letter.
+KEYBOARD = "keyboard"
+KEYBOARD_TYPES = ("type", "hotkey", "key_down", "key_up")
 SCHEMA = Path(__file__).with_name("trajectories.schema.json")
 # The size against which points are checked if the picture cannot be read.
 ANY_SIZE = (fields.MAX_PIXEL, fields.MAX_PIXEL)
@@ -138,6 +143,8 @@ def step_of(
     image, size = picture or ("", None)
     action = action_of(record.get("action"), size or ANY_SIZE, problems)
     code = problems.of(lambda: fields.text(record, "action_code", default=""))
+    if action and code and size:
+        problems.of(lambda: check_agreement(action, code, size))
     target, elements = boxes_of(record, size, problems)
     extra = problems.of(lambda: extra_of(record))
     own = problems.of(lambda: fields.text(record, "id", default=""))
@@ -164,6 +171,83 @@ def picture_of(
     below = "" if folder == root else relative_name(folder, root)
     image = inside(root, os.path.join(below, name))
     return os.fspath(image), size_of(image)
+
+
+def check_agreement(
+    action: Action,
+    code: str,
+    size: Size,
+) -> None:
+    """Check that the code of a step does not contradict its action.
+
+    Only what is certain counts: code that is no pyautogui, or more than one action, says nothing.
+
+    Args:
+        action: the action, in pixels.
+        code: its text.
+        size: (height, width) of the picture.
+
+    Raises:
+        FieldError: the code is another kind of action, points elsewhere, or counts in fractions.
+    """
+    if _is_written_so(action, code) or not calls_pyautogui(code):
+        return
+    try:
+        said = parse_pyautogui(code, size)  # a pointer stops at the edge
+    except HijackError:
+        _check_pixels(code, size)
+        return
+    if _contradict(action, said):
+        raise FieldError(
+            "action_code",
+            f"says {_in_words(said)}, but action is {_in_words(action)}; keep the one that was"
+            " done, or leave action_code out",
+        )
+
+
+def _is_written_so(action: Action, code: str) -> bool:
+    """Return whether code is what we write of an action; parsing takes a hundred times as long."""
+    try:
+        return write_pyautogui(action) == code
+    except HijackError:
+        return False
+
+
+def _check_pixels(code: str, size: Size) -> None:
+    try:
+        point = parse_pyautogui(code, size, normalized=True).point
+    except HijackError:
+        return  # code that nobody can read without running it
+    if point is not None:
+        reason = f"{fields.shown(code)} counts in fractions of the picture; write pixels"
+        raise FieldError("action_code", reason)
+
+
+def _contradict(action: Action, said: Action) -> bool:
+    kinds = {_kind(action), _kind(said)}
+    if "other" in kinds:
+        return False
+    if len(kinds) > 1:
+        return True
+    if (action.amount or 0) * (said.amount or 0) < 0 and action.type == "scroll":
+        return True  # up and down
+    pairs = [(action.point, said.point), (action.end, said.end)]
+    return any(_apart(one, two) for one, two in pairs if one is not None and two is not None)
+
+
+def _kind(action: Action) -> str:
+    return KEYBOARD if action.type in KEYBOARD_TYPES else action.type
+
+
+def _apart(one: Point, two: Point) -> bool:
+    return max(abs(one[0] - two[0]), abs(one[1] - two[1])) > 1
+
+
+def _in_words(action: Action) -> str:
+    place = "" if action.point is None else f" at {action.point}"
+    end = "" if action.end is None else f" to {action.end}"
+    amount = f" by {action.amount:g}" if action.type == "scroll" and action.amount else ""
+    return f"{action.type}{place}{end}{amount}"
 
 
 def boxes_of(

@@ -171,7 +171,7 @@ def _system(record: JsonObject) -> str:
 
 def _is_step(file: Path) -> bool:
     try:
-        return all(sign in parse_file(file) for sign in _SIGNS)
+        return all(sign in parse_file(file, unique=False) for sign in _SIGNS)
     except FieldError:
         return False
 

@@ -237,3 +237,13 @@ def test_refusals(
 ):
     with pytest.raises(error, match=message):
         make()
+
+
+@pytest.mark.parametrize("what", ["targets", "ends"])
+def test_a_point_off_its_picture_is_refused(what):
+    half = hj.OneOf([hj.Resolution(scale=0.5)])
+    points = {"targets": [(5, 5)], what: [(700, 20)]}
+    with pytest.raises(ParameterError, match=r"\(700, 20\) is outside the 640x360 screen"):
+        half(batch(["a"]), ids=["a"], seed=1, **points)
+    edge = {"targets": [(5, 5)], what: [(641, 20)]}  # recorded a little beside the edge
+    assert half(batch(["a"]), ids=["a"], seed=1, **edge).safety[0].target_visible == 1.0

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import ExifTags, Image
 
+import hijack_data as hj
 from hijack_data.errors import AssetError, HijackError, ImageError, ParameterTypeError
 from hijack_data.files import (
     check_versioned,
@@ -154,6 +155,20 @@ def test_a_recorded_picture_that_exif_turns_is_refused(
         return
     with pytest.raises(ImageError, match=rf"step 3: its EXIF orientation {orientation} turns it"):
         decode(data, "step 3")
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+@pytest.mark.parametrize("orientation", [1, 3, 6])
+def test_a_picture_of_pillow_that_exif_turns_is_refused(kind, orientation):
+    """The result would not carry the note, so what shows it would turn it no more."""
+    data, stored = turned_file(kind, orientation)
+    opened = Image.open(io.BytesIO(data))
+    plan = hj.Marks(number=1, mark_size=5).plan(hj.Scene(stored.shape[:2]), seed=1)
+    if orientation == 1:
+        assert hj.apply(plan, opened).size == opened.size
+        return
+    with pytest.raises(ImageError, match=rf"EXIF orientation {orientation}.*exif_transpose"):
+        hj.apply(plan, opened)
 
 
 @pytest.mark.parametrize("kind", FORMATS)

@@ -211,3 +211,13 @@ def test_donation_leaves_the_callers_picture_alone():
     for run in (hj.apply, jax_operations):
         assert np.array_equal(np.asarray(run(plan, image)), reference(plan, picture(SIZE)))
     assert np.array_equal(np.asarray(image), picture(SIZE))
+
+
+def test_of_two_pictures_one_has_to_be_named():
+    pixels = picture(SIZE)
+    element = {"image": pixels, "screenshot": pixels, "id": 1}
+    with pytest.raises(ImageError, match=r"'image' and 'screenshot'; image_key="):
+        hg.Corrupt(hj.Marks()).map(element)
+    made = hg.Corrupt(hj.Marks(number=9), image_key="screenshot").map(element)
+    assert made["image"] is pixels
+    assert not np.array_equal(made["screenshot"], pixels)

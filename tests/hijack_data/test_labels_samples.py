@@ -1,6 +1,8 @@
 """Labels in samples: what is declared follows the pixels everywhere, what is not is an error."""
 
 import copy
+import dataclasses
+import pickle
 from typing import Any
 
 import numpy as np
@@ -36,6 +38,13 @@ def half(sample, **settings):
             **sample,
         }
     )
+
+
+@dataclasses.dataclass
+class Spot:
+    """A label of somebody's own."""
+
+    point: tuple[int, int]
 
 
 # --- what is not declared
@@ -84,6 +93,34 @@ TELLING: dict[str, Any] = {
     "original_size": (216, 384),
 }
 TELLING["answer_xy"] = [10, 20]
+TELLING |= {
+    # as CSV files have them
+    "rect": ["10", "20", "30", "40"],
+    "bounds": "10 20 30 40",
+    "y": "20",
+    "roi": [["10", "20", "30", "40"]],
+    # of kinds that NumPy does not have, or does not take apart
+    "box_half": torch.tensor([10.0, 20, 30, 40], dtype=torch.bfloat16),
+    "points_of": np.array([np.zeros((3, 2)), np.full((2, 2), 30.0)], dtype=object),
+    "regions": np.array(["10,20", "30,40"]),
+    "pts": {(10, 20)},
+    "quad": torch.nested.nested_tensor(
+        [torch.tensor([[10.0, 20]]), torch.ones(3, 2) * 9], layout=torch.jagged
+    ),
+    "later": [[], [10, 20]],
+    "noted": Spot(point=(10, 20)),
+    # a box's sides, not the picture's
+    "w": 30,
+    "height": 40,
+    "object": {"width": [30, 31, 32], "kind": "button"},
+    # one value for each pixel, the channel last
+    "classes_of_pixels": np.zeros((*SIZE, 1), np.uint8),
+    "flags": np.zeros((*SIZE, 3), bool),
+    "one_hot": np.zeros((*SIZE, 7), np.uint8),
+    # an action under any name
+    "text": "Action: click(start_box='(10,20)')",
+    "chosen": "pyautogui.click(10, 20)",
+}
 
 
 @pytest.mark.parametrize("key", TELLING)
@@ -125,6 +162,8 @@ def test_the_error_says_where_in_a_nested_entry():
     [
         {"instruction": "Open cell (10, 20) and type [100, 200]"},
         {"text": "Save", "thought": "at (10, 20)"},
+        {"target_id": "17", "element_ids": ["3", "4"], "input_ids": "101 102"},
+        {"w": 0.5, "token_height": 7},
         {
             "label": 3,
             "category_id": 7,
@@ -604,6 +643,84 @@ def test_p_is_the_probability_that_a_sample_is_corrupted():
             tr.Marks(p=p)
     with pytest.raises(ParameterError, match="no p"):
         tr.Replay(p=0.5)
+
+
+def test_labels_in_bfloat16_follow():
+    for value in (
+        torch.tensor([[100, 20, 130, 40]], dtype=torch.bfloat16),
+        np.asarray([[100, 20, 130, 40]], pytest.importorskip("ml_dtypes").bfloat16),
+    ):
+        moved = half({"bbox": value}, labels={"bbox": "xyxy"})["bbox"]
+        assert (moved.dtype, moved.tolist()) == (value.dtype, [[50, 10, 65, 20]])
+    points = torch.tensor([[100, 20]], dtype=torch.bfloat16)
+    moved = half({"kp": tv_tensors.KeyPoints(points, canvas_size=SIZE)})["kp"]
+    assert (moved.dtype, moved.tolist()) == (torch.bfloat16, [[50, 10]])
+
+
+def test_a_transform_with_labels_goes_to_workers_that_are_spawned():
+    corrupt = tr.Resolution(scale=0.5, labels={"bbox": "coco", "note": None}, target="bbox")
+    again = pickle.loads(pickle.dumps(corrupt))
+    sample = {"image": tensor(), "id": 1, "bbox": [100, 20, 30, 40], "note": [3, 1]}
+    assert again(sample)["bbox"] == corrupt(sample)["bbox"] == [50, 10, 15, 20]
+    assert again.settings.labels.target == "bbox"
+
+
+# --- boxes of torchvision beside declared labels
+
+
+def boxes(order="XYXY"):
+    numbers = torch.tensor([[100, 20, 130, 40]])
+    return tv_tensors.BoundingBoxes(numbers, format=order, canvas_size=SIZE)
+
+
+def test_boxes_beside_a_declared_label_follow_too():
+    sample = {"objects": {"click": [100, 20], "box": boxes(), "more": [boxes(), "a"]}}
+    objects = half(sample, labels={"objects.click": "xy"})["objects"]
+    assert objects["click"] == [50, 10]
+    for found in (objects["box"], objects["more"][0]):
+        assert (found.tolist(), found.canvas_size) == ([[50, 10, 65, 20]], (108, 192))
+    assert sample["objects"]["box"].tolist() == [[100, 20, 130, 40]]
+
+
+def test_the_targets_of_torchvisions_detection_models():
+    target = {"boxes": boxes(), "labels": torch.tensor([3]), "image_id": 7}
+    made = half({"target": target})["target"]
+    assert made["boxes"].tolist() == [[50, 10, 65, 20]]
+    assert (made["labels"].tolist(), made["image_id"]) == ([3], 7)
+    with pytest.raises(LabelError, match=r"'target\.keypoints'"):
+        half({"target": {**target, "keypoints": [[10, 20]]}})
+
+
+def test_boxes_that_are_left_stay_and_a_wrong_declaration_is_an_error():
+    left = half({"box": boxes()}, labels={"box": "leave"})["box"]
+    assert (left.tolist(), left.canvas_size) == ([[100, 20, 130, 40]], SIZE)
+    with pytest.raises(LabelError, match=r"'box' is a BoundingBoxes of format XYWH.*'xyxy'"):
+        half({"box": boxes("XYWH")}, labels={"box": "xyxy"})
+
+
+# --- what has to show
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        {"box": "boxes"},
+        {"action_code": "pyautogui.click(100, 20)"},
+        {"action": {"type": "click", "x": 100, "y": 20, "button": "left"}},
+    ],
+    ids=lambda entry: next(iter(entry)),
+)
+def test_avoiding_is_never_silently_nothing(entry):
+    ((key, value),) = entry.items()
+    sample = {"image": tensor(), "id": 1, key: boxes() if value == "boxes" else value}
+    form = {"box": "xyxy", "action_code": "pyautogui", "action": "openai"}[key]
+    with pytest.raises(LabelError, match=f"target of a sample in sight.*'{key}"):
+        tr.Marks(label_policy="avoid")(sample)
+    told = tr.Marks(label_policy="avoid", labels={key: form}, return_plan=True)(sample)
+    assert told["target_visible"] == 1.0
+    assert "target_visible" in tr.Marks(target="action_code", return_plan=True)(
+        {"image": tensor(), "id": 1, "action_code": "pyautogui.click(100, 20)"}
+    )
 
 
 def test_labels_have_a_repr():

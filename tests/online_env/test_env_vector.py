@@ -13,8 +13,8 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
 
 from hijack_data.errors import ParameterError
+from hijack_data.spaces import SHARED_TEXT, Text
 from online_env.environment import CorruptedEnv, core
-from online_env.environment.spaces import SHARED_TEXT, Text
 
 from support.episodes import CLICK, make
 from support.live import AT_ONCE, SIZE, FakeDesktop, FakeStage, Marking

@@ -26,6 +26,7 @@ def machine(tmp_path: Path) -> Machine:
 def test_an_article_is_stored_as_the_site_does(machine: Machine) -> None:
     articles.put(machine, "Gull Rock", "One.", [{"summary": "a"}, {"summary": "b", "by": "Ada"}])
     assert articles.text(machine, "Gull Rock") == "One."
+    assert (articles.comment(machine, "Gull Rock"), articles.comment(machine, "Tea")) == ("b", "")
     assert articles.pages(machine)["Gull Rock"]["revisions"] == [
         {"number": 1, "size": 4, "summary": "a"},
         {"number": 2, "size": 4, "summary": "b", "by": "Ada"},
@@ -42,9 +43,14 @@ def test_other_articles_that_changed_are_named(machine: Machine) -> None:
     assert articles.others(machine) == ["Gull Rock", "Tea"]
 
 
-def test_space_does_not_matter_and_words_do() -> None:
-    assert articles.same("a b\n\nc", " a  b\nc\n")
+def test_texts_are_the_same_if_their_pages_are() -> None:
+    assert articles.same("a b\n\n## c\n\nd", " a\nb\n## c\nd \n\n")
     assert not articles.same("a b", "ab")
+    assert not articles.same("a\n\nb", "a\nb")
+    assert not articles.same("a\n\n## c", "a ## c")
+
+
+def test_addresses_and_texts_of_articles() -> None:
     assert articles.address("Coral reef", "edit") == "http://wiki.test/edit/Coral_reef"
     assert articles.shipped("Coral reef").startswith("A **coral reef** is")
 

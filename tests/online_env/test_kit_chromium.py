@@ -58,6 +58,8 @@ def test_bookmarks_are_read_as_they_were_written(machine: Machine) -> None:
 def test_bookmarks_are_judged_in_whatever_order(machine: Machine) -> None:
     chromium.write_bookmarks(machine, BAR[::-1])
     assert list(chromium.wrong_bookmarks(machine, BAR)) == []
+    chromium.write_bookmarks(machine, [BAR[0], (" News", "http://news.test")])
+    assert list(chromium.wrong_bookmarks(machine, BAR)) == []
     assert list(chromium.wrong_bookmarks(machine, BAR[:1])) != []
     chromium.write_bookmarks(machine, BAR, other=[("Chess", "http://wiki.test/wiki/Chess")])
     assert list(chromium.wrong_bookmarks(machine, BAR)) != []

@@ -1,8 +1,11 @@
 """Files, trash and archives of tasks, in a folder."""
 
 import io
+import os
 import tarfile
+import tempfile
 import zipfile
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -12,10 +15,11 @@ from support import needs
 pytest.importorskip("lxml", reason=needs.ONLINE)
 
 from hijack_data.rng import Stream
+from online_env.desktops.protocol import RunResult
 from online_env.tasks import Machine
 from online_env.tasks.folder import FolderDesktop
 from online_env.tasks.kit.archives import make_locked_zip, make_zip, unpacked
-from online_env.tasks.kit.files import below, move_files, rearranged, sample_file
+from online_env.tasks.kit.files import below, content, mode, move_files, rearranged, sample_file
 from online_env.tasks.kit.trash import take_out, throw_away, thrown_away
 
 
@@ -27,6 +31,53 @@ def machine(tmp_path: Path) -> Machine:
     made.write("in/sub/b.txt", "two\n")
     made.remember()
     return made
+
+
+NOBODY = 65534
+AS_NOBODY = ("setpriv", f"--reuid={NOBODY}", f"--regid={NOBODY}", "--clear-groups")
+
+
+class WithoutRights(FolderDesktop):
+    """A folder whose commands run without the rights of root."""
+
+    def execute(self, argv: Sequence[str] | str, timeout: float = 60) -> RunResult:
+        assert not isinstance(argv, str)
+        start = () if os.geteuid() else AS_NOBODY
+        return super().execute([*start, *argv], timeout)
+
+
+@pytest.fixture
+def unprivileged() -> Iterator[Machine]:
+    """A home folder with a script, for a user whom modes bind, noted."""
+    with tempfile.TemporaryDirectory() as folder:
+        os.chown(folder, os.geteuid() or NOBODY, -1)
+        made = Machine(WithoutRights(Path(folder)))
+        made.run("sh", "-c", "mkdir jobs && echo one >jobs/a.sh && echo two >b.txt")
+        made.remember()
+        yield made
+        made.run("chmod", "-R", "u+rwX", "jobs", "b.txt")
+
+
+@pytest.mark.parametrize(
+    ("change", "problems"),
+    [
+        (("000", "b.txt"), ["b.txt was changed"]),
+        (("644", "jobs"), ["jobs was changed", "jobs/a.sh is gone"]),
+    ],
+)
+def test_what_cannot_be_read_is_told(
+    unprivileged: Machine, change: Sequence[str], problems: list[str]
+) -> None:
+    unprivileged.run("chmod", *change)
+    assert list(unprivileged.untouched()) == problems
+
+
+def test_a_file_of_a_snapshot_has_a_kind_a_digest_and_a_mode(machine: Machine) -> None:
+    was = machine.snapshot().files["in/a.txt"]
+    machine.run("chmod", "4711", "in/a.txt")
+    look = machine.snapshot().files["in/a.txt"]
+    assert (content(look), mode(look)) == (content(was), 0o4711)
+    assert content("f 0") == ("f", "") != content(was)
 
 
 @pytest.mark.parametrize(
@@ -60,6 +111,12 @@ def test_another_file_in_the_place_is_told(machine: Machine) -> None:
     machine.run("rm", "in/a.txt")
     found = list(rearranged(machine, [("in/a.txt", "out/a.txt")]))
     assert found == ["out/a.txt is not the file that was in/a.txt"]
+
+
+def test_a_file_that_never_was_is_told(machine: Machine) -> None:
+    machine.write("out/c.txt", "three\n")
+    found = list(rearranged(machine, copied=[("in/c.txt", "out/c.txt")]))
+    assert found == ["out/c.txt is not the file that was in/c.txt"]
 
 
 def test_files_may_change_places(machine: Machine) -> None:
@@ -108,7 +165,16 @@ def test_a_tar_archive_is_read_without_its_leading_dot() -> None:
     assert unpacked(buffer.getvalue()) == {"top/a.txt": b"one"}
 
 
-@pytest.mark.parametrize("data", [None, b"", b"no archive", make_zip({"a": b"1"})[:40]])
+def damaged() -> bytes:
+    """Return a compressed ZIP archive, some bytes of which are others."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("a.txt", " ".join(map(str, range(900))))
+    data = buffer.getvalue()
+    return data[:60] + b"\xff" * 40 + data[100:]
+
+
+@pytest.mark.parametrize("data", [None, b"", b"no archive", make_zip({"a": b"1"})[:40], damaged()])
 def test_what_is_no_archive_is_none(data: bytes | None) -> None:
     assert unpacked(data) is None
 

@@ -13,7 +13,7 @@ from online_env.embedded.sites.hosts import mail as site
 from online_env.embedded.sites.state import SiteState
 from online_env.tasks import Machine
 from online_env.tasks.folder import FolderDesktop
-from online_env.tasks.kit import mail
+from online_env.tasks.kit import mail, shop
 
 LETTER = mail.Letter(to=["oda@mail.test"], subject="Honey", text="Two jars, please.")
 
@@ -44,6 +44,22 @@ def test_nothing_done_is_nothing_wrong_and_reading_is_no_damage(machine: Machine
     mail.flag(machine, "m01", read=True)
     assert list(mail.problems(machine)) == []
     assert list(mail.problems(machine, flags={"m01": {"read": False}})) != []
+    assert list(machine.untouched_sites()) == []
+    mail.flag(machine, "m01", starred=True)
+    assert list(machine.untouched_sites()) == ["mail.test was used to change something"]
+
+
+def test_a_cart_that_is_empty_again_is_no_damage(machine: Machine) -> None:
+    shop.fill(machine, {"mug": 1})
+    assert list(machine.untouched_sites()) == ["shop.test was used to change something"]
+    shop.fill(machine, {})
+    assert list(machine.untouched_sites()) == []
+
+
+def test_a_mail_that_was_read_stays_read(machine: Machine) -> None:
+    mail.flag(machine, "m05", read=False)
+    assert list(mail.problems(machine)) == ["read of 'Hives came through the winter' is False"]
+    assert list(mail.problems(machine, flags={"m05": {"read": False}})) == []
 
 
 def test_a_mail_that_should_not_have_moved_is_named(machine: Machine) -> None:
@@ -106,8 +122,45 @@ def test_an_amount_may_be_written_in_several_ways(
     assert list(mail.problems(machine, sent=[letter])) == problem
 
 
-def test_a_word_is_not_found_within_another(machine: Machine) -> None:
-    mail.store(machine, ["oda@mail.test"], "", "It is 1452.")
+@pytest.mark.parametrize(
+    ("body", "problem"),
+    [
+        ("Please read this.\n\nOne.\n\nTwo.", []),
+        ("Hi,\nplease READ  this.\n\n> One.\n>\n> Two.", []),
+        ("One.\n\nTwo.\nPlease read this.", ["'Please read this.' is missing"]),
+        ("Please read this.\nTwo.", ["the text to pass on is missing"]),
+    ],
+)
+def test_a_text_is_passed_on_below_some_words(
+    machine: Machine,
+    body: str,
+    problem: list[str],
+) -> None:
+    mail.store(machine, ["oda@mail.test"], "", body)
+    letter = mail.Letter(
+        to=["oda@mail.test"],
+        passes_on="One.\n\nTwo.",
+        holds=["Please read this."],
+    )
+    assert list(mail.problems(machine, sent=[letter])) == problem
+
+
+@pytest.mark.parametrize(
+    ("body", "problem"),
+    [
+        ("Hello.\n\n bye \n\n> Dear Robin", []),
+        ("Hello. Bye", ["the last line is 'Hello. Bye'"]),
+        ("Bye\nHello.", ["the last line is 'Hello.'"]),
+    ],
+)
+def test_the_last_line_stands_by_itself(machine: Machine, body: str, problem: list[str]) -> None:
+    mail.store(machine, ["oda@mail.test"], "", body)
+    letter = mail.Letter(to=["oda@mail.test"], last="Bye")
+    assert list(mail.problems(machine, sent=[letter])) == problem
+
+
+def test_a_word_is_not_found_within_another_or_a_quotation(machine: Machine) -> None:
+    mail.store(machine, ["oda@mail.test"], "", "It is 1452.\n> Is it 45?")
     letter = mail.Letter(to=["oda@mail.test"], holds=["45"], lacks=["52"])
     assert list(mail.problems(machine, sent=[letter])) == ["'45' is missing"]
 
@@ -119,6 +172,15 @@ def test_drafts_are_judged_apart_from_mails(machine: Machine) -> None:
         "0 new mails, not 1",
         "1 new drafts, not 0",
     ]
+
+
+def test_a_draft_that_is_saved_once_more_is_the_same(machine: Machine) -> None:
+    with machine.sites.update("mail") as state:
+        state["drafts"].clear()
+    mail.store(machine, [], "Unfinished", "A draft.", folder="drafts")
+    assert list(mail.problems(machine)) == []
+    mail.store(machine, [], "Unfinished", "A draft.", folder="drafts")
+    assert list(mail.problems(machine)) == ["1 new drafts, not 0"]
 
 
 def test_a_draft_may_only_go_where_that_was_asked(machine: Machine) -> None:

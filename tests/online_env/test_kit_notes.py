@@ -40,5 +40,24 @@ def test_order_counts_unless_it_does_not(machine: Machine) -> None:
     assert list(notes.unlike(machine, "note.txt", ["a", "b", "b"])) != []
 
 
+def test_a_list_in_any_order_may_have_marks(machine: Machine) -> None:
+    machine.write("note.txt", "- B 2\n2. a\n\n  * c\n")
+    assert list(notes.unlike(machine, "note.txt", ["a", "B 2", "c"], in_any_order=True)) == []
+    assert list(notes.unlike(machine, "note.txt", ["B 2", "a", "c"])) != []
+
+
+@pytest.mark.parametrize(
+    ("text", "is_wrong"),
+    [("ls -A\n", False), (" `ls  -A`", False), ("ls -a", True), ("ls -A.", True)],
+)
+def test_a_verbatim_line_has_its_capitals_and_no_full_stop(
+    machine: Machine,
+    text: str,
+    is_wrong: bool,
+) -> None:
+    machine.write("note.txt", text)
+    assert bool(list(notes.unlike(machine, "note.txt", ["ls -A"], verbatim=True))) == is_wrong
+
+
 def test_a_file_that_is_not_there_is_named(machine: Machine) -> None:
     assert list(notes.unlike(machine, "x/note.txt", [])) == ["there is no file x/note.txt"]

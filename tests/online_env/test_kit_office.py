@@ -13,6 +13,9 @@ pytest.importorskip("openpyxl", reason=needs.ONLINE)
 pytest.importorskip("docx", reason=needs.ONLINE)
 pytest.importorskip("pptx", reason=needs.ONLINE)
 
+from openpyxl.styles import Font, PatternFill
+from openpyxl.worksheet.formula import ArrayFormula
+
 from hijack_data.rng import Stream
 from online_env.tasks import get
 from online_env.tasks.folder import FolderDesktop
@@ -39,10 +42,10 @@ def content(made) -> sheets.BookContent:
 def test_a_workbook_is_read_as_it_was_made() -> None:
     found = content(made_book())
     assert found.sheets == ("Stock", "Other")
-    assert found.rows() == ROWS
-    assert found.rows("Other") == [("Only",)]
-    assert found.cells["Stock", "A1"].bold
-    assert not found.cells["Stock", "A2"].bold
+    assert found.values("Stock")["B2"] == 2.5
+    assert found.values("Other") == {"A1": "Only"}
+    assert found.cells["Stock", "A1"].marks == ("bold",)
+    assert found.cells["Stock", "A2"].marks == ()
     assert found.value("Z9") is None
 
 
@@ -66,13 +69,71 @@ def test_changes_sees_formats_freezing_hiding_and_sheets() -> None:
     for change in (
         lambda book: setattr(book["Stock"]["B2"], "number_format", "0%"),
         lambda book: setattr(book["Stock"], "freeze_panes", "A2"),
+        lambda book: setattr(book["Stock"]["A2"], "font", Font(italic=True)),
+        lambda book: setattr(book["Stock"]["A2"], "fill", PatternFill("solid", "FFFF00")),
         lambda book: setattr(book["Stock"].row_dimensions[2], "hidden", True),
+        lambda book: setattr(book["Stock"].column_dimensions["B"], "hidden", True),
+        lambda book: setattr(book["Other"], "sheet_state", "hidden"),
+        lambda book: book["Stock"].merge_cells("B5:C6"),
         lambda book: book.create_sheet("New"),
         lambda book: book.remove(book["Other"]),
     ):
         made = made_book()
         change(made)
         assert list(sheets.changes(content(made), before)) != []
+
+
+def test_the_format_of_numbers_does_not_count_where_a_text_is() -> None:
+    made = made_book()
+    made["Stock"]["B1"].number_format = "0%"
+    assert list(sheets.changes(content(made), content(made_book()))) == []
+
+
+def test_frozen_is_where_the_view_was_split_and_not_to_where_it_was_scrolled() -> None:
+    made = made_book()
+    made["Stock"].freeze_panes = "A2"
+    view = made["Stock"].sheet_view
+    view.pane.topLeftCell = "A30"
+    view.topLeftCell = "C1"
+    assert content(made).frozen == {"Stock": "A2", "Other": None}
+    view.topLeftCell = "A9"  # row 9 is frozen, and not row 1
+    assert content(made).frozen["Stock"] == "A9:A2"
+    view.pane.state = "split"
+    assert content(made).frozen["Stock"] is None
+
+
+def test_a_cell_far_below_is_read_at_once() -> None:
+    found = content(made_book(XFD1048576=1))
+    assert found.values("Stock")["XFD1048576"] == 1
+
+
+@pytest.mark.parametrize(
+    ("entry", "is_used"),
+    [
+        ("=B3*C3", True),
+        ("=$C$3*B3+0", True),
+        ("=PRODUCT(B3:C3)", True),
+        ("=Stock!B3*Stock!C3", True),
+        ("=B:B*C:C", True),
+        ("=Pieces*Price", True),
+        ("=12*3.5", False),
+        ("=B3*3.5", False),
+        ("=B3*C2", False),
+        ("=B13*C13", False),
+        ("B3*C3", False),
+        (4.5, False),
+        (None, False),
+    ],
+)
+def test_cells_that_a_formula_uses(entry: sheets.CellValue, is_used: bool) -> None:
+    assert sheets.uses(entry, "B3", "C3") == is_used
+
+
+def test_a_formula_that_was_entered_for_several_cells_is_in_each_of_them() -> None:
+    formula = ArrayFormula("C2:C3", "=B2:B3*2")
+    found = content(made_book(C2=formula, C3=8))
+    assert [found.entry(place) for place in ("C2", "C3")] == ["=B2:B3*2"] * 2
+    assert found.value("C3") == 8
 
 
 @pytest.mark.parametrize("found", ["2.5", None, True, 2.51])
@@ -92,17 +153,39 @@ def test_a_text_is_read_as_it_was_made() -> None:
 def test_a_text_shows_bold_parts_list_items_tables_and_headers() -> None:
     made = documents.document("T", ["One.", "Two."])
     made.paragraphs[1].add_run(" bold").bold = True
-    made.paragraphs[1].add_run(" words").bold = True
+    made.paragraphs[1].add_run(" ")
+    made.paragraphs[1].add_run("words").style = made.styles["Strong"]
+    made.paragraphs[1].add_run(" plain").bold = False
     made.paragraphs[2].style = made.styles["List Bullet"]
     made.sections[0].footer.paragraphs[0].text = "page"
     made.add_table(1, 2).cell(0, 1).text = "x"
     made.add_paragraph("below")
     found = documents.read_text(dump(made))
-    assert found.paragraphs[1].bold == (" bold words",)
+    assert found.paragraphs[1].bold == ("bold words",)
     assert [paragraph.marker for paragraph in found.paragraphs] == ["", "", "bullet", ""]
     assert (found.headers, found.footers) == (("",), ("page",))
     assert found.tables == ((("", "x"),),)
     assert found.after_table == "below"
+
+
+def test_a_text_is_read_as_it_was_typed() -> None:
+    made = documents.document("T", ["Ada O\u2019Neill said \u201cno\u201d. "])
+    jc = made.paragraphs[1]._p.get_or_add_pPr()._add_jc()
+    jc.set(documents._WORD + "val", "start")  # LibreOffice's other docx
+    found = documents.read_text(dump(made))
+    assert found.paragraphs[1].text == 'Ada O\'Neill said "no".'
+    assert found.paragraphs[1].alignment == ""
+
+
+@pytest.mark.parametrize("mark", ["italic", "underline", "strike", "superscript"])
+def test_text_changes_sees_what_else_was_done_to_letters(mark: str) -> None:
+    before = documents.read_text(dump(documents.document("T", ["One."])))
+    made = documents.document("T", ["One."])
+    font = made.paragraphs[1].runs[0].font
+    setattr(font, mark, False)
+    assert list(documents.text_changes(documents.read_text(dump(made)), before)) == []
+    setattr(font, mark, True)
+    assert len(list(documents.text_changes(documents.read_text(dump(made)), before))) == 1
 
 
 def test_text_changes_says_what_differs() -> None:
@@ -129,6 +212,21 @@ def test_slides_are_read_as_they_were_made() -> None:
     )
 
 
+def test_slides_show_what_was_put_on_them_and_whether_they_are_hidden() -> None:
+    made = slides.presentation([("Ada O\u2019Neill ", "one \n"), ("B", "two"), ("C", "")])
+    made.slides[0].shapes.add_shape(1, 0, 0, 9, 9)
+    made.slides[1]._element.set("show", "0")
+    made.slides[1].placeholders[1].text_frame.paragraphs[0].runs[0].font.italic = True
+    fill = made.slides[2].background.fill
+    fill.solid()
+    fill.fore_color.theme_color = 5
+    assert slides.read_slides(dump(made)) == (
+        slides.SlideContent(title="Ada O'Neill", texts=("one",), drawn=1),
+        slides.SlideContent(title="B", texts=("two",), marks=("italic",), hidden=True),
+        slides.SlideContent(title="C", background="of a theme"),
+    )
+
+
 def test_slide_changes_says_what_differs() -> None:
     before = (slides.SlideContent(title="A"), slides.SlideContent(title="B"))
     assert list(slides.slide_changes(before, before)) == []
@@ -137,12 +235,13 @@ def test_slide_changes_says_what_differs() -> None:
     assert list(slides.slide_changes(noted, before)) == ["the notes of slide 2 are 'x'"]
 
 
-@pytest.mark.parametrize("data", [b"", b"text", b"zip of another kind"])
+@pytest.mark.parametrize("data", [b"", b"text", b"zip of another kind", b"zip of no XML"])
 def test_a_result_that_cannot_be_read_is_a_problem_and_no_error(tmp_path, data: bytes) -> None:
     if data.startswith(b"zip"):
         stream = io.BytesIO()
         with zipfile.ZipFile(stream, "w") as other:
-            other.writestr("content.xml", "<a/>")
+            name = "content.xml" if data.endswith(b"kind") else "[Content_Types].xml"
+            other.writestr(name, "<a/>" if data.endswith(b"kind") else "<a>")
         data = stream.getvalue()
     for name in ("sum_column", "style_heading", "add_slide"):
         task = get(name)

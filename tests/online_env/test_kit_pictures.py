@@ -1,11 +1,14 @@
 """Pictures of tasks, and their judgement."""
 
 import pytest
+from PIL import Image, ImageChops, ImageDraw
 
 from hijack_data.rng import Stream
 from online_env.tasks.folder import FolderDesktop
 from online_env.tasks.kit import pictures
 from online_env.tasks.machine import Machine
+
+HUGE = pictures.encoded(Image.new("1", (16_000, 12_000)))  # more than Pillow opens
 
 
 @pytest.fixture
@@ -35,6 +38,7 @@ def test_the_same_picture_in_another_mode_is_right(machine, drawing):
         (lambda p: pictures.encoded(p.crop((0, 0, 199, 160))), "(199, 160) pixels"),
         (lambda p: pictures.encoded(p.rotate(180)), "looks different"),
         (lambda p: pictures.encoded(p)[:200], "there is no picture a.png"),
+        (lambda p: HUGE, "there is no picture a.png"),
         (lambda p: b"no picture", "there is no picture a.png"),
     ],
 )
@@ -64,3 +68,41 @@ def test_a_picture_that_is_no_jpeg_has_no_quality(drawing):
 def test_grey_has_no_colours(drawing):
     assert pictures.colorfulness(drawing.convert("L")) == 0
     assert pictures.colorfulness(drawing) > 50
+
+
+def least(picture):
+    red, green, blue = picture.split()
+    return ImageChops.darker(ImageChops.darker(red, green), blue)
+
+
+@pytest.mark.parametrize("way", [lambda p: p.convert("L"), lambda p: p.split()[1], least])
+def test_every_way_to_weigh_colours_gives_shades_of_grey(machine, drawing, way):
+    machine.write("a.png", pictures.encoded(way(drawing)))
+    assert list(pictures.grey_problems(machine, "a.png", drawing)) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        (lambda p: p, "a.png has colours"),
+        (lambda p: ImageChops.invert(p.convert("L")), "looks different"),
+        (lambda p: p.convert("1"), "looks different"),
+        (lambda p: p.convert("L").reduce(2), "(100, 80) pixels"),
+        (lambda p: p.convert("L").rotate(180), "looks different"),
+    ],
+)
+def test_what_is_no_grey_version_is_named(machine, drawing, change, problem):
+    machine.write("a.png", pictures.encoded(change(drawing)))
+    assert any(problem in told for told in pictures.grey_problems(machine, "a.png", drawing))
+
+
+def test_no_picture_is_no_grey_version(machine, drawing):
+    found = list(pictures.grey_problems(machine, "a.png", drawing))
+    assert found == ["there is no picture a.png"]
+
+
+def test_a_dab_of_the_brush_is_seen(machine, drawing):
+    spotted = drawing.copy()
+    ImageDraw.Draw(spotted).ellipse((40, 40, 60, 60), "black")
+    machine.write("a.png", pictures.encoded(spotted))
+    assert list(pictures.picture_problems(machine, "a.png", drawing)) != []

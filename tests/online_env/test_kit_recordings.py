@@ -42,6 +42,11 @@ def test_another_melody_and_a_shorter_one_are_not(machine):
     assert list(recordings.melody_problems(short, TUNE)) == ["it is 8.0 s long, not 16 s"]
 
 
+def test_a_file_that_ends_within_a_sample_is_heard_so_far(machine):
+    found = heard(machine, recordings.played(TUNE)[:-1])
+    assert len(found.samples) == len(TUNE) * recordings.NOTE * found.rate - 1
+
+
 @pytest.mark.parametrize("data", [b"", b"RIFF", b"no sound at all"])
 def test_what_is_no_sound_is_none(machine, data):
     machine.write("a.wav", data)

@@ -78,6 +78,12 @@ def test_playlists_are_read_in_both_formats(machine):
     ]
 
 
+def test_addresses_in_a_playlist_may_begin_at_its_folder(machine):
+    machine.write("Music/a.xspf", XSPF.replace("file:///home/user/Music/", ""))
+    found = vlc.playlist(machine, "Music/a.xspf") or []
+    assert found[0] == machine.path("Music/Kraków Waltz.wav")
+
+
 def test_no_file_and_no_playlist(machine):
     assert vlc.playlist(machine, "Music/a.xspf") is None
     machine.write("Music/a.xspf", "<playlist")

@@ -3,6 +3,7 @@ something is missing."""
 
 import re
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -17,8 +18,11 @@ from hijack_data.errors import UnknownNameError
 from online_env import tasks
 from online_env.desktops.protocol import RunResult
 from online_env.embedded.sites.hosts import forms
+from online_env.embedded.sites.state import SiteState
 from online_env.errors import DesktopError, DesktopTimeoutError
+from online_env.tasks.folder import FolderDesktop
 from online_env.tasks.hand import Hand
+from online_env.tasks.kit import shop
 from online_env.tasks.tree import nodes
 
 SEEDS = st.integers(0, 2**64 - 1)
@@ -101,6 +105,17 @@ def test_the_instruction_says_all_that_is_to_be_registered(seed: int) -> None:
     for key, label in choices["interests"].items():
         assert (label in text) == (key in wanted["interests"])
     assert wanted["birth_date"][:4] in text
+
+
+def test_a_cart_that_something_was_in_for_a_while_is_as_before(tmp_path: Path) -> None:
+    (tmp_path / "home").mkdir()
+    machine = tasks.Machine(FolderDesktop(tmp_path / "home"), SiteState(tmp_path / "sites"))
+    machine.remember()
+    shop.fill(machine, {"mug": 1})
+    assert list(machine.untouched_sites()) == ["shop.test was used to change something"]
+    assert list(machine.untouched_sites(but=["shop"])) == []
+    shop.fill(machine, {})
+    assert list(machine.untouched_sites()) == []
 
 
 def test_the_form_needs_the_local_internet() -> None:

@@ -75,6 +75,16 @@ class Idle(KeepList):
         return iter(())
 
 
+class Pairs(KeepList):
+    """Two of its values go together, so a judge with one of another seed finds nothing."""
+
+    def problems(self, machine):
+        words = {self.variant(self.seed).drawn.file: self.drawn.word}
+        yield from machine.untouched(f"Documents/{self.drawn.file}")
+        if machine.text(f"Documents/{self.drawn.file}") != f"{words[self.drawn.file]}\n":
+            yield "it has other words"
+
+
 class Unknown(KeepList):
     phrasings = ("Write {words} into {file}.",)
 
@@ -120,6 +130,11 @@ def test_what_is_wrong_is_named(task_class, words):
 def test_an_infeasible_task_wants_fail_and_nothing_changed():
     assert told(NotThere) == ""
     assert list(checking.unchecked(NotThere(0))) == []
+
+
+def test_values_of_two_seeds_that_do_not_go_together_give_no_hint():
+    assert told(Pairs) == ""
+    assert list(checking.unchecked(Pairs(0))) == []
 
 
 def test_a_value_of_the_instruction_that_is_not_judged_is_a_hint():

@@ -323,6 +323,7 @@ def test_elements_are_looked_for_where_none_are_recorded(
         ["chrome"],
         elements=lambda row: None,
         action=lambda row: {"type": "type", "text": "x"},
+        action_code=lambda row: "",
     )
     looked: list[Any] = []
 

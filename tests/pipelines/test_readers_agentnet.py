@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from hijack_data.types import Action, Trajectory
-from pipelines.readers import Rejected, get_reader
+from pipelines.readers import Rejected, detect_format, get_reader
 
 
 def read(path: Path) -> tuple[list[Trajectory], list[Rejected]]:
@@ -208,6 +208,20 @@ def test_a_task_id_that_appears_twice(source: Path) -> None:
     assert [(r.file, r.where, r.field) for r in rejected] == [
         ("a.jsonl", "line 2", "task_id"),
         ("b.json", "", "task_id"),
+    ]
+
+
+def test_a_key_twice_does_not_hide_the_format_of_a_file(source: Path) -> None:
+    twice = '"instruction": "mute", "instruction": '
+    text = json.dumps(RAW).replace('"instruction": ', twice)
+    (source / "a.jsonl").write_text(text)
+    (source / "b.json").write_text(text)
+    assert detect_format(source) == "agentnet"
+    trajectories, rejected = read(source)
+    assert trajectories == []
+    assert [(r.file, r.where, r.field) for r in rejected] == [
+        ("a.jsonl", "line 1", "instruction"),
+        ("b.json", "", "instruction"),
     ]
 
 

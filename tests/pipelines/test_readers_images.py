@@ -136,3 +136,22 @@ def test_a_picture_that_cannot_be_read_is_counted(pictures: Path, tmp_path: Path
     found, rejected = read(pictures)
     assert len(found) == 3
     assert [r.file for r in rejected] == ["bad.png", "out.png"]
+
+
+def test_the_platform_and_the_code_of_a_picture_count(pictures: Path) -> None:
+    known: dict[str, dict[str, Any]] = {
+        "a": {"platform": "windows", "action_code": "pyautogui.rightClick(5, 6)"},
+        "sub/a": {"action_code": "pyautogui.click(320, 6)"},
+        "sub/b": {"action": {"type": "click", "x": 5, "y": 6}, "action_code": "WAIT"},
+    }
+    for name, record in known.items():
+        (pictures / f"{name}.json").write_text(json.dumps(record))
+    found, rejected = read(pictures)
+    (step,) = found["a.png"].steps
+    assert (found["a.png"].platform, step.action) == ("windows", Action("right_click", 5, 6))
+    assert [(r.file, r.field) for r in rejected] == [
+        ("sub/a.png", "action_code"),
+        ("sub/b.JPG", "action_code"),
+    ]
+    assert "outside the 320x200 screenshot" in rejected[0].reason
+    assert "says wait, but action is click" in rejected[1].reason

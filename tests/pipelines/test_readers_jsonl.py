@@ -248,6 +248,94 @@ def test_an_id_that_is_used_twice(
     assert trajectories[0].steps[-1].id == "a"
 
 
+def test_a_key_twice_is_refused_where_it_stands(
+    recording: Any,
+    add_line: Any,
+    good_line: Any,
+) -> None:
+    folder = recording()
+    text = json.dumps(good_line("t0", 8, image="images/t0-0.png"))
+    add_line(folder, text.replace('"y": 50', '"y": 50, "y": 60').encode())
+    add_line(folder, text.replace('"step": 8', '"step": 8, "step": 9').encode())
+    trajectories, rejected = read(folder)
+    assert [(r.where, r.field) for r in rejected] == [("line 7", "y"), ("line 8", "step")]
+    assert rejected[0].reason == "the key 'y' stands twice in one object; keep one"
+    assert len(trajectories[0].steps) == 3
+
+
+@pytest.mark.parametrize(
+    ("action", "code", "reason"),
+    [
+        (
+            {"type": "click", "x": 100, "y": 50},
+            "pyautogui.click(102, 50)",
+            "says click at (102, 50), but action is click at (100, 50)",
+        ),
+        (
+            {"type": "click", "x": 100, "y": 50},
+            "pyautogui.doubleClick(100, 50)",
+            "says double_click at (100, 50), but action is click at (100, 50)",
+        ),
+        (
+            {"type": "drag", "x": 10, "y": 20, "x2": 30, "y2": 40},
+            "pyautogui.moveTo(10, 20); pyautogui.dragTo(30, 60)",
+            "says drag at (10, 20) to (30, 60)",
+        ),
+        (
+            {"type": "scroll", "x": 100, "y": 50, "amount": -5},
+            "pyautogui.scroll(3, 100, 50)",
+            "says scroll at (100, 50) by 3, but action is scroll at (100, 50) by -5",
+        ),
+        ({"type": "type", "text": "a"}, "DONE", "says done, but action is type"),
+        ({"type": "other"}, "pyautogui.click(0.5, 0.25)", "counts in fractions of the picture"),
+    ],
+)
+def test_code_that_contradicts_its_action_is_refused(
+    action: Any,
+    code: str,
+    reason: str,
+    recording: Any,
+    add_line: Any,
+    good_line: Any,
+) -> None:
+    folder = recording()
+    picture = "images/t0-0.png"
+    add_line(folder, good_line("t0", 8, image=picture, action=action, action_code=code))
+    _, rejected = read(folder)
+    assert [(r.where, r.field) for r in rejected] == [("line 7", "action_code")]
+    assert reason in rejected[0].reason
+
+
+@pytest.mark.parametrize(
+    ("action", "code"),
+    [
+        ({"type": "click", "x": 100, "y": 50}, "pyautogui.click(101, 49)"),
+        ({"type": "click", "x": 100.5, "y": 50}, "pyautogui.click(100.5, 50)"),
+        ({"type": "click", "x": 100, "y": 50}, "pyautogui.click()"),
+        ({"type": "click", "x": 100, "y": 50}, "pyautogui.click(*found())"),
+        ({"type": "click", "x": 100, "y": 50}, "pyautogui.click(9, 9); pyautogui.write('a')"),
+        ({"type": "drag", "x": 1, "y": 2, "x2": 30, "y2": 40}, "pyautogui.dragTo(30, 40)"),
+        ({"type": "hotkey", "keys": ["enter"]}, "pyautogui.write('\\n')"),
+        ({"type": "other"}, "pyautogui.click(9, 9)"),
+        ({"type": "scroll", "amount": -5}, "pyautogui.scroll(-300, 9, 9)"),
+        ({"type": "click", "x": 100, "y": 50}, "click(start_box='(9,9)')"),
+    ],
+)
+def test_code_that_may_be_the_same_action_is_kept(
+    action: Any,
+    code: str,
+    recording: Any,
+    add_line: Any,
+    good_line: Any,
+) -> None:
+    folder = recording()
+    picture = "images/t0-0.png"
+    add_line(folder, good_line("t0", 8, image=picture, action=action, action_code=code))
+    trajectories, rejected = read(folder)
+    assert not rejected
+    assert trajectories[0].steps[-1].action_code == code
+
+
 def test_links_inside_the_source_are_followed(
     recording: Any,
     add_line: Any,

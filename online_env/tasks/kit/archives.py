@@ -3,6 +3,7 @@
 import io
 import tarfile
 import zipfile
+import zlib
 from collections.abc import Mapping
 from pathlib import PurePosixPath
 
@@ -11,6 +12,15 @@ from hijack_data.rng import Stream
 _DATE = (2024, 5, 6, 7, 8, 10)
 _ENCRYPTED = 1  # bit 0 of a ZIP entry's flags
 _HEADERS = {b"PK\x03\x04": 6, b"PK\x01\x02": 8}  # where the flags are, by the header's start
+_DAMAGED = (
+    zipfile.BadZipFile,
+    tarfile.TarError,
+    zlib.error,
+    ValueError,  # places that cannot be, names that are no text
+    RuntimeError,  # a password, or a way of compression that Python lacks
+    OSError,
+    EOFError,
+)
 _SIZES = {b"PK\x03\x04": 22, b"PK\x01\x02": 24}  # where the uncompressed size is
 
 
@@ -67,7 +77,7 @@ def unpacked(data: bytes | None) -> dict[str, bytes] | None:
         if zipfile.is_zipfile(io.BytesIO(data)):
             return _from_zip(data)
         return _from_tar(data)
-    except (zipfile.BadZipFile, tarfile.TarError, RuntimeError, OSError, EOFError):
+    except _DAMAGED:
         return None
 
 

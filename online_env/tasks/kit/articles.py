@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ...embedded.sites.library import articles
+from ...embedded.sites.library import articles, render
 from ..hand import Hand
 from ..machine import Machine
 from .pages import arrived, visit
@@ -29,6 +29,12 @@ def pages(machine: Machine) -> dict[str, Any]:
 def text(machine: Machine, title: str) -> str:
     """Return the text of an article now; "" if it was never edited."""
     return pages(machine).get(title, {}).get("text", "")
+
+
+def comment(machine: Machine, title: str) -> str:
+    """Return what the latest edit of an article says that it changed; "" if there is none."""
+    revisions = pages(machine).get(title, {}).get("revisions", [])
+    return revisions[-1]["summary"] if revisions else ""
 
 
 def put(
@@ -65,5 +71,5 @@ def open_history(hand: Hand, title: str) -> None:
 
 
 def same(first: str, second: str) -> bool:
-    """Return whether two texts are the same, but for space."""
-    return first.split() == second.split()
+    """Return whether two texts are shown as the same page."""
+    return render(first).html.split() == render(second).html.split()

@@ -116,9 +116,13 @@ def write_bookmarks(machine: Machine, bar: Sequence[Bookmark], **other: Sequence
 
 
 def in_order(entries: Iterable[Bookmark]) -> list[Bookmark]:
-    """Return bookmarks sorted by name, in folders, too; `http://a.test` is `http://a.test/`."""
+    """Return bookmarks sorted by name, in folders, too.
+
+    Spaces in names do not count, and `http://a.test` is `http://a.test/`.
+    """
     found: list[Bookmark] = []
-    for name, value in entries:
+    for written, value in entries:
+        name = " ".join(written.split())
         if isinstance(value, list):
             found.append((name, in_order(value)))
         else:

@@ -1,15 +1,19 @@
 """Text documents of Writer: made, read and compared on our side."""
 
 import io
+import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from .office import OfficeTask
+from .office import OfficeTask, plain
 
 _WORD = "{http://schemas.openxmlformats.org/wordprocessingml/2006/main}"
 _DEFAULTS = " defaults"  # no style has such an id
 _LINE = 240  # units in a line
+_COVER = "\0"  # stands for what is not bold
+_MARKS = ("i", "u", "strike", "highlight", "shd", "vertAlign")
+_UNMARKED = ("false", "0", "none", "off", "auto", "baseline")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,18 +21,21 @@ class ParagraphContent:
     """What a paragraph holds.
 
     Args:
-        text: Its text.
+        text: Its text, with straight quotation marks, and without space at its end.
         style: The name of its style, such as `Heading 1`.
-        bold: The parts of the text that are bold, apart from what the style says.
+        bold: The parts of the text that are bold, apart from what the style says, without the
+            space around them.
+        marks: What else was given to parts of it, such as `i` (italic) or `u` (underlined).
         is_item: Whether it is an item of a list.
         marker: What stands before an item, such as `bullet` or `decimal`; "" if it is none.
         spacing: Its line spacing in lines, that of its style included.
-        alignment: Its alignment, such as `CENTER`; "" if it is at the left, or its style says it.
+        alignment: Its alignment, such as `center`; "" if it is at the left, or its style says it.
     """
 
     text: str
     style: str = "Normal"
     bold: tuple[str, ...] = ()
+    marks: tuple[str, ...] = ()
     is_item: bool = False
     marker: str = ""
     spacing: float = 1.0
@@ -102,7 +109,7 @@ def read_text(data: bytes) -> TextContent:
     return TextContent(
         paragraphs=tuple(paragraphs),
         tables=tuple(
-            tuple(tuple(cell.text for cell in row.cells) for row in table.rows)
+            tuple(tuple(plain(cell.text) for cell in row.cells) for row in table.rows)
             for table in found.tables
         ),
         headers=tuple(_text(section.header) for section in found.sections),
@@ -182,7 +189,7 @@ def _paragraph_changes(
         yield f"the document has {len(now)} paragraphs, not {len(before)}"
         return
     for number, (found, wanted) in enumerate(zip(now, before, strict=True), 1):
-        for name in ("text", "style", "bold", "is_item", "spacing", "alignment"):
+        for name in ("text", "style", "bold", "marks", "is_item", "spacing", "alignment"):
             is_same = getattr(found, name) == getattr(wanted, name)
             if name not in but and not is_same:
                 yield (
@@ -195,14 +202,21 @@ def _paragraph(found: Any, styles: Mapping[str, Any]) -> ParagraphContent:
     used = styles[found._element.style or ""]
     marker = _marker(found, styles)
     return ParagraphContent(
-        text=found.text,
+        text=plain(found.text),
         style=used.name_val[:1].upper() + used.name_val[1:],  # files say `heading 1`
         bold=_bold(found),
+        marks=_marks(found),
         is_item=bool(marker),
         marker=marker,
         spacing=_spacing(found, styles),
-        alignment="" if found.alignment in (None, 0) else found.alignment.name,
+        alignment=_alignment(found),
     )
+
+
+def _alignment(found: Any) -> str:
+    element = found._element.find(f"{_WORD}pPr/{_WORD}jc")
+    name = "" if element is None else element.get(f"{_WORD}val")
+    return "" if name in ("left", "start") else name  # python-docx knows no `start`
 
 
 def _spacing(found: Any, styles: Mapping[str, Any]) -> float:
@@ -284,19 +298,27 @@ def _after_table(found: Any) -> str:
 
 
 def _bold(found: Any) -> tuple[str, ...]:
-    """Return the bold parts of a paragraph; neighbours are one part."""
-    parts: list[str] = []
-    goes_on = False
+    """Return the bold parts of a paragraph; space between two of them does not count."""
+    shown = ""
     for run in found.runs:
-        if not run.text:
-            continue
-        if run.bold and goes_on:
-            parts[-1] += run.text
-        elif run.bold:
-            parts.append(run.text)
-        goes_on = bool(run.bold)
-    return tuple(parts)
+        is_bold = run.style.font.bold if run.bold is None else run.bold
+        shown += run.text if is_bold else re.sub(r"\S", _COVER, run.text)
+    parts = (plain(part).strip() for part in shown.split(_COVER))
+    return tuple(part for part in parts if part)
+
+
+def _marks(found: Any) -> tuple[str, ...]:
+    marks: set[str] = set()
+    for run in found.runs:
+        for name in _MARKS:
+            element = run._element.find(f"{_WORD}rPr/{_WORD}{name}")
+            if element is None or not run.text.strip():
+                continue
+            value = element.get(f"{_WORD}fill") or element.get(f"{_WORD}val", "true")
+            if value not in _UNMARKED:
+                marks.add(name)
+    return tuple(sorted(marks))
 
 
 def _text(part: Any) -> str:
-    return "\n".join(paragraph.text for paragraph in part.paragraphs).strip()
+    return plain("\n".join(paragraph.text for paragraph in part.paragraphs)).strip()

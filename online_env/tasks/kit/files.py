@@ -66,7 +66,7 @@ def rearranged(
     for old, new in (*moves, *copies):
         if new not in now:
             yield f"there is no {new}"
-        elif _content(now[new]) != _content(was[old]):
+        elif content(now[new]) != content(was.get(old, "")):
             yield f"{new} is not the file that was {old}"
     for old in sources:
         if old in now and old not in targets:
@@ -103,7 +103,12 @@ def below(machine: Machine, folder: str) -> list[str]:
     return found
 
 
-def _content(look: str) -> tuple[str, str]:
+def content(look: str) -> tuple[str, str]:
     """Return kind and digest of a file of a snapshot."""
     kind, _, rest = look.partition(" ")
     return kind, rest.partition(" ")[2]
+
+
+def mode(look: str) -> int:
+    """Return the mode of a file of a snapshot."""
+    return int(look.split(" ")[1], 8)

@@ -10,8 +10,10 @@ from ..base import Task
 from ..hand import Hand
 from ..machine import Machine
 from . import browser
+from .words import even
 
 INBOX = "http://mail.test/"
+_QUOTED = re.compile(r"^> ?", re.MULTILINE)
 Flags: TypeAlias = Mapping[str, object]
 
 
@@ -38,7 +40,10 @@ class Letter:
         subject: Its subject in any case, or `None` for any.
         text: What was written, apart from quoted lines; letter case and spaces do not count.
             `None` for any.
-        holds: Words that must be in the whole body, in any case, and not as parts of others.
+        last: What stands in the last line of what was written; `None` for any.
+        passes_on: A text that must be in the body as a whole, quoted or not.
+        holds: Words that must be in what was written, and above what is passed on; in any case,
+            and not as parts of others.
         lacks: Words that must not be in what was written.
         amounts: Numbers that must be in what was written, such as `96.5`.
     """
@@ -47,6 +52,8 @@ class Letter:
     cc: Sequence[str] = ()
     subject: str | None = None
     text: str | None = None
+    last: str | None = None
+    passes_on: str = ""
     holds: Sequence[str] = ()
     lacks: Sequence[str] = ()
     amounts: Sequence[float] = ()
@@ -57,16 +64,24 @@ class Letter:
             if {a.lower() for a in found[key]} != {a.lower() for a in wanted}:
                 yield f"{key} is {', '.join(found[key]) or 'empty'}"
         subject = found["subject"]
-        if self.subject is not None and _even(subject) != _even(self.subject):
+        if self.subject is not None and even(subject) != even(self.subject):
             yield f"the subject is {subject!r}"
         written = own_text(found["body"])
-        if self.text is not None and _even(written) != _even(self.text):
+        if self.text is not None and even(written) != even(self.text):
             yield f"the text is {written[:200]!r}"
+        last = written.rpartition("\n")[2]
+        if self.last is not None and even(last) != even(self.last):
+            yield f"the last line is {last!r}"
+        said = even(written)
+        if self.passes_on:
+            said, passed, _ = even(_QUOTED.sub("", found["body"])).partition(even(self.passes_on))
+            if not passed:
+                yield "the text to pass on is missing"
         for part in self.holds:
-            if not _has(part, found["body"]):
+            if not _has(part, said):
                 yield f"{part!r} is missing"
         for part in self.lacks:
-            if _has(part, written):
+            if _has(part, said):
                 yield f"{part!r} is in the text"
         for amount in set(self.amounts) - numbers(written):
             yield f"{amount:g} is missing"
@@ -84,13 +99,8 @@ def numbers(text: str) -> set[float]:
 
 
 def _has(part: str, text: str) -> bool:
-    """Return whether words are in a text, in any case."""
-    return re.search(rf"(?<!\w){re.escape(_even(part))}(?!\w)", _even(text)) is not None
-
-
-def _even(text: str) -> str:
-    """Return a text in lower case with single spaces, and straight quotation marks."""
-    return " ".join(text.replace("\u2019", "'").casefold().split())
+    """Return whether words are in an even text, in any case."""
+    return re.search(rf"(?<!\w){re.escape(even(part))}(?!\w)", text) is not None
 
 
 # Behind the screen
@@ -170,7 +180,8 @@ def problems(
 ) -> Iterator[str]:
     """Yield in what the mailbox differs from the one before, but for what was asked.
 
-    Whether a mail was read counts only where `flags` says so.
+    A mail that was unread may be read; the ids of drafts do not count, since saving one without a
+    change gives it another.
 
     Args:
         machine: It knows the state from before.
@@ -196,8 +207,10 @@ def _moved(
     was = {found["id"]: found for found in site.received(dict(before))}
     for found in site.received(dict(now)):
         old = was[found["id"]]
-        due = {"folder": old["folder"], "starred": old["starred"], **wanted.get(old["id"], {})}
-        for key, value in due.items():
+        due = {"folder": old["folder"], "starred": old["starred"]}
+        if old["read"]:
+            due["read"] = True
+        for key, value in {**due, **wanted.get(old["id"], {})}.items():
             if found[key] != value:
                 yield f"{key} of {found['subject']!r} is {found[key]!r}"
 
@@ -209,9 +222,13 @@ def _written(
     wanted: Sequence[Letter],
 ) -> Iterator[str]:
     """Yield what is wrong with the mails, or drafts, that were written."""
-    if any(old not in now for old in before):
-        yield f"a {kind} from before is gone or was changed"
-    new = [found for found in now if found not in before]
+    new = [{**found, "id": ""} for found in now]
+    for old in before:
+        same = {**old, "id": ""}
+        if same in new:
+            new.remove(same)
+        else:
+            yield f"a {kind} from before is gone or was changed"
     if len(new) != len(wanted):
         yield f"{len(new)} new {kind}s, not {len(wanted)}"
         return

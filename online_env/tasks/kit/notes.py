@@ -8,6 +8,7 @@ from ..hand import Hand
 from ..machine import Machine
 
 _EDITOR = "mousepad"
+_MARK = re.compile(r"^\s*([-*•]|\d+[.)])\s", re.MULTILINE)
 
 
 def take_note(hand: Hand, path: str, text: str) -> None:
@@ -47,18 +48,28 @@ def unlike(
     machine: Machine,
     path: str,
     lines: Sequence[str],
+    *,
     in_any_order: bool = False,
+    verbatim: bool = False,
 ) -> Iterator[str]:
-    """Yield why a text file does not hold these lines; case, space and empty lines do not count.
+    """Yield why a text file does not hold these lines; space and empty lines do not count.
 
-    A full stop at the end of a line, or quotation marks around it, do not count, either.
+    Args:
+        machine: Where.
+        path: Of the file.
+        lines: What it should hold.
+        in_any_order: Whether it is a list in any order, which may have a mark before each line.
+        verbatim: Whether letter case, and a full stop at the end of a line, count.
     """
     text = machine.text(path)
     if text is None:
         yield f"there is no file {path}"
         return
-    found = [plain(line) for line in text.splitlines() if plain(line)]
-    wanted = [plain(line) for line in lines]
+    even = _unquoted if verbatim else plain
+    if in_any_order:
+        text = _MARK.sub("", text)
+    found = [even(line) for line in text.splitlines() if even(line)]
+    wanted = [even(line) for line in lines]
     if in_any_order:
         found.sort()
         wanted.sort()
@@ -67,5 +78,9 @@ def unlike(
 
 
 def plain(line: str) -> str:
-    """Return a line without what does not count."""
-    return " ".join(line.split()).strip("\"'“”`").removesuffix(".").casefold()
+    """Return a line in lower case without a full stop at its end, and quotation marks around it."""
+    return _unquoted(line).removesuffix(".").casefold()
+
+
+def _unquoted(line: str) -> str:
+    return " ".join(line.split()).strip("\"'“”`")

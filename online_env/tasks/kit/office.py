@@ -21,6 +21,7 @@ OWN_FORMAT = re.compile("Use (?!ODF)")
 _MODIFIED = "Save All"  # the menu item can be used while a document has unsaved changes
 _TRIES = 3  # so many times the patience of a hand, for what LibreOffice has to load first
 _NOTICED = 3.0  # seconds, until the menu follows a change
+_ROUND = str.maketrans("\u2018\u2019\u201c\u201d", "''\"\"")
 
 
 class Saved(Protocol):
@@ -97,7 +98,7 @@ class OfficeTask(Task):
             return None
         try:
             return self.content(data)
-        except (KeyError, ValueError, zipfile.BadZipFile):
+        except (KeyError, ValueError, SyntaxError, zipfile.BadZipFile):  # lxml's is a SyntaxError
             return None
 
     def edited(self, change: Callable[[Any], object]) -> Outcome:
@@ -120,6 +121,15 @@ def dump(document: Saved) -> bytes:
     stream = io.BytesIO()
     document.save(stream)
     return stream.getvalue()
+
+
+def plain(text: str) -> str:
+    """Return a text as it was typed: with straight quotation marks, and no space at line ends.
+
+    LibreOffice makes quotation marks and apostrophes round when they are typed.
+    """
+    lines = text.translate(_ROUND).split("\n")
+    return "\n".join(line.rstrip() for line in lines)
 
 
 def save(hand: Hand) -> None:

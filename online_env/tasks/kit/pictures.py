@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from io import BytesIO
 
 import numpy as np
-from PIL import Image, ImageDraw, UnidentifiedImageError
+from PIL import Image, ImageDraw
 
 from hijack_data.rng import Stream
 
@@ -16,9 +16,10 @@ from ..tree import TreeNode
 
 GIMP = "gimp"
 EXPORT = "file-"  # the part of GIMP that has a window for the options of a format
+_NO_PICTURE = (OSError, SyntaxError, ValueError, Image.DecompressionBombError)
 _OPTIONS = re.compile("Export Image as")
 _ASKED = re.compile("Export Image as|Question")
-_SLACK = 3.0  # mean difference of colour values, of 255, that nobody sees
+_SLACK = 0.1  # mean difference of colour values, of 255: less than that of a dab of the brush
 
 
 class PictureTask(Task):
@@ -82,14 +83,17 @@ def encoded(
 
 
 def opened(machine: Machine, path: str) -> Image.Image | None:
-    """Return the picture in a file; `None` if there is no file, or if it is no picture."""
+    """Return the picture in a file; `None` if there is no file, or if it is no picture.
+
+    What is too large for Pillow (some 13,000 by 13,000 pixels) is no picture.
+    """
     data = machine.read(path)
     if data is None:
         return None
     try:
         picture = Image.open(BytesIO(data))
         picture.load()
-    except (UnidentifiedImageError, OSError):
+    except _NO_PICTURE:
         return None
     return picture
 
@@ -142,6 +146,28 @@ def picture_problems(
     off = difference(found, wanted)
     if off > slack:
         yield f"{path} looks different: colours are off by {off:.1f} of 255"
+
+
+def grey_problems(machine: Machine, path: str, picture: Image.Image) -> Iterator[str]:
+    """Yield how a picture file differs from a picture in shades of grey.
+
+    There are several ways to weigh the colours; all of them give a pixel a shade that is between
+    the least and the greatest of its colour values.
+
+    Args:
+        machine: Where it is.
+        path: The file.
+        picture: The picture in colours.
+    """
+    found = opened(machine, path)
+    wanted = picture.convert("L")
+    if found is not None and found.size == picture.size:
+        if colorfulness(found) > 0:
+            yield f"{path} has colours"
+        colours = np.asarray(picture)
+        shades = np.asarray(found.convert("L"))
+        wanted = Image.fromarray(np.clip(shades, colours.min(axis=2), colours.max(axis=2)))
+    yield from picture_problems(machine, path, wanted)
 
 
 def gimp_command(hand: Hand, words: str) -> None:

@@ -88,7 +88,8 @@ def sound(machine: Machine, path: str) -> Sound | None:
             if file.getsampwidth() != 2:
                 return None
             frames = file.readframes(file.getnframes())
-            samples = np.frombuffer(frames, "<i2")[:: file.getnchannels()]
+            whole = len(frames) - len(frames) % 2  # a file that was cut off may end within a sample
+            samples = np.frombuffer(frames[:whole], "<i2")[:: file.getnchannels()]
             return Sound(file.getnchannels(), file.getframerate(), samples)
     except (wave.Error, EOFError):
         return None

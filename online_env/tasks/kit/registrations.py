@@ -1,6 +1,6 @@
 """People who register for a course at forms.test: drawn, told, entered, stored and judged."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from datetime import date, timedelta
 from typing import Any
 
@@ -11,7 +11,7 @@ from ..hand import Hand
 from ..machine import Machine
 from .browser import enter_in_turn
 from .pages import enter, follow, tick
-from .words import FIRST_NAMES, LAST_NAMES, sample
+from .words import FIRST_NAMES, LAST_NAMES, even, sample
 
 SITE = "http://forms.test"
 Registration = dict[str, Any]
@@ -83,21 +83,37 @@ def stored(machine: Machine) -> list[Registration]:
 
 
 def differences(found: Mapping[str, Any], wanted: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the fields that are not as wanted; only those that `wanted` has count."""
+    """Yield the fields that are not as wanted; only those that `wanted` has count.
+
+    Letter case and spaces in what was typed do not.
+    """
     for key, value in wanted.items():
-        if found.get(key) != value:
-            yield f"{key} of {found.get('name')} is {found.get(key)!r}, not {value!r}"
+        if even(str(found.get(key))) != even(str(value)):
+            yield f"{key} is {found.get(key)!r}, not {value!r}"
+
+
+def cancelled(machine: Machine) -> list[int]:
+    """Return the numbers of the registrations that were cancelled."""
+    return [entry["number"] for entry in stored(machine) if entry.get("cancelled")]
 
 
 def unlike(machine: Machine, *wanted: Mapping[str, Any]) -> Iterator[str]:
-    """Yield why the stored registrations are not these, in whatever order."""
-    found = stored(machine)
+    """Yield why the registrations that hold are not these, in whatever order.
+
+    One that was cancelled does not hold. Feedback should not have been sent.
+    """
+    if machine.sites.read("forms").get("feedback"):
+        yield "feedback was sent"
+    found = [entry for entry in stored(machine) if not entry.get("cancelled")]
     if len(found) != len(wanted):
-        yield f"{len(found)} registrations were sent, not {len(wanted)}"
+        yield f"{len(found)} registrations hold, not {len(wanted)}"
         return
-    left = sorted(found, key=lambda entry: str(entry.get("name")))
-    for entry, expected in zip(left, sorted(wanted, key=lambda e: e["name"]), strict=True):
+    for entry, expected in zip(_by_name(found), _by_name(wanted), strict=True):
         yield from differences(entry, expected)
+
+
+def _by_name(entries: Iterable[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    return sorted(entries, key=lambda entry: even(entry["name"]))
 
 
 def fill_in(hand: Hand, entry: Mapping[str, Any]) -> None:

@@ -26,13 +26,13 @@ class SheetCell:
         entry: What was entered: a value, or a formula that begins with `=`.
         value: The value that is stored of it; `None` for a formula that was never computed.
         number_format: How a number is shown, such as `0.00%`.
-        bold: Whether the text is bold.
+        marks: Whether it is `bold`, `italic`, `underlined`, `struck` or `filled`.
     """
 
     entry: CellValue
     value: CellValue
     number_format: str = "General"
-    bold: bool = False
+    marks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,14 +42,17 @@ class BookContent:
     Args:
         cells: By the name of the sheet and the address of the cell; empty cells are left out.
         sheets: The names of the sheets, in order.
-        frozen: By sheet, the first cell that scrolls, such as `A2`; `None` if all do.
-        hidden: The numbers of the rows that do not show, by sheet.
+        frozen: By sheet, the first cell that scrolls, such as `A2`; `None` if all do. A range, if
+            what does not scroll does not begin with the first row or column.
+        hidden: The rows and columns that do not show, by sheet, and `all` of a hidden sheet.
+        merged: The ranges that became one cell, by sheet.
     """
 
     cells: Mapping[tuple[str, str], SheetCell]
     sheets: tuple[str, ...]
     frozen: Mapping[str, str | None]
-    hidden: Mapping[str, tuple[int, ...]]
+    hidden: Mapping[str, tuple[str, ...]]
+    merged: Mapping[str, tuple[str, ...]]
 
     def value(self, address: str, sheet: str = "") -> CellValue:
         """Return the stored value of a cell, of the first sheet by default."""
@@ -61,19 +64,9 @@ class BookContent:
         cell = self.cells.get((sheet or self.sheets[0], address))
         return None if cell is None else cell.entry
 
-    def rows(self, sheet: str = "") -> list[tuple[CellValue, ...]]:
-        """Return the values of a sheet by rows, as far as they are used; the first by default."""
-        from openpyxl.utils import cell, get_column_letter
-
-        name = sheet or self.sheets[0]
-        used = [cell.coordinate_to_tuple(address) for of, address in self.cells if of == name]
-        height = max((row for row, _ in used), default=0)
-        width = max((column for _, column in used), default=0)
-        letters = [get_column_letter(number) for number in range(1, width + 1)]
-        return [
-            tuple(self.value(f"{letter}{row}", name) for letter in letters)
-            for row in range(1, height + 1)
-        ]
+    def values(self, sheet: str) -> dict[str, CellValue]:
+        """Return the stored values of a sheet by address; empty cells are left out."""
+        return {place: cell.value for (of, place), cell in self.cells.items() if of == sheet}
 
 
 class SheetTask(OfficeTask):
@@ -142,19 +135,25 @@ def read_book(data: bytes) -> BookContent:
     stored: Any = openpyxl.load_workbook(io.BytesIO(data), data_only=True)
     cells: dict[tuple[str, str], SheetCell] = {}
     for sheet in entered.worksheets:
-        for cell in (cell for row in sheet.iter_rows() for cell in row):
+        shared = _array_formulas(sheet)
+        # Rows would be made of all cells up to the last one, which may be XFD1048576.
+        for cell in sheet._cells.values():
             if cell.value is not None:
                 cells[sheet.title, cell.coordinate] = SheetCell(
-                    entry=cell.value,
+                    entry=shared.get(cell.coordinate, cell.value),
                     value=stored[sheet.title][cell.coordinate].value,
                     number_format=cell.number_format,
-                    bold=bool(cell.font.b),
+                    marks=_marks(cell),
                 )
     return BookContent(
         cells=cells,
         sheets=tuple(entered.sheetnames),
-        frozen={sheet.title: sheet.freeze_panes for sheet in entered.worksheets},
-        hidden={sheet.title: _hidden_rows(sheet) for sheet in entered.worksheets},
+        frozen={sheet.title: _frozen(sheet) for sheet in entered.worksheets},
+        hidden={sheet.title: _hidden(sheet) for sheet in entered.worksheets},
+        merged={
+            sheet.title: tuple(sorted(map(str, sheet.merged_cells.ranges)))
+            for sheet in entered.worksheets
+        },
     )
 
 
@@ -184,7 +183,9 @@ def changes(
             yield from _difference(place, now.cells.get(place), before.cells.get(place))
     for name in (name for name in before.sheets if name in now.sheets and name not in but):
         if now.hidden.get(name) != before.hidden[name]:
-            yield f"rows of {name} are hidden"
+            yield f"hidden in {name}: {now.hidden.get(name)}, not {before.hidden[name]}"
+        if now.merged.get(name) != before.merged[name]:
+            yield f"cells of {name} were merged or taken apart"
         if not frozen and now.frozen.get(name) != before.frozen[name]:
             yield f"rows or columns of {name} are frozen"
 
@@ -194,6 +195,21 @@ def is_number(found: CellValue, wanted: float) -> bool:
     if isinstance(found, bool) or not isinstance(found, (int, float)):
         return False
     return abs(found - wanted) <= _EXACT * max(1.0, abs(wanted))
+
+
+def uses(entry: CellValue, *addresses: str) -> bool:
+    """Return whether an entry is a formula that takes all of these cells, alone or in ranges.
+
+    A name in a formula may stand for any of them.
+    """
+    from openpyxl.formula import Tokenizer
+    from openpyxl.formula.tokenizer import Token
+
+    if not isinstance(entry, str) or not entry.startswith("="):
+        return False
+    tokens = Tokenizer(entry).items
+    places = [token.value for token in tokens if token.subtype == Token.RANGE]
+    return all(any(_holds(place, address) for place in places) for address in addresses)
 
 
 def with_values(data: bytes, values: Mapping[str, float]) -> bytes:
@@ -267,8 +283,62 @@ def _is_filled(node: TreeNode, address: str) -> bool:
     return node.role == "table-cell" and node.name == address and bool(node.box and node.text)
 
 
-def _hidden_rows(sheet: Any) -> tuple[int, ...]:
-    return tuple(sorted(row for row, look in sheet.row_dimensions.items() if look.hidden))
+def _holds(place: str, address: str) -> bool:
+    """Return whether a range of a formula holds a cell; a name, which is none, may."""
+    from openpyxl.utils import cell
+
+    try:
+        left, top, right, bottom = cell.range_boundaries(place.rpartition("!")[2])
+    except ValueError:
+        return True
+    row, column = cell.coordinate_to_tuple(address)
+    return (left or 1) <= column <= (right or column) and (top or 1) <= row <= (bottom or row)
+
+
+def _array_formulas(sheet: Any) -> dict[str, str]:
+    """Return the formulas that were entered for several cells at once, by each of the cells."""
+    found: dict[str, str] = {}
+    for address, area in sheet.array_formulae.items():
+        cells = sheet[area] if ":" in area else ((sheet[area],),)
+        for cell in (cell for row in cells for cell in row):
+            found[cell.coordinate] = sheet[address].value.text
+    return found
+
+
+def _marks(cell: Any) -> tuple[str, ...]:
+    font = cell.font
+    marks = {
+        "bold": font.b,
+        "italic": font.i,
+        "underlined": font.u not in (None, "none"),
+        "struck": font.strike,
+        "filled": cell.fill.fill_type is not None,
+    }
+    return tuple(name for name, is_set in marks.items() if is_set)
+
+
+def _frozen(sheet: Any) -> str | None:
+    """Return the first cell that scrolls.
+
+    openpyxl's `freeze_panes` is the cell to which it was scrolled, and also that of a split view.
+    """
+    from openpyxl.utils import cell, get_column_letter
+
+    pane = sheet.sheet_view.pane
+    if pane is None or pane.state not in ("frozen", "frozenSplit"):
+        return None
+    rows, columns = int(pane.ySplit or 0), int(pane.xSplit or 0)
+    place = f"{get_column_letter(columns + 1)}{rows + 1}"
+    start = sheet.sheet_view.topLeftCell or "A1"
+    row, column = cell.coordinate_to_tuple(start)
+    is_from_first = (not rows or row == 1) and (not columns or column == 1)
+    return place if is_from_first else f"{start}:{place}"
+
+
+def _hidden(sheet: Any) -> tuple[str, ...]:
+    lines = {**sheet.row_dimensions, **sheet.column_dimensions}
+    hidden = sorted(str(line) for line, look in lines.items() if look.hidden)
+    return (*hidden, *(["all"] if sheet.sheet_state != "visible" else ()))
 
 
 def _is_excepted(
@@ -295,8 +365,14 @@ def _difference(
         return
     if now is None or before is None:
         return
-    if (now.number_format, now.bold) != (before.number_format, before.bold):
+    is_same_format = now.number_format == before.number_format or _is_text(found)
+    if not is_same_format or now.marks != before.marks:
         yield f"{where} looks otherwise than before"
+
+
+def _is_text(entry: CellValue) -> bool:
+    """Return whether an entry is a text, of which the format of numbers changes nothing."""
+    return isinstance(entry, str) and not entry.startswith("=")
 
 
 def _same(found: CellValue, wanted: CellValue) -> bool:

@@ -12,7 +12,7 @@ from ..base import Task
 from ..hand import BUTTONS, Hand
 from ..machine import Machine
 from . import browser
-from .words import FIRST_NAMES, LAST_NAMES, sample
+from .words import FIRST_NAMES, LAST_NAMES, even, sample
 
 HOME = "http://shop.test/"
 CART = "http://shop.test/cart"
@@ -196,13 +196,8 @@ def _differences(found: Mapping[str, Any], wanted: Mapping[str, Any]) -> Iterato
             bought = {line["product"]: line["quantity"] for line in found["lines"]}
             if bought != value:
                 yield f"{bought} was ordered"
-        elif _even(found[key]) != _even(value):
+        elif even(str(found[key])) != even(str(value)):
             yield f"{key} of the order is {found[key]!r}"
-
-
-def _even(value: object) -> object:
-    """Return a text in lower case with single spaces; anything else as it is."""
-    return " ".join(value.casefold().split()) if isinstance(value, str) else value
 
 
 # On the screen

@@ -7,7 +7,7 @@ from typing import Any
 
 from ..hand import Hand
 from ..tree import TreeNode
-from .office import APP, OfficeTask
+from .office import APP, OfficeTask, plain
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,12 +19,18 @@ class SlideContent:
         texts: The other texts on it.
         notes: What the speaker reads.
         background: The colour of its own background, such as `FFFF00`; "" if it has none.
+        drawn: How many pictures, tables, lines and other shapes without a text were put on it.
+        marks: Which of `bold`, `italic` and `underlined` parts of its texts were made.
+        hidden: Whether it is left out when the slides are shown.
     """
 
     title: str
     texts: tuple[str, ...] = ()
     notes: str = ""
     background: str = ""
+    drawn: int = 0
+    marks: tuple[str, ...] = ()
+    hidden: bool = False
 
 
 class SlideTask(OfficeTask):
@@ -111,7 +117,7 @@ def slide_changes(
         yield f"there are {len(now)} slides, not {len(wanted)}"
         return
     for number, (found, right) in enumerate(zip(now, wanted, strict=True), 1):
-        for name in ("texts", "notes", "background"):
+        for name in ("texts", "notes", "background", "drawn", "marks", "hidden"):
             if name not in but and getattr(found, name) != getattr(right, name):
                 yield f"the {name} of slide {number} are {getattr(found, name)!r}"
 
@@ -159,16 +165,40 @@ def _has_text(role: str, text: str) -> Any:
 
 def _slide(slide: Any) -> SlideContent:
     title = slide.shapes.title
-    others = [shape for shape in slide.shapes if shape.has_text_frame]
-    if title is not None:
-        others = [shape for shape in others if shape.shape_id != title.shape_id]
+    others = [s for s in slide.shapes if title is None or s.shape_id != title.shape_id]
+    texts = [_text(shape) for shape in others]
     notes = slide.notes_slide.notes_text_frame if slide.has_notes_slide else None
     return SlideContent(
-        title="" if title is None else title.text_frame.text.strip(),
-        texts=tuple(shape.text_frame.text for shape in others if shape.text_frame.text.strip()),
-        notes="" if notes is None else notes.text.strip(),
+        title="" if title is None else _text(title),
+        texts=tuple(text for text in texts if text),
+        notes="" if notes is None else plain(notes.text).strip(),
         background=_background(slide),
+        drawn=sum(not s.is_placeholder and not _text(s) for s in others),
+        marks=_marks(slide),
+        hidden=slide._element.get("show") in ("0", "false"),
     )
+
+
+def _text(shape: Any) -> str:
+    """Return the text of a shape; "" if it has none, as a picture."""
+    return plain(shape.text_frame.text).strip() if shape.has_text_frame else ""
+
+
+def _marks(slide: Any) -> tuple[str, ...]:
+    frames = [shape.text_frame for shape in slide.shapes if shape.has_text_frame]
+    fonts = [
+        run.font
+        for frame in frames
+        for paragraph in frame.paragraphs
+        for run in paragraph.runs
+        if run.text.strip()
+    ]
+    marks = {
+        "bold": any(font.bold for font in fonts),
+        "italic": any(font.italic for font in fonts),
+        "underlined": any(font.underline for font in fonts),
+    }
+    return tuple(name for name, is_set in marks.items() if is_set)
 
 
 def _background(slide: Any) -> str:
@@ -180,4 +210,4 @@ def _background(slide: Any) -> str:
     fill = slide.background.fill
     if fill.type != MSO_FILL.SOLID:
         return f"{fill.type}"
-    return str(fill.fore_color.rgb)
+    return f"{getattr(fill.fore_color, 'rgb', 'of a theme')}"

@@ -94,14 +94,18 @@ def _of_xspf(text: str) -> list[str]:
         root = ET.fromstring(text)
     except ET.ParseError:
         return []
-    return [(node.text or "").strip() for node in root.iter(f"{_XSPF}location")]
+    return [_plain((node.text or "").strip()) for node in root.iter(f"{_XSPF}location")]
+
+
+def _plain(address: str) -> str:
+    """Return a path in the place of the address of a file."""
+    parts = urlsplit(address)
+    return unquote(parts.path) if parts.scheme in ("file", "") else address
 
 
 def _place(folder: PurePosixPath, name: str) -> str:
-    address = urlsplit(name)
-    if address.scheme == "file":
-        return unquote(address.path)
-    return name if address.scheme else str(folder / name)
+    name = _plain(name) if name.startswith("file:") else name
+    return name if urlsplit(name).scheme else str(folder / name)
 
 
 # The windows

@@ -85,6 +85,14 @@ MONTHS = (
 )
 
 
+_STRAIGHT = str.maketrans("\u2018\u2019\u201c\u201d", "''\"\"")
+
+
+def even(text: str) -> str:
+    """Return a text in lower case, with single spaces and straight quotation marks."""
+    return " ".join(text.translate(_STRAIGHT).casefold().split())
+
+
 def sample(
     stream: Stream,
     options: Sequence[T],

@@ -9,19 +9,18 @@ import io
 import itertools
 import json
 import os
-import string
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium import spaces
 from PIL import Image
 
 from hijack_data import extras
 from hijack_data.errors import ParameterError
 from hijack_data.plan import CLEAN
 from hijack_data.planner import Planner
+from hijack_data.spaces import Actions, observations
 
 from ..errors import TrainError
 
@@ -68,13 +67,8 @@ class ServedEnv(gymnasium.Env[dict[str, Any], str]):
         self._client_type = _client_type()
         self.address = known[(next(_numbers) if number is None else number) % len(known)]
         self.record: Mapping[str, Any] | None = None
-        self.observation_space = spaces.Dict(
-            {
-                "screenshot": spaces.Box(0, 255, (*size, 3), np.uint8),
-                "instruction": spaces.Text(10_000, charset=string.printable),
-            }
-        )
-        self.action_space = spaces.Text(100_000, charset=string.printable)
+        self.observation_space = observations(size)
+        self.action_space = Actions(size)
         self._token_variable = token_variable
         self._patience = patience
         self._client: Any = None

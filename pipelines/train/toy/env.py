@@ -1,17 +1,15 @@
 """The toy desktop as a gymnasium environment, with the interface of `CorruptedEnv`."""
 
 import re
-import string
 from dataclasses import replace
 from typing import Any
 
 import gymnasium
-import numpy as np
-from gymnasium import spaces
 
 import hijack_data as hj
 from hijack_data.errors import HijackError, ParameterTypeError
 from hijack_data.planner import Planner
+from hijack_data.spaces import Text, observations
 
 from .screens import Cover, ToyScreen, ToyState, screen_of
 from .tasks import HEIGHT, WIDTH, ToyTask, toy_task
@@ -51,13 +49,8 @@ class ToyEnv(gymnasium.Env[dict[str, Any], str]):
         corruption: Planner | None = None,
         max_steps: int = 6,
     ) -> None:
-        self.observation_space = spaces.Dict(
-            {
-                "screenshot": spaces.Box(0, 255, (HEIGHT, WIDTH, 3), np.uint8),
-                "instruction": spaces.Text(200, charset=string.printable),
-            }
-        )
-        self.action_space = spaces.Text(40, charset=string.printable)
+        self.observation_space = observations((HEIGHT, WIDTH))
+        self.action_space = Text()
         self.record: dict[str, Any] | None = None
         self._defaults = {"task": task, "corruption": corruption}
         self._max_steps = max_steps

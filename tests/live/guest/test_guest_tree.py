@@ -5,6 +5,7 @@ import contextlib
 import multiprocessing
 import os
 import socket
+import threading
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from lxml import etree
 
 from hijack_data.elements import boxes_from_tree
 from online_env.embedded.guest.atspi.states import STATES
-from online_env.embedded.guest.atspi.wire import Wire
+from online_env.embedded.guest.atspi.wire import Wire, _Channel
 from online_env.embedded.guest.display import SharedDisplay
 from online_env.embedded.guest.tree import AccessibilityTree
 from online_env.embedded.guest.windows import Windows
@@ -233,6 +234,23 @@ def test_stopped_application_does_not_hold_up_the_others(clean, eventually):
     eventually("nothing to complain of", lambda: not told()[1])
 
 
+def lose_when_asked(wire: Wire) -> None:
+    """Have applications end their own sockets with calls under way.
+
+    One that ended its socket before is found out by the first question to anybody.
+    """
+
+    def lose(connection: socket.socket) -> None:
+        connection.recv(1)
+        connection.close()
+
+    for name, channel in list(wire._direct.items()):
+        channel.socket.close()
+        ours, theirs = socket.socketpair()
+        wire._direct[name] = _Channel(ours, name)
+        threading.Thread(target=lose, args=(theirs,), daemon=True).start()
+
+
 def read_twice(
     bus: str,
     display: str,
@@ -249,8 +267,7 @@ def read_twice(
     directly.read()
     first = directly.read()
     asked = sum(map(directly._reader.wire.is_direct, directly._reader._asked_in))
-    for channel in directly._reader.wire._direct.values():
-        channel.socket.shutdown(socket.SHUT_RDWR)
+    lose_when_asked(directly._reader.wire)
     after_a_loss = directly.read()
     Wire.connect = lambda *arguments: None
     over_the_bus = AccessibilityTree(bus, windows)

@@ -65,6 +65,7 @@ def test_a_rollout_is_played_and_judged(served):
     assert rollout.is_well_formed
     first = rollout.turns[0].observation
     assert first in env.observation_space
+    assert {**first, "instruction": "Where is Kraków?"} in env.observation_space
     assert (first["screenshot"] != desktops.stages[0].desktop.screenshot()).any()
     assert env.record["corruption"] == "marks"
     assert env.step(CLICK)[1:4] == (0.0, False, True)  # it is over

@@ -59,7 +59,9 @@ class AddBookmark(Task):
             "in another folder": lambda m: write(m, self.added(other)),
             "in no folder": lambda m: write(m, [*drawn.entries, (drawn.new, drawn.url)]),
             "another name": lambda m: write(m, self.added(drawn.folder, "Page")),
-            "in two folders": lambda m: write(m, [*self.added(drawn.folder), ("New", [])]),
+            "in a new folder as well": lambda m: write(
+                m, [*self.added(drawn.folder), ("New", [(drawn.new, drawn.url)])]
+            ),
         }
 
     def right(self, machine):

@@ -37,22 +37,25 @@ class BlockForSite(Task):
     def problems(self, machine):
         yield from machine.untouched()
         host = re.escape(self.drawn.host)
-        pattern = re.compile(rf"(https?://)?(\[\*\.\])?{host}(:\d+)?,\*")
+        pattern = re.compile(rf"(http://)?(\[\*\.\])?{host}(:80)?,\*")
 
         def found():
             return chromium.exceptions(machine, self.drawn.kind)
 
         def is_done():
-            rules = found()
-            return len(rules) == 1 and all(
-                pattern.fullmatch(site) and rule == chromium.BLOCKED for site, rule in rules.items()
+            return bool(found()) and all(
+                pattern.fullmatch(site) and rule == chromium.BLOCKED
+                for site, rule in found().items()
             )
 
         if not chromium.settled(machine, is_done):
             yield f"for {self.drawn.kind} the rules are {found()}"
-        general = f"profile.default_content_setting_values.{self.drawn.kind}"
-        if chromium.setting(machine, general) == chromium.BLOCKED:
-            yield f"{self.drawn.kind} is blocked for all sites"
+        for _, kind, _ in KINDS:
+            if kind != self.drawn.kind and chromium.exceptions(machine, kind):
+                yield f"{kind} has a rule, too"
+            general = f"profile.default_content_setting_values.{kind}"
+            if chromium.setting(machine, general) == chromium.BLOCKED:
+                yield f"{kind} is blocked for all sites"
 
     def oracle(self, hand):
         drawn = self.drawn
@@ -70,8 +73,14 @@ class BlockForSite(Task):
         kind, host, other = self.drawn.kind, self.drawn.host, self.drawn.other
         general = f"profile.default_content_setting_values.{kind}"
         exception = f"profile.content_settings.exceptions.{kind}"
+        neighbour = next(name for _, name, _ in KINDS if name != kind)
         return {
             "another site": lambda m: chromium.block(m, kind, other),
+            "not this scheme": lambda m: chromium.block(m, kind, f"https://{host}:443"),
+            "something else as well": lambda m: [
+                chromium.block(m, kind, host),
+                chromium.block(m, neighbour, host),
+            ],
             "one site more": lambda m: chromium.block(m, kind, host, other),
             "all sites": lambda m: chromium.change_setting(m, general, chromium.BLOCKED),
             "allowed": lambda m: chromium.change_setting(
@@ -80,4 +89,5 @@ class BlockForSite(Task):
         }
 
     def right(self, machine):
-        chromium.block(machine, self.drawn.kind, f"http://{self.drawn.host}:80")
+        host = self.drawn.host
+        chromium.block(machine, self.drawn.kind, f"http://{host}:80", f"[*.]{host}")

@@ -42,8 +42,8 @@ class AddSheet(SheetTask):
         if now.sheets != (*before.sheets, new):
             yield f"the sheets are {', '.join(now.sheets)}"
             return
-        if now.rows(new) != [(text,)]:
-            yield f"the sheet {new} holds {now.rows(new)!r}"
+        if now.values(new) != {"A1": text}:
+            yield f"the sheet {new} holds {now.values(new)!r}"
 
     def oracle(self, hand):
         if hand.see("page-tab", self.drawn.new, app="soffice") is None:

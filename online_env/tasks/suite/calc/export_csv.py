@@ -2,12 +2,14 @@
 
 import csv
 import io
+import re
 
 from online_env.tasks.kit.office import keep_format
 from online_env.tasks.kit.sheets import SheetTask, book, changes
 from online_env.tasks.kit.words import CITIES, FIRST_NAMES, LAST_NAMES, TOPICS
 
 HEADER = ("Name", "City", "Members", "Fee")
+NUMBER = re.compile(r"[0-9]+(\.[0-9]+)?")
 
 
 class ExportCsv(SheetTask):
@@ -59,7 +61,7 @@ class ExportCsv(SheetTask):
         if text is None:
             yield f"there is no file {self.drawn.csv}"
             return
-        found = list(csv.reader(io.StringIO(text)))
+        found = list(csv.reader(text.splitlines()))  # which also reads what is no text
         wanted = [list(map(str, row)) for row in (HEADER, *self.drawn.rows)]
         if [plain(row) for row in found if row] != [plain(row) for row in wanted]:
             yield f"{self.drawn.csv} begins with {text[:200]!r}"
@@ -78,6 +80,7 @@ class ExportCsv(SheetTask):
         return {
             "with semicolons": lambda m: m.write(self.drawn.csv, self.lines(";")),
             "a row is missing": lambda m: m.write(self.drawn.csv, self.lines(",", 1)),
+            "the workbook itself": lambda m: m.run("cp", self.drawn.path, self.drawn.csv),
             "under another name": lambda m: m.write(f"{self.drawn.csv}.xlsx", self.lines(",")),
             "the workbook changed": self.spoilt,
         }
@@ -101,7 +104,7 @@ class ExportCsv(SheetTask):
 
 def plain(row):
     """Return a row with its numbers in one form."""
-    return [f"{float(text):g}" if text.replace(".", "").isdigit() else text for text in row]
+    return [f"{float(text):g}" if NUMBER.fullmatch(text) else text for text in row]
 
 
 def overwrite(hand):

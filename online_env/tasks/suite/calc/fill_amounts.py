@@ -1,7 +1,15 @@
 """Fill a column with a formula."""
 
 from online_env.tasks.kit.office import dump, save
-from online_env.tasks.kit.sheets import SheetTask, book, changes, go_to, is_number, with_values
+from online_env.tasks.kit.sheets import (
+    SheetTask,
+    book,
+    changes,
+    go_to,
+    is_number,
+    uses,
+    with_values,
+)
 from online_env.tasks.kit.words import GOODS, sample
 from online_env.tasks.plan_words import quoted
 
@@ -45,8 +53,8 @@ class FillAmounts(SheetTask):
         for address, amount in amounts.items():
             if not is_number(now.value(address), amount):
                 yield f"{address} is {now.value(address)!r}, not {amount:.2f}"
-            if not str(now.entry(address)).startswith("="):
-                yield f"{address} holds no formula"
+            if not uses(now.entry(address), f"B{address[1:]}", f"C{address[1:]}"):
+                yield f"{address} holds no formula with columns B and C of its row"
 
     def oracle(self, hand):
         go_to(hand, f"D2:D{len(self.drawn.rows) + 1}")
@@ -74,11 +82,16 @@ class FillAmounts(SheetTask):
             "numbers": self.put(amounts),
             "the last row is missing": self.filled({last: None}),
             "a sum below it": self.filled({f"D{len(self.drawn.rows) + 2}": 1}),
+            "typed numbers in formulas": self.filled(self.typed()),
             "the first row's formula in all": self.filled(dict.fromkeys(amounts, "=B2*C2")),
         }
 
     def right(self, machine):
         self.filled({})(machine)
+
+    def typed(self):
+        """Return formulas that take no cells."""
+        return {f"D{n}": f"={row[1]}*{row[2]}" for n, row in enumerate(self.drawn.rows, 2)}
 
     def filled(self, but):
         """Return what enters the formulas with their values, except for some entries."""

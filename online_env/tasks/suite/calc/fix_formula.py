@@ -1,7 +1,15 @@
 """Find the one wrong formula of a column and put it right."""
 
 from online_env.tasks.kit.office import save
-from online_env.tasks.kit.sheets import SheetTask, book, changes, enter, is_number, with_values
+from online_env.tasks.kit.sheets import (
+    SheetTask,
+    book,
+    changes,
+    enter,
+    is_number,
+    uses,
+    with_values,
+)
 from online_env.tasks.kit.words import GOODS, sample
 
 
@@ -51,13 +59,13 @@ class FixFormula(SheetTask):
         return made
 
     def judge(self, now, before):
-        cell = self.drawn.cell
+        cell, number = self.drawn.cell, self.drawn.wrong
         yield from changes(now, before, {cell})
-        if not str(now.entry(cell)).startswith("="):
-            yield f"{cell} holds {now.entry(cell)!r}, which is no formula"
+        if not uses(now.entry(cell), f"B{number}", f"C{number}"):
+            yield f"{cell} holds {now.entry(cell)!r}, and no formula with its pieces and price"
         if now.entry(cell) == self.drawn.formula:
             yield f"{cell} still holds {self.drawn.formula}"
-        _, pieces, price = self.drawn.rows[self.drawn.wrong - 2]
+        _, pieces, price = self.drawn.rows[number - 2]
         if not is_number(now.value(cell), pieces * price):
             yield f"{cell} is {now.value(cell)!r}, not {pieces * price:.2f}"
 
@@ -73,20 +81,20 @@ class FixFormula(SheetTask):
         return {
             "a number": self.put({self.drawn.cell: pieces * price}),
             "another formula": self.put({other: f"=C{number - 1}*B{number - 1}"}),
-            "the price changed": self.fixed(also={f"C{number}": price + 1}),
-            "the price in the formula": self.put({self.drawn.cell: f"={pieces}*{price + 1}"}),
+            "the price changed": self.fixed({f"C{number}": price + 1}),
+            "typed numbers in the formula": self.fixed({self.drawn.cell: f"={pieces}*{price}"}),
         }
 
     def right(self, machine):
-        self.fixed(also={})(machine)
+        self.fixed({})(machine)
 
-    def fixed(self, also):
-        """Return what puts the formula right, and changes other cells."""
+    def fixed(self, but):
+        """Return what puts the formula right with its value, except for some entries."""
         number = self.drawn.wrong
         _, pieces, price = self.drawn.rows[number - 2]
 
         def outcome(machine):
-            self.put({self.drawn.cell: f"=C{number}*B{number}", **also})(machine)
+            self.put({self.drawn.cell: f"=C{number}*B{number}", **but})(machine)
             data = machine.read(self.drawn.path)
             machine.write(self.drawn.path, with_values(data, {self.drawn.cell: pieces * price}))
 

@@ -65,7 +65,7 @@ class FormatPercent(SheetTask):
         }
 
     def right(self, machine):
-        self.shown(self.cells(), "0%")(machine)
+        self.shown(["C1", *self.cells()], "0%")(machine)  # the whole column is as good
 
     def shown(self, addresses, look="0.0%"):
         """Return what gives cells a format."""

@@ -54,15 +54,21 @@ class FreezeHeader(SheetTask):
             "another part": self.frozen(others[0]),
             "yet another part": self.frozen(others[1]),
             "a row too many": self.frozen("A3"),
+            "split, not frozen": self.frozen(wanted, state="split"),
+            "frozen further down": self.frozen(wanted, start="C9"),
         }
 
     def right(self, machine):
-        self.frozen(PARTS[self.drawn.part])(machine)
+        self.frozen(PARTS[self.drawn.part], scrolled="C30")(machine)
 
-    def frozen(self, place):
-        """Return what freezes all above and left of a cell."""
+    def frozen(self, place, state="frozen", start="A1", scrolled=""):
+        """Return what freezes all above and left of a cell, where a view begins and scrolls to."""
 
         def change(found):
+            view = found.active.sheet_view
             found.active.freeze_panes = place
+            view.topLeftCell = start
+            view.pane.state = state
+            view.pane.topLeftCell = scrolled or place
 
         return self.edited(change)

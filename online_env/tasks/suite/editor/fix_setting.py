@@ -1,5 +1,7 @@
 """Give a setting of a configuration file another value, in Geany."""
 
+import re
+
 from online_env.tasks import Task
 from online_env.tasks.kit import text_editor
 from online_env.tasks.kit.words import sample, shuffled
@@ -77,12 +79,14 @@ class FixSetting(Task):
     def wrong(self):
         path, text, wanted = self.drawn.path, self.drawn.text, self.drawn.wanted
         line = f"{self.drawn.key} = {self.drawn.value}"
+        spaced = re.sub(r"(port = \d)", r"\1 ", wanted, count=1)
         lines = text.splitlines()
         others = [f"{line}\n" if old.startswith(self.drawn.key) else f"{old}\n" for old in lines]
         return {
             "in all sections": lambda m: m.write(path, "".join(others)),
             "at the end": lambda m: m.write(path, f"{text}{line}\n"),
             "commented out": lambda m: m.write(path, wanted.replace(line, f"# {line}")),
+            "a blank in the number": lambda m: m.write(path, spaced),
             "in another folder": lambda m: m.write(self.drawn.file, wanted),
         }
 
@@ -100,8 +104,9 @@ def written(sections) -> str:
 
 
 def settings(text: str) -> list[str]:
-    """Return the lines that are not empty, without blanks."""
-    return ["".join(line.split()) for line in text.splitlines() if line.strip()]
+    """Return the lines that are not empty, without blanks around them and the equals sign."""
+    lines = [line.strip() for line in text.splitlines()]
+    return [re.sub(r"\s*=\s*", "=", line) for line in lines if line]
 
 
 def changed_line(text: str, wanted: str) -> int:

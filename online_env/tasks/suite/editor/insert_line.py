@@ -20,8 +20,8 @@ class InsertLine(Task):
         ' "{above}" and save the file.',
         "{line}\n\nPlease add this to {file} in my Documents, on a line of its own right after"
         ' "{above}". Do not change anything else.',
-        'Add the line "{line}" to {file} (in Documents), between "{above}" and what comes after'
-        " it. Then save.",
+        'In {file} (in Documents), the line "{above}" should be followed by a new line "{line}".'
+        " Add it, then save.",
     )
 
     def draw(self, stream):
@@ -70,7 +70,7 @@ class InsertLine(Task):
         line, above = self.drawn.line, self.drawn.above
         return {
             "above": lambda m: m.write(path, text.replace(above, f"{line}\n{above}")),
-            "at the end": lambda m: m.write(path, f"{text}{line}\n"),
+            "at the start": lambda m: m.write(path, f"{line}\n{text}"),
             "in its place": lambda m: m.write(path, text.replace(above, line)),
             "with an empty line": lambda m: m.write(
                 path, text.replace(above, f"{above}\n\n{line}")

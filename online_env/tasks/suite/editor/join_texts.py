@@ -21,8 +21,8 @@ class JoinTexts(Task):
         " {second}. The two lists stay as they are.",
         "Please put {first} and {second} (both in Documents) together in one file, in this order,"
         " and save it as {place}/{new}. I still need the two old files.",
-        "Join Documents/{first} and Documents/{second}: first the one, then the other, without"
-        " anything between. The result goes to {new} in {place}.",
+        "Join Documents/{first} and Documents/{second}: first the lines of the one, then those of"
+        " the other, and nothing else. The result goes to {new} in {place}.",
     )
 
     def draw(self, stream):

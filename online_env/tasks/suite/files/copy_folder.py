@@ -21,8 +21,8 @@ class CopyFolder(Task):
         ' copy should be in Documents/Backups and be called "{copy}".',
         "Before I change anything: please back up Documents/{project} as Documents/Backups/{copy}"
         " (a plain copy of the whole folder).",
-        "I need a second copy of my {project} folder (in Documents). Put it into Backups, named"
-        ' "{copy}". Keep the original and the older backup.',
+        "I need a second copy of my {project} folder (in Documents). Put it into the folder Backups"
+        ' there, named "{copy}". Keep the original and the older backup.',
     )
 
     def draw(self, stream):

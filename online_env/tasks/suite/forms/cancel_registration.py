@@ -43,14 +43,11 @@ class CancelRegistration(Task):
 
     def problems(self, machine):
         yield from machine.untouched()
-        found = registrations.stored(machine)
-        if len(found) != len(self.drawn.everybody):
-            yield f"there are {len(found)} registrations"
-            return
-        for number, (entry, expected) in enumerate(zip(found, self.drawn.everybody, strict=True)):
-            yield from registrations.differences(entry, expected)
-            if entry.get("cancelled", False) != (number == self.drawn.which):
-                yield f"registration {entry['number']}: cancelled is {entry.get('cancelled')}"
+        kept = [entry for n, entry in enumerate(self.drawn.everybody) if n != self.drawn.which]
+        yield from registrations.unlike(machine, *kept)
+        gone = registrations.cancelled(machine)
+        if gone != [self.drawn.number]:
+            yield f"registrations {gone} were cancelled"
 
     def oracle(self, hand):
         visit(hand, f"{registrations.SITE}/find", "Your registration")

@@ -52,7 +52,7 @@ class ChangeRegistration(Task):
     def problems(self, machine):
         yield from machine.untouched()
         yield from registrations.unlike(machine, *self.drawn.wanted)
-        if any(entry.get("cancelled") for entry in registrations.stored(machine)):
+        if registrations.cancelled(machine):
             yield "a registration was cancelled"
 
     def oracle(self, hand):
@@ -75,8 +75,10 @@ class ChangeRegistration(Task):
         half = [
             {**entry, "level": old["level"]} if entry is new else entry for entry in drawn.wanted
         ]
+        again = [{**entry, "cancelled": entry is old} for entry in drawn.everybody]
         return {
             "registered once more": lambda m: store(m, *drawn.everybody, new),
+            "cancelled, and registered once more": lambda m: store(m, *again, new),
             "the level is as before": lambda m: store(m, *half),
             "somebody else": lambda m: store(m, *spoilt),
             "cancelled": lambda m: store(

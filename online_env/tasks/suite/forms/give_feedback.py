@@ -4,7 +4,7 @@ from online_env.embedded.sites.hosts.forms import content
 from online_env.tasks import Task
 from online_env.tasks.kit.browser import select
 from online_env.tasks.kit.pages import enter, follow, tick, visit
-from online_env.tasks.kit.registrations import SITE, course
+from online_env.tasks.kit.registrations import SITE, course, differences
 
 COMMENTS = (
     "The room was too cold, but the soup made up for it.",
@@ -56,8 +56,10 @@ class GiveFeedback(Task):
         if state.get("registrations"):
             yield "somebody was registered for a course"
         sent = state.get("feedback", [])
-        if sent != [self.drawn.wanted]:
-            yield f"the feedback is {sent!r}"
+        if len(sent) != 1:
+            yield f"feedback was sent {len(sent)} times"
+        for entry in sent:
+            yield from differences(entry, self.drawn.wanted)
 
     def oracle(self, hand):
         visit(hand, SITE, "Northgate")
@@ -79,7 +81,8 @@ class GiveFeedback(Task):
         }
 
     def right(self, machine):
-        send(machine, dict(reversed(self.drawn.wanted.items())))
+        wanted = dict(reversed(self.drawn.wanted.items()))
+        send(machine, {**wanted, "comment": wanted["comment"].replace(" ", "  ")})
 
 
 def send(machine, *sent):

@@ -61,8 +61,11 @@ class RegisterCourse(Task):
             "another name": lambda m: store(m, {**wanted, "name": "Somebody Else"}),
             "no notes": lambda m: store(m, {**wanted, "notes": ""}),
             "sent twice": lambda m: store(m, wanted, wanted),
+            "cancelled after that": lambda m: store(m, {**wanted, "cancelled": True}),
             "another course": lambda m: store(m, {**wanted, "course": "none"}),
         }
 
     def right(self, machine):
-        registrations.store(machine, dict(reversed(self.drawn.wanted.items())))
+        wrong = {**self.drawn.wanted, "notes": "", "cancelled": True}
+        right = {**self.drawn.wanted, "email": self.drawn.email.upper()}
+        registrations.store(machine, wrong, right)

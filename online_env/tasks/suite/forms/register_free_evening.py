@@ -82,6 +82,7 @@ class RegisterFreeEvening(Task):
             "the first, though busy": lambda m: store(m, first),
             "both": lambda m: store(m, first, wanted),
             "another level": lambda m: store(m, {**wanted, "level": "none"}),
+            "cancelled after that": lambda m: store(m, {**wanted, "cancelled": True}),
         }
 
     def right(self, machine):

@@ -57,14 +57,15 @@ class CropPicture(pictures.PictureTask):
     def wrong(self):
         path, size = self.drawn.path, (self.drawn.width, self.drawn.height)
         left, top, right, bottom = self.drawn.box
+        cut = pictures.encoded(self.cut(self.drawn.box))
         whole_width = self.cut((0, top, self.drawn.size[0], bottom))
-        shift = 20 if left == 0 else -20
+        shift = 2 if left == 0 else -2
         beside = self.cut((left + shift, top, right + shift, bottom))
         return {
-            "another place": lambda m: m.write(path, pictures.encoded(beside)),
+            "a little beside": lambda m: m.write(path, pictures.encoded(beside)),
             "only the height": lambda m: m.write(path, pictures.encoded(whole_width)),
             "scaled": lambda m: m.write(path, pictures.encoded(self.picture().resize(size))),
-            "in a copy": lambda m: m.write("Pictures/cut.png", pictures.encoded(whole_width)),
+            "in a copy": lambda m: m.write("Pictures/cut.png", cut),
         }
 
     def right(self, machine):

@@ -13,7 +13,7 @@ class ExportJpeg(pictures.PictureTask):
         " should be {new} in the folder Pictures.",
         "The file Pictures/{file} is too big to send. Please export it from GIMP as a JPEG named"
         " {new}, in the same folder, at quality {quality}.",
-        "Pictures/{file} as JPEG, quality {quality}, please; name it {new}.",
+        "Pictures/{file} as JPEG, quality {quality}, please; name it Pictures/{new}.",
     )
 
     def draw(self, stream):

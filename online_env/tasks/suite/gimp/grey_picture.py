@@ -1,6 +1,6 @@
 """Take the colours out of a picture, in GIMP."""
 
-from PIL import Image
+from PIL import Image, ImageChops
 
 from online_env.tasks.kit import pictures
 from online_env.tasks.kit.words import CITIES
@@ -30,13 +30,7 @@ class GreyPicture(pictures.PictureTask):
 
     def problems(self, machine):
         yield from machine.untouched(self.drawn.result)
-        result = self.drawn.result
-        found = pictures.opened(machine, result)
-        if found is not None and pictures.colorfulness(found) > 0:
-            yield f"{result} has colours"
-        # There are several weights of the colours; all of them are shades of grey.
-        wanted = self.picture().convert("L")
-        yield from pictures.picture_problems(machine, result, wanted, slack=20)
+        yield from pictures.grey_problems(machine, self.drawn.result, self.picture())
 
     def oracle(self, hand):
         if hand.see("frame", pictures.mode_title("Grayscale"), "gimp") is None:
@@ -56,5 +50,6 @@ class GreyPicture(pictures.PictureTask):
         }
 
     def right(self, machine):
-        grey = self.picture().convert("L").convert("RGB")
-        machine.write(self.drawn.result, pictures.encoded(grey))
+        red, green, blue = self.picture().split()
+        value = ImageChops.lighter(ImageChops.lighter(red, green), blue)  # as a way of GIMP has it
+        machine.write(self.drawn.result, pictures.encoded(value.convert("RGB")))

@@ -1,6 +1,6 @@
 """Mirror a picture or turn it upside down, in GIMP."""
 
-from PIL import Image
+from PIL import Image, ImageDraw
 
 from online_env.tasks.kit import pictures
 from online_env.tasks.kit.words import FIRST_NAMES
@@ -83,10 +83,13 @@ class MirrorPicture(pictures.PictureTask):
         others = [method for _, method in WAYS.values() if method != self.drawn.method]
         other = picture.transpose(others[0])
         quarter = picture.transpose(Image.Transpose.ROTATE_90)
+        spotted = turned.copy()
+        ImageDraw.Draw(spotted).ellipse((90, 90, 110, 110), "black")
         return {
             "the old file": lambda m: m.write(path, pictures.encoded(turned)),
             "another way": lambda m: m.write(result, pictures.encoded(other)),
             "by 90 degrees": lambda m: m.write(result, pictures.encoded(quarter)),
+            "with a dab of the brush": lambda m: m.write(result, pictures.encoded(spotted)),
             "only copied": lambda m: m.run("cp", path, result),
         }
 

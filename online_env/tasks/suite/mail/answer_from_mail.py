@@ -93,6 +93,9 @@ class AnswerFromMail(mail.MailTask):
         return {
             "the old number": lambda m: mail.store(m, to, subject, f"It is {old}."),
             "both numbers": lambda m: mail.store(m, to, subject, f"It is {old} or {new}."),
+            "within the question": lambda m: mail.store(
+                m, to, subject, f"> could you {new} tell me"
+            ),
             "to who told it": lambda m: mail.store(m, ["house1@mail.test"], subject, new),
             "only a draft": lambda m: mail.store(m, to, subject, new, folder="drafts"),
         }

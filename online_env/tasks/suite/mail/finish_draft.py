@@ -23,7 +23,7 @@ class FinishDraft(mail.MailTask):
         " and send it to {to}.",
         "Please finish the draft {subject}: its last line should be: {line} Then send it to {to}."
         " The other draft stays a draft.",
-        'mail.test, drafts, "{subject}": append "{line}", recipient {to}, send.',
+        'mail.test, drafts, "{subject}": append the line "{line}", recipient {to}, send.',
     )
 
     def draw(self, stream):
@@ -57,11 +57,13 @@ class FinishDraft(mail.MailTask):
 
     def problems(self, machine):
         yield from machine.untouched()
-        letter = mail.Letter(to=[self.drawn.to], subject=self.drawn.subject, text=self.whole)
+        letter = mail.Letter(
+            to=[self.drawn.to],
+            subject=self.drawn.subject,
+            text=self.whole,
+            last=self.drawn.line,
+        )
         yield from mail.problems(machine, sent=[letter], finished=[self.ident])
-        left = [draft["id"] for draft in machine.sites.read("mail").get("drafts", [])]
-        if self.ident in left:
-            yield "the draft is still there"
 
     def oracle(self, hand):
         browser.begin(hand, mail.INBOX, "Inbox")
@@ -96,6 +98,7 @@ class FinishDraft(mail.MailTask):
         to, subject, texts = self.drawn.to, self.drawn.subject, self.drawn.texts
         return {
             "without the line": lambda m: self.finish(m, to, texts[0]),
+            "in the line before": lambda m: self.finish(m, to, f"{texts[0]} {self.drawn.line}"),
             "to somebody else": lambda m: self.finish(m, "oda@mail.test", self.whole),
             "the other text": lambda m: self.finish(m, to, f"{texts[1]}\n{self.drawn.line}"),
             "the draft is left": lambda m: mail.store(m, [to], subject, self.whole),

@@ -24,7 +24,7 @@ class ForwardMail(mail.MailTask):
     name = "forward_mail"
     phrasings = (
         'Forward the mail "{subject}" to {friend} ({to}) and write above it: {line}',
-        'Please pass {who}\'s mail about the {topic} on to {to}, with the words "{line}"',
+        'Please pass {who}\'s mail about the {topic} on to {to}. Begin with the words "{line}"',
         'mail.test: send {to} the mail "{subject}" as it is, with this on top: {line}',
     )
 
@@ -56,8 +56,9 @@ class ForwardMail(mail.MailTask):
 
     def problems(self, machine):
         yield from machine.untouched()
-        parts = [self.drawn.line, *self.drawn.body.splitlines()]
-        yield from mail.problems(machine, sent=[mail.Letter(to=[self.drawn.to], holds=parts)])
+        drawn = self.drawn
+        letter = mail.Letter(to=[drawn.to], passes_on=drawn.body, holds=[drawn.line])
+        yield from mail.problems(machine, sent=[letter])
 
     def oracle(self, hand):
         browser.begin(hand, mail.INBOX, "Inbox")
@@ -73,6 +74,7 @@ class ForwardMail(mail.MailTask):
         return {
             "without the line": lambda m: mail.store(m, [to], "Fwd", body),
             "only the line": lambda m: mail.store(m, [to], "Fwd", line),
+            "the line below it": lambda m: mail.store(m, [to], "Fwd", f"{body}\n\n{line}"),
             "another mail": lambda m: mail.store(m, [to], "Fwd", f"{line}\n\n{other}"),
             "to somebody else": lambda m: mail.store(m, ["jun@mail.test"], "Fwd", whole),
             "deleted after that": lambda m: [

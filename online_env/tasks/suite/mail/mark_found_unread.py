@@ -60,6 +60,7 @@ class MarkFoundUnread(mail.MailTask):
         ident, other = self.drawn.ident, self.drawn.other
         return {
             "another one": lambda m: mail.flag(m, other, read=False),
+            "one more": lambda m: mail.flag(m, ident, other, read=False),
             "only read": lambda m: mail.flag(m, ident, read=True),
             "moved to the inbox": lambda m: mail.flag(m, ident, read=False, folder="inbox"),
             "starred": lambda m: mail.flag(m, ident, starred=True),

@@ -75,4 +75,5 @@ class CollectHeadlines(Task):
         }
 
     def right(self, machine):
-        machine.write(self.drawn.path, "\n\n".join(reversed(self.drawn.titles)) + "\n")
+        lines = [f"- {title}\n" for title in reversed(self.drawn.titles)]
+        machine.write(self.drawn.path, "\n".join(lines))

@@ -31,7 +31,7 @@ class CompareFerries(Task):
         "Compare the wiki.test articles Ferry {one} and Ferry {two}: which ferry {what}? Write its"
         " name in the first line of {path} and the difference (just the number) in the second.",
         "I want to know which ferry {what}, {one} or {two} (see wiki.test). Put the name and, on"
-        " the next line, by how much, into {path}.",
+        " the next line, the difference (only its figure) into {path}.",
     )
 
     def draw(self, stream):

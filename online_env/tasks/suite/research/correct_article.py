@@ -3,6 +3,7 @@
 from online_env.tasks import Task
 from online_env.tasks.kit import articles
 from online_env.tasks.kit.pages import arrived, enter, follow, visit
+from online_env.tasks.kit.words import even
 
 MISTAKES = (
     ("Chess", "64 squares", ("46 squares", "81 squares", "100 squares")),
@@ -62,9 +63,9 @@ class CorrectArticle(Task):
             yield f"the article {title} was changed"
         if not articles.same(articles.text(machine, self.drawn.title), self.drawn.wanted):
             yield f"the article {self.drawn.title} is not as it should be"
-        last = articles.pages(machine)[self.drawn.title]["revisions"][-1]
-        if last["summary"].casefold() != self.drawn.summary.casefold():
-            yield f"the comment is {last['summary']!r}"
+        comment = articles.comment(machine, self.drawn.title)
+        if even(comment) != even(self.drawn.summary):
+            yield f"the comment is {comment!r}"
 
     def oracle(self, hand):
         visit(hand, articles.address(self.drawn.title), self.drawn.title)
@@ -85,6 +86,7 @@ class CorrectArticle(Task):
             "no comment": save(title, wanted, ""),
             "only the comment": save(title, self.drawn.spoilt, summary),
             "the rest is gone": save(title, short, summary),
+            "the headings are gone": save(title, " ".join(wanted.split()), summary),
             "another article": save("Tide", wanted, summary),
         }
 

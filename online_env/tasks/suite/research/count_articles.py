@@ -20,7 +20,7 @@ class CountArticles(Task):
         "How many articles are there at {host} under {first} and {second} together? Save just the"
         " number in {path}.",
         'Please count the articles on http://{host} that are filed under "{first}" or "{second}",'
-        " and write the sum of both to {path}.",
+        " and write the sum of both to {path}, just the number.",
         "{host}: number of articles under {first} plus number under {second}. Only the total, in"
         " figures, into {path}.",
     )

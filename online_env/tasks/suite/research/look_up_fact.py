@@ -19,8 +19,8 @@ class LookUpFact(Task):
         ' under "{key}"? Save just that, as it is there, in {path}.',
         'In the wiki.test article "{title}" there is a table of facts. Please put what stands'
         ' beside "{key}" into a text file {path}, and nothing else.',
-        'I need the entry "{key}" from the fact box of wiki.test\'s article on {title}. Write it'
-        " to {path}.",
+        'What does the fact box of wiki.test\'s article on {title} have beside "{key}"? Write only'
+        " that to {path}.",
     )
 
     def draw(self, stream):

@@ -32,10 +32,10 @@ class NoteCommand(Task):
     phrasings = (
         "The handbook of the backup program Stowaway is at docs.test. Which command do I need to"
         " {need}? Save the whole command, with its options, in {path}.",
-        "Please find out at http://docs.test how to {need} with Stowaway, and write the command,"
-        " exactly as given there and nothing else, to {path}.",
-        "How do I {need} with Stowaway? Look at docs.test (the page {page} has it) and put the"
-        " command line into {path}.",
+        "Please find out in the handbook of Stowaway, http://docs.test, how to {need}, and write"
+        " the command, exactly as given there and nothing else, to {path}.",
+        "I have a question about Stowaway: how do I {need}? Look at docs.test (the page {page} has"
+        " it) and put the command line into {path}.",
     )
 
     def draw(self, stream):
@@ -49,7 +49,9 @@ class NoteCommand(Task):
 
     def problems(self, machine):
         yield from machine.untouched(self.drawn.path)
-        yield from unlike(machine, self.drawn.path, [self.drawn.command])
+        text = machine.text(self.drawn.path) or ""
+        prompt = "$ " if text.lstrip().startswith("$ ") else ""  # some of the pages have one
+        yield from unlike(machine, self.drawn.path, [prompt + self.drawn.command], verbatim=True)
 
     def oracle(self, hand):
         visit(hand, "http://docs.test/", "Stowaway")
@@ -68,8 +70,10 @@ class NoteCommand(Task):
             "half the command": lambda m: m.write(path, command.rpartition(" ")[0]),
             "with a sentence": lambda m: m.write(path, f"You need {command}."),
             "in the home folder": lambda m: m.write("stowaway.txt", command),
-            "other capitals of an option": lambda m: m.write(path, f"{command} --help"),
+            "one option more": lambda m: m.write(path, f"{command} --help"),
+            "with a capital": lambda m: m.write(path, command.capitalize()),
+            "with a full stop": lambda m: m.write(path, f"{command}."),
         }
 
     def right(self, machine):
-        machine.write(self.drawn.path, f"{self.drawn.command}\n\n")
+        machine.write(self.drawn.path, f"$ {self.drawn.command}\n\n")

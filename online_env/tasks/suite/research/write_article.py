@@ -64,6 +64,7 @@ class WriteArticle(Task):
         title, text = self.drawn.title, self.drawn.text
         return {
             "without a heading": lambda m: articles.put(m, title, text.replace("## ", "")),
+            "all in one line": lambda m: articles.put(m, title, " ".join(text.split())),
             "half of it": lambda m: articles.put(m, title, text.partition("\n\n")[0]),
             "another title": lambda m: articles.put(m, title.partition(" ")[0], text),
             "added to an article": lambda m: articles.put(m, "Tide", text),

@@ -44,8 +44,8 @@ class FindBigFolder(Task):
     def problems(self, machine):
         answer = f"Documents/{self.drawn.answer}"
         yield from machine.untouched(answer)
-        found = (machine.text(answer) or "").strip().rstrip("/")
-        if found.rpartition("/")[2] != self.drawn.biggest or "\n" in found:
+        found = (machine.text(answer) or "").strip()
+        if found.removeprefix("./").removesuffix("/") != self.drawn.biggest:
             yield f"{answer} holds {found[:80]!r}, not {self.drawn.biggest!r}"
 
     def oracle(self, hand):
@@ -59,7 +59,8 @@ class FindBigFolder(Task):
             "the biggest file of its own": lambda m: self.save(m, second),
             "the most files": lambda m: self.save(m, self.drawn.many),
             "both": lambda m: self.save(m, f"{biggest}\n{second}"),
-            "with its size": lambda m: self.save(m, f"904\t{biggest}"),
+            "with its size": lambda m: self.save(m, f"904\t./{biggest}"),
+            "its whole path": lambda m: self.save(m, f"Documents/{self.drawn.place}/{biggest}"),
             "in the home folder": lambda m: m.write(self.drawn.answer, biggest),
         }
 

@@ -2,6 +2,7 @@
 
 from online_env.tasks import Task
 from online_env.tasks.kit import shell
+from online_env.tasks.kit.text_editor import text_problems
 from online_env.tasks.kit.words import TOPICS, sample
 
 OLD = ("Nordwind", "Hillcrest", "Bluepine", "Castor", "Oakline")
@@ -51,8 +52,7 @@ class ReplaceInFiles(Task):
     def problems(self, machine):
         yield from machine.untouched(*self.drawn.paths)
         for path in self.drawn.paths:
-            if machine.text(path) != self.text(path, self.drawn.new):
-                yield f"{path} is not as it was but for {self.drawn.new}"
+            yield from text_problems(machine, path, self.text(path, self.drawn.new))
 
     def oracle(self, hand):
         old, new = self.drawn.old, self.drawn.new
@@ -75,7 +75,9 @@ class ReplaceInFiles(Task):
         }
 
     def right(self, machine):
-        self.change(machine, reversed(self.drawn.paths))
+        first, *others = self.drawn.paths
+        self.change(machine, reversed(others))
+        machine.write(first, self.text(first, self.drawn.new).rstrip("\n"))
 
     def change(self, machine, paths):
         """Change the name in files."""

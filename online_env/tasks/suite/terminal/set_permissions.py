@@ -2,9 +2,12 @@
 
 from online_env.tasks import Task
 from online_env.tasks.kit import shell
+from online_env.tasks.kit.files import content, mode
 from online_env.tasks.kit.words import GOODS, sample
 
 WORK = ("backup", "report", "cleanup", "upload", "rotate", "convert", "publish")
+RUNS = 0o500  # the shell also has to read a script
+OTHERS_WRITE = 0o022
 SECRETS = ("passwords.txt", "token.txt", "private.key", "bank.csv")
 
 
@@ -52,13 +55,13 @@ class SetPermissions(Task):
         was = machine.before.files
         now = machine.snapshot().files
         for path in (*scripts, key):
-            kind, mode, digest = now.get(path, "- 0 -").split(" ")
-            if (kind, digest) != (was[path].split(" ")[0], was[path].split(" ")[2]):
-                yield f"{path} is not what it was"
-            elif path == key and mode != "600":
-                yield f"{path} has the mode {mode}, not 600"
-            elif path != key and (not int(mode, 8) & 0o100 or int(mode, 8) & 0o022):
-                yield f"{path} has the mode {mode}, and should be executable"
+            look = now.get(path, "")
+            if content(look) != content(was[path]):
+                yield f"{path} cannot be read, or is not what it was"
+            elif path == key and mode(look) != 0o600:
+                yield f"{path} has the mode {mode(look):o}, not 600"
+            elif path != key and (mode(look) & RUNS != RUNS or mode(look) & OTHERS_WRITE):
+                yield f"{path} has the mode {mode(look):o}, and should be executable"
 
     def oracle(self, hand):
         shell.command(hand, f"cd ~/{self.drawn.place}")
@@ -75,6 +78,7 @@ class SetPermissions(Task):
             "another secret": lambda m: self.change(m, scripts, other),
             "all files": lambda m: self.change(m, [*scripts, other], key),
             "everybody may write": lambda m: self.change(m, scripts, key, "777"),
+            "scripts that nobody may read": lambda m: self.change(m, scripts, key, "111"),
         }
 
     def right(self, machine):

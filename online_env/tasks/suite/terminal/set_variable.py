@@ -7,7 +7,7 @@ from online_env.tasks.plan_words import quoted
 
 FILE = ".profile"
 NAMES = ("PROJECT_HOME", "REPORT_LANG", "BACKUP_TARGET", "MAP_STYLE", "TEAM_NAME")
-SHELL = f'timeout 9 env -i HOME="$HOME" PATH="$PATH" sh -c ". ./{FILE} && env"'
+SHELL = f'timeout 9 env -i HOME="$HOME" PATH="$PATH" sh -c ". ./{FILE}; env"'
 
 
 class SetVariable(Task):
@@ -27,13 +27,14 @@ class SetVariable(Task):
     def draw(self, stream):
         key = stream.choice(NAMES)
         value = f"{stream.choice(GOODS)}-{stream.integer(100, 999)}"
+        others = [f"{key}_OLD={stream.choice(GOODS)}", f"HOME_TOWN={stream.choice(CITIES)}"]
         lines = [
             '[ -n "$BASH_VERSION" ] && [ -f "$HOME/.bashrc" ] && . "$HOME/.bashrc"',
-            f"export {key}_OLD={stream.choice(GOODS)}",
-            f"export HOME_TOWN={stream.choice(CITIES)}",
+            *(f"export {entry}" for entry in others),
             "umask 022",
         ]
-        return {"key": key, "value": value, "before": "\n".join(lines) + "\n"}
+        before = "\n".join(lines) + "\n"
+        return {"key": key, "value": value, "others": others, "before": before}
 
     def prepare(self, machine):
         machine.write(FILE, self.drawn.before)
@@ -45,11 +46,12 @@ class SetVariable(Task):
         if lost:
             yield f"{FILE} lacks {lost}"
         result = machine.desktop.execute(["sh", "-c", f"cd && {SHELL}"])
-        found = [
-            line for line in result.output.splitlines() if line.startswith(f"{self.drawn.key}=")
-        ]
-        if found != [f"{self.drawn.key}={self.drawn.value}"]:
-            yield f"a login shell exports {found} ({result.error.strip()[-100:]})"
+        wanted = {f"{self.drawn.key}={self.drawn.value}", *self.drawn.others}
+        names = {entry.partition("=")[0] for entry in wanted}
+        exported = result.output.splitlines()
+        found = {entry for entry in exported if entry.partition("=")[0] in names}
+        if found != wanted:
+            yield f"a login shell exports {sorted(found)} ({result.error.strip()[-100:]})"
 
     def oracle(self, hand):
         line = f"export {self.drawn.key}={self.drawn.value}"
@@ -81,8 +83,10 @@ class SetVariable(Task):
             "another value": lambda m: m.write(FILE, f"{before}export {key}={value}0\n"),
             "in another file": lambda m: m.write(".bashrc", line),
             "the old variable": lambda m: m.write(FILE, f"{before}export {key}_OLD={value}\n"),
+            "both of them": lambda m: m.write(FILE, f"{before}{line}export {key}_OLD={value}\n"),
         }
 
     def right(self, machine):
         key, value = self.drawn.key, self.drawn.value
-        machine.write(FILE, f"{key}='{value}'\nexport {key}\n{self.drawn.before}")
+        end = '[ -n "$BASH_VERSION" ] && echo hello\n'
+        machine.write(FILE, f"{key}='{value}'\nexport {key}\n{self.drawn.before}{end}")

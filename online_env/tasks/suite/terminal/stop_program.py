@@ -63,16 +63,21 @@ class StopProgram(Task):
 
     def right(self, machine):
         end(machine, self.drawn.name, signal="KILL")
+        path = machine.path(f"Tools/{self.drawn.name}")
+        machine.run("sh", "-c", f"setsid -f timeout 9 tail -f {path} >/dev/null 2>&1")
 
 
 def processes(machine):
-    """Return the numbers of the running programs of Tools, by name."""
-    start = f"{machine.path('Tools')}/"
+    """Return the numbers of the running programs of Tools, by name.
+
+    Other programs that have such a path among their arguments, such as an editor, do not count.
+    """
+    start = f"/bin/sh {machine.path('Tools')}/"
     found = {}
     for line in machine.run("ps", "-eo", "pid=,args=").splitlines():
         number, _, command = line.strip().partition(" ")
-        if start in command and not command.startswith(("ps ", "setsid ")):
-            found[command.rpartition(start)[2]] = number
+        if command.startswith(start):
+            found[command.removeprefix(start)] = number
     return found
 
 

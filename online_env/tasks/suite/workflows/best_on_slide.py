@@ -79,7 +79,7 @@ class BestOnSlide(SlideTask):
         }
 
     def right(self, machine):
-        self.put({-1: self.drawn.winner})(machine)
+        self.put({-1: self.drawn.winner.replace("'", "\u2019")})(machine)  # as it is typed
 
     def put(self, names):
         """Return what puts names in titles, by the index of the slide."""

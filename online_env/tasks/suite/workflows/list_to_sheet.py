@@ -1,6 +1,6 @@
 """Copy the lines of a text file into a sheet."""
 
-from online_env.tasks.kit.office import save
+from online_env.tasks.kit.office import plain, save
 from online_env.tasks.kit.sheets import SheetTask, book, changes, go_to
 from online_env.tasks.kit.words import FIRST_NAMES, GOODS, LAST_NAMES, sample
 
@@ -52,8 +52,7 @@ class ListToSheet(SheetTask):
         cells = self.cells()
         yield from changes(now, before, set(cells))
         for address, text in cells.items():
-            # Calc makes typed apostrophes round.
-            found = str(now.value(address)).strip().replace("’", "'")
+            found = plain(str(now.value(address))).strip()
             if found.casefold() != text.casefold():
                 yield f"{address} is {found!r}, not {text!r}"
 

@@ -79,6 +79,7 @@ class MailShopTotal(Task):
         }
 
     def right(self, machine):
+        shop.fill(machine, {})  # what was put into it is out again
         total = self.drawn.total.removesuffix("0").replace(".", ",")
         body = f"Hello,\n{total} dollars altogether.\n\n> Hi Robin"
         mail.store(machine, ["asker@mail.test"], "Re: What does it cost?", body)

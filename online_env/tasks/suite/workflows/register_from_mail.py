@@ -5,7 +5,7 @@ from datetime import date, timedelta
 from online_env.embedded.sites.hosts import forms
 from online_env.embedded.sites.hosts import mail as mailbox
 from online_env.tasks import Task
-from online_env.tasks.kit import browser, mail, shop, told
+from online_env.tasks.kit import browser, mail, registrations, shop, told
 from online_env.tasks.plan_words import quoted
 
 REGISTER = "http://forms.test/register"
@@ -67,13 +67,7 @@ class RegisterFromMail(Task):
     def problems(self, machine):
         yield from machine.untouched()
         yield from mail.problems(machine)
-        sent = machine.sites.read("forms").get("registrations", [])
-        if len(sent) != 1:
-            yield f"{len(sent)} registrations were sent, not one"
-            return
-        for key, value in self.drawn.wanted.items():
-            if sent[0].get(key) != value:
-                yield f"{key} is {sent[0].get(key)!r}, not {value!r}"
+        yield from registrations.unlike(machine, self.drawn.wanted)
 
     def oracle(self, hand):
         wanted = self.drawn.wanted
@@ -102,25 +96,21 @@ class RegisterFromMail(Task):
         ]
 
     def wrong(self):
-        wanted = self.drawn.wanted
+        wanted, store = self.drawn.wanted, registrations.store
         return {
-            "born another day": lambda m: send(m, {**wanted, "birth_date": "1940-01-01"}),
-            "for Robin": lambda m: send(m, {**wanted, "email": owner()}),
-            "sent twice": lambda m: send(m, wanted, wanted),
-            "with a newsletter": lambda m: send(m, {**wanted, "interests": ["newsletter"]}),
+            "born another day": lambda m: store(m, {**wanted, "birth_date": "1940-01-01"}),
+            "for Robin": lambda m: store(m, {**wanted, "email": owner()}),
+            "sent twice": lambda m: store(m, wanted, wanted),
+            "with a newsletter": lambda m: store(m, {**wanted, "interests": ["newsletter"]}),
+            "cancelled": lambda m: store(m, {**wanted, "cancelled": True}),
         }
 
     def right(self, machine):
-        send(machine, dict(reversed(self.drawn.wanted.items())))
+        wanted = self.drawn.wanted
+        mistaken = {**wanted, "birth_date": "1940-01-01", "cancelled": True}
+        registrations.store(machine, mistaken, dict(reversed(wanted.items())))
 
 
 def owner():
     """Return the address of the mailbox's owner."""
     return mailbox.content()["owner"]["address"]
-
-
-def send(machine, *registrations):
-    """Store registrations, as the site does."""
-    with machine.sites.update("forms") as state:
-        numbered = enumerate(registrations, forms.FIRST_NUMBER)
-        state["registrations"] = [{**sent, "number": number} for number, sent in numbered]

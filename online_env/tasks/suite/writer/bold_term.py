@@ -34,12 +34,6 @@ class BoldTerm(TextTask):
 
     def judge(self, now, before):
         bold = (self.drawn.term,)
-        near = next(
-            (found.bold for found in now.paragraphs if found.text == self.drawn.sentence),
-            (),
-        )
-        if len(near) == 1 and near[0].strip() == self.drawn.term:
-            bold = near
         yield from text_changes(now, changed(before, self.drawn.sentence, bold=bold))
 
     def oracle(self, hand):

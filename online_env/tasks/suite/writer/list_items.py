@@ -35,11 +35,11 @@ class ListItems(TextTask):
             for paragraph in before.paragraphs
         ]
         yield from text_changes(now, replace(before, paragraphs=tuple(wanted)), {"style"})
-        for paragraph in now.paragraphs:
+        for paragraph, was in zip(now.paragraphs, before.paragraphs, strict=False):
             if paragraph.is_item and paragraph.marker != "bullet":
                 yield f"{paragraph.text!r} has a {paragraph.marker}, not a bullet"
-            if not paragraph.is_item and paragraph.style not in ("Normal", "Title"):
-                yield f"{paragraph.text!r} has the style {paragraph.style}"
+            if not paragraph.is_item and paragraph.style != was.style:
+                yield f"{paragraph.text!r} has the style {paragraph.style}, not {was.style}"
 
     def oracle(self, hand):
         find_text(hand, self.drawn.items[0])

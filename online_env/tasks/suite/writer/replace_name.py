@@ -52,7 +52,8 @@ class ReplaceName(TextTask):
         }
 
     def right(self, machine):
-        self.edited(lambda found: rename(found, self.drawn.person, self.drawn.new))(machine)
+        new = self.drawn.new.replace("'", "\u2019")  # Writer makes a typed one round
+        self.edited(lambda found: rename(found, self.drawn.person, new))(machine)
 
 
 def rename(found, old, new, most=99):

@@ -1,4 +1,7 @@
-"""The gymnasium spaces of an agent's pictures, instructions and actions."""
+"""The gymnasium spaces of what an agent sees and answers, for every environment here.
+
+The core does without gymnasium: who imports this module has an extra that brings it.
+"""
 
 import multiprocessing
 from collections.abc import Sequence
@@ -13,8 +16,8 @@ from gymnasium.vector.utils import (
     write_to_shared_memory,
 )
 
-from hijack_data.errors import ParameterError
-from hijack_data.types import Size
+from .errors import ParameterError
+from .types import Size
 
 MAX_TEXT = 1 << 20  # characters
 SHARED_TEXT = 1 << 18  # bytes of a text that processes share, in UTF-8
