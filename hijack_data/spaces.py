@@ -4,6 +4,7 @@ The core does without gymnasium: who imports this module has an extra that bring
 """
 
 import multiprocessing
+import operator
 from collections.abc import Sequence
 from types import ModuleType
 from typing import Any
@@ -11,7 +12,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium.vector.utils import (
-    create_shared_memory,
+    create_shared_memory,  # pyright: ignore[reportUnknownVariableType]  (gymnasium leaves it open)
     read_from_shared_memory,
     write_to_shared_memory,
 )
@@ -150,7 +151,8 @@ class SharedTexts(Sequence[str]):
         if isinstance(index, slice):
             return tuple(self[i] for i in range(*index.indices(self._n)))
         memory = _bytes_of(self._memory)
-        head = range(self._n)[index] * _SLOT
+        number = range(self._n)[operator.index(index)]
+        head = number * _SLOT
         start = head + _HEAD
         length = int.from_bytes(memory[head:start], "little")
         content = bytes(memory[start : start + length])
