@@ -15,6 +15,7 @@ pytest.importorskip("pptx", reason=needs.ONLINE)
 
 from openpyxl.styles import Font, PatternFill
 from openpyxl.worksheet.formula import ArrayFormula
+from PIL import Image
 
 from hijack_data.rng import Stream
 from online_env.tasks import get
@@ -225,6 +226,16 @@ def test_slides_show_what_was_put_on_them_and_whether_they_are_hidden() -> None:
         slides.SlideContent(title="B", texts=("two",), marks=("italic",), hidden=True),
         slides.SlideContent(title="C", background="of a theme"),
     )
+
+
+def test_the_icon_that_impress_saves_for_an_empty_place_is_no_picture() -> None:
+    made = slides.presentation([("A", "one")])
+    for size, name in ((slides.PLACE_ICON, ""), (slides.PLACE_ICON, "Icon"), ((90, 71), "")):
+        picture = io.BytesIO()
+        Image.new("RGB", size).save(picture, "PNG")
+        made.slides[0].shapes.add_picture(picture, 0, 0).name = name
+    (read,) = slides.read_slides(dump(made))
+    assert read.drawn == 2
 
 
 def test_slide_changes_says_what_differs() -> None:

@@ -9,6 +9,8 @@ from ..hand import Hand
 from ..tree import TreeNode
 from .office import APP, OfficeTask, plain
 
+PLACE_ICON = (89, 71)  # width and height in pixels of what LibreOffice 7.4 shows at an empty place
+
 
 @dataclass(frozen=True, kw_only=True)
 class SlideContent:
@@ -173,10 +175,24 @@ def _slide(slide: Any) -> SlideContent:
         texts=tuple(text for text in texts if text),
         notes="" if notes is None else plain(notes.text).strip(),
         background=_background(slide),
-        drawn=sum(not s.is_placeholder and not _text(s) for s in others),
+        drawn=sum(_is_drawn(shape) for shape in others),
         marks=_marks(slide),
         hidden=slide._element.get("show") in ("0", "false"),
     )
+
+
+def _is_drawn(shape: Any) -> bool:
+    """Return whether a shape was drawn.
+
+    Impress saves an empty place for content as a picture of its icon, without a name.
+    """
+    if shape.is_placeholder or _text(shape):
+        return False
+    try:
+        is_icon = not shape.name and shape.image.size == PLACE_ICON
+    except (AttributeError, ValueError):  # no picture, or one in another file
+        return True
+    return not is_icon
 
 
 def _text(shape: Any) -> str:
