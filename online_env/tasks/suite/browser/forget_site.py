@@ -44,6 +44,8 @@ class ForgetSite(Task):
 
     def oracle(self, hand):
         visit(hand, "chrome://history/", "History")
+        if hand.see("push-button", "Search history"):  # a narrow window hides the field
+            hand.button("Search history")
         enter(hand, "Search history", self.drawn.host)
         hand.press("enter")
         titles = [title for url, title in self.drawn.pages if f"//{self.drawn.host}/" in url]
