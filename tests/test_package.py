@@ -92,6 +92,17 @@ def test_one_version_is_written_everywhere():
     assert f"## {project['version']}" in (ROOT / "CHANGELOG.md").read_text()
 
 
+def test_what_is_new_is_taken_into_the_changelog():
+    """Towncrier leaves out files of another kind without a word."""
+    pytest.importorskip("towncrier", reason="needs the extra [dev]")
+    command = [sys.executable, "-m", "towncrier", "build", "--draft", "--version", "next"]
+    draft = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    said = " ".join(draft.split())
+    for file in (ROOT / ".changes").iterdir():
+        if file.name != "README.md":
+            assert " ".join(file.read_text().split()) in said, file.name
+
+
 @pytest.mark.parametrize("name", ["tests", "wheels", "docs"])
 def test_a_workflow_calls_what_ci_calls(name: str):
     flow = yaml.safe_load((ROOT / ".github" / "workflows" / f"{name}.yml").read_text())
