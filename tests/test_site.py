@@ -212,11 +212,15 @@ def test_a_report_is_all_that_a_result_needs(tmp_path: Path):
     place = tmp_path / "results" / "two_agents"
     place.mkdir(parents=True)
     (place / "report.json").write_text(json.dumps(report.to_data()))
-    (place / "about.md").write_text("Made for a test.\n")
+    about = (
+        "Made for a test.\n\n```sh no-run\nls\n```\n\n![p](p.svg) [q](../q.md#r) [h](https://h/)\n"
+    )
+    (place / "about.md").write_text(about)
     pages = results.pages(place.parent)
     assert "[Two agents](two_agents.md) | 200 live episodes" in pages["results/index.md"]
     own = pages["results/two_agents.md"]
-    assert "Made for a test." in own
+    assert "Made for a test.\n\n```sh\nls\n```\n" in own
+    assert "![p](two_agents/p.svg) [q](q.md#r) [h](https://h/)" in own
     assert own.count('<figure class="chart">') == 2
     assert "| `good` | 90.0 % | 100.0 % |" in own
     board = pages["results/leaderboard.md"]

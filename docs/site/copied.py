@@ -44,12 +44,17 @@ def text_of(
 
     `site` is the address on the site of each file of the repository that is on it.
     """
-    text = _FENCE.sub(_fence, path.read_text(encoding="utf-8"))
+    text = plain_fences(path.read_text(encoding="utf-8"))
     pieces = re.split(r"(^ *```.*?^ *```$)", text, flags=re.S | re.M)
     for number in range(0, len(pieces), 2):
         linked = _LINK.sub(lambda match: _link(match, path, site), pieces[number])
         pieces[number] = _ROW_OF_A_TABLE.sub(_row, linked)
     return "".join(pieces)
+
+
+def plain_fences(text: str) -> str:
+    """A text without the words for the tests after the languages of its blocks."""
+    return _FENCE.sub(_fence, text)
 
 
 def _fence(match: re.Match[str]) -> str:

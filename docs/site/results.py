@@ -4,10 +4,13 @@ The file is what `hijack report RUNS -o report.json` writes. An `about.md` besid
 its figures. The leaderboard is that of `hijack report docs/results --leaderboard`.
 """
 
+import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
 from charts import Bar, chart
+from copied import plain_fences
 
 from online_env.report.build import read_report
 from online_env.report.document import ReportDocument
@@ -20,6 +23,7 @@ RESULTS = ROOT / "docs" / "results"
 REPORT = "report.json"
 FULL = "report.html"
 BOARD = "board.html"
+_LINK = re.compile(r"\]\((?!#|[a-z]+:)([^)\s]+)\)")
 
 
 def pages(folder: Path = RESULTS) -> dict[str, str]:
@@ -61,8 +65,8 @@ def index(found: dict[str, RunReport]) -> str:
         " each of the nine; the paper's numbers, not run here |",
         "| [Training with DA-GRPO](da_grpo.md) | what training with corruptions adds on the toy"
         " desktop, with intervals |",
-        "| [Which tasks can be solved](suite.md) | oracles on all tasks of the suite; so far one"
-        " corruption was played |",
+        "| [Which tasks can be solved](suite.md) | oracles on all tasks of the suite; two"
+        " corruptions were played on all or most tasks |",
         "| [What goes wrong for pixel](pixel_failures.md) | failures of an agent without a model,"
         " looked at |",
         "| [Is the augmentation worth using?](../proof.md) | a small grounding network,"
@@ -95,13 +99,18 @@ def of_report(
     about = folder / name / "about.md"
     lines = [f"# {titled(name)}\n"]
     if about.is_file():
-        lines.append(about.read_text(encoding="utf-8"))
+        lines.append(_a_folder_up(plain_fences(about.read_text(encoding="utf-8")), name))
     lines.append(f"{_played(report)}.\n")
     lines += _table(report)
     lines += [_bars(report, row) for row in report.summaries]
     lines += [f"* {note}" for note in report.notes]
     lines.append(f"\n[The whole report]({name}/{FULL}) has intervals, differences and costs.\n")
     return "\n".join(lines)
+
+
+def _a_folder_up(text: str, name: str) -> str:
+    """A text with the links that it needs beside the folder that it comes from."""
+    return _LINK.sub(lambda match: f"]({os.path.normpath(f'{name}/{match[1]}')})", text)
 
 
 def board(folder: Path, found: dict[str, RunReport]) -> str:
