@@ -1,9 +1,11 @@
-"""Helpers of the benchmark scripts: timing, the machine, and a Markdown table."""
+"""Helpers of the benchmark scripts: timing, commands, the machine, and a Markdown table."""
 
 import importlib.metadata
 import os
 import platform
 import statistics
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -26,6 +28,16 @@ PACKAGES = (
     "opencv-python-headless",
     "pyarrow",
 )
+
+
+def hijack(*arguments: object) -> None:
+    """Run a command of ours.
+
+    Raises:
+        CalledProcessError: It failed.
+    """
+    command = [sys.executable, "-m", "hijack_data", *map(str, arguments)]
+    subprocess.run(command, check=True)
 
 
 def times(

@@ -12,8 +12,6 @@ kept in DIR, and the same command goes on from there.
 
 import argparse
 import contextlib
-import subprocess
-import sys
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -24,7 +22,7 @@ import gymnasium
 import numpy as np
 import torch
 import yaml
-from common import table
+from common import hijack, table
 from desktop_agent import GO_ON, NUMBERS, SKILLS, ChoiceNetwork, ChoicePolicy, SkilledHands, small
 
 import hijack_data as hj
@@ -104,16 +102,6 @@ def main() -> None:
             keep(trained(out, seed), out, "da_grpo", seed)
     evaluate(out, given.seeds, given.desktops)
     write_page(out, given.seeds)
-
-
-def hijack(*arguments: object) -> None:
-    """Run a command of ours.
-
-    Raises:
-        CalledProcessError: It failed.
-    """
-    command = [sys.executable, "-m", "hijack_data", *map(str, arguments)]
-    subprocess.run(command, check=True)
 
 
 def bench(config: object, run: Path, *options: object) -> None:

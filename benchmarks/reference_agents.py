@@ -8,10 +8,9 @@ on, and what is there is only reported again.
 """
 
 import argparse
-import subprocess
-import sys
 from pathlib import Path
 
+from common import hijack
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
@@ -34,16 +33,6 @@ def main() -> None:
     RESULT.mkdir(parents=True, exist_ok=True)
     hijack("report", runs, "--out", RESULT / "report.json")
     draw(read_report(RESULT / "report.json"), RESULT / "success.svg")
-
-
-def hijack(*arguments: object) -> None:
-    """Run a command of ours.
-
-    Raises:
-        CalledProcessError: It failed.
-    """
-    command = [sys.executable, "-m", "hijack_data", *map(str, arguments)]
-    subprocess.run(command, check=True)
 
 
 def draw(report: RunReport, path: Path) -> None:

@@ -263,6 +263,23 @@ def test_a_key_twice_is_refused_where_it_stands(
     assert len(trajectories[0].steps) == 3
 
 
+@pytest.fixture
+def read_with(
+    recording: Any,
+    add_line: Any,
+    good_line: Any,
+) -> Any:
+    """Return what reads a recording with one more step, of an action and its code."""
+
+    def read_it(action: Any, code: str) -> Any:
+        folder = recording()
+        picture = "images/t0-0.png"
+        add_line(folder, good_line("t0", 8, image=picture, action=action, action_code=code))
+        return read(folder)
+
+    return read_it
+
+
 @pytest.mark.parametrize(
     ("action", "code", "reason"),
     [
@@ -294,14 +311,9 @@ def test_code_that_contradicts_its_action_is_refused(
     action: Any,
     code: str,
     reason: str,
-    recording: Any,
-    add_line: Any,
-    good_line: Any,
+    read_with: Any,
 ) -> None:
-    folder = recording()
-    picture = "images/t0-0.png"
-    add_line(folder, good_line("t0", 8, image=picture, action=action, action_code=code))
-    _, rejected = read(folder)
+    _, rejected = read_with(action, code)
     assert [(r.where, r.field) for r in rejected] == [("line 7", "action_code")]
     assert reason in rejected[0].reason
 
@@ -324,14 +336,9 @@ def test_code_that_contradicts_its_action_is_refused(
 def test_code_that_may_be_the_same_action_is_kept(
     action: Any,
     code: str,
-    recording: Any,
-    add_line: Any,
-    good_line: Any,
+    read_with: Any,
 ) -> None:
-    folder = recording()
-    picture = "images/t0-0.png"
-    add_line(folder, good_line("t0", 8, image=picture, action=action, action_code=code))
-    trajectories, rejected = read(folder)
+    trajectories, rejected = read_with(action, code)
     assert not rejected
     assert trajectories[0].steps[-1].action_code == code
 

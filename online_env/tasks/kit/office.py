@@ -14,6 +14,7 @@ from ..base import Outcome, Task
 from ..hand import MENU_ROLES, PAUSE, Hand
 from ..machine import Machine
 from ..tree import TreeNode
+from .words import straight
 
 APP = "soffice"
 ODF = re.compile("Use ODF")
@@ -21,7 +22,6 @@ OWN_FORMAT = re.compile("Use (?!ODF)")
 _MODIFIED = "Save All"  # the menu item can be used while a document has unsaved changes
 _TRIES = 3  # so many times the patience of a hand, for what LibreOffice has to load first
 _NOTICED = 3.0  # seconds, until the menu follows a change
-_ROUND = str.maketrans("\u2018\u2019\u201c\u201d", "''\"\"")
 
 
 class Saved(Protocol):
@@ -128,7 +128,7 @@ def plain(text: str) -> str:
 
     LibreOffice makes quotation marks and apostrophes round when they are typed.
     """
-    lines = text.translate(_ROUND).split("\n")
+    lines = straight(text).split("\n")
     return "\n".join(line.rstrip() for line in lines)
 
 

@@ -88,9 +88,14 @@ MONTHS = (
 _STRAIGHT = str.maketrans("\u2018\u2019\u201c\u201d", "''\"\"")
 
 
+def straight(text: str) -> str:
+    """Return a text with straight quotation marks and apostrophes."""
+    return text.translate(_STRAIGHT)
+
+
 def even(text: str) -> str:
     """Return a text in lower case, with single spaces and straight quotation marks."""
-    return " ".join(text.translate(_STRAIGHT).casefold().split())
+    return " ".join(straight(text).casefold().split())
 
 
 def sample(
