@@ -22,7 +22,7 @@ CHECKPOINT = "checkpoint.pt"
 ROLLOUTS = "rollouts.jsonl"
 STEPS = "steps.jsonl"
 FORMAT = "agenthijack-training"
-VERSION = 1
+VERSION = 2
 
 
 class TrainJournal:
@@ -104,14 +104,15 @@ def save_checkpoint(
 
 
 def load_checkpoint(journal: TrainJournal, run: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return the state of the last checkpoint, and cut the logs to it; `None` without one.
+    """Return the state of the last checkpoint; `None` without one.
+
+    Its `lengths` are those of the logs, to which `TrainJournal.cut` takes them back.
 
     Raises:
         TrainError: it is damaged, or of a run with other tasks, settings or corruptions.
     """
     path = journal.folder / CHECKPOINT
     if not path.exists():
-        journal.cut({})
         return None
     data = read_tensors(path, FORMAT, VERSION, "a checkpoint of a training run")
     stored = json.loads(data["run"])
@@ -122,5 +123,4 @@ def load_checkpoint(journal: TrainJournal, run: Mapping[str, Any]) -> dict[str, 
             f"{path}: a checkpoint of another run; it differs in {', '.join(keys)}. Give those as"
             " they were, or another folder"
         )
-    journal.cut(data["lengths"])
-    return data["state"]
+    return {**data["state"], "lengths": data["lengths"]}

@@ -10,12 +10,17 @@ import torch
 from hijack_data.config import load_config
 from hijack_data.planner import Planner
 
+from .errors import TrainError
 from .rollouts import PolicyAnswer, PolicyTurn, Rollout, RolloutRequest
 from .sampler import Draw
 
 
 def packed(rollout: Rollout) -> dict[str, Any]:
-    """Return a rollout as data."""
+    """Return a rollout as data.
+
+    Raises:
+        TrainError: something observed is neither an array nor a text, a number or `None`.
+    """
     request = rollout.request
     planner = request.draw.planner
     return {
@@ -63,10 +68,8 @@ def _planner(text: str) -> Planner | None:
 
 
 def _packed_turn(turn: PolicyTurn) -> dict[str, Any]:
-    seen = turn.observation
     return {
-        "screenshot": torch.from_numpy(np.ascontiguousarray(seen["screenshot"])),
-        "instruction": seen["instruction"],
+        "observation": {name: _packed_value(name, seen) for name, seen in turn.observation.items()},
         "action": turn.answer.action,
         "tokens": list(turn.answer.tokens),
         "logprobs": list(turn.answer.logprobs),
@@ -74,10 +77,21 @@ def _packed_turn(turn: PolicyTurn) -> dict[str, Any]:
     }
 
 
+def _packed_value(name: str, seen: Any) -> Any:
+    if isinstance(seen, np.ndarray):
+        return torch.from_numpy(np.ascontiguousarray(seen))
+    if seen is None or isinstance(seen, str | int | float | bool):
+        return seen
+    raise TrainError(
+        f"observation {name!r} is a {type(seen).__name__}, which a replay buffer cannot store: give"
+        " an array, a text, a number or None"
+    )
+
+
 def _unpacked_turn(data: Mapping[str, Any]) -> PolicyTurn:
     observation = {
-        "screenshot": data["screenshot"].numpy(),
-        "instruction": data["instruction"],
+        name: seen.numpy() if isinstance(seen, torch.Tensor) else seen
+        for name, seen in data["observation"].items()
     }
     answer = PolicyAnswer(
         action=data["action"],

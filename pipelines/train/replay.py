@@ -8,9 +8,10 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import torch
 
-from hijack_data.errors import ParameterError, UnknownNameError, suggest
+from hijack_data.errors import UnknownNameError, suggest
 from hijack_data.files import replace_atomic
-from hijack_data.rng import Stream
+from hijack_data.params import Parameter
+from hijack_data.rng import Stream, as_seed
 
 from .errors import TrainError
 from .packing import packed, unpacked
@@ -19,7 +20,9 @@ from .rollouts import Rollout
 When: TypeAlias = Literal["zero", "failed"]
 WHEN: tuple[str, ...] = get_args(When)
 FORMAT = "agenthijack-replay"
-VERSION = 1
+VERSION = 2
+CAPACITY = Parameter("int", "Stored successes a task", low=1, high=1000)
+SLOT = Parameter("int", "The rollout that is replaced", low=0, high=1023, optional=True)
 _STREAM = "replay_buffer-v1"
 
 
@@ -38,7 +41,8 @@ class ReplayBuffer:
         seed: of the draws, 0 to 2**64 - 1.
 
     Raises:
-        ParameterError: `capacity` is below 1.
+        ParameterError: `capacity` is below 1, or `slot` or `seed` below 0.
+        ParameterTypeError: one of them is no whole number.
         UnknownNameError: `when` is neither of the two.
     """
 
@@ -50,18 +54,25 @@ class ReplayBuffer:
         slot: int | None = None,
         seed: int = 0,
     ) -> None:
-        if capacity < 1:
-            raise ParameterError(f"replay: capacity must be at least 1, got {capacity}")
         if when not in WHEN:
             raise UnknownNameError(f"replay: when: no {when!r}{suggest(when, WHEN)}")
-        self.capacity = capacity
+        self.capacity: int = CAPACITY.check("replay: capacity", capacity)
         self.when = when
-        self.slot = slot
-        self.seed = seed
+        self.slot: int | None = SLOT.check("replay: slot", slot)
+        self.seed = as_seed(seed)
         self._kept: dict[str, deque[Rollout]] = {}
 
     def __len__(self) -> int:
         return sum(map(len, self._kept.values()))
+
+    def to_data(self) -> dict[str, Any]:
+        """Return the settings as JSON data."""
+        return {
+            "capacity": self.capacity,
+            "when": self.when,
+            "slot": self.slot,
+            "seed": self.seed,
+        }
 
     def add(self, rollout: Rollout) -> bool:
         """Keep a rollout if it succeeded in the right form; returns whether it was kept."""

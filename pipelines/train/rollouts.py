@@ -6,10 +6,11 @@ The environments are those of `CorruptedEnv`'s interface: observations are
 desktop is imported: any such environment will do.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol, TypeAlias
+from typing import Any, Literal, Protocol, TypeAlias, cast
 
 import gymnasium
 import torch
@@ -132,6 +133,46 @@ class Rollout:
         """Whether the rollout can be trained on."""
         return self.status == "ok" and bool(self.turns)
 
+    def fail(self, status: RolloutStatus, problem: str) -> None:
+        """Leave the rollout out of its group, for a reason."""
+        self.status = status
+        self.problem = problem
+
+    def take_reward(self, reward: float) -> None:
+        """Take the reward of a step; the highest one is the success.
+
+        One that is not in 0..1 fails the rollout: it would be learned from as if it were a score.
+        """
+        success = self._checked(reward, "reward")
+        if success is not None:
+            self.success = max(self.success, success)
+
+    def judge(self, record: Mapping[str, Any]) -> None:
+        """Take over how the environment judged the episode.
+
+        Args:
+            record: its `status`, and its `score` (0..1) and `malformed` if that is `"ok"`, else
+                its `problem` and `cause`. What failed by the agent's own fault is a 0.
+        """
+        status = record.get("status", "ok")
+        if status == "ok":
+            success = self._checked(record.get("score"), "score")
+            self.success = 0.0 if success is None else success
+            self.is_well_formed &= not record.get("malformed", 0)
+        elif record.get("cause") != "agent":
+            self.fail(status, str(record.get("problem", "")))
+
+    def _checked(self, success: object, name: str) -> float | None:
+        """Return a success as a float, or `None` for a rollout that fails because of it."""
+        try:
+            number = float(cast("Any", success))
+        except (TypeError, ValueError):
+            number = math.nan
+        if 0 <= number <= 1:
+            return number
+        self.fail("error", f"the environment gave the {name} {success!r}; it must be in 0..1")
+        return None
+
     def to_data(self) -> dict[str, Any]:
         """Return what happened as JSON data, without the pictures."""
         return {
@@ -159,8 +200,8 @@ def play(
 ) -> list[Rollout]:
     """Play one rollout in each environment, in step, so that the policy answers in batches.
 
-    An environment that fails in `reset` or `step` loses its rollout (`status` is `"error"`); the
-    others go on.
+    An environment that fails, or that gives a reward or a score outside 0..1, loses its rollout
+    (`status` is `"error"`); the others go on.
 
     Args:
         environments: at least as many as `requests`.
@@ -171,11 +212,17 @@ def play(
             wait, as desktops do; the rollouts are the same.
 
     Raises:
-        ParameterError: there are too few environments, or `threads` is below 1.
+        ParameterError: there are too few environments, one is given twice, `threads` is below 1,
+            or the policy has not answered every observation.
     """
     if len(environments) < len(requests):
         raise ParameterError(
             f"{len(requests)} rollouts for {len(environments)} environments: make one for each"
+        )
+    if len({id(env) for env in environments}) < len(environments):
+        raise ParameterError(
+            "an environment is given twice, and its rollouts would play in each other's episode:"
+            " make one for each ([make() for _ in range(n)], not [make()] * n)"
         )
     if threads < 1:
         raise ParameterError(f"threads must be at least 1, got {threads}")
@@ -191,6 +238,10 @@ def play(
                 [seat.observation for seat in live],
                 [seat.stream for seat in live],
             )
+            if len(answers) != len(live):
+                raise ParameterError(
+                    f"the policy's act gave {len(answers)} answers to {len(live)} observations"
+                )
             list(each(_Seat.step, live, answers))
         return list(each(_Seat.leave, seats))
 
@@ -210,50 +261,50 @@ class _Seat:
         try:
             self.observation, _ = self.env.reset(seed=request.seed, options=request.options())
         except Exception as error:  # noqa: BLE001  (whatever a foreign environment raises)
-            self._fail("error", f"reset: {type(error).__name__}: {error}")
+            self._fail("reset", error)
             return
         self.is_live = True
-        if self._record() is not None:  # over before it began
+        if self._record() is not None:
             self._judge()
+            if self.rollout.status == "ok":
+                self.rollout.fail("error", "the episode was over before the first action")
 
     def step(self, answer: PolicyAnswer) -> None:
         self.rollout.turns.append(PolicyTurn(self.observation, answer))
         self.rollout.is_well_formed &= answer.is_well_formed
         try:
-            after, score, terminated, truncated, _ = self.env.step(answer.action)
+            after, reward, terminated, truncated, _ = self.env.step(answer.action)
         except Exception as error:  # noqa: BLE001  (whatever a foreign environment raises)
-            self._fail("error", f"step: {type(error).__name__}: {error}")
+            self._fail("step", error)
             return
         self.observation = after
-        self.rollout.success = max(self.rollout.success, float(score))
-        if terminated or truncated:
+        self.rollout.take_reward(reward)
+        if terminated or truncated or self.rollout.status != "ok":
             self._judge()
 
     def leave(self) -> Rollout:
         """Return the rollout; one that was cut off is judged as it stands."""
-        if self.is_live:
+        if not self.is_live:
+            return self.rollout
+        try:
             truncate = getattr(self.env.unwrapped, "truncate", None)
             if callable(truncate):
                 truncate()
-            self._judge()
+        except Exception as error:  # noqa: BLE001  (whatever a foreign environment raises)
+            self._fail("truncate", error)
+            return self.rollout
+        self._judge()
         return self.rollout
 
     def _judge(self) -> None:
         self.is_live = False
         record = self._record()
-        if record is None:
-            return
-        status = record.get("status", "ok")
-        if status == "ok":
-            self.rollout.success = float(record.get("score") or 0.0)
-            self.rollout.is_well_formed &= not record.get("malformed", 0)
-        elif record.get("cause") != "agent":  # an agent's own failure is a 0
-            self._fail(status, str(record.get("problem", "")))
+        if record is not None and self.rollout.status == "ok":
+            self.rollout.judge(record)
 
-    def _fail(self, status: RolloutStatus, problem: str) -> None:
+    def _fail(self, where: str, error: Exception) -> None:
         self.is_live = False
-        self.rollout.status = status
-        self.rollout.problem = problem
+        self.rollout.fail("error", f"{where}: {type(error).__name__}: {error}")
 
     def _record(self) -> Mapping[str, Any] | None:
         return getattr(self.env.unwrapped, "record", None)

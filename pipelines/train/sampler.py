@@ -11,6 +11,7 @@ from hijack_data.compose import OneOf, Schedule
 from hijack_data.errors import UnknownNameError, suggest
 from hijack_data.plan import CLEAN
 from hijack_data.planner import Planner, as_planner
+from hijack_data.rng import as_seed
 
 DrawScope: TypeAlias = Literal["rollout", "group", "worker"]
 SCOPES: tuple[str, ...] = get_args(DrawScope)
@@ -53,7 +54,8 @@ class CorruptionSampler:
 
     Raises:
         UnknownNameError: `per` is none of the three.
-        ParameterTypeError: `planner` plans nothing.
+        ParameterTypeError: `planner` plans nothing, or `seed` is no whole number.
+        ParameterError: `seed` is out of its range.
     """
 
     def __init__(
@@ -68,7 +70,7 @@ class CorruptionSampler:
         wanted = "CorruptionSampler takes a corruption, a OneOf or None"
         self.planner = None if planner is None else as_planner(planner, wanted)
         self.per = per
-        self.seed = seed
+        self.seed = as_seed(seed)
 
     def draw(
         self,

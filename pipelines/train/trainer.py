@@ -9,8 +9,9 @@ from typing import Any, TypeAlias
 import gymnasium
 import torch
 
-from hijack_data.errors import ParameterError
-from hijack_data.rng import Stream
+from hijack_data.errors import ParameterError, ParameterTypeError
+from hijack_data.params import param, parameters
+from hijack_data.rng import Stream, as_seed
 
 from .errors import TrainError
 from .journal import TrainJournal, load_checkpoint, save_checkpoint
@@ -28,7 +29,7 @@ class TrainSettings:
 
     Args:
         epochs: how often every task is trained on.
-        rollouts: rollouts a group, at least 2.
+        rollouts: rollouts a group, at least 2: the advantage compares them.
         batch: groups for each step of the optimiser. The paper has batches of 1 accumulated 4
             times, which is the same.
         max_steps: answers until a rollout is cut off.
@@ -42,36 +43,30 @@ class TrainSettings:
         save_every: steps from one checkpoint to the next.
     """
 
-    epochs: int = 15
-    rollouts: int = 4
-    batch: int = 4
-    max_steps: int = 10
-    learning_rate: float = 1e-6
-    weight_decay: float = 0.01
-    clip_low: float = CLIP_LOW
-    clip_high: float = CLIP_HIGH
-    format_weight: float = 1.0
-    max_norm: float = 1.0
+    epochs: int = param(15, "How often each task is trained on", low=1, high=10_000)
+    rollouts: int = param(4, "Rollouts a group", low=2, high=1024)
+    batch: int = param(4, "Groups a step of the optimiser", low=1, high=1024)
+    max_steps: int = param(10, "Answers until a rollout is cut off", low=1, high=10_000)
+    learning_rate: float = param(1e-6, "Of AdamW", low=1e-12, high=1)
+    weight_decay: float = param(0.01, "Of AdamW", low=0, high=1)
+    clip_low: float = param(CLIP_LOW, "How far the ratio may fall", low=0, high=1)
+    clip_high: float = param(CLIP_HIGH, "How far the ratio may rise", low=0, high=10)
+    format_weight: float = param(1.0, "Penalty of a wrong form", low=0, high=100)
+    max_norm: float = param(1.0, "Norm to which gradients are clipped", low=1e-12)
     seed: int = 0
-    save_every: int = 50
+    save_every: int = param(50, "Steps from one checkpoint to the next", low=1)
 
     def __post_init__(self) -> None:
         """Check the numbers.
 
         Raises:
             ParameterError: one is out of its range.
+            ParameterTypeError: one is no number, or no whole one.
         """
-        if self.rollouts < 2:
-            raise ParameterError(
-                f"rollouts must be at least 2, got {self.rollouts}: the advantage compares the"
-                " rollouts of a group"
-            )
-        for name in ("epochs", "batch", "max_steps", "save_every"):
-            if getattr(self, name) < 1:
-                raise ParameterError(f"{name} must be at least 1, got {getattr(self, name)}")
-        for name in ("learning_rate", "max_norm"):
-            if not getattr(self, name) > 0:
-                raise ParameterError(f"{name} must be above 0, got {getattr(self, name)}")
+        for name, (parameter, _) in parameters(self).items():
+            checked = parameter.check(f"TrainSettings: {name}", getattr(self, name))
+            object.__setattr__(self, name, checked)
+        object.__setattr__(self, "seed", as_seed(self.seed))
 
 
 @dataclass(kw_only=True)
@@ -123,6 +118,7 @@ class Trainer:
 
     Raises:
         ParameterError: too few environments, no tasks, or one that is given twice.
+        ParameterTypeError: `tasks` is one text.
     """
 
     def __init__(
@@ -144,6 +140,8 @@ class Trainer:
                 f"{len(environments)} environments for {needed} rollouts a step (batch"
                 f" {settings.batch} x rollouts {settings.rollouts}); make one for each"
             )
+        if isinstance(tasks, str):
+            raise ParameterTypeError(f"training tasks: give a list of names, such as [{tasks!r}]")
         twice = [task for task, count in Counter(tasks).items() if count > 1]
         if not tasks or twice:
             found = f"{twice[0]!r} is given twice" if twice else "there are none"
@@ -185,7 +183,7 @@ class Trainer:
             "per": self.sampler.per,
             "sampler_seed": self.sampler.seed,
             "corruptions": None if planner is None else planner.to_config(),
-            "replay": None if replay is None else [replay.capacity, replay.when, replay.slot],
+            "replay": None if replay is None else replay.to_data(),
         }
 
     def run(self) -> list[StepReport]:
@@ -253,17 +251,26 @@ class Trainer:
         What was logged after it is taken back, since it will be played again.
 
         Raises:
-            TrainError: the checkpoint is damaged, or one of another run.
+            TrainError: the checkpoint is damaged, or one of another run or network.
         """
         if self._journal is None:
             return False
         state = load_checkpoint(self._journal, self.fingerprint)
         if state is None:
+            self._journal.cut({})
             return False
-        self.policy.network().load_state_dict(state["policy"])
-        self._optimiser.load_state_dict(state["optimiser"])
+        try:
+            self.policy.network().load_state_dict(state["policy"])
+            self._optimiser.load_state_dict(state["optimiser"])
+        except (RuntimeError, ValueError) as error:
+            detail = " ".join(str(error).split()).rstrip(".")
+            raise TrainError(
+                f"{self._journal.folder}: the checkpoint is of another network ({detail}); give the"
+                " policy that the run began with, or another folder"
+            ) from None
         if self.replay is not None:
             self.replay.restore(state["replay"])
+        self._journal.cut(state["lengths"])
         self.step_number = state["step"]
         return True
 

@@ -78,7 +78,7 @@ class DrivenEpisode:
             except Exception as error:  # noqa: BLE001  (whatever a foreign environment raises)
                 self.close()
                 if attempt == ATTEMPTS - 1:
-                    self._fail("error", f"reset: {type(error).__name__}: {error}")
+                    self._fail("reset", error)
                 continue
             self.is_over = self._record() is not None
             return None if self.is_over else seen
@@ -92,11 +92,11 @@ class DrivenEpisode:
         try:
             seen, score, terminated, truncated, _ = self._env.step(action)
         except Exception as error:  # noqa: BLE001  (whatever a foreign environment raises)
-            self._fail("error", f"step: {type(error).__name__}: {error}")
+            self._fail("step", error)
             self.close()
             return None
-        self.rollout.success = max(self.rollout.success, float(score))
-        self.is_over = bool(terminated or truncated)
+        self.rollout.take_reward(score)
+        self.is_over = bool(terminated or truncated) or self.rollout.status != "ok"
         return None if self.is_over else seen
 
     def finish(self) -> TokenRollout:
@@ -107,14 +107,21 @@ class DrivenEpisode:
         """
         if self.rollout is None:
             raise RuntimeError("finish() before reset()")
-        if self._env is None:  # it failed
+        if self._env is None or self.rollout.status != "ok":  # it failed
             return self.rollout
-        if self._record() is None:
-            truncate = getattr(self._env.unwrapped, "truncate", None)
-            if callable(truncate):
-                truncate()
         self.is_over = True
-        self._judge(self.rollout)
+        try:
+            if self._record() is None:
+                truncate = getattr(self._env.unwrapped, "truncate", None)
+                if callable(truncate):
+                    truncate()
+        except Exception as error:  # noqa: BLE001  (whatever a foreign environment raises)
+            self._fail("truncate", error)
+            self.close()
+            return self.rollout
+        record = self._record()
+        if record is not None:
+            self.rollout.judge(record)
         return self.rollout
 
     def close(self) -> None:
@@ -126,22 +133,10 @@ class DrivenEpisode:
         with contextlib.suppress(Exception):  # a machine that failed may fail in this, too
             env.close()
 
-    def _judge(self, rollout: TokenRollout) -> None:
-        record = self._record()
-        if record is None:
-            return
-        status = record.get("status", "ok")
-        if status == "ok":
-            rollout.success = float(record.get("score") or 0.0)
-            rollout.is_well_formed &= not record.get("malformed", 0)
-        elif record.get("cause") != "agent":  # an agent's own failure is a 0
-            self._fail(status, str(record.get("problem", "")))
-
-    def _fail(self, status: Any, problem: str) -> None:
+    def _fail(self, where: str, error: Exception) -> None:
         self.is_over = True
         if self.rollout is not None:
-            self.rollout.status = status
-            self.rollout.problem = problem
+            self.rollout.fail("error", f"{where}: {type(error).__name__}: {error}")
 
     def _record(self) -> Any:
         return None if self._env is None else getattr(self._env.unwrapped, "record", None)

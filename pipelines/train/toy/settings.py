@@ -19,25 +19,30 @@ from hijack_data.config.tree import (
 )
 from hijack_data.config.yaml_reader import read_yaml
 from hijack_data.errors import UnknownNameError, suggest
-from hijack_data.params import Parameter
+from hijack_data.params import Parameter, parameters
 from hijack_data.planner import Planner
 
-from ..replay import WHEN
+from ..replay import CAPACITY, WHEN
+from ..trainer import TrainSettings
 from .arms import ARMS
 from .tasks import toy_task
 
 ENVIRONMENTS = ("toy",)
+_OF_THE_TRAINER = (
+    "epochs",
+    "rollouts",
+    "batch",
+    "max_steps",
+    "learning_rate",
+    "clip_low",
+    "clip_high",
+    "format_weight",
+)
+_TRAINER_PARAMETERS = parameters(TrainSettings)
 _NUMBERS = {
     "seeds": Parameter("int", "Pairs of runs", low=2, high=1000),
-    "epochs": Parameter("int", "How often each task is trained on", low=1, high=10_000),
-    "rollouts": Parameter("int", "Rollouts a group", low=2, high=1024),
-    "batch": Parameter("int", "Groups a step of the optimiser", low=1, high=1024),
-    "max_steps": Parameter("int", "Answers until a rollout is cut off", low=1, high=100),
-    "learning_rate": Parameter("float", "Of AdamW", low=1e-12, high=1),
-    "clip_low": Parameter("float", "How far the ratio may fall", low=0, high=1),
-    "clip_high": Parameter("float", "How far the ratio may rise", low=0, high=10),
-    "format_weight": Parameter("float", "Penalty of a wrong form", low=0, high=100),
-    "replay_capacity": Parameter("int", "Stored successes a task", low=1, high=1000),
+    **{name: _TRAINER_PARAMETERS[name][0] for name in _OF_THE_TRAINER},
+    "replay_capacity": CAPACITY,
     "replay_when": Parameter("choice", "When a success is put in", choices=WHEN),
     "draws": Parameter("int", "Draws of each corruption for a task", low=1, high=100),
     "start_tasks": Parameter("int", "Tasks that the expert shows", low=1, high=100_000),

@@ -12,7 +12,7 @@ pytest.importorskip("gymnasium", reason="needs the extra [train]")
 import hijack_data as hj
 from hijack_data.errors import ParameterError, UnknownNameError
 from pipelines.train.errors import TrainError
-from pipelines.train.packing import packed
+from pipelines.train.packing import packed, unpacked
 from pipelines.train.replay import ReplayBuffer
 from pipelines.train.rollouts import PolicyAnswer, PolicyTurn, Rollout, RolloutRequest
 from pipelines.train.sampler import Draw
@@ -106,7 +106,7 @@ def test_a_saved_buffer_is_the_same(tmp_path):
     other = ReplayBuffer()
     other.load(tmp_path / "replay.pt", run="one")
     mine, theirs = buffer.state()[0], other.state()[0]
-    picture, same = mine["turns"][0].pop("screenshot"), theirs["turns"][0].pop("screenshot")
+    picture, same = (each["turns"][0]["observation"].pop("screenshot") for each in (mine, theirs))
     assert mine == theirs
     assert (picture == same).all()
     assert mine == {**packed(rollout(1.0, step=7)), "turns": mine["turns"]}
@@ -132,3 +132,33 @@ def test_wrong_options():
         ReplayBuffer(0)
     with pytest.raises(UnknownNameError, match="did you mean 'zero'"):
         ReplayBuffer(when="zer")
+
+
+def test_everything_that_was_observed_comes_back():
+    kept = rollout(1.0)
+    seen = {
+        **kept.turns[0].observation,
+        "accessibility_tree": None,
+        "dpi": 96,
+        "mask": np.eye(3, dtype=np.float32),
+    }
+    kept.turns[0] = replace(kept.turns[0], observation=seen)
+    found = unpacked(packed(kept)).turns[0].observation
+    assert found.keys() == seen.keys()
+    assert (found["accessibility_tree"], found["dpi"]) == (None, 96)
+    np.testing.assert_array_equal(found["mask"], seen["mask"])
+    np.testing.assert_array_equal(found["screenshot"], seen["screenshot"])
+
+
+def test_what_a_file_cannot_hold_is_refused():
+    kept = rollout(1.0)
+    seen = {**kept.turns[0].observation, "tree": object()}
+    kept.turns[0] = replace(kept.turns[0], observation=seen)
+    with pytest.raises(TrainError, match="observation 'tree' is a object"):
+        packed(kept)
+
+
+@pytest.mark.parametrize("wrong", [{"slot": -1}, {"seed": -1}, {"capacity": 0}])
+def test_numbers_out_of_their_range_are_refused(wrong):
+    with pytest.raises(ParameterError, match=next(iter(wrong))):
+        ReplayBuffer(**wrong)

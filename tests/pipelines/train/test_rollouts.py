@@ -158,3 +158,56 @@ def test_environments_that_wait_do_so_at_the_same_time():
 def test_no_threads_are_refused():
     with pytest.raises(ParameterError, match="threads"):
         play([Scripted()], Says(), [request()], max_steps=1, threads=0)
+
+
+@pytest.mark.parametrize("reward", [float("nan"), -0.01, 1.5, float("inf"), None, "much"])
+def test_a_reward_outside_0_to_1_is_no_success(reward):
+    class Rewards(Scripted):
+        def step(self, action):
+            seen, _, over, cut, info = super().step(action)
+            return seen, reward, over, cut, info
+
+    policy = Says()
+    bad, good = play([Rewards(), Scripted()], policy, [request(0), request(1)], max_steps=5)
+    assert (bad.status, bad.counts) == ("error", False)
+    assert bad.problem == f"the environment gave the reward {reward!r}; it must be in 0..1"
+    assert good.success == 1
+    assert policy.batches == [2, 1]  # the first one is over
+
+
+@pytest.mark.parametrize("score", [float("nan"), -1, 2, None])
+def test_a_score_outside_0_to_1_is_no_success(score):
+    rollout = one(Scripted({"status": "ok", "score": score}))
+    assert (rollout.status, rollout.counts) == ("error", False)
+    assert f"the score {score!r}" in rollout.problem
+
+
+def test_an_episode_that_is_over_at_once_teaches_nothing():
+    rollout = one(Scripted(at_reset={"status": "ok", "score": 1.0}))
+    assert not rollout.counts
+    assert rollout.problem == "the episode was over before the first action"
+
+
+def test_what_cannot_be_cut_off_costs_one_rollout():
+    class Stuck(Scripted):
+        def truncate(self):
+            raise OSError("gone")
+
+    envs = [Stuck(endless=True), Scripted()]
+    stuck, good = play(envs, Says(), [request(0), request(1)], max_steps=3)
+    assert (stuck.status, stuck.problem) == ("error", "truncate: OSError: gone")
+    assert good.success == 1
+
+
+def test_one_environment_for_two_rollouts_is_refused():
+    with pytest.raises(ParameterError, match=r"given twice.*not \[make\(\)\] \* n"):
+        play([Scripted()] * 2, Says(), [request(0), request(1)], max_steps=5)
+
+
+def test_a_policy_that_does_not_answer_everything_is_refused():
+    class Silent(Says):
+        def act(self, observations, streams):
+            return super().act(observations, streams)[1:]
+
+    with pytest.raises(ParameterError, match="1 answers to 2 observations"):
+        play([Scripted(), Scripted()], Silent(), [request(0), request(1)], max_steps=5)

@@ -9,10 +9,11 @@ torch = pytest.importorskip("torch", reason="needs the extra [train]")
 pytest.importorskip("gymnasium", reason="needs the extra [train]")
 
 import hijack_data as hj  # noqa: E402
-from hijack_data.errors import ParameterError  # noqa: E402
+from hijack_data.errors import ParameterError, ParameterTypeError  # noqa: E402
 from pipelines.train.errors import TrainError  # noqa: E402
 from pipelines.train.replay import ReplayBuffer  # noqa: E402
 from pipelines.train.rollouts import PolicyTurn  # noqa: E402
+from pipelines.train.trainer import TrainSettings  # noqa: E402
 
 CORRUPTED = hj.OneOf([hj.Marks(number=1, mark_size=1), hj.Resolution(scale=0.5)])
 
@@ -153,6 +154,25 @@ def test_the_checkpoint_of_another_run_is_refused(made, tmp_path):
         other.resume()
 
 
+def test_another_replay_seed_is_another_run(made, tmp_path):
+    made(tmp_path, replay=ReplayBuffer(seed=1)).run()
+    with pytest.raises(TrainError, match="another run; it differs in replay"):
+        made(tmp_path, replay=ReplayBuffer(seed=2)).resume()
+
+
+def test_the_checkpoint_of_another_network_is_refused_and_the_logs_stay(made, tmp_path):
+    trainer = made(tmp_path)
+    trainer.step()
+    trainer.save()
+    trainer.step()
+    before = (tmp_path / "rollouts.jsonl").read_bytes()
+    other = made(tmp_path)
+    other.policy.net = torch.nn.Linear(3, 4)
+    with pytest.raises(TrainError, match=r"of another network \(.*size mismatch"):
+        other.resume()
+    assert (tmp_path / "rollouts.jsonl").read_bytes() == before
+
+
 def test_a_damaged_checkpoint_is_refused(made, tmp_path):
     made(tmp_path).run()
     path = tmp_path / "checkpoint.pt"
@@ -231,11 +251,38 @@ def test_replay_acts_in_the_loop(made, tmp_path):
 
 
 def test_wrong_arguments(made):
-    with pytest.raises(ParameterError, match="rollouts must be at least 2"):
-        made(rollouts=1)
     with pytest.raises(ParameterError, match="given twice"):
         made(tasks=("say-1", "say-1"))
     with pytest.raises(ParameterError, match="there are none"):
         made(tasks=())
-    with pytest.raises(ParameterError, match="learning_rate must be above 0"):
-        made(learning_rate=0.0)
+    with pytest.raises(ParameterTypeError, match=r"a list of names, such as \['say-1'\]"):
+        made(tasks="say-1")
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("rollouts", 1),
+        ("epochs", 0),
+        ("learning_rate", 0.0),
+        ("learning_rate", float("inf")),
+        ("weight_decay", -0.1),
+        ("clip_low", 2.0),
+        ("clip_high", float("nan")),
+        ("format_weight", -1.0),
+        ("max_norm", 0.0),
+        ("seed", -1),
+    ],
+)
+def test_a_setting_out_of_its_range_is_refused(name, value):
+    with pytest.raises(ParameterError, match=name):
+        TrainSettings(**{name: value})
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("batch", True), ("epochs", 1.5), ("max_steps", "3"), ("learning_rate", "1e-3")],
+)
+def test_a_setting_of_another_type_is_refused(name, value):
+    with pytest.raises(ParameterTypeError, match=name):
+        TrainSettings(**{name: value})

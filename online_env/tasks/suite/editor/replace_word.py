@@ -9,6 +9,7 @@ from online_env.tasks.plan_words import quoted
 
 APP = "mousepad"
 LINE = 60  # pixels; a field is one line high
+CLICKS = 3  # on a field, until it has the keyboard
 WORDS = {
     "lamp": ("lampshade", "lantern"),
     "bench": ("workbench", "table"),
@@ -130,10 +131,17 @@ def _is_field(node):
     return node.app == APP and node.role == "text" and node.box and node.box[3] - node.box[1] < LINE
 
 
-def _fill(hand, number, text):
-    """Fill a field of the dialog; the keyboard may be with the other window."""
+def _field(hand, number):
+    """Return the upper or the lower field of the dialog."""
     hand.wait("a field of the dialog", _is_field)
-    fields = sorted(filter(_is_field, hand.look()), key=lambda node: node.centre[1])
-    hand.click(fields[number])
+    return sorted(filter(_is_field, hand.look()), key=lambda node: node.centre[1])[number]
+
+
+def _fill(hand, number, text):
+    """Fill a field of the dialog; where it has not got the keyboard, the text would be changed."""
+    for _ in range(CLICKS):
+        hand.click(_field(hand, number))
+        if "focused" in _field(hand, number).states:
+            break
     hand.replace(text)
     hand.wait(f"a field with {text!r}", lambda node: _is_field(node) and node.text == text)
