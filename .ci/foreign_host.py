@@ -108,10 +108,18 @@ def live(image: str) -> None:
                 need(undone.ok, f"{name}: {undone.problem}")
             if name == "accidental_touch":  # who knows what it opened
                 desktop.reset()
+    print(hijack("desktop", "doctor").strip(), flush=True)
+    oracle()
+
+
+def oracle() -> None:
+    """Have the oracle play the tasks of `ORACLE`, by name or all; each has to be solved."""
+    tasks = os.environ["ORACLE"]
+    chosen = () if tasks == "all" else ("--tasks", tasks)
     out = os.path.join(os.environ["HOME"], "runs")
-    bench = ("bench", "embedded_small", "--tasks", "rename_file", "--agent", "oracle")
-    print(hijack(*bench, "--corruptions", "clean", "--desktops", "1", "--out", out).strip()[-600:])
-    print(hijack("desktop", "doctor").strip())
+    bench = ("bench", "embedded", *chosen, "--agent", "oracle", "--corruptions", "clean")
+    gate = ("--desktops", os.environ["DESKTOPS"], "--fail-under", "success=1")
+    print(hijack(*bench, *gate, "--out", out).strip()[-1000:])
 
 
 def hijack_name() -> str:

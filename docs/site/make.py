@@ -61,7 +61,13 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "reports",
         "write_a_task",
     ),
-    "Results": ("results/index", "results/leaderboard", "paper_results", "results/da_grpo"),
+    "Results": (
+        "results/index",
+        "results/leaderboard",
+        "paper_results",
+        "results/da_grpo",
+        "results/desktop_training",
+    ),
     "Live": (
         "live_evaluation",
         "embedded_desktop",

@@ -65,6 +65,8 @@ def index(found: dict[str, RunReport]) -> str:
         " each of the nine; the paper's numbers, not run here |",
         "| [Training with DA-GRPO](da_grpo.md) | what training with corruptions adds on the toy"
         " desktop, with intervals |",
+        "| [Training on the real desktop](desktop_training.md) | a small network that learns from"
+        " real screenshots, by imitation and with DA-GRPO |",
         "| [Which tasks can be solved](suite.md) | oracles on all tasks of the suite; two"
         " corruptions were played on all or most tasks |",
         "| [What goes wrong for pixel](pixel_failures.md) | failures of an agent without a model,"
