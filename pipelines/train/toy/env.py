@@ -72,7 +72,7 @@ class ToyEnv(gymnasium.Env[dict[str, Any], str]):
             options: `task`, `corruption` (a planner or `None`) and `label`, which is ignored.
 
         Raises:
-            ParameterTypeError: `corruption` is no planner.
+            ParameterTypeError: `corruption` is not a planner.
         """
         super().reset(seed=seed)
         given = {**self._defaults, **(options or {})}

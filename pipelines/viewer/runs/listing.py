@@ -255,7 +255,7 @@ def _read_journal(
             entry = _checked(record)
         except FieldError as error:
             entry = _damaged(folder, line, f"line {place} of {RECORDS}: {error}")
-        if before and record:  # a head that cannot be read is no link
+        if before and record:  # a head that cannot be read links to nothing
             _check_link(record, before, last, listing.problems)
         before = None if before is None else line
         last = entry

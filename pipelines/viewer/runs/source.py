@@ -192,7 +192,7 @@ class RunSource:
         """Read `run.json`, and return its bytes; a log without a benchmark has none.
 
         Raises:
-            DatasetError: it is no head of a run, and there are no episodes beside it.
+            DatasetError: it is not a head of a run, and there are no episodes beside it.
         """
         path = self.folder / RUN
         if not path.exists():
