@@ -41,7 +41,7 @@ def check(name: str, limit: float = LIMIT) -> Iterator[Result | str]:
     """
     maker = AGENTS.get(AGENTS.find(name))
     if isinstance(maker, type) and issubclass(maker, Privileged):
-        yield "it is given a task and a machine (prepare), so it is no contestant"
+        yield "it is given a task and a machine (prepare), so it is not a contestant"
         return
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe(duplex=False)

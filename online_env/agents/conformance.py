@@ -86,7 +86,7 @@ def ask(
     picture: UInt8Array,
     task: str = TASK,
 ) -> TriedAnswer:
-    """Ask an agent once; what is no text and no list of texts fails the check."""
+    """Ask an agent once; fail the check unless the answer is a text or a list of texts."""
     try:
         said, actions = apart.predict(task, {"screenshot": picture})
         listed: list[object] = apart.call(list, actions)

@@ -76,7 +76,7 @@ def read_script(file: Path) -> tuple[str, ...]:
     """Return the actions of a file; code may do what agents may do, see `read_action`.
 
     Raises:
-        ConfigError: it cannot be read, is no list, or holds something that is no action.
+        ConfigError: the file cannot be read, is not a list, or holds an item that is not an action.
     """
     text = _read(file)
     try:

@@ -164,7 +164,7 @@ class ReleaseGate:
 
         Raises:
             UnknownNameError: No score, agent or condition of that name; the message suggests one.
-            ParameterError: The threshold is no share, or the run cannot have the score.
+            ParameterError: The threshold is not in 0..1, or the run cannot have that score.
             HijackError: The file of `--junit` cannot be written there.
         """
         found: list[ScoreGate] = []
@@ -348,4 +348,4 @@ def _check_writable(path: Path) -> None:
     while not place.exists():
         place = place.parent
     if not place.is_dir() or not os.access(place, os.W_OK | os.X_OK):
-        raise HijackError(f"--junit {path}: {place} is no folder that can be written")
+        raise HijackError(f"--junit {path}: {place} is not a folder that can be written")

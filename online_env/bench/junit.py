@@ -39,7 +39,7 @@ def write(
     """Write a run as JUnit XML; its folder is made if it is missing.
 
     Each episode is a test case of the suite of its agent. It is an error if it is invalid, failed,
-    or missing; an agent that does not solve a task is no error: whether it solves enough is the
+    or missing; an unsolved task does not count as an error: whether the agent solves enough is the
     question of the gates, which are failures.
 
     Args:

@@ -40,11 +40,11 @@ _AMOUNTS = ("attempt", "steps", "seconds", "malformed")  # where a record has th
 
 
 class RunError(HijackError, ValueError):
-    """A folder that is no run, holds something already, or is another process's."""
+    """A folder that is not a run, holds something already, or is another process's."""
 
 
 class _DamagedError(HijackError):
-    """Why a line is no record."""
+    """Why a line is not a record."""
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ def read_head(folder: Path) -> dict[str, Any]:
     path = folder / RUN
     try:
         data: object = json.loads(read_regular(path), parse_constant=_refuse)
-        json.dumps(data, ensure_ascii=False).encode()  # half of a surrogate pair is no text
+        json.dumps(data, ensure_ascii=False).encode()  # half of a surrogate pair cannot be encoded
     except OSError as error:
         why = error.strerror or error
         raise RunError(
@@ -195,7 +195,7 @@ def _parsed(line: bytes) -> ResultRecord:
     """Return the record of a line; `_DamagedError` is raised for a line that is none.
 
     Raises:
-        _DamagedError: The line is no record.
+        _DamagedError: The line is not a record.
     """
     if len(line) > MAX_LINE:
         raise _DamagedError(f"longer than {MAX_LINE} bytes")
@@ -213,7 +213,7 @@ def _parsed(line: bytes) -> ResultRecord:
         raise _DamagedError("field 'task_seed' is neither a number nor a text")
     for key in _AMOUNTS:
         if record.get(key) is not None and not is_amount(record[key]):
-            raise _DamagedError(f"{key} {shown(record[key])} is no number from 0 on")
+            raise _DamagedError(f"{key} {shown(record[key])} is not a number of at least 0")
     for key in ("agent", "task", "corruption"):
         if _HALF.search(record[key]):
             raise _DamagedError(f"field {key!r} holds half of a surrogate pair")
@@ -263,4 +263,4 @@ def _check_score(record: ResultRecord) -> None:
         return
     score = record.get("score")
     if isinstance(score, bool) or not isinstance(score, int | float) or not 0 <= score <= 1:
-        raise _DamagedError(f"score {score!r} is no number in 0..1")
+        raise _DamagedError(f"score {score!r} is not a number in 0..1")

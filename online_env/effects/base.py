@@ -177,7 +177,7 @@ class Applied:
 def _problems(cls: Any, kind: str) -> Iterator[str]:
     """Yield what is wrong with the class of an effect."""
     if not isinstance(cls, type) or not issubclass(cls, LiveEffect):
-        yield "it is no subclass of online_env.effects.LiveEffect"
+        yield "it is not a subclass of online_env.effects.LiveEffect"
         return
     if cls.__abstractmethods__:
         yield f"{', '.join(sorted(cls.__abstractmethods__))} is missing"

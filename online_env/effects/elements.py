@@ -68,7 +68,7 @@ def live_elements(
     left out; with `without_app` also everything in panels and on the desktop.
 
     Raises:
-        DesktopError: it is no accessibility tree.
+        DesktopError: it is not an accessibility tree.
     """
     found: list[Element] = []
     try:

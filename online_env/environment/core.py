@@ -33,7 +33,8 @@ _DEFAULTS = EvalSettings()
 _KEY = secrets.token_bytes(32)
 
 # An environment's runner is not among its attributes, so that whoever is handed the environment
-# does not come across the corruption. That is no barrier: code in this process can import this.
+# does not come across the corruption. That is not a security boundary: code in this process can
+# import this module.
 _runners: "WeakKeyDictionary[CorruptedEnv, EpisodeRunner]" = WeakKeyDictionary()
 
 

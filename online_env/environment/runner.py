@@ -155,7 +155,7 @@ def checked_seed(value: object) -> int | None:
     """Return a seed as an integer in [0, 2**64 - 1]; `None` stays `None`.
 
     Raises:
-        ParameterTypeError: It is no integer.
+        ParameterTypeError: It is not an integer.
         ParameterError: It is out of range.
     """
     if value is None:

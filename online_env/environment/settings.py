@@ -29,7 +29,7 @@ class EvalSettings:
         password: The password of the desktop's user.
 
     Raises:
-        ParameterError: `max_steps` is no integer of at least 1.
+        ParameterError: `max_steps` is not an integer of at least 1.
         UnknownNameError: `recovery` is no known policy.
     """
 

@@ -27,14 +27,14 @@ _Scored: TypeAlias = dict[_Key, scores.ScoreByCase]
 def load_report(path: Path, reference: str = "") -> RunReport:
     """Return the report of a run's folder, or the one in a file `report.json`.
 
-    `RunError` is raised for a folder that is no run or of a newer version.
+    `RunError` is raised for a folder that is not a run or of a newer version.
 
     Args:
         path: the folder, or the file.
         reference: the agent that mCE refers to; a file keeps the one it has.
 
     Raises:
-        ReportError: the run has no episodes, or the file is no report.
+        ReportError: the run has no episodes, or the file is not a report.
     """
     if not path.is_file():
         return build_report(reading.read(path), reference=reference)

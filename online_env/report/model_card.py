@@ -21,7 +21,7 @@ _TOTAL = 100
 
 
 def as_model_index(document: ReportDocument) -> str:
-    """Return the block for every agent that is no reference and was given nothing more.
+    """Return the block for every agent that is not a reference and was given nothing more.
 
     Raises:
         ReportError: the run has no such agent.

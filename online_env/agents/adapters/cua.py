@@ -82,7 +82,8 @@ class CuaAgent(LoopAgent):
 class CuaComputer:
     """The environment with all methods of cua-agent's `AsyncComputerHandler`.
 
-    Its loop takes a screenshot after each action: that is no step.
+    The loop of cua-agent takes a screenshot after each action; that screenshot does not count as a
+    step.
     """
 
     def __init__(self, computer: LoopComputer) -> None:

@@ -1,6 +1,6 @@
 """From what a model says to actions, in pixels of the picture that the agent was shown.
 
-What cannot be read is no exception: it is handed on as a text that the environment counts as
+A reply that cannot be read does not raise: it is handed on as a text that the environment counts as
 malformed.
 """
 
