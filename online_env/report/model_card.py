@@ -97,7 +97,7 @@ def _what(report: RunReport) -> str:
 
 
 def _arguments(report: RunReport) -> Iterator[tuple[str, Any]]:
-    """Yield how the run was played, for those who compare."""
+    """Yield the settings of the run, for comparisons."""
     run = report.run
     found: Mapping[str, Any] = {
         "version": run.versions.get("agenthijack"),

@@ -1,4 +1,4 @@
-"""What all sessions of a server share: desktops, draws, leases and counts."""
+"""The state shared by all sessions of a server: desktops, draws, leases and counts."""
 
 import contextlib
 import itertools
@@ -13,8 +13,8 @@ from .drawing import EpisodeChoice, EpisodeDraws, sides
 from .metrics import ServerMetrics
 from .pool import DesktopPool, DesktopSeat
 
-LOOKS = 4  # looks for silent clients in the length of a lease
-OFTEN = 0.2  # seconds between two looks at least
+LOOKS = 4  # checks for silent clients per lease
+OFTEN = 0.2  # least seconds between two checks
 ENDING = 30.0  # seconds that a reset or a step has at the end of the server
 
 _log = logging.getLogger(__name__)
