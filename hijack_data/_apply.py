@@ -73,7 +73,7 @@ def apply(
     backend = backend_of(image)
     backend.check(image)
     lead = tuple(image.shape[:-3])
-    plans = _one_each(plan, plans, count_of(lead))
+    plans = _plan_per_picture(plan, plans, count_of(lead))
     _check_sizes(plans, backend.size(image))
     if inplace:
         backend.check_writable(image)
@@ -93,7 +93,7 @@ def _plans(plan: object) -> list[Plan]:
     raise ImageTypeError(f"the first argument must be a Plan or a list of Plans, got {kind}")
 
 
-def _one_each(
+def _plan_per_picture(
     given: object,
     plans: list[Plan],
     count: int,
@@ -123,7 +123,7 @@ def _apply_list(
     inplace: bool,
 ) -> list[Any]:
     """Apply one plan to each picture of a list; with `inplace`, check all before changing any."""
-    plans = _one_each(given, plans, len(images))
+    plans = _plan_per_picture(given, plans, len(images))
     for i, image in enumerate(images):
         _check_item(image, i)
     if inplace:

@@ -151,12 +151,12 @@ def _labels(
     steps: Sequence[int] | None,
 ) -> list[_Labels]:
     count = len(sizes)
-    per_box = [as_boxes(value) for value in _one_each(boxes, count, "boxes")]
-    aims = zip(_one_each(targets, count, "targets"), sizes, strict=True)
+    per_box = [as_boxes(value) for value in _one_per_picture(boxes, count, "boxes")]
+    aims = zip(_one_per_picture(targets, count, "targets"), sizes, strict=True)
     per_target = [as_target(value, size) for value, size in aims]
-    stops = zip(_one_each(ends, count, "ends"), sizes, strict=True)
+    stops = zip(_one_per_picture(ends, count, "ends"), sizes, strict=True)
     per_end = [as_target(value, size) for value, size in stops]
-    per_step = _one_each(steps, count, "steps")
+    per_step = _one_per_picture(steps, count, "steps")
     keys = list(ids)
     return [
         _Labels(
@@ -189,7 +189,7 @@ def _id_text(value: Any) -> str:
         raise ParameterTypeError(f"ids must hold integers or strings, got a {found}") from None
 
 
-def _one_each(
+def _one_per_picture(
     values: Sequence[Any] | None,
     count: int,
     what: str,

@@ -145,7 +145,9 @@ class Packer:
             self._check(plan, i)
         canvas = self._canvas(plans)
         made = [_stages(plan, canvas[1]) for plan in plans]
-        count = self._mark("resizes", max((len(sizes) for _, sizes in made), default=0), exact=True)
+        count = self._bucket(
+            "resizes", max((len(sizes) for _, sizes in made), default=0), exact=True
+        )
         pastes = tuple(
             self._pastes(
                 [stages[i] if i < len(stages) else _Stage() for stages, _ in made], i, canvas
@@ -171,7 +173,7 @@ class Packer:
                 " one shape; use Resolution(restore=True)"
             )
 
-    def _mark(
+    def _bucket(
         self,
         name: str,
         needed: int,
@@ -194,7 +196,7 @@ class Packer:
             )
             for axis, side in enumerate(self.size)
         )
-        return self._mark("height", height, exact=True), self._mark("width", width, exact=True)
+        return self._bucket("height", height, exact=True), self._bucket("width", width, exact=True)
 
     def _pastes(
         self,
@@ -205,11 +207,11 @@ class Packer:
         name = f"stage {number}: "
         count = len(stages)
         sizes = [sprite.size for stage in stages for sprite, _, _ in stage.blocks]
-        blocks = self._mark(f"{name}blocks", max(len(stage.blocks) for stage in stages))
+        blocks = self._bucket(f"{name}blocks", max(len(stage.blocks) for stage in stages))
         shape = [
             min(
                 side,
-                self._mark(f"{name}side {axis}", max((s[axis] for s in sizes), default=0), BLOCK),
+                self._bucket(f"{name}side {axis}", max((s[axis] for s in sizes), default=0), BLOCK),
             )
             for axis, side in enumerate(canvas)
         ]
@@ -234,12 +236,12 @@ class Packer:
         name: str,
         canvas: Size,
     ) -> Pixels:
-        layers = self._mark(f"{name}layers", max(len(stage.layers) for stage in stages))
+        layers = self._bucket(f"{name}layers", max(len(stage.layers) for stage in stages))
         longest = max(
             (sum(len(at) for at, _, _ in layer) for stage in stages for layer in stage.layers),
             default=0,
         )
-        shape = len(stages), layers, self._mark(f"{name}pixels", longest, PIXELS)
+        shape = len(stages), layers, self._bucket(f"{name}pixels", longest, PIXELS)
         index = np.full(shape, canvas[0] * canvas[1], np.int32)
         keep = np.zeros((*shape, 1), np.uint8)
         paint = np.zeros((*shape, 3), np.uint16)
@@ -268,7 +270,7 @@ class Packer:
                 None if pair is None else weights(pair[0][axis], pair[1][axis]) for pair in sizes
             ]
             most = max((table.taps.shape[1] for table in found if table is not None), default=0)
-            width = self._mark(f"resize {number}: {axis}", most)
+            width = self._bucket(f"resize {number}: {axis}", most)
             index, taps = (
                 np.zeros((len(sizes), side, width), np.int32),
                 np.zeros((len(sizes), side, width), np.int32),
@@ -399,14 +401,14 @@ def _apply_one(
             image = _resize(resizes[number - 1], image)
         for n in range(stage.top.shape[0]):
             block = stage.top[n], stage.left[n], stage.colors[n], stage.inside[n]
-            image = _jax.lax.cond(n < stage.blocks, blend_block, _as_it_is, image, *block)
+            image = _jax.lax.cond(n < stage.blocks, blend_block, _unchanged, image, *block)
         for n in range(stage.index.shape[0]):
             pixels = stage.index[n], stage.keep[n], stage.paint[n]
-            image = _jax.lax.cond(n < stage.layers, blend_pixels, _as_it_is, image, *pixels)
+            image = _jax.lax.cond(n < stage.layers, blend_pixels, _unchanged, image, *pixels)
     return image[:height, :width]
 
 
-def _as_it_is(image: Any, *_: Any) -> Any:
+def _unchanged(image: Any, *_: Any) -> Any:
     return image
 
 
@@ -421,4 +423,4 @@ def _resize(table: Resizes, image: Any) -> Any:
             resize_pass(image, table.index_y, table.taps_y, 0), table.index_x, table.taps_x, 1
         )
 
-    return _jax.lax.switch(table.kind, [_as_it_is, rows_first, columns_first], image)
+    return _jax.lax.switch(table.kind, [_unchanged, rows_first, columns_first], image)

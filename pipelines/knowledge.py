@@ -83,7 +83,7 @@ class Knowledge:
             if isinstance(item, Rejected):
                 yield item
             else:
-                yield self._told(item, used)
+                yield self._completed(item, used)
         for entry in self.entries:
             if entry not in used:
                 match = f"{entry.match!r} matches no trajectory"
@@ -100,7 +100,7 @@ class Knowledge:
         kept = {key: value for key, value in given.items() if value}
         return {LIST: kept} if kept else {}
 
-    def _told(self, trajectory: Trajectory, used: set[KnowledgeEntry]) -> Trajectory:
+    def _completed(self, trajectory: Trajectory, used: set[KnowledgeEntry]) -> Trajectory:
         fitting = [entry for entry in self.entries if fnmatchcase(trajectory.id, entry.match)]
         used.update(fitting)
         apps = next((entry.apps for entry in fitting if entry.apps), ())
@@ -227,13 +227,13 @@ def _entry(tree: ConfigNode, problems: Problems) -> KnowledgeEntry | None:
         )
     if "apps" not in tree.items and "platform" not in tree.items:
         problems.add(tree.place, "says nothing; give apps, platform or both")
-    apps = _told_apps(tree.items.get("apps"), problems)
-    platform = _told_platform(tree.items.get("platform"), problems)
+    apps = _listed_apps(tree.items.get("apps"), problems)
+    platform = _listed_platform(tree.items.get("platform"), problems)
     place = tree.place
     return KnowledgeEntry(match or "", apps, platform, f"line {place.line}" if place.line else LIST)
 
 
-def _told_apps(tree: ConfigNode | None, problems: Problems) -> tuple[str, ...]:
+def _listed_apps(tree: ConfigNode | None, problems: Problems) -> tuple[str, ...]:
     if tree is None:
         return ()
     names = [_text(item) for item in tree.items] if isinstance(tree, SequenceNode) else [None]
@@ -250,7 +250,7 @@ def _told_apps(tree: ConfigNode | None, problems: Problems) -> tuple[str, ...]:
         return ()
 
 
-def _told_platform(tree: ConfigNode | None, problems: Problems) -> Platform | None:
+def _listed_platform(tree: ConfigNode | None, problems: Problems) -> Platform | None:
     if tree is None:
         return None
     name = _text(tree)

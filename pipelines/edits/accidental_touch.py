@@ -100,7 +100,7 @@ class TouchEdit(Edit):
             response=asset.recover.moved(x, y),
             boxes=[_moved(target.box, x, y) for target in asset.targets],
             notes=(f"the element at {list(element)} was clicked", *notes),
-            shown="menu" if _hangs(asset) else "dialog",
+            shown="menu" if _touches_opener(asset) else "dialog",
         )
 
     def assumed_apps(self, pack: AssetPack, stream: Stream) -> Iterator[tuple[str, ...]]:
@@ -167,10 +167,10 @@ def _opening(frame: Frame, elements: Sequence[Box]) -> _Opening:
     dialogs = [asset for asset in frame.pack.pictures("dialog") if _is_shown(asset, frame)]
     if frame.guess and dialogs:
         return _Opening(elements[0], frame.stream.choice(dialogs))
-    raise NotApplicable(_nothing(frame))
+    raise NotApplicable(_why_nothing_opens(frame))
 
 
-def _nothing(frame: Frame) -> str:
+def _why_nothing_opens(frame: Frame) -> str:
     if not frame.apps:
         return f"the recording names no application whose menus could open; {NAME_APPS}"
     if len(frame.apps) > 1:
@@ -240,16 +240,16 @@ def _is_shown(asset: Asset, frame: Frame) -> bool:
     height, width = frame.scene.size
     if asset.recover is None or h > height or w > width:
         return False
-    return _belongs(asset, frame) and not _names(asset)
+    return _belongs_to_recording(asset, frame) and not _names_a_document(asset)
 
 
-def _names(asset: Asset) -> bool:
+def _names_a_document(asset: Asset) -> bool:
     """Return whether a picture names a document or a page, which is not that of the recording."""
     listed = any(NAMES.search(target.name) for target in asset.targets)
     return listed or asset.made_by.endswith(OF_A_PAGE)
 
 
-def _belongs(asset: Asset, frame: Frame) -> bool:
+def _belongs_to_recording(asset: Asset, frame: Frame) -> bool:
     """Return whether a picture is of our desktop's panel or of the recording's only application."""
     name = normalize_app(asset.app)
     if name == PANEL:
@@ -339,7 +339,7 @@ def _place(
     """
     height, width = screen
     h, w = asset.size
-    if not _hangs(asset):
+    if not _touches_opener(asset):
         return (width - w) // 2, (height - h) // 2
     left, y = _offset(asset, element)
     x = element[0] + left
@@ -349,7 +349,7 @@ def _place(
     return min(max(x, 0), width - w), min(max(y, 0), height - h)
 
 
-def _hangs(asset: Asset) -> bool:
+def _touches_opener(asset: Asset) -> bool:
     """Return whether a picture touches the element that opened it, as a menu does."""
     box = _opener(asset)
     if box is None:

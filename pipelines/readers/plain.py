@@ -192,7 +192,7 @@ def check_agreement(
     Raises:
         FieldError: the code is another kind of action, points elsewhere, or counts in fractions.
     """
-    if _is_written_so(action, code) or not calls_pyautogui(code):
+    if _is_our_code(action, code) or not calls_pyautogui(code):
         return
     try:
         said = parse_pyautogui(code, size)  # on a screen, the pointer stops at the edge
@@ -207,7 +207,7 @@ def check_agreement(
         )
 
 
-def _is_written_so(action: Action, code: str) -> bool:
+def _is_our_code(action: Action, code: str) -> bool:
     """Return whether code is what we write for an action; parsing takes 100 times as long."""
     try:
         return write_pyautogui(action) == code
@@ -234,14 +234,16 @@ def _contradict(action: Action, said: Action) -> bool:
     if (action.amount or 0) * (said.amount or 0) < 0 and action.type == "scroll":
         return True  # up and down
     pairs = [(action.point, said.point), (action.end, said.end)]
-    return any(_apart(one, two) for one, two in pairs if one is not None and two is not None)
+    return any(
+        _are_different_points(one, two) for one, two in pairs if one is not None and two is not None
+    )
 
 
 def _kind(action: Action) -> str:
     return KEYBOARD if action.type in KEYBOARD_TYPES else action.type
 
 
-def _apart(one: Point, two: Point) -> bool:
+def _are_different_points(one: Point, two: Point) -> bool:
     return max(abs(one[0] - two[0]), abs(one[1] - two[1])) > 1
 
 

@@ -23,7 +23,15 @@ from .signatures import (
     is_harmless,
     is_public,
 )
-from .vocabulary import OPEN_DUNDERS, REACHING, REFLECTIVE, SYS, is_deed, is_pose, is_verb
+from .vocabulary import (
+    OPEN_DUNDERS,
+    REACHING,
+    REFLECTIVE,
+    SYS,
+    is_place_attribute,
+    is_pointer_attribute,
+    is_verb,
+)
 
 _HIDES = "is used in a way that hides where the pointer goes"
 
@@ -158,11 +166,11 @@ class _Guard:
         if isinstance(node.value, ast.Name) and node.value.id == "self":
             return None
         if not isinstance(node.ctx, ast.Load):
-            if is_pose(name):
+            if is_place_attribute(name):
                 return f"setting {name!r} may move the pointer to a hidden place"
             return None
         is_used = id(node) in self._called or id(node) in self._owners
-        if is_deed(name) and not is_used:
+        if is_pointer_attribute(name) and not is_used:
             return f"{name!r} {_HIDES}"
         return None
 
@@ -237,7 +245,7 @@ def _getattr(node: ast.Call) -> str | None:
     """Return why `getattr` must be refused: it may look up a name that the program must not use."""
     match node:
         case ast.Call(func=ast.Name(id="getattr"), args=[_, ast.Constant(value=str(name)), *_]):
-            if name in REACHING | REFLECTIVE or _is_dunder(name) or is_deed(name):
+            if name in REACHING | REFLECTIVE or _is_dunder(name) or is_pointer_attribute(name):
                 return f"getattr(..., {name!r}) {_HIDES}"
             return None
         case ast.Call(func=ast.Name(id="getattr")):

@@ -67,7 +67,7 @@ class Names:
             texts.update(_text_names(node))
             self._functions.update(_function_names(node))
         self.texts = {name for name, count in texts.items() if count == self.bindings[name]}
-        self._shown_first = _shown_first(tree)
+        self._defined_before_use = _defined_before_use(tree)
         if self.bindings["*"]:
             self.volatile.update(filter(is_public, self.bindings))
         # In a class K, __x means _K__x.
@@ -156,7 +156,7 @@ class Names:
         """Return whether `name` is a function or class of the program wherever it is used."""
         if not self.bindings[name] == self._functions[name] > 0:
             return False
-        return name not in BARE or (name in self._shown_first and not self.bindings["*"])
+        return name not in BARE or (name in self._defined_before_use and not self.bindings["*"])
 
     def is_builtin(self, name: str) -> bool:
         """Return whether `name` is a builtin that the program never rebinds."""
@@ -244,7 +244,7 @@ def _is_private(name: str) -> bool:
     return name.startswith("__") and not name.endswith("__")
 
 
-def _shown_first(tree: ast.Module) -> set[str]:
+def _defined_before_use(tree: ast.Module) -> set[str]:
     """Return the functions that the program defines at the top level before it uses their names."""
     first_use: dict[str, tuple[int, int]] = {}
     for node in ast.walk(tree):

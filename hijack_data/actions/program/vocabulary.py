@@ -77,12 +77,12 @@ def is_weak_verb(name: str) -> bool:
     return _WEAK_VERB.search(_plain(name)) is not None
 
 
-def is_deed(name: str) -> bool:
+def is_pointer_attribute(name: str) -> bool:
     """Return whether an attribute that is read but not called may be a pointer function."""
     return is_verb(name) and name not in _NOUNS
 
 
-def is_pose(name: str) -> bool:
+def is_place_attribute(name: str) -> bool:
     """Return whether setting this attribute may move something: `mouse.position = (10, 20)`."""
     return name in _POSED or is_verb(name)
 

@@ -61,14 +61,14 @@ def paste_many(images: Sequence[Tensor], stamps: Sequence[list[Stamp]]) -> None:
         for image, table, end in zip(images, tables, ends.tolist(), strict=True):
             first = end - len(table)
             jobs.append((image.data_ptr(), *image.shape[1:], *image.stride(), first, end))
-        tiles = _met([(image.shape[1], image.shape[2]) for image in images], tables)
+        tiles = _overlapped_tiles([(image.shape[1], image.shape[2]) for image in images], tables)
         if len(tiles):
             tall, wide = kernels.PASTE_TILE
             sent = _send([np.array(jobs, np.int64), np.concatenate(tables), tiles], device)
             kernels.paste[(len(tiles),)](*sent, TALL=tall, WIDE=wide)
 
 
-def _met(sizes: list[Size], tables: list[StampRows]) -> npt.NDArray[np.int32]:
+def _overlapped_tiles(sizes: list[Size], tables: list[StampRows]) -> npt.NDArray[np.int32]:
     """Return the tiles that the rows of each picture overlap.
 
     They are int32 `[n, 3]`: picture, and the tile's row and column. All rows are counted at once
@@ -104,7 +104,7 @@ def resample_many(images: Sequence[Tensor], sizes: Sequence[Size]) -> list[Tenso
         for number in range(2):
             for axis in (1, 2):
                 due = [i for i, order in enumerate(orders) if order[number] == axis]
-                _pass_some(out, sizes, due, axis)
+                _resize_due(out, sizes, due, axis)
     return [new.clone() if new is old else new for new, old in zip(out, images, strict=True)]
 
 
@@ -114,7 +114,7 @@ def _order(image: Tensor, size: Size) -> tuple[int, int]:
     return (1, 2) if columns_first((height, width), size) else (2, 1)
 
 
-def _pass_some(
+def _resize_due(
     images: list[Tensor],
     sizes: Sequence[Size],
     due: list[int],

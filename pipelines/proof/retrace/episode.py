@@ -70,7 +70,7 @@ def check_episode(
         if version >= CHAINED:
             yield from _in_record(_end(seen))
         if whole or len(seen.lines) == seen.steps:
-            yield from _in_record(_whole(seen, key))
+            yield from _in_record(_record_problems(seen, key))
     except FieldError as error:
         yield f"{EPISODE}: {error}"
     except OSError as error:
@@ -196,7 +196,7 @@ def _end(seen: Seen) -> Iterator[str]:
         yield f"does not follow on the last line of {STEPS} (chain)"
 
 
-def _whole(seen: Seen, key: Key) -> Iterator[str]:
+def _record_problems(seen: Seen, key: Key) -> Iterator[str]:
     """Yield the differences between the record of the episode and its lines."""
     record = seen.record
     status = record.get("status")

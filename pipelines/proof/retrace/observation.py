@@ -53,7 +53,7 @@ class Key:
         logged: Plan,
     ) -> Plan:
         """Return the plan of a step on a screen."""
-        planner = self.planner if self.known else _told_by(logged)
+        planner = self.planner if self.known else _planner_in(logged)
         if planner is None:
             return Plan.clean(scene.size)
         return planner.plan(
@@ -180,7 +180,7 @@ def _mapped(
         return None
 
 
-def _told_by(logged: Plan) -> Planner | None:
+def _planner_in(logged: Plan) -> Planner | None:
     """Return the planner named in a plan, for logs that do not state the planner."""
     parts = logged.corruption.split("+")
     if parts == [CLEAN]:
