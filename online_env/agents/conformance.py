@@ -66,8 +66,7 @@ class AgentTrial:
 
     @property
     def repeats(self) -> bool:
-        """Whether the agent claims to repeat its answers, by not setting `deterministic =
-        False`."""
+        """Whether the agent claims to repeat its answers (not `deterministic = False`)."""
         return bool(getattr(self.apart.agent, "deterministic", True))
 
 
