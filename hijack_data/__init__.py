@@ -58,8 +58,8 @@ if TYPE_CHECKING:  # the same names, for type checkers; tests/test_api.py compar
 
 __version__ = "0.1.0"
 
-# Where each name is defined. They are imported when they are first asked for (PEP 562): whoever
-# needs `errors` or `types` alone, such as the processes of a desktop, does not wait for all of it.
+# Where each name is defined. They are imported on first use (PEP 562), so that a process which
+# needs only `errors` or `types`, such as those of a desktop, does not wait for the whole library.
 _HOMES = {
     "_apply": ("apply",),
     "compose": ("Augmentation", "Corrupted", "OneOf", "Schedule", "Sequence"),
@@ -106,7 +106,7 @@ def __getattr__(name: str) -> object:
 
 
 def __dir__() -> list[str]:
-    """Return what belongs to the library: its names, its modules, and what every module has."""
+    """Return the public names, the loaded submodules and the special attributes."""
     present = globals()
     modules = [name for name in present if f"{__name__}.{name}" in sys.modules]
     special = [name for name in present if name.startswith("__")]

@@ -58,9 +58,10 @@ def apply(
     Raises:
         ImageTypeError: wrong kind or dtype.
         ImageError: wrong shape, a picture whose size is not the plan's, or a batch inside a list.
-        ParameterError: `inplace` where it cannot be done; nothing has been written anywhere then.
+        ParameterError: `inplace` is impossible for these pictures; nothing has been written.
         ParameterTypeError: `inplace` is not a bool.
-        PlanError: a plan that would not draw here what was planned; nothing has been written.
+        PlanError: this machine would draw something else than was planned; nothing has been
+            written.
     """
     plans = _plans(plan)
     if not isinstance(cast(object, inplace), bool):
@@ -72,7 +73,7 @@ def apply(
     backend = backend_of(image)
     backend.check(image)
     lead = tuple(image.shape[:-3])
-    plans = _one_each(plan, plans, count_of(lead))
+    plans = _plan_per_picture(plan, plans, count_of(lead))
     _check_sizes(plans, backend.size(image))
     if inplace:
         backend.check_writable(image)
@@ -82,7 +83,7 @@ def apply(
 
 
 def _plans(plan: object) -> list[Plan]:
-    """Return what was given as plans as a list."""
+    """Return a plan, or a list of plans, as a list."""
     given: object = [plan] if isinstance(plan, Plan) else plan
     if isinstance(given, list | tuple):
         plans = cast("Sequence[object]", given)
@@ -92,7 +93,7 @@ def _plans(plan: object) -> list[Plan]:
     raise ImageTypeError(f"the first argument must be a Plan or a list of Plans, got {kind}")
 
 
-def _one_each(
+def _plan_per_picture(
     given: object,
     plans: list[Plan],
     count: int,
@@ -121,8 +122,8 @@ def _apply_list(
     images: Sequence[Any],
     inplace: bool,
 ) -> list[Any]:
-    """Apply a plan each to the pictures of a list; in place, check all before one is changed."""
-    plans = _one_each(given, plans, len(images))
+    """Apply one plan to each picture of a list; with `inplace`, check all before changing any."""
+    plans = _plan_per_picture(given, plans, len(images))
     for i, image in enumerate(images):
         _check_item(image, i)
     if inplace:
@@ -171,21 +172,22 @@ def _apply_pil(
     _check_upright(image)
     try:
         pixels = np.asarray(image)
-    except Exception as error:  # what was opened is decoded now, and decoders raise anything
+    # Pillow decodes an opened file only now, and its decoders may raise any exception.
+    except Exception as error:
         raise ImageError(f"the PIL image cannot be decoded: {error}") from error
     return Image.fromarray(apply(plans[0] if len(plans) == 1 else plans, pixels))
 
 
 def _check_upright(image: Image.Image) -> None:
-    """Check that no EXIF orientation turns a picture, which the result would no longer carry.
+    """Check that no EXIF orientation turns a picture, because the result would lose that tag.
 
     Raises:
-        ImageError: one does.
+        ImageError: the picture has an EXIF orientation that turns it.
     """
     try:
         orientation = image.getexif().get(ExifTags.Base.Orientation, 1)
-    except Exception:  # noqa: BLE001  (some formats are decoded here, and decoders raise anything)
-        return  # damaged notes turn nothing; damaged pixels are found when they are decoded
+    except Exception:  # noqa: BLE001  (some formats are decoded here, and may raise anything)
+        return  # damaged EXIF data turns nothing; damaged pixels are found when they are decoded
     if orientation in range(2, 9):
         raise ImageError(
             f"the PIL image has EXIF orientation {orientation}, so viewers and models see it turned"

@@ -1,7 +1,7 @@
-"""Names of applications: their one spelling here, and which mean the same or a kind.
+"""Names of applications: one spelling for each, and which names mean the same program or a kind.
 
-Sources write `"Google Chrome"`, `"chromium"` and `"google-chrome"` for what the paper's list calls
-`chrome`. Whatever compares applications does it by these names.
+Sources write `"Google Chrome"`, `"chromium"` and `"google-chrome"` for the program that the paper's
+list calls `chrome`. All comparisons of applications use these normalised names.
 """
 
 from collections.abc import Iterable, Mapping
@@ -34,7 +34,7 @@ ALIASES = {
     "files": "file_manager",
     "mozilla_thunderbird": "thunderbird",
 }
-# A kind of application by the name that means any of it; sources often give no more than that.
+# Kinds of applications, by the generic name; sources often name only the kind.
 KINDS: Mapping[str, frozenset[str]] = {
     "browser": frozenset({"chrome", "firefox", "edge", "safari", "opera", "brave", "vivaldi"}),
     "libreoffice": frozenset({"libreoffice_calc", "libreoffice_impress", "libreoffice_writer"}),
@@ -42,7 +42,8 @@ KINDS: Mapping[str, frozenset[str]] = {
     "file_manager": frozenset({"thunar", "nautilus", "dolphin", "finder", "explorer"}),
     "text_editor": frozenset({"mousepad", "gedit", "notepad", "textedit", "kate"}),
 }
-# What sources write in a field of applications, or as a domain, and is none.
+# Words that sources write in a field for applications, or as a domain, and that name no
+# application.
 NONE = frozenset(
     {"", "os", "desktop", "system", "multi_apps", "multiapps", "multi_app", "base_setup"}
 )
@@ -74,7 +75,7 @@ def normalize_app(name: str) -> str:
 def names_of(apps: Iterable[str], domain: str = "") -> frozenset[str]:
     """Return the applications that a recording names, normalised.
 
-    Its domain counts where it is an application (`"gimp"`), not where it is a subject (`"travel"`).
+    The domain counts if it is an application (`"gimp"`), not if it is a subject (`"travel"`).
     """
     named = {normalize_app(app) for app in apps} - NONE
     said = normalize_app(domain)
@@ -82,7 +83,7 @@ def names_of(apps: Iterable[str], domain: str = "") -> frozenset[str]:
 
 
 def is_browser(name: str) -> bool:
-    """Return whether a normalised name is that of a web browser, or of any of them."""
+    """Return whether a normalised name is that of a web browser, or the generic name."""
     return name == "browser" or name in KINDS["browser"]
 
 
@@ -91,7 +92,7 @@ def may_be_same(one: str, other: str) -> bool:
 
     They do if they are equal, or one is the kind of the other.
 
-    Two browsers count as the same: to the eye, a window of one is a window of the other.
+    Two browsers count as the same, because their windows look alike.
     """
     if one == other or (is_browser(one) and is_browser(other)):
         return True

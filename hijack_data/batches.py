@@ -26,7 +26,7 @@ class Corrupted:
 
     Args:
         image: the pictures, of the input's kind; a list when their sizes differ.
-        plans: what was done, one plan a picture.
+        plans: what was done, one plan per picture.
         boxes: int32 `[N_i, 4]` for each picture, `xyxy` in pixels of the corrupted picture.
         targets: for each picture a box in pixels of the corrupted picture, or `None`.
         safety: what the corruption did to the labels of each picture.
@@ -41,7 +41,7 @@ class Corrupted:
 
 @dataclass(frozen=True, kw_only=True)
 class _Labels:
-    """What is known of one picture."""
+    """The labels of one picture."""
 
     key: int | str
     step: int
@@ -64,9 +64,9 @@ def corrupt_batch(
 ) -> Corrupted:
     """Corrupt a batch with any planner; see `Augmentation.__call__` for the arguments.
 
-    Passes on `ParameterError` (a list has not one entry a picture, an id appears twice, or a value
-    is out of range), `ParameterTypeError` (an argument is of another kind) and `ImageTypeError`
-    (the pictures are of a kind that cannot be corrupted).
+    Passes on `ParameterError` (a list does not have one entry per picture, an id appears twice, or
+    a value is out of range), `ParameterTypeError` (an argument has the wrong type) and
+    `ImageTypeError` (the pictures are of a kind that cannot be corrupted).
     """
     images = [_pixels(image) for image in _pictures(batch)]
     count = len(images)
@@ -112,7 +112,7 @@ def corrupt_batch(
 
 
 def moved_target(plan: Plan, target: Box | None) -> Box | None:
-    """Return where a box on the screen, or none, lies on the corrupted picture."""
+    """Return a target box mapped to the corrupted picture; `None` stays `None`."""
     if target is None:
         return None
     x1, y1, x2, y2 = plan.coords.boxes_to_observation(as_boxes([target]))[0].tolist()
@@ -124,7 +124,7 @@ def check_ids(ids: object, count: int) -> None:
 
     Raises:
         ParameterTypeError: `ids` is not a list of integers and strings.
-        ParameterError: too many or too few, or one appears twice.
+        ParameterError: there are too many or too few ids, or one appears twice.
     """
     if not _is_list(ids):
         raise ParameterTypeError(
@@ -151,12 +151,12 @@ def _labels(
     steps: Sequence[int] | None,
 ) -> list[_Labels]:
     count = len(sizes)
-    per_box = [as_boxes(value) for value in _one_each(boxes, count, "boxes")]
-    aims = zip(_one_each(targets, count, "targets"), sizes, strict=True)
+    per_box = [as_boxes(value) for value in _one_per_picture(boxes, count, "boxes")]
+    aims = zip(_one_per_picture(targets, count, "targets"), sizes, strict=True)
     per_target = [as_target(value, size) for value, size in aims]
-    stops = zip(_one_each(ends, count, "ends"), sizes, strict=True)
+    stops = zip(_one_per_picture(ends, count, "ends"), sizes, strict=True)
     per_end = [as_target(value, size) for value, size in stops]
-    per_step = _one_each(steps, count, "steps")
+    per_step = _one_per_picture(steps, count, "steps")
     keys = list(ids)
     return [
         _Labels(
@@ -189,7 +189,7 @@ def _id_text(value: Any) -> str:
         raise ParameterTypeError(f"ids must hold integers or strings, got a {found}") from None
 
 
-def _one_each(
+def _one_per_picture(
     values: Sequence[Any] | None,
     count: int,
     what: str,
@@ -209,10 +209,10 @@ def _one_each(
 
 
 def _pixels(image: Any) -> Any:
-    """Return a picture of Pillow as an array, any other as it is.
+    """Return a PIL image as an array, any other picture unchanged.
 
     Raises:
-        ImageTypeError: the pictures are of a kind that cannot be corrupted.
+        ImageTypeError: pictures of this kind cannot be corrupted.
     """
     if "Tracer" in type(image).__name__:
         raise ImageTypeError(

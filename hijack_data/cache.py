@@ -1,4 +1,4 @@
-"""A cache that is bounded in bytes and may be shared by threads."""
+"""A cache that is bounded in bytes and safe to share among threads."""
 
 import os
 from collections import OrderedDict
@@ -8,7 +8,7 @@ from weakref import WeakSet
 
 
 class Cache:
-    """Values by key, least recently used first out: at most `limit` bytes, but always the last."""
+    """An LRU cache of at most `limit` bytes that always keeps the last value, whatever its size."""
 
     def __init__(self, limit: int) -> None:
         self.limit = limit
@@ -18,7 +18,7 @@ class Cache:
         _caches.add(self)
 
     def get(self, key: Any) -> Any:
-        """Return the value, or `None`."""
+        """Return the value of a key, or `None` if it is not cached."""
         with self.lock:
             if key not in self.items:
                 return None
@@ -31,7 +31,7 @@ class Cache:
         value: Any,
         nbytes: int,
     ) -> None:
-        """Keep a value that takes `nbytes`."""
+        """Cache a value that takes `nbytes`, and drop the least recently used ones."""
         with self.lock:
             _, replaced = self.items.pop(key, (None, 0))
             self.used += nbytes - replaced
@@ -45,7 +45,7 @@ _caches: WeakSet[Cache] = WeakSet()
 
 
 def _renew_locks() -> None:
-    """In a forked child: a thread that held a lock at the fork is not there to release it."""
+    """Replace all locks in a forked child, where a thread that held one no longer exists."""
     for cache in _caches:
         cache.lock = Lock()
 

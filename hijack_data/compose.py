@@ -19,7 +19,7 @@ __all__ = ["Augmentation", "Corrupted", "OneOf", "Schedule", "Sequence", "probab
 
 
 class Augmentation(Planner):
-    """Base of the combinators: subclasses implement `plan`; calling one corrupts a batch."""
+    """Base class of the combinators: subclasses implement `plan`, and a call corrupts a batch."""
 
     def chosen(
         self,
@@ -29,9 +29,9 @@ class Augmentation(Planner):
         step: int | None = None,
         epoch: int = 0,
     ) -> "tuple[Planner, Branch] | None":
-        """Return the one part that plans for a sample, and its key.
+        """Return the only part that plans for a sample, and its random key.
 
-        `None` if no part does, or more than one.
+        Returns `None` if no part plans for the sample, or several do.
         """
         return None
 
@@ -47,16 +47,16 @@ class Augmentation(Planner):
         epoch: int = 0,
         steps: SequenceOf[int] | None = None,
     ) -> Corrupted:
-        """Corrupt a batch; a sample's id, the seed and the epoch alone decide what happens to it.
+        """Corrupt a batch; only its id, the seed and the epoch decide what happens to a sample.
 
         Args:
             batch: NumPy or JAX `[B, H, W, 3]`, torch `[B, 3, H, W]`, or a list of pictures, also of
                 Pillow; uint8 RGB.
-            ids: one id a picture, each different.
+            ids: one id per picture, each different.
             boxes: for each picture, `[N_i, 4]` boxes of its elements (`xyxy`), or `None`.
             targets: for each picture, the point or box that its label aims at, or `None`.
-            ends: for each picture, where the drag from its target ends, or `None`: `safety` then
-                judges both ends, and the lesser share counts.
+            ends: for each picture, where the drag from its target ends, or `None`; for a drag,
+                `safety` judges both ends and counts the lesser visible share.
             seed: 0 to 2**64 - 1.
             epoch: another epoch gives other plans.
             steps: for each picture, its step in the trajectory; 0 by default.
@@ -79,13 +79,13 @@ class OneOf(Augmentation):
 
     Args:
         options: corruptions or other combinators; each draws from a stream of its own.
-        p_clean: probability that a sample stays clean, 0..1; that of a combinator inside another
-            applies to the samples that reach it.
+        p_clean: probability that a sample stays clean, 0..1; in a nested combinator, it applies to
+            the samples that reach that combinator.
         weights: relative weights of the options, finite and >= 0; equal by default.
 
     Raises:
-        ParameterError: no options, or a number out of its range.
-        ParameterTypeError: an option that is no planner, or something that is no number.
+        ParameterError: there are no options, or a number is out of range.
+        ParameterTypeError: an option is not a planner, or `p_clean` or a weight is not a number.
     """
 
     def __init__(
@@ -121,7 +121,7 @@ class OneOf(Augmentation):
         step: int | None = None,
         epoch: int = 0,
     ) -> Plan:
-        """Draw whether and which, then plan it; see `Planner.plan`."""
+        """Draw whether to corrupt and with which option, then plan it; see `Planner.plan`."""
         found = self.chosen(
             seed=seed,
             sample=sample,
@@ -147,7 +147,7 @@ class OneOf(Augmentation):
         step: int | None = None,
         epoch: int = 0,
     ) -> tuple[Planner, Branch] | None:
-        """Draw whether a sample is corrupted, and by which option: that and its key, or `None`."""
+        """Draw whether to corrupt a sample; return the drawn option and its key, or `None`."""
         stream = Stream(seed, "one_of-v2", sample, step or 0, epoch)
         if stream.random() < self.p_clean:
             return None
@@ -169,15 +169,15 @@ class OneOf(Augmentation):
 class Sequence(Augmentation):
     """Several corruptions of one picture, one after the other.
 
-    Each sees the screen as the ones before left it, and draws from a stream of its own, also where
-    one corruption stands in it twice.
+    Each part sees the screen as the parts before left it, and draws from its own stream, even if
+    the same corruption occurs twice.
 
     Args:
         parts: corruptions or other combinators, in their order.
 
     Raises:
-        ParameterError: no parts.
-        ParameterTypeError: a part that is no planner.
+        ParameterError: there are no parts.
+        ParameterTypeError: a part is not a planner.
     """
 
     def __init__(self, parts: Iterable[Planner]) -> None:
@@ -234,13 +234,14 @@ class Sequence(Augmentation):
 class Schedule(Augmentation):
     """A corruption that changes with the epoch, such as a rising severity.
 
-    Datasets and live episodes are of epoch 0: `parts`, and what follows from them, are those of it.
+    Datasets and live episodes use epoch 0, and `parts` and the properties based on it are those of
+    epoch 0.
 
     Args:
-        at: called with the epoch (an integer >= 0), returns what to use then.
+        at: called with the epoch (an integer >= 0), returns the planner for that epoch.
 
     Raises:
-        ParameterTypeError: `at` cannot be called, or returns no corruption.
+        ParameterTypeError: `at` is not callable, or returns something else than a planner.
     """
 
     def __init__(self, at: Callable[[int], Planner]) -> None:
@@ -252,12 +253,12 @@ class Schedule(Augmentation):
 
     @property
     def parts(self) -> tuple[Planner, ...]:
-        """What plans in epoch 0."""
+        """The planner of epoch 0."""
         return (self._at(0),)
 
     @property
     def needs_elements(self) -> bool:
-        """Always true: another epoch may need them."""
+        """Always true, because the planner of another epoch may need elements."""
         return True
 
     def plan(
@@ -269,7 +270,7 @@ class Schedule(Augmentation):
         step: int | None = None,
         epoch: int = 0,
     ) -> Plan:
-        """Plan with what the schedule gives for `epoch`; see `Planner.plan`."""
+        """Plan with the planner for `epoch`; see `Planner.plan`."""
         planner, own = self.chosen(
             seed=seed,
             sample=sample,
@@ -292,7 +293,7 @@ class Schedule(Augmentation):
         step: int | None = None,
         epoch: int = 0,
     ) -> tuple[Planner, Branch]:
-        """Return what the schedule gives for `epoch`, and its key."""
+        """Return the planner for `epoch`, and its key."""
         return self._at(epoch), branch(sample, 0)
 
     def _at(self, epoch: int) -> Planner:
@@ -304,10 +305,10 @@ class Schedule(Augmentation):
 def sometimes(planner: Planner, p: float) -> Planner:
     """Return a planner that acts with probability `p`, 0..1.
 
-    Passes on `ParameterError` (`p` is out of its range).
+    Passes on `ParameterError` (`p` is out of range).
 
     Raises:
-        ParameterTypeError: `p` is no number, or `planner` plans nothing.
+        ParameterTypeError: `p` is not a number, or `planner` plans nothing.
     """
     if isinstance(p, list | tuple):
         raise ParameterTypeError(
@@ -323,8 +324,8 @@ def probability(value: object, what: str) -> float:
     """Return a number in 0..1.
 
     Raises:
-        ParameterError: another number.
-        ParameterTypeError: no number.
+        ParameterError: the number is outside 0..1.
+        ParameterTypeError: the value is not a number.
     """
     if isinstance(value, bool) or not isinstance(value, Real):
         raise ParameterTypeError(f"{what} must be a number in 0..1, got {value!r}")
@@ -346,11 +347,11 @@ def _planners(values: Iterable[Planner], who: str) -> tuple[Planner, ...]:
 
 
 def _weights(values: object, count: int) -> tuple[float, ...]:
-    """Return one weight an option.
+    """Return one weight for each option.
 
     Raises:
         ParameterError: a value is out of its range; the message names it.
-        ParameterTypeError: an argument is of another kind.
+        ParameterTypeError: `values` is not a list of numbers.
     """
     wanted = f"OneOf: weights must be {count} numbers >= 0, finite and not all 0, got {values!r}"
     if isinstance(values, str | bytes) or not hasattr(values, "__len__"):

@@ -1,7 +1,7 @@
-"""What an effect on the machine looks like on one screenshot, put together from recorded pictures.
+"""Show an effect on the machine in a single screenshot, composed from recorded pictures.
 
-How that is done belongs to `pipelines`, which plans it for datasets; it is called by name, and
-imported on first use.
+The composing is done by `pipelines`, which also does it for datasets; its function is named as text
+and imported on first use.
 """
 
 import importlib
@@ -13,17 +13,17 @@ from .plan import Paste, Plan
 from .planner import Planner
 from .types import Fidelity, Scene, UInt8Array
 
-# Where it lives: a function with the arguments of `composite`.
+# The function of `pipelines` that does it, with the same arguments as `composite`.
 MAKER = "pipelines.edits.single:composite"
 
 
 @dataclass(frozen=True)
 class Composite:
-    """An effect as a picture.
+    """An effect shown as a picture.
 
     Args:
         plan: the plan of the effect with the operations that show it.
-        fidelity: how true the picture is, see docs/composites.md.
+        fidelity: how realistic the picture is, see docs/composites.md.
         event: what happened, one plain sentence.
     """
 
@@ -40,10 +40,10 @@ def composite(
     seed: int = 0,
     sample: int | str = 0,
 ) -> Composite:
-    """Show the effects of a plan on a screenshot, whatever desktop it is of.
+    """Show the effects of a plan on a screenshot of any desktop.
 
-    Nothing is known of a single screenshot but what `scene` says: where it names no applications,
-    the effect is shown as one of an application for which it can be.
+    Only `scene` describes a single screenshot: if it names no applications, the effect is shown for
+    any application for which recorded pictures exist.
 
     Passes on `HijackError` (the effect cannot be shown on this screenshot; the message says why).
 
@@ -60,15 +60,15 @@ def composite(
 
 
 def is_bare(plan: Plan) -> bool:
-    """Return whether a plan acts on a machine, and shows nothing of it on a picture yet."""
+    """Return whether a plan has effects on a machine, and no operations that show them."""
     return bool(plan.effects) and not any(
         isinstance(op, Paste) and op.sprite.get("draw") == "asset" for op in plan.ops
     )
 
 
 def uses_elements(planner: Planner) -> bool:
-    """Return whether what a planner shows on a picture may depend on the elements.
+    """Return whether the pictures that a planner makes may depend on the elements.
 
-    Composites included: they show effects where elements leave room for them.
+    This includes composites, which place effects where the elements leave room.
     """
     return planner.needs_elements or bool(planner.effects)

@@ -1,9 +1,9 @@
-"""Coordinates of what the agent sees and of the real screen, and the maps between them.
+"""Map coordinates between the picture that the agent sees and the real screen.
 
-The *observation* is the picture that the agent is given, the *screen* what the desktop really
-shows. A whole number names a pixel, and its centre is what scales (`actions.scaling` has the rule);
-results are clamped to the target. A pixel of the screen that is mapped to the observation and back
-moves by half a pixel of the observation at most.
+The *observation* is the picture that the agent is given; the *screen* is what the desktop really
+shows. A whole number names a pixel, and the centre of the pixel is scaled (see `actions.scaling`
+for the rule); results are clamped to the target. A pixel of the screen that is mapped to the
+observation and back moves by half a pixel of the observation at most.
 """
 
 from dataclasses import dataclass, replace
@@ -43,7 +43,7 @@ class CoordMap:
 
     @classmethod
     def identity(cls, size: Size) -> "CoordMap":
-        """The map of a picture that was not resized."""
+        """Return the map of a picture that was not resized."""
         return cls(size, size)
 
     @classmethod
@@ -58,18 +58,18 @@ class CoordMap:
 
     @property
     def is_identity(self) -> bool:
-        """Whether observation and screen are of one size."""
+        """Whether observation and screen have the same size."""
         return self.observation == self.screen
 
     def inverse(self) -> "CoordMap":
-        """The map the other way round."""
+        """Return the inverse map."""
         return CoordMap(self.screen, self.observation)
 
     def then(self, other: "CoordMap") -> "CoordMap":
         """Compose: this map first, then `other`, as one map with one rounding.
 
         Raises:
-            ParameterError: `other` does not start where this map ends.
+            ParameterError: the observation of `other` does not have the size of this map's screen.
         """
         if self.screen != other.observation:
             first = f"the first ends at (height, width) = {self.screen}"
@@ -86,8 +86,8 @@ class CoordMap:
         """Map points `[..., 2]` of x, y from the observation to the screen.
 
         A tuple or list of two numbers gives a tuple of two ints, anything else an int32 array of
-        the same shape. Results lie in 0..width-1 and 0..height-1. Raises `ActionError` for what is
-        not finite numbers in pairs.
+        the same shape. Results lie in 0..width-1 and 0..height-1. Raises `ActionError` unless the
+        points are pairs of finite numbers.
         """
         return _points(points, self._forward)
 
@@ -102,9 +102,8 @@ class CoordMap:
     def boxes_to_screen(self, boxes: BoxesLike) -> BoxArray:
         """Map boxes `[N, 4]` (xyxy) to int32 boxes of whole pixels.
 
-        They are clipped to 0..width and 0..height. A box of which anything shows in the observation
-        keeps at least one pixel, and every pixel in it maps into the mapped box. Raises
-        `ParameterError`.
+        They are clipped to 0..width and 0..height. A box that overlaps the observation keeps at
+        least one pixel, and every pixel in it maps into the mapped box. Raises `ParameterError`.
         """
         return self._forward.boxes(as_boxes(boxes))
 
@@ -115,7 +114,7 @@ class CoordMap:
     def vector_to_screen(self, dx: float, dy: float) -> tuple[int, int]:
         """Map a relative offset: scaled, rounded (halves away from zero), never clamped.
 
-        Raises `ActionError` for what is not a finite number.
+        Raises `ActionError` for a number that is not finite.
         """
         return _vector(dx, dy, self._forward)
 
@@ -148,7 +147,7 @@ class CoordMap:
         return code if self.is_identity else map_code(code, scaling, size)
 
     def action_to_screen(self, action: Action) -> Action:
-        """Map the points of an `Action`; text, keys and amounts stay."""
+        """Map the points of an `Action`; text, keys and amounts stay unchanged."""
         return _action(action, self._forward)
 
     def action_to_observation(self, action: Action) -> Action:
@@ -189,7 +188,7 @@ class CoordMap:
         """Read what `to_json` wrote.
 
         Raises:
-            PlanError: it is damaged.
+            PlanError: the data are damaged.
         """
         sizes = cast("dict[str, Any]", data) if isinstance(data, dict) else {}
         if set(sizes) != {"observation", "screen"} or not all(_is_size(s) for s in sizes.values()):
@@ -208,8 +207,8 @@ class CoordMap:
         return _scaling(self.screen, self.observation)
 
 
-# `actions` is imported when something is mapped: a plan has a `CoordMap`, and whoever only draws
-# plans does not wait for the parsers of all dialects.
+# `actions` is imported on first use: every plan has a `CoordMap`, and a program that only draws
+# plans should not wait for the parsers of all dialects.
 
 
 def _scaling(source: Size, target: Size) -> "Scaling":

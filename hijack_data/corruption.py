@@ -39,7 +39,7 @@ CHOICES = {"category": get_args(Category), "scope": get_args(Scope)}
 
 @dataclass(frozen=True)
 class Draft:
-    """What `make_plan` returns.
+    """The result of `make_plan`.
 
     Args:
         ops: operations on the picture, in their order.
@@ -57,10 +57,10 @@ class Corruption(Planner):
     """Base class of all corruptions.
 
     Subclasses set `name`, `category` and `scope`, declare their fields with `param(...)` and
-    implement `make_plan`. Those of scope `state` and `transition` name in `effects` the kinds of
-    effects that their plans may hold, and in `pictures` the kinds of recorded pictures that show
-    them in a dataset. `severities` holds five sets of field values; the third is
-    empty, because level 3 is the paper's default.
+    implement `make_plan`. Corruptions of scope `state` and `transition` name in `effects` the kinds
+    of effects that their plans may hold, and in `pictures` the kinds of recorded pictures that show
+    those effects in a dataset. `severities` holds five sets of field values; the third is empty,
+    because level 3 is the paper's default.
     """
 
     name: ClassVar[str] = ""
@@ -110,17 +110,17 @@ class Corruption(Planner):
         stream: Stream,
         step: int,
     ) -> Draft:
-        """Decide what to do to `scene`. Each corruption overrides it.
+        """Decide what to do to `scene`; each corruption overrides this method.
 
         Passes on `ParameterError` (the screen cannot hold what the parameters ask for).
 
         Args:
-            scene: the screen; it is only read.
-            stream: where every random draw comes from.
-            step: the step, one at which the corruption acts.
+            scene: the screen, which must not be changed.
+            stream: the source of every random draw.
+            step: a step at which the corruption acts.
 
         Raises:
-            TypeError: the class does not override it.
+            TypeError: the class does not override this method.
         """
         raise TypeError(
             f"{type(self).__name__} must define make_plan(self, scene, stream, step) -> Draft"
@@ -150,9 +150,9 @@ class Corruption(Planner):
 
         Raises:
             ParameterTypeError: `scene` is no `Scene`.
-            PlanningError: `make_plan` raised something that is no error of ours, its
+            PlanningError: `make_plan` raised an exception that is not a `HijackError`; it is the
                 cause.
-            HijackError: it cannot be planned.
+            HijackError: the screen cannot be corrupted as asked.
         """
         if not isinstance(cast(object, scene), Scene):
             raise ParameterTypeError(
@@ -196,8 +196,8 @@ class Corruption(Planner):
     def replace(self, **changes: Any) -> "Corruption":
         """Return a copy with some parameters changed.
 
-        Passes on `UnknownNameError` (a name that is no parameter) and `ParameterError` (a value
-        that the parameter does not accept).
+        Passes on `UnknownNameError` (a name is not a parameter) and `ParameterError` (a parameter
+        does not accept its value).
         """
         check_names(type(self), changes)
         return dataclasses.replace(self, **changes)
@@ -206,16 +206,15 @@ class Corruption(Planner):
     def at(cls: "type[C]", severity: int, **changes: Any) -> "C":
         """Return the corruption at a severity, with some parameters changed.
 
-        Passes on `UnknownNameError` (a name that is no parameter).
+        Passes on `UnknownNameError` (a name that is not a parameter).
 
         Args:
             severity: 1 (mild) to 5 (harsh); level 3 is the paper's default.
-            **changes: parameters, which go before those of the level.
+            **changes: parameters, which override those of the level.
 
         Raises:
-            ParameterTypeError: `severity` is no integer.
-            ParameterError: `severity` is out of range, or the corruption has no
-                levels.
+            ParameterTypeError: `severity` is not an integer.
+            ParameterError: `severity` is out of range, or the corruption has no severity levels.
         """
         if isinstance(severity, bool) or not hasattr(severity, "__index__"):
             raise ParameterTypeError(f"severity must be an integer in 1..5, got {severity!r}")
@@ -243,30 +242,30 @@ C = TypeVar("C", bound=Corruption)
 def _problems(cls: type[Any], _: str) -> Iterator[str]:
     """Yield what is wrong with the declaration of a class."""
     if not isinstance(cast(object, cls), type):
-        yield "it is no class"
+        yield "it is not a class"
         return
     for key in ("name", "category", "scope"):
         if not getattr(cls, key, ""):
             yield f"{key} is not set"
     if not issubclass(cls, Corruption):
-        yield "it is no subclass of hijack_data.Corruption"
+        yield "it is not a subclass of hijack_data.Corruption"
         return
     if "__dataclass_fields__" not in vars(cls) or "make_plan" not in vars(cls):
         yield "it must be a frozen dataclass that defines make_plan"
     about = (cls.__doc__ or "").strip()
     documented = about and not about.startswith(f"{cls.__name__}(")
-    if not documented and sys.flags.optimize < 2:  # python -OO takes the docstrings away
+    if not documented and sys.flags.optimize < 2:  # python -OO removes docstrings
         yield "it has no docstring"
     yield from declaration.problems(cls, Corruption, CHOICES)
 
 
 def register(cls: type[C]) -> type[C]:
-    """Class decorator: make a corruption known under its name and under `name-vN`.
+    """Class decorator: register a corruption under its name and under `name-vN`.
 
     Raises:
-        ParameterError: the class is incomplete, declares something that does not exist or would be
-            lost, or the name is taken; the message has all that is wrong.
-        ParameterTypeError: it is no class.
+        ParameterError: the class is incomplete, declares something unknown or something that plans
+            would not keep, or its name is taken; the message lists every problem.
+        ParameterTypeError: the decorated object is not a class.
     """
     if not isinstance(cast(object, cls), type):
         raise ParameterTypeError(f"register decorates a class of a corruption, got {shown(cls)}")
@@ -275,7 +274,7 @@ def register(cls: type[C]) -> type[C]:
 
 
 def _suggest_parameters(cls: type[Corruption]) -> type[Corruption]:
-    """Make `Marks(nmber=5)` an error that suggests `number`, as `get("marks", nmber=5)` is one."""
+    """Make `Marks(nmber=5)` raise an error that suggests `number`, as `get` does."""
     plain: Any = cls.__init__
     if hasattr(plain, "__wrapped__"):
         return cls  # it was registered before
@@ -290,9 +289,10 @@ def _suggest_parameters(cls: type[Corruption]) -> type[Corruption]:
 
 
 def check_usable(cls: type[Corruption]) -> None:
-    """Raise what a registered class of others raises where all corruptions are listed or made.
+    """Make and describe a class once, so that a broken plug-in cannot break later listings.
 
-    A default that its own check refuses, a value that is not JSON, a broken `__post_init__`.
+    It raises whatever the class raises: for a default that its own check refuses, a value that is
+    not JSON, or a broken `__post_init__`.
     """
     spec = cls()
     defaults = {key: p.to_json(default) for key, (_, default) in p.parameters(cls).items()}
@@ -314,7 +314,7 @@ CORRUPTIONS = Registry[type[Corruption]](
 
 
 def names() -> list[str]:
-    """Names of all corruptions: the paper's nine in its order, plug-ins by name, loaded files.
+    """Return the names of all corruptions: the paper's nine in order, plug-ins, loaded files.
 
     Raises:
         PluginError: a file of `AGENTHIJACK_LOAD` cannot be loaded.
@@ -326,9 +326,9 @@ def find(name: str) -> type[Corruption]:
     """Return the class registered as `name` or `name-vN`.
 
     Raises:
-        ParameterTypeError: the name is no string.
-        UnknownNameError: there is no such corruption, or it has another version here.
-        PluginError: a plug-in that should register it is broken.
+        ParameterTypeError: the name is not a string.
+        UnknownNameError: there is no such corruption, or the installed one has another version.
+        PluginError: the plug-in that should register it is broken.
     """
     if not isinstance(cast(object, name), str):
         raise ParameterTypeError(f"the name of a corruption must be a string, got {name!r}")
@@ -348,10 +348,10 @@ def find(name: str) -> type[Corruption]:
 
 
 def check_not_broken(name: str) -> None:
-    """Check that `name` is not that of a corruption whose plug-in was left out.
+    """Check that `name` does not belong to a plug-in that was left out because it is broken.
 
     Raises:
-        PluginError: it is; the message names the plug-in and its problem.
+        PluginError: it does; the message names the plug-in and its problem.
     """
     CORRUPTIONS.check_not_broken(name)
 
@@ -364,7 +364,7 @@ def get(name: str, **values: Any) -> Corruption:
 
 
 def from_plan(plan: Plan) -> Corruption:
-    """Return the corruption that made a plan (not a sequence), from its id and parameters."""
+    """Return the corruption that made a plan, from its id and parameters; not for a `Sequence`."""
     return get(plan.corruption, **plan.params)
 
 
@@ -372,7 +372,7 @@ def check_names(cls: type[Corruption], values: Mapping[str, Any]) -> None:
     """Raise `UnknownNameError` for the first key that is not a parameter of `cls`.
 
     Raises:
-        UnknownNameError: there is nothing of that name.
+        UnknownNameError: a key is not a parameter.
     """
     known = p.parameters(cls)
     for key in values:

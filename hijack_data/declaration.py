@@ -1,4 +1,4 @@
-"""What the class of a corruption must declare to be registered, and how to fix what is wrong."""
+"""Check the declarations of a corruption's class; each problem comes with its remedy."""
 
 import dataclasses
 import inspect
@@ -12,7 +12,8 @@ from .errors import suggest
 AllowedValues: TypeAlias = Mapping[str, Sequence[str]]
 
 NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
-# Words of the configuration and of the command line, and words that YAML reads as something else.
+# Words with a meaning in configurations or on the command line, and words that YAML does not read
+# as text.
 RESERVED_NAMES = frozenset(
     {
         *("all", "as", "clean", "none", "one_of", "schedule", "sequence", "severity"),
@@ -25,7 +26,7 @@ RESERVED_PARAMETERS = ("as", "severity")
 def problems(cls: type[Any], base: type[Any], choices: AllowedValues) -> Iterator[str]:
     """Yield what is wrong with the declaration of `cls`, a subclass of `base`.
 
-    `choices` gives the values that there are for class attributes, such as `scope`.
+    `choices` holds the allowed values of class attributes such as `scope`.
     """
     yield from name_problems(getattr(cls, "name", ""))
     for key, known in choices.items():
@@ -45,7 +46,7 @@ def problems(cls: type[Any], base: type[Any], choices: AllowedValues) -> Iterato
 def name_problems(name: object) -> Iterator[str]:
     """Yield what is wrong with the name of a corruption."""
     if not name:
-        return  # said already: it is not set
+        return  # reported elsewhere: the name is not set
     if not isinstance(name, str) or not NAME.fullmatch(name):
         yield (
             f"name {name!r} must be 1 to 64 lower-case letters, digits and '_', the first a "
@@ -82,7 +83,7 @@ def _fields(cls: type[Any], base: type[Any]) -> Iterator[str]:
     ours = {*public, "category", "scope"}
     for key in known:
         if key in ours:
-            yield f"{key!r} is a word that every corruption has, not a name for a parameter"
+            yield f"{key!r} is an attribute of every corruption, not a name for a parameter"
     fields = [field.name for field in dataclasses.fields(cls)]
     arguments = list(inspect.signature(cls).parameters)
     for key in dict.fromkeys([*fields, *arguments]):
@@ -115,6 +116,6 @@ def _severities(cls: type[Any]) -> Iterator[str]:
         for key in cast("Mapping[str, object]", level):
             if key not in known:
                 hint = suggest(key, known)
-                yield f"severities: level {number} sets {key!r}, which is no parameter{hint}"
+                yield f"severities: level {number} sets {key!r}, which is not a parameter{hint}"
     if levels and levels[2]:
         yield f"severities: level 3 is the paper's default and must be empty, not {levels[2]!r}"

@@ -79,15 +79,15 @@ class PluginError(HijackError, ImportError):
 
 
 class PluginWarning(UserWarning):
-    """A plug-in that cannot be loaded was left out; everything else goes on."""
+    """A plug-in that cannot be loaded was left out; everything else works."""
 
 
 class HijackWarning(RuntimeWarning):
-    """Something failed that the library does without: the results are the same, but slower."""
+    """An optional part failed and is not used: the results are the same, but take longer."""
 
 
 class CheckFailed(HijackError, AssertionError):
-    """A plug-in does not hold what conformance asks for; the message names the cause."""
+    """A plug-in fails a conformance check; the message names the probable cause."""
 
 
 class MissingDependencyError(HijackError, ImportError):
@@ -95,14 +95,14 @@ class MissingDependencyError(HijackError, ImportError):
 
 
 class StorageError(HijackError, OSError):
-    """A file that cannot be written since the disk is full or fails: what was asked for is fine."""
+    """A file that cannot be written because the disk is full or broken; the request is valid."""
 
 
 def shown(value: object) -> str:
     """Return a value as an error message shows it: its `repr`, cut to 80 letters."""
     try:
         text = repr(value)
-    except Exception as error:  # noqa: BLE001  (an integer of too many digits, a class of one's own)
+    except Exception as error:  # noqa: BLE001  (a `__repr__` may raise anything)
         return f"a {type(value).__name__} that cannot be shown ({type(error).__name__})"
     return text if len(text) <= 80 else f"{text[:80]}..."
 
@@ -118,7 +118,7 @@ def suggest(name: object, known: Iterable[str]) -> str:
 
 
 def some_of(options: Sequence[str], most: int = 20) -> str:
-    """Return options for a message: all of them, or the first `most` and how many more."""
+    """Return options for a message: all of them, or the first `most` and the number of others."""
     named = ", ".join(options[:most])
     left = len(options) - most
     return f"{named} and {left} more" if left > 0 else named

@@ -1,6 +1,6 @@
-"""The extras of the package: the modules that each brings, and the command that adds it.
+"""The extras of the package: the modules that each installs, and the command that adds it.
 
-Whatever needs an extra says so with the words made here: one remedy, printed everywhere.
+All messages about missing extras come from here, so that the remedy is the same everywhere.
 """
 
 import functools
@@ -16,10 +16,11 @@ from urllib.parse import unquote, urlsplit
 from .errors import MissingDependencyError
 
 DISTRIBUTION = "agenthijack"
-# Extras that no single use needs: everything at once, and what works on the library itself.
+# Extras for no single use: all of them at once, and the tools for developing the library.
 WIDE = frozenset({"all", "dev", "docs"})
-APART = ("agent-s", "cua", "verl")  # in environments of their own, since they pin what others need
-# Where the module of a distribution has another name.
+# For environments of their own, because they pin packages that other extras need.
+APART = ("agent-s", "cua", "verl")
+# Distributions whose module has another name.
 _MODULES = {
     "TransferQueue": "transfer_queue",
     "inspect-ai": "inspect_ai",
@@ -36,12 +37,12 @@ _REQUIREMENT = re.compile(r"""([A-Za-z0-9._-]+).*;\s*extra\s*==\s*["']([^"']+)["
 
 
 def remedy(*extras: str) -> str:
-    """Return the command that adds `extras` here, to a clone, a wheel or a release."""
+    """Return the command that adds `extras` to this installation: a clone, a wheel or a release."""
     return install_command(extras, _origin())
 
 
 def remedy_anywhere(*extras: str) -> str:
-    """Return the command that adds `extras`, for a release and in a clone, for other machines."""
+    """Return the commands that add `extras` on another machine, for a release and for a clone."""
     names = ",".join(extras)
     return f"pip install 'agenthijack[{names}]', or from a clone: pip install -e '.[{names}]'"
 
@@ -96,9 +97,9 @@ def require(
 ) -> None:
     """Check that none of `modules` is missing.
 
-    A missing one is a `MissingDependencyError`.
+    Raises `MissingDependencyError` if one is.
 
-    `what` needs them, and `extra` brings them.
+    `what` names the feature that needs them, `extra` the extra that installs them.
     """
     lost = lacking(modules)
     if lost:
@@ -110,7 +111,7 @@ def load(
     what: str,
     extra: str,
 ) -> Any:
-    """Import `module`, which `what` needs.
+    """Import and return `module`, which the feature `what` needs.
 
     If it is missing, the `MissingDependencyError` names `extra`.
     """
@@ -142,7 +143,7 @@ def extras() -> Mapping[str, tuple[str, ...]]:
 
 
 def extra_of(module: str) -> str | None:
-    """Return the first extra for users that brings a module, by its full name, or `None`."""
+    """Return the first extra for users that installs a module (full name), or `None`."""
     top = module.partition(".")[0]
     bringing = (name for name, modules in extras().items() if top in modules)
     return next((name for name in bringing if name not in WIDE), None)
@@ -151,5 +152,6 @@ def extra_of(module: str) -> str | None:
 def _found(module: str) -> bool:
     try:
         return importlib.util.find_spec(module) is not None
-    except (ImportError, ValueError):  # a module that was put there by hand may have no spec
+    # A module inserted into `sys.modules` by hand may have no spec.
+    except (ImportError, ValueError):
         return False

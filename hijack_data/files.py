@@ -42,8 +42,8 @@ def sha256_of(pixels: UInt8Array) -> str:
 def load_image(path: str | os.PathLike[str]) -> tuple[UInt8Array, tuple[str, ...]]:
     """Read a picture file as uint8 RGB `[H, W, 3]`, with notes on each conversion.
 
-    A picture with an EXIF orientation is turned upright, as viewers show it: people and detectors
-    describe what they saw.
+    A picture with an EXIF orientation is turned upright, as viewers show it, because labels by
+    people and detectors refer to that view.
 
     Raises:
         ImageError: the file is missing, empty, truncated, animated, 16-bit, too large or not a
@@ -74,9 +74,8 @@ def decode_image(
     Args:
         data: the bytes of the file.
         name: the name of the picture in error messages and notes.
-        upright: turn a picture with an EXIF orientation upright. Otherwise it is refused:
-            coordinates recorded with it may refer to the picture as stored or as shown, and
-            nothing tells which.
+        upright: turn a picture with an EXIF orientation upright. Otherwise it is refused, because
+            it is unknown whether recorded coordinates refer to the picture as stored or as shown.
 
     Raises:
         ImageError: the picture is empty, truncated, animated, 16-bit, too large, turned by its
@@ -88,13 +87,14 @@ def decode_image(
         raise ImageError(f"{name}: 16 bits a channel; save it as an 8-bit PNG")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # Pillow's bomb warning comes before our own limit
+            # Pillow's warning about decompression bombs comes before our own limit.
+            warnings.simplefilter("ignore")
             return _decoded(data, name, upright)
     except Image.DecompressionBombError:
         raise ImageError(f"{name}: more than {PICTURE_PIXELS} pixels") from None
     except UnidentifiedImageError:
         raise ImageError(f"{name}: not a {'/'.join(FORMATS)} picture") from None
-    except Exception as error:  # Pillow raises anything for damaged bytes
+    except Exception as error:  # Pillow may raise any exception for damaged bytes
         if isinstance(error, HijackError | MemoryError):
             raise
         raise ImageError(f"{name}: damaged or cut off ({error})") from error
@@ -120,13 +120,13 @@ def _turned(
     name: str,
     upright: bool,
 ) -> tuple[str, ...]:
-    # A note on a picture that its EXIF orientation turns; an error unless it may be turned back.
+    # Returns a note on a picture with an EXIF orientation; raises unless it may be turned upright.
     orientation = image.getexif().get(ExifTags.Base.Orientation, 1)
     if orientation not in range(2, 9):
         return ()
     if upright:
         return (f"{name}: turned upright (EXIF orientation {orientation})",)
-    unknown = "turns it, so it is unclear to which side up its coordinates refer"
+    unknown = "turns it, and its coordinates may refer to the stored or to the turned picture"
     advice = "save it upright, without that tag"
     raise ImageError(f"{name}: its EXIF orientation {orientation} {unknown}; {advice}")
 
@@ -167,16 +167,16 @@ def read_versioned_json(
 ) -> dict[str, Any]:
     """Read a JSON file whose fields `format` and `version` name its layout.
 
-    Raises an `error` if the file is missing, unreadable, not JSON, of another format, or of a
-    version that is not 1 to `version`.
+    Raises `error` if the file is missing, unreadable, not JSON, has another format, or a version
+    outside 1 to `version`.
 
     Args:
         path: the file.
-        format: the value that its field `format` must have.
-        version: the newest version that the caller can read; the file has 1 to this one.
-        what: what the file should be, for the message, such as `"the manifest of a dataset"`.
+        format: the required value of the field `format`.
+        version: the newest version that the caller can read; 1 to this one are accepted.
+        what: a description of the file for messages, such as `"the manifest of a dataset"`.
         error: the class of the errors raised.
-        missing: the whole message for a file that is not there, in place of the usual one.
+        missing: the whole message for a missing file, instead of the usual one.
 
     Returns:
         The object, as read; only the two fields are checked.
@@ -213,8 +213,8 @@ def check_versioned(
     The arguments are those of `read_versioned_json`; `where` begins the messages.
 
     Raises:
-        HijackError: an `error`, if the data are not an object, of another format, or of a version
-            that is not 1 to `version`.
+        HijackError: of the class `error`, if the data are not an object, have another format, or a
+            version outside 1 to `version`.
     """
     found = cast("dict[str, Any]", data) if isinstance(data, dict) else {}
     if found.get("format") != format:
@@ -237,18 +237,18 @@ def unwritable(path: str | os.PathLike[str], error: OSError) -> HijackError:
     """Return the error to raise for a file that cannot be written.
 
     It is a `StorageError` if the disk is full, over its quota or broken, and a plain `HijackError`
-    if another path is the remedy.
+    if the path is the problem.
     """
     kind = StorageError if error.errno in _STORAGE else HijackError
     return kind(f"{path}: cannot be written ({error.strerror or error})")
 
 
 def open_regular(path: Path) -> BinaryIO:
-    """Open a file that somebody else made, for reading.
+    """Open an untrusted file for reading.
 
     Raises:
-        OSError: it cannot be opened, or it is a pipe or a device, whose reading might never end.
-        IsADirectoryError: it is a folder.
+        OSError: the file cannot be opened, or is a pipe or a device, reading which might never end.
+        IsADirectoryError: the path is a folder.
     """
     flags = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0)
     handle = os.open(path, flags)
@@ -262,13 +262,13 @@ def open_regular(path: Path) -> BinaryIO:
 
 
 def read_regular(path: Path) -> bytes:
-    """Return the content of a file that somebody else made; the errors are `open_regular`'s."""
+    """Return the content of an untrusted file; raises what `open_regular` raises."""
     with open_regular(path) as file:
         return file.read()
 
 
 def write_atomic(path: str | os.PathLike[str], data: bytes | str) -> None:
-    """Write a file whole or not at all: into a temporary file beside it, then by rename.
+    """Write a file whole or not at all: into a temporary file next to it, which is then renamed.
 
     Text is written as UTF-8. The errors are those of `replace_atomic`.
 
@@ -283,19 +283,19 @@ def write_atomic(path: str | os.PathLike[str], data: bytes | str) -> None:
 
 
 def replace_atomic(path: str | os.PathLike[str], write: Callable[[Path], object]) -> None:
-    """Call `write` with a temporary path beside `path`, then rename that file to `path`.
+    """Call `write` with a temporary path next to `path`, then rename that file to `path`.
 
-    If anything fails, the temporary file is removed and `path` is as it was. The content is on the
-    disk before the file has its name, and the name before this function returns: a machine that
-    loses its power finds the old file or the new one, whole. The permissions are those of a new
-    file under the process's umask. A device or a pipe, such as `/dev/null`, is written to and never
-    replaced.
+    If anything fails, the temporary file is removed and `path` is unchanged. The content is on the
+    disk before the file gets its name, and the name is on the disk before this function returns:
+    after a power failure, the file is either the old or the new one, and whole. The permissions are
+    those of a new file under the process's umask. A device or a pipe, such as `/dev/null`, is
+    written to and never replaced.
 
     Raises:
         ParameterTypeError: `path` is not a path.
-        HijackError: the folder is missing or read-only, or the name is impossible, or it is a name
-            in `/dev` or `/proc` for a file that is open. It is a `StorageError` if the disk is
-            full or broken. Any other error of `write` goes on.
+        HijackError: the folder is missing or read-only, the name is impossible, or it is a name in
+            `/dev` or `/proc` for a file that is open; a `StorageError` if the disk is full or
+            broken. Other errors of `write` are passed on.
     """
     try:
         target = Path(path)
@@ -323,7 +323,7 @@ def replace_atomic(path: str | os.PathLike[str], write: Callable[[Path], object]
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
-    with suppress(OSError):  # not every system can do this with a folder
+    with suppress(OSError):  # not every system can flush a folder
         _to_disk(target.parent, os.O_RDONLY)
 
 
@@ -331,14 +331,14 @@ def _is_device(target: Path) -> bool:
     """Return whether a path names a device, a pipe or a socket.
 
     Raises:
-        HijackError: it is another name for a file that a process has open, as `/dev/stdout` is:
-            a rename would replace that name for the whole machine.
+        HijackError: the path is another name for a file that a process has open, such as
+            `/dev/stdout`; a rename would replace that name for the whole machine.
     """
     try:
         mode = target.stat().st_mode
         folder = target.parent.resolve()
     except (OSError, ValueError, RuntimeError):
-        return False  # not there, or no name: writing says so
+        return False  # missing or not a valid name: writing will raise
     if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
         return True
     if target.is_symlink() and folder.parts[1:2] in (("dev",), ("proc",)):

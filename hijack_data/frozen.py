@@ -1,7 +1,7 @@
-"""JSON data that cannot be changed, for what a digest is made from.
+"""Immutable JSON data, for values from which a digest is computed.
 
-Frozen mappings and lists are `dict` and `list` to everything that reads them: they are equal to
-plain ones, and `json`, `pickle` and `copy` take them.
+Frozen mappings and lists are subclasses of `dict` and `list`: they equal plain ones, and `json`,
+`pickle` and `copy` accept them.
 """
 
 import math
@@ -39,10 +39,11 @@ class FrozenList(list[Any]):
 
 
 def freeze(value: object, where: str) -> Any:
-    """Return a copy of JSON data that cannot be changed; tuples become lists, as JSON has them.
+    """Return an immutable copy of JSON data; tuples become lists, as in JSON.
 
     Raises:
-        PlanError: JSON cannot hold it; the message names the place (`where.key[0]`).
+        PlanError: JSON cannot hold a part of the data; the message names its place
+            (`where.key[0]`).
     """
     try:
         return _frozen(value)
@@ -53,7 +54,7 @@ def freeze(value: object, where: str) -> Any:
 
 
 def thaw(value: Any) -> Any:
-    """Return a copy of frozen JSON data that may be changed."""
+    """Return a mutable copy of frozen JSON data."""
     if isinstance(value, dict):
         return {key: thaw(item) for key, item in cast("dict[str, object]", value).items()}
     if isinstance(value, list):
@@ -66,7 +67,7 @@ _STRING = frozenset({str})
 
 
 class _NotJsonError(Exception):
-    """Something that JSON cannot hold; `_complaint` says where it is."""
+    """A value that JSON cannot hold; `_complaint` finds its place."""
 
 
 def _frozen(value: Any) -> Any:
@@ -89,12 +90,12 @@ def _is_number(value: object) -> bool:
 
 
 def _complaint(value: Any, where: str) -> str:
-    """Say what JSON cannot hold, and where; an empty text where there is nothing."""
+    """Describe the first value that JSON cannot hold, with its place; empty if there is none."""
     if isinstance(value, Mapping):
         items = cast("Mapping[object, object]", value).items()
         bad = next((key for key, _ in items if not isinstance(key, str)), None)
         if bad is not None:
-            return f"{where} has the key {bad!r}; keys must be strings, as JSON has them"
+            return f"{where} has the key {bad!r}; keys must be strings, as in JSON"
         inner = (_complaint(item, f"{where}.{key}") for key, item in items)
         return next(filter(None, inner), "")
     if isinstance(value, list | tuple):
@@ -103,6 +104,6 @@ def _complaint(value: Any, where: str) -> str:
     if value is None or isinstance(value, str) or _is_number(value):
         return ""
     if isinstance(value, float):
-        return f"{where} is {value}, which JSON has no number for; use a finite number"
+        return f"{where} is {value}, which JSON cannot hold; use a finite number"
     wanted = "use None, booleans, numbers, strings, lists and dictionaries"
     return f"{where} is of type {type(value).__name__}, which JSON cannot hold; {wanted}"

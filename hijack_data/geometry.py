@@ -1,8 +1,8 @@
 """Boxes on a screen: the largest free rectangle, overlaps, and placement of marks between elements.
 
 Boxes are `xyxy`, half-open, in pixels; two boxes overlap when they share at least one pixel, so an
-empty box overlaps nothing. Nothing here allocates per pixel: cost depends on the number of boxes,
-never on the size of the screen.
+empty box overlaps nothing. Nothing here allocates memory per pixel: the cost depends on the number
+of boxes, never on the size of the screen.
 """
 
 from bisect import bisect_left, bisect_right
@@ -18,22 +18,22 @@ from .types import Box, BoxArray, Point, Size, clip_boxes
 
 Int64Array: TypeAlias = npt.NDArray[np.int64]
 
-# A box as a sweep from top to bottom needs it: y1, y2, x1, x2.
+# A box in the order that a sweep from top to bottom needs: y1, y2, x1, x2.
 _Row: TypeAlias = list[int]
-# twice as fast as a function, and the sort is a tenth of the time
+# twice as fast as a function; sorting takes a tenth of the time
 _lower_edge: "itemgetter[int]" = itemgetter(1)
 
 _EMPTY: Box = (0, 0, 0, 0)
-_MAX_BATCH = 256  # attempts checked at once: bounds memory, whatever the caller asks for
-_MAX_CELLS = 2**18  # cells of one strip x box table: stays in the cache, bounds memory
+_MAX_BATCH = 256  # attempts checked at once, which bounds memory
+_MAX_CELLS = 2**18  # cells of one strip x box table, which bounds memory and keeps it in the cache
 
 
 def largest_free_rectangle(size: Size, boxes: BoxArray) -> Box:
     """Return the largest rectangle of a screen that overlaps no box.
 
-    It is `find_largest_non_overlapping_box` in Algorithm "Pop-ups". Of several largest ones it is
-    the one with the smallest y1, then the smallest x1, then the smallest y2; the order of the boxes
-    and repeated boxes do not matter.
+    This is `find_largest_non_overlapping_box` of Algorithm "Pop-ups". Of several largest rectangles
+    it returns the one with the smallest y1, then the smallest x1, then the smallest y2; the order
+    of the boxes and repeated boxes do not matter.
 
     A rectangle that cannot grow hangs from the lower edge of a box or from the top of the screen.
     So each such edge, from top to bottom, is swept downwards once. Time is about n² steps for n
@@ -61,7 +61,7 @@ def largest_free_rectangle(size: Size, boxes: BoxArray) -> Box:
 
 
 def _rows(size: Size, boxes: BoxArray) -> list[_Row]:
-    """Sorted rows of what is on the screen; the edges of the screen are rows without height."""
+    """Return the boxes as sorted rows; the edges of the screen are rows without height."""
     height, width = size
     shown = _solid(clip_boxes(boxes, size))
     rows = cast("list[_Row]", shown[:, [1, 3, 0, 2]].tolist())
@@ -86,18 +86,18 @@ def _sweep_down(
     The area of `place` is `best`.
     `rows` are the boxes that reach below `top`, by their upper edges. The free spans between those
     passed so far are `[lefts[i], rights[i])`, in order, so a row meets a run of neighbours. A span
-    is dropped when it is beside the ceiling (then it belongs to another one) or too narrow to win
-    even if it reached the floor. Of two equal rectangles with the same `left`, the one that ends
-    higher is met first and stays.
+    is dropped when it is beside the ceiling (then it belongs to another ceiling) or too narrow to
+    win even if it reached the floor. Of two equal rectangles with the same `left`, the one that
+    ends higher is met first and stays.
     """
     height, width = size
     room = height - top
-    too_narrow = best // room  # a tie with an earlier, higher place is lost
+    too_narrow = best // room  # in a tie, the earlier and higher place wins
     _, _, first, last = ceiling[0]
     if len(ceiling) > 1:
         first = min(row[2] for row in ceiling)
         last = max(row[3] for row in ceiling)
-    lefts, rights = [0, width], [width]  # one left more, so that the walk over a run ends
+    lefts, rights = [0, width], [width]  # a sentinel, at which the walk over a run of spans ends
     for y1, _, x1, x2 in rows:
         i = bisect_right(rights, x1)
         while lefts[i] < x2:
@@ -141,9 +141,9 @@ def free(box: Box, boxes: BoxArray) -> bool:
 def union_area(boxes: BoxArray) -> int:
     """Return how many pixels `boxes` (`[N, 4]`) cover together, each pixel counted once.
 
-    Between two neighbouring y edges the covered length is the same in every row, so it is found
-    once for that strip: of the boxes there, by their left edges, each adds what lies right of all
-    before it.
+    Between two neighbouring y edges the covered length is the same in every row, so it is computed
+    once for that strip: in the order of their left edges, each box there adds its part to the right
+    of all boxes before it.
     """
     ordered = boxes[np.argsort(boxes[:, 0], kind="stable")].astype(np.int64)
     x1, y1, x2, y2 = ordered.T
@@ -173,11 +173,11 @@ def place_disjoint(
 
     This is Algorithm "Marks", `overlap` False; with no boxes, `overlap` True. Each attempt draws x
     in `[half, width - half]`, then y in `[half, height - half]`, and keeps the centre when the
-    square `(x - half, y - half, x + half, y + half)` is free. It ends with `number` centres or
-    after `attempts`. Marks may cover each other, as in the paper.
+    square `(x - half, y - half, x + half, y + half)` is free. The search ends with `number` centres
+    or after `attempts`. Marks may cover each other, as in the paper.
 
     Args:
-        stream: two integers are drawn from it for each attempt used, no more.
+        stream: exactly two integers are drawn from it for each attempt used.
         size: `(height, width)` in pixels.
         half: half the side of a mark in pixels, 0 or more.
         number: centres wanted, 0 or more.
@@ -195,8 +195,8 @@ def place_disjoint(
         return centres, used
     # A centre strictly inside one of these would put a pixel of its square on a box.
     barred = _solid(boxes).T.astype(np.int64) + np.array([[-half], [-half], [half], [half]])
-    # A batch is as many attempts as are needed at least: drawn at once, they leave the stream where
-    # one by one would.
+    # A batch has only as many attempts as are needed at least, so that the stream ends where it
+    # would after drawing them one by one.
     while (batch := min(number - len(centres), attempts - used, _MAX_BATCH)) > 0:
         drawn = stream.integers([(half, width - half), (half, height - half)], batch)
         kept = _outside(drawn, barred) if half else drawn

@@ -32,22 +32,22 @@ _grain: Any = extras.load("grain.python", "hijack_data.grain", "jax")
 
 
 class _Settings:
-    """What both transforms share.
+    """The settings of both transforms.
 
     Args:
         planner: a corruption, `OneOf`, `Sequence` or `Schedule`.
         seed: 0 to 2**64 - 1.
-        label_policy: `"keep"`, or `"avoid"` to draw again until the target shows, and with it the
-            end of the action where that is a drag, or leave the element clean.
-        return_plan: put the plan under `"plan"`, and with a target its visible share, or that of a
-            drag's end if less, under `"target_visible"`.
+        label_policy: `"keep"`; or `"avoid"` to draw again until the target (of a drag, both ends)
+            is visible, and to leave the element clean if no draw succeeds.
+        return_plan: put the plan under `"plan"` and the visible share of the target, if any, under
+            `"target_visible"`; for a drag, the lesser share of its two ends.
         image_key: name of the entry that holds the picture; by default `image`, or `screenshot`,
             as in the rows of a dataset.
         id_key: name of the entry that holds the id.
         p: probability that an element is corrupted at all, 0..1.
-        labels: which entries are labels, and how they are written, such as `{"bbox": "xywh"}`; see
+        labels: which entries are labels, and in which format, such as `{"bbox": "xywh"}`; see
             `hijack_data.labels`.
-        target: the declared entry that has to show; see `hijack_data.labels.Labels`.
+        target: the declared entry that must stay visible; see `hijack_data.labels.Labels`.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class _Settings:
         self.image_key = image_key
 
     def plan(self, element: Mapping[str, Any], key: int | str | None = None) -> Plan:
-        """Return the plan for an element; `key` stands in for an id that it does not have."""
+        """Return the plan for an element; `key` replaces the id of an element without one."""
         size = self._size(element)
         known = element.get(self.settings.id_key) is not None or key is None
         return self.settings.plan(
@@ -104,7 +104,7 @@ class _Settings:
                 f"the element has no {names[0]!r} entry; it has {have}; image_key= names the"
                 " picture"
             )
-        if len(found) > 1:  # the other one would stay as it is
+        if len(found) > 1:  # the other picture would stay clean
             raise ImageError(
                 f"the element has {' and '.join(map(repr, found))}; image_key= says which of them"
                 " is corrupted"

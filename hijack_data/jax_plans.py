@@ -10,10 +10,10 @@
     state = train_step(state, images, packer.pack([aug.plan(scene, seed=1, sample=key) for key in
     keys]))
 
-A new text, size or number of marks must not mean a new program, so every array has a static bucket
-as its shape. The buckets of a packer only grow, to powers of two: after a few batches nothing is
-compiled any more. The bytes are those of `hijack_data.apply`. An array that is not traced needs
-none of this: `hijack_data.apply` takes it as it is.
+A new text, size or number of marks must not cause a new compilation, so the shape of every array is
+a static bucket. The buckets of a packer only grow, to powers of two, so after a few batches nothing
+is compiled any more. The bytes are those of `hijack_data.apply`. Outside `jax.jit` none of this is
+needed: `hijack_data.apply` takes JAX arrays.
 """
 
 from collections.abc import Sequence
@@ -44,7 +44,7 @@ from .plan import Paste, Plan
 from .resample import weights
 from .types import Size, as_size, size_text
 
-_jax, jnp = cast(Any, jax), cast(Any, jax.numpy)  # JAX leaves many types open
+_jax, jnp = cast(Any, jax), cast(Any, jax.numpy)  # JAX leaves many types unknown
 _Array = npt.NDArray[Any]
 Pixels = tuple[_Array, _Array, _Array]  # flat positions [n], keep [n], paint [n, 3]
 
@@ -52,12 +52,12 @@ Pixels = tuple[_Array, _Array, _Array]  # flat positions [n], keep [n], paint [n
 @_jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Pastes:
-    """What is painted between two resizes of a batch of `B`: blocks, then layers of pixels.
+    """The paint between two resizes of a batch of `B` pictures: blocks, then layers of pixels.
 
     `top`, `left` int32 `[B, N]`, `colors` uint8 `[B, N, h, w, 3]`, `inside` int32 `[B, N, 4]`;
     `index` int32 `[B, L, P]` into the canvas (its size means none), `keep` uint8 `[B, L, P, 1]`,
-    `paint` uint16 `[B, L, P, 3]`. `blocks` and `layers`, int32 `[B]`, tell how many of them each
-    picture has: it pays for no others.
+    `paint` uint16 `[B, L, P, 3]`. `blocks` and `layers`, int32 `[B]`, are the numbers of them that
+    each picture has, so that no time is spent on others.
     """
 
     top: Any
@@ -76,8 +76,8 @@ class Pastes:
 class Resizes:
     """One resize of each picture of a batch.
 
-    `kind` int32 `[B]` is 0 none, 1 rows first, 2 columns first. The tables of the axis `a` are
-    int32 `[B, side, K]`: positions in the canvas and weights, 0 beyond the result.
+    `kind` int32 `[B]` is 0 for none, 1 for rows first, 2 for columns first. The tables of the axis
+    `a` are int32 `[B, side, K]`: positions in the canvas and weights, 0 beyond the result.
     """
 
     kind: Any
@@ -92,8 +92,7 @@ class Resizes:
 class PlanArrays:
     """Plans of a batch as a pytree; `pastes` has one entry more than `resizes`.
 
-    Static are `size`, (height, width) of the pictures, and `canvas`, of what they are worked on
-    in.
+    `size`, the (height, width) of the pictures, and `canvas`, that of the working area, are static.
     """
 
     pastes: tuple[Pastes, ...]
@@ -104,7 +103,7 @@ class PlanArrays:
 
 @dataclass
 class _Stage:
-    """What one plan paints between two resizes."""
+    """The paint of one plan between two resizes."""
 
     blocks: list[tuple[Any, int, int]] = field(default_factory=list[Any])  # sprite, y, x
     layers: list[list[Pixels]] = field(default_factory=list["list[Pixels]"])
@@ -112,7 +111,7 @@ class _Stage:
 
 @dataclass
 class Packer:
-    """Packs plans for pictures of one size, `(height, width)`, into arrays whose shapes grow only.
+    """Packs plans for pictures of one size, `(height, width)`, into arrays whose shapes only grow.
 
     Every plan must leave the size as it is (`Resolution(restore=True)`): a batch has one shape.
     """
@@ -130,11 +129,12 @@ class Packer:
     def pack(self, plans: Sequence[Plan]) -> PlanArrays:
         """Return the plans of a batch, with NumPy arrays inside.
 
-        They travel to the device with the call of your program.
+        JAX sends them to the device when your program is called.
 
         Raises:
-            ParameterTypeError: `plans` is no list of plans.
-            ParameterError: there are none, or one has another size, changes it, or paints too much.
+            ParameterTypeError: `plans` is not a list of plans.
+            ParameterError: there are no plans, or a plan is for another size, changes the size, or
+                paints too much.
             PlanError: a plan draws differently here than where it was made.
         """
         if not isinstance(cast(object, plans), list | tuple):
@@ -145,7 +145,9 @@ class Packer:
             self._check(plan, i)
         canvas = self._canvas(plans)
         made = [_stages(plan, canvas[1]) for plan in plans]
-        count = self._mark("resizes", max((len(sizes) for _, sizes in made), default=0), exact=True)
+        count = self._bucket(
+            "resizes", max((len(sizes) for _, sizes in made), default=0), exact=True
+        )
         pastes = tuple(
             self._pastes(
                 [stages[i] if i < len(stages) else _Stage() for stages, _ in made], i, canvas
@@ -171,20 +173,20 @@ class Packer:
                 " one shape; use Resolution(restore=True)"
             )
 
-    def _mark(
+    def _bucket(
         self,
         name: str,
         needed: int,
         least: int = 0,
         exact: bool = False,
     ) -> int:
-        """The bucket `name`: what was needed most so far, rounded up to a power of two."""
+        """Return the bucket `name`: the largest need so far, rounded up to a power of two."""
         bucket = needed if exact or needed == 0 else max(least, power_of_two(needed))
         self._marks[name] = max(self._marks.get(name, 0), bucket)
         return self._marks[name]
 
     def _canvas(self, plans: Sequence[Plan]) -> Size:
-        """The screen, or more where a plan enlarges it on the way."""
+        """Return the size of the working area: the screen's, or more if a plan enlarges it."""
         sizes = [op.size for plan in plans for op in plan.ops if not isinstance(op, Paste)]
         height, width = (
             (
@@ -194,7 +196,7 @@ class Packer:
             )
             for axis, side in enumerate(self.size)
         )
-        return self._mark("height", height, exact=True), self._mark("width", width, exact=True)
+        return self._bucket("height", height, exact=True), self._bucket("width", width, exact=True)
 
     def _pastes(
         self,
@@ -205,11 +207,11 @@ class Packer:
         name = f"stage {number}: "
         count = len(stages)
         sizes = [sprite.size for stage in stages for sprite, _, _ in stage.blocks]
-        blocks = self._mark(f"{name}blocks", max(len(stage.blocks) for stage in stages))
+        blocks = self._bucket(f"{name}blocks", max(len(stage.blocks) for stage in stages))
         shape = [
             min(
                 side,
-                self._mark(f"{name}side {axis}", max((s[axis] for s in sizes), default=0), BLOCK),
+                self._bucket(f"{name}side {axis}", max((s[axis] for s in sizes), default=0), BLOCK),
             )
             for axis, side in enumerate(canvas)
         ]
@@ -234,12 +236,12 @@ class Packer:
         name: str,
         canvas: Size,
     ) -> Pixels:
-        layers = self._mark(f"{name}layers", max(len(stage.layers) for stage in stages))
+        layers = self._bucket(f"{name}layers", max(len(stage.layers) for stage in stages))
         longest = max(
             (sum(len(at) for at, _, _ in layer) for stage in stages for layer in stage.layers),
             default=0,
         )
-        shape = len(stages), layers, self._mark(f"{name}pixels", longest, PIXELS)
+        shape = len(stages), layers, self._bucket(f"{name}pixels", longest, PIXELS)
         index = np.full(shape, canvas[0] * canvas[1], np.int32)
         keep = np.zeros((*shape, 1), np.uint8)
         paint = np.zeros((*shape, 3), np.uint16)
@@ -268,7 +270,7 @@ class Packer:
                 None if pair is None else weights(pair[0][axis], pair[1][axis]) for pair in sizes
             ]
             most = max((table.taps.shape[1] for table in found if table is not None), default=0)
-            width = self._mark(f"resize {number}: {axis}", most)
+            width = self._bucket(f"resize {number}: {axis}", most)
             index, taps = (
                 np.zeros((len(sizes), side, width), np.int32),
                 np.zeros((len(sizes), side, width), np.int32),
@@ -284,7 +286,7 @@ class Packer:
 def _stages(plan: Plan, width: int) -> tuple[list[_Stage], list[tuple[Size, Size]]]:
     """Split a plan at its resizes.
 
-    Returns what is painted before, between and after them, and the sizes before and after each.
+    Returns the paint before, between and after the resizes, and the sizes around each.
     """
     stages = [_Stage()]
     sizes = list[tuple[Size, Size]]()
@@ -321,7 +323,7 @@ def _check_amount(pixels: int, plan: Plan) -> None:
 
 
 def _block_pixels(stage: _Stage) -> int:
-    """Return how many pixels the blocks of a stage take: each is as large as the largest one."""
+    """Return how many pixels the blocks of a stage take: all are padded to the largest one."""
     sizes = [sprite.size for sprite, _, _ in stage.blocks]
     return len(sizes) * prod(max([BLOCK, *(size[axis] for size in sizes)]) for axis in (0, 1))
 
@@ -333,7 +335,7 @@ def _cover(
     x: int,
     width: int,
 ) -> None:
-    """Put an opaque block over everything: pixels below it go, so blocks can be painted first."""
+    """Put an opaque block on top: pixels below it are removed, so blocks can be painted first."""
     h, w = sprite.size
     stage.blocks.append((sprite, y, x))
     for layer in stage.layers:
@@ -345,7 +347,7 @@ def _cover(
 
 
 def _add(layers: list[list[Pixels]], part: Pixels) -> None:
-    """Put pixels on top: into the last layer if they meet none of its own, or into a new one."""
+    """Put pixels on top: into the last layer if they overlap none of its own, or into a new one."""
     if layers and not any(np.isin(part[0], at).any() for at, _, _ in layers[-1]):
         layers[-1].append(part)
     else:
@@ -353,13 +355,12 @@ def _add(layers: list[list[Pixels]], part: Pixels) -> None:
 
 
 def apply_arrays(plans: PlanArrays, images: Any) -> Any:
-    """Apply packed plans to uint8 `[B, H, W, 3]`, one each; pure, to be called inside `jax.jit`.
+    """Apply one packed plan to each of uint8 `[B, H, W, 3]`; a pure function, for use in `jax.jit`.
 
-    Picture after picture (`jax.lax.map`), so that only those which are resized pay for it. Donate
-    `images` to your program where you don't need them any more.
-
-    Raises `ImageTypeError` and `ImageError` for pictures of another dtype, size or number than
-    the plans are for, and `ParameterTypeError` for plans that are not packed.
+    Pictures are processed one after the other (`jax.lax.map`), so that only resized pictures cost
+    the time of a resize. Donate `images` to your program if you don't need them any more. Raises
+    `ImageTypeError` and `ImageError` for pictures whose dtype, size or number does not match the
+    plans, and `ParameterTypeError` for plans that are not packed.
     """
     _check_images(plans, images)
 
@@ -400,14 +401,14 @@ def _apply_one(
             image = _resize(resizes[number - 1], image)
         for n in range(stage.top.shape[0]):
             block = stage.top[n], stage.left[n], stage.colors[n], stage.inside[n]
-            image = _jax.lax.cond(n < stage.blocks, blend_block, _as_it_is, image, *block)
+            image = _jax.lax.cond(n < stage.blocks, blend_block, _unchanged, image, *block)
         for n in range(stage.index.shape[0]):
             pixels = stage.index[n], stage.keep[n], stage.paint[n]
-            image = _jax.lax.cond(n < stage.layers, blend_pixels, _as_it_is, image, *pixels)
+            image = _jax.lax.cond(n < stage.layers, blend_pixels, _unchanged, image, *pixels)
     return image[:height, :width]
 
 
-def _as_it_is(image: Any, *_: Any) -> Any:
+def _unchanged(image: Any, *_: Any) -> Any:
     return image
 
 
@@ -422,4 +423,4 @@ def _resize(table: Resizes, image: Any) -> Any:
             resize_pass(image, table.index_y, table.taps_y, 0), table.index_x, table.taps_x, 1
         )
 
-    return _jax.lax.switch(table.kind, [_as_it_is, rows_first, columns_first], image)
+    return _jax.lax.switch(table.kind, [_unchanged, rows_first, columns_first], image)

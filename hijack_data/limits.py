@@ -1,18 +1,18 @@
-"""How much memory a picture, a plan or a recipe from elsewhere may ask for: the home of all limits.
+"""Limits on the memory that an untrusted picture, plan or recipe may ask for.
 
-A plan of two hundred bytes can name any size. These limits are beyond every screen there is (8K is
-33 million pixels) and within what a machine with a few GB to spare can do.
+A plan of two hundred bytes can name any size. These limits are larger than every existing screen
+(8K is 33 million pixels) and small enough for a machine with a few GB of free memory.
 """
 
 from .errors import ParameterError
 from .types import Size
 
-# A picture that is read, resized or planned for: 16384x16384, what `Resolution` makes at most.
-# That is 0.8 GB of RGB.
+# Pixels of a picture that is read, resized or planned for: 16384x16384, the most that `Resolution`
+# makes, which is 0.8 GB of RGB.
 PICTURE_PIXELS = 2**28
-# A drawing that is stamped: 8192x8192, the largest mark.
+# Pixels of a sprite: 8192x8192, the largest mark.
 SPRITE_PIXELS = 2**26
-# Pixels of a sprite that are prepared or blended at once where each takes many bytes.
+# Pixels of a sprite that are prepared or blended at once if each takes many bytes.
 PIXELS_AT_ONCE = 2**22
 
 
@@ -20,7 +20,7 @@ def check_area(size: Size, what: str) -> Size:
     """Return `size`, (height, width) in pixels, if it is not too large.
 
     Raises:
-        ParameterError: it has more than `PICTURE_PIXELS`.
+        ParameterError: the area is more than `PICTURE_PIXELS`.
     """
     height, width = size
     if height * width > PICTURE_PIXELS:

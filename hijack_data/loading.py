@@ -1,8 +1,9 @@
-"""Things from a user's own file: `hijack --load FILE.py`, and `path/to/file.py:Name` for a name.
+"""Load plug-ins from a user's own files: `hijack --load FILE.py`, `path/to/file.py:Name`.
 
-A file is known by the SHA-256 of its bytes, which are the bytes that run. `AGENTHIJACK_LOAD` lists
-loaded files for the processes that are started from here. Corruptions of a file can be sent to
-other processes, which load the file from the same path and refuse another one.
+A file is identified by the SHA-256 of its bytes, and exactly these bytes are run.
+`AGENTHIJACK_LOAD` passes the list of loaded files to child processes. Corruptions from a file can
+be sent to other processes, which load the file from the same path and refuse it if its bytes
+differ.
 """
 
 import copyreg
@@ -37,13 +38,13 @@ SUFFIX = ".py"
 
 @dataclass(frozen=True, kw_only=True)
 class LoadedFile:
-    """A Python file that was loaded for what it registers, or for one thing in it.
+    """A Python file that was loaded for its registrations, or for one name in it.
 
     Args:
-        path: absolute, without links.
-        sha256: of its bytes, 64 hexadecimal digits.
-        module: the name under which it was imported.
-        names: what it registers: names by the word for their kind, such as `"corruption"`.
+        path: the absolute path, with symbolic links resolved.
+        sha256: the hash of its bytes, 64 hexadecimal digits.
+        module: the name under which the file was imported.
+        names: the registered names, by kind, such as `"corruption"`.
     """
 
     path: str
@@ -63,20 +64,20 @@ class LoadedFile:
 
 
 _files: dict[str, LoadedFile] = {}
-_listed: set[str] = set()  # entries of the environment variable that were seen
+_listed: set[str] = set()  # entries of the environment variable that were handled
 
 
 def load_file(path: PathLike) -> LoadedFile:
-    """Load a Python file and register what it offers, once a process.
+    """Load a Python file and register its plug-ins, once per process.
 
-    Processes that are started from here load it, too: the file is added to `AGENTHIJACK_LOAD`.
+    Child processes load it too, because the file is added to `AGENTHIJACK_LOAD`.
 
     Args:
-        path: of a file that holds all it needs, or imports it from installed packages.
+        path: the file, which must import its other modules from installed packages.
 
     Raises:
-        PluginError: it cannot be read or imported, registers nothing, registers a name that is
-            taken, or was changed since this process loaded it.
+        PluginError: the file cannot be read or imported, registers nothing or a name that is taken,
+            or has changed since this process loaded it.
     """
     file = run_file(path)
     if not file.names:
@@ -88,7 +89,7 @@ def load_file(path: PathLike) -> LoadedFile:
 
 
 def run_file(path: PathLike) -> LoadedFile:
-    """Load a Python file as `load_file` does; it may also register nothing."""
+    """Load a Python file as `load_file` does, but allow it to register nothing."""
     file = _load(path)
     if file.names:
         _announce(file.path)
@@ -104,7 +105,7 @@ def load_environment() -> None:
     for path in _entries():
         if path in _listed:
             continue
-        _listed.add(path)  # before it runs: the file may itself ask for the names
+        _listed.add(path)  # before the file runs, because it may itself list names
         try:
             load_file(path)
         except PluginError as error:
@@ -113,19 +114,19 @@ def load_environment() -> None:
 
 
 def is_reference(text: str) -> bool:
-    """Return whether a text is `package.module:Name` or `path/to/file.py:Name`, and not a name."""
+    """Return whether a text is `package.module:Name` or `path/to/file.py:Name`."""
     return ":" in text or text.endswith(SUFFIX)
 
 
 def load_reference(text: str) -> Any:
-    """Return what `package.module:Name` or `path/to/file.py:Name` names.
+    """Return the object that `package.module:Name` or `path/to/file.py:Name` refers to.
 
-    Paths may be relative, and may begin with `~`. A file is loaded once a process. Processes that
-    are started from here load it, too, if it also registers something by itself.
+    Paths may be relative, and may begin with `~`. A file is loaded once per process. Child
+    processes load it too if it registers something.
 
     Raises:
         UnknownNameError: the file or module has no such name.
-        PluginError: it cannot be read or imported; the message has the file and the line.
+        PluginError: the file or module cannot be read or imported; the message names file and line.
     """
     place, _, name = text.rpartition(":")
     lacks_name = text.endswith(SUFFIX) or not place or not name
@@ -144,7 +145,7 @@ def load_reference(text: str) -> Any:
 def loaded_files() -> tuple[LoadedFile, ...]:
     """Return the files that this process loaded, in order.
 
-    Those of `AGENTHIJACK_LOAD` are loaded first, so this raises as `load_file` does.
+    The files of `AGENTHIJACK_LOAD` are loaded first, so the errors of `load_file` are possible.
     """
     load_environment()
     return tuple(_files.values())
@@ -162,7 +163,8 @@ def file_of(cls: object) -> LoadedFile | None:
 def source_of(thing: object) -> dict[str, str] | None:
     """Return the file that defines a class or function: its `path` and `sha256`.
 
-    Of a loaded file it is the hash of the bytes that run. `None` if there is no such file.
+    For a loaded file the hash is that of the bytes that were run. Returns `None` if there is no
+    such file.
     """
     file = file_of(thing)
     if file is not None:
@@ -193,10 +195,10 @@ def _entries() -> list[str]:
 
 
 def _load(path: PathLike) -> LoadedFile:
-    """Load a file once a process.
+    """Load a file once per process.
 
     Raises:
-        PluginError: as of `load_file`.
+        PluginError: see `load_file`.
     """
     place, data = _read(path)
     sha256 = hashlib.sha256(data).hexdigest()
@@ -207,7 +209,8 @@ def _load(path: PathLike) -> LoadedFile:
         return known
     registry_of(
         "corruptions"
-    ).load_installed()  # plug-ins come first: a name that both have is an error
+        # Installed plug-ins are loaded first: a name that both define is an error of the file.
+    ).load_installed()
     load_environment()
     known = _files.get(place)
     if known is None:
@@ -222,7 +225,7 @@ def _read(path: PathLike) -> tuple[str, bytes]:
     """Return the place of a file and its bytes.
 
     Raises:
-        PluginError: it is no Python file, or cannot be read.
+        PluginError: the file is not a Python file, or cannot be read.
     """
     path = Path(path).expanduser()
     if path.suffix != SUFFIX:
@@ -243,7 +246,7 @@ def _read(path: PathLike) -> tuple[str, bytes]:
 
 
 def _module_of_file(place: str) -> ModuleType:
-    """Return a file as a module; other processes learn of it where it registers something."""
+    """Load a file and return its module; child processes load it if it registers something."""
     return sys.modules[run_file(place).module]
 
 
@@ -251,8 +254,8 @@ def _import(module: str, text: str) -> ModuleType:
     """Import the module of a reference.
 
     Raises:
-        PluginError: it is not there, or raises.
-        KeyboardInterrupt: the user stopped it.
+        PluginError: the module does not exist, or raises when it is imported.
+        KeyboardInterrupt: the user interrupted the import.
     """
     try:
         return importlib.import_module(module)
@@ -267,7 +270,7 @@ def _import(module: str, text: str) -> ModuleType:
 
 
 def _installed(place: str, sha256: str) -> LoadedFile | None:
-    """Return a file that was imported as a module already, as a plug-in of that very file is."""
+    """Return a file that an installed plug-in has already imported as a module, or `None`."""
     for registry in registries():
         for entry in registry.entries.values():
             source = file_of_module(entry)
@@ -288,11 +291,11 @@ def _execute(
     data: bytes,
     sha256: str,
 ) -> LoadedFile:
-    """Run the bytes that were read and hashed as a module of its own.
+    """Run the bytes that were read and hashed, as a new module.
 
     Raises:
-        PluginError: they cannot be compiled, or raise.
-        KeyboardInterrupt: the user stopped them.
+        PluginError: the bytes cannot be compiled, or raise when they run.
+        KeyboardInterrupt: the user interrupted the file.
     """
     stem = re.sub(r"\W", "_", Path(place).stem)
     digest = hashlib.sha256(place.encode()).hexdigest()
@@ -318,7 +321,7 @@ def _execute(
 
 
 def _registered(module: str) -> Iterator[tuple[Registry[Any], str]]:
-    """Yield what a module registered: the registry and the name."""
+    """Yield the registrations of a module as pairs of a registry and a name."""
     for registry in registries():
         for name in registry.of_module(module):
             yield registry, name
@@ -342,14 +345,14 @@ def _loaded(
 
 
 def _line(error: BaseException, place: str) -> str:
-    """Return which line of the file was running, in words."""
+    """Return the line of the file that was running, in words."""
     frames = traceback.extract_tb(error.__traceback__)
     lines = [frame.lineno for frame in frames if frame.filename == place]
     return f" (line {lines[-1]})" if lines else ""
 
 
 def _announce(place: str) -> None:
-    """Let processes that are started from here know the file, whatever their folder."""
+    """Add a file to the list for child processes, by its absolute path."""
     places = [os.path.realpath(entry) for entry in _entries()]
     if place not in places:
         places.append(place)
@@ -358,10 +361,10 @@ def _announce(place: str) -> None:
 
 
 def _reduce(spec: Any) -> tuple[Any, ...]:
-    """Pickle a corruption of a file: as the file, and the values of its parameters.
+    """Pickle a corruption from a file as the file and the values of its parameters.
 
     Raises:
-        PluginError: the file was forgotten.
+        PluginError: the file is no longer known.
     """
     file = file_of(cast("type[Any]", type(spec)))
     if file is None:
@@ -376,10 +379,10 @@ def _revive(
     name: str,
     values: Mapping[str, Any],
 ) -> Any:
-    """Make a corruption of a file in another process.
+    """Unpickle a corruption from a file, in another process.
 
     Raises:
-        HijackError: the file has other bytes here.
+        HijackError: the file has different bytes in this process.
     """
     known = [file.sha256 for file in _files.values()]
     if sha256 not in known:

@@ -1,6 +1,6 @@
 """Locks between processes, on a file or on a folder.
 
-They rest on `flock`: the kernel releases one when its holder ends, in whatever way. The package
+They use `flock`: the kernel releases a lock when its holder ends, however that happens. The package
 `filelock` does not lock folders, waits by polling, and falls back to marker files, which outlive a
 process that is killed.
 """
@@ -24,7 +24,7 @@ _LONGEST_NOTE = 1000  # bytes
 
 
 class LockedError(HijackError):
-    """A file or folder that another process, or another part of this one, has locked.
+    """A file or folder that another process, or another part of this process, has locked.
 
     `holder` describes it in words: "process 12 on host", or "another process".
     """
@@ -80,20 +80,20 @@ def lock(
     wait: bool = False,
     mode: int = 0o644,
 ) -> Lock:
-    """Lock a file, which is made where it is missing, or a folder that exists.
+    """Lock a file, which is created if it is missing, or an existing folder.
 
     Two calls exclude each other within one process as well.
 
     Args:
         path: The file or folder. Its content stays as it is.
         wait: Wait for the holder instead of raising `LockedError`.
-        mode: Permissions of a file that is made, before the process's umask.
+        mode: Permissions of a file that is created, before the process's umask is applied.
 
     Returns:
         The lock; keep a reference, since it is released with its last one.
 
     Raises:
-        LockedError: Somebody else holds the lock, and `wait` is false.
+        LockedError: The lock is held elsewhere, and `wait` is false.
         OSError: The file or folder cannot be opened.
         HijackError: This system has no such locks.
     """
@@ -122,7 +122,7 @@ def lock(
 
 
 def _holder(descriptor: int) -> str:
-    """Name who signed the file; a holder that has just begun may not have signed it yet."""
+    """Return the holder named in the file; a new holder may not have written its name yet."""
     try:
         note: Any = json.loads(os.pread(descriptor, _LONGEST_NOTE, 0))
         return f"process {note['pid']} on {note['host']}"

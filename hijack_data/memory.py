@@ -1,4 +1,4 @@
-"""Whether the elements of an array lie apart in memory."""
+"""Find out whether elements of an array share memory."""
 
 from math import prod
 
@@ -7,10 +7,10 @@ from numpy.lib.stride_tricks import as_strided
 
 
 def overlaps(shape: tuple[int, ...], strides: tuple[int, ...]) -> bool:
-    """Tell whether two elements of an array of bytes share memory.
+    """Return whether two elements of an array of bytes share memory.
 
-    Usual arrays take two microseconds. If the strides do not decide it, it is tried out, in as much
-    memory as the array spans.
+    Ordinary arrays take two microseconds. If the strides do not decide the question, every offset
+    is marked, in as much memory as the array spans.
 
     Args:
         shape: of the array.

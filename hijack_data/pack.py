@@ -1,9 +1,9 @@
-"""The asset pack: pictures that a real desktop showed.
+"""The asset pack: pictures recorded from a real desktop.
 
-With each picture stands what could be clicked in it and what undid it. A pack is a folder with
-`index.json` and lossless WebP pictures. One ships with the package; `AGENTHIJACK_ASSETS` names
-another. A plan refers to a picture by id and hash, never by path, so it
-means the same pixels wherever the pack lies. `hijack desktop record --assets` makes packs.
+The pack also holds, for each picture, what could be clicked in it and which action undid it. A pack
+is a folder with `index.json` and lossless WebP pictures. One pack ships with the package;
+`AGENTHIJACK_ASSETS` names another. A plan refers to a picture by id and hash, never by path, so it
+means the same pixels wherever the pack is stored. `hijack desktop record --assets` makes packs.
 """
 
 import hashlib
@@ -29,7 +29,7 @@ VERSION = 1
 INDEX = "index.json"
 VARIABLE = "AGENTHIJACK_ASSETS"
 SHIPPED = Path(__file__).parent / "assets"
-# A plan names a picture by so many digits of its hash, as many as a sprite's fingerprint has.
+# Digits of the hash by which a plan names a picture, the same number as in a sprite's fingerprint.
 DIGITS = 16
 
 
@@ -47,13 +47,13 @@ class AssetTarget:
 
 @dataclass(frozen=True)
 class RecordedAction:
-    """An action that was really carried out, and the box it aimed at, in pixels of the picture."""
+    """An action that was carried out, and the box at which it aimed, in pixels of the picture."""
 
     action: Action
     target_box: Box | None = None
 
     def moved(self, dx: int, dy: int) -> "RecordedAction":
-        """Return the same on a screen where the picture's corner lies at `(dx, dy)`."""
+        """Return the action on a screen with the picture's corner at `(dx, dy)`."""
         old = self.action
         action = replace(
             old,
@@ -77,17 +77,17 @@ class Asset:
     """One picture of a pack.
 
     Args:
-        id: its name, unique in the pack.
+        id: the name of the picture, unique in the pack.
         path: the file.
         kind: one of `picture_kinds()`.
         app: the application that drew it, or `""`.
         screen: `(height, width)` of the desktop that showed it.
-        box: where on that desktop it was, `xyxy`.
-        sha256: of the decoded RGB or RGBA bytes.
+        box: the place of the picture on that desktop, `xyxy`.
+        sha256: the hash of the decoded RGB or RGBA bytes.
         targets: what could be clicked.
-        recover: what was seen to undo it, if anything.
-        opened_by: the click that opened it, where a click did; it may lie outside the picture.
-        made_by: what was done to get it.
+        recover: the action that was observed to undo it, if any.
+        opened_by: the click that opened it, if a click did; its point may be outside the picture.
+        made_by: how the picture was obtained.
         look: themes and wallpaper of the desktop that showed it, `"golden"` for the ordinary ones.
     """
 
@@ -110,7 +110,7 @@ class Asset:
         return self.box[3] - self.box[1], self.box[2] - self.box[0]
 
     def recipe(self, crop: Box | None = None) -> dict[str, Any]:
-        """Return the recipe that draws it, or the part `crop` of it; see `raster`."""
+        """Return the recipe that draws the picture, or its part `crop`; see `raster`."""
         recipe: dict[str, Any] = {
             "draw": "asset",
             "id": self.id,
@@ -119,10 +119,10 @@ class Asset:
         return recipe if crop is None else {**recipe, "crop": list(crop)}
 
     def pixels(self) -> UInt8Array:
-        """Decode it: uint8 `[h, w, 3]`, or `[h, w, 4]` if it has transparent corners.
+        """Decode the picture: uint8 `[h, w, 3]`, or `[h, w, 4]` if it has transparent corners.
 
         Raises:
-            AssetError: the file is missing, damaged, or another picture than the index names.
+            AssetError: the file is missing, damaged, or not the picture that the index describes.
         """
         try:
             data = io.BytesIO(self.path.read_bytes())
@@ -154,14 +154,14 @@ class AssetPack:
     def load(cls, folder: str | os.PathLike[str] | None = None) -> "AssetPack":
         """Read the index of a pack; pictures are decoded when they are drawn.
 
-        Plans that name its pictures can be applied in this process from then on.
+        From then on, this process can apply plans that refer to pictures of the pack.
 
         Args:
             folder: the pack; by default that of `AGENTHIJACK_ASSETS`, otherwise the one that ships
                 with the package.
 
         Raises:
-            ParameterTypeError: `folder` is no path.
+            ParameterTypeError: `folder` is not a path.
             AssetError: there is no pack, or its index is damaged, of a newer version or names files
                 elsewhere.
         """
@@ -185,9 +185,9 @@ class AssetPack:
 
     @cached_property
     def digest(self) -> str:
-        """64 hexadecimal digits that name the pack, wherever it lies.
+        """64 hexadecimal digits that identify the pack, independent of its folder.
 
-        They are the SHA-256 of all that its index holds about its pictures.
+        They are the SHA-256 of the index entries of all pictures.
         """
         lines = [
             repr(
@@ -219,10 +219,10 @@ class AssetPack:
         return found
 
     def get(self, name: str) -> Asset:
-        """Return the picture of an id.
+        """Return the picture with an id.
 
         Raises:
-            AssetError: the pack does not hold it.
+            AssetError: the pack has no picture with this id.
         """
         for asset in self.assets:
             if asset.id == name:
@@ -231,7 +231,7 @@ class AssetPack:
 
 
 def picture_kinds() -> list[str]:
-    """Return the kinds of pictures that show corruptions: ours, then those of plug-ins.
+    """Return the kinds of pictures that show corruptions: built-in kinds, then those of plug-ins.
 
     Each corruption declares its own (`Corruption.pictures`).
     """
@@ -241,7 +241,7 @@ def picture_kinds() -> list[str]:
 
 
 def _registered_kinds() -> set[str]:
-    """Return the kinds of the corruptions that are registered; no plug-in is loaded for it."""
+    """Return the kinds of the corruptions registered so far, without loading plug-ins."""
     corruptions = registry_of("corruptions")
     corruptions.load_ours()
     return {kind for cls in corruptions.entries.values() for kind in cls.pictures}
@@ -251,10 +251,10 @@ _known: dict[tuple[str, str], Asset] = {}
 
 
 def find_asset(name: str, sha256: str) -> Asset:
-    """Return the picture that a plan names, from a pack that was loaded or the default one.
+    """Return the picture that a plan refers to, from a loaded pack or from the default one.
 
     Raises:
-        AssetError: no pack has it, or the pack has another picture of that name.
+        AssetError: no pack has the picture, or a pack has a different picture with that name.
     """
     if (name, sha256) not in _known:
         pack = AssetPack.load()

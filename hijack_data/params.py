@@ -16,7 +16,7 @@ from .errors import ParameterError, ParameterTypeError, shown, some_of, suggest
 
 ParamKind: TypeAlias = Literal["bool", "int", "float", "str", "color", "choice", "steps", "ip"]
 _KEY = "agenthijack"
-# Kinds that need more than one word for people.
+# Kinds whose name alone would not be clear in messages.
 _WORDS: Mapping[str, str] = {
     "ip": "IPv4 or IPv6 address",
     "steps": "step, list of steps, or {every: k}",
@@ -37,7 +37,7 @@ Steps: TypeAlias = int | tuple[int, ...] | Every
 class Parameter:
     """What one field of a corruption accepts.
 
-    `paper` is the key that the paper's YAML uses for it, when it has another name there.
+    `paper` is the parameter's key in the paper's YAML, if it differs from ours.
     """
 
     kind: ParamKind
@@ -59,7 +59,7 @@ class Parameter:
 
     @property
     def accepts(self) -> str:
-        """The accepted values, for people."""
+        """The accepted values, in words."""
         if self.choices:
             return " | ".join(self.choices)
         text = _WORDS.get(self.kind, self.kind)
@@ -83,7 +83,7 @@ def param(
     optional: bool = False,
     paper: str | None = None,
 ) -> Any:
-    """Declare a field of a corruption; the kind follows the default's type when it is not given."""
+    """Declare a field of a corruption; by default, its kind is the type of the default value."""
     kinds: dict[type, ParamKind] = {
         bool: "bool",
         int: "int",
@@ -245,7 +245,7 @@ def _is_channel(value: object) -> bool:
 
 
 def _opaque(color: str, where: str) -> tuple[int, int, int]:
-    """Return the channels of a colour. Passes on `ValueError` for a text that is no colour.
+    """Return the channels of a colour. Passes on `ValueError` for a text that is not a colour.
 
     Raises:
         ParameterError: the colour has transparency.
@@ -305,8 +305,8 @@ def address(text: str) -> str:
     """Return an IPv4 or IPv6 address in its normal form.
 
     Raises:
-        ValueError: the text is no address, or has a zone (`fe80::1%eth0`): firewalls take none,
-            and a zone may hold any characters.
+        ValueError: the text is not an address, or has a zone (`fe80::1%eth0`), which firewalls
+            refuse and which may hold any characters.
     """
     import ipaddress
 

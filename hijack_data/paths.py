@@ -1,4 +1,4 @@
-"""The type of what may name a file or a folder."""
+"""The type of arguments that name a file or a folder."""
 
 import os
 from typing import TypeAlias

@@ -1,8 +1,8 @@
 """A plan: what to do to one picture, as data.
 
-A plan is made once, on the host, and applied alike by every backend, stored in a dataset row, and
-replayed years later. It holds integers and recipes, no pixels. `to_json` and `from_json` are exact
-inverses; `digest` names a plan.
+A plan is made once, on the host. Every backend applies it in the same way; it can be stored in a
+dataset row and replayed years later. It holds integers and recipes, but no pixels. `to_json` and
+`from_json` are exact inverses; `digest` names a plan.
 """
 
 import hashlib
@@ -31,10 +31,10 @@ _FINGERPRINT = re.compile(r"[0-9a-f]{16}")
 class Paste:
     """Stamp one sprite at one or more places.
 
-    `at` holds the top-left corners (x, y) in pixels of the picture as it is when the operation
-    runs; parts outside the picture are cut off. `fingerprint` is that of the sprite when the plan
-    was made; a plan that is applied where it was made never asks for it, so it is worked out when
-    the plan is first compared, pickled or written down.
+    `at` holds the top-left corners (x, y) in pixels of the picture at the time of the operation;
+    parts outside the picture are cut off. `fingerprint` is that of the sprite when the plan was
+    made. A plan that is applied in the process that made it never needs the fingerprint, so it is
+    computed when the plan is first compared, pickled or written as JSON.
     """
 
     sprite: Mapping[str, Any]
@@ -55,7 +55,7 @@ class Paste:
         }
 
     def draws_as_planned(self, sprite: Sprite) -> bool:
-        """Tell whether `sprite`, drawn here from the recipe, is the one that was planned."""
+        """Return whether `sprite`, drawn here from the recipe, is the one that was planned."""
         return "fingerprint" not in vars(self) or sprite.fingerprint == self.fingerprint
 
     def to_data(self) -> dict[str, Any]:
@@ -73,8 +73,8 @@ class Paste:
 class Resample:
     """Resize the picture to `size` (height, width) with Pillow's bicubic filter.
 
-    Raises `ParameterTypeError` when the size is not two integers, and `ParameterError` when it is
-    beyond what `limits` allows.
+    Raises `ParameterTypeError` if the size is not two integers, and `ParameterError` if it exceeds
+    `limits`.
     """
 
     size: Size
@@ -99,8 +99,8 @@ Op: TypeAlias = Paste | Resample
 class Effect:
     """Something to do to the machine, carried out by `online_env`.
 
-    `kind` names it, `params` is JSON data, which is copied and cannot be changed. Raises
-    `PlanError` for anything else.
+    `kind` is the name of the effect; `params` is JSON data, which is copied and made immutable.
+    Raises `PlanError` for fields of other types.
     """
 
     kind: str
@@ -122,14 +122,14 @@ class Plan:
     Args:
         corruption: id with version, such as `"pop_ups-v2"`; parts of a sequence are joined by `+`.
         size: `(height, width)` in pixels of the picture that the plan is for.
-        params: the resolved parameters, JSON data; copied, and cannot be changed.
+        params: the resolved parameters, JSON data, copied and made immutable.
         ops: pixel operations, in order.
         effects: what to do to a live machine.
-        notes: what a reader should know, such as "placed 47 of 50 marks".
+        notes: remarks for the reader of the plan, such as "placed 47 of 50 marks".
 
     Raises:
-        PlanError: a field of the wrong type, or parameters that JSON cannot hold.
-        ParameterTypeError, ParameterError: a size that is none, or beyond what `limits` allows.
+        PlanError: a field has the wrong type, or JSON cannot hold the parameters.
+        ParameterTypeError, ParameterError: `size` is not a valid size, or exceeds `limits`.
     """
 
     corruption: str
@@ -160,15 +160,15 @@ class Plan:
 
     @property
     def coords(self) -> CoordMap:
-        """How coordinates of the corrupted picture map to the screen and back."""
+        """The map of coordinates between the corrupted picture and the screen."""
         return CoordMap(observation=self.out_size, screen=self.size)
 
     def then(self, other: "Plan") -> "Plan":
-        """Return the plan that does this one and then `other`.
+        """Return the plan that applies this plan and then `other`.
 
         Raises:
-            ParameterTypeError: `other` is no plan.
-            PlanError: it was not made for the `out_size` of this one.
+            ParameterTypeError: `other` is not a plan.
+            PlanError: `other` was not made for the `out_size` of this plan.
         """
         if not isinstance(cast(object, other), Plan):
             raise ParameterTypeError(f"Plan.then takes a Plan, got {type(other).__name__}")
@@ -201,7 +201,7 @@ class Plan:
         return _dump({**data, "digest": _digest(data)})
 
     def digest(self) -> str:
-        """64 hexadecimal digits that name the plan: SHA-256 of its content."""
+        """64 hexadecimal digits that identify the plan: the SHA-256 of its content."""
         return _digest(self._content())
 
     @classmethod
@@ -214,8 +214,7 @@ class Plan:
         """Read a plan.
 
         Raises:
-            PlanError: it is damaged, was edited, is of a newer version or asks for more than
-                `limits` allows.
+            PlanError: the plan is damaged, was edited, has a newer version or exceeds `limits`.
             ParameterTypeError: `text` is neither `str` nor `bytes`.
         """
         if not isinstance(cast(object, text), str | bytes | bytearray):
@@ -277,7 +276,7 @@ def _check(
     where: str,
     wanted: str,
 ) -> Any:
-    """Return `value` if it is of a type; a `bool` is no `int`."""
+    """Return `value` if it has the type `kind`; a `bool` does not count as an `int`."""
     if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
         found = f"{shown(value)} ({type(value).__name__})"
         raise PlanError(f"plan: {where} has the wrong type: {found}; it must be {wanted}")
@@ -307,11 +306,11 @@ _write = json.JSONEncoder(
 
 
 def _dump(data: object) -> str:
-    """Return one line of JSON, of which digests are made."""
+    """Return one line of JSON, the form from which digests are computed."""
     try:
         return _write(data)
     except (TypeError, ValueError) as error:
-        freeze(data, "plan")  # says where it is
+        freeze(data, "plan")  # raises with the place of the bad value
         raise PlanError(f"plan: cannot be written as JSON ({error})") from None
     except RecursionError:
         raise PlanError("plan: nested too deeply") from None
@@ -323,7 +322,7 @@ def _digest(data: object) -> str:
 
 def _check_version(version: object) -> None:
     if isinstance(version, bool) or not isinstance(version, int) or version < 1:
-        raise PlanError(f"plan: version {version!r} is none; it must be an integer, 1 to {VERSION}")
+        raise PlanError(f"plan: version {version!r} must be an integer, 1 to {VERSION}")
     if version > VERSION:
         newer = f"is newer than this library reads ({VERSION})"
         raise PlanError(f"plan: version {version} {newer}; upgrade agenthijack")
@@ -334,7 +333,7 @@ def _fields(
     kinds: Mapping[str, type],
     where: str,
 ) -> dict[str, Any]:
-    """Return a JSON object that has the fields of `kinds`, of these types, and no others."""
+    """Check that a JSON object has exactly the fields of `kinds`, of these types, and return it."""
     found: dict[str, Any] = _check(data, dict, where or "it", "an object")
     dot = f"{where}." if where else ""
     for key, kind in kinds.items():
@@ -407,7 +406,7 @@ def _parse_op(data: object, where: str) -> Op:
 
 
 def _size(value: list[object], where: str) -> Size:
-    """Return a size as a plan has it: a list of integers, none of which is a boolean."""
+    """Check that a size in a plan is a list of integers, and return it."""
     for index, side in enumerate(value):
         _check(side, int, f"{where}[{index}]", "an integer")
     return as_size(value, f"plan: {where}")

@@ -1,7 +1,7 @@
-"""What plans: the base class of corruptions and of everything that joins them.
+"""Planners: the base class of corruptions and of everything that combines them.
 
-The library asks a planner for nothing but what `Planner` declares, so a class of your own that
-inherits from it works in batches, datasets, transforms and the live environment:
+The library uses only the members that `Planner` declares, so your own subclass works in batches,
+datasets, transforms and the live environment:
 
     class Rarely(hj.Planner):
         def __init__(self, part: hj.Planner) -> None:
@@ -16,8 +16,8 @@ inherits from it works in batches, datasets, transforms and the live environment
                 return hj.Plan.clean(scene.size)
             return self.part.plan(scene, seed=seed, sample=sample, step=step, epoch=epoch)
 
-Only `plan` must be written. From `parts` follow the effects, the due steps and whether elements are
-needed; a class that knows better overrides those.
+Only `plan` must be implemented. The effects, the due steps and the need for elements are derived
+from `parts`; a class that knows them more precisely overrides those members.
 """
 
 from abc import ABC, abstractmethod
@@ -30,7 +30,7 @@ from .types import Scene
 
 
 class Planner(ABC):
-    """Base class of all that plans: corruptions, `OneOf`, `Sequence`, `Schedule`, and your own."""
+    """Base class of all planners: corruptions, `OneOf`, `Sequence`, `Schedule`, and your own."""
 
     @abstractmethod
     def plan(
@@ -47,7 +47,7 @@ class Planner(ABC):
         The same arguments must give the same plan in every process.
 
         Args:
-            scene: the screen: its size, and the elements, applications and target as far as known.
+            scene: the screen: its size and, as far as known, elements, applications and target.
             seed: 0 to 2**64 - 1.
             sample: id of the sample or trajectory.
             step: step in the trajectory; -1 is before the first.
@@ -56,24 +56,24 @@ class Planner(ABC):
 
     @property
     def parts(self) -> tuple["Planner", ...]:
-        """The planners that this one is made of; none for a corruption."""
+        """The planners that this one combines; empty for a corruption."""
         return ()
 
     @property
     def label(self) -> str:
-        """The name under which results are listed if no other was given."""
+        """The name under which results are listed by default."""
         return type(self).__name__.lower()
 
     @property
     def id(self) -> str:
-        """The name that plans and logs use for it; with a version where there is one."""
+        """The name in plans and logs, with the version if there is one."""
         return self.label
 
     @property
     def effects(self) -> tuple[str, ...]:
-        """Kinds of effects on the machine that its plans may hold, each once; those of its parts.
+        """Kinds of effects on the machine that its plans may hold, each once.
 
-        Empty for a planner that only changes the picture.
+        By default those of its parts; empty for a planner that only changes the picture.
         """
         kinds = [kind for part in self.parts for kind in part.effects]
         return tuple(dict.fromkeys(kinds))
@@ -85,7 +85,7 @@ class Planner(ABC):
         return not parts or any(part.needs_elements for part in parts)
 
     def is_due(self, step: int) -> bool:
-        """Return whether it may act at `step` (-1 is before the first); `False` must be certain."""
+        """Return whether it may act at `step`, -1 before the first; `False` must be certain."""
         parts = self.parts
         return not parts or any(part.is_due(step) for part in parts)
 
@@ -104,7 +104,7 @@ class Planner(ABC):
 
 
 def leaves(planner: Planner) -> Iterator[Planner]:
-    """Yield the planners without parts that a planner is made of, itself if it has none."""
+    """Yield the leaves of a tree of planners: those without parts, maybe `planner` itself."""
     parts = planner.parts
     if not parts:
         yield planner
@@ -113,10 +113,10 @@ def leaves(planner: Planner) -> Iterator[Planner]:
 
 
 def as_planner(value: object, wanted: str) -> Planner:
-    """Return `value`, which must be a planner.
+    """Check that `value` is a planner, and return it.
 
     Args:
-        value: what a user gave.
+        value: the value given by the user.
         wanted: the beginning of the message, such as `"OneOf takes corruptions such as Marks()"`.
 
     Raises:
@@ -128,7 +128,7 @@ def as_planner(value: object, wanted: str) -> Planner:
 
 
 def advice_for(value: object) -> str:
-    """Return how to make a planner of a value that is none, as the end of an error message."""
+    """Return advice for the end of an error message on a value that is not a planner."""
     kind = cast("type[object]", value) if isinstance(value, type) else type(value)
     if kind is value and issubclass(kind, Planner):
         return f"; it is a class: give an instance, such as {kind.__name__}()"

@@ -1,4 +1,4 @@
-"""Platforms: what kind of machine a recording shows."""
+"""Platforms: the kinds of machines that recordings show."""
 
 from typing import get_args
 
@@ -6,12 +6,12 @@ from .errors import ParameterError, ParameterTypeError, suggest
 from .types import Platform
 
 PLATFORMS: tuple[Platform, ...] = get_args(Platform)
-# The desktop that shipped pictures were recorded on; on any other they are foreign.
+# The platform of the shipped pictures; in recordings of any other platform they look foreign.
 OURS: Platform = "linux-xfce"
 _ALIASES: dict[str, Platform] = {
     "xfce": "linux-xfce",
     "xfce4": "linux-xfce",
-    # the domain that our own recorder writes: the embedded desktop is Xfce
+    # the domain that our own recorder writes, because the embedded desktop is Xfce
     "embedded": "linux-xfce",
     "ubuntu": "linux",
     "debian": "linux",
@@ -34,7 +34,7 @@ _ALIASES: dict[str, Platform] = {
 
 
 def find_platform(name: object) -> Platform | None:
-    """Return the platform that a word names, such as `"macos"` for `"Darwin"`, or `None`."""
+    """Return the platform that a name means, such as `"macos"` for `"Darwin"`, or `None`."""
     if not isinstance(name, str):
         return None
     plain = "-".join(name.strip().lower().replace("_", " ").replace("-", " ").split())
@@ -42,11 +42,11 @@ def find_platform(name: object) -> Platform | None:
 
 
 def as_platform(name: object, what: str = "platform") -> Platform:
-    """Return the platform of a name that must be one.
+    """Check that a name is that of a platform, and return the platform.
 
     Raises:
         ParameterError: the name is unknown.
-        ParameterTypeError: it is not a text.
+        ParameterTypeError: the name is not a text.
     """
     if not isinstance(name, str):
         raise ParameterTypeError(

@@ -1,9 +1,9 @@
-"""Plug-ins: installed packages that register things, found by their entry points.
+"""Plug-ins of installed packages, found by their entry points.
 
-An entry point names a module, which registers what it offers when it is imported, or
-`module:attribute`, which is registered under the name of the entry point unless it holds its own.
-A plug-in that cannot be loaded is named in a `PluginWarning`, once a process, and left out; all
-others work. `hijack doctor` lists them all.
+An entry point names either a module, which registers its plug-ins when it is imported, or
+`module:attribute`, which is registered under the name of the entry point unless the attribute has a
+name of its own. A plug-in that cannot be loaded is left out, with one `PluginWarning` per process;
+all others work. `hijack doctor` lists all of them.
 """
 
 import importlib
@@ -25,12 +25,12 @@ class Plugin:
     """One entry point of an installed package.
 
     Args:
-        group: of entry points, such as `"agenthijack.corruptions"`.
-        name: of the entry point.
-        module: that is imported.
-        package: the distribution it belongs to, and its `version`.
-        names: what it registered; of a broken one, what it registered before it failed.
-        problem: why it was left out; empty when it works.
+        group: the group of entry points, such as `"agenthijack.corruptions"`.
+        name: the name of the entry point.
+        module: the module that is imported.
+        package: the distribution that declares the entry point, with its `version`.
+        names: the names that it registered; for a broken plug-in, those before it failed.
+        problem: why it was left out; empty if it works.
     """
 
     group: str
@@ -43,16 +43,16 @@ class Plugin:
 
     @property
     def title(self) -> str:
-        """What it is called in messages."""
+        """The description of the plug-in in messages."""
         return f"the plug-in {self.name!r} of {self.package} {self.version} ({self.module})"
 
     @property
     def cure(self) -> str:
-        """The command that removes it."""
+        """The command that uninstalls the plug-in's package."""
         return f"pip uninstall {self.package}"
 
     def covers(self, name: str) -> bool:
-        """Whether `name` is what this plug-in should have registered, as far as can be told."""
+        """Return whether this plug-in would probably have registered `name`."""
         return name == self.name or name in self.names
 
 
@@ -60,22 +60,22 @@ _loaded: dict[str, list[Plugin]] = {}
 
 
 def load_plugins(group: str, registry: Registry[Any]) -> None:
-    """Import what installed packages offer under an entry-point group, once a process.
+    """Import the plug-ins of installed packages in an entry-point group, once per process.
 
-    A plug-in that raises, whatever it raises, is left out: a `PluginWarning` names it, its package
-    and the command that removes it.
+    A plug-in that raises any exception is left out: a `PluginWarning` names it, its package and the
+    command that uninstalls it.
 
     Args:
-        group: of entry points.
-        registry: where its plug-ins register; its `check` is called with each new entry.
+        group: the group of entry points.
+        registry: the registry of these plug-ins; its `check` is called with each new entry.
     """
     if group in _loaded:
         return
-    # a quarter of the import time of the whole package, and only needed here
+    # imported here, because it takes a quarter of the import time of the whole package
     import importlib.metadata
 
     found: list[Plugin] = []
-    _loaded[group] = found  # before the imports: a plug-in may itself ask for the names
+    _loaded[group] = found  # before the imports, because a plug-in may itself list names
     entries = importlib.metadata.entry_points(group=group)
     in_order = sorted(entries, key=lambda entry: entry.name)
     found.extend(_load(entry, registry) for entry in in_order)
@@ -84,7 +84,7 @@ def load_plugins(group: str, registry: Registry[Any]) -> None:
 
 
 def installed(group: str) -> tuple[Plugin, ...]:
-    """Return the plug-ins of a group that was loaded, working and broken ones."""
+    """Return all plug-ins of a loaded group, working and broken."""
     return tuple(_loaded.get(group, ()))
 
 
@@ -94,7 +94,7 @@ def broken(group: str) -> tuple[Plugin, ...]:
 
 
 def left_out(group: str) -> str:
-    """Return what an error on an unknown name adds: one of the broken plug-ins may be meant."""
+    """Return the addition to an error about an unknown name that lists the broken plug-ins."""
     lost = [f"{plugin.title}: {plugin.problem}" for plugin in broken(group)]
     if not lost:
         return ""
@@ -102,14 +102,14 @@ def left_out(group: str) -> str:
 
 
 def groups() -> list[str]:
-    """Return our groups of entry points that an installed package offers something in."""
+    """Return our entry-point groups for which an installed package has an entry point."""
     import importlib.metadata
 
     return sorted(g for g in importlib.metadata.entry_points().groups if g.startswith(PREFIX))
 
 
 def reason_of(error: BaseException) -> str:
-    """Return the message of an exception in one line, with its type unless it is one of ours."""
+    """Return an exception's message in one line, with its type unless it is a `HijackError`."""
     message = " ".join(str(error).split())
     name = type(error).__name__
     if not message:
@@ -176,9 +176,9 @@ def _register(
 
 
 def _warn(plugin: Plugin) -> None:
-    """Name a broken plug-in; worker processes leave that to the process that started them."""
+    """Warn about a broken plug-in, except in worker processes, whose parent warns already."""
     workers = sys.modules.get("multiprocessing")
     if workers is not None and workers.parent_process() is not None:
         return
     problem = f"{plugin.title} cannot be loaded and was left out: {plugin.problem}"
-    warnings.warn(f"{problem}; mend it, or remove it: {plugin.cure}", PluginWarning, stacklevel=4)
+    warnings.warn(f"{problem}; fix it, or remove it: {plugin.cure}", PluginWarning, stacklevel=4)

@@ -1,7 +1,7 @@
-"""Writing PNG files fast: filter Up in NumPy, and a quick deflate (PNG specification, 5 and 9).
+"""Write PNG files fast: filter Up in NumPy, and a quick deflate (PNG specification, 5 and 9).
 
-`encode` serves what is thrown away soon, such as the frames of a live desktop; the datasets of
-`pipelines` put files together from the same parts, in bands of rows.
+`encode` is for short-lived pictures, such as the frames of a live desktop; `pipelines` assembles
+the PNG files of datasets from the same functions, in bands of rows.
 """
 
 import struct
@@ -25,7 +25,8 @@ LEVEL = 1
 def fastest_zlib() -> Any:
     """Return `isal.isal_zlib`, or the standard library's `zlib` without it.
 
-    A process that cannot import anything later, such as a desktop's guest, calls it at the start.
+    A process that cannot import modules later, such as a desktop's guest server, calls it at the
+    start.
     """
     try:
         from isal import isal_zlib
@@ -51,7 +52,7 @@ def filtered(
 ) -> UInt8Array:
     """Return rows `top` to `bottom` as differences to the row above, uint8 `[n, 1 + 3 W]`.
 
-    The filter type stands before each row.
+    Each row begins with its filter type.
     """
     rows = image.reshape(image.shape[0], -1)
     out = np.empty((bottom - top, rows.shape[1] + 1), np.uint8)
@@ -65,7 +66,7 @@ def filtered(
 
 
 def assemble(size: Size, body: Iterable[bytes]) -> bytes:
-    """Return the file of a picture of `size` (height, width); `body` are its IDAT chunks."""
+    """Return the PNG file of a picture of `size` (height, width); `body` is its IDAT chunks."""
     height, width = size
     header = struct.pack(">II5B", width, height, *RGB_8_BIT)
     return SIGNATURE + b"".join((chunk(b"IHDR", header), *body, chunk(b"IEND", b"")))

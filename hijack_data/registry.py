@@ -1,8 +1,8 @@
-"""Things that are looked up by name: one `Registry` for each kind of them.
+"""Look up plug-ins and built-ins by name: one `Registry` for each kind.
 
-A name comes from this library, from an installed package (an entry point of the group
-`agenthijack.<kinds>`, see `plugins`) or from a file that was loaded (see `loading`). Where a user
-may write a name, `find` also takes `package.module:Name` and `path/to/file.py:Name`.
+An entry comes from this library, from an installed package (an entry point of the group
+`agenthijack.<kinds>`, see `plugins`) or from a loaded file (see `loading`). For names given by
+users, `find` also accepts `package.module:Name` and `path/to/file.py:Name`.
 """
 
 import importlib
@@ -17,7 +17,7 @@ from .errors import ParameterError, PluginError, UnknownNameError, suggest
 
 PREFIX = "agenthijack."
 OURS = ("hijack_data", "pipelines", "online_env")
-# Where the registry of each kind lives; as text, since this package imports neither of the others.
+# The module of each kind's registry, as text, because this package must not import the other two.
 KINDS: Mapping[str, str] = MappingProxyType(
     {
         "corruptions": "hijack_data.corruption:CORRUPTIONS",
@@ -37,31 +37,32 @@ V = TypeVar("V")
 
 @dataclass(frozen=True)
 class Lazy:
-    """Something of this library that is imported when it is asked for: `module:attribute`."""
+    """A built-in entry that is imported on first use: `module:attribute`."""
 
     place: str
 
     def load(self) -> Any:
-        """Import it."""
+        """Import the module and return the attribute."""
         name, _, attribute = self.place.partition(":")
         module = importlib.import_module(name)
         return getattr(module, attribute)
 
 
 class Registry(Generic[T]):
-    """The things of one kind by name, plug-ins included.
+    """The entries of one kind by name, including plug-ins.
 
     Args:
-        kind: the word for one of them in messages, such as `"agent"`.
+        kind: the word for one entry in messages, such as `"agent"`.
         kinds: the end of its entry-point group, one of the keys of `KINDS`.
-        builtin: ours by name, each as `module:attribute`, imported when it is asked for.
-        package: a module that registers ours when it is imported.
-        own_name: the attribute in which a thing holds its own name; empty where it has none.
-        problems: called with what is to be registered and its name; yields what is wrong with it.
-        prepare: makes the entry of what is registered, such as an object of a class.
-        check: called with each entry of a plug-in; raises where it cannot be used.
+        builtin: the built-in entries by name, each as `module:attribute`, imported on first use.
+        package: a module that registers built-in entries when it is imported.
+        own_name: the attribute that holds the name of an entry; empty if this kind has none.
+        problems: called with an object and its name before it is registered; yields its problems.
+        prepare: makes the entry from the registered object, such as an instance from a class.
+        check: called with each entry of a plug-in; raises if the entry cannot be used.
         related: kinds whose plug-ins may register here, too.
-        reserved: names that mean something of ours that is not registered, and where that is.
+        reserved: names with a built-in meaning that are not registered, and where that meaning is
+            defined.
     """
 
     def __init__(
@@ -91,20 +92,21 @@ class Registry(Generic[T]):
         _registries.append(self)
 
     def names(self) -> list[str]:
-        """All names: ours, then those of plug-ins, then those of loaded files.
+        """Return all names: built-in ones, then those of plug-ins, then those of loaded files.
 
-        Loads them, and raises `PluginError` if a file of `AGENTHIJACK_LOAD` cannot be loaded.
+        Loads plug-ins and files, and raises `PluginError` if a file of `AGENTHIJACK_LOAD` cannot be
+        loaded.
         """
         self.load()
         return list(self.entries)
 
     def get(self, name: str) -> T:
-        """Return what is registered as `name`.
+        """Return the entry registered as `name`.
 
         Raises `PluginError` if a plug-in that should register it cannot be loaded.
 
         Raises:
-            UnknownNameError: nothing is; the message suggests the closest name.
+            UnknownNameError: there is no such entry; the message suggests the closest name.
         """
         self.load_ours()
         if name not in self.entries:
@@ -118,14 +120,15 @@ class Registry(Generic[T]):
         return entry
 
     def find(self, text: str) -> str:
-        """Return the name of what a user asks for.
+        """Return the registered name for a name or reference given by a user.
 
         Raises `UnknownNameError` if there is no such name, module or attribute, `PluginError` if
         the file or module cannot be loaded, and `ParameterError` as `add` does.
 
         Args:
-            text: a name, `package.module:Name`, or `path/to/file.py:Name`. What the last two name
-                is loaded, and registered under its own name or, if it has none, under `text`.
+            text: a name, `package.module:Name`, or `path/to/file.py:Name`. For the last two forms,
+                the object is loaded, and registered under its own name or, if it has none, under
+                `text`.
         """
         from . import loading  # it needs the registries
 
@@ -136,13 +139,13 @@ class Registry(Generic[T]):
         return self.add(loading.load_reference(text), text)
 
     def is_reference(self, text: str) -> bool:
-        """Return whether a text names something that `find` loads, and not what is registered."""
+        """Return whether a text is a reference that `find` loads, not a registered name."""
         from . import loading
 
         return loading.is_reference(text)
 
     def register(self, name: str) -> Callable[[V], V]:
-        """Decorator: make something known under a name that it does not hold itself."""
+        """Decorator: register an object that has no name of its own under `name`."""
 
         def decorate(thing: V) -> V:
             self.add(thing, name)
@@ -151,14 +154,14 @@ class Registry(Generic[T]):
         return decorate
 
     def add(self, thing: Any, name: str = "") -> str:
-        """Register something, and return its name.
+        """Register an object, and return its name.
 
         Args:
-            thing: what is registered; adding the same class or function again is fine.
-            name: its name; where things of this kind hold their own name, that one counts.
+            thing: the object; registering the same class or function again is allowed.
+            name: its name; ignored if entries of this kind hold their own name.
 
         Raises:
-            ParameterError: it is not of this kind, or another one has the name.
+            ParameterError: the object is not of this kind, or the name is taken.
         """
         title = getattr(thing, "__qualname__", type(thing).__qualname__)
         own = getattr(thing, self._own_name, "") if self._own_name else ""
@@ -179,12 +182,12 @@ class Registry(Generic[T]):
         return name
 
     def load_ours(self) -> None:
-        """Import what registers ours, which comes first."""
+        """Import the module that registers the built-in entries, which come first."""
         if self._package:
             importlib.import_module(self._package)
 
     def load_installed(self) -> None:
-        """Load installed plug-ins, once a process; broken ones are left out with a warning."""
+        """Load installed plug-ins, once per process; broken ones are left out with a warning."""
         from .plugins import load_plugins  # it needs the registries
 
         self.load_ours()
@@ -193,7 +196,7 @@ class Registry(Generic[T]):
         load_plugins(self.group, self)
 
     def load(self) -> None:
-        """Load installed plug-ins and the files of `AGENTHIJACK_LOAD`, each once a process."""
+        """Load installed plug-ins and the files of `AGENTHIJACK_LOAD`, each once per process."""
         from . import loading
 
         self.load_installed()
@@ -204,7 +207,7 @@ class Registry(Generic[T]):
         return [name for name, entry in self.entries.items() if module_of(entry) == module]
 
     def hint(self, name: str) -> str:
-        """Return what an error on an unknown name adds: the closest name, and broken plug-ins."""
+        """Return the end of an error on an unknown name: the closest name, and broken plug-ins."""
         from .plugins import left_out
 
         known = [*self.entries, *self._reserved]
@@ -219,20 +222,20 @@ class Registry(Generic[T]):
         from .plugins import broken
 
         if name in self.entries:
-            return  # a plug-in wanted a name that was taken
+            return  # a plug-in tried to register a name that was taken
         for plugin in broken(self.group):
             if not plugin.covers(name):
                 continue
             raise PluginError(
                 f"the {self.kind} {name!r} cannot be used: {plugin.title} cannot be loaded: "
-                f"{plugin.problem}; mend it, or remove it: {plugin.cure}"
+                f"{plugin.problem}; fix it, or remove it: {plugin.cure}"
             )
 
     def __getitem__(self, name: str) -> T:
         return self.get(name)
 
     def keys(self) -> KeysView[str]:
-        """All names, as those of a dict."""
+        """Return all names, so that a registry can be used as a mapping."""
         return dict.fromkeys(self.names()).keys()
 
     def __contains__(self, name: object) -> bool:
@@ -249,12 +252,12 @@ _registries: list[Registry[Any]] = []
 
 
 def registries() -> tuple[Registry[Any], ...]:
-    """Return the registries of this process: those whose modules were imported."""
+    """Return the registries whose modules this process has imported."""
     return tuple(_registries)
 
 
 def registry_of(kinds: str) -> Registry[Any]:
-    """Return the registry of a kind, one of the keys of `KINDS`; its module is imported.
+    """Import and return the registry of a kind, one of the keys of `KINDS`.
 
     Raises:
         UnknownNameError: there is no such kind.
@@ -266,7 +269,7 @@ def registry_of(kinds: str) -> Registry[Any]:
 
 @contextmanager
 def undone_on_failure() -> Generator[None]:
-    """Take out of all registries what the body put there when it raises, but for what is ours."""
+    """If the body raises, remove what it registered, except for entries of this library."""
     before: dict[int, dict[str, Any]] = {}
     for registry in registries():
         before[id(registry)] = dict(registry.entries)
@@ -279,7 +282,7 @@ def undone_on_failure() -> Generator[None]:
 
 
 def _restore(entries: dict[str, Any], before: Mapping[str, Any]) -> None:
-    """Put entries back as they were; ours stay, which may have been imported meanwhile."""
+    """Restore earlier entries; built-in ones stay, since an import may have added them."""
     for name, entry in list(entries.items()):
         if name in before:
             entries[name] = before[name]
@@ -288,7 +291,7 @@ def _restore(entries: dict[str, Any], before: Mapping[str, Any]) -> None:
 
 
 def module_of(entry: object) -> str:
-    """Return the module that an entry comes from: of a class, of a function, or of an object."""
+    """Return the module that defines an entry: a class, a function, or the class of an object."""
     if isinstance(entry, Lazy):
         return entry.place.partition(":")[0]
     if isinstance(entry, type) or hasattr(entry, "__qualname__"):
@@ -302,7 +305,7 @@ def is_ours(entry: object) -> bool:
 
 
 def home_of(entry: object) -> str:
-    """Return where an entry comes from, for messages: the module of ours, the file of others."""
+    """Return the origin of an entry for messages: our module, or the file of a plug-in."""
     module = module_of(entry)
     if is_ours(entry):
         return module
@@ -310,13 +313,13 @@ def home_of(entry: object) -> str:
 
 
 def file_of_module(entry: object) -> str | None:
-    """Return the file of the module that an entry comes from, where it has one."""
+    """Return the file of the module that defines an entry, if it has one."""
     module = sys.modules.get(module_of(entry))
     return getattr(module, "__file__", None)
 
 
 def _identity(thing: object) -> str:
-    """Return what stays the same when a class is made again by a reload, and of its objects."""
+    """Return an identity that a class keeps when it is reloaded, and that its objects share."""
     if isinstance(thing, Lazy):
         return thing.place
     named = thing if hasattr(thing, "__qualname__") else type(thing)

@@ -1,4 +1,4 @@
-"""Integer weights of Pillow's bicubic resize: the only place where a scale becomes numbers.
+"""The integer weights of Pillow's bicubic resize; no other module computes any.
 
 Pillow resizes uint8 pictures with fixed-point weights of 22 bits, in one pass along rows and one
 along columns, each rounded and clipped to uint8. The weights here are computed in the same order of
@@ -16,17 +16,17 @@ from .cache import Cache
 from .types import Size
 
 PRECISION_BITS = 22
-TABLE_BYTES = 32 * 2**20  # of a screen of 1920x1080 that is halved, the tables take 60 KB
+TABLE_BYTES = 32 * 2**20  # for halving a 1920x1080 screen, the tables take 60 KB
 _A = -0.5
 _SUPPORT = 2.0
 
 
 def columns_first(source: Size, size: Size) -> bool:
-    """Tell whether the pass along columns comes first.
+    """Return whether the pass along columns comes first.
 
-    It does for tall pictures that get much less tall, from `source` to `size`, (height, width).
-    This is the rule of Pillow 13. Older ones always begin with the rows; ours is fixed, whatever
-    Pillow is installed.
+    It does for tall pictures that become much less tall, from `source` to `size`, (height, width).
+    This is the rule of Pillow 13. Older versions always begin with the rows; this rule holds
+    whichever Pillow is installed.
     """
     height, width = source
     h, w = size
@@ -61,7 +61,7 @@ _tables = Cache(TABLE_BYTES)
 
 
 def weights(n_in: int, n_out: int) -> Weights:
-    """Return the weights that resize a line of `n_in` pixels to `n_out`; some are remembered."""
+    """Return the weights that resize a line of `n_in` pixels to `n_out`; recent ones are cached."""
     table = _tables.get((n_in, n_out))
     if table is None:
         table = _weights(n_in, n_out)
@@ -98,7 +98,7 @@ def _trim(
     taps: npt.NDArray[np.int32],
     n_in: int,
 ) -> Weights:
-    """Drop columns of zeros and shift windows that stick out at the end back inside."""
+    """Drop columns of zeros, and move windows that stick out at the end back inside."""
     used = int(np.flatnonzero(taps.any(axis=0)).max()) + 1
     taps = taps[:, :used]
     start = np.minimum(first, n_in - used)

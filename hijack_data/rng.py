@@ -1,4 +1,4 @@
-"""Counter-based random numbers: the same plan for the same key, whatever else was drawn.
+"""Counter-based random numbers: the same key gives the same plan, whatever else was drawn.
 
 A stream is named by `(seed, corruption, sample, step, epoch)` and by nothing else, so a plan does
 not depend on order, batch, worker or process count. The generator is Philox 4x64 with
@@ -6,8 +6,8 @@ not depend on order, batch, worker or process count. The generator is Philox 4x6
 * key     = (seed, hash of the corruption id),
 * counter = (0, step and epoch, two words of the hash of the sample id).
 
-Inside a combinator the sample id is a `Branch`, which also names the way to the node, so that no
-two nodes of a tree share a stream; its hash cannot meet that of a plain sample id.
+Inside a combinator the sample id is a `Branch`, which also names the path to the node, so that no
+two nodes of a tree share a stream; its hash cannot collide with that of a plain sample id.
 
 Only its raw 64-bit words are used; integers and fractions are derived here, because NumPy may
 change `Generator.choice` between versions but not the words of the bit generator. There is no
@@ -28,9 +28,9 @@ _MASK = 2**64 - 1
 
 
 class Branch(str):
-    """The key of one node of a combinator: a sample id, and the way from the root to the node.
+    """The key of one node of a combinator: a sample id, and the path from the root to the node.
 
-    It is a string that differs for each node, and planners hand it on as they hand on any `sample`.
+    It is a string that differs for each node, and planners pass it on like any `sample`.
     """
 
     __slots__ = ("path", "sample")
@@ -38,14 +38,14 @@ class Branch(str):
     path: tuple[str, ...]
 
     def __new__(cls, sample: str, path: tuple[str, ...]) -> "Branch":
-        """Make the key; `branch` is how planners get one."""
+        """Make the key; planners call `branch` instead."""
         made = super().__new__(cls, f"{sample} at {'/'.join(path)}")
         made.sample = sample
         made.path = path
         return made
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Pickle it with its parts."""
+        """Pickle the key with its parts."""
         return Branch, (self.sample, self.path)
 
 
@@ -82,8 +82,8 @@ def _sample_text(sample: object) -> str:
 def _sample_words(sample: object) -> tuple[int, int]:
     if not isinstance(sample, Branch):
         return _words(_sample_text(sample))
-    # A path holds no line break, so no two branches give one text, and `person` keeps them apart
-    # from sample ids.
+    # A path holds no line break, so different branches give different texts, and `person` separates
+    # them from sample ids.
     return _words("/".join(sample.path) + "\n" + sample.sample, person=b"branch")
 
 
@@ -99,8 +99,8 @@ def as_seed(value: object) -> int:
     """Return a seed as an integer.
 
     Raises:
-        ParameterError: it is below 0, or 2**64 or more.
-        ParameterTypeError: it is no integer; a bool is none.
+        ParameterError: the seed is below 0, or 2**64 or more.
+        ParameterTypeError: the seed is not an integer (a bool does not count as one).
     """
     return _integer(value, "seed", 0, 2**64 - 1)
 
@@ -133,7 +133,7 @@ class Stream:
 
     Raises:
         ParameterError: a number is out of its range.
-        ParameterTypeError: a value is of another type.
+        ParameterTypeError: a value has the wrong type.
     """
 
     def __init__(
@@ -151,7 +151,7 @@ class Stream:
         key = np.array([seed, _words(name)[0]], np.uint64)
         counter = np.array([0, place, *_sample_words(sample)], np.uint64)
         self._bits = np.random.Philox(key=key, counter=counter)
-        self._drawn: list[int] = []  # words that `integers` drew and did not use, the next one last
+        self._drawn: list[int] = []  # words that `integers` drew and did not use, in reverse order
 
     def word(self) -> int:
         """Return the next raw word, uniform on 0 to 2**64 - 1."""
@@ -179,10 +179,10 @@ class Stream:
         return low + word % span
 
     def integers(self, ranges: Sequence[tuple[int, int]], count: int) -> npt.NDArray[np.int64]:
-        """Return what `integer` would for each of the ranges in turn, `count` times over.
+        """Return what `integer` would return for each of the ranges in turn, `count` times.
 
-        The result is int64 `[count, len(ranges)]`. A hundred numbers take as long as ten that are
-        drawn one by one.
+        The result is int64 `[count, len(ranges)]`. A hundred numbers take as long as ten drawn one
+        by one.
         """
         spans = [high - low + 1 for low, high in ranges]
         words: npt.NDArray[np.uint64] = self._bits.random_raw(count * len(ranges))

@@ -1,4 +1,4 @@
-"""Label safety: does the target of a step still show, what is covered, did the picture change.
+"""Label safety: whether the target of a step is still visible, what is covered, what changed.
 
 A corrupted sample whose target is hidden must not become a training label by accident.
 """
@@ -22,12 +22,12 @@ from .planner import Planner, as_planner
 from .rng import branch
 from .types import Box, BoxArray, BoxesLike, Scene, Size, as_boxes, as_target, clip_boxes
 
-# A pixel hides what is below it from half opacity on; an element is covered when less than half of
-# it shows.
+# A pixel counts as hidden below paint of at least half opacity; an element counts as covered if
+# less than half of it is visible.
 OPAQUE = 128
 COVERED_BELOW = 0.5
 AVOID_TRIES = 16
-MANY = 512  # beyond so many stamps the whole picture is compared
+MANY = 512  # with more stamps than this the whole picture is compared
 
 
 @dataclass(frozen=True)
@@ -35,10 +35,10 @@ class Safety:
     """What a corruption did to the labels of one step.
 
     Args:
-        target_visible: share of the target that still shows, 0..1, or of a drag's end if less;
-            `None` without a target.
-        covered: indices of the boxes of which less than half shows.
-        changed_pixels: pixels whose colour differs; all of them when the size changed.
+        target_visible: share of the target that is still visible, 0..1; for a drag, the lesser
+            share of its two ends; `None` without a target.
+        covered: indices of the boxes of which less than half is visible.
+        changed_pixels: number of pixels whose colour differs; all of them if the size changed.
     """
 
     target_visible: float | None
@@ -47,7 +47,7 @@ class Safety:
 
 
 def hidden(plan: Plan) -> npt.NDArray[np.bool_]:
-    """Return which pixels of the corrupted picture are painted over.
+    """Return a mask of the pixels of the corrupted picture that are painted over.
 
     The mask is bool `[h, w]` of `plan.out_size`.
     """
@@ -70,7 +70,7 @@ def _paint(mask: npt.NDArray[np.bool_], op: Paste) -> None:
 
 
 def resized_mask(mask: npt.NDArray[Any], size: Size) -> npt.NDArray[Any]:
-    """Return a mask at another size: each pixel has the value under its centre.
+    """Return a mask at another size: each pixel takes the value under its centre.
 
     Args:
         mask: `[..., H, W]` of any type.
@@ -83,18 +83,18 @@ def resized_mask(mask: npt.NDArray[Any], size: Size) -> npt.NDArray[Any]:
 
 
 def _nearest(old: int, new: int) -> npt.NDArray[np.int64]:
-    """Return, for each of `new` pixels of a side, the one of `old` pixels that its centre meets."""
+    """Return, for each of `new` pixels of a side, the one of `old` pixels under its centre."""
     centres = 2 * np.arange(new) + 1
     return centres * old // (2 * new)
 
 
 @dataclass(frozen=True, eq=False)
 class _Painted:
-    """The stamps that lie on the corrupted picture as they were pasted.
+    """The stamps on the corrupted picture, none of which was resized after it was pasted.
 
     Args:
-        sprites: one a stamp.
-        boxes: where they lie, int32 `[n, 4]`, `xyxy`.
+        sprites: one sprite per stamp.
+        boxes: their places, int32 `[n, 4]`, `xyxy`.
     """
 
     sprites: list[Sprite]
@@ -103,7 +103,8 @@ class _Painted:
     def hidden_in(self, boxes: BoxArray) -> list[int] | None:
         """Return how many pixels of each box inside the picture are painted over.
 
-        `None` if so many stamps lie on so many boxes that a mask of the whole picture is quicker.
+        Returns `None` if there are so many stamps and boxes that a mask of the whole picture is
+        faster.
         """
         counts = [0] * len(boxes)
         x1, y1, x2, y2 = boxes.T[:, :, None]
@@ -136,7 +137,7 @@ class _Painted:
 
 
 def _common(one: list[int], other: list[int]) -> Box:
-    """Return what two overlapping boxes share."""
+    """Return the intersection of two overlapping boxes."""
     left = max(one[0], other[0])
     top = max(one[1], other[1])
     right = min(one[2], other[2])
@@ -145,7 +146,7 @@ def _common(one: list[int], other: list[int]) -> Box:
 
 
 def _painted(plan: Plan) -> _Painted | None:
-    """Return what is painted on the corrupted picture; `None` if a paste was resized later."""
+    """Return the stamps on the corrupted picture; `None` if a paste was resized later."""
     sprites: list[Sprite] = []
     boxes = [as_boxes(None)]
     size = plan.size
@@ -166,7 +167,7 @@ def _painted(plan: Plan) -> _Painted | None:
 
 
 def _opaque(sprite: Sprite) -> npt.NDArray[np.bool_]:
-    """Return which pixels of a sprite hide what is below, bool `[h, w]`."""
+    """Return which pixels of a sprite hide the pixels below, bool `[h, w]`."""
     if "opaque" not in sprite.scratch:
         if sprite.opaque:
             opaque = np.broadcast_to(True, sprite.size)
@@ -177,9 +178,9 @@ def _opaque(sprite: Sprite) -> npt.NDArray[np.bool_]:
 
 
 def visible_share(plan: Plan, boxes: BoxesLike) -> list[float]:
-    """Return the share of each box that shows after the corruption, 0..1.
+    """Return the share of each box that is visible after the corruption, float `[N]` in 0..1.
 
-    A box that is empty or off the screen shows nothing.
+    The share of a box that is empty or off the screen is 0.
 
     Args:
         plan: the corruption.
@@ -194,7 +195,7 @@ def _shares(
     painted: _Painted | None,
     boxes: BoxArray,
 ) -> list[float]:
-    """`visible_share` of boxes; `painted` is that of the plan."""
+    """Return `visible_share` of boxes; `painted` holds the stamps of the plan."""
     moved = _on_picture(plan, boxes)
     rows = moved.tolist()
     lost = None if painted is None else painted.hidden_in(moved)
@@ -206,7 +207,7 @@ def _shares(
 
 
 def _on_picture(plan: Plan, boxes: BoxArray) -> BoxArray:
-    """Return boxes on the screen as they lie on the corrupted picture; empty ones stay empty."""
+    """Map boxes on the screen to the corrupted picture; empty boxes stay empty."""
     inside = clip_boxes(boxes, plan.size)
     if plan.out_size == plan.size:
         return inside
@@ -217,7 +218,7 @@ def _on_picture(plan: Plan, boxes: BoxArray) -> BoxArray:
 
 
 def _share(gone: int, area: int) -> float:
-    """Return the share of an area that is left; of an empty one nothing."""
+    """Return the share of an area that is left; 0 for an empty area."""
     return 1.0 - gone / area if area else 0.0
 
 
@@ -226,23 +227,23 @@ def target_visible(
     target: object,
     end: object = None,
 ) -> float | None:
-    """Return the share of the target that shows, 0..1; `None` without a target.
+    """Return the visible share of the target, 0..1; `None` without a target.
 
     Args:
         plan: the corruption.
         target: a point or a box on the screen.
-        end: where a drag that starts at the target ends: the lesser share counts.
+        end: where a drag that starts at the target ends; the lesser share of both counts.
     """
     return min(visible_share(plan, _ends(target, end)), default=None)
 
 
 def _ends(target: object, end: object) -> list[Box]:
-    """Return as boxes what must show: the target, and where a drag from it ends."""
+    """Return the boxes that must be visible: the target, and the end of a drag from it."""
     return [box for box in (as_target(target), as_target(end)) if box is not None]
 
 
 def covered(plan: Plan, boxes: BoxesLike) -> tuple[int, ...]:
-    """Return the indices of the boxes of which less than half shows."""
+    """Return the indices of the boxes of which less than half is visible."""
     return tuple(i for i, share in enumerate(visible_share(plan, boxes)) if share < COVERED_BELOW)
 
 
@@ -256,7 +257,8 @@ def changed_pixels(
     Args:
         before: uint8 RGB, `[H, W, 3]` or torch `[3, H, W]`.
         after: likewise; if its size differs, all its pixels count.
-        plan: what made `after` from `before`, if known: only what it can have changed is compared.
+        plan: the plan that made `after` from `before`, if known: then only the areas that it can
+            have changed are compared.
     """
     areas = None
     if plan is not None:
@@ -269,14 +271,15 @@ def _changed(
     after: Any,
     areas: BoxArray | None,
 ) -> Any:
-    """Return how many pixels differ: an integer, or the number on a device that will be it."""
+    """Return how many pixels differ, as an integer or as a scalar that a device still computes."""
     height, width = backend_of(after).size(after)
     if backend_of(before).size(before) != (height, width):
         return height * width
     boxes = np.array([[0, 0, width, height]], np.int32) if areas is None else areas
     if not len(boxes):
         return 0
-    if _device(after) != "cpu":  # reading a whole picture there costs less than moving it here
+    # Comparing whole pictures on the device takes less time than copying them to the host.
+    if _device(after) != "cpu":
         return count_on_device(before, after)
     return compare.count(to_numpy(before), to_numpy(after), boxes)
 
@@ -287,12 +290,12 @@ def _device(image: Any) -> str:
 
 
 def count_on_device(before: Any, after: Any) -> Any:
-    """Count the differing pixels of two torch or JAX pictures on their device, without waiting."""
+    """Start counting the differing pixels of two torch or JAX pictures on their device."""
     return (before != after).any(backend_of(after).channels).sum()
 
 
 def _painted_areas(plan: Plan, painted: _Painted | None) -> BoxArray | None:
-    """Return boxes that hold all that a plan can have changed; `None` for the whole picture."""
+    """Return boxes around everything that a plan can have changed; `None` is the whole picture."""
     if painted is None or len(painted.boxes) > MANY:
         return None
     if any(isinstance(op, Resample) for op in plan.ops):
@@ -320,7 +323,7 @@ def judge(
         boxes: of the elements, `[N, 4]`, `xyxy` in pixels of the screen.
 
     Raises:
-        ParameterTypeError: `plan` is no plan.
+        ParameterTypeError: `plan` is not a plan.
     """
     if not isinstance(cast(object, plan), Plan):
         raise ParameterTypeError(f"judge needs the Plan that made the picture, got {shown(plan)}")
@@ -343,9 +346,9 @@ def judge_all(
     ends: Sequence[object],
     boxes: Sequence[BoxesLike],
 ) -> list[Safety]:
-    """Return `judge` for all pictures of a batch, one entry each.
+    """Judge all pictures of a batch as `judge` does, one result each.
 
-    A device counts all pictures before anything waits for it.
+    A device starts counting for all pictures before the first result is awaited.
     """
     painted = [_painted(plan) for plan in plans]
     changed = [
@@ -388,23 +391,23 @@ def plan_avoiding(
     at_least: float = 1.0,
     end: object = None,
 ) -> Plan | None:
-    """Plan again until enough of the target shows; `None` if it never does.
+    """Plan again until enough of the target is visible; return `None` if it never is.
 
-    Each of `AVOID_TRIES` tries has a stream of its own, so the result depends on the arguments
-    alone. Try 0 is the ordinary plan.
+    Each of the `AVOID_TRIES` tries has its own stream, so the result depends only on the arguments.
+    Try 0 is the ordinary plan.
 
     Args:
-        planner: what plans.
+        planner: the planner.
         scene: the screen, with the target.
         seed: 0 to 2**64 - 1.
         sample: id of the sample or trajectory.
         step: step in the trajectory.
         epoch: training epoch.
-        at_least: the share of the target that must show, 0..1.
-        end: where a drag from the target ends, which then must show as well.
+        at_least: the share of the target that must be visible, 0..1.
+        end: where a drag from the target ends, which must be visible as well.
 
     Raises:
-        ParameterTypeError: `planner` is no planner, or `scene` no scene.
+        ParameterTypeError: `planner` is not a planner, or `scene` is not a `Scene`.
         ParameterError: `at_least` is out of range.
     """
     as_planner(planner, "a planner is a corruption or a combinator")

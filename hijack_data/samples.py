@@ -2,17 +2,17 @@
 
 A sample is a dictionary. These entries are read, all but the id optional:
 
-* `id`: names the sample; with the seed and the epoch it alone decides what happens to it,
+* `id`: identifies the sample; only the id, the seed and the epoch decide its corruption,
 * `step`, `epoch`: the step of its trajectory and the training epoch, 0 by default,
 * `target`: the point `(x, y)` or box `(x1, y1, x2, y2)` that the label aims at; by default
   `target_box`, or the point of the `action`,
 * `elements`: `[N, 4]` boxes of interactive elements,
 * `action` (an `Action`, or a dictionary as the rows of a dataset have it), `action_code` (pyautogui
-  code): like target and elements, they follow the pixels. Where the action is a drag, its end must
-  show like the target, at which it starts: the lesser share of the two counts.
+  code): like target and elements, they follow the pixels. If the action is a drag from the target,
+  its end must be visible as well: the lesser share of the two counts.
 
 Other labels are declared (`hijack_data.labels`). Rows of our datasets stay rows: all of their
-columns say what is true of the corrupted picture. This file knows no framework; `transforms`
+columns are updated to the corrupted picture. This module uses no framework; `transforms`
 (torchvision) and `grain` build on it.
 """
 
@@ -41,8 +41,8 @@ class SamplePlanner:
     Args:
         planner: a corruption, `OneOf`, `Sequence` or `Schedule`.
         seed: 0 to 2**64 - 1.
-        label_policy: `keep` what was drawn, or `avoid`: draw again until the target shows, and with
-            it the end of a drag, or leave the sample clean.
+        label_policy: `keep` the first draw; or `avoid`: draw again until the target (of a drag,
+            both ends) is visible, and leave the sample clean if no draw succeeds.
         id_key: name of the entry that holds the id.
         labels: which entries are labels, and how they are written.
     """
@@ -57,7 +57,7 @@ class SamplePlanner:
         as_planner(self.planner, "expected a corruption such as Marks()")
         if self.label_policy not in LABEL_POLICIES:
             raise ParameterError(f"label_policy must be keep or avoid, got {self.label_policy!r}")
-        as_seed(self.seed)  # here, not at the first sample in some worker
+        as_seed(self.seed)  # checked here, not at the first sample in some worker
 
     def plan(
         self,
@@ -68,7 +68,7 @@ class SamplePlanner:
     ) -> Plan:
         """Return the plan for a sample whose picture has this `size`.
 
-        `key` is its id; `epoch` counts if the sample has none.
+        `key` is its id; `epoch` is used if the sample has no epoch.
         """
         place = self.labels.place(sample, size)
         boxes = as_boxes(self.labels.boxes(sample, "elements", size), "elements")
@@ -102,7 +102,7 @@ class SamplePlanner:
         """Return the id of a sample in a list, or the ids of a batch of `batch` pictures.
 
         Raises:
-            ParameterError: the entry is missing, or is one id for a batch.
+            ParameterError: the entry is missing, or a batch has a single id.
         """
         if sample.get(self.id_key) is None:
             entries = ", ".join(map(str, sample)) or "nothing"
@@ -148,7 +148,7 @@ def scalar(
     """Return an integer entry, or `default` if there is none.
 
     Raises:
-        ParameterTypeError: it is not an integer.
+        ParameterTypeError: the entry is not an integer.
     """
     if value is None:
         return default
@@ -165,9 +165,9 @@ def visible_in(
     sample: Mapping[str, Any],
     labels: Labels,
 ) -> float | None:
-    """Return the share of the target of a sample that shows after `plan`.
+    """Return the share of a sample's target that is visible after `plan`.
 
-    If the end of its drag shows less, it is that share.
+    For a drag, it is the lesser share of both ends.
     """
     place = labels.place(sample, plan.size)
     if place is None:
@@ -183,12 +183,11 @@ def follow(
     labels: Labels,
     seed: int | None,
 ) -> dict[str, Any]:
-    """Return the entries of a sample that differ after a plan.
+    """Return the entries of a sample that a plan changes.
 
-    Those are its labels, and the columns of a dataset row that describe it.
-
-    `before` and `after` are its picture; `seed` is the one of the plan, `None` for a plan that was
-    given.
+    These are its labels and, in a dataset row, the columns that describe the corruption. `before`
+    and `after` are its pictures; `seed` is the seed of the plan, or `None` for a plan given by the
+    user.
     """
     moved = labels.follow(plan, sample)
     if not is_row(sample):

@@ -1,8 +1,7 @@
-"""Are our packages ours?
+"""Detect folders and files that shadow our packages.
 
-`pipelines` and `online_env` are names that a folder of yours may have, too, and one that comes
-first on `sys.path` is imported in the place of ours. The command line asks here before it imports
-them.
+A user's folder may also be named `pipelines` or `online_env`; if it comes first on `sys.path`,
+Python imports it instead of our package. The command line checks this before it imports them.
 """
 
 import importlib.util
@@ -12,7 +11,7 @@ HOME = Path(__file__).resolve().parent.parent
 
 
 def complaint(*names: str) -> str:
-    """Return which file or folder hides one of our packages `names`, and the remedy, or `""`."""
+    """Return which file or folder hides one of the packages `names`, and the remedy, or ""."""
     for name in names:
         place = _found(name)
         if place is not None and place != (HOME / name).resolve():
@@ -25,7 +24,7 @@ def complaint(*names: str) -> str:
 
 
 def _found(name: str) -> Path | None:
-    """Return the folder or the file that `import name` takes; `None` where there is none."""
+    """Return the folder or file that `import name` would import, or `None`."""
     try:
         spec = importlib.util.find_spec(name)
     except (ImportError, ValueError):

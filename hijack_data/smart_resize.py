@@ -1,4 +1,4 @@
-"""The size to which the image processor of Qwen2.5-VL and its kin resizes a picture."""
+"""The size to which the image processor of Qwen2.5-VL and similar models resizes a picture."""
 
 import math
 
@@ -19,7 +19,7 @@ def smart_resize(
     min_pixels: int = MIN_PIXELS,
     max_pixels: int = MAX_PIXELS,
 ) -> Size:
-    """Return the (height, width) of the picture that Qwen2.5-VL sees for one of this size.
+    """Return the (height, width) of the picture that Qwen2.5-VL sees for a picture of this size.
 
     Its image processor makes both sides multiples of `factor` (28) and keeps their product within
     `min_pixels`..`max_pixels`: 1080x1920 becomes 1092x1932.

@@ -1,6 +1,6 @@
-"""The gymnasium spaces of what an agent sees and answers, for every environment here.
+"""The gymnasium spaces of observations and actions, shared by all environments.
 
-The core does without gymnasium: who imports this module has an extra that brings it.
+The core does not depend on gymnasium; importing this module requires an extra that installs it.
 """
 
 import multiprocessing
@@ -27,14 +27,14 @@ _SLOT = _HEAD + SHARED_TEXT
 
 
 class Text(gymnasium.Space[str]):
-    """Any text; gymnasium's own wants every character listed."""
+    """Any text; gymnasium's own `Text` space needs a list of allowed characters."""
 
     def __init__(self) -> None:
         super().__init__((), np.str_)
 
     @property
     def is_np_flattenable(self) -> bool:
-        """False: a text is no vector."""
+        """False, because text cannot be flattened into a vector."""
         return False
 
     def contains(self, x: Any) -> bool:
@@ -58,7 +58,7 @@ class Text(gymnasium.Space[str]):
 
 
 class Actions(Text):
-    """What an agent may answer: any text; one that is no action is counted as malformed.
+    """The answers of an agent: any text; a text that is not an action counts as malformed.
 
     Samples are clicks inside the picture, and now and then `WAIT`.
 
@@ -90,7 +90,7 @@ def observations(size: Size) -> gymnasium.spaces.Dict:
     return gymnasium.spaces.Dict({"screenshot": picture, "instruction": Text()})
 
 
-# `AsyncVectorEnv` shares observations between processes, and asks these for a space of its own.
+# `AsyncVectorEnv` shares observations between processes through these functions for custom spaces.
 
 
 @create_shared_memory.register(Text)
@@ -131,7 +131,7 @@ def _read(
 
 
 class SharedTexts(Sequence[str]):
-    """The present texts of several processes; a deep copy is a tuple of what they are now.
+    """A live view of the texts of several processes; a deep copy is a tuple of the present texts.
 
     Gymnasium reads shared memory once and keeps the result as a view, as it would an array.
 

@@ -1,8 +1,8 @@
-"""Plain data shared by every package: what a screen holds and what an agent did.
+"""Plain data shared by every package: screens, actions and recordings.
 
 Coordinates are integer pixels, origin top-left, x to the right, y down. Boxes are `xyxy`,
-half-open: a box covers `x1 <= x < x2`, `y1 <= y < y2`. Sizes are `(height, width)`, as arrays have
-them.
+half-open: a box covers `x1 <= x < x2`, `y1 <= y < y2`. Sizes are `(height, width)`, as in the
+shapes of arrays.
 """
 
 import operator
@@ -26,8 +26,8 @@ BoxesLike: TypeAlias = npt.ArrayLike | Sequence[Sequence[float]] | None
 # A target given as a point is judged by the square of this many pixels around it.
 POINT_TARGET = 16
 MAX_SIDE = 1 << 20
-# A recorded point may miss the screen by this share of its side; what is beyond is another space or
-# another screen.
+# A recorded point may lie outside the screen by this share of a side; a point farther away belongs
+# to another coordinate space or another screen.
 SLACK = 0.05
 
 ACTION_TYPES = (
@@ -53,7 +53,7 @@ ACTION_TYPES = (
 
 
 def size_text(size: Size) -> str:
-    """Return `(height, width)` as people write it: `1920x1080`."""
+    """Return `(height, width)` as text with the width first: `1920x1080`."""
     return f"{size[1]}x{size[0]}"
 
 
@@ -62,7 +62,7 @@ def as_size(value: object, what: str = "size") -> Size:
 
     Raises:
         ParameterError: a side is below 1 or beyond `MAX_SIDE`.
-        ParameterTypeError: `value` is anything else.
+        ParameterTypeError: `value` is not a pair of integers.
     """
     try:
         height, width = (operator.index(v) for v in cast("Sequence[int]", value))
@@ -79,19 +79,19 @@ def as_size(value: object, what: str = "size") -> Size:
 def as_boxes(value: BoxesLike, what: str = "boxes") -> BoxArray:
     """Return boxes as an int32 array of shape `[N, 4]`, `xyxy`.
 
-    `None` and empty input give shape `[0, 4]`. Fractional edges are rounded (halves up); a box that
-    holds anything keeps at least one pixel.
+    `None` and empty input give shape `[0, 4]`. Fractional edges are rounded (halves up); a box with
+    a positive area keeps at least one pixel.
 
     Raises:
-        ParameterError: a wrong shape, a number that is not finite, a box whose corners are swapped,
-            or a box in fractions of the picture (0..1).
+        ParameterError: the shape is wrong, a number is not finite, the corners of a box are
+            swapped, or a box is in fractions of the picture (0..1).
         ParameterTypeError: `value` does not hold numbers.
     """
     if value is None:
         return np.zeros((0, 4), np.int32)
     try:
         if np.asarray(value).dtype == np.bool_:
-            raise TypeError  # a mask, which would be boxes of a pixel
+            raise TypeError  # a mask: its values would be taken for tiny boxes
         raw = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         raise ParameterTypeError(
@@ -128,12 +128,12 @@ def as_target(value: object, size: Size | None = None) -> Box | None:
 
     Args:
         value: a point (x, y) or a box (x1, y1, x2, y2) in pixels, or `None`.
-        size: `(height, width)` of the screen: a point may miss it by `SLACK` of a side. A box may
-            lie off the screen; nothing of it shows then.
+        size: `(height, width)` of the screen: a point may lie outside it by `SLACK` of a side. A
+            box may be off the screen, and is then invisible.
 
     Raises:
-        ParameterError: a box that is empty, a point off the screen, fractions of the picture, or
-            numbers that are not finite.
+        ParameterError: the box is empty, the point is off the screen, or the numbers are fractions
+            of the picture or not finite.
         ParameterTypeError: `value` is neither a point nor a box.
     """
     if value is None:
@@ -154,7 +154,7 @@ def as_target(value: object, size: Size | None = None) -> Box | None:
 
 
 def _around(point: list[float], size: Size | None) -> Box:
-    """Return the square around a target that is a point."""
+    """Return the square around a point target."""
     if not all(abs(v) <= 2**30 for v in point):
         raise ParameterError(f"target {point} holds a number that is not finite or is beyond 2**30")
     _refuse_fractions(point, "target")
@@ -173,7 +173,7 @@ def _around(point: list[float], size: Size | None) -> Box:
 
 
 def are_fractions(numbers: Sequence[float]) -> bool:
-    """Tell whether a point or box must be in fractions of the picture: 0..1, not all whole."""
+    """Return whether numbers can only be fractions of the picture: in 0..1, and not all whole."""
     return all(0 <= v <= 1 for v in numbers) and any(v != int(v) for v in numbers)
 
 
@@ -189,7 +189,7 @@ def _refuse_fractions(numbers: Sequence[float], what: str) -> None:
 def clip_boxes(boxes: BoxArray, size: Size) -> BoxArray:
     """Clip boxes to a screen of `size`, (height, width).
 
-    Rows keep their place; those off the screen become empty.
+    Rows keep their order; boxes off the screen become empty.
     """
     height, width = size
     limit = np.array([width, height, width, height], np.int32)
@@ -208,9 +208,9 @@ class Scene:
         target: the box or point that the step's action aims at, if known; see `as_target`.
 
     Raises:
-        ParameterError: a size, boxes or a target that cannot be right: fractions of the picture
-            where pixels belong, a box without area as the target, a point off the screen.
-        ParameterTypeError: one that is of the wrong type.
+        ParameterError: the size, the boxes or the target cannot be right: fractions of the picture
+            instead of pixels, a target box without area, a point off the screen.
+        ParameterTypeError: one of them has the wrong type.
     """
 
     size: Size
@@ -242,7 +242,7 @@ class Scene:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a reader of the plan should know about the boxes."""
+        """Remarks on the boxes for the reader of the plan."""
         count = len(self.boxes)
         lost = count - len(self.obstacles)
         if not lost:
@@ -262,7 +262,7 @@ def _as_apps(apps: object) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Action:
-    """One action in pixels of the screenshot it goes with.
+    """One action, in pixels of its screenshot.
 
     `type` is one of `ACTION_TYPES`; `x, y` is the point (the start of a drag), `x2, y2` the end of
     a drag, `text` what is typed, `keys` the keys held together, `amount` scroll clicks (positive is
@@ -308,7 +308,7 @@ class Step:
     extra: str = ""
 
 
-# `linux` is any desktop but Xfce, or one that is not known; `web` is a page without the screen
+# `linux` is any desktop other than Xfce, or an unknown one; `web` is a page without the screen
 # around it.
 Platform: TypeAlias = Literal["linux-xfce", "linux", "windows", "macos", "android", "ios", "web"]
 

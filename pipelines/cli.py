@@ -65,7 +65,7 @@ class Meter:
         self.bar.update(self.task, completed=done, total=total)
 
     def close(self) -> None:
-        """Leave the terminal as it was."""
+        """Close the progress bar and restore the terminal."""
         if self.bar is not None:
             self.bar.stop()
 

@@ -8,12 +8,12 @@ OVERWRITE = "--overwrite (in Python: overwrite=True)"
 
 
 class SourceError(HijackError, ValueError):
-    """A source that is empty, of no known format, or (in a strict build) unreadable in part."""
+    """A source that is empty, of an unknown format, or (in a strict build) partly unreadable."""
 
 
 class BuildError(HijackError, ValueError):
-    """A build that is impossible with this output folder, corruption or option."""
+    """A build that is impossible with the given output folder, corruption or option."""
 
 
 class DatasetError(HijackError, ValueError):
-    """A folder that is not a complete dataset of ours."""
+    """A folder that is not a complete AgentHijack dataset."""

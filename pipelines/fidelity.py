@@ -28,7 +28,7 @@ def fidelity_of(
     is_foreign: bool = False,
     is_drawn_over: bool = False,
 ) -> Fidelity:
-    """Return the fidelity of a row whose event alone has fidelity `event`."""
+    """Return the fidelity of a row; that of its event, without drawings over it, is `event`."""
     if is_foreign:
         return "foreign"
     return "composited" if is_drawn_over and event == "recorded" else event

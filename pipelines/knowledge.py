@@ -1,15 +1,15 @@
-"""Applications and platforms that recordings do not state, but people know.
+"""Applications and platforms that recordings do not state, as given by the user.
 
-Options of a build (`apps`, `platform`) hold for every trajectory whose source does not state them.
-A file in the source, `agenthijack.yaml`, states them by trajectory, and wins over what the format
-records, since a person wrote it about these very recordings:
+The options of a build (`apps`, `platform`) apply to every trajectory whose source does not state
+them. A file in the source, `agenthijack.yaml`, states them by trajectory, and overrides what the
+format records, since a person wrote it about these very recordings:
 
     recordings:
       - match: "chrome/*"            # a trajectory's id, or a pattern with * and ?
         apps: [chrome]
         platform: windows
 
-Of the entries that match a trajectory, the first that gives a field decides it.
+For each field, the first matching entry that gives it decides.
 """
 
 import difflib
@@ -46,7 +46,7 @@ SIDECAR = "agenthijack.yaml"
 LIST = "recordings"
 FIELDS = ("match", "apps", "platform")
 MAX_BYTES = 2**20
-# Names as close as this to a known one are taken for a typing error.
+# A name at least this similar to a known one is taken for a typing error.
 SLIP = 0.8
 
 
@@ -77,13 +77,13 @@ class Knowledge:
     sha256: str | None = None
 
     def told(self, items: Iterable[Trajectory | Rejected]) -> Iterator[Trajectory | Rejected]:
-        """Yield the items, with trajectories completed; at the end, entries that match none."""
+        """Yield the items with completed trajectories, then a rejection for each unused entry."""
         used: set[KnowledgeEntry] = set()
         for item in items:
             if isinstance(item, Rejected):
                 yield item
             else:
-                yield self._told(item, used)
+                yield self._completed(item, used)
         for entry in self.entries:
             if entry not in used:
                 match = f"{entry.match!r} matches no trajectory"
@@ -91,7 +91,7 @@ class Knowledge:
                 yield Rejected(SIDECAR, entry.where, "match", reason)
 
     def parameters(self) -> dict[str, Any]:
-        """Return the parameters of a manifest; none if the user gave nothing."""
+        """Return the parameters for the manifest; empty if the user gave nothing."""
         given = {
             "apps": list(self.apps),
             "platform": self.platform,
@@ -100,7 +100,7 @@ class Knowledge:
         kept = {key: value for key, value in given.items() if value}
         return {LIST: kept} if kept else {}
 
-    def _told(self, trajectory: Trajectory, used: set[KnowledgeEntry]) -> Trajectory:
+    def _completed(self, trajectory: Trajectory, used: set[KnowledgeEntry]) -> Trajectory:
         fitting = [entry for entry in self.entries if fnmatchcase(trajectory.id, entry.match)]
         used.update(fitting)
         apps = next((entry.apps for entry in fitting if entry.apps), ())
@@ -109,7 +109,7 @@ class Knowledge:
             apps = self.apps
         said = platform_of(trajectory)
         if platform is None and (said is None or (said == "linux" and self.platform == OURS)):
-            platform = self.platform  # `linux` leaves open which desktop it is
+            platform = self.platform  # `linux` does not say which desktop it is
         if not apps and platform is None:
             return trajectory
         return replace(
@@ -125,13 +125,13 @@ def knowledge_of(
     """Return the facts that options and the source's own file state.
 
     Args:
-        source: the file or folder that is read; `agenthijack.yaml` lies in the folder, or beside
-            the file.
+        source: the file or folder that is read; `agenthijack.yaml` is in the folder, or next to the
+            file.
         apps: names of applications, as a sequence or separated by commas.
         platform: one of `hijack_data.types.Platform`.
 
-    A mistake in the file is a `ConfigError`, which names place and fix, or a `SourceError`; one in
-    the options is a `ParameterError` or `ParameterTypeError`.
+    Raises `ConfigError`, which names place and remedy, or `SourceError` for a mistake in the file,
+    and `ParameterError` or `ParameterTypeError` for a mistake in the options.
     """
     entries, digest = _sidecar(root_of(source))
     known = None if platform is None else as_platform(platform, "platform")
@@ -209,7 +209,7 @@ def _items(tree: ConfigNode, problems: Problems) -> list[ConfigNode]:
 
 
 def _entry(tree: ConfigNode, problems: Problems) -> KnowledgeEntry | None:
-    """Return an entry; one that is broken is noted among the problems."""
+    """Return an entry, or note the problems of a broken one."""
     if not isinstance(tree, MappingNode):
         problems.add(
             tree.place, f"an entry is a mapping with match, apps and platform, got {kind_of(tree)}"
@@ -227,13 +227,13 @@ def _entry(tree: ConfigNode, problems: Problems) -> KnowledgeEntry | None:
         )
     if "apps" not in tree.items and "platform" not in tree.items:
         problems.add(tree.place, "says nothing; give apps, platform or both")
-    apps = _told_apps(tree.items.get("apps"), problems)
-    platform = _told_platform(tree.items.get("platform"), problems)
+    apps = _listed_apps(tree.items.get("apps"), problems)
+    platform = _listed_platform(tree.items.get("platform"), problems)
     place = tree.place
     return KnowledgeEntry(match or "", apps, platform, f"line {place.line}" if place.line else LIST)
 
 
-def _told_apps(tree: ConfigNode | None, problems: Problems) -> tuple[str, ...]:
+def _listed_apps(tree: ConfigNode | None, problems: Problems) -> tuple[str, ...]:
     if tree is None:
         return ()
     names = [_text(item) for item in tree.items] if isinstance(tree, SequenceNode) else [None]
@@ -250,7 +250,7 @@ def _told_apps(tree: ConfigNode | None, problems: Problems) -> tuple[str, ...]:
         return ()
 
 
-def _told_platform(tree: ConfigNode | None, problems: Problems) -> Platform | None:
+def _listed_platform(tree: ConfigNode | None, problems: Problems) -> Platform | None:
     if tree is None:
         return None
     name = _text(tree)

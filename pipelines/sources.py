@@ -79,7 +79,7 @@ class Sources:
     def again(
         cls, source: PathLike | Sequence[PathLike], parameters: Mapping[str, Any]
     ) -> "Sources":
-        """Find the formats as the build did whose manifest has these `parameters`."""
+        """Find the formats in the same way as the build whose manifest has these `parameters`."""
         choices = ReaderOptions(parameters.get("coordinates"), parameters.get("boxes"))
         told = parameters.get(LIST, {})
         return cls.of(
@@ -162,7 +162,7 @@ class Sources:
         index: int,
         taken: set[str],
     ) -> Trajectory:
-        """Return a trajectory under its id, or, where that is taken, with its source before it."""
+        """Return a trajectory with its id, prefixed with its source if the id is taken."""
         if trajectory.id not in taken:
             taken.add(trajectory.id)
             return trajectory
@@ -178,7 +178,7 @@ class Sources:
         return replace(trajectory, id=own)
 
     def _name(self, index: int, file: str) -> str:
-        """Return the name of a file, with that of its source where there are several."""
+        """Return the name of a file, prefixed with its source if there are several sources."""
         if len(self.paths) == 1 or self.paths[index].is_file():
             return file
         return f"{self._label(index)}/{file}"
@@ -194,7 +194,7 @@ class Sources:
 
 
 def published(path: PathLike) -> str:
-    """Return the name of a source in a dataset: the path as given, unless it is of this machine."""
+    """Return a source's name in a dataset: the given path, without folders of this machine."""
     given = Path(path)
     if given.is_absolute() or ".." in given.parts or not given.name:
         return Path(os.path.abspath(given)).name or "source"

@@ -24,12 +24,12 @@ NO_CLASS = "wrong_shape"
 BUILD = ("build", "RECORDINGS", "--out", "OUT")
 BENCH = ("bench", "embedded_small", "--dry-run")
 SHAPES = {
-    "edits": ("it is no subclass of pipelines.edits.Edit", ()),
+    "edits": ("it is not a subclass of pipelines.edits.Edit", ()),
     "readers": ("it has no detect(path); it has no read(source)", (*BUILD, "--format")),
     "exports": ("it has no shard(index, examples)", ("export", "none", "--out", "OUT", "--to")),
     "engines": ("an engine is a function of", (*BUILD, "--engine")),
     "providers": ("a provider is a function of (size)", ()),
-    "tasks": ("it is no subclass of online_env.tasks.Task", (*BENCH, "--tasks")),
+    "tasks": ("it is not a subclass of online_env.tasks.Task", (*BENCH, "--tasks")),
     "agents": ("it has no predict(instruction, obs)", (*BENCH, "--agent")),
 }
 WORDS = {

@@ -50,7 +50,7 @@ def files(folder: Path = RESULTS) -> dict[str, str]:
 def reports(folder: Path) -> dict[str, RunReport]:
     """The reports by the names of their folders.
 
-    `ReportError` is raised for a file that is no report.
+    `ReportError` is raised for a file that is not a report.
     """
     return {path.parent.name: read_report(path) for path in sorted(folder.glob(f"*/{REPORT}"))}
 

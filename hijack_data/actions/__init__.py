@@ -2,10 +2,11 @@
 
 This module is the front of the package:
 
-* `parse_actions` reads an action of any dialect into `Action`s, `parse_pyautogui` one of code;
-* `write_pyautogui` writes an `Action` as code, and `code_of` what a model says in a typed dialect;
-* `map_typed` and `map_code` change the coordinates of an action and nothing else, and
-  `map_recorded` does it for the texts that recordings and dataset rows keep;
+* `parse_actions` reads an action of any dialect into `Action`s, `parse_pyautogui` reads code;
+* `write_pyautogui` writes an `Action` as code, `code_of` writes a model's reply in a typed dialect
+  as code;
+* `map_typed` and `map_code` change the coordinates of an action and nothing else; `map_recorded`
+  does the same for the action texts in recordings and dataset rows;
 * `scale_normalized` turns fractions of the screen in code into pixels;
 * `read_action` checks whether an agent on a live desktop may run an action.
 
@@ -22,8 +23,8 @@ that cannot be read or mapped raises `ActionError`. The dialects:
 | `qwen3_vl` | the same | 0..1000 of the picture |
 | `openai`, `anthropic` | dict of the computer tool | pixels |
 
-Inside, `dialects/` has one module for each of them. `program/` analyses Python code without running
-it: mapping code means to know, at each call that moves the pointer, the value of its coordinates.
+Inside, `dialects/` has one module for each dialect. `program/` analyses Python code without running
+it, because mapping code requires the value of the coordinates at each call that moves the pointer.
 """
 
 from .allowed import fenced_blocks, read_action

@@ -3,9 +3,8 @@
 An agent may wait, end the episode, ask for help, or run pyautogui code that uses pointer and
 keyboard and nothing else.
 
-The code is parsed here, never run here: it runs in the guest. What is let through are imports of
-pyautogui and time, calls of their functions, literals, arithmetic, simple assignments and `for`
-loops over them.
+The code is only parsed here; it runs in the guest. Allowed are imports of pyautogui and time, calls
+of their functions, literals, arithmetic, simple assignments and `for` loops over them.
 """
 
 import ast
@@ -31,7 +30,7 @@ WORDS: dict[str, ActionKind] = {
 }
 MAX_CODE = 32_000  # characters; an argument of a command may have 128 KiB
 
-# Fences stand at the start or the end of a line: an agent may well type ``` somewhere.
+# Only fences at the start or the end of a line count: an agent may also type ``` as text.
 _FENCE = re.compile(
     r"^[ \t]*```(?:[\w+-]*[ \t]*\r?\n)?(.*?)(?:^[ \t]*```|```[ \t]*\r?$)", re.DOTALL | re.MULTILINE
 )
@@ -44,7 +43,8 @@ _CONSTANTS = frozenset(
 )
 _SETTINGS = frozenset({"PAUSE", "FAILSAFE", "MINIMUM_DURATION", "MINIMUM_SLEEP"})
 _TWEEN = re.compile(r"linear|ease(In|Out|InOut)\w+")
-_FIELDS = frozenset({"x", "y", "width", "height"})  # of what `position` and `size` return
+# Attributes of the results of `position` and `size`.
+_FIELDS = frozenset({"x", "y", "width", "height"})
 _PLAIN = frozenset(
     {
         "range",
@@ -105,7 +105,7 @@ _FIX = (
 
 @dataclass(frozen=True)
 class Request:
-    """What an agent asked for: `code` is pyautogui code, or the word that says it all."""
+    """The request of an agent: `code` is pyautogui code, or one of `WORDS`."""
 
     kind: ActionKind
     code: str
@@ -115,7 +115,7 @@ def read_action(text: object, allow_code: bool = False) -> Request:
     """Read one action: `WAIT`, `DONE`, `FAIL`, `REQUEST_REINIT`, or code, also in a ``` fence.
 
     Raises:
-        ActionError: it is anything else, or the code does more than `allow_code` permits.
+        ActionError: the text is none of these, or the code does more than `allow_code` permits.
     """
     if not isinstance(text, str):
         kind = type(text).__name__
@@ -136,11 +136,10 @@ def read_action(text: object, allow_code: bool = False) -> Request:
 
 
 def fenced_blocks(text: str) -> list[str]:
-    """Return what stands in the ``` fences of a text, without empty blocks.
+    """Return the contents of the ``` fences of a text, without empty blocks.
 
     Raises:
-        ActionError: a fence belongs to no block: it may stand for an answer that cannot be told
-            from prose.
+        ActionError: a fence has no partner, so code cannot be distinguished from prose.
     """
     blocks = [block for block in _FENCE.findall(text) if block.strip()]
     if blocks and _FENCE.sub("", text).count("```"):
@@ -154,7 +153,7 @@ def fenced_blocks(text: str) -> list[str]:
 def _unfenced(text: str) -> str:
     """Return the one fenced block, or the whole text if there is none.
 
-    Two blocks are refused, so that nothing an agent asked for is dropped without a word.
+    Two blocks are refused, so that no request of an agent is dropped silently.
     """
     blocks = fenced_blocks(text)
     if not blocks:
@@ -188,7 +187,7 @@ def check_code(code: str) -> None:
 
 
 class _Checker:
-    """Finds the reason why a node is refused.
+    """Finds the reason to refuse a node of the code.
 
     `ast.walk` visits parents first, so they decide what their children may be.
     """
@@ -209,7 +208,7 @@ class _Checker:
         self._allowed: set[int] = set()  # callees, and the modules before a dot
 
     def problem(self, node: ast.AST) -> str | None:
-        """Why `node` is refused, or `None`."""
+        """Return why `node` is refused, or `None`."""
         if not isinstance(node, _NODES):
             return f"{type(node).__name__} is not allowed"
         match node:
@@ -293,7 +292,7 @@ class _Checker:
         return None
 
     def _module(self, name: str) -> str | None:
-        """The module that `name` stands for, if nothing but imports ever binds it."""
+        """Return the module that `name` refers to, if only imports ever bind it."""
         return (
             self._modules.get(name) if self._names.bindings[name] == self._imported[name] else None
         )

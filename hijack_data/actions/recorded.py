@@ -1,4 +1,4 @@
-"""Map the actions of recordings and dataset rows, which are text, to a resized picture."""
+"""Map the action texts of recordings and dataset rows to a resized picture."""
 
 import json
 from collections.abc import Mapping
@@ -24,9 +24,9 @@ def map_recorded(
     Args:
         code: text of a dialect; dictionaries are JSON, alone or in a list.
         dialect: one of `hijack_data.actions.DIALECTS`, `SCREENAGENT` or `SIZELESS`.
-        scaling: from the picture for which the code was written to the one for which it is wanted.
-        model: the same between the two smart-resized pictures, which UI-TARS 1.5 and
-            Qwen2.5-VL write for.
+        scaling: maps from the picture for which the code was written to the resized picture.
+        model: maps between the two smart-resized pictures, to which the coordinates of UI-TARS 1.5
+            and Qwen2.5-VL refer.
 
     Raises `ActionError` for what cannot be mapped.
     """

@@ -37,17 +37,18 @@ class Scaling:
     """A scaling from a space of `source` (height, width) to pixels of `target` (height, width).
 
     Args:
-        source: size of the space in which numbers are given: pixels, (1, 1) for fractions of the
+        source: size of the space of the given numbers: in pixels, (1, 1) for fractions of the
             picture, (1000, 1000) for UI-TARS 1.0.
-        target: size in pixels of the picture or screen for which they are wanted.
+        target: size in pixels of the picture or screen that the results refer to.
         clamp: keep points inside the target; `False` when its size is not known.
-        bounded: refuse points that miss the source by more than `SLACK` of its side: they belong to
-            another space or another screen.
-        grid: both spaces are grids of pixels. `False` between pixels and fractions: these are
-            numbers of pixels divided by the side of the picture, as recordings and models write
-            them, and the nearest one is meant.
-        recorded: the numbers were recorded, so fractions of the picture are no pixels but a mistake
-            about the space; what a live agent says is rounded. Bounded numbers are recorded ones.
+        bounded: refuse points that lie outside the source by more than `SLACK` of its side, because
+            they belong to another space or another screen.
+        grid: both spaces are grids of pixels. `False` between pixels and fractions: fractions are
+            pixel numbers divided by the side of the picture, as recordings and models write them,
+            so they map to the nearest pixel.
+        recorded: the numbers come from a recording, so fractions of the picture where pixels are
+            expected show that the space is wrong, and are refused; the numbers of a live agent are
+            rounded instead. Bounded numbers count as recorded.
     """
 
     source: Size
@@ -59,14 +60,14 @@ class Scaling:
 
     @classmethod
     def pixels(cls, size: Size | None) -> "Scaling":
-        """Pixels of a picture as they are: only made whole, and clamped where the size is known."""
+        """Return the identity: pixels are rounded, and clamped if the size is known."""
         if size is None:
             return cls((1, 1), (1, 1), clamp=False, recorded=True)
         return cls(size, size, recorded=True)
 
     @classmethod
     def fractions(cls, size: Size, whole: int = 1) -> "Scaling":
-        """Fractions 0..1 of the picture (AgentNet), or 0..1000 with `whole=1000` (UI-TARS 1.0)."""
+        """Return the scaling from fractions of the picture: 0..1, or 0..`whole`."""
         return cls((whole, whole), size, bounded=True, grid=False)
 
     def points(self, values: npt.ArrayLike) -> IntArray:
@@ -92,8 +93,8 @@ class Scaling:
     def boxes(self, boxes: npt.NDArray[np.integer[Any]], clip: bool = True) -> BoxArray:
         """Scale boxes `[N, 4]` of pixels: int32, clipped to the target.
 
-        A box that shows in the source keeps at least one pixel, and the pixels to which its own
-        map. One that is empty, or clipped and off the source, becomes empty.
+        A box that overlaps the source keeps at least one pixel, and all pixels to which its own
+        pixels map. An empty box, and with `clip` a box outside the source, becomes empty.
         """
         given = boxes.astype(np.int64)
         low = given[:, :2]
@@ -141,10 +142,10 @@ class Scaling:
         return self.x(x), self.y(y)
 
     def check_point(self, *numbers: float) -> None:
-        """Check that recorded numbers are not fractions of the picture in another space.
+        """Check that recorded numbers are not fractions where another unit is expected.
 
         Raises:
-            ActionError: they are.
+            ActionError: the numbers are fractions.
         """
         if not are_fractions(numbers) or not (self.recorded or self.bounded):
             return
@@ -164,7 +165,7 @@ class Scaling:
         `axis` is 0 for y and 1 for x.
 
         Raises:
-            ActionError: it is not.
+            ActionError: the coordinate is not finite, or outside a bounded source.
         """
         if not math.isfinite(value):
             raise ActionError(
@@ -197,7 +198,7 @@ class Scaling:
     def _offset(self, value: float, axis: int) -> int:
         if not math.isfinite(value):
             raise ActionError(f"offset {value!r} is not a finite number; give pixels such as 100")
-        if not self.grid:  # the side of the picture is the longest that a fraction can be
+        if not self.grid:  # in fractions, the side of the picture is the longest offset
             self.check(abs(value), axis)
         if abs(value) > _FARTHEST_OFFSET:
             raise ActionError(
@@ -213,7 +214,7 @@ class Scaling:
         source: npt.ArrayLike,
         target: npt.ArrayLike,
     ) -> Int64Array:
-        """Return the pixels of the target that numbers of the source stand for."""
+        """Return the pixels of the target to which numbers of the source map."""
         near = np.clip(values, -_FAR, _FAR)
         source_sides = np.asarray(source, np.int64)
         target_sides = np.asarray(target, np.int64)
@@ -248,6 +249,7 @@ def _centres(
 ) -> Int64Array:
     """Return the pixels of the target in which the centres of pixels of the source lie.
 
-    In integers: products of floats would put some centres on the wrong side of an edge.
+    The arithmetic is in integers, because products of floats would put some centres on the wrong
+    side of an edge.
     """
     return -(-(2 * pixels + 1) * target // (2 * source)) - 1

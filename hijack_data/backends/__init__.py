@@ -1,8 +1,8 @@
-"""Array frameworks: one object for each, with everything that the library does to an array of it.
+"""Array frameworks: one object for each, with all operations of the library on its arrays.
 
-`backend_of` finds the backend of an array. A framework is looked up among the modules that are
-already imported (a caller who holds a tensor has imported torch), and the file of its backend is
-loaded when the first of its arrays is seen.
+`backend_of` finds the backend of an array. A framework is looked up among the modules already
+imported (a caller with a tensor has imported torch), and the module of its backend is imported when
+its first array arrives.
 """
 
 import sys
@@ -26,7 +26,7 @@ def backend_of(image: object) -> Backend:
     """Return the backend of an array.
 
     Raises:
-        ImageTypeError: `image` is no array of NumPy, torch or JAX.
+        ImageTypeError: `image` is not an array of NumPy, torch or JAX.
     """
     if isinstance(image, np.ndarray):
         return _backend("numpy")
@@ -38,7 +38,7 @@ def backend_of(image: object) -> Backend:
         return _backend("jax")
     if isinstance(image, Image.Image):
         advice = "give np.asarray(picture), or make a plan and call hijack_data.apply"
-        raise ImageTypeError(f"a PIL image stands where an array is needed; {advice}")
+        raise ImageTypeError(f"got a PIL image where an array is needed; {advice}")
     kind = type(image)
     wanted = "give a NumPy array, torch tensor, JAX array or PIL image"
     raise ImageTypeError(f"cannot corrupt a {kind.__module__}.{kind.__qualname__}; {wanted}")
@@ -70,6 +70,6 @@ def to_numpy(image: Any) -> np.ndarray[Any, Any]:
     """Return one picture of any framework as a NumPy array `[H, W, 3]`.
 
     Raises:
-        ImageTypeError: no array of NumPy, torch or JAX, or one that is traced by JAX.
+        ImageTypeError: `image` is not an array of NumPy, torch or JAX, or JAX is tracing it.
     """
     return backend_of(image).to_numpy(image)

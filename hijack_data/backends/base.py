@@ -18,9 +18,9 @@ class Backend(ABC):
     """One array framework.
 
     Pictures are uint8 RGB, `[..., H, W, 3]` or `[..., 3, H, W]`, in any memory format and on any
-    device. A framework needs `module`, `from_numpy`, `to_numpy`, `paste` and `resample`, and for
-    arrays that can be written into `empty_like`, `strides` and `address`; all else follows from
-    these, and a framework that can do better overrides it.
+    device. Every backend implements `module`, `from_numpy`, `to_numpy`, `paste` and `resample`, and
+    a backend with mutable arrays also `empty_like`, `strides` and `address`. All other methods are
+    built on these; a backend with a faster way overrides them.
 
     Attributes:
         name: the framework, as on the command line.
@@ -45,8 +45,8 @@ class Backend(ABC):
         """Check that `image` is uint8 RGB in this framework's layout, with pixels in memory.
 
         Raises:
-            ImageTypeError: another dtype, or an array without pixels of its own.
-            ImageError: another shape, an empty array or one whose memory is gone.
+            ImageTypeError: the dtype is not uint8, or the array has no pixels of its own.
+            ImageError: the shape is wrong, the array is empty, or its memory is gone.
         """
         self.check_memory(image)
         if str(image.dtype).rpartition(".")[2] != "uint8":
@@ -59,12 +59,12 @@ class Backend(ABC):
         if 0 in shape:
             raise ImageError(f"image has shape {list(shape)}: it is empty")
 
-    def check_memory(self, image: Any) -> None:  # noqa: B027 (a default, not a duty)
-        """Check that `image` has pixels in memory; most arrays always have.
+    def check_memory(self, image: Any) -> None:  # noqa: B027 (subclasses may keep this default)
+        """Check that `image` has pixels in memory, as most arrays always do.
 
         Raises:
-            ImageTypeError: an array of this kind has no pixels of its own.
-            ImageError: its memory is gone.
+            ImageTypeError: this kind of array has no pixels of its own.
+            ImageError: the memory of the array is gone.
         """
 
     def check_writable(self, image: Any) -> None:
@@ -87,7 +87,7 @@ class Backend(ABC):
         raise NotImplementedError
 
     def address(self, image: Any) -> int:
-        """Return where in memory an array that can be written into begins."""
+        """Return the memory address of an array that can be written into."""
         raise NotImplementedError
 
     # Making arrays
@@ -132,7 +132,7 @@ class Backend(ABC):
 
     @abstractmethod
     def resample(self, image: Any, size: Size) -> Any:
-        """Return a new picture of `size` (height, width): Pillow's bicubic filter, bit for bit."""
+        """Return a new picture of `size` (height, width), bit for bit Pillow's bicubic result."""
 
     def apply_many(
         self,
@@ -142,7 +142,7 @@ class Backend(ABC):
         *,
         inplace: bool = False,
     ) -> Any:
-        """Apply a plan each to the pictures of an array; everything has been checked.
+        """Apply one plan to each picture of an array; the caller has checked all arguments.
 
         Args:
             plans: one for each picture, in C order.
@@ -186,11 +186,12 @@ class Backend(ABC):
         *,
         inplace: bool,
     ) -> Any:
-        """Apply plans that keep the size: the results are written into one array."""
+        """Apply plans that keep the size, and write the results into one array."""
         out = batch if inplace else self.empty_like(batch)
         for plan, place in zip(plans, places(lead), strict=True):
             view = out[place]
-            if not inplace:  # picture by picture: what is painted on is still in the cache
+            # Copy and paint picture by picture, while the copy is still in the processor's cache.
+            if not inplace:
                 view[...] = batch[place]
             result = self.run(plan, view, owned=True)
             if result is not view:
@@ -228,7 +229,7 @@ class Backend(ABC):
         return f"{message}; for values in 0..1 use {self.to_uint8}"
 
     def _fix(self, shape: tuple[int, ...]) -> str:
-        """Return advice for a wrong shape, which follows the error message."""
+        """Return advice on a wrong shape, to append to the error message."""
         if len(shape) == 2:
             return "; a grey picture needs its channel three times"
         if len(shape) < 3:
@@ -247,7 +248,7 @@ def places(lead: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
 
 
 def keeps_size(plans: Sequence[Plan]) -> bool:
-    """Tell whether no plan changes the size of its picture."""
+    """Return whether no plan changes the size of its picture."""
     return all(plan.out_size == plan.size for plan in plans)
 
 

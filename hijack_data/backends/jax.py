@@ -1,7 +1,7 @@
 """JAX arrays: uint8 `[..., H, W, 3]`; immutable, so every operation returns a new array.
 
-On the CPU an array's memory is handed to the NumPy backend and the result taken over, both without
-a copy. Other devices and traced code run compiled programs (`kernels.jax_ops`).
+On the CPU, the NumPy backend works on the array's memory, and JAX takes over the result, both
+without a copy. Other devices and traced code run compiled programs (`kernels.jax_ops`).
 """
 
 from typing import Any, cast
@@ -17,7 +17,7 @@ from ..types import Size, UInt8Array
 from . import numpy as host_backend
 from .base import Backend
 
-_jnp = cast(Any, jax.numpy)  # JAX leaves many types open
+_jnp = cast(Any, jax.numpy)  # JAX leaves many types unknown
 
 
 class JaxBackend(Backend):
@@ -62,8 +62,8 @@ class JaxBackend(Backend):
             ImageTypeError: the array is traced.
         """
         if _is_traced(image):
-            advice = "call this outside of it, or apply packed plans in it (hijack_data.jax_plans)"
-            raise ImageTypeError(f"inside jax.jit a picture has no pixels yet to look at; {advice}")
+            advice = "call this outside, or apply packed plans inside (hijack_data.jax_plans)"
+            raise ImageTypeError(f"inside jax.jit a picture has no pixels yet; {advice}")
         return np.asarray(image)
 
     def paste(self, image: Any, stamps: list[Stamp]) -> Any:
@@ -82,25 +82,26 @@ class JaxBackend(Backend):
         *,
         inplace: bool = False,
     ) -> Any:
-        """See `Backend.apply_many`; what is on the CPU is run by the NumPy backend."""
+        """See `Backend.apply_many`; the NumPy backend runs plans for arrays on the CPU."""
         memory = _on_host(images)
         if memory is None:
             return super().apply_many(plans, images, lead, inplace=inplace)
         result: Any = host_backend.BACKEND.apply_many(plans, memory, lead)
         if isinstance(result, list):
             return [_jnp.from_dlpack(one) for one in cast("list[Any]", result)]
-        return _jnp.from_dlpack(result)  # takes over memory that nobody else writes into
+        # JAX takes over this memory, which nothing else writes into.
+        return _jnp.from_dlpack(result)
 
 
 def _is_traced(image: Any) -> bool:
-    """Tell whether an array stands for one that a program will get, as inside `jax.jit`."""
+    """Return whether an array is a placeholder without values, as inside `jax.jit`."""
     return isinstance(image, Tracer)
 
 
 def _on_host(image: Any) -> UInt8Array | None:
     """Return the memory of an array on the CPU, read-only.
 
-    `None` stands for an array that is elsewhere, sharded or traced.
+    Returns `None` for an array that is on another device, sharded or traced.
     """
     if _is_traced(image) or len(image.devices()) != 1:
         return None

@@ -38,7 +38,7 @@ class NumpyBackend(Backend):
         return image.strides
 
     def address(self, image: UInt8Array) -> int:
-        """Return where in memory the array begins."""
+        """Return the memory address of the array."""
         return int(image.ctypes.data)
 
     def from_numpy(self, image: UInt8Array) -> UInt8Array:

@@ -1,8 +1,8 @@
 """torch tensors: uint8 `[..., 3, H, W]`, any memory format, any device.
 
 On the CPU a tensor's memory is handed to the NumPy kernels without a copy. On any other device the
-pictures of a batch are run together: with Triton (`kernels.gpu`) all are stamped in one launch and
-resized in two, without it by tensor operations (`kernels.torch_ops`).
+pictures of a batch are processed together: with Triton (`kernels.gpu`) one launch stamps all of
+them and two resize them; without Triton, tensor operations do it (`kernels.torch_ops`).
 """
 
 import sys
@@ -39,7 +39,7 @@ class TorchBackend(Backend):
         """Check that a tensor is dense and on a device.
 
         Raises:
-            ImageTypeError: it has no pixels of its own.
+            ImageTypeError: the tensor has no pixels of its own.
         """
         kind = _without_pixels(image)
         if kind is not None:
@@ -51,7 +51,7 @@ class TorchBackend(Backend):
         return tuple(image.stride())
 
     def address(self, image: Tensor) -> int:
-        """Return where in memory the tensor begins."""
+        """Return the memory address of the tensor."""
         return int(image.data_ptr())
 
     def from_numpy(self, image: UInt8Array) -> Tensor:
@@ -65,8 +65,8 @@ class TorchBackend(Backend):
     def empty_like(self, image: Tensor) -> Tensor:
         """Return a new tensor of the same shape, memory format and device, not filled.
 
-        On the CPU the memory is NumPy's, which asks for huge pages: a batch is copied up to five
-        times as fast that way.
+        On the CPU the memory comes from NumPy, which asks for huge pages; this makes copying a
+        batch up to five times as fast.
         """
         if image.device.type != "cpu":
             return torch.empty_like(image)
@@ -94,7 +94,7 @@ class TorchBackend(Backend):
         *,
         inplace: bool = False,
     ) -> Any:
-        """See `Backend.apply_many`; what is not on the CPU is run together."""
+        """See `Backend.apply_many`; pictures that are not on the CPU are processed together."""
         if not together(images):
             return super().apply_many(plans, images, lead, inplace=inplace)
         same_size = keeps_size(plans)
@@ -115,9 +115,9 @@ class TorchBackend(Backend):
         *,
         owned: bool,
     ) -> list[Tensor]:
-        """Do what `run` does for pictures on one device.
+        """Run one plan for each of several pictures on one device, as `run` does for one picture.
 
-        In turn all that is pasted up to the next resize, and all resizes.
+        Steps alternate: all pastes up to the next resize of each picture, then all resizes.
         """
         runs = [
             _Run(plan, image, writable=owned) for plan, image in zip(plans, images, strict=True)
@@ -134,7 +134,7 @@ class TorchBackend(Backend):
                 run.done += 1
 
     def _paste_all(self, runs: list["_Run"]) -> None:
-        """Paste all that comes before the next resize of each picture."""
+        """Make all pastes before the next resize of each picture."""
         painted: list[_Run] = []
         stamps: list[list[Stamp]] = []
         for run in runs:
@@ -159,7 +159,7 @@ class _Run:
     done: int = 0
 
     def take_pastes(self, size: Size) -> list[Stamp] | None:
-        """Return the stamps up to the next resize and count them as done; `None` for no paste."""
+        """Return the stamps up to the next resize, if any, and count them as done."""
         ops = self.plan.ops
         start = self.done
         stamps: list[Stamp] = []
@@ -169,7 +169,7 @@ class _Run:
         return stamps if self.done > start else None
 
     def resize(self) -> Resample | None:
-        """Return the next operation if it is a resize."""
+        """Return the next operation if it is a resize, otherwise `None`."""
         if self.done == len(self.plan.ops):
             return None
         op = self.plan.ops[self.done]
@@ -177,12 +177,12 @@ class _Run:
 
 
 def together(image: Tensor) -> bool:
-    """Tell whether the pictures of a batch are run together: on any device but the CPU."""
+    """Return whether the pictures of a batch are processed together: on any device but the CPU."""
     return image.device.type != "cpu"
 
 
 def paste_many(images: Sequence[Tensor], stamps: Sequence[list[Stamp]]) -> None:
-    """Stamp sprites into pictures on one device, each with stamps of its own, in place."""
+    """Stamp each picture's own sprites into it, in place; all pictures are on one device."""
     if device.runs_on(images[0].device):
         device.paste_many(images, stamps)
         return
@@ -191,14 +191,14 @@ def paste_many(images: Sequence[Tensor], stamps: Sequence[list[Stamp]]) -> None:
 
 
 def resample_many(images: Sequence[Tensor], sizes: Sequence[Size]) -> list[Tensor]:
-    """Resize pictures on one device, each to a size (height, width) of its own; new tensors."""
+    """Return pictures on one device resized, each to its own size (height, width)."""
     if device.runs_on(images[0].device):
         return device.resample_many(images, sizes)
     return [torch_ops.resample_ops(image, size) for image, size in zip(images, sizes, strict=True)]
 
 
 def _without_pixels(image: Any) -> str | None:
-    """Describe a tensor that has no dense pixels of its own; `None` for one that has."""
+    """Describe why a tensor has no dense pixels of its own, or return `None` if it has."""
     if image.is_nested:
         return "a nested tensor"
     if image.device.type == "meta":

@@ -25,8 +25,8 @@ from .options import WholeSummaries
 from .summaries import SECTIONS, SUMMARIES
 
 FULL = 3  # exit code
-# One row a command: where it lives. Other packages of the distribution add theirs here, as text,
-# not as imports.
+# Where each command is defined. The commands of the other packages are listed here as text, not as
+# imports.
 COMMANDS = {
     "list": "hijack_data.cli.describe:list_command",
     "show": "hijack_data.cli.describe:show",
@@ -53,7 +53,7 @@ COMMANDS = {
     "prefetch": "online_env.osworld.cli:prefetch",
     "osworld": "online_env.osworld.cli:osworld",
 }
-# Those that are made of processes, users and sockets as Linux and macOS have them.
+# Commands that need the processes, users and sockets of a POSIX system.
 NEEDS_POSIX = ("desktop", "bench", "serve", "osworld")
 
 
@@ -65,11 +65,11 @@ class LazyGroup(WholeSummaries):
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import one command, or `None`.
+        """Import a command and return it, or `None` if there is none of that name.
 
         Raises:
-            HijackError: another package on the path has the name of one of ours, or this system
-            cannot have the command.
+            HijackError: another package on the path shadows one of ours, or the command cannot run
+                on this system.
         """
         if cmd_name not in COMMANDS:
             return None
@@ -85,7 +85,7 @@ class LazyGroup(WholeSummaries):
         return getattr(importlib.import_module(module), attribute)
 
     def summary(self, ctx: click.Context, name: str) -> str:
-        """Return the line of `summaries`; a command that has none there is imported for its own."""
+        """Return a command's line in `summaries`, or else the first sentence of its help."""
         if name in SUMMARIES:
             return SUMMARIES[name]
         return super().summary(ctx, name)
@@ -103,7 +103,7 @@ class LazyGroup(WholeSummaries):
                 formatter.write_dl(rows)
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
-        """Complete the names of commands, and the options that stand before one."""
+        """Complete the names of commands, and the options that come before the command."""
         found = [
             CompletionItem(name, help=self.summary(ctx, name))
             for name in COMMANDS
@@ -156,7 +156,7 @@ def main(argv: list[str] | None = None) -> None:
     """Entry point: turn the library's errors into one clear message and exit code 2 or 3.
 
     Raises:
-        ModuleNotFoundError: of a module that no extra brings.
+        ModuleNotFoundError: a module is missing that no extra installs.
     """
     code: object = 0
     _print_anything()
@@ -189,9 +189,10 @@ def main(argv: list[str] | None = None) -> None:
 
 
 def _print_anything() -> None:
-    """Let what a terminal cannot show be printed as an escape, as Python writes it.
+    """Print characters that the terminal cannot show as Python escapes.
 
-    What agents, models and recordings say is printed as well, and no text of theirs may end a run.
+    Texts of agents, models and recordings are printed too, and must never end a run with an
+    encoding error.
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -200,7 +201,7 @@ def _print_anything() -> None:
 
 @contextmanager
 def _plugin_warnings() -> Generator[None]:
-    """Print warnings on plug-ins as messages of ours, which never become errors."""
+    """Print warnings about plug-ins as messages, so that no filter makes errors of them."""
     with warnings.catch_warnings():
         others = warnings.showwarning
 
@@ -227,7 +228,7 @@ def console() -> Any:
 
 
 def fail(message: str, code: int = 2) -> None:
-    """Print an error, and the page that explains it if there is one; end with an exit code."""
+    """Print an error and a link to the page that explains it, if any; end with an exit code."""
     for line in message.splitlines() or ["failed"]:
         click.echo(f"hijack: error: {line}", err=True)
     page = page_for(message)

@@ -1,4 +1,4 @@
-"""`hijack check` and `hijack doctor`: whether a plug-in is right, whether this machine is ready."""
+"""`hijack check` and `hijack doctor`: test a plug-in, and list what this machine has installed."""
 
 import importlib
 import importlib.metadata
@@ -87,7 +87,7 @@ def _check_file(
 
 
 def _agents_of(loaded: LoadedFile) -> list[str]:
-    """Return the agents of a file; nothing is imported for a file that has none."""
+    """Return the agents of a file; a file without agents imports nothing."""
     own = [
         value
         for value in vars(sys.modules[loaded.module]).values()
@@ -99,7 +99,7 @@ def _agents_of(loaded: LoadedFile) -> list[str]:
 
 
 def _tasks_of(loaded: LoadedFile) -> list[str]:
-    """Return the tasks of a file; nothing is imported for a file that has none."""
+    """Return the tasks of a file; a file without tasks imports nothing."""
     module = vars(sys.modules[loaded.module])
     named = any(getattr(value, "phrasings", None) for value in module.values())
     if not named and "task" not in loaded.names:
@@ -133,14 +133,14 @@ def _show_all(
     name: str,
     results: Iterable[Any],
 ) -> int:
-    """Print the outcomes of all checks of one thing; return how many failed."""
+    """Print the outcomes of all checks of one plug-in; return how many failed."""
     out.print(f"[bold]{kind}[/] ", end="")
     out.print(name, markup=False)
     return sum(not _show(out, result) for result in results)
 
 
 def _show(out: Any, result: Any) -> bool:
-    """Print the outcome of a check, or why something was not checked; return if all is well."""
+    """Print the outcome of a check, or why it was skipped; return whether nothing failed."""
     if isinstance(result, str):
         out.print("  [yellow]--  [/] not checked: ", end="")
         out.print(result, markup=False)
@@ -169,7 +169,7 @@ def doctor(as_json: bool) -> None:
         pad_edge=False,
     )
     for column in ("", "what", "for", "found"):
-        table.add_column(column, overflow="fold")  # a path that is cut off helps nobody
+        table.add_column(column, overflow="fold")  # a truncated path would be useless
     for row in rows:
         table.add_row(*row)
     console().print(table)
@@ -178,7 +178,7 @@ def doctor(as_json: bool) -> None:
 
 
 def _doctor_rows() -> Iterator[DoctorRow]:
-    """Yield a mark, what was looked at, what it is for, and what was found; the last is markup."""
+    """Yield rows of a mark, a component, its purpose, and what was found; the last is markup."""
     core = ", ".join(
         f"{name} {importlib.metadata.version(name)}" for name in ("numpy", "pillow", "pyyaml")
     )
@@ -191,7 +191,7 @@ def _doctor_rows() -> Iterator[DoctorRow]:
 
 
 def _plain(row: DoctorRow) -> dict[str, Any]:
-    """Return a row without markup, for a program."""
+    """Return a row without markup, for `--json`."""
     mark, what, purpose, found = (Text.from_markup(cell).plain for cell in row)
     return {"ok": mark == "ok", "what": what, "for": purpose, "found": found}
 

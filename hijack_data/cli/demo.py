@@ -1,4 +1,4 @@
-"""`hijack demo`: the main job from nothing, on recordings that come with the package."""
+"""`hijack demo`: the main tasks of the library, on recordings that come with the package."""
 
 import importlib
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from . import hijack
 from .pictures import make_scene
 
 HERE = Path(__file__).resolve()
-# In an installed package, and in a clone.
+# The folders in an installed package, and in a clone.
 PLACES = (
     HERE.parents[1] / "_examples" / "recordings",
     HERE.parents[2] / "examples" / "recordings",
@@ -30,12 +30,12 @@ def recordings() -> Path:
     """Return the folder of the recordings that come with the package or the clone.
 
     Raises:
-        HijackError: it is not there.
+        HijackError: the folder is missing.
     """
     for place in PLACES:
         if (place / "trajectories.jsonl").is_file():
             return place
-    raise HijackError(f"{PLACES[0]}: no recordings there; install agenthijack anew")
+    raise HijackError(f"{PLACES[0]}: no recordings there; reinstall agenthijack")
 
 
 @click.command()
@@ -56,7 +56,7 @@ def recordings() -> Path:
 def demo(out: Path, desktop: bool) -> None:
     """Corrupt screens, build a dataset, corrupt a live desktop.
 
-    What needs an extra that is not installed is left out, with the command that adds it.
+    Parts that need an extra that is not installed are left out, with the command that adds it.
     """
     screens = [recordings() / "images" / name for name in SCREENS]
     made = [out / "before_after.png", out / "gallery.html"]
@@ -76,10 +76,11 @@ def demo(out: Path, desktop: bool) -> None:
 
 
 def command(*words: object) -> None:
-    """Run one command of the command line, showing it first.
+    """Print a `hijack` command, then run it.
 
     Raises:
-        SystemExit: it could not do anything; what merely has problems goes on.
+        SystemExit: the command could not do anything; problems with some of its input do not end
+            the demo.
     """
     texts = [str(word) for word in words]
     click.echo(f"$ hijack {' '.join(texts)}")
@@ -113,9 +114,9 @@ def before_and_after(picture: Path, out: Path) -> None:
 
 
 def dataset(folder: Path) -> bool:
-    """Build a dataset, verify it, and load it as anybody would, with no code of ours.
+    """Build a dataset, verify it, and load it with `datasets` alone, as any user would.
 
-    Returns whether it could be built: it needs the extra `hf`.
+    Returns whether the dataset could be built, which needs the extra `hf`.
     """
     try:
         datasets = extras.load("datasets", "the dataset of the demo", "hf")
@@ -136,11 +137,12 @@ def dataset(folder: Path) -> bool:
 
 
 def nine(picture: Path) -> bool:
-    """Corrupt a real desktop in all nine ways, and show each before and after, with the probe.
+    """Corrupt a live desktop in all nine ways; show each before and after, with its probe.
 
-    Returns whether a probe was false; on a machine that cannot have a desktop it says so.
+    Returns whether a probe was false; on a machine that cannot run a desktop it prints why.
     """
-    # They belong to another package of the distribution, on which this one does not depend.
+    # These modules belong to another package of the distribution, on which this one does not
+    # depend.
     try:
         showcase: Any = importlib.import_module("online_env.showcase")
         live: Any = importlib.import_module("online_env")

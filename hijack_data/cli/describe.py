@@ -14,7 +14,7 @@ from . import console
 
 
 def describe(cls: type[registry.Corruption]) -> dict[str, Any]:
-    """Everything about a corruption as JSON data."""
+    """Return everything about a corruption as JSON data."""
     spec = cls()
     rows: list[dict[str, Any]] = []
     for key, (meta, default) in p.parameters(cls).items():
@@ -42,7 +42,7 @@ def describe(cls: type[registry.Corruption]) -> dict[str, Any]:
 
 
 def acts(spec: registry.Corruption) -> str:
-    """Return when a corruption acts, for people."""
+    """Return in words at which steps a corruption acts."""
     match spec.steps:
         case None:
             return "every step"
@@ -86,7 +86,7 @@ def _section(row: dict[str, Any]) -> Iterator[str]:
 
 
 def _changes(level: dict[str, Any]) -> str:
-    """Return what a severity changes, as text."""
+    """Return the parameters that a severity changes, as text."""
     changes: list[str] = []
     for key, value in level.items():
         text = json.dumps(value)

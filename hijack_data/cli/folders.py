@@ -1,4 +1,4 @@
-"""Commands on folders of pictures: find the pictures, and write one result for each."""
+"""Run a command on folders of pictures: find the pictures, and write one result for each."""
 
 import json
 from collections import Counter
@@ -14,7 +14,7 @@ from ..plan import Plan
 from ..types import UInt8Array
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".gif", ".tif", ".tiff")
-# `(path, out, sample)` corrupts a picture under the name of its sample, and returns plan, result
+# Takes `(path, out, sample)`, corrupts that picture with that sample id, and returns plan, result
 # and notes.
 Corrupt = Callable[[str, str, str], tuple[Plan, UInt8Array, tuple[str, ...]]]
 
@@ -22,7 +22,7 @@ Corrupt = Callable[[str, str, str], tuple[Plan, UInt8Array, tuple[str, ...]]]
 def pictures_of(paths: Iterable[str]) -> list[str]:
     """Return the given files, and the pictures below each given folder.
 
-    A folder without any picture is an `ImageError`.
+    Raises `ImageError` for a folder without any picture.
     """
     found: list[str] = []
     for path in paths:
@@ -38,7 +38,7 @@ def below(folder: Path) -> list[Path]:
     """Return the pictures below a folder, in the order of their names.
 
     Raises:
-        ImageError: there is none.
+        ImageError: the folder holds no picture.
     """
     named = [path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES]
     found = sorted(path for path in named if path.is_file())
@@ -55,8 +55,8 @@ def apply_below(
 ) -> None:
     """Corrupt every picture below a folder, each into a PNG of the same name below `out`.
 
-    The path of a picture in the folder is its sample, so each gets a plan of its own. A picture
-    that cannot be read or corrupted is reported, and makes the exit code 1.
+    The path of a picture inside the folder is its sample id, so each picture gets its own plan. A
+    picture that cannot be read or corrupted is reported, and makes the exit code 1.
 
     Raises:
         UsageError: `out` lies in the folder.
@@ -92,7 +92,7 @@ def apply_below(
 
 
 def _named(names: list[Path]) -> dict[Path, Path]:
-    """Return the name of each result: a `.png`, after the old suffix if the name is taken."""
+    """Return the `.png` name of each result; if it is taken, the old suffix stays before `.png`."""
     counts = Counter(name.with_suffix(".png") for name in names)
     return {name: _target(name, counts) for name in names}
 

@@ -1,4 +1,4 @@
-"""Where an error is explained: parts of messages that are headings of docs/troubleshooting.md."""
+"""The headings of docs/troubleshooting.md that explain an error, by a part of its message."""
 
 import re
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from .. import extras
 
-# The purpose of each extra. One that is missing here is listed all the same.
+# The purpose of each extra. An extra without an entry here is still listed.
 PURPOSES = {
     "torch": "tensors on CPU and GPU",
     "jax": "JAX arrays, Grain loaders",
@@ -62,18 +62,18 @@ def desktop_row() -> tuple[str, str, str, str]:
     if platform.system() != "Linux":
         instead = "use a desktop of your own over HTTP (docs/bring_your_own_vm.md)"
         return LACKING, "desktop", purpose, f"needs Linux; {instead}"
-    # It belongs to another package of the distribution, on which this one does not depend.
+    # This module belongs to another package of the distribution, on which this one does not depend.
     doctor: Any = importlib.import_module("online_env.embedded.doctor")
     lost = [check for check in doctor.diagnose() if check.required and not check.ok]
     if not lost:
         return OK, "desktop", purpose, "ready: hijack desktop up"
     more = f", and {len(lost) - 1} more" if len(lost) > 1 else ""
-    advice = "hijack desktop doctor says how to mend it"
+    advice = "hijack desktop doctor says how to fix this"
     return LACKING, "desktop", purpose, f"lacks {lost[0].name}{more}: {advice}"
 
 
 def _declared() -> dict[str, tuple[str, ...]]:
-    """Return the extras but `all`, those with a purpose first."""
+    """Return all extras except `all`, those with a listed purpose first."""
     found = dict(extras.extras())
     found.pop("all", None)
     known = {name: found[name] for name in PURPOSES if name in found}

@@ -1,4 +1,4 @@
-"""`hijack new corruption NAME`: a file to begin with, which passes `hijack check` as it is."""
+"""`hijack new corruption NAME`: a template file that already passes `hijack check`."""
 
 from pathlib import Path
 
@@ -46,8 +46,8 @@ class {cls}(hj.Corruption):
         height, width = scene.size
         y = stream.integer(0, height - 1)
         band = np.full((self.height, width, 4), (40, 40, 40, self.opacity), np.uint8)
-        # scene.boxes, scene.apps and scene.target may be empty; who reads boxes overrides
-        # needs_elements. What the screen cannot hold is a ParameterError.
+        # scene.boxes, scene.apps and scene.target may be empty. If you read scene.boxes, override
+        # needs_elements. If the screen cannot hold the drawing, raise ParameterError.
         return hj.Draft(ops=(hj.Paste(hj.png_recipe(band), ((0, y),)),))
 '''
 
@@ -67,10 +67,10 @@ def corruption(name: str, out: str | None) -> None:
     if path.suffix != ".py":
         raise click.UsageError(f"-o {str(path)!r}: name the file *.py")
     if path.exists():
-        raise HijackError(f"{path}: is there already; choose another file with -o")
+        raise HijackError(f"{path}: exists already; choose another file with -o")
     cls = "".join(part.capitalize() for part in name.split("_"))
     write_atomic(path, TEMPLATE.format(name=name, cls=cls))
-    click.echo(f"{path}: {cls}, which draws a band; make it yours, then:")
+    click.echo(f"{path}: {cls}, which draws a band; edit it, then run:")
     click.echo(f"  hijack check {path}")
     click.echo(f"  hijack --load {path} apply screen.png {name} -o out.png")
 

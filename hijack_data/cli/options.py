@@ -1,4 +1,4 @@
-"""What commands have in common, so that an option means and looks the same in all of them."""
+"""Options that commands share, so that each has the same name, meaning and help everywhere."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -10,7 +10,7 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 
 
 class WholeSummaries(click.Group):
-    """A group whose help cuts off no line of its commands."""
+    """A group whose help shows the summaries of its commands in full."""
 
     def summary(self, ctx: click.Context, name: str) -> str:
         """Return the first sentence of a command's help."""
@@ -40,7 +40,7 @@ def seed_option(help: str = "Random seed.") -> Callable[[Command], Command]:
 
 
 def new_run_options(command: Command) -> Command:
-    """`-o RUNS` and `--resume`, of commands that play agents and write a run."""
+    """Add `-o RUNS` and `--resume`, for commands that play agents and write a run."""
     out = click.option(
         "-o",
         "--out",
@@ -54,7 +54,7 @@ def new_run_options(command: Command) -> Command:
     return out(resume(command))
 
 
-# Of the commands that take the CONFIG of a benchmark.
+# Options of the commands that take the CONFIG of a benchmark.
 desktops_option = click.option(
     "--desktops",
     type=click.IntRange(1, 256),

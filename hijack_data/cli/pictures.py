@@ -57,7 +57,7 @@ def make_scene(
     image: UInt8Array,
     tree: str | None,
 ) -> tuple[Scene, tuple[str, ...]]:
-    """Find the elements if the corruption needs them: in the tree, or else in the picture."""
+    """Make the scene of a picture, with its elements if the corruption needs them."""
     if tree is not None:
         return scene_from(image, tree=_read(tree)), ()
     if not uses_elements(planner):
@@ -82,7 +82,7 @@ def _planned(
     settings: tuple[str, ...],
     **key: Any,
 ) -> tuple[Plan, tuple[str, ...]]:
-    # Read from a file, or made for this picture.
+    # The plan, read from a file or made for this picture.
     severity = key.pop("severity")
     tree = key.pop("tree")
     if plan_file is not None:

@@ -17,7 +17,7 @@ BROKEN = "[red]broken[/]"
 
 
 def plugin_rows() -> Iterator[PluginLine]:
-    """Yield state, what, from where, and what it registers or what is wrong with it."""
+    """Yield rows of state, name, origin, and either the registered names or the problem."""
     for state, *texts in (*_plugins(), *_files()):
         what, where, found = map(escape, texts)
         yield state, what, where, found
@@ -29,9 +29,10 @@ def _plugins() -> Iterator[PluginLine]:
         kinds = group.removeprefix(PREFIX)
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore", PluginWarning)  # the table has them
+                warnings.simplefilter("ignore", PluginWarning)  # the registry already lists them
                 registry_of(kinds).load_installed()
-        except HijackError as error:  # no such kind, or an extra of ours that is not installed
+        # An unknown kind, or a kind that needs an extra that is not installed.
+        except HijackError as error:
             yield BROKEN, kinds, group, str(error)
             continue
         for plugin in installed(group):
@@ -42,7 +43,7 @@ def _plugin(kinds: str, plugin: Plugin) -> PluginLine:
     what = f"{kinds} {plugin.name}"
     where = f"{plugin.package} {plugin.version}"
     if plugin.problem:
-        return BROKEN, what, where, f"{plugin.problem}; mend it, or remove it: {plugin.cure}"
+        return BROKEN, what, where, f"{plugin.problem}; fix it, or remove it: {plugin.cure}"
     return OK, what, where, ", ".join(plugin.names) or plugin.module
 
 

@@ -1,4 +1,4 @@
-"""One line on every command, as data, so that `hijack --help` and completion import none of them.
+"""One line about every command, as data, so that `hijack --help` and completion import no command.
 
 A test compares each line with the command's own docstring.
 """

@@ -1,4 +1,4 @@
-"""What `hijack --version` prints: the version, and the environment as a bug report needs it."""
+"""The output of `hijack --version`: the version, and the environment for bug reports."""
 
 import importlib.metadata
 import platform
@@ -31,7 +31,7 @@ PACKAGES = (
 def lines() -> Iterator[str]:
     """Yield the version, the Python with its system, and the packages that are installed.
 
-    Nothing is imported for it, and no path or name of a user is in it.
+    No package is imported for this, and the lines contain neither paths nor user names.
     """
     yield f"hijack {__version__}"
     python = f"{platform.python_implementation()} {platform.python_version()}"
@@ -50,7 +50,7 @@ def show_version(
     _option: click.Parameter,
     wanted: bool,
 ) -> None:
-    """Print all of it and end, as the callback of an option."""
+    """Print the version and the environment, then exit; the callback of `--version`."""
     if not wanted or context.resilient_parsing:
         return
     for line in lines():

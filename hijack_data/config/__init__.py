@@ -41,7 +41,7 @@ _PAPER = Parameter("bool", "Read the paper's names and keys")
 
 @dataclass(frozen=True)
 class Config:
-    """A configuration that was read and checked.
+    """A configuration that has been read and checked.
 
     Args:
         corruptions: corruptions and combinators by label, in the order of the file.
@@ -57,9 +57,9 @@ class Config:
 def load_config(path_or_name: ConfigSource) -> Config:
     """Read a configuration from a path, the bare name of a packaged one, or a mapping.
 
-    A name is such as `"paper"`. All mistakes are raised as one `ConfigError`, each as
-    `file:line:column: message`; a missing or unreadable file has no line. Any other argument is a
-    `ParameterTypeError`.
+    An example of a name is `"paper"`. All mistakes are raised as one `ConfigError`, each as
+    `file:line:column: message`; a missing or unreadable file has no line. An argument of any other
+    type is a `ParameterTypeError`.
     """
     return _load(path_or_name, paper=False)
 
@@ -67,18 +67,19 @@ def load_config(path_or_name: ConfigSource) -> Config:
 def paper_compat(path_or_mapping: ConfigSource) -> Config:
     """Read a configuration in the paper's own names and keys, such as `Pop UPs: {overlap: true}`.
 
-    The corruptions may stand at the top, without `corruptions:`. Raises as `load_config` does.
+    The corruptions may be at the top level, without `corruptions:`. Raises what `load_config`
+    raises.
     """
     return _load(path_or_mapping, paper=True)
 
 
 def specs_from(text: str) -> list[Corruption]:
-    """Return corruptions with default parameters, of a text such as `"marks,subtitle"`.
+    """Return the corruptions named in a text such as `"marks,subtitle"`, with default parameters.
 
-    `"all"` stands for every registered one. An unknown name is an `UnknownNameError`.
+    `"all"` means every registered corruption. An unknown name is an `UnknownNameError`.
 
     Raises:
-        ParameterTypeError: it is not a text.
+        ParameterTypeError: the argument is not a text.
         ParameterError: a name is empty or appears twice.
     """
     if not isinstance(cast(object, text), str):
@@ -148,7 +149,7 @@ def _config(
 
 
 def _wrapped(tree: MappingNode) -> MappingNode:
-    """Move all keys but the options under `corruptions`."""
+    """Move all keys except the options under `corruptions`."""
     own = {
         key: value
         for key, value in tree.items.items()

@@ -1,4 +1,4 @@
-"""The entries of a configuration turned into planners; every mistake is noted at its place."""
+"""Turn the entries of a configuration into planners, and note every mistake at its place."""
 
 import re
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ from .spec import check, read_spec
 from .tree import ConfigNode, MappingNode, Position, Problems, ScalarNode, SequenceNode, kind_of
 
 COMBINATORS = ("one_of", "sequence")
-# Labels that would be taken for something else on the command line or in a dataset.
+# Labels that have another meaning on the command line or in a dataset.
 RESERVED = ("clean", "all")
 _LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 _LABEL_RULE = "1 to 64 letters, digits, '_', '.' or '-', the first a letter or digit"
@@ -98,7 +98,7 @@ class Builder:
         return paper_name(entry.name, self.known) or entry.name
 
     def _label(self, entry: ConfigEntry, planner: Planner | None) -> tuple[str, Position]:
-        """Return the label of an entry, `as` or the name, and where it stands."""
+        """Return the label of an entry (its `as`, or its name) and the position of that label."""
         default = self._name(entry)
         if planner is not None:
             (default,) = planner.to_config()
@@ -200,7 +200,7 @@ class Builder:
         member: str,
         keys: tuple[str, ...],
     ) -> tuple[MappingNode, ConfigNode] | None:
-        """Return the settings of a combinator and its members, which may stand alone."""
+        """Return the settings of a combinator, and its members; a bare list holds members only."""
         if isinstance(entry.settings, SequenceNode):
             return MappingNode(entry.place, {}, {}), entry.settings
         settings = self._settings(entry, what)

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from ..errors import ConfigError, suggest
 
-PACKAGE = "hijack_data._configs"  # where `configs/` of the repository lies in an installed package
+# The folder of an installed package that holds `configs/` of the repository.
+PACKAGE = "hijack_data._configs"
 MAX_BYTES = 2**20
 
 
@@ -20,8 +21,8 @@ def available() -> list[str]:
 def read_config(path_or_name: str | os.PathLike[str]) -> tuple[str, bytes]:
     """Return the name of a configuration for messages, and its bytes.
 
-    A path wins. A name is that of a packaged file without its ending: with its folder
-    (`ablations/marks_number`) or, if that is unambiguous, without it.
+    An existing path takes precedence. A name is that of a packaged file without its ending: with
+    its folder (`ablations/marks_number`) or, if that is unambiguous, without it.
 
     Raises:
         ConfigError: there is no such file, it cannot be read, or it is larger than `MAX_BYTES`.
@@ -70,7 +71,7 @@ def _read(file: Path | Traversable, name: str) -> bytes:
 def _packaged() -> dict[str, Traversable]:
     try:
         root: Traversable = importlib.resources.files(PACKAGE)
-    except ModuleNotFoundError:  # not installed: the folder of the repository
+    except ModuleNotFoundError:  # in a clone: the folder of the repository
         root = Path(__file__).resolve().parents[2] / "configs"
     if not root.is_dir():
         return {}

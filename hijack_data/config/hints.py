@@ -1,4 +1,4 @@
-"""Advice for values that YAML reads otherwise than their authors mean."""
+"""Advice on values that YAML reads differently from what their authors mean."""
 
 import re
 

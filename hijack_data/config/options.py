@@ -1,4 +1,4 @@
-"""The top-level keys of a configuration beside `corruptions`.
+"""The top-level keys of a configuration other than `corruptions`.
 
 This is the one place that declares them: their names, values, checks and meanings.
 """
@@ -27,8 +27,8 @@ class Option(Protocol):
     def check(self, where: str, value: object) -> Any:
         """Return the value in its normal form.
 
-        A value that the key cannot have is a `ParameterTypeError` or a `ParameterError`, which
-        begins with `where`.
+        A bad value is a `ParameterTypeError` or a `ParameterError`, whose message begins with
+        `where`.
         """
         ...
 

@@ -1,4 +1,4 @@
-"""The paper's own names for corruptions and parameters, used on request only (`paper_compat`)."""
+"""The paper's own names of corruptions and parameters, read on request only (`paper_compat`)."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from ..corruption import Corruption
 from ..params import Parameter, parameters
 
-# Spellings of the algorithm boxes and of typesetting, beside the table's keys (`paper=` of each
-# parameter).
+# Spellings from the algorithm boxes and from typesetting, in addition to the keys of the table
+# (`paper=` of each parameter).
 _ALSO: Mapping[str, Mapping[str, str]] = {
     "marks": {"size": "mark_size", "type": "mark_type"},
     "subtitle": {
@@ -29,19 +29,19 @@ _OVERLAP_AVOIDS: Mapping[str, bool] = {"pop_ups": True, "marks": False}
 
 @dataclass(frozen=True)
 class PaperKey:
-    """Our parameter for one of the paper's keys, and whether its truth value is negated."""
+    """Our parameter for one of the paper's keys, and whether its flag is inverted."""
 
     name: str
     opposite: bool = False
 
     def translate(self, where: str, value: object) -> object:
-        """Return the paper's value as ours.
+        """Translate a value of the paper into ours.
 
         A flag that is neither true nor false is a `ParameterTypeError`.
         """
         if self.name == "avoid_elements":
             return Parameter("bool", "").check(where, value) != self.opposite
-        if self.name == "local_ip" and value == "-":  # the table prints - for "none"
+        if self.name == "local_ip" and value == "-":  # the paper's table prints - for "none"
             return None
         return value
 

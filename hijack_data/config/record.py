@@ -1,4 +1,4 @@
-"""Corruptions written as a configuration that loads back to the same, to record what was used."""
+"""Write corruptions as a configuration that loads back to the same ones, to record a run."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any, cast
@@ -11,7 +11,7 @@ from .build import Builder
 from .tree import Problems, from_python
 from .yaml_reader import resolve
 
-WIDTH = 10**6  # of a line: texts are never wrapped
+WIDTH = 10**6  # characters of a line, so that texts are never wrapped
 
 
 def dump(
@@ -21,16 +21,16 @@ def dump(
 
     Every parameter is written out.
 
-    Passes on `ParameterError` (two in the list have one name (give a mapping)) and `ConfigError`
-    (a label that a file cannot hold, or nothing to write).
+    Passes on `ParameterError` (two entries of a list have the same name: give a mapping) and
+    `ConfigError` (a label that a file cannot hold, or nothing to write).
 
     Args:
-        planners: corruptions, `OneOf` and `Sequence`, by label or in a list; a list is labelled by
-            names.
+        planners: corruptions, `OneOf` and `Sequence`, by label or in a list; the labels of a list
+            are the names.
         options: other top-level keys, such as `Config.options`.
 
     Raises:
-        ParameterTypeError: something that a file cannot hold, such as a `Schedule` with its
+        ParameterTypeError: a file cannot hold one of the planners, such as a `Schedule`, which is a
             function.
     """
     if not isinstance(cast(object, planners), Iterable):
@@ -79,7 +79,7 @@ def _named(planner: Planner) -> tuple[str, dict[str, Any]]:
 
 
 class _Dumper(yaml.SafeDumper):
-    """Quotes texts that YAML 1.1 or our reader would take for another type."""
+    """Quotes texts that YAML 1.1 or our reader would read as another type."""
 
     def ignore_aliases(self, data: Any) -> bool:
         return True

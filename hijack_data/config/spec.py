@@ -1,4 +1,4 @@
-"""The settings of one corruption, as written in a configuration, turned into the corruption."""
+"""Make a corruption from its settings in a configuration."""
 
 import re
 from typing import Any
@@ -11,7 +11,7 @@ from .options import Option
 from .paper import PaperKey, paper_keys
 from .tree import ConfigNode, MappingNode, Position, Problems, plain
 
-# Keys that every corruption takes beside its parameters.
+# Keys that every corruption takes in addition to its parameters.
 COMMON = ("as", "severity")
 PAPER_SEVERITY = 3
 
@@ -65,7 +65,7 @@ def check(
     tree: ConfigNode,
     key: PaperKey | None = None,
 ) -> Any:
-    """Return the checked value of a tree; when it is refused, note why and return `None`."""
+    """Return the checked value of a tree, or note why it is refused and return `None`."""
     value = plain(tree)
     try:
         return parameter.check(where, key.translate(where, value) if key else value)
@@ -108,7 +108,7 @@ def _make(
     place: Position,
     problems: Problems,
 ) -> Corruption | None:
-    """Apply the rules of the class, and blame the parameter that breaks one."""
+    """Make the corruption; if the class refuses it, note the error at the offending parameter."""
     try:
         return cls.at(severity, **values)
     except HijackError as error:

@@ -20,7 +20,7 @@ class Position:
     Attributes:
         file: the path, the name of a packaged configuration, or the path of a value in Python data.
         line: the line, from 1; 0 for a file as a whole and for Python data.
-        column: the column, from 1; 0 like the line.
+        column: the column, from 1; 0 where the line is 0.
     """
 
     file: str
@@ -38,7 +38,7 @@ class ScalarNode:
     Attributes:
         place: its position.
         value: `None`, a bool, an int, a float or a text.
-        text: a plain (unquoted) scalar as it was written; `None` for any other.
+        text: a plain (unquoted) scalar as it was written; `None` for any other value.
     """
 
     place: Position
@@ -74,7 +74,7 @@ class Problems:
 
     def add(self, place: Position, message: str) -> None:
         """Note a mistake and go on."""
-        # A name in a file may be anything; an error must stay printable and on one line.
+        # Names in files may hold any character; an error must stay printable and on one line.
         printable = message.encode("utf-8", "backslashreplace").decode()
         line = printable.replace("\n", "\\n")
         if len(line) > MAX_MESSAGE:
@@ -87,12 +87,12 @@ class Problems:
         return ConfigError(f"{place}: {message}" for place, message in ordered)
 
     def check(self) -> None:
-        """Raise the `ConfigError` of all mistakes, if there is one."""
+        """Raise a `ConfigError` with all mistakes, if there are any."""
         if self.found:
             raise self.error()
 
     def stop(self, place: Position, message: str) -> NoReturn:
-        """Note a mistake that ends the reading, and raise the `ConfigError` of all mistakes."""
+        """Note a mistake that ends the reading, and raise a `ConfigError` with all mistakes."""
         self.add(place, message)
         raise self.error()
 
@@ -128,8 +128,8 @@ def from_python(
 ) -> ConfigNode:
     """Return Python data (mappings, lists, scalars) as a tree.
 
-    The limits are those of files, because shared lists and mappings (YAML aliases, once loaded) can
-    grow without end.
+    The limits are those of files, because data with shared lists and mappings (from YAML aliases)
+    can be huge or endless when written out.
 
     Args:
         value: the data.

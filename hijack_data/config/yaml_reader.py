@@ -4,11 +4,11 @@ Plain scalars follow the core rules of YAML 1.2, not the surprises of 1.1: `no`,
 and dates are texts, and `1e3` is a number. Tags and merge keys are refused, a key may not appear
 twice, depth and size are bounded.
 
-The tree is built from PyYAML's events rather than by `yaml.compose`, which has the whole document
-in memory before anything can be counted: for a hostile list of 1 MiB it takes 11.7 s and 350 MiB
-where the limit on values ends this reader after 0.2 s; 500 nested lists are a `RecursionError` to
-it; and its nodes no longer show an explicit tag, the place of an alias, or that an alias stands
-inside its own anchor.
+The tree is built from PyYAML's events rather than by `yaml.compose`. `compose` has the whole
+document in memory before anything can be counted: it takes 11.7 s and 350 MiB for a hostile list of
+1 MiB, which this reader's limit on values ends after 0.2 s. It raises `RecursionError` for 500
+nested lists. Its nodes no longer show an explicit tag, the place of an alias, or an alias inside
+its own anchor.
 """
 
 import re
@@ -92,7 +92,7 @@ def read_yaml(
         mark = error.problem_mark or error.context_mark or reader.mark()
         problems.stop(_position(mark, file), _syntax(error, text[mark.index : mark.index + 1]))
     except (ValueError, OverflowError):
-        # PyYAML passes \UFFFFFFFF to chr, and endless version numbers to int.
+        # PyYAML passes \UFFFFFFFF to chr, and version numbers of any length to int.
         place = _position(reader.mark(), file)
         problems.stop(place, "not valid YAML: a character code or version number is out of range")
 
@@ -105,7 +105,7 @@ def _decode(
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        # `start` counts from behind the byte order mark, which the codec removes first.
+        # `start` does not count the byte order mark, which the codec removes first.
         at = data.removeprefix(b"\xef\xbb\xbf")
         place = _end_of(at[: error.start].decode(), file)
         problems.stop(place, f"byte 0x{at[error.start]:02x} is not UTF-8; save the file as UTF-8")
@@ -139,7 +139,7 @@ def _height(tree: ConfigNode) -> int:
 
 
 class _Reader:
-    """Builds the tree from the events of PyYAML's parser, which constructs no objects."""
+    """Builds the tree from the events of PyYAML's parser, which constructs no Python objects."""
 
     def __init__(
         self,
@@ -155,7 +155,7 @@ class _Reader:
         self._anchors: dict[str, tuple[ConfigNode, int, int]] = {}
 
     def mark(self) -> Any:
-        """Return how far the parser has come."""
+        """Return the parser's position in the text."""
         return self._parser.get_mark()
 
     def document(self) -> ConfigNode | None:

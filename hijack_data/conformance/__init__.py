@@ -1,10 +1,10 @@
-"""What every corruption must hold, checked by trying.
+"""The properties that every corruption must have, checked by trying them.
 
-It is the suite behind `hijack check` and part of the project's own tests.
+This suite runs in `hijack check` and in the project's own tests.
 
 A check is a function `(cls) -> notes` that raises `CheckFailed` with the probable cause. Pictures
 are compared with a plain reference that follows the definition pixel by pixel, so a mistake in any
-kernel shows. What no check can see is listed in docs/write_a_corruption.md.
+kernel shows. docs/write_a_corruption.md lists what no check can see.
 """
 
 from ..corruption import Corruption

@@ -1,4 +1,4 @@
-"""What a check is, and its outcome."""
+"""The type of a check, its outcome, and how it is run."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,9 +17,9 @@ class Result:
 
     Args:
         check: its name.
-        about: what it makes sure of.
-        problem: the probable cause, empty when it passed.
-        notes: what the author should look at, and what could not be checked.
+        about: the property that it checks.
+        problem: the probable cause of a failure; empty if the check passed.
+        notes: hints for the author, and parts that could not be checked.
     """
 
     check: str
@@ -34,10 +34,10 @@ class Result:
 
 
 def expect(condition: object, problem: str) -> None:
-    """End a check with the probable cause of its failure.
+    """Fail the check unless a condition holds.
 
     Raises:
-        CheckFailed: always.
+        CheckFailed: the condition is false; the message is `problem`, the probable cause.
     """
     if not condition:
         fail(problem)
@@ -49,7 +49,7 @@ def fail(problem: str) -> NoReturn:
 
 
 def run_check(check: Callable[..., Sequence[str] | None], subject: Any) -> Result:
-    """Run one check; whatever the code of a plug-in raises is a problem, not a crash."""
+    """Run one check; an exception in a plug-in becomes a problem of the result, not a crash."""
     name = check.__name__.removeprefix("check_")
     about = (check.__doc__ or "").strip().split("\n")[0]
     try:

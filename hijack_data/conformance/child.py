@@ -1,4 +1,4 @@
-"""A fresh process that plans: it reads what from standard input and writes the digests as JSON."""
+"""A fresh process that plans: it reads jobs from standard input and writes digests as JSON."""
 
 import json
 import os
@@ -13,7 +13,7 @@ def digest(
     scene: Any,
     key: Mapping[str, Any],
 ) -> str:
-    """Return the digest of a plan, or the kind of error that is raised."""
+    """Return the digest of a plan, or the name of the error that planning raises."""
     try:
         return spec.plan(scene, **key).digest()
     except Exception as error:  # noqa: BLE001  (a plug-in may raise anything)
@@ -21,11 +21,11 @@ def digest(
 
 
 def main() -> None:
-    """Plan what standard input says: a line with the import path, then the jobs."""
+    """Plan the jobs from standard input: a line with the import path, then the pickled jobs."""
     with os.fdopen(os.dup(1), "w") as answer:
         os.dup2(2, 1)  # a plug-in may print
         sys.path[:] = json.loads(sys.stdin.buffer.readline())
-        jobs = pickle.loads(sys.stdin.buffer.read())  # noqa: S301  (of the process that started us)
+        jobs = pickle.loads(sys.stdin.buffer.read())  # noqa: S301  (from the parent process)
         json.dump([digest(*job) for job in jobs], answer)
 
 

@@ -1,4 +1,4 @@
-"""Checks that a plan is data of its own, and that planning touches nothing else."""
+"""Check that a plan is independent data, and that planning changes nothing else."""
 
 import os
 import pickle
@@ -14,7 +14,7 @@ from .base import expect, fail
 
 
 def check_plan_is_data(cls: type[Corruption]) -> None:
-    """Plans survive JSON and pickling unchanged, and editing one is noticed."""
+    """Plans survive JSON and pickling unchanged, and an edited plan is refused."""
     for plan, _ in screens.plans(cls):
         text = _written(plan)
         again = Plan.from_json(text)
@@ -46,7 +46,7 @@ def _refused(text: str) -> bool:
 
 
 def check_kept(cls: type[Corruption]) -> None:
-    """A plan that was made stays as it is, whatever is planned after it."""
+    """Later plans do not change an earlier one."""
     screen = screens.scene(screens.SIZES[0])
     specs = screens.levels(cls)
     made = [
@@ -75,12 +75,12 @@ def check_kept(cls: type[Corruption]) -> None:
 
 
 def check_untouched(cls: type[Corruption]) -> None:
-    """Planning changes nothing that it is given: scene, corruption, severities, environment."""
+    """Planning changes none of its inputs: scene, corruption, severities, environment."""
     given = [screens.scene(screens.SIZES[0]), *(other for _, other in screens.other_scenes())]
     for spec in screens.levels(cls):
         for screen in given:
             before = _state(spec, screen)
-            with suppress(Exception):  # what it raises is for `scenes` to tell
+            with suppress(Exception):  # the checks in `scenes` report what planning raises
                 spec.plan(
                     screen,
                     seed=1,
@@ -92,7 +92,7 @@ def check_untouched(cls: type[Corruption]) -> None:
 
 
 def _state(spec: Corruption, screen: Scene) -> dict[str, Any]:
-    """All that planning sees and must leave alone, as values to compare."""
+    """Return everything that planning sees and must not change, as values to compare."""
     return {
         "scene.boxes": (screen.boxes.tolist(), str(screen.boxes.dtype)),
         "scene.size": screen.size,

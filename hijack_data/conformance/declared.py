@@ -12,7 +12,7 @@ from .screens import levels
 
 
 def check_registered(cls: type[Corruption]) -> None:
-    """It is found by name and by id, documented, and has a default for every parameter."""
+    """It is found by name and by id, is documented, and has a default for every parameter."""
     expect(find(cls.name) is cls, f"{cls.name!r} finds another class; call @register on it")
     expect(find(cls().id) is cls, f"{cls().id!r} is not found")
     documented = cls.summary() or sys.flags.optimize > 1  # python -OO has removed all docstrings
@@ -23,7 +23,7 @@ def check_registered(cls: type[Corruption]) -> None:
 
 def check_parameters(cls: type[Corruption]) -> None:
     """Unknown, wrong and out-of-range parameters are refused; values survive JSON."""
-    _refuses_unknown(cls())  # a default that does not pass its own check fails here
+    _refuses_unknown(cls())  # fails if a default does not pass its own check
     for key, (parameter, _) in p.parameters(cls).items():
         for bad in _bad_values(parameter):
             expect(not _accepts(cls, key, bad), f"{key}={bad!r} is accepted")

@@ -22,7 +22,7 @@ SCOPE_SEEDS = 4
 
 
 def check_backends(cls: type[Corruption]) -> None:
-    """Every installed backend gives the bytes of the reference, and leaves its input as it was."""
+    """Every installed backend gives the bytes of the reference and leaves its input unchanged."""
     for plan, size in screens.plans(cls):
         image = picture(size)
         expected = reference(plan, image)
@@ -58,7 +58,7 @@ def _is_installed(name: str) -> bool:
 
 
 def _without_numba(plan: Plan, image: UInt8Array) -> UInt8Array:
-    """Run the code that stands in where Numba is not installed."""
+    """Run the code that is used where Numba is not installed."""
     from ..kernels import lower
     from ..kernels.cpu import pixels as cpu
 
@@ -85,7 +85,7 @@ def _on_a_gpu(plan: Plan, image: Any) -> Iterator[tuple[str, UInt8Array]]:
 
 
 def _torch_operations(plan: Plan, image: UInt8Array) -> UInt8Array:
-    """Run the code that other devices run, on the CPU."""
+    """Run on the CPU the tensor operations that other devices run."""
     from ..kernels import lower
     from ..kernels import torch_ops as kernels
 
@@ -100,7 +100,7 @@ def _torch_operations(plan: Plan, image: UInt8Array) -> UInt8Array:
 
 
 def jax_operations(plan: Plan, image: Any) -> Any:
-    """Run the code that other devices run on a JAX array `[H, W, 3]`, wherever it is."""
+    """Run the operations that other devices run on a JAX array `[H, W, 3]` of any device."""
     from ..kernels import jax_ops as kernels
     from ..kernels import lower
 
@@ -114,7 +114,7 @@ def jax_operations(plan: Plan, image: Any) -> Any:
 
 
 def check_batches(cls: type[Corruption]) -> None:
-    """A batch with a plan for each picture equals the pictures one by one, in place as well."""
+    """A batch with a plan for each picture equals the pictures one by one, also in place."""
     size = screens.SIZES[2]
     try:
         plans = [
@@ -170,7 +170,7 @@ def _check_plan_scope(plan: Plan, scope: str) -> None:
 
 
 def check_declared(cls: type[Corruption], plan: Plan) -> None:
-    """Fail for an effect of a plan that the class does not declare."""
+    """Fail if a plan has an effect that the class does not declare."""
     if cls.scope == "observation":
         return
     for effect in plan.effects:

@@ -1,6 +1,6 @@
-"""Plan in fresh processes that differ in everything that must not matter.
+"""Plan in fresh processes that differ in everything that must not affect a plan.
 
-That is the hash seed, the folder, the time zone, and the order of the plans.
+These are the hash seed, the folder, the time zone, and the order of the plans.
 """
 
 import json
@@ -21,7 +21,8 @@ from . import child
 from .base import fail
 
 TIMEOUT = 120.0  # seconds
-# Several, as two orders of a small set often agree. The time zones never have the same date.
+# Several, because a small set often has the same order under two hash seeds. The dates of the two
+# time zones always differ.
 WORLDS: tuple[Mapping[str, str], ...] = (
     {
         "PYTHONHASHSEED": "0",
@@ -43,7 +44,7 @@ WORLDS: tuple[Mapping[str, str], ...] = (
 
 
 class PlanRequest(NamedTuple):
-    """One plan to make; `key` holds the arguments of `plan` beside the scene."""
+    """One plan to make; `key` holds the arguments of `plan` other than the scene."""
 
     spec: Corruption
     scene: Scene
@@ -51,7 +52,7 @@ class PlanRequest(NamedTuple):
 
 
 def why_not(cls: type[Corruption]) -> str:
-    """Return why another process cannot find a class, or `""`.
+    """Return why another process cannot find a class, or `""` if it can.
 
     If the class is found but a corruption of it cannot be sent there, the check fails with
     `CheckFailed`.
@@ -70,7 +71,7 @@ def why_not(cls: type[Corruption]) -> str:
 
 
 def digest(job: PlanRequest) -> str:
-    """Return the digest of a plan as `child.digest` does; only a screen may be refused."""
+    """Return the digest of a plan as `child.digest` does; raise unless a screen is refused."""
     try:
         return job.spec.plan(job.scene, **job.key).digest()
     except ParameterError as error:
@@ -96,7 +97,7 @@ def digests(jobs: Sequence[PlanRequest]) -> Iterator[tuple[str, list[str]]]:
 
 
 def _order(count: int, number: int) -> list[int]:
-    """Return another order for each process, with another job first."""
+    """Return the order of the jobs for a process: each process starts with another job."""
     order = list(range(count))
     if number % 2:
         order.reverse()
@@ -112,8 +113,8 @@ def _request(jobs: Sequence[PlanRequest]) -> bytes:
 
 
 def _path_entry(entry: str) -> str:
-    """Return an entry of the import path that is valid in another folder."""
-    if entry and not os.path.exists(entry):  # not a path, but a hook of an installer
+    """Return an entry of the import path in a form that is valid in any folder."""
+    if entry and not os.path.exists(entry):  # not a path, but an installer's import hook
         return entry
     return os.path.abspath(entry)
 

@@ -11,7 +11,7 @@ from ..types import UInt8Array
 
 
 def reference(plan: Plan, image: UInt8Array) -> UInt8Array:
-    """Apply a plan by its definition: each stamp in exact integers, and Pillow's own resize."""
+    """Apply a plan by its definition: stamps in exact integers, and Pillow's own resize."""
     out = image.astype(np.int64)
     for op in plan.ops:
         if isinstance(op, Paste):

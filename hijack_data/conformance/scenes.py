@@ -1,4 +1,4 @@
-"""Check that a corruption copes with unusual screens, and whether it reads their elements."""
+"""Check that a corruption copes with unusual screens, and that `needs_elements` is right."""
 
 from functools import lru_cache
 
@@ -14,7 +14,7 @@ SEEDS = range(4)
 
 
 def check_scenes(cls: type[Corruption]) -> list[str]:
-    """Any screen gives a plan that can be applied, or a `ParameterError` that says why not."""
+    """Any screen gives an applicable plan, or a `ParameterError` with the reason."""
     refused: dict[str, str] = {}
     for spec in screens.levels(cls):
         for what, screen in screens.other_scenes():
@@ -31,7 +31,7 @@ def _planned(
     what: str,
     screen: Scene,
 ) -> Plan | str:
-    """Return the plan, or why the screen is refused."""
+    """Return the plan, or the reason why the screen is refused."""
     try:
         return spec.plan(
             screen,
@@ -92,5 +92,5 @@ def _outcome(
             seed=seed,
             sample="elements",
         ).digest()
-    except Exception as error:  # noqa: BLE001  (an IndexError tells that boxes are read)
+    except Exception as error:  # noqa: BLE001  (an IndexError shows that boxes are read)
         return type(error).__name__

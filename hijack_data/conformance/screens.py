@@ -42,7 +42,7 @@ def scene(size: Size) -> Scene:
         boxes.append([left, top, right, bottom])
     left, top, right, bottom = boxes[-1]
     target = (left, top, right, bottom)
-    if left >= right or top >= bottom:  # a screen of one pixel has no room for one
+    if left >= right or top >= bottom:  # a screen of one pixel has no room for a box
         target = None
     return Scene(size, as_boxes(boxes), ("chrome",), target)
 
@@ -60,7 +60,7 @@ def _full_hd_boxes() -> Iterator[Box]:
 
 
 def other_scenes() -> Iterator[tuple[str, Scene]]:
-    """Yield unusual screens that occur in recordings, each after a description of it."""
+    """Yield pairs of a description and an unusual screen that occurs in recordings."""
     full = scene(SIZES[0])
     height, width = full.size
     above = [-50, -50, -10, -10]
@@ -90,9 +90,9 @@ def levels(cls: type[Corruption]) -> list[Corruption]:
 
 
 def variants(cls: type[Corruption]) -> list[Corruption]:
-    """Return the corruption with its defaults, at all severities, and with each choice made.
+    """Return the corruption with its defaults, at all severities, and with each value of a choice.
 
-    The two values of a switch are choices, too.
+    The two values of a flag count as choices, too.
     """
     tried = [cls(), *levels(cls)]
     for key, (parameter, default) in p.parameters(cls).items():
@@ -100,7 +100,7 @@ def variants(cls: type[Corruption]) -> list[Corruption]:
         if parameter.kind == "bool":
             values = (not default,)
         for value in values:
-            with suppress(ValueError, TypeError):  # values that do not go together
+            with suppress(ValueError, TypeError):  # values that the class refuses in combination
                 tried.append(cls(**{key: value}))
     found: list[Corruption] = []
     for spec in tried:

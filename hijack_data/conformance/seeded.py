@@ -21,7 +21,7 @@ MANY = 32
 
 
 def check_deterministic(cls: type[Corruption]) -> None:
-    """The key alone decides: not the order, the global generators or earlier plans."""
+    """The key alone decides, not the order of planning, global generators or earlier plans."""
     with _generators_kept():
         _check_generators(cls)
 
@@ -105,7 +105,7 @@ class _Counting(Stream):
 
 
 def check_seed(cls: type[Corruption]) -> list[str]:
-    """Draws from the stream decide something: other seeds give other plans."""
+    """If a corruption draws from the stream, different seeds give different plans."""
     spec = cls()
     screen = scene(SIZES[0])
     found = {
@@ -133,7 +133,7 @@ def check_seed(cls: type[Corruption]) -> list[str]:
 
 
 def check_processes(cls: type[Corruption]) -> list[str]:
-    """A fresh process plans the same: with another hash seed, folder, time zone and order."""
+    """A fresh process with another hash seed, folder, time zone and order makes the same plans."""
     jobs = _jobs(cls)
     reason = processes.why_not(cls)
     if reason:
@@ -143,7 +143,7 @@ def check_processes(cls: type[Corruption]) -> list[str]:
         differing = sum(a != b for a, b in zip(here, there, strict=True))
         expect(
             not differing,
-            f"{differing} of {len(jobs)} plans are others in a fresh process ({world}): they "
+            f"{differing} of {len(jobs)} plans differ in a fresh process ({world}): they "
             "depend on the process, on hash(), the order of a set, the folder, the time or on what "
             "was planned before; use the stream, sorted(...) and the scene alone",
         )

@@ -43,7 +43,7 @@ class AccidentalTouch(Corruption):
 
     @property
     def needs_elements(self) -> bool:
-        """It clicks one of them."""
+        """True: it clicks one of the elements."""
         return True
 
     def make_plan(
@@ -52,7 +52,7 @@ class AccidentalTouch(Corruption):
         stream: Stream,
         step: int,
     ) -> Draft:
-        """Order the known elements at random; the first that is still there is clicked."""
+        """Order the known elements at random; the desktop clicks the first that still exists."""
         boxes = [box for box in scene.obstacles.tolist() if not _is_meant(box, scene.target)]
         order: list[list[int]] = []
         while boxes:
@@ -65,7 +65,7 @@ class AccidentalTouch(Corruption):
 
 
 def _is_meant(box: list[int], target: Box | None) -> bool:
-    """Return whether a click into this element could be meant: it holds the target's centre."""
+    """Return whether a click on this element could be intended: it holds the target's centre."""
     if target is None:
         return False
     x = (target[0] + target[2]) // 2

@@ -14,7 +14,7 @@ from ..plan import Paste
 from ..rng import Stream
 from ..types import Scene, as_boxes
 
-# Tries a mark may cost on average before the search gives up; the paper leaves its bound open.
+# The search ends after this many attempts per mark on average; the paper gives no bound.
 ATTEMPTS_PER_MARK = 20
 
 

@@ -14,7 +14,7 @@ from ..plan import Effect
 from ..rng import Stream
 from ..types import Scene
 
-# The paper's list, in its order: the first that the task does not use takes over.
+# The paper's list, in its order: the first application that the task does not use is launched.
 APPS = (
     "vscode",
     "chrome",

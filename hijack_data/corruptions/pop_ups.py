@@ -200,7 +200,7 @@ class PopUps(Corruption):
         width: int,
         height: int,
     ) -> dict[str, Any] | None:
-        """Return the drawing, or `None` if the window's text could not be read.
+        """Return the recipe of the window, or `None` if its text would be too small to read.
 
         Paper: Algorithm 1, lines 10-21.
         """
@@ -231,11 +231,11 @@ class PopUps(Corruption):
         text: str,
         fill: str,
     ) -> dict[str, Any]:
-        """Fit a text into a panel: its lines, wrapped or joined, for the largest font.
+        """Fit a text into a panel: wrap or join its lines so that the font can be largest.
 
         If nothing fits, the panel has no lines.
         """
-        # lines end clear of the border
+        # so that lines do not touch the border
         width = (box[2] - box[0]) * 15 // 16 - 2 * self.edge_thickness
         height = box[3] - box[1] - 2 * self.edge_thickness
         best: tuple[int, list[str]] = (SMALLEST_FONT, [])
@@ -267,12 +267,12 @@ def _span(
     length: int,
     stream: Stream,
 ) -> tuple[int, int]:
-    """Draw where a window begins along one side of the screen, and how long it is there.
+    """Draw the start and the length of a window along one side of the screen.
 
     The paper draws x in 960..1920 and y in 540..1080 for a window of 960x540 on 1920x1080, which
-    would leave the screen. Carried over to any screen, the window begins in the far half and ends
-    at the edge of the screen at the latest. One that fills that half would always stand at one
-    place: it may lose a quarter of its length instead.
+    would leave the screen. On a screen of any size, the window begins in the far half and ends at
+    the edge of the screen at the latest. A window that fills that half could have one place only,
+    so it may lose a quarter of its length instead.
     """
     first = side // 2
     length = min(length, side - first)

@@ -1,4 +1,4 @@
-"""Empty pictures to draw on, of a size that a plan from elsewhere may ask for."""
+"""Empty pictures to draw on, with a check of the size, which may come from an untrusted plan."""
 
 from PIL import Image
 
@@ -10,7 +10,7 @@ def canvas(mode: str, width: int, height: int) -> Image.Image:
     """Return an empty picture of one of Pillow's modes.
 
     Raises:
-        PlanError: its size is not one that a sprite may have.
+        PlanError: a sprite cannot have this size.
     """
     check_area(width, height)
     return Image.new(mode, (width, height))
@@ -20,7 +20,7 @@ def check_area(width: int, height: int) -> None:
     """Check the size of a sprite, in pixels.
 
     Raises:
-        PlanError: it has no pixels, or more than `limits.SPRITE_PIXELS`.
+        PlanError: the sprite has no pixels, or more than `limits.SPRITE_PIXELS`.
     """
     if not (width > 0 and height > 0 and width * height <= SPRITE_PIXELS):
         limit = f"it must hold 1 to {SPRITE_PIXELS}"

@@ -1,7 +1,7 @@
-"""The coverage of one line of text, put together from letters that were drawn before.
+"""The coverage of one line of text, composed from cached glyphs.
 
-Where every letter starts on a whole pixel the result equals Pillow's own; otherwise Pillow draws
-the line.
+If every letter starts on a whole pixel, the result equals Pillow's own; otherwise Pillow draws the
+line.
 """
 
 import itertools
@@ -16,7 +16,7 @@ from .canvas import canvas, check_area
 from .text import advances, load_font
 
 CACHE_BYTES = 8 * 2**20
-MARGIN = 2  # pixels kept around a line's measured box, in case a letter leaves it
+MARGIN = 2  # pixels around a line's measured box, in case a letter sticks out
 
 # left, top and coverage of a letter in its line
 _Letter: TypeAlias = tuple[int, int, UInt8Array]
@@ -40,7 +40,7 @@ def line_mask(line: str, font: str, size: int) -> tuple[UInt8Array, Point]:
 
 
 def _drawn_line(line: str, font: ImageFont.FreeTypeFont) -> tuple[UInt8Array, Point]:
-    """Let Pillow draw a line."""
+    """Draw a line with Pillow."""
     x1, y1, x2, y2 = (int(v) for v in font.getbbox(line))
     width = max(1, x2 - x1) + 2 * MARGIN
     height = max(1, y2 - y1) + 2 * MARGIN
@@ -52,11 +52,11 @@ def _drawn_line(line: str, font: ImageFont.FreeTypeFont) -> tuple[UInt8Array, Po
 
 
 def _set_letters(line: str, font: str, size: int) -> tuple[UInt8Array, Point] | None:
-    """Make a line of remembered letters, as Pillow does.
+    """Compose a line from cached glyphs, placed as Pillow places them.
 
-    `None` stands for a line in which a letter lies between two pixels.
+    Returns `None` if a letter of the line lies between two pixels.
     """
-    if "\n" in line:  # Pillow begins a new line
+    if "\n" in line:  # Pillow breaks the line here
         return None
     starts = [0.0, *itertools.accumulate(advances(line, load_font(font, size)))][:-1]
     if not all(start.is_integer() for start in starts):
@@ -73,7 +73,7 @@ def _set_letters(line: str, font: str, size: int) -> tuple[UInt8Array, Point] | 
 
 
 def _joined(letters: list[_Letter]) -> tuple[UInt8Array, Point]:
-    """Return the coverage of letters together, and its corner."""
+    """Return the joint coverage of letters, and its corner."""
     first = min(left for left, _, _ in letters)
     top = min(y for _, y, _ in letters)
     right = max(left + mask.shape[1] for left, _, mask in letters)
@@ -92,7 +92,7 @@ def _joined(letters: list[_Letter]) -> tuple[UInt8Array, Point]:
 
 
 def _over(mask: UInt8Array, below: UInt8Array) -> UInt8Array:
-    """Blend the coverage of a letter over that of the ones before."""
+    """Blend the coverage of a letter over that of earlier letters."""
     added = np.multiply(mask, np.uint16(255), dtype=np.uint16)
     kept = np.multiply(below, 255 - mask, dtype=np.uint16)
     total = added + kept + 128

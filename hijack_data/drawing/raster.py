@@ -1,4 +1,4 @@
-"""From a recipe (JSON data) to a sprite. Nothing outside this package draws.
+"""Draw a recipe (JSON data) as a sprite. Nothing outside this package draws.
 
 Pillow draws with its BASIC text layout and a bundled DejaVu font, so that a recipe gives the same
 sprite on every machine with the same FreeType. Each sprite has a fingerprint; a plan stores it, and
@@ -68,7 +68,7 @@ def render(recipe: Mapping[str, Any]) -> Sprite:
     return sprite
 
 
-# What Python, NumPy and Pillow raise for unsuitable values; a recipe may hold any.
+# A recipe may hold any values; these are the errors of Python, NumPy and Pillow for bad ones.
 _WRONG_VALUE = (
     ValueError,
     TypeError,
@@ -126,7 +126,7 @@ def _mark(recipe: Mapping[str, Any]) -> Sprite:
 
 
 def _star_points(size: int) -> list[tuple[float, float]]:
-    """Return five points on a circle of radius `size`, and five on one of 0.4 of it between."""
+    """Return a star: five points at radius `size`, and five at 0.4 `size` between them."""
     centre = size - 0.5
     points: list[tuple[float, float]] = []
     for i in range(10):
@@ -159,7 +159,7 @@ def _texts(lines: object) -> list[str]:
 
 
 def _masks(recipe: Mapping[str, Any]) -> list[UInt8Array]:
-    """Return the coverage of centred lines, uint8 `[h, w]`: the fill's, and an outline's if any."""
+    """Return the coverage of centred lines, uint8 `[h, w]`: the fill's, and any outline's."""
     font = load_font(recipe["font"], _font_size(recipe["size"]))
     edge = _edge(recipe)
     lines = _texts(recipe["lines"])
@@ -197,7 +197,7 @@ def _text(recipe: Mapping[str, Any]) -> Sprite:
 
 
 def _window(recipe: Mapping[str, Any]) -> Sprite:
-    """Draw a window: its edge, then panel after panel a filled box and lines of text."""
+    """Draw a window: its edge, then for each panel a filled box and lines of text."""
     width, height = (int(side) for side in recipe["size"])
     edge = _edge(recipe)
     check_area(width, height)
@@ -224,7 +224,7 @@ def _window(recipe: Mapping[str, Any]) -> Sprite:
 
 
 def _panel_inside(panel: Mapping[str, Any], edge: int, size: Size) -> Box:
-    """Return the box that a panel fills, without its edge and inside a window of `size`."""
+    """Return the box of a panel without its edge, clipped to a window of `size`."""
     x1, y1, x2, y2 = (int(v) for v in panel["box"])
     left, top, right, bottom = _inner(x1, y1, x2, y2, edge)
     height, width = size
@@ -253,7 +253,7 @@ def _holds_pixels(box: Box) -> bool:
 
 
 def _without(whole: Box, holes: list[Box]) -> list[Box]:
-    """Return boxes that cover all of `whole` except the holes, which are painted over anyway."""
+    """Return boxes that cover `whole` except for the holes, which are painted over anyway."""
     left = [whole]
     for hole in holes:
         parts = [part for box in left for part in _around_hole(box, hole)]
@@ -262,7 +262,7 @@ def _without(whole: Box, holes: list[Box]) -> list[Box]:
 
 
 def _around_hole(box: Box, hole: Box) -> tuple[Box, ...]:
-    """Return boxes, some of them empty, that cover all of `box` except the hole."""
+    """Return boxes, some of them empty, that cover `box` except for the hole."""
     x1, y1, x2, y2 = hole
     left, upper, right, lower = box
     top = min(max(y1, upper), lower)
@@ -280,7 +280,7 @@ def _around_hole(box: Box, hole: Box) -> tuple[Box, ...]:
 def _line(text: tuple[str, str, int], at: Point, ink: Color, size: Size) -> Layer | None:
     """Return the layer of a line with its corner at `at`.
 
-    Parts that stick out of the sprite are cut off; `None` stands for a line without pixels in it.
+    Parts outside the sprite are cut off. Returns `None` for a line without pixels inside.
     """
     mask, (left, top) = line_mask(*text)
     height, width = size
@@ -298,12 +298,12 @@ def _line(text: tuple[str, str, int], at: Point, ink: Color, size: Size) -> Laye
 
 
 def _memory(mask: UInt8Array) -> int:
-    """Return how many bytes a mask keeps in memory, which may be a part of a larger one."""
+    """Return how many bytes a mask keeps in memory; it may be a view of a larger array."""
     return mask.nbytes if mask.base is None else cast(UInt8Array, mask.base).nbytes
 
 
 def _inner(x1: int, y1: int, x2: int, y2: int, edge: int) -> Box:
-    """Return a box without its edge, cut off at 0; empty if the edge is all of it."""
+    """Return a box without its edge, clipped at 0; empty if the edge fills it."""
     if x2 - x1 <= 2 * edge or y2 - y1 <= 2 * edge:
         return 0, 0, 0, 0
     return max(0, x1 + edge), max(0, y1 + edge), max(0, x2 - edge), max(0, y2 - edge)
@@ -318,15 +318,15 @@ def _png(recipe: Mapping[str, Any]) -> Sprite:
     try:
         with Image.open(io.BytesIO(data), formats=["PNG"]) as image:
             pixels = np.array(image.convert("RGBA"))
-    except Exception as error:  # Pillow raises anything for damaged bytes
+    except Exception as error:  # Pillow may raise any exception for damaged bytes
         raise PlanError(f"plan: the 'png' sprite does not hold a readable PNG: {error}") from error
     return _rgba(pixels)
 
 
 def _png_size(data: bytes) -> tuple[int, int]:
-    """Return the width and height in the first chunk of a PNG, before anything is decoded."""
+    """Return the width and height from the first chunk of a PNG, without decoding it."""
     if len(data) < 24 or not data.startswith(PNG_HEADER):
-        raise PlanError("plan: the 'png' sprite is no PNG file, or is cut off")
+        raise PlanError("plan: the 'png' sprite is not a PNG file, or is cut off")
     return int.from_bytes(data[16:20]), int.from_bytes(data[20:24])
 
 
@@ -358,7 +358,7 @@ def png_recipe(rgba: UInt8Array) -> dict[str, Any]:
 
     Raises:
         ImageTypeError: the array is not uint8.
-        ImageError: it has another shape, or more than `limits.SPRITE_PIXELS`.
+        ImageError: the array has another shape, or more than `limits.SPRITE_PIXELS` pixels.
     """
     if not isinstance(cast(object, rgba), np.ndarray) or rgba.dtype != np.uint8:
         kind = str(getattr(rgba, "dtype", type(rgba).__name__))

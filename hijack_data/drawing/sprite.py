@@ -1,9 +1,9 @@
-"""Sprites: what the recipes of `raster` draw and the kernels stamp.
+"""Sprites: `raster` draws them from recipes, and the kernels stamp them.
 
-A sprite is a stack of layers; everything else is derived. A layer is what every kernel understands:
-a box, and colours that are blended into it through masks.
-A window is a few filled boxes with lines of text on them, a mark one mask with one colour, so that
-neither has to be drawn as a picture before it is stamped.
+A sprite is a stack of layers; everything else is derived from them. Every kernel understands
+layers: a box, and colours that are blended into it through masks. A window is a few filled boxes
+    with lines of text, a mark is one mask with one colour, so neither has to be drawn as a picture
+    before it is stamped.
 """
 
 import hashlib
@@ -21,8 +21,8 @@ from ..types import Box, UInt8Array
 
 Color: TypeAlias = tuple[int, int, int]
 UInt16Array: TypeAlias = npt.NDArray[np.uint16]
-# Bytes of a pixel: of an opaque sprite its colours in three layouts and a mask; of any other its
-# masks and its paint, and where it paints anything also `pixels` and what `kernels.cpu` keeps.
+# Bytes per pixel. An opaque sprite has its colours in three layouts and a mask; any other sprite
+# has its masks and its paint and, for each painted pixel, `pixels` and the cache of `kernels.cpu`.
 OPAQUE_BYTES = 10
 BYTES = 10
 PAINTED_BYTES = 71
@@ -39,7 +39,7 @@ class Layer:
     Args:
         box: `(x1, y1, x2, y2)` in pixels of the sprite, not empty and inside it.
         covers: at most two masks uint8 `[h, w]`, rows contiguous, whose sum is at most 255.
-        colors: one colour a cover, or the one of an opaque layer. Empty if `picture` is given.
+        colors: one colour per cover, or the one of an opaque layer. Empty if `picture` is given.
         picture: uint8 `[h, w, 3]` colours of an opaque layer, or uint16 colours * cover of a layer
             with one cover; rows contiguous.
     """
@@ -56,7 +56,7 @@ class Layer:
         return y2 - y1, x2 - x1
 
     def part(self, box: Box) -> "Layer | None":
-        """Return what lies inside a box of the sprite, whose corner becomes (0, 0); no copy."""
+        """Return the part inside a box of the sprite as a view; the box's corner becomes (0, 0)."""
         left, top, right, bottom = self.box
         x1 = max(left, box[0])
         y1 = max(top, box[1])
@@ -98,15 +98,15 @@ class Layer:
 
 @dataclass(frozen=True, eq=False)
 class Sprite:
-    """A picture to stamp, with one opacity a pixel.
+    """A picture to stamp, with one opacity per pixel.
 
     Args:
         size: `(height, width)` in pixels.
-        layers: bottom first. One that is not opaque everywhere has a single layer, as large as
-            itself.
+        layers: the bottom layer first. A sprite that is not opaque everywhere has a single layer of
+            its own size.
         opaque: whether every pixel is opaque.
-        whole: the sprite that this one is a part of, if any.
-        scratch: where a backend keeps its own form of the sprite, such as tensors on a device.
+        whole: the sprite of which this one is a part, if any.
+        scratch: a cache for the backends' own forms of the sprite, such as tensors on a device.
     """
 
     size: tuple[int, int]
@@ -117,7 +117,7 @@ class Sprite:
 
     @classmethod
     def of_layer(cls, layer: Layer) -> "Sprite":
-        """Return the sprite that is one layer."""
+        """Return a sprite with a single layer."""
         for array in (*layer.covers, layer.picture):
             if array is not None:
                 array.setflags(write=False)
@@ -126,7 +126,7 @@ class Sprite:
 
     @cached_property
     def fingerprint(self) -> str:
-        """16 hexadecimal digits of the SHA-256 of the pixels, of the whole sprite for a part.
+        """16 hexadecimal digits of the SHA-256 of the pixels; a part has that of the whole sprite.
 
         It takes 1 ms for 1.5 MB.
         """
@@ -139,7 +139,7 @@ class Sprite:
 
     @property
     def footprint(self) -> int:
-        """Bytes that the sprite takes at most, with all that is kept of it for the CPU."""
+        """The most bytes that the sprite can take, with all caches for the CPU."""
         height, width = self.size
         area = height * width
         if self.opaque:
@@ -175,9 +175,9 @@ class Sprite:
     def pixels(
         self,
     ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32], UInt8Array, UInt16Array]:
-        """The pixels that paint anything.
+        """The pixels that are not fully transparent.
 
-        That is `dy [n]`, `dx [n]`, `keep = 255 - alpha [n]` and `paint [n, 3]`.
+        They are given as `dy [n]`, `dx [n]`, `keep = 255 - alpha [n]` and `paint [n, 3]`.
         """
         dy, dx = np.nonzero(self.alpha)
         keep = 255 - self.alpha[dy, dx]
@@ -186,7 +186,7 @@ class Sprite:
 
     @cached_property
     def uniform(self) -> bool:
-        """Whether all painted pixels are opaque and of one colour: then stamps need no order."""
+        """Whether all painted pixels are opaque and of one colour, so stamps need no order."""
         if self.rgb is not None:
             return bool((self.rgb == self.rgb[:1, :1]).all())
         (layer,) = self.layers
@@ -229,7 +229,7 @@ def draw(layers: tuple[Layer, ...], pixels: UInt8Array) -> None:
 
 
 def _bands(layer: Layer) -> Iterator[Layer]:
-    """Yield a layer in bands of rows: to blend a large one whole takes many times its memory."""
+    """Yield a layer in bands of rows, because blending takes many times a band's memory."""
     x1, y1, x2, y2 = layer.box
     rows = max(1, PIXELS_AT_ONCE // (x2 - x1))
     if y2 - y1 <= rows:
@@ -243,10 +243,10 @@ def _bands(layer: Layer) -> Iterator[Layer]:
 
 
 def _planes(pixels: UInt8Array) -> list[tuple[UInt8Array, slice]]:
-    """Return flat pictures to draw on, and the channels in each.
+    """Return flat views of a picture to draw on, and the number of channels in each.
 
-    There is one of whole lines, or one for each channel. Whole lines of bytes are drawn 20 times as
-    fast as single pixels.
+    There is one view of whole lines, or one view for each channel. Whole lines of bytes are drawn
+    20 times as fast as single pixels.
     """
     if pixels.strides[1:] == (3, 1):
         return [(pixels.reshape(len(pixels), -1), slice(0, 3))]
@@ -275,6 +275,6 @@ def _blend(
     for cover, color in zip(layer.covers, colors, strict=False):
         covered = np.repeat(cover, per, axis=1)
         total += np.multiply(covered, color, dtype=np.uint16)
-    total += 128  # at most 65153, so that 16 bits hold every step
+    total += 128  # at most 65153, so every step fits into 16 bits
     total += total >> 8
     np.right_shift(total, 8, out=below, casting="unsafe")

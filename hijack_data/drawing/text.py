@@ -1,8 +1,9 @@
-"""Fonts and measured text: the file of a font, the size of a text, the letters that a font lacks.
+"""Fonts and text measurement: find a font's file, measure a text, find missing glyphs.
 
-Measuring is what planning a text costs, so widths are summed from remembered pairs of letters. With
-BASIC layout a letter's advance depends on the next letter alone (kerning), and all advances are
-multiples of 1/64 pixel, so the sum is FreeType's own, to the bit; a test compares them.
+Planning a text takes most of its time for measuring, so widths are summed from cached pairs of
+letters. With BASIC layout a letter's advance depends on the next letter alone (kerning), and all
+advances are multiples of 1/64 pixel, so the sum equals FreeType's bit for bit; a test compares
+them.
 """
 
 import math
@@ -17,7 +18,7 @@ from PIL import Image, ImageDraw, ImageFont
 from ..errors import FontError
 
 FONTS = Path(__file__).resolve().parents[1] / "fonts"
-MAX_PAIRS = 1 << 14  # pairs of letters remembered for one font at one size: about 2 MB
+MAX_PAIRS = 1 << 14  # cached pairs of letters for one font at one size: about 2 MB
 _Advances = dict[str, float]
 _advances: "WeakKeyDictionary[ImageFont.FreeTypeFont, _Advances]" = WeakKeyDictionary()
 _NO_GLYPH = "\U0010ffff"  # a noncharacter: every font draws its "missing glyph" box for it
@@ -42,7 +43,8 @@ def _named(name: str) -> Path | None:
     try:
         path = bundled if "/" not in name and bundled.is_file() else Path(name).expanduser()
         return path if path.is_file() else None
-    except (OSError, ValueError, RuntimeError):  # too long, with a NUL, the home of nobody
+    # Too long, contains a NUL, or `~` of an unknown user.
+    except (OSError, ValueError, RuntimeError):
         return None
 
 
@@ -51,7 +53,7 @@ def load_font(name: str, size: int) -> ImageFont.FreeTypeFont:
     """Load a font at `size` pixels, BASIC layout.
 
     Raises:
-        FontError: there is no such file, or it is not a font.
+        FontError: there is no such file, or the file is not a font.
     """
     path = font_file(name)
     try:
@@ -69,7 +71,7 @@ def line_height(font: ImageFont.FreeTypeFont) -> int:
 def line_width(line: str, font: ImageFont.FreeTypeFont) -> float:
     """Return the width of one line in pixels.
 
-    It is what `font.getlength(line)` gives, without calling FreeType for each new line.
+    The width equals `font.getlength(line)`, without calling FreeType for each new line.
     """
     return sum(advances(line, font))
 
@@ -80,7 +82,7 @@ def advances(line: str, font: ImageFont.FreeTypeFont) -> list[float]:
     if known is None or len(known) > MAX_PAIRS:
         known = {}
         _advances[font] = known
-    # the last one is a single letter
+    # the last letter has no successor
     pairs = [*map(add, line, line[1:]), line[-1:]] if line else []
     try:
         return [known[pair] for pair in pairs]
@@ -96,7 +98,7 @@ def measure(
     font: ImageFont.FreeTypeFont,
     edge: int = 0,
 ) -> tuple[int, int]:
-    """Return width and height in pixels of lines set under each other, each with an outline.
+    """Return the width and height in pixels of lines below one another, each with an outline.
 
     The outline is `edge` pixels wide.
     """
@@ -106,7 +108,7 @@ def measure(
 
 
 def overhang(lines: Sequence[str], font: ImageFont.FreeTypeFont) -> int:
-    """Return how many pixels letters stick out of what `measure` gives, at most."""
+    """Return by how many pixels, at most, letters stick out of the box that `measure` gives."""
     height = line_height(font)
     found = 0.0
     for line in lines:
@@ -126,7 +128,7 @@ def largest_fitting(
 ) -> int | None:
     """Return the largest font size in `[low, high]` at which the lines fit `width` x `height`.
 
-    `None` stands for no such size.
+    Returns `None` if no size fits.
     """
     return _largest_fitting(tuple(lines), font, width, height, high, low)
 
@@ -142,7 +144,7 @@ def _largest_fitting(
 ) -> int | None:
     if low > high:
         return None
-    if _fits(lines, font, high, width, height):  # the common case, and one measurement
+    if _fits(lines, font, high, width, height):  # the common case, which needs one measurement only
         return high
     if not _fits(lines, font, low, width, height):
         return None

@@ -1,6 +1,7 @@
 """Find the interactive elements of a screen: in its tree, in labels, or in the picture.
 
-`scene_from` is the usual way in; each source is a function of its own too, and returns `Elements`.
+`scene_from` is the usual entry point; each source also has its own function, which returns
+`Elements`.
 """
 
 from collections.abc import Iterable
@@ -40,21 +41,21 @@ def elements_from(
     labels: object = None,
     detect: Literal["picture", "ocr", "none"] = "picture",
 ) -> Elements:
-    """Find the elements of a screen: from the tree, or else the labels, or else the picture.
+    """Find the elements of a screen: from the tree if given, else from labels, else by detection.
 
-    A bad tree or bad labels are an `ElementsError`, a bad picture is an `ImageError` or
-    `ImageTypeError`.
+    Raises `ElementsError` for a bad tree or bad labels, and `ImageError` or `ImageTypeError` for a
+    bad picture.
 
     Args:
         image: the screenshot: `[H, W, 3]` uint8 (NumPy, JAX), `[3, H, W]` (torch) or a PIL image.
             Only `detect` reads its pixels.
         tree: accessibility XML in OSWorld's dialect; boxes are clipped to the picture.
         labels: recorded boxes in pixels, as `boxes_from_labels` takes them.
-        detect: what to do without tree and labels: `"picture"` (OpenCV), `"ocr"` (RapidOCR) or
-            `"none"`.
+        detect: how to find elements without tree and labels: `"picture"` (OpenCV), `"ocr"`
+            (RapidOCR) or `"none"`.
 
     Raises:
-        UnknownNameError: another `detect`.
+        UnknownNameError: `detect` is not one of these.
         MissingDependencyError: the detector is not installed.
     """
     if detect not in (*_DETECTORS, "none"):
@@ -82,7 +83,7 @@ def scene_from(
     apps: Iterable[str] = (),
     target: object = None,
 ) -> Scene:
-    """Make a scene of a screenshot: its size and its elements as `elements_from` finds them.
+    """Make the scene of a screenshot: its size, and the elements that `elements_from` finds.
 
     `apps` are the applications that the task uses, `target` the point or box that the step's action
     aims at. Raises what `elements_from` raises, and `ParameterError` or `ParameterTypeError` for a

@@ -1,4 +1,4 @@
-"""What every source of boxes returns."""
+"""The result type of all sources of elements."""
 
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
@@ -12,15 +12,15 @@ SOURCES = ("tree", "labels", "picture", "ocr", "none")
 
 @dataclass(frozen=True, eq=False)
 class Elements:
-    """Where the elements of one screen are, and what is known about each.
+    """The elements of one screen: their boxes, names and roles.
 
     Args:
         boxes: int32 `[N, 4]`, `xyxy`, pixels of the screen.
-        names: what each element is called, `""` where it is unknown; empty for all unknown.
-        roles: what each element is (`"push-button"`), `""` where it is unknown; empty for all
-            unknown.
-        source: where the boxes come from: `"tree" | "labels" | "picture" | "ocr" | "none"`.
-        notes: what was left out, and why.
+        names: the name of each element, `""` where it is unknown; empty if all are unknown.
+        roles: the role of each element (`"push-button"`), `""` where it is unknown; empty if all
+            are unknown.
+        source: the origin of the boxes: `"tree" | "labels" | "picture" | "ocr" | "none"`.
+        notes: which elements were left out, and why.
 
     Raises `ElementsError` if `names` or `roles` do not match the boxes, or the source is unknown.
     """

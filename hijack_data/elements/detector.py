@@ -1,7 +1,7 @@
-"""Find elements in the picture itself: lines of text, icons, buttons and inputs.
+"""Find elements in the pixels of a picture: lines of text, icons, buttons and inputs.
 
-It uses edges only; nothing is learned. *Things* are connected edges, once frames and long rules are
-taken away and small gaps are closed: lines of text, icons, small pictures. *Controls* are flat
+The detector uses edges only, and no model. *Things* are connected edges after frames and long rules
+are removed and small gaps are closed: lines of text, icons, small pictures. *Controls* are flat
 areas of a control's height that contain a few things: buttons, inputs, tabs, rows. A thing inside a
 control, or inside a larger thing, is dropped, so a button counts once.
 
@@ -20,25 +20,26 @@ from .base import Elements
 from .masks import Bools, Ints, Parts, straight
 from .pictures import image_pixels
 
-# Larger pictures are shrunk by a whole factor before anything else.
+# Larger pictures are first shrunk by an integer factor.
 MAX_PIXELS = 5_000_000
-# Differences between neighbouring pixels, in any channel: the faint edge of a control, and the edge
-# of text or an icon.
+# Least differences between neighbouring pixels in any channel: for the faint edge of a control, and
+# for the edge of text or an icon.
 FAINT = 8
 STRONG = 28
-# Shares of the screen's height and width that one element may take; anything larger is a photograph
-# or a wallpaper.
+# The largest shares of the screen's height and width for one element; anything larger is a
+# photograph or a wallpaper.
 MAX_HEIGHT = 0.3
 MAX_WIDTH = 0.6
 MAX_CONTROL = 0.9
 # Straight edges of this length, on a screen 1000 pixels high, are rules and frames; shorter ones
 # belong to icons.
 LONG = 110
-# A control with more things than this is a toolbar or a panel: its things count, not the whole. The
-# second number is for controls wider than `MAX_WIDTH`: an address bar has few, a status bar more.
+# A control with more things than this is a toolbar or a panel, so its things count as elements
+# instead. The second number is for controls wider than `MAX_WIDTH`: an address bar has few things,
+# a status bar more.
 MAX_THINGS = 4
 MAX_THINGS_WIDE = 2
-# A picture of noise or of a fine pattern has no end of parts; only the largest are kept.
+# A picture of noise or of a fine pattern has countless parts; only the largest are kept.
 MAX_PARTS = 3000
 # The number of boxes that are compared with all others at once.
 BLOCK = 256
@@ -47,16 +48,16 @@ BLOCK = 256
 def boxes_from_picture(image: object) -> Elements:
     """Find the elements of a screenshot.
 
-    `MissingDependencyError` is raised without OpenCV, `ImageError` or `ImageTypeError` for any
-    other argument.
+    Raises `MissingDependencyError` without OpenCV, and `ImageError` or `ImageTypeError` for a bad
+    picture.
 
     Args:
         image: one uint8 RGB picture: `[H, W, 3]`, a torch tensor `[3, H, W]` or a PIL image; 1x1 to
             10000x10000.
 
     Returns:
-        The boxes from top to bottom, with role `"control"` or `"thing"` and no names. A picture
-        with nothing in it has none, and a note.
+        The boxes from top to bottom, with role `"control"` or `"thing"` and no names. For an empty
+        picture there are no boxes, and a note.
     """
     pixels = image_pixels(image)
     height, width = pixels.shape[:2]
@@ -143,7 +144,7 @@ class _Finder:
         return np.concatenate([self._boxes(parts, whole), small])
 
     def _joined(self, edges: UInt8Array, rules: UInt8Array) -> BoxArray:
-        # The boxes of small parts, such as letters, once the gaps between them are closed.
+        # Returns the boxes of small parts, such as letters, after closing the gaps between them.
         cv2 = self.cv2
         wide = self.units(9) | 1
         high = self.units(2) | 1
@@ -166,7 +167,7 @@ class _Finder:
         return large_enough & ~is_rule & (is_text | is_picture)
 
     def _boxes(self, parts: Parts, wanted: Bools) -> BoxArray:
-        # An edge is marked on the pixel after it, hence one less to the right and below.
+        # An edge is marked at the pixel after it, so the right and lower sides are one less.
         pad = self.units(1)
         left = parts.x - pad
         top = parts.y - pad
@@ -176,7 +177,7 @@ class _Finder:
         return boxes[wanted].astype(np.int32)
 
     def _whole(self, parts: Parts) -> Bools:
-        # Outlines that are a button or an icon as they are, joined to nothing else.
+        # Marks outlines that are a whole button or icon and are not joined to other parts.
         w = parts.w
         h = parts.h
         is_outline = parts.area < 0.25 * w * h
@@ -185,7 +186,7 @@ class _Finder:
         return is_outline & is_large & fits
 
     def _scenery(self, parts: Parts) -> Bools:
-        # Windows and tables, which enclose much and fill little, and lines.
+        # Marks lines, and windows and tables, which enclose a large area but fill little of it.
         w = parts.w
         h = parts.h
         longer = np.maximum(w, h)
@@ -218,7 +219,8 @@ def _block(width: int, height: int) -> UInt8Array:
 
 
 def _largest_first(boxes: BoxArray) -> BoxArray:
-    # By area, then place: the order of connected parts may depend on OpenCV's threads.
+    # Sorts by area, then by place, because the order of connected parts may depend on OpenCV's
+    # threads.
     x1, y1, x2, y2 = boxes.T
     negative_area = (y1 - y2) * (x2 - x1)
     return boxes[np.lexsort((x2, x1, y1, negative_area))]
@@ -242,10 +244,10 @@ def _select(
     controls: BoxArray,
     finder: _Finder,
 ) -> tuple[BoxArray, Bools]:
-    """Keep the controls with a few things, and the things that lie in no other box.
+    """Keep the controls with a few things, and the things that are inside no other box.
 
-    Both come largest first, so that a control inside another finds its things taken. The second
-    result marks the boxes that are controls.
+    Both must be sorted with the largest first, so that the things of a control inside another are
+    already taken. The second result marks the boxes that are controls.
     """
     alone = np.ones(len(things), np.bool_)
     kept: list[BoxArray] = []
@@ -263,7 +265,7 @@ def _select(
 
 
 def _outermost(boxes: BoxArray) -> Ints:
-    """Return the indices of the boxes that lie in no larger one."""
+    """Return the indices of the boxes that are not inside a larger one."""
     sizes = boxes[:, 2:] - boxes[:, :2]
     order = np.argsort(-sizes.prod(1), kind="stable")
     ordered = boxes[order]

@@ -10,14 +10,13 @@ from ..errors import ElementsError
 from ..types import Size, are_fractions, as_boxes, as_size
 from .base import Elements
 
-# Keys of a dictionary with labels, and of one label: its box (x1, y1, x2, y2), name and role.
+# Keys of a dictionary with labels; keys of one label: its box (x1, y1, x2, y2), name and role.
 LIST_KEYS = ("metadata", "bboxes", "boxes", "elements", "labels")
 BOX_KEYS = ("bbox", "box")
 SIDE_KEYS = ("x", "y", "width", "height")
 NAME_KEYS = ("name", "text", "label")
 ROLE_KEYS = ("role", "type")
-# Annotated fractions may overshoot the edge of the screen a little; more than this means that they
-# are pixels.
+# Annotated fractions may overshoot the edge of the screen a little; larger numbers must be pixels.
 OVERSHOOT = 0.01
 
 _Dict: TypeAlias = Mapping[str, Any]
@@ -28,9 +27,9 @@ def boxes_from_labels(
     normalized: bool = False,
     size: Size | None = None,
 ) -> Elements:
-    """Read recorded labels; every label keeps its place, so indices stay valid.
+    """Read recorded labels; all labels keep their order, so indices stay valid.
 
-    `ElementsError`, with index and field, is raised for any other shape, a number that is not
+    Raises `ElementsError`, with index and field, for any other structure, a number that is not
     finite or is out of range, and a box that ends before it starts.
 
     Args:
@@ -57,7 +56,7 @@ def _list(data: object) -> Sequence[object]:
     for key in LIST_KEYS:
         if isinstance(data, Mapping):
             data = cast("_Dict", data).get(key, cast("object", data))
-    if isinstance(data, Mapping) and not data:  # AgentNetBench's metadata of a key press
+    if isinstance(data, Mapping) and not data:  # the metadata of a key press in AgentNetBench
         return ()
     keys = ", ".join(LIST_KEYS)
     rule = f"labels must be a list of boxes, or a dictionary with one under {keys}"
@@ -78,7 +77,7 @@ def _label(
     normalized: bool,
     screen: Size | None,
 ) -> list[float]:
-    # Its box x1, y1, x2, y2 in pixels.
+    # Returns the box of a label as x1, y1, x2, y2 in pixels.
     numbers, path, has_size = _numbers(item, where)
     x1, y1, x2, y2 = numbers
     if has_size:
@@ -127,7 +126,7 @@ def _in_pixels(
 
 
 def _numbers(item: object, where: str) -> tuple[list[float], str, bool]:
-    # The four numbers of a label, their path, and whether they are x, y, width, height.
+    # Returns the four numbers of a label, their path, and whether they are x, y, width, height.
     if not isinstance(item, Mapping):
         return _four(item, where), where, False
     label = cast("_Dict", item)
@@ -158,7 +157,8 @@ def _number(value: object, where: str) -> float:
         number = float(value)
     except OverflowError:
         number = math.inf
-    if not abs(number) <= 2**29:  # false for NaN too; the sum of two still fits a box
+    # False for NaN too; within this limit, the sum of two numbers still fits into a box.
+    if not abs(number) <= 2**29:
         raise ElementsError(
             f"{where} must be a number of pixels within 2**29, got {_short(number)}"
         )
@@ -178,6 +178,6 @@ def _text(item: object, keys: tuple[str, ...]) -> str:
 def _short(value: object) -> str:
     try:
         text = reprlib.repr(value)
-    except ValueError:  # Python refuses to print integers of thousands of digits
+    except ValueError:  # Python refuses to print an integer with thousands of digits
         text = "a number of too many digits"
     return f"{text} ({type(value).__name__})"

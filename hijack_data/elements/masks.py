@@ -1,8 +1,8 @@
 """The connected parts and the straight lines of a mask, a uint8 picture `[H, W]` of 0 and 255.
 
-Screens are mostly flat: many rows repeat the row above, and few pixels differ from the one before.
-Both are exploited, which takes about a third of the time of OpenCV's statistics and openings, as
-those look at every pixel; the results are the same.
+Screens are mostly flat: many rows repeat the row above, and few pixels differ from the pixel
+before. Using both facts takes about a third of the time of OpenCV's statistics and openings, which
+visit every pixel; the results are the same.
 """
 
 from collections.abc import Callable
@@ -39,7 +39,7 @@ class Parts:
         packed = np.packbits(mask, axis=1)
         changes = (packed[1:] != packed[:-1]).any(axis=1)
         is_new = np.concatenate([[True], changes])
-        # Of rows that are equal to the one above, the first stands for all.
+        # A run of equal rows is represented by its first row.
         self._row: Ints = np.cumsum(is_new) - 1
         self._first: Ints = np.flatnonzero(is_new)
         self._mask: UInt8Array = mask[self._first]
@@ -78,7 +78,7 @@ class Parts:
         width = mask.shape[1]
         begin = row[drop] * width + start[drop]
         length = end[drop] - start[drop]
-        # The index of every pixel of the runs: those of the first, of the second, ...
+        # The indices of all pixels of the runs: those of the first run, of the second, ...
         before = np.cumsum(length) - length
         within: Ints = np.arange(int(length.sum()))
         pixels: Ints = np.repeat(begin - before, length) + within
@@ -112,7 +112,7 @@ def straight(
 ) -> UInt8Array:
     """Return the straight lines of a mask: its openings with a row and a column of `length`.
 
-    The length is odd. As with OpenCV, a line counts if half of it lies outside the picture.
+    The length is odd. As with OpenCV, a line counts even if half of it is outside the picture.
     """
     columns = _opened(mask, length)
     rows = _opened(cv2.transpose(mask), length)
@@ -121,7 +121,7 @@ def straight(
 
 
 def _opened(mask: UInt8Array, length: int) -> UInt8Array:
-    """Return the opening with a column, eight pixels a byte."""
+    """Return the opening with a column, computed on eight pixels per byte."""
     half = length // 2
     margin = ((half, half), (0, 0))
     packed = np.packbits(mask, axis=1)
@@ -139,7 +139,7 @@ def _folded(
     rows: UInt8Array,
     length: int,
 ) -> UInt8Array:
-    """Fold each row with the `length - 1` below it, in steps that double."""
+    """Fold each row with the `length - 1` rows below it, in doubling steps."""
     done = 1
     while done < length:
         step = min(done, length - done)

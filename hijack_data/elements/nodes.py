@@ -80,8 +80,8 @@ class AccessibleNode:
             which stands for an application; `""` for the root.
         application_index: the `index` of that ancestor, which tells applications of the same name
             apart; `-1` for the root.
-        tag: the tag as written; that of a namespace is `namespace}name`.
-        attributes: every attribute; the key of one in a namespace is `namespace}name`.
+        tag: the tag as written; a tag in a namespace is `namespace}name`.
+        attributes: every attribute; the key of an attribute in a namespace is `namespace}name`.
         text: the text before the first child; always `""` in nodes that `boxes_from_tree` reads.
         line: the line of the start tag, from 1.
         column: its column, from 1.
@@ -105,7 +105,7 @@ class AccessibleNode:
 
     @property
     def name(self) -> str:
-        """The name that the application gives it, as written; `""` without one."""
+        """The name given by the application, as written; `""` without one."""
         for label in platform_of(self).labels:
             if name := self.attributes.get(label):
                 return name
@@ -125,8 +125,8 @@ class AccessibleNode:
     def shown(self) -> bool:
         """Whether the node has all states that its platform gives to a node on the screen.
 
-        Those are `showing` and `visible` on Ubuntu, `visible` on Windows and none on macOS. An
-        element that another window covers may have them, too.
+        These are `showing` and `visible` on Ubuntu, `visible` on Windows and none on macOS. An
+        element behind another window may have them, too.
         """
         return is_shown(platform_of(self), self.attributes)
 
@@ -169,9 +169,9 @@ class AccessibleNode:
 def nodes_from_tree(xml: str | bytes) -> list[AccessibleNode]:
     """Read all nodes of an accessibility tree, in document order.
 
-    The first is the root; its children stand for applications. A malformed place is no error
-    here: such a node has no `box`. `ElementsError`, which names line and node, is raised if the
-    text is not XML, has a DOCTYPE, is too large or too deep, or has more than `MAX_NODES` nodes.
+    The first is the root; its children stand for applications. A malformed place does not raise
+    here: such a node has no `box`. Raises `ElementsError`, which names line and node, if the text
+        is not XML, has a DOCTYPE, is too large or too deep, or has more than `MAX_NODES` nodes.
 
     Args:
         xml: the tree, text or bytes (UTF-8, or UTF-16 with its mark), at most `MAX_BYTES`.
@@ -196,7 +196,7 @@ def read_nodes(
     """Call `visit` with each node of a tree at its start tag; without `with_text`, texts stay "".
 
     Raises:
-        ElementsError: as of `nodes_from_tree`, but for the number of nodes.
+        ElementsError: see `nodes_from_tree`; the number of nodes is not limited.
     """
     parser = expat.ParserCreate("utf-8", "}")
     handlers = _Handlers(parser, visit)
@@ -217,7 +217,7 @@ def read_nodes(
 
 
 def _utf8(xml: str | bytes) -> bytes:
-    # Always UTF-8, whatever the XML declaration claims.
+    # Returns the text in UTF-8, regardless of the encoding in the XML declaration.
     if not isinstance(xml, str | bytes):  # pyright: ignore[reportUnnecessaryIsInstance]
         raise ElementsError(
             f"the accessibility tree must be text or bytes, got {type(xml).__name__}"
@@ -237,7 +237,7 @@ def _utf8(xml: str | bytes) -> bytes:
 
 
 class _Handlers:
-    """What Expat calls; it knows the node that is open and how many there were."""
+    """The callbacks of Expat, with the open node and the number of nodes so far."""
 
     def __init__(
         self, parser: expat.XMLParserType, visit: Callable[[AccessibleNode], None]
@@ -296,10 +296,10 @@ class _Handlers:
 
 
 def refuse(node: AccessibleNode, problem: str) -> NoReturn:
-    """Refuse a tree for what is wrong with one of its nodes.
+    """Refuse a tree because of a problem with one of its nodes.
 
     Raises:
-        ElementsError: always; it names the line, the column and the path of the node.
+        ElementsError: always; the message names the line, the column and the path of the node.
     """
     raise ElementsError(
         f"the accessibility tree {problem}"
@@ -319,7 +319,7 @@ def platform_of(node: AccessibleNode) -> TreePlatform:
 
 
 def roles_of(node: AccessibleNode, platform: TreePlatform) -> list[str]:
-    """Return the names of a role: the friendly one, if the platform writes it, then the tag."""
+    """Return the names of a node's role: its description, if there is one, then the tag."""
     tag = _role(node.tag)
     friendly = node.attributes.get(platform.role)
     return [_role(friendly), tag] if friendly else [tag]

@@ -16,12 +16,13 @@ from .pictures import image_pixels
 
 # RapidOCR shrinks what is larger than this.
 MAX_SIDE = 2000
-# What is lower or thinner than this is no screen; RapidOCR would fail on it, or blow it up without
-# end.
+# A picture that is lower or narrower than this cannot be a screen; RapidOCR would fail on it, or
+# enlarge it without end.
 MIN_SIDE = 8
 MAX_RATIO = 20
-# More threads than half the cores wait for each other, spinning: on a busy machine with two cores,
-# two threads took 1.4 times the processor's time of one, and three times as long.
+# With more threads than half the cores, threads spin while waiting for each other: on a busy
+# machine with two cores, two threads took 1.4 times the processor time of one, and three times as
+# long.
 MAX_THREADS = 4
 
 
@@ -33,10 +34,10 @@ def boxes_from_ocr(image: object) -> Elements:
             RapidOCR shrinks what is larger than `MAX_SIDE`, so small print on a 4K screen may be
             missed.
 
-    Returns one box a line, with the text as its name and the role `"text"`. The first call loads
+    Returns one box per line, with the text as its name and the role `"text"`. The first call loads
     the models (about a second), later calls in the same process reuse them. Raises
-    `MissingDependencyError` without RapidOCR, `ImageError` and `ImageTypeError` for what is not
-    such a picture.
+    `MissingDependencyError` without RapidOCR, and `ImageError` or `ImageTypeError` for a bad
+    picture.
     """
     pixels = image_pixels(image)
     height, width = pixels.shape[:2]
@@ -56,7 +57,7 @@ def boxes_from_ocr(image: object) -> Elements:
 
 @lru_cache(maxsize=1)
 def _engine(process: int) -> Any:
-    """The models, loaded once a process: an ONNX session does not survive a fork."""
+    """Load the models, once per process, because an ONNX session does not survive a fork."""
     try:
         import onnxruntime  # noqa: F401  # pyright: ignore
         from rapidocr import (
@@ -70,6 +71,7 @@ def _engine(process: int) -> Any:
         "EngineConfig.onnxruntime.intra_op_num_threads": threads,
         "Global.max_side_len": MAX_SIDE,
         "Global.use_cls": False,  # lines on a screen are upright
-        "Det.limit_side_len": MIN_SIDE * 8,  # by default a strip is blown up to 736 pixels high
+        # By default a strip is enlarged to a height of 736 pixels.
+        "Det.limit_side_len": MIN_SIDE * 8,
     }
     return cast("Any", RapidOCR)(params=params)

@@ -1,4 +1,4 @@
-"""Size and pixels of one picture, of whatever framework it comes from."""
+"""Size and pixels of one picture of any framework."""
 
 from typing import Any, cast
 
@@ -13,7 +13,7 @@ from ..types import Size, UInt8Array
 def image_size(image: object) -> Size:
     """Return `(height, width)` of one picture without reading its pixels.
 
-    Any other kind or dtype is an `ImageTypeError`.
+    Raises `ImageTypeError` for any other kind or dtype.
 
     `image` is uint8 RGB: `[H, W, 3]` (NumPy, JAX) or `[3, H, W]` (torch); or a PIL image of any
     mode.

@@ -1,9 +1,9 @@
-"""The boxes of what a user can act on, from an accessibility tree in OSWorld's XML dialect.
+"""Interactive elements and their boxes from an accessibility tree in OSWorld's XML dialect.
 
-* `nodes_from_tree` (of `nodes`) returns every node, for callers that look for a label or a certain
+* `nodes_from_tree` (in `nodes`) returns every node, for callers that look for a label or a certain
   window.
-* `boxes_from_tree` returns the boxes of the elements that a user can act on, for planning.
-* `interactive_elements` makes that choice among nodes that a caller has filtered itself.
+* `boxes_from_tree` returns the boxes of all interactive elements, for planning.
+* `interactive_elements` does the same for nodes that the caller has already filtered.
 """
 
 from collections import Counter
@@ -34,8 +34,8 @@ FAR = 2**30
 def boxes_from_tree(xml: str | bytes, size: Size | None = None) -> Elements:
     """Read the interactive elements of an accessibility tree.
 
-    `ElementsError`, which names line and node, is raised if the text is not XML, has a DOCTYPE, is
-    too large or too deep, or has a place or size that is not two 32-bit integers.
+    Raises `ElementsError`, which names line and node, if the text is not XML, has a DOCTYPE, is too
+    large or too deep, or has a place or size that is not two 32-bit integers.
 
     Args:
         xml: the tree, text or bytes (UTF-8, or UTF-16 with its mark), at most `MAX_BYTES`.
@@ -53,11 +53,11 @@ def boxes_from_tree(xml: str | bytes, size: Size | None = None) -> Elements:
 def interactive_elements(nodes: Iterable[AccessibleNode], size: Size | None = None) -> Elements:
     """Choose the nodes that a user can act on.
 
-    Kept are the nodes whose role is in `INTERACTIVE_ROLES` (or ends like `INTERACTIVE_ENDINGS`),
-    that are marked as shown (Ubuntu: `showing` and `visible`; Windows: `visible`), are not marked
-    as disabled, and have a place and a size. An element that another window covers may still be
-    marked as shown; only the guest can sort that out. `ElementsError`, which names line and node,
-    is raised for a place or size that is not two 32-bit integers.
+    A node is kept if its role is in `INTERACTIVE_ROLES` (or ends like `INTERACTIVE_ENDINGS`), it is
+    marked as shown (Ubuntu: `showing` and `visible`; Windows: `visible`), it is not marked as
+    disabled, and it has a place and a size. An element behind another window may still be marked as
+    shown; only the guest can detect that. Raises `ElementsError`, which names line and node, for a
+    place or size that is not two 32-bit integers.
 
     Args:
         nodes: nodes of one tree or several, for example of one application.
@@ -103,7 +103,7 @@ class _Collector:
         self.roles.append(roles[0])
 
     def _place(self, node: AccessibleNode, platform: TreePlatform) -> Box | str:
-        """Return the box of a node, clipped to the screen, or why it has none there."""
+        """Return the box of a node, clipped to the screen, or the reason why it has none."""
         attributes = node.attributes
         if not is_shown(platform, attributes):
             return "hidden"

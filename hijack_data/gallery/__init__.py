@@ -1,6 +1,6 @@
 """The gallery: one web page that shows what every corruption does to a few screenshots.
 
-The page is one file without a single outside request: it opens from a disk or an e-mail, with or
+The page is one file that makes no network requests: it opens from a disk or an e-mail, with or
 without scripts.
 """
 
@@ -26,7 +26,7 @@ class Page:
 
     Attributes:
         html: the whole page.
-        problems: the messages that it shows in place of pictures.
+        problems: the messages that the page shows instead of pictures.
         pictures: the number of pictures that could be read.
     """
 
@@ -43,14 +43,14 @@ def gallery(
     detect: Detect = "picture",
     embed_width: int = 1280,
 ) -> Page:
-    """Make the gallery page of some picture files.
+    """Make the gallery page for picture files.
 
     The same arguments and files give the same bytes. Each picture is planned with its file name as
     the sample id (`sample_id`). A picture that cannot be read, or a corruption that cannot be
-    placed, becomes a tile with the reason and an entry of `problems`. An argument that is out of
-    range or of the wrong type, or no picture at all, is a `ParameterError` or `ParameterTypeError`,
-    another `detect` an `UnknownNameError`, a detector that is not installed a
-    `MissingDependencyError`.
+    placed, becomes a tile with the reason and an entry of `problems`. Raises `ParameterError` or
+    `ParameterTypeError` for an argument that is out of range or of the wrong type, and for an empty
+    list of pictures; `UnknownNameError` for an unknown `detect`; `MissingDependencyError` for a
+    detector that is not installed.
 
     Args:
         images: paths of the pictures.

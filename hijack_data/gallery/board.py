@@ -23,13 +23,13 @@ Detect: TypeAlias = Literal["picture", "ocr", "none"]
 
 
 def sample_id(path: str | os.PathLike[str]) -> str:
-    """Return the sample id of a picture file: its name, so that its folder changes no plan."""
+    """Return the sample id of a picture file: its name, without the folder."""
     return clean(Path(path).name)
 
 
 @dataclass
 class Board:
-    """The page while it is built: `add` each picture, then take `html`."""
+    """Builds the page: `add` each picture, then call `html`."""
 
     planners: Mapping[str, Planner]
     seed: int
@@ -239,7 +239,7 @@ _FOUND = {
 
 
 def _short(message: object, path: str | os.PathLike[str]) -> str:
-    """Return a message without the path of its file: the page is shared, and names the file."""
+    """Return a message without the path of its file, because the page may be shared."""
     name = Path(path).name
     return str(message).replace(str(path), name).removeprefix(f"{name}: ")
 

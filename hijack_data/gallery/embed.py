@@ -15,7 +15,7 @@ from ..types import Size, UInt8Array, size_text
 LOSSLESS_BYTES = 256 * 1024
 # The largest side of a WebP.
 MAX_SIDE = 16383
-# Method 0 costs a fifth more bytes than the others and a sixth of their time.
+# Method 0 makes files a fifth larger than the other methods, in a sixth of their time.
 _WEBP: tuple[tuple[str, dict[str, Any]], ...] = (
     (
         "WEBP",

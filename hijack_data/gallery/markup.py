@@ -1,4 +1,4 @@
-"""Markup of pages: the one place where templates are filled.
+"""Markup of pages: templates are filled here and nowhere else.
 
 Values are escaped unless they are `Html`, so markup in a file name stays text. The templates are
 those of the standard library's `string.Template`.
@@ -19,7 +19,7 @@ LINE = 76
 
 
 class Html(str):
-    """Text that is markup already and is inserted as it is."""
+    """Text that is markup already and is inserted unescaped."""
 
 
 @lru_cache(maxsize=32)
@@ -29,7 +29,7 @@ def source(name: str) -> str:
 
 
 def clean(text: str) -> str:
-    """Return `text` as it can be encoded in UTF-8: undecodable bytes of a file name become `?`."""
+    """Return `text` as UTF-8 can encode it: undecodable bytes of a file name become `?`."""
     return text.encode("utf-8", "replace").decode("utf-8")
 
 
@@ -52,17 +52,17 @@ def fill_text(text: str, /, **values: object) -> Html:
 
 
 def join(parts: Sequence[Html]) -> Html:
-    """Put pieces of markup one after the other."""
+    """Concatenate pieces of markup."""
     return Html("".join(parts))
 
 
 def wrap(tag: str, texts: Sequence[str]) -> Html:
-    """Put each text, escaped, into an element of its own: `<li>..</li><li>..</li>`."""
+    """Wrap each escaped text in its own element: `<li>..</li><li>..</li>`."""
     return Html("".join(f"<{tag}>{escape(text)}</{tag}>" for text in texts))
 
 
 def script_json(data: object) -> Html:
-    """Return JSON that no HTML parser can take for the end of its script element."""
+    """Return JSON that cannot end the script element around it."""
     text = json.dumps(
         data,
         separators=(",", ":"),
@@ -74,13 +74,13 @@ def script_json(data: object) -> Html:
 
 
 def source_hash(text: str) -> str:
-    """Return a source hash for a Content-Security-Policy, which lets only our own script run."""
+    """Return the hash of a script for a Content-Security-Policy, which lets no other script run."""
     digest = hashlib.sha256(text.encode("utf-8")).digest()
     return "sha256-" + base64.b64encode(digest).decode("ascii")
 
 
 def pretty(data: object, indent: int = 0) -> str:
-    """Return JSON for people: short lists and objects stay on one line.
+    """Return readable JSON: short lists and objects stay on one line.
 
     It parses back to the same data.
     """
@@ -113,7 +113,7 @@ def _block(
 
 
 def _packed(items: list[str], width: int) -> list[str]:
-    """Put as many short items on a line as fit."""
+    """Put as many short items on each line as fit."""
     rows: list[str] = []
     for item in items:
         joined = f"{rows[-1]}, {item}" if rows else ""

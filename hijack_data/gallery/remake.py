@@ -1,4 +1,4 @@
-"""The Python line and the command that make a plan again, if there are any."""
+"""The line of Python and the command that make a plan again, if there are any."""
 
 import json
 import shlex
@@ -30,7 +30,7 @@ def python_call(
     *,
     composited: bool = False,
 ) -> str | None:
-    """Return the line of Python that makes `plan`, or `None` if registered corruptions cannot.
+    """Return the line of Python that makes `plan`, or `None` if a corruption is not registered.
 
     With `composited`, the line gives the plan with the operations that show its effect.
     """
@@ -60,9 +60,9 @@ def cli_call(
     *,
     detected: bool = True,
 ) -> str | None:
-    """Return the command that corrupts the picture `sample` alike, or `None` if there is none.
+    """Return the command that corrupts the picture `sample` in the same way, or `None`.
 
-    `detected` is whether the scene has the elements that the command finds by itself.
+    `detected` tells whether the scene has the elements that the command would find by itself.
     """
     corruption = maker(plan)
     if corruption is None or (uses_elements(corruption) and not detected):
@@ -116,7 +116,8 @@ def _literal(value: Any) -> str:
 
 
 def _setting(value: Any) -> str | None:
-    # As `--set` reads it: a text as it is, with an escaped line break, anything else as YAML.
+    # In the form that `--set` reads: text unquoted, with escaped line breaks; anything else as
+    # YAML.
     if not isinstance(value, str):
         return json.dumps(value)
     return None if "\\n" in value else value.replace("\n", "\\n")

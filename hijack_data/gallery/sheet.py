@@ -35,22 +35,22 @@ def contact_sheet(
 ) -> UInt8Array:
     """Draw labelled before and after pairs under each other.
 
-    Both pictures of a row are shown at one scale, so that a smaller picture looks smaller; none is
-    enlarged. A title or caption with letters that DejaVu Sans lacks is a `FontError`, a picture
-    that is not uint8 RGB an `ImageError` or `ImageTypeError`.
+    Both pictures of a row have the same scale, so that a smaller picture looks smaller; no picture
+    is enlarged. Raises `FontError` for a title or caption with letters that DejaVu Sans lacks, and
+    `ImageError` or `ImageTypeError` for a picture that is not uint8 RGB.
 
     Args:
         rows: `(title, before, after)` each; the pictures are uint8 RGB `[H, W, 3]` and may differ
             in size.
         width: width of the sheet in pixels, at least 320.
-        captions: one line below each title, or none at all.
+        captions: one line for below each title, or an empty sequence.
 
     Returns:
         uint8 RGB `[H, width, 3]`.
 
     Raises:
-        ParameterError: there are no rows, the captions are not one for each, the sheet is too
-            narrow, or a line is too long for it.
+        ParameterError: there are no rows, the number of captions differs from that of the rows, the
+            sheet is too narrow, or a line does not fit.
     """
     if not rows:
         raise ParameterError("contact_sheet needs at least one row of (title, before, after)")

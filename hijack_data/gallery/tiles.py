@@ -13,7 +13,7 @@ from .embed import Embedded, caption
 from .markup import Html, escape, fill, join, pretty, wrap
 from .remake import cli_call, maker, python_call, schedule
 
-# Percent of the width between the divider and what was painted.
+# Distance of the divider from the painted area, in percent of the width.
 DIVIDER = 2
 
 
@@ -31,7 +31,7 @@ class GalleryPicture:
         scene: its size and elements.
         scale: the factor at which it is shown.
         seed: the seed of all plans.
-        detected: whether the scene is the one that the command line would find.
+        detected: whether the scene has the elements that the command line would find.
     """
 
     index: int
@@ -53,13 +53,13 @@ class Tile:
     Attributes:
         index: its place on the page.
         title: the title of the corruption.
-        number: the place of the corruption among the filters.
+        number: the position of the corruption among the filters.
         plan: the plan that made the picture.
-        safety: what still shows of the elements.
+        safety: how much of the elements is still visible.
         after: the corrupted picture.
         painted: the rectangles that the plan painted, `xyxy`.
-        planned: the plan of the corruption: `plan` itself, or, for a corruption of the machine,
-            the plan of the effect that `made` shows.
+        planned: the plan of the corruption: `plan` itself or, for a corruption of the machine, the
+            plan whose effect `made` shows.
         made: the picture of the effect, for a corruption of the machine.
     """
 
@@ -140,7 +140,7 @@ def message_tile(
     message: str,
     number: int | None,
 ) -> Html:
-    """Return a tile with a message in place of a picture; without a `number` no filter hides it."""
+    """Return a tile with a message instead of a picture; without a `number` no filter hides it."""
     shown_number = "" if number is None else number
     return fill(
         "message.html",

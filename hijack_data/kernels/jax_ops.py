@@ -1,12 +1,12 @@
 """Paste and resample as JAX programs: uint8 `[H, W, 3]`, every call returns a new array.
 
-Devices other than the CPU run them, and traced code; the conformance suite runs them on the CPU as
-well.
+They are used on devices other than the CPU and in traced code; the conformance suite also runs them
+on the CPU.
 
 Shapes that vary from plan to plan (the number of painted pixels, the sides of a block) are padded
-to powers of two, so that a new text or size does not mean a new compilation: a picture of 1920x1080
-has at most 25 blocks and a dozen pixel counts. The first operation on a picture copies it, the
-next ones write into that copy (donation).
+to powers of two, so that a new text or size does not cause a new compilation: for a picture of
+1920x1080 there are at most 25 block sizes and a dozen pixel counts. The first operation on a
+picture copies it; later ones write into that copy (donation).
 """
 
 from typing import Any, TypeAlias, cast
@@ -27,7 +27,7 @@ StampedPixels: TypeAlias = tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray
 # the smallest side of a padded block, the smallest padded number of pixels
 BLOCK = 128
 PIXELS = 4096
-_jax: Any = jax  # JAX leaves many types open
+_jax: Any = jax  # JAX leaves many types unknown
 
 
 def compilations() -> int:
@@ -38,7 +38,7 @@ def compilations() -> int:
 
 def paste(image: Any, stamps: list[Stamp]) -> Any:
     """Stamp sprites, in order; return a new array."""
-    ours = False  # whether `image` is a copy of ours, which may be donated
+    ours = False  # whether `image` is our own copy, which may be donated
     for stamp in stamps:
         if not len(stamp.ys):
             continue
@@ -91,8 +91,8 @@ def padded_block(
 ) -> tuple[Any, ...]:
     """Return an opaque sprite in a window of padded size inside a picture of `shape`.
 
-    That is top, left, colours uint8 `[h, w, 3]`, and where in it the sprite is, `(y1, x1, y2, x2)`
-    int32 `[4]`. `least` is the smallest (height, width) of the window.
+    The result is top, left, colours uint8 `[h, w, 3]`, and the box of the sprite in the window,
+    `(y1, x1, y2, x2)` int32 `[4]`. `least` is the smallest (height, width) of the window.
     """
     h, w = sprite.size
     height = min(shape[0], max(least[0], power_of_two(h)))
@@ -114,7 +114,7 @@ def blend_block(
     colors: Any,
     inside: Any,
 ) -> Any:
-    """Put the colours inside `(y1, x1, y2, x2)` of the window at `top, left`."""
+    """Return the picture with the colours inside `(y1, x1, y2, x2)` of a window at `top, left`."""
     window = (*colors.shape[:2], 1)
     y = _jax.lax.broadcasted_iota(jnp.int32, window, 0)
     x = _jax.lax.broadcasted_iota(jnp.int32, window, 1)
@@ -131,7 +131,7 @@ def stamped_pixels(
 ) -> StampedPixels:
     """Return all pixels that a sprite paints at some places in a picture of that width.
 
-    That is flat positions `[n]`, keep `[n]` and paint `[n, 3]`.
+    They are given as flat positions `[n]`, keep `[n]` and paint `[n, 3]`.
     """
     dy, dx, keep, paint = sprite.pixels
     rows = ys[:, None] + dy
@@ -146,7 +146,7 @@ def _padded_pixels(
     xs: Int32Array,
     shape: tuple[int, ...],
 ) -> StampedPixels:
-    """Return positions, keep and paint, padded to a power of two with places off the end."""
+    """Return positions, keep and paint, padded with positions beyond the picture."""
     at, keep, paint = stamped_pixels(sprite, ys, xs, shape[1])
     count = len(at)
     bucket = max(PIXELS, power_of_two(count))
@@ -165,7 +165,7 @@ def blend_pixels(
     keep: Any,
     paint: Any,
 ) -> Any:
-    """Blend single pixels, each at most once; places off the end are left out."""
+    """Blend single pixels, each at most once; positions beyond the picture are left out."""
     flat = image.reshape(-1, 3)
     below = flat.at[index].get(mode="fill", fill_value=0).astype(jnp.int32)
     total = below * keep.astype(jnp.int32) + paint.astype(jnp.int32) + 128

@@ -1,4 +1,4 @@
-"""Stamps as rows of numbers: what compiled kernels, on the CPU and on a GPU, take.
+"""Write stamps as rows of numbers, the input of compiled kernels on the CPU and on a GPU.
 
 One row, `COLUMNS` int64, is one layer of one stamp, in the order of drawing:
 
@@ -27,7 +27,7 @@ from .stamps import Stamp
 COLUMNS = 11
 FILL, INK, INKS, PICTURE, PAINT = range(5)
 StampRows: TypeAlias = npt.NDArray[np.int64]
-# an array to its address and its pitch in elements
+# returns the address of an array, and its pitch in elements
 Addressing: TypeAlias = Callable[[npt.NDArray[Any]], tuple[int, int]]
 
 
@@ -40,7 +40,7 @@ def rows_of(
 
     Args:
         stamps: in the order of drawing.
-        key: the key under which a sprite keeps what `make` returns for it.
+        key: the key under which a sprite caches the result of `make`.
         make: returns the rows of a sprite that lies at (0, 0).
     """
     parts: list[StampRows] = []

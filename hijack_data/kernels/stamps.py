@@ -1,4 +1,4 @@
-"""Stamps: what a paste draws, as sprites and the places where they lie inside the picture."""
+"""Stamps: the drawings of a paste, as sprites with their places inside the picture."""
 
 from dataclasses import dataclass
 from typing import cast
@@ -16,7 +16,7 @@ from ..types import MAX_SIDE, Size
 
 @dataclass(frozen=True, eq=False)
 class Stamp:
-    """A sprite and the places where it lies, each wholly inside the picture.
+    """A sprite and the places at which to draw it, each wholly inside the picture.
 
     `ys` and `xs`, int32 `[n]`, are the top-left corners in pixels.
     """
@@ -34,7 +34,7 @@ def stamps_of(
     """Return the stamps of a plan's paste `ops[index]` on a picture of `size`, (height, width).
 
     Raises:
-        PlanError: the recipe would not draw here what was planned, or cannot be drawn.
+        PlanError: the recipe draws something else here than was planned, or cannot be drawn.
     """
     op = cast(Paste, plan.ops[index])
     stamps = lower(op, size)
@@ -48,10 +48,10 @@ def check_drawings(plans: list[Plan]) -> None:
     """Check that every paste draws as planned, before any of them is drawn.
 
     Raises:
-        PlanError: a recipe would not draw here what was planned, or cannot be drawn.
+        PlanError: a recipe draws something else here than was planned, or cannot be drawn.
     """
     pastes = sum(isinstance(op, Paste) for plan in plans for op in plan.ops)
-    if pastes < 2:  # a single one is drawn, or refused, before anything is written
+    if pastes < 2:  # a single paste is drawn, or refused, before anything is written
         return
     for plan in plans:
         size = plan.size
@@ -75,8 +75,8 @@ def _drifted(plan: Plan, index: int) -> str:
 def lower(op: Paste, size: Size) -> list[Stamp]:
     """Turn a paste into stamps that need no bounds checks.
 
-    A place that sticks out of the picture gets a cropped sprite of its own. The order of the places
-    is kept if it can matter.
+    At a place where the sprite sticks out of the picture, a cropped sprite is used. The order of
+    the places is kept if it can matter.
 
     Raises:
         PlanError: the recipe cannot be drawn, or the places are not points.
@@ -97,10 +97,9 @@ def lower(op: Paste, size: Size) -> list[Stamp]:
 
 
 def at_once(sprite: Sprite) -> int:
-    """Return at how many places, at least 1, a sprite may be painted in one operation.
+    """Return the number of places, at least 1, at which one operation may paint a sprite.
 
-    If the order matters, places that could overlap must follow each other; otherwise memory is the
-    limit.
+    If the order of painting matters, the number is 1; otherwise memory is the limit.
     """
     if not sprite.uniform:
         return 1
@@ -127,7 +126,7 @@ def _cropped_all(
     at: npt.NDArray[np.int32],
     size: Size,
 ) -> list[Stamp]:
-    """Return a stamp for each place `(x, y)` at which anything of the sprite shows."""
+    """Return a stamp for each place `(x, y)` at which a part of the sprite is visible."""
     stamps: list[Stamp] = []
     for x, y in at.tolist():
         stamp = _cropped(sprite, y, x, size)

@@ -1,7 +1,7 @@
 """Paste and resample in torch operations: uint8 `[3, H, W]`, any memory format, any device.
 
-Devices that are neither the CPU nor a GPU with Triton run them; the conformance suite runs them on
-the CPU as well.
+They are used on devices that are neither the CPU nor a GPU with Triton; the conformance suite also
+runs them on the CPU.
 """
 
 from typing import Any
@@ -50,7 +50,7 @@ def _paste_soft(image: Tensor, stamp: Stamp) -> None:
 
 
 def _rgb(sprite: Sprite, device: torch.device) -> Tensor | None:
-    """Return the colours `[3, h, w]` of an opaque sprite on the device; the sprite keeps them."""
+    """Return the colours `[3, h, w]` of an opaque sprite on the device; the sprite caches them."""
     if sprite.rgb is None:
         return None
     key = ("torch-rgb", device)
@@ -61,9 +61,9 @@ def _rgb(sprite: Sprite, device: torch.device) -> Tensor | None:
 
 
 def _pixels(sprite: Sprite, device: torch.device) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Return the painted pixels of a sprite on the device; the sprite keeps them.
+    """Return the painted pixels of a sprite on the device; the sprite caches them.
 
-    That is `dy [n]`, `dx [n]` int64, `keep [1, n]` and `paint + 128 [3, n]` int32.
+    They are given as `dy [n]`, `dx [n]` int64, `keep [1, n]` and `paint + 128 [3, n]` int32.
     """
     key = ("torch-pixels", device)
     if key not in sprite.scratch:

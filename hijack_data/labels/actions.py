@@ -1,4 +1,4 @@
-"""Labels that are actions: ours, or those of a dialect of `hijack_data.actions`."""
+"""Labels that are actions: the library's `Action`, or those of a dialect."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -29,7 +29,7 @@ def own_action(value: object) -> Action:
     """Return an `Action`, or the dictionary of one, as an `Action`.
 
     Raises:
-        LabelError: it is anything else.
+        LabelError: the value is neither an `Action` nor the dictionary of one.
     """
     if isinstance(value, Action):
         return value
@@ -44,10 +44,10 @@ def own_action(value: object) -> Action:
 
 
 def moved_own(value: Any, move: Move) -> Any:
-    """Return an action of ours, or several, as they are after a `Move`; `None` stays.
+    """Return an `Action`, or several, with their points after a `Move`; `None` stays.
 
     Raises:
-        LabelError: it is anything else, or its points are fractions.
+        LabelError: the value holds something else than actions, or their points are fractions.
     """
     if value is None:
         return None
@@ -77,7 +77,7 @@ def _map_parts(value: Any, change: Callable[[Any], Any]) -> Any:
 
 
 def own_places(value: Any, size: Size) -> list[Location]:
-    """Return where an action of ours, or each of several, points."""
+    """Return where an `Action`, or each of several, points."""
     if value is None:
         return []
     if isinstance(value, list | tuple):
@@ -92,10 +92,11 @@ def own_places(value: Any, size: Size) -> list[Location]:
 
 
 def dialect_format(dialect: str) -> Format:
-    """Return the format of the actions of a dialect of `hijack_data.actions`."""
+    """Return the label format for actions of a dialect of `hijack_data.actions`."""
 
     def scaling_of(move: Move) -> Scaling:
-        if dialect in RESIZED_DIALECTS:  # written in pixels of the picture as the model is given it
+        # Its coordinates are pixels of the picture as the model receives it.
+        if dialect in RESIZED_DIALECTS:
             return Scaling(smart_resize(*move.before), smart_resize(*move.after), bounded=True)
         return move.scaling
 
@@ -126,7 +127,8 @@ def _each_action(
     dialect: str,
     change: Callable[[Any], Any],
 ) -> Any:
-    # To an action or to each of several; JSON text stays JSON text, bytes stay bytes.
+    # Applies `change` to an action or to each of several; JSON text stays JSON text, bytes stay
+    # bytes.
     if value is None:
         return None
     if isinstance(value, bytes):

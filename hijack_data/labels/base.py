@@ -22,13 +22,13 @@ class Move:
     def scaling(self) -> Scaling:
         """The scaling of recorded labels.
 
-        It refuses a point that lies off the picture by more than `SLACK` of its side.
+        It refuses a point that lies outside the picture by more than `SLACK` of a side.
         """
         return Scaling(self.before, self.after, bounded=True)
 
     @property
     def coords(self) -> CoordMap:
-        """The same as a map, from the picture after to the one before."""
+        """The map of coordinates from the picture after the change to the one before."""
         return CoordMap(
             observation=self.after,
             screen=self.before,
@@ -41,7 +41,7 @@ class Location:
 
     Attributes:
         target: a point (x, y) or a box (x1, y1, x2, y2).
-        end: the point where a drag from there ends.
+        end: the point where a drag from the target ends.
     """
 
     target: tuple[float, ...]
@@ -60,7 +60,7 @@ class Format:
 
     Attributes:
         name: the name under which it is declared.
-        moved: returns a value as it is after a `Move`; the given value is not modified.
+        moved: returns a value after a `Move`, without modifying the given value.
         places: returns where a value points on a picture of a size (height, width).
     """
 
@@ -70,7 +70,7 @@ class Format:
 
 
 def with_unit(order: str, unit: int) -> str:
-    """Return the name of a format: `unit` is 0 for pixels, 1 for fractions, 1000."""
+    """Return the name of a format; `unit` is 0 (pixels), 1 (fractions) or 1000 (thousandths)."""
     return (
         order
         + {
@@ -87,13 +87,13 @@ def check_unit(
     size: Size,
     anywhere: bool = False,
 ) -> None:
-    """Check that numbers `[N, 2 or 4]`, x before y, belong to a space.
+    """Check that numbers `[N, 2 or 4]`, x before y, fit a coordinate space.
 
     `unit` is 0 for pixels of a picture of `size` (height, width), 1 for fractions, 1000 for
-    thousandths. With `anywhere`, all boxes may lie off the picture.
+    thousandths. With `anywhere`, boxes may lie outside the picture.
 
     Raises:
-        LabelError: they can only belong to another space.
+        LabelError: the numbers can only belong to another space.
     """
     example = numbers[0].tolist()
     if unit != 1:

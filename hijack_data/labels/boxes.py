@@ -14,7 +14,7 @@ ORDERS = ("xyxy", "xywh", "cxcywh", "yxyx")
 
 
 def _edges(order: str, boxes: Numbers) -> Numbers:
-    """Return boxes `[N, 4]` of an order as x1, y1, x2, y2; whole numbers stay whole if they can."""
+    """Return boxes `[N, 4]` in some order as x1, y1, x2, y2; integers stay integers if possible."""
     if order == "xyxy":
         return boxes
     if order == "yxyx":
@@ -27,7 +27,7 @@ def _edges(order: str, boxes: Numbers) -> Numbers:
 
 
 def _in_order(order: str, edges: Numbers) -> Numbers:
-    """Return edges `[N, 4]` as boxes of an order."""
+    """Return edges `[N, 4]` as boxes in some order of numbers."""
     if order == "xyxy":
         return edges
     if order == "yxyx":
@@ -50,7 +50,7 @@ def _checked_edges(
     size: Size,
     anywhere: bool,
 ) -> Numbers:
-    # The edges of boxes; a box that cannot be right is an error.
+    # Returns the edges of boxes; raises `LabelError` for a box that cannot be right.
     edges = _edges(order, boxes)
     reversed_ = (edges[:, 2:] < edges[:, :2]).any(axis=1)
     if reversed_.any():
@@ -71,7 +71,7 @@ def _scaled_edges(
     scaled = scaling.positions(edges)
     if not whole:
         return scaled
-    # The sides of a box around a centre may be odd.
+    # A box given by its centre may have odd sides, so its edges may be halves.
     start = np.floor(scaled[:, :2])
     end = np.ceil(scaled[:, 2:])
     return np.concatenate([start, end], axis=1).astype(np.int64)
@@ -82,7 +82,7 @@ def box_format(
     unit: int,
     anywhere: bool = False,
 ) -> Format:
-    """Return the format of boxes of an order; with `anywhere` all may lie off the picture."""
+    """Return the format of boxes in some order; with `anywhere` they may be off the picture."""
 
     def moved(value: Any, move: Move) -> Any:
         def change(boxes: Numbers) -> Numbers:

@@ -1,4 +1,4 @@
-"""The labels of a sample: which entries are labels, how each is written, what becomes of them."""
+"""The labels of a sample: which entries are labels, their formats, and how they are changed."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -20,28 +20,27 @@ from .undeclared import explained, find_undeclared, how_to_declare
 SampleDict: TypeAlias = Mapping[str, Any]
 Declared: TypeAlias = Mapping[str, str | None]
 
-# Entries that have a meaning of their own in every sample, and how they are written unless
-# something else is declared.
+# Entries with a fixed meaning in every sample, and their formats unless others are declared.
 OWN = ("target", "target_box", "elements", "action", "action_code")
-# of a tree, some lie where one would have to scroll
+# elements of an accessibility tree may lie outside the visible area
 _ELEMENTS = box_format("xyxy", 0, anywhere=True)
-# Entries that say which sample it is, and are never labels.
+# Entries that identify the sample, and are never labels.
 KEYS = ("id", "step", "epoch", "plan")
 
 
 class Labels:
-    """Which entries of a sample are labels, and how they are written.
+    """Which entries of a sample are labels, and in which formats.
 
     Args:
         declared: for each entry the name of its format (`hijack_data.labels.formats` lists them),
-            or `None` to leave it as it is. An entry inside another is named by a path:
-            `"objects.bbox"`; where a list is on the way, it counts for each of its parts.
-        target: the declared entry at which the sample aims: what has to show under
-            `label_policy="avoid"`. By default the first that is there of `target`, `target_box`,
-            the point of the action and the one declared point or box.
+            or `None` to leave it as it is. An entry inside another is named by a path, such as
+            `"objects.bbox"`; a path through a list applies to each item of the list.
+        target: the declared entry at which the sample aims, which must stay visible under
+            `label_policy="avoid"`. By default the first existing one of `target`, `target_box`, the
+            point of the action, and the only declared point or box.
 
-    A format that does not exist is an `UnknownNameError`, anything that is not a declaration a
-    `ParameterError` or `ParameterTypeError`.
+    Raises `UnknownNameError` for an unknown format, and `ParameterError` or `ParameterTypeError`
+    for an invalid declaration.
     """
 
     def __init__(self, declared: Declared | None = None, target: str | None = None) -> None:
@@ -52,7 +51,7 @@ class Labels:
         given = declared or {}
         for key in given:
             if not isinstance(cast(object, key), str):
-                raise ParameterTypeError(f"labels: {key!r} is no name of an entry; give strings")
+                raise ParameterTypeError(f"labels: {key!r} is not a string; give strings")
         self.declared = {key: format_of(name) for key, name in given.items()}
         if target is not None and target not in {*self.declared, *OWN}:
             raise ParameterError(
@@ -62,7 +61,8 @@ class Labels:
         self.target = target
 
     def __reduce__(self) -> "tuple[type[Labels], tuple[Declared, str | None]]":
-        # Formats are functions; their names go to workers, and into the fingerprints of `datasets`.
+        # Formats hold functions, so workers and the fingerprints of `datasets` get their names
+        # instead.
         return Labels, ({key: form.name for key, form in self.declared.items()}, self.target)
 
     def __repr__(self) -> str:
@@ -70,13 +70,13 @@ class Labels:
 
     @property
     def left(self) -> frozenset[str]:
-        """The entries that pass as they are."""
+        """The entries that stay unchanged."""
         return frozenset(path for path, form in self.declared.items() if form.name == LEAVE)
 
-    # --- what follows the pixels
+    # --- Labels after a plan
 
     def follow(self, plan: Plan, sample: SampleDict) -> dict[str, Any]:
-        """Return the entries that differ after a plan, in pixels of the corrupted picture.
+        """Return the entries that a plan changes, in pixels of the corrupted picture.
 
         Raises `LabelError` for an entry that could be a label but is not declared, and for labels
         that cannot follow.
@@ -101,7 +101,7 @@ class Labels:
             inside = [path for path in self.declared if path == key or path.startswith(f"{key}.")]
             if key in inside or value is None:
                 continue
-            if self._follow_own(key, sample, move, moved, row):
+            if self._follow_fixed(key, sample, move, moved, row):
                 continue
             self._check(key, value, inside, move)
         return moved
@@ -119,7 +119,7 @@ class Labels:
             change = partial(moved_as, path, form, move=move)
             moved[key] = _changed_at(sample[key], steps, change)
 
-    def _follow_own(
+    def _follow_fixed(
         self,
         key: str,
         sample: SampleDict,
@@ -127,7 +127,7 @@ class Labels:
         moved: dict[str, Any],
         row: bool,
     ) -> bool:
-        """Move an entry that has a meaning of its own; `False` for one that has none."""
+        """Move an entry with a fixed meaning, and return whether the entry has one."""
         value = sample[key]
         if key in KEYS or (row and key in (*PROVENANCE, *RECORDED)):
             return True
@@ -135,16 +135,16 @@ class Labels:
             height, width = move.before
             side = width if key == "width" else height
             if not np.all(np.asarray(to_host(value)) == side):
-                return False  # of a box, or of another picture
+                return False  # the side of a box, or of another picture
             moved[key] = moved_as(key, FORMATS[key], value, move)
             return True
         if key == "action_code":
             moved[key] = self._code(value, sample, move, row)
             return True
         if key == "action" and not is_own_action(value):
-            return False  # perhaps another dialect: to be declared
-        if _is_own(key, value):
-            moved[key] = moved_as(key, _own_format(key, value), value, move)
+            return False  # perhaps in another dialect, which must then be declared
+        if _has_fixed_meaning(key, value):
+            moved[key] = moved_as(key, _fixed_format(key, value), value, move)
             return True
         if row and key == "boxes":  # TorchDataset's
             moved[key] = moved_as(key, FORMATS["xyxy"], value, move)
@@ -181,21 +181,21 @@ class Labels:
         """Check that no undeclared part of an entry could be a label.
 
         Raises:
-            LabelError: one could.
+            LabelError: an undeclared part could be a label.
         """
         rest = value
         for path in inside:
-            rest = _changed_at(rest, path.split(".")[1:], _nothing)
+            rest = _changed_at(rest, path.split(".")[1:], _blanked)
         found = find_undeclared(key, rest, move.before)
         if found is not None:
             raise LabelError(explained(*found, move.before, move.after))
 
-    # --- where the sample aims
+    # --- The target of a sample
 
     def place(self, sample: SampleDict, size: Size) -> Location | None:
-        """Return where a sample aims, in pixels of its picture of `size` (height, width).
+        """Return the target of a sample, in pixels of its picture of `size` (height, width).
 
-        `None` if it aims nowhere.
+        Returns `None` if it has none.
 
         Raises `LabelError` for labels that cannot be right on such a picture.
         """
@@ -212,7 +212,7 @@ class Labels:
     ) -> list[tuple[float, ...]]:
         """Return the boxes of an entry in pixels, `xyxy`. Raises `LabelError`."""
         value = sample.get(key)
-        form = self.declared.get(key) or _own_format(key, value)
+        form = self.declared.get(key) or _fixed_format(key, value)
         if value is None:
             return []
         return [place.target for place in places_of(key, form, value, size)]
@@ -224,7 +224,8 @@ class Labels:
             LabelError: an entry could be the target, but none is declared, or several are.
         """
         known = [path for path in self._pointing() if _split(path, sample)[0] in sample]
-        known += [key for key in ("target", "target_box", "action") if _is_told(key, sample)]
+        fixed = ("target", "target_box", "action")
+        known += [key for key in fixed if _has_fixed_format(key, sample)]
         several = [path for path in known if path in self.declared and path not in OWN]
         if len(several) > 1 and len(several) == len(known) and self.target is None:
             raise LabelError(
@@ -280,10 +281,10 @@ class Labels:
             return []
         if path in self.declared:
             form = self.declared[path]
-        elif not _is_told(path, sample):
+        elif not _has_fixed_format(path, sample):
             return []
         else:
-            form = _own_format(path, value)
+            form = _fixed_format(path, value)
         found: list[Location] = []
 
         def collect(part: Any) -> None:
@@ -293,7 +294,7 @@ class Labels:
         return found
 
     def _end(self, sample: SampleDict, size: Size) -> tuple[float, ...] | None:
-        """Return where a drag from the target ends: from the action, or else from `action_code`."""
+        """Return where a drag from the target ends, from the action or from `action_code`."""
         action = sample.get("action")
         if action is not None and (is_own_action(action) or "action" in self.declared):
             return _first_end(self._places_at("action", sample, size))
@@ -307,30 +308,31 @@ class Labels:
             return None
 
 
-DRAGGING = ("drag", "mouseUp")  # pyautogui code without any of these drags nothing
+DRAGGING = ("drag", "mouseUp")  # pyautogui code without any of these functions is not a drag
 
 
 def _first_end(places: list[Location]) -> tuple[float, ...] | None:
     return places[0].end if places else None
 
 
-def _is_own(key: str, value: Any) -> bool:
-    """Return whether an entry has a meaning of its own.
+def _has_fixed_meaning(key: str, value: Any) -> bool:
+    """Return whether an entry has a fixed meaning.
 
-    A dictionary under `target` is what torchvision's detection models take: boxes, masks, classes.
+    A dictionary under `target` has none: it holds the boxes, masks and classes of torchvision's
+    detection models.
     """
     return key in OWN and not (key == "target" and isinstance(value, Mapping))
 
 
-def _is_told(key: str, sample: SampleDict) -> bool:
-    """Return whether a sample has an entry of its own of which it is known how it is written."""
-    if key not in sample or not _is_own(key, sample[key]):
+def _has_fixed_format(key: str, sample: SampleDict) -> bool:
+    """Return whether a sample has an entry with a fixed meaning in a known format."""
+    if key not in sample or not _has_fixed_meaning(key, sample[key]):
         return False
     return key != "action" or sample[key] is None or is_own_action(sample[key])
 
 
-def _own_format(key: str, value: Any) -> Format:
-    # The format of an entry that has a meaning of its own.
+def _fixed_format(key: str, value: Any) -> Format:
+    # The format of an entry with a fixed meaning.
     match key:
         case "target":
             width = _width(value)
@@ -351,7 +353,7 @@ def _own_format(key: str, value: Any) -> Format:
 
 
 def _width(value: Any) -> int:
-    """Return the number of numbers in a target, which should be 2 or 4."""
+    """Return how many numbers a target has, which should be 2 or 4."""
     shape = getattr(value, "shape", None)
     if shape is not None:
         return int(shape[-1]) if len(shape) else 0
@@ -362,15 +364,15 @@ def _width(value: Any) -> int:
 
 
 def _split(path: str, sample: SampleDict) -> tuple[str, list[str]]:
-    """Return the entry of a sample in which a path begins, and the rest of the path."""
+    """Split a path into an entry of a sample and the path inside that entry."""
     if path in sample:
         return path, []
     key, *steps = path.split(".")
     return key, steps
 
 
-def _nothing(_: Any) -> None:
-    """Replace a declared label while the rest of its entry is checked."""
+def _blanked(_: Any) -> None:
+    """Replace a declared label by `None` while the rest of its entry is checked."""
 
 
 def _changed_at(
@@ -378,7 +380,7 @@ def _changed_at(
     steps: list[str],
     change: Callable[[Any], Any],
 ) -> Any:
-    """Return a copy of a value with the end of a path changed, also in lists on the way."""
+    """Return a copy of a value with the end of a path changed, also inside lists on the path."""
     if value is None:
         return None
     if not steps:

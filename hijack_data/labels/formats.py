@@ -1,4 +1,4 @@
-"""The ways in which people write labels, and how each follows the pixels when a picture is resized.
+"""The formats of labels, and how labels of each follow the pixels when a picture is resized.
 
 | format | also called | what it is |
 |---|---|---|
@@ -20,8 +20,8 @@ picture |
 | `qwen2.5_vl`, `qwen3_vl`, `openai`, `anthropic` | | actions, see `hijack_data.actions` |
 | `leave` | `None` | passes as it is |
 
-Boxes and points are one, or many in any nesting of lists, tuples, arrays and tensors; flat lists of
-several work, too.
+An entry may hold one box or point, or many in any nesting of lists, tuples, arrays and tensors, or
+a flat list of numbers.
 """
 
 from collections.abc import Mapping
@@ -103,7 +103,7 @@ def moved_as(
     """Return a label after a move.
 
     Raises:
-        LabelError: it cannot follow; the message names its key.
+        LabelError: the label cannot follow the pixels; the message names its key.
     """
     try:
         return form.moved(value, move)
@@ -120,7 +120,7 @@ def places_of(
     """Return where a label points.
 
     Raises:
-        LabelError: it cannot be right; the message names its key.
+        LabelError: the label cannot be right; the message names its key.
     """
     try:
         return form.places(value, size)

@@ -13,7 +13,7 @@ NumberMap: TypeAlias = Callable[[Numbers], Numbers]
 
 
 def to_host(value: Any) -> Any:
-    """Return a tensor of any device as a NumPy array; anything else as it is."""
+    """Return a tensor of any device as a NumPy array; any other value is returned unchanged."""
     detach = getattr(value, "detach", None)
     if detach is None:
         return value
@@ -27,7 +27,7 @@ def to_host(value: Any) -> Any:
 def host_array(value: Any) -> Numbers:
     """Return a value as a NumPy array; bfloat16 of JAX becomes float32.
 
-    What has no array raises what NumPy and torch raise.
+    For other values, the errors of NumPy and torch are passed on.
     """
     array: Numbers = np.asarray(to_host(value))
     if array.dtype.kind == "V" and array.dtype.names is None:
@@ -46,11 +46,11 @@ def change_groups(
         value: an array or tensor `[..., width]`, a flat one `[k * width]`, or lists and tuples of
             numbers or of such values, of different lengths too; `None` stays.
         width: how many numbers belong together, such as 4 for a box.
-        change: takes int64 or float64 `[N, width]`, returns the same shape. A group of whole and
-            fractional numbers is one of fractional ones.
+        change: takes int64 or float64 `[N, width]`, returns the same shape. A group with any
+            fractional number is passed as float64.
 
     Raises:
-        LabelError: the value is anything else, or the new numbers do not fit its dtype.
+        LabelError: the value does not hold such groups, or the new numbers do not fit its dtype.
     """
     if value is None:
         return None
@@ -71,7 +71,7 @@ def change_groups(
 def change_each(value: Any, change: NumberMap) -> Any:
     """Apply `change` to each number of a value, which may be a single number.
 
-    Otherwise as `change_groups`.
+    Arguments and errors are those of `change_groups`.
     """
     if value is None:
         return None
@@ -87,7 +87,7 @@ def change_each(value: Any, change: NumberMap) -> Any:
 def as_numbers(value: Any) -> Numbers | None:
     """Return the numbers of a value as one array.
 
-    `None` for a sequence whose parts differ in length or contain `None`.
+    Returns `None` for a sequence whose items differ in length or contain `None`.
 
     Raises:
         LabelError: the value has no numbers, or some are not finite.

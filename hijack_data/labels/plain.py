@@ -79,10 +79,10 @@ def size_format(name: str) -> Format:
 
 
 def moved_mask(value: Any, move: Move) -> Any:
-    """Return a mask `[..., H, W]` as it is after a `Move`, in the form in which it came.
+    """Return a mask `[..., H, W]` after a `Move`, in its original form.
 
     Raises:
-        LabelError: it has not one value for each pixel.
+        LabelError: the mask does not have one value for each pixel.
     """
     array = np.asarray(to_host(value)) if _is_flags(value) else as_numbers(value)
     if array is None or array.shape[-2:] != move.before:

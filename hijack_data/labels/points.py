@@ -18,7 +18,7 @@ def point_format(
     unit: int,
     visibility: bool = False,
 ) -> Format:
-    """Return the format of points of an order, `"xy"` or `"yx"`, maybe with a visibility each."""
+    """Return the format of points in the order `"xy"` or `"yx"`, with or without a visibility."""
     width = 3 if visibility else 2
 
     def in_order(points: Numbers) -> Numbers:

@@ -1,7 +1,8 @@
-"""Rows of our own datasets: what each column says after a plan was applied to the row's screenshot.
+"""Rows of our own datasets: the value of each column after a plan on the row's screenshot.
 
-A row is recognised by its columns, so it stays true in `TorchDataset`, in Grain, and in `datasets`.
-`pipelines` writes the same columns from the same functions when it builds a dataset.
+A row is recognised by its columns, so transforms keep it consistent in `TorchDataset`, in Grain,
+and in `datasets`. `pipelines` computes the same columns with the same functions when it builds a
+dataset.
 """
 
 import json
@@ -28,7 +29,7 @@ from .actions import own_action
 from .base import Location, Move
 
 _Row = Mapping[str, Any]
-# A sample that has these is a row of a dataset; the other columns may have been left out.
+# A sample with these columns is a row of a dataset; the other columns may be missing.
 MARKS_OF_A_ROW = ("trajectory_id", "step", "corruption")
 BASE = "base_screenshot"
 PROVENANCE = (
@@ -43,7 +44,8 @@ PROVENANCE = (
     "changed_pixels",
     "image_sha256",
 )
-# What a row tells of its recording and its events, word for word; it speaks of the recorded screen.
+# Columns copied from the recording and its events; they describe the recorded screen and never
+# change.
 RECORDED = ("extra", "event", "reminder")
 _PAIR = re.compile(r"(-?\d+(?:\.\d+)?)\s*,\s*(-?\d+(?:\.\d+)?)")
 _COORDINATES = re.compile(
@@ -57,10 +59,10 @@ def is_row(sample: _Row) -> bool:
 
 
 def check_drawn(sample: _Row) -> None:
-    """Refuse a lazy row whose screenshot is not drawn: its labels belong to another picture.
+    """Raise for a lazy row that has not been drawn: its labels belong to another picture.
 
     Raises:
-        LabelError: the sample is such a row.
+        LabelError: the sample is a lazy row that has not been drawn.
     """
     if BASE in sample:
         raise LabelError(
@@ -71,11 +73,11 @@ def check_drawn(sample: _Row) -> None:
 
 
 def holds_coordinates(text: str) -> bool:
-    """Return whether text seems to hold coordinates, written in whatever way."""
+    """Return whether text seems to hold coordinates, in any dialect."""
     return _COORDINATES.search(text) is not None
 
 
-# --- how a row says what was done
+# --- The columns that describe the corruption
 
 
 def params_json(plan: Plan) -> str:
@@ -91,7 +93,7 @@ def params_json(plan: Plan) -> str:
 def severity_of(plan: Plan) -> int | None:
     """Return the level of the corruption that made a plan, or `None`.
 
-    A level needs exactly its parameters.
+    The parameters must be exactly those of the level.
     """
     return _severity(plan.corruption, json.dumps(dict(plan.params), sort_keys=True))
 
@@ -104,7 +106,7 @@ def _severity(corruption: str, params: str) -> int | None:
         return next(
             (level for level in levels if cls.at(level).params() == json.loads(params)), None
         )
-    except HijackError:  # clean, or several joined
+    except HijackError:  # the plan is clean, or joins several corruptions
         return None
 
 
@@ -132,15 +134,15 @@ def corrupted_row(
     place: Location | None,
     seed: int | None,
 ) -> dict[str, Any]:
-    """Return the columns of a row that a transform must change besides its labels.
+    """Return the columns of a row, other than its labels, that a transform must change.
 
     Args:
         row: the row before; columns that it does not have are not made.
         plan: what was done to its screenshot.
         before: the screenshot before, an array or a PIL image.
         after: the screenshot after, likewise.
-        place: where its action points, in pixels of `before`.
-        seed: what the plan was drawn with; `None` leaves the column as it is.
+        place: where the action of the row points, in pixels of `before`.
+        seed: the seed of the plan; `None` leaves the column unchanged.
     """
     if not plan.ops:
         return {}
@@ -222,7 +224,7 @@ def _changed(
     before: Any,
     after: Any,
 ) -> int | None:
-    """Return how many pixels differ from the clean screenshot; `None` where that is not at hand."""
+    """Return how many pixels differ from the clean screenshot; `None` without a clean one."""
     if earlier is not None and plan.out_size != earlier.size:
         return plan.out_size[0] * plan.out_size[1]
     if row["corruption"] != CLEAN:
@@ -230,7 +232,7 @@ def _changed(
     return changed_pixels(before, after, plan)
 
 
-# --- the text of its action
+# --- The text of the action
 
 
 def moved_code(
@@ -240,9 +242,9 @@ def moved_code(
 ) -> str:
     """Return the text of an action after a move, in the dialect in which it was recorded.
 
-    `action` is what it says, an `Action` or one as a dictionary; `None` where nothing does, and
-    then only pyautogui code is understood. Raises `LabelError` when its dialect cannot be told, and
-    `ActionError` for what cannot be mapped.
+    `action` is the same action, as an `Action` or as its dictionary. If it is `None`, only
+    pyautogui code is understood. Raises `LabelError` if the dialect cannot be determined, and
+    `ActionError` for code that cannot be mapped.
     """
     if action is None:
         if holds_coordinates(code) and not calls_pyautogui(code):
@@ -252,8 +254,8 @@ def moved_code(
     between_models = move.scaling
     if dialect in RESIZED_DIALECTS:
         between_models = Scaling(smart_resize(*move.before), smart_resize(*move.after))
-    # Like a build: where the action itself is on the screen, other points in its text stop at the
-    # edge.
+    # As in a build: if the action itself is on the screen, other points in its text are clamped to
+    # the edge.
     return map_recorded(code, dialect, Scaling(move.before, move.after), between_models)
 
 
@@ -264,8 +266,8 @@ def dialect_of(
 ) -> str:
     """Return the dialect of the code of a row, whose action is known.
 
-    Rows do not name the dialect; but of those that can be, the one is right by which the code says
-    that action. Raises `LabelError` when none does and the code holds coordinates.
+    Rows do not name the dialect, so each dialect is tried; the right one is the one in which the
+    code means that action. Raises `LabelError` if there is none and the code holds coordinates.
     """
     if not code or not holds_coordinates(code):
         return SIZELESS

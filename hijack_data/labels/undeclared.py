@@ -1,9 +1,9 @@
-"""Which entries of a sample could be labels although nothing says how they are written.
+"""Find entries of a sample that could be labels although their format is not declared.
 
-A picture that is resized makes such an entry wrong without a trace, so it is an error until the
-user says what it is. Names tell most: `bbox`, `click`, `keypoints`. Under other names the values
-do: numbers in twos and fours that could be pixels of the picture, a value for each pixel, text of
-an answer with coordinates in it.
+Resizing a picture would silently make such an entry wrong, so it is an error until the user
+declares it. Most are recognised by name: `bbox`, `click`, `keypoints`. Entries with other names are
+recognised by their values: pairs or groups of four numbers that could be pixels of the picture, one
+value per pixel, the text of an answer with coordinates.
 """
 
 import re
@@ -21,18 +21,18 @@ from .numbers import host_array
 from .rows import holds_coordinates
 
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
-# Text that is nothing but numbers, as a CSV file has them: "100", "100 200 30 40", "[100;200]".
+# Text that consists of numbers, as in CSV files: "100", "100 200 30 40", "[100;200]".
 _NUMBERS = re.compile(r"[\s\[(]*-?\d+(?:\.\d+)?(?:[\s,;]+-?\d+(?:\.\d+)?)*[\s\])]*")
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
-# How the actions of models begin, under whatever name their text stands.
+# How the actions of models begin, whatever the name of the entry.
 _SAID = re.compile(
     r"pyautogui\.\w+\(|\b(?:start_box|end_box)\s*=|<tool_call>|<\|?(?:box|point)(?:_start\|)?>"
     r"|\"coordinate\"\s*:|\b(?:left_|right_|double_)?click\("
 )
 
-_OPENED = ("O", "U", "S")  # kinds of arrays whose parts are looked into, one by one
+_OPENED = ("O", "U", "S")  # dtype kinds of arrays whose items are examined one by one
 
-# What the words in the name of an entry tell.
+# What the words in the name of an entry suggest.
 PLACES = frozenset(
     [
         "bbox",
@@ -191,7 +191,7 @@ HARMLESS = frozenset(
         "split",
     ]
 )
-# What people write for other people; coordinates in it are nothing that has to follow.
+# Prose for people; coordinates in it need not follow the pixels.
 PROSE = frozenset(
     "instruction instructions goal question query thought thoughts reasoning caption description".split()  # noqa: E501, SIM905
 )
@@ -210,10 +210,10 @@ def find_undeclared(
 
     Args:
         name: the key of the entry.
-        value: anything; dictionaries and lists of dictionaries are looked into.
+        value: any value; dictionaries and lists of dictionaries are searched.
         size: (height, width) of the picture before it was resized.
-        aims: find the boxes and key points of torchvision too: they follow the pixels by
-            themselves, but do not say whether a sample aims at them.
+        aims: also find torchvision's boxes and key points, which follow the pixels by themselves
+            but may or may not be the target of the sample.
     """
     return _find(name, frozenset[str](), value, size, aims)
 
@@ -261,7 +261,7 @@ def _find(
 
 
 def _opened(value: Any) -> Any:
-    """Return what holds other values as a list or a mapping of them; anything else as it is."""
+    """Return a container as a list or a mapping of its values; any other value stays unchanged."""
     if isinstance(value, Set):
         return list(cast("Set[Any]", value))
     if is_dataclass(value) and not isinstance(value, type):
@@ -275,7 +275,7 @@ def _opened(value: Any) -> Any:
 
 
 def _as_numbers(parts: list[Any]) -> list[Any]:
-    """Return a list of numbers that were written as text as numbers; any other as it is."""
+    """Convert a list of numbers in text form to numbers; any other list stays unchanged."""
     if parts and all(isinstance(part, str) and _NUMBER.fullmatch(part) for part in parts):
         return [float(part) for part in parts]
     return parts
@@ -325,7 +325,7 @@ def _numbers(value: Any) -> npt.NDArray[Any] | None:
 
 
 def _joined(parts: list[Any]) -> npt.NDArray[Any] | None:
-    """Return the numbers of parts that differ in length: as rows if those are of one length."""
+    """Return the numbers of items that differ in shape, as rows if those have one length."""
     found = [_numbers(part) for part in parts]
     known = [np.atleast_1d(part) for part in found if part is not None and part.size]
     if not known:
@@ -339,7 +339,7 @@ def _joined(parts: list[Any]) -> npt.NDArray[Any] | None:
 def _is_numeric(value: Any) -> bool:
     """Return whether a value is a number, an array, or a list that begins with one.
 
-    A picture of Pillow is not one of them.
+    A PIL image does not count as one.
     """
     while isinstance(value, list | tuple):
         value = next((part for part in cast("list[Any]", value) if part is not None), "")
@@ -362,13 +362,13 @@ def _could_be_label(
         return not _is_picture(numbers, size)
     if numbers.ndim == 0:
         return _is_telling_number(words, float(numbers), size)
-    # what is smaller are fractions, or flags: the same at every size
+    # smaller values are fractions or flags, which are the same at every size
     pixels = np.abs(numbers).max() > 1
     if not pixels or HARMLESS.intersection(last):
         return False
     if words & SIZES and numbers.ndim == 1 and tuple(numbers.tolist()) in (size, size[::-1]):
         return True
-    if name == "labels" and numbers.ndim == 1:  # the classes of boxes
+    if name == "labels" and numbers.ndim == 1:  # probably the classes of boxes
         return False
     if words & (PLACES | COORDINATES) or above & PLACES:
         return True
@@ -381,7 +381,7 @@ def _could_be_label(
 
 
 def _is_picture(numbers: npt.NDArray[Any], size: Size) -> bool:
-    """Return whether values for each pixel are colours; one channel, or many, are labels."""
+    """Return whether per-pixel values are colours; arrays with one channel, or many, are labels."""
     if numbers.ndim < 3 or numbers.dtype.kind == "b":
         return False
     channels = numbers.shape[-3] if numbers.shape[-2:] == size else numbers.shape[-1]

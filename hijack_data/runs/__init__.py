@@ -1,1 +1,1 @@
-"""What a run of the benchmark writes: names in its log, its chain of hashes, and signatures."""
+"""The files of a benchmark's run: names in its log, its chain of hashes, and signatures."""

@@ -1,8 +1,8 @@
-"""What an agent was given beside instruction and pictures, as its records say.
+"""What an agent was given in addition to instruction and pictures, according to its records.
 
-Results of an agent that was told how to do a task, or was handed the task itself, mean something
-else than those of one that sees the screen alone. So every record since version 3 has `given`: a
-list of `GIVEN_KINDS`, or `null` where nobody knows.
+Results of an agent that was told how to do a task, or that had the task object itself, cannot be
+compared with those of an agent that sees only the screen. So every record since version 3 has
+`given`: a list of `GIVEN_KINDS`, or `null` if it is unknown.
 """
 
 from collections.abc import Iterable, Mapping
@@ -10,7 +10,7 @@ from typing import Any
 
 from .run_log import GIVEN, GIVEN_KINDS, GIVING
 
-# The agents of this library, in records before version 3; those of others are not known.
+# The agents of this library, for records before version 3; for other agents it is unknown.
 _BEFORE: Mapping[str, tuple[str, ...]] = {
     "oracle": ("task",),
     "recovering": ("task",),
@@ -28,7 +28,7 @@ UNKNOWN = "not recorded"
 
 
 def given_of(record: Mapping[str, Any]) -> tuple[str, ...] | None:
-    """Return what the agent of a record was given; `None` if the record does not tell."""
+    """Return what the agent of a record was given; `None` if that is unknown."""
     if GIVEN not in record:
         version = record.get("version", 1)
         is_old = isinstance(version, int) and version < GIVING
@@ -40,7 +40,7 @@ def given_of(record: Mapping[str, Any]) -> tuple[str, ...] | None:
 
 
 def given_to(records: Iterable[Mapping[str, Any]]) -> set[tuple[str, ...]]:
-    """Return what the agents of some records were given, without what is not known."""
+    """Return the kinds of help that the agents of some records were given, as far as known."""
     found = (given_of(record) for record in records)
     return {given for given in found if given is not None}
 

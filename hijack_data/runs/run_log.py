@@ -1,6 +1,6 @@
 """The names in a run's log, and how its parts are chained.
 
-`online_env` writes the log, `pipelines` reads it, and neither knows the other.
+`online_env` writes the log and `pipelines` reads it; neither imports the other.
 
     RUN/run.json                    what was to be run; `episodes` lists the ids of all episodes
     RUN/records.jsonl               one record a line, as the episodes ended
@@ -17,10 +17,11 @@ Since version 2 everything names the SHA-256 of what was written before it:
 * a line of `records.jsonl` that of `episode.json` (`episode_sha256`), and that of the line before
   (`previous`), the first that of `run.json`.
 
-So an edit is found unless all that follows is written anew. Who does that leaves no trace in the
-folder; against them there is the signature of `seal.json` (see `hijack_data.runs.seal`).
+So an edit is detected unless everything after it is rewritten. A complete rewrite leaves no trace
+in the folder; only the signature of `seal.json` protects against it (see `hijack_data.runs.seal`).
 
-Since version 3 a record says what its agent was given beside instruction and pictures (`GIVEN`).
+Since version 3 a record states what its agent was given in addition to instruction and pictures
+(`GIVEN`).
 """
 
 import hashlib
@@ -40,11 +41,12 @@ FRAMES = "frames"
 SEAL = "seal.json"
 SIGNATURE = "seal.json.sig"
 SCORE_RUN = "score"  # `config.kind` of a run of `hijack score`; one of `hijack bench` has no kind
-ROW = "row"  # of a record of such a run: the row of the dataset; it has no folder in `episodes`
-LINKS = ("previous", "episode_sha256")  # of a line of `records.jsonl`: not of the record itself
-GIVEN = "given"  # of a record: a list of these, or `null` where nobody knows
+# In a record of such a run: the row of the dataset; such a record has no folder in `episodes`.
+ROW = "row"
+LINKS = ("previous", "episode_sha256")  # in a line of `records.jsonl`, but not in `episode.json`
+GIVEN = "given"  # in a record: a list of `GIVEN_KINDS`, or `null` if unknown
 GIVEN_KINDS = ("task", "plan")  # the task with the machine; the task's plan in words
-REINIT = "REQUEST_REINIT"  # what an agent says to be helped: no action on the screen
+REINIT = "REQUEST_REINIT"  # an agent's request for help, which does nothing on the screen
 
 _LONGEST = 200  # characters of an id, which is the name of a folder
 

@@ -1,4 +1,4 @@
-"""How the log of a run writes down what disturbs an episode, and how that is read back."""
+"""Write the planner of an episode into the log of a run, and read it back."""
 
 from typing import Any, cast
 
@@ -11,7 +11,7 @@ from ..planner import Planner
 
 
 def label_of(planner: Planner | None) -> str:
-    """Return the label of a planner that was given none; `"clean"` for `None`."""
+    """Return the default label of a planner; `"clean"` for `None`."""
     return CLEAN if planner is None else planner.label
 
 

@@ -1,7 +1,7 @@
-"""The seal of a run: what it consists of, signed with an SSH key.
+"""The seal of a run: the hashes of its files, signed with an SSH key.
 
-`seal.json` holds the SHA-256 of `run.json`, of `records.jsonl` and of each `episode.json`, which by
-their chains stand for all lines and pictures (see `run_log`). It is signed by OpenSSH's own
+`seal.json` holds the SHA-256 of `run.json`, of `records.jsonl` and of each `episode.json`, whose
+chains of hashes cover all lines and pictures (see `run_log`). It is signed by OpenSSH's own
 `ssh-keygen -Y sign`, so anyone can check `seal.json.sig` without this library.
 """
 
@@ -16,15 +16,15 @@ from ..errors import HijackError, MissingDependencyError
 from ..files import write_atomic
 from .run_log import EPISODE, EPISODES, RECORDS, RUN, SEAL, SIGNATURE, digest_of
 
-NAMESPACE = "agenthijack-run"  # a signature that was made for something else does not count
+NAMESPACE = "agenthijack-run"  # signatures made for another purpose do not count
 FORMAT = "agenthijack-seal"
 VERSION = 1
 _SIGNER = "signer"
-_PATIENCE = 120.0  # s: a key on a token waits for a touch
+_PATIENCE = 120.0  # seconds, because a key on a token waits for a touch
 
 
 class SealError(HijackError, ValueError):
-    """A key that cannot be used, or a signature that cannot be made."""
+    """A key cannot be used, or a signature cannot be made."""
 
 
 def check_key(key: str) -> None:
@@ -36,13 +36,13 @@ def check_key(key: str) -> None:
 
 
 def sign(folder: Path, key: str) -> None:
-    """Write the seal of a run and its signature; former ones are replaced.
+    """Write the seal of a run and its signature, replacing earlier ones.
 
     Args:
         folder: of the run.
-        key: path of the private key, or of the public one where `ssh-agent` holds the private.
+        key: path of the private key, or of the public key if `ssh-agent` holds the private one.
 
-    Raises `SealError` where the key cannot be used, `HijackError` where nothing can be written.
+    Raises `SealError` if the key cannot be used, `HijackError` if the files cannot be written.
     """
     (folder / SIGNATURE).unlink(missing_ok=True)
     write_atomic(folder / SEAL, json.dumps(contents(folder), indent=1) + "\n")
@@ -50,7 +50,7 @@ def sign(folder: Path, key: str) -> None:
 
 
 def contents(folder: Path) -> dict[str, Any]:
-    """What the seal of a run holds, from the files that are there now."""
+    """Return the content of a run's seal, computed from its present files."""
     episodes = sorted((folder / EPISODES).glob(f"*/{EPISODE}"))
     return {
         "format": FORMAT,
@@ -62,9 +62,9 @@ def contents(folder: Path) -> dict[str, Any]:
 
 
 def problems(folder: Path, key: str | None) -> Iterator[str]:
-    """What is wrong with the seal of a run; nothing where it has none and no `key` is asked for.
+    """Yield what is wrong with a run's seal; without `key`, a run may have none.
 
-    `key` is the path of the public key that must have signed; with `None` any may have.
+    `key` is the path of the public key that must have signed it; with `None`, any key may have.
     """
     if not (folder / SEAL).exists():
         if key is not None:
@@ -81,7 +81,7 @@ def problems(folder: Path, key: str | None) -> Iterator[str]:
 
 
 def signer(folder: Path) -> str:
-    """The fingerprint of the key that signed, as `ssh-keygen` prints it; nothing without one."""
+    """Return the fingerprint of the signing key, as `ssh-keygen` prints it; empty without one."""
     found = _run(["-Y", "check-novalidate", "-n", NAMESPACE], folder)
     return found.stdout.split()[-1] if found.returncode == 0 else ""
 
@@ -92,7 +92,7 @@ def _signature_problems(folder: Path, key: str | None) -> Iterator[str]:
         return
     if key is None:
         if not signer(folder):
-            yield f"{SIGNATURE}: is no signature of {SEAL}"
+            yield f"{SIGNATURE}: is not a signature of {SEAL}"
         return
     with tempfile.NamedTemporaryFile("w", suffix=".signers") as signers:
         signers.write(f"{_SIGNER} {_public(key)}\n")
@@ -106,14 +106,14 @@ def _public(key: str) -> str:
     """Return the line of a public key.
 
     Raises:
-        SealError: the file cannot be read, or holds no public key.
+        SealError: the file cannot be read, or does not hold a public key.
     """
     try:
         text = Path(key).read_text().strip()
     except (OSError, ValueError) as error:
         raise SealError(f"--key {key}: cannot be read ({error})") from None
     if "PRIVATE KEY" in text or len(text.splitlines()) != 1:
-        raise SealError(f"--key {key}: is no public key of SSH; it is the file that ends in .pub")
+        raise SealError(f"--key {key}: is not a public SSH key; give the file that ends in .pub")
     return text
 
 
@@ -122,11 +122,11 @@ def _sign(path: Path, key: str) -> None:
     if done.returncode:
         why = " ".join(done.stderr.split()) or f"ssh-keygen ended with {done.returncode}"
         advice = "ssh-keygen -t ed25519 -f run.key makes one"
-        raise SealError(f"{key}: is no key to sign with ({why:.300}); {advice}")
+        raise SealError(f"{key}: is not a key that can sign ({why:.300}); {advice}")
 
 
 def _run(command: Sequence[str], folder: Path) -> "subprocess.CompletedProcess[str]":
-    """Ask about the signature of a seal."""
+    """Run an `ssh-keygen` query about the signature of a seal."""
     content = (folder / SEAL).read_text(errors="replace")
     return _ssh_keygen([*command, "-s", str(folder / SIGNATURE)], content)
 

@@ -9,12 +9,12 @@ A sample is a dictionary, a tuple with a dictionary in it, or a picture alone. I
 image, a `tv_tensors.Image` or `Video`, or a uint8 tensor `[3, H, W]` (a NumPy array `[H, W, 3]`)
 that is the sample itself, the first item of a tuple, or under one of `PICTURE_KEYS`. Bounding
 boxes, key points and masks of `tv_tensors` follow the pixels, and so do the entries that
-`hijack_data.samples` names and those that `labels=` declares. What is neither and could be a label
-is an error when the size changes (`hijack_data.labels`); everything else passes unchanged.
+`hijack_data.samples` names and those that `labels=` declares. If the size changes, any other entry
+that could be a label is an error (`hijack_data.labels`); everything else stays unchanged.
 
-What happens to a sample is decided by its `id`, the seed and the epoch: not by the worker, the
-order or a global generator. A batch (a tensor `[B, 3, H, W]` or a list of pictures, with a list of
-ids) gets a plan for each picture.
+The `id` of a sample, the seed and the epoch decide its corruption, not the worker, the order or a
+global generator. A batch (a tensor `[B, 3, H, W]` or a list of pictures, with a list of ids) gets a
+plan for each picture.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -63,22 +63,22 @@ class _Named(Corrupt):
 
 
 class PopUps(_Named):
-    """Pop-up windows: `PopUps(seed=3, small_factor=2, ...)` takes what `hj.PopUps` takes."""
+    """Pop-up windows: `PopUps(seed=3, small_factor=2, ...)` takes the parameters of `hj.PopUps`."""
 
     spec = corruptions.PopUps
 
 
 class Marks(_Named):
-    """Marks strewn over the screen: `Marks(seed=3, number=100)` takes what `hj.Marks` takes."""
+    """Marks over the screen: `Marks(seed=3, number=100)` takes the parameters of `hj.Marks`."""
 
     spec = corruptions.Marks
 
 
 class Subtitle(_Named):
-    """Lines of text at an edge: `Subtitle(seed=3, position="top")` takes what `hj.Subtitle` takes.
+    """Lines of text: `Subtitle(seed=3, position="top")` takes the parameters of `hj.Subtitle`.
 
     Lines that do not fit a picture are shrunk, since pictures of a training set differ in size;
-    `fit="error"` refuses.
+    `fit="error"` raises instead.
     """
 
     spec = corruptions.Subtitle
@@ -103,7 +103,7 @@ class Resolution(_Named):
 
 
 class OneOf(Corrupt):
-    """One of several, drawn for each sample.
+    """One of several corruptions, drawn for each sample.
 
     For example `OneOf([Marks(), Subtitle()], seed=3, p_clean=0.2, weights=[2, 1])`.
     """
@@ -126,7 +126,7 @@ class OneOf(Corrupt):
 
 
 class Sequence(Corrupt):
-    """Several, one after the other: `Sequence([Resolution(scale=0.5), Marks()], seed=3)`."""
+    """Several corruptions in order: `Sequence([Resolution(scale=0.5), Marks()], seed=3)`."""
 
     def __init__(self, parts: "Iterable[Planner | Corrupt]", **shared: Any) -> None:
         super().__init__(compose.Sequence([planner_of(p) for p in parts]), **shared)
@@ -143,7 +143,7 @@ class Schedule(Corrupt):
 
 
 class FromConfig(Corrupt):
-    """One of a configuration's corruptions for each sample, or the one called `label`.
+    """One of a configuration's corruptions for each sample, or always the one named `label`.
 
     Args:
         source: a path, the name of a packaged configuration, or a mapping; see
@@ -178,7 +178,7 @@ class FromConfig(Corrupt):
 
 
 class Replay(Corrupt):
-    """Applies plans that were saved.
+    """Applies saved plans.
 
     Args:
         plan: a `Plan` or its JSON text for every sample, a mapping from ids to those, or `None` to
@@ -200,7 +200,7 @@ class Replay(Corrupt):
         self.by_id = {str(k): _as_plan(v) for k, v in plan.items()} if several else None
 
     def extra_repr(self) -> str:
-        """What is replayed."""
+        """Return which plans are replayed, for `repr`."""
         return "the sample's own" if self.plan is None else self.plan.corruption
 
     def _plans(
@@ -233,7 +233,7 @@ class Replay(Corrupt):
 
 
 class _Nothing(Planner):
-    """The planner of `Replay`, which has its plans already."""
+    """A placeholder planner for `Replay`, which has its plans already."""
 
     @property
     def needs_elements(self) -> bool:

@@ -1,4 +1,4 @@
-"""The transform that all others are: finds the picture and the id of a sample, plans, applies."""
+"""The base of all transforms: it finds the picture and the id of a sample, plans and applies."""
 
 import importlib
 from collections.abc import Mapping
@@ -42,11 +42,11 @@ _tree: Any = _pytree
 
 
 def _keep(plans: list[Plan], *, collate_fn_map: object = None) -> list[Plan]:
-    """Collate plans: torch's default collate keeps those of a batch as a list."""
+    """Collate plans: make torch's default collate return the plans of a batch as a list."""
     return list(plans)
 
 
-# where torch documents the extension
+# torch documents this registry as the way to extend collating
 _collate: Any = importlib.import_module("torch.utils.data._utils.collate")
 _collate.default_collate_fn_map[Plan] = _keep
 
@@ -63,24 +63,24 @@ class Corrupt(v2.Transform):
         id_from: `"entry"` takes the sample's id from its entry `id_key`; `"content"` derives it
             from the pixels, for pictures that come alone: the same picture then gets the same
             corruption until `set_epoch` is called.
-        label_policy: `"keep"`, or `"avoid"` to draw again until the sample's target shows, and with
-            it the end of its action where that is a drag, or leave it clean.
-        return_plan: put the plan under `"plan"`, and with a target its visible share, or that of a
-            drag's end if less, under `"target_visible"`; `"json"` puts it there as text, which a
-            dataset can hold.
+        label_policy: `"keep"`, or `"avoid"` to draw again until the sample's target (of a drag,
+            both ends) is visible, and to leave it clean if no draw succeeds.
+        return_plan: put the plan under `"plan"` and the visible share of the target, if any, under
+            `"target_visible"` (of a drag, the lesser share of both ends); with `"json"` the plan is
+            text, which a dataset can store.
         id_key: name of the entry that holds the id.
         p: probability that a sample is corrupted at all, 0..1.
-        labels: which entries of a sample are labels, and how they are written, such as
-            `{"bbox": "xywh", "objects.points": "xy01", "action": "openai", "note": "leave"}`; see
+        labels: which entries of a sample are labels, and in which format, such as `{"bbox": "xywh",
+            "objects.points": "xy01", "action": "openai", "note": "leave"}`; see
             `hijack_data.labels`.
-        target: the declared entry that has to show; see `hijack_data.labels.Labels`.
+        target: the declared entry that must stay visible; see `hijack_data.labels.Labels`.
 
     Raises `ParameterError`, `ImageError` or `ImageTypeError` for a sample that cannot be corrupted,
-    and `LabelError` where a plan moves pixels and an entry that could be a label is not declared,
-    or cannot follow.
+    and `LabelError` if a plan moves pixels and an undeclared entry could be a label, or a label
+    cannot follow.
     """
 
-    seeded = True  # whether the plan comes from the seed; `Replay` is given its plans
+    seeded = True  # whether plans are drawn from the seed; those of `Replay` are given
 
     def __init__(
         self,
@@ -107,14 +107,14 @@ class Corrupt(v2.Transform):
         self.return_plan = return_plan
         self._epoch: torch.Tensor = torch.zeros(
             1, dtype=torch.int64
-        ).share_memory_()  # DataLoader workers see it change
+        ).share_memory_()  # shared, so that DataLoader workers see changes
 
     def set_epoch(self, epoch: int) -> None:
-        """Set the epoch of samples that carry none; running workers see it, too."""
+        """Set the epoch of samples without an `epoch` entry; running workers see it, too."""
         self._epoch[0] = scalar(epoch, "epoch", 0)
 
     def extra_repr(self) -> str:
-        """The planner and the seed."""
+        """Return the planner and the seed, for `repr`."""
         return f"{self.settings.planner}, seed={self.settings.seed}"
 
     def forward(self, *inputs: Any) -> Any:
@@ -167,7 +167,7 @@ class Corrupt(v2.Transform):
         """Return the entries for each picture of a batch, or `None` for a single sample.
 
         Raises:
-            ImageError: a batch of several tensors.
+            ImageError: the batch consists of several tensors.
         """
         count = int(np.prod(tuple(pictures[0].shape[:-3]))) if hasattr(pictures[0], "shape") else 1
         many = is_many(entries.get(self.settings.id_key))
@@ -195,7 +195,7 @@ class Corrupt(v2.Transform):
     ) -> list[Any]:
         """Return an entry of a batch as one value for each picture.
 
-        A value that is not a list of so many counts for all.
+        A value that is not a list of `count` items applies to all pictures.
         """
         labels = {path.partition(".")[0] for path in self.settings.labels.declared}
         if key in (*OWN, "step", "epoch") or key in labels:
@@ -248,7 +248,7 @@ class Corrupt(v2.Transform):
 def _as_dict(sample: Any) -> Any:
     """Return a mapping of any kind, such as a row of `datasets`, as a dictionary.
 
-    Anything else is returned as it is.
+    Any other value is returned unchanged.
     """
     if not isinstance(sample, Mapping) or type(cast(object, sample)) is dict:
         return cast(Any, sample)
@@ -280,7 +280,7 @@ def _each_picture(
     after: list[Any],
     rows: list[DatasetRow] | None,
 ) -> list[tuple[Any, Any]]:
-    """Return each picture that a plan was made for, before and after it."""
+    """Return the pictures for which plans were made as pairs of before and after."""
     if rows is None:
         return [(before[0], after[0])]
     if len(before) == len(rows):
@@ -289,5 +289,5 @@ def _each_picture(
 
 
 def planner_of(value: "Planner | Corrupt") -> Planner:
-    """Return what plans: the planner itself, or that of a transform."""
+    """Return the planner of a value, which is a planner or a transform."""
     return value.settings.planner if isinstance(value, Corrupt) else value

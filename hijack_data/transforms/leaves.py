@@ -1,4 +1,4 @@
-"""The pictures and coordinates in a sample: which they are, what becomes of them."""
+"""Find the pictures and coordinates in a sample, and change them."""
 
 import hashlib
 import importlib
@@ -34,7 +34,7 @@ def pictures_of(paths: list[tuple[Any, Any]]) -> list[int]:
     """Return which leaves of a sample are its pictures.
 
     Raises:
-        ImageError: there is none.
+        ImageError: the sample holds no picture.
     """
     explicit = (Image.Image, tv_tensors.Image, tv_tensors.Video)
     found = [i for i, (_, leaf) in enumerate(paths) if isinstance(leaf, explicit)]
@@ -63,7 +63,7 @@ def _names_a_picture(path: tuple[Any, ...]) -> bool:
 
 
 def entries_of(sample: Any) -> DatasetRow:
-    """Return the dictionary of a sample: itself, or the first one in a tuple."""
+    """Return the dictionary of a sample: the sample itself, or the first one in a tuple."""
     parts: SequenceOf[Any] = cast(Any, sample) if isinstance(sample, list | tuple) else [sample]
     return next(
         (cast(DatasetRow, part) for part in parts if isinstance(part, Mapping)),
@@ -84,10 +84,10 @@ def _corners(boxes: Any) -> Any:
 
 
 def check_orders(entries: DatasetRow, labels: Labels) -> None:
-    """Check that a declaration does not contradict the format that boxes carry.
+    """Check that no declaration contradicts the format stored in `BoundingBoxes`.
 
     Raises:
-        LabelError: it does.
+        LabelError: a declaration contradicts it.
     """
     for key, form in labels.declared.items():
         value = entries.get(key)
@@ -102,10 +102,10 @@ def check_orders(entries: DatasetRow, labels: Labels) -> None:
 
 
 def check_beside(sample: Any, plans: list[Plan]) -> None:
-    """Check what stands beside the picture in a tuple: it has no name.
+    """Check the unnamed items of a tuple next to the picture.
 
     Raises:
-        LabelError: it could be a label, and a plan moves pixels.
+        LabelError: an item could be a label, and a plan moves pixels.
     """
     if not isinstance(sample, list | tuple) or all(plan.coords.is_identity for plan in plans):
         return
@@ -125,7 +125,7 @@ def put(out: Any, changes: dict[str, Any]) -> Any:
     """Return the sample with these entries changed.
 
     Raises:
-        ParameterError: there is no dictionary in the sample to put them in.
+        ParameterError: the sample has no dictionary for the entries.
     """
     if not changes:
         return out
@@ -157,9 +157,9 @@ def changed_entries(
     seed: int | None,
     return_plan: bool | str,
 ) -> dict[str, Any]:
-    """Return the entries of a sample that differ in the corrupted one.
+    """Return the entries of a sample that the plans change.
 
-    `pictures` are those before and after.
+    `pictures` holds the pictures before and after.
     """
     each = [entries] if rows is None else rows
     moved = [
@@ -200,10 +200,10 @@ def each_of(
     count: int,
     what: str,
 ) -> list[Any]:
-    """Return one value for each picture of a batch; a single integer counts for all.
+    """Return one value for each picture of a batch; a single integer applies to all.
 
     Raises:
-        ParameterError: there is another number of values.
+        ParameterError: the number of values is not that of the pictures.
     """
     if not is_many(values) or len(values) != count:
         if isinstance(values, int):
@@ -218,7 +218,7 @@ def each_of(
 def size_of(picture: Any) -> Size:
     """Return `(height, width)` of a picture.
 
-    Raises `ImageError` or `ImageTypeError` for anything else.
+    Raises `ImageError` or `ImageTypeError` if it is not a picture.
     """
     if isinstance(picture, Image.Image):
         return picture.height, picture.width
@@ -228,7 +228,7 @@ def size_of(picture: Any) -> Size:
 
 
 def content(picture: Any) -> str:
-    """Return an id from all pixels: two pictures that differ anywhere have different ones."""
+    """Return an id computed from all pixels: pictures that differ anywhere have different ids."""
     if isinstance(picture, torch.Tensor):
         planes = picture.as_subclass(torch.Tensor).movedim(-3, 0).cpu().numpy()
         picture = np.stack(list(planes), axis=-1)  # three times as fast as a transposed copy
@@ -259,12 +259,12 @@ def _apply(plan: Any, picture: Any) -> Any:
 
 
 def follow_tensor(value: Any, plans: list[Plan]) -> Any:
-    """Return boxes, key points or a mask as the resized picture has them.
+    """Return boxes, key points or a mask mapped to the resized picture.
 
     They follow the geometry of all other labels.
 
     Raises:
-        LabelError: they belong to a picture of another size.
+        LabelError: the labels belong to a picture of another size.
         ParameterError: the pictures of a batch get different sizes.
     """
     _check_canvas(value, plans[0].size)
@@ -291,7 +291,7 @@ def follow_tensor(value: Any, plans: list[Plan]) -> Any:
             format=value.format,
             canvas_size=move.after,
         )
-    # Rotated boxes: torchvision knows their corners.
+    # Rotated boxes: let torchvision compute their corners.
     scaled = v2.functional.resize(
         tv_tensors.wrap(plain.to(torch.float64), like=value), list(move.after)
     )
@@ -299,7 +299,7 @@ def follow_tensor(value: Any, plans: list[Plan]) -> Any:
 
 
 def follow_inside(value: Any, plans: list[Plan]) -> Any:
-    """Return an entry with the boxes, key points and masks of torchvision in it moved."""
+    """Return an entry with all torchvision boxes, key points and masks inside it mapped."""
     if isinstance(value, FOLLOWING):
         return follow_tensor(value, plans)
     if not _holds_tensors(value):
@@ -334,9 +334,9 @@ def _check_canvas(value: Any, size: Size) -> None:
 
 
 def _points_moved(points: torch.Tensor, move: Move) -> torch.Tensor:
-    """Return key points after a move.
+    """Return key points after a change of size.
 
-    Unlike points that somebody clicked, they may lie off the picture.
+    Unlike clicked points, they may lie outside the picture.
     """
     numbers = to_host(points)
     if points.is_floating_point():

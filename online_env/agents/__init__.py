@@ -1,1 +1,1 @@
-"""Agents: what one is, all of them by name, and those that come with the library."""
+"""Agents: the base class, the registry of all agents, and the agents that come with the library."""

@@ -1,8 +1,8 @@
-"""An agent in a thread of its own.
+"""Run an agent in its own thread.
 
 Code can ask Python for its callers (`inspect.stack()`) and read their variables. The frames that
-run an episode hold its corruption, so none of them is a caller of the agent. An exception of the
-agent comes back with the agent's own frames alone.
+run an episode hold its corruption, so none of them may be a caller of the agent. An exception of
+the agent is reported with the agent's own frames only.
 """
 
 import queue
@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 
 from .base import Agent, Observation
 
-FRAMES = 30  # of a traceback: the innermost
+FRAMES = 30  # the number of innermost frames that are kept of a traceback
 _Function: TypeAlias = Callable[..., Any]
 _Call: TypeAlias = tuple[_Function, tuple[Any, ...]]
 _Answer: TypeAlias = tuple[Any, BaseException | None]
@@ -23,7 +23,7 @@ _Answers: TypeAlias = "queue.SimpleQueue[_Answer]"
 
 
 class AgentError(Exception):
-    """An agent raised, or returned no answer; `where` lists its frames, the innermost last."""
+    """An agent raised, or gave no answer; `where` lists its frames, innermost last."""
 
     def __init__(self, problem: str, where: Sequence[str] = ()) -> None:
         super().__init__(problem)
@@ -33,7 +33,7 @@ class AgentError(Exception):
 class Apart:
     """Calls an agent, one call at a time, in a thread that ends with `close`.
 
-    All calls are made in the same thread, since libraries tie browsers and databases to one.
+    All calls are made in the same thread, since libraries tie browsers and databases to a thread.
 
     Args:
         make: returns the agent; called in that thread, too.
@@ -44,11 +44,11 @@ class Apart:
 
     def __init__(self, make: Callable[[], Agent], timeout: float | None = None) -> None:
         self._timeout = timeout
-        self._busy = False  # a call was interrupted, and its answer is still to come
+        self._busy = False  # whether a call was interrupted and its answer is still due
         self._calls: _Calls = queue.SimpleQueue()
         self._answers: _Answers = queue.SimpleQueue()
         queues = (self._calls, self._answers)
-        # A daemon, so that Ctrl-C need not wait for the answer of a model.
+        # A daemon thread, so that Ctrl-C need not wait for the answer of a model.
         thread = threading.Thread(
             target=_serve,
             args=queues,
@@ -77,7 +77,7 @@ class Apart:
         """Return the agent's words and actions.
 
         Raises:
-            AgentError: the agent raises, or returns anything but a text and a list.
+            AgentError: the agent raises, or does not return a text and a list.
         """
         predict = self.call(getattr, self.agent, "predict", None)
         if predict is None:
@@ -94,7 +94,7 @@ class Apart:
         """Call a function in the agent's thread.
 
         Raises:
-            AgentError: the function raises or takes too long, or another call is not over.
+            AgentError: the function raises or takes too long, or an earlier call has not ended.
         """
         if self._busy:
             raise AgentError("it still works on a call that was interrupted")
@@ -110,12 +110,12 @@ class Apart:
         raise AgentError(_problem(raised), _frames(raised)) from raised
 
     def close(self) -> None:
-        """Let the thread end; twice is fine."""
+        """End the thread; calling this twice is allowed."""
         self._calls.put(None)
 
 
 def _serve(calls: _Calls, answers: _Answers) -> None:
-    """Answer calls until there are no more; an agent can find no variables but these."""
+    """Answer calls until there are no more. An agent can find only the variables of this frame."""
     while True:
         call = calls.get()
         if call is None:
@@ -128,7 +128,7 @@ def _serve(calls: _Calls, answers: _Answers) -> None:
 
 
 def _problem(raised: BaseException) -> str:
-    """Return what an exception says; its text is the agent's own, and may raise in its turn."""
+    """Return the message of an exception; computing it runs code of the agent, which may raise."""
     name = type(raised).__name__
     try:
         return f"{name}: {raised}"
@@ -137,7 +137,7 @@ def _problem(raised: BaseException) -> str:
 
 
 def _frames(raised: BaseException) -> tuple[str, ...]:
-    """Return the frames of an exception but our own, each as `file:line in function: code`."""
+    """Return the frames of an exception, except our own, as `file:line in function: code`."""
     found: list[str] = []
     for frame in traceback.extract_tb(raised.__traceback__):
         if Path(frame.filename) == Path(__file__):

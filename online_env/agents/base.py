@@ -1,12 +1,12 @@
-"""What is asked of an agent.
+"""The interface of agents.
 
 An agent gets an instruction and an observation and answers with text and actions, as OSWorld's
-agents do. It never gets the environment, the name of the task or that of the corruption. Only a
-privileged one, the oracle, is given more.
+agents do. It never gets the environment, or the names of the task and of the corruption. Only
+privileged agents, such as the oracle, get more.
 
-Each episode has a new object, made without arguments, in a thread of its own; all calls are made in
-that thread. What should outlive an episode, such as the weights of a model, belongs to the class or
-to the module.
+For each episode a new object is made, without arguments, in its own thread; all calls are made in
+that thread. Keep anything that should outlive an episode, such as the weights of a model, in the
+class or in the module.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,14 +22,14 @@ FAIL = "FAIL"
 
 @runtime_checkable
 class Agent(Protocol):
-    """What an agent is.
+    """The interface of an agent.
 
     It may also have `reset()`, which is called before the first `predict` of an episode and after
     the last one.
     """
 
     def predict(self, instruction: str, obs: Observation) -> tuple[str, Sequence[str]]:
-        """Return the agent's words, and the actions to take one after the other.
+        """Return the agent's words, and a list of actions to take in order.
 
         An action is pyautogui code, `WAIT`, `DONE` or `FAIL`.
 
@@ -42,7 +42,7 @@ class Agent(Protocol):
 
 @runtime_checkable
 class Privileged(Agent, Protocol):
-    """An agent that knows the task and sees the machine itself: a yardstick, never a contestant."""
+    """An agent that gets the task and the machine itself: a yardstick, not a contestant."""
 
     def prepare(self, task: Task, machine: Machine) -> None:
         """Called after `reset`, once the task is set up."""
@@ -51,7 +51,7 @@ class Privileged(Agent, Protocol):
 
 @runtime_checkable
 class PlanFollower(Agent, Protocol):
-    """An agent that receives the steps of the task in words: a yardstick, never a contestant."""
+    """An agent that gets the steps of the task in words: a yardstick, not a contestant."""
 
     uses_plan: bool
 

@@ -1,4 +1,4 @@
-"""Tries an agent in a process of its own, so that one that hangs or dies gives a verdict, too."""
+"""Try an agent in a separate process, so that even an agent that hangs or dies gets a verdict."""
 
 import contextlib
 import multiprocessing
@@ -17,11 +17,11 @@ from . import conformance
 from .base import Privileged
 from .registry import AGENTS
 
-LIMIT = 120.0  # s for all that one check asks
+LIMIT = 120.0  # s for all calls of one check
 
 
 def agents_of(file: LoadedFile) -> list[str]:
-    """Return the names of the agents in a loaded file: those it registers, and its own classes."""
+    """Return the names of the agents in a loaded file: registered ones, and its own classes."""
     named = list(file.names.get("agent", ()))
     known = [AGENTS.get(name) for name in named]
     module = vars(sys.modules[file.module])
@@ -33,7 +33,7 @@ def agents_of(file: LoadedFile) -> list[str]:
 
 
 def check(name: str, limit: float = LIMIT) -> Iterator[Result | str]:
-    """Yield the outcome of each check of an agent, or why it is not checked.
+    """Yield the outcome of each check of an agent, or the reason why it is not checked.
 
     Args:
         name: of an agent, or `package.module:Class`, or `path/to/file.py:Class`.
@@ -41,7 +41,7 @@ def check(name: str, limit: float = LIMIT) -> Iterator[Result | str]:
     """
     maker = AGENTS.get(AGENTS.find(name))
     if isinstance(maker, type) and issubclass(maker, Privileged):
-        yield "it is given a task and a machine (prepare), so it is no contestant"
+        yield "it is given a task and a machine (prepare), so it is not a contestant"
         return
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe(duplex=False)
@@ -87,7 +87,7 @@ def _try(
     name: str,
     path: Sequence[str],
 ) -> None:
-    """Run the checks in this process, whose standard output is a file that is looked at."""
+    """Run the checks in this process, whose standard output is a file that is then examined."""
     os.setsid()
     sys.path[:] = path
     with tempfile.TemporaryFile() as output:

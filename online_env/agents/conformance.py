@@ -1,7 +1,7 @@
-"""What every agent must hold, checked by trying it (`hijack check my_agent.py`).
+"""The properties that every agent must have, checked by trying it (`hijack check my_agent.py`).
 
-A check raises `CheckFailed` with the probable cause, and may return notes for the author. Pictures
-are drawn here; none of them shows a desktop, so nothing is said about how good an agent is.
+A check raises `CheckFailed` with the probable cause, and may return notes for the author. The
+pictures are drawn here and show no real desktop, so the checks do not measure how good an agent is.
 """
 
 import os
@@ -37,7 +37,7 @@ AgentCheck: TypeAlias = "Callable[[AgentTrial], Sequence[str] | None]"
 
 @dataclass
 class AgentTrial:
-    """One agent that is tried.
+    """The agent under test.
 
     Args:
         name: of the agent.
@@ -50,13 +50,13 @@ class AgentTrial:
 
     @property
     def apart(self) -> Apart:
-        """The agent, in a thread of its own; a check that fails to make it says so."""
+        """The agent, in its own thread; if it cannot be made, the check fails with the reason."""
         if self._apart is None:
             self._apart = self.fresh()
         return self._apart
 
     def fresh(self) -> Apart:
-        """Return another object of the agent, ready for an episode."""
+        """Return a new object of the agent, ready for an episode."""
         try:
             made = Apart(partial(make, self.name))
             made.reset()
@@ -66,12 +66,12 @@ class AgentTrial:
 
     @property
     def repeats(self) -> bool:
-        """Whether the agent claims to answer alike; it sets `deterministic = False` if not."""
+        """Whether the agent claims to repeat its answers (not `deterministic = False`)."""
         return bool(getattr(self.apart.agent, "deterministic", True))
 
 
 def screen(size: Size, number: int = 0) -> UInt8Array:
-    """Return a drawn picture with a few windows, another for each number."""
+    """Return a drawn picture with a few windows, different for each number."""
     height, width = size
     picture = np.full((height, width, 3), 210, np.uint8)
     random = np.random.default_rng(number)
@@ -86,7 +86,7 @@ def ask(
     picture: UInt8Array,
     task: str = TASK,
 ) -> TriedAnswer:
-    """Ask an agent once; what is no text and no list of texts fails the check."""
+    """Ask an agent once; fail the check unless the answer is a text or a list of texts."""
     try:
         said, actions = apart.predict(task, {"screenshot": picture})
         listed: list[object] = apart.call(list, actions)
@@ -253,7 +253,7 @@ CHECKS: tuple[AgentCheck, ...] = (
 
 
 def run_checks(name: str, printed: Callable[[], int]) -> Iterator[Result]:
-    """Yield the outcome of each check; those after an agent that cannot be made are left out."""
+    """Yield the outcome of each check; if the agent cannot be made, the others are left out."""
     trial = AgentTrial(name, printed)
     for check in CHECKS:
         result = run_check(check, trial)
@@ -268,7 +268,7 @@ def names_of_checks() -> list[str]:
 
 
 def about(name: str) -> str:
-    """Return what a check makes sure of."""
+    """Return the property that a check tests."""
     check = next(check for check in CHECKS if check.__name__ == f"check_{name}")
     return (check.__doc__ or "").strip().split("\n")[0]
 

@@ -45,7 +45,7 @@ from .settings import (
     TokenPrices,
 )
 
-FOLDER = "agents/"  # of the packaged ones
+FOLDER = "agents/"  # the folder of the packaged agent files
 SUFFIXES = (".yaml", ".yml")
 DEFAULT_ERRORS = "onlookers/errors"
 _TEXT = Parameter("str", "")
@@ -59,7 +59,8 @@ _MODEL: Mapping[str, Parameter] = {
     "timeout": Parameter("float", "", low=0.01, high=3600),
 }
 _MODEL_SECTIONS = ("base_url", "api_key_env", "sampling", "request", "prices")
-_OURS = ("model", "messages", "input", "tools", "stream")  # fields of a request that are not free
+# Fields of a request that the agent sets itself.
+_OURS = ("model", "messages", "input", "tools", "stream")
 _AGENT: Mapping[str, Parameter] = {
     "prompt": _TEXT,
     "parser": Parameter("choice", "", choices=DIALECTS),
@@ -83,12 +84,13 @@ _SAMPLING: Mapping[str, Parameter] = {
 }
 _PRICE = Parameter("float", "", low=0, high=1_000_000)
 _PRICES: Mapping[str, Parameter] = {"input": _PRICE, "output": _PRICE}
-_TALKS = Parameter("choice", "", choices=("openai", "anthropic"))  # clients of an onlooker
+# Clients that an onlooker may use.
+_TALKS = Parameter("choice", "", choices=("openai", "anthropic"))
 _ERROR: Mapping[str, Parameter] = {"name": _TEXT, "looks": _TEXT, "say": _TEXT}
 
 
 def packaged() -> tuple[str, ...]:
-    """The bare names of the agent files that come with the package."""
+    """Return the bare names of the agent files that come with the package."""
     names = [name for name in available() if name.startswith(FOLDER)]
     return tuple(name.removeprefix(FOLDER) for name in names)
 
@@ -115,7 +117,7 @@ def read_agent(path_or_name: str) -> AgentSettings:
     tree = _mapping(name, data, problems, "model: ..., prompt: pyautogui, parser: pyautogui")
     settings = _AgentReader(problems, name, data).read(tree)
     problems.check()
-    if settings is None:  # nothing is missing then, or it would have been a problem
+    if settings is None:  # every needed key is present now, since a missing one is a problem
         raise ConfigError([f"{name}: cannot be read"])
     return settings
 
@@ -124,7 +126,7 @@ def read_errors(path_or_name: str) -> tuple[tuple[KnownError, ...], str]:
     """Read an error repository: a list of `name`, `looks` and `say`.
 
     Returns:
-        Its entries, and the SHA-256 of the file.
+        The entries, and the SHA-256 of the file.
 
     Raises:
         ConfigError: all mistakes of the file.
@@ -165,7 +167,7 @@ def _section(
     needed: Sequence[str] = (),
     others: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """Return the checked values of a mapping whose keys are `known`; `others` are left alone."""
+    """Return the checked values of a mapping with the keys `known`; `others` are not checked."""
     if not isinstance(tree, MappingNode):
         listed = ", ".join([*known, *others])
         problems.add(tree.place, f"{where} must be a mapping ({listed}), got {kind_of(tree)}")
@@ -216,7 +218,8 @@ class _AgentReader:
         model_values |= self._model_sections("", tree)
         self._check_parser(tree, values, model_values)
         self._check_prompt(tree, values)
-        model = ModelSettings(**{"model": "", **model_values})  # a missing one is a problem by now
+        # A missing one has been noted as a problem.
+        model = ModelSettings(**{"model": "", **model_values})
         onlooker = self._onlooker(tree, model, values)
         if self._problems.found:
             return None
@@ -376,16 +379,16 @@ class _AgentReader:
         return entries
 
     def _beside(self, path: str) -> str:
-        """Return a path of the file, relative to the file, as one of the current folder."""
+        """Convert a path relative to the agent file to one relative to the current folder."""
         return os.path.join(os.path.dirname(self._name), os.path.expanduser(path))
 
 
 def _onlooking(actor: ModelSettings, given: dict[str, Any]) -> ModelSettings:
-    """Return the onlooker's model: what is left out is as for the model that acts."""
+    """Return the onlooker's model, with omitted fields taken from the model that acts."""
     client = "openai" if actor.client == "openai_computer" else actor.client
     if given.get("client", client) != client:
         return ModelSettings(**{"model": actor.model, **given})
     taken = replace(actor, client=client, tool=None)
     if given.get("model", actor.model) != actor.model:
-        taken = replace(taken, prices=None)  # they are of another model
+        taken = replace(taken, prices=None)  # these fields belong to another model
     return replace(taken, **given)

@@ -1,4 +1,4 @@
-"""Agent files in the registry of agents: what makes the agents of one."""
+"""Agent files in the registry of agents, where each is an object that makes agents."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -32,7 +32,7 @@ class FileAgentMaker:
 
     @property
     def source(self) -> dict[str, str]:
-        """What a run keeps: the file's path and SHA-256, and that of the prompts in use."""
+        """Return what a run records: the file's path and SHA-256, and that of its prompts."""
         data = {"path": self.settings.source, "sha256": self.settings.sha256}
         folders = self.run.folders(self.settings)
         if folders:
@@ -47,7 +47,7 @@ class FileAgentMaker:
         """Check that the price of every model is known.
 
         Raises:
-            AgentSetupError: one is not.
+            AgentSetupError: a price is unknown.
         """
         for model in self.settings.models:
             if model.prices is None:
@@ -58,22 +58,23 @@ class FileAgentMaker:
 
 
 def maker_of(path_or_name: str) -> FileAgentMaker:
-    """Return what makes the agents of a file; its mistakes are a `ConfigError`."""
+    """Return the maker for an agent file; raises `ConfigError` for its mistakes."""
     return FileAgentMaker(read_agent(path_or_name))
 
 
 def file_makers(entries: Iterable[Any]) -> list[FileAgentMaker]:
-    """Return those of some makers that make agents of files."""
+    """Return those of some registry entries that are makers of agent files."""
     return [entry for entry in entries if isinstance(entry, FileAgentMaker)]
 
 
 def prompts_folder(path: Path) -> Path:
-    """Check a folder of prompts: it has some, all can be read, and each replaces one of ours.
+    """Check that a folder of prompts is not empty, and that each replaces a packaged one.
 
-    The mistakes of a prompt are a `ConfigError`.
+    Raises `ConfigError` for mistakes in a prompt.
 
     Raises:
-        AgentSetupError: there is no such folder, or one of its files has a name that no prompt has.
+        AgentSetupError: there is no such folder, or a file does not have the name of a packaged
+            prompt.
     """
     found = sorted(path.glob(f"*{prompts.SUFFIX}")) if path.is_dir() else []
     known = prompts.names()

@@ -1,9 +1,9 @@
 """The oracles: a task's own solution, played as the actions of an agent.
 
-`Task.oracle` runs in a thread of its own, with a hand on a stand-in for the desktop. Reads of the
-machine go to the real one; code that it runs is handed out by `predict` as an action, and the
-solution continues when the next action is asked for. So only one of the two threads works at a
-time, and the corruption affects the oracle as it affects any agent.
+`Task.oracle` runs in its own thread, with a hand on a stand-in for the desktop. Reads go to the
+real machine; code that it runs is returned by `predict` as an action, and the solution continues
+when the next action is requested. So only one of the two threads runs at a time, and the corruption
+affects the oracle like any agent.
 """
 
 import queue
@@ -23,8 +23,9 @@ from ..tasks.careful import CarefulHand
 from ..tasks.hand import GiveUpError
 from .base import DONE, FAIL, Observation
 
-PATIENCE = 300.0  # s until the solution has its next action; it waits 20 s for what does not come
-ENDING = 30.0  # s until a solution that looks for something has noticed that the episode is over
+# S until the solution has its next action; it waits 20 s for elements that do not appear.
+PATIENCE = 300.0
+ENDING = 30.0  # s for a solution that looks for an element to notice that the episode is over
 
 
 class _StoppedError(DesktopError):
@@ -32,7 +33,7 @@ class _StoppedError(DesktopError):
 
 
 class StandIn:
-    """A desktop whose `run` hands its code over as an action, and waits until it was taken."""
+    """A desktop whose `run` passes its code on as an action, and waits until it was taken."""
 
     def __init__(self, desktop: Desktop) -> None:
         self._desktop = desktop
@@ -41,7 +42,7 @@ class StandIn:
 
     @property
     def capabilities(self) -> frozenset[Capability]:
-        """Those of the desktop."""
+        """The capabilities of the desktop."""
         return self._desktop.capabilities
 
     @property
@@ -50,7 +51,7 @@ class StandIn:
         return self._desktop.size
 
     def run(self, code: str) -> RunResult:
-        """Let `code` be the next action; return when it was taken.
+        """Make `code` the next action; return when it has been taken.
 
         Raises:
             _StoppedError: the episode is over.
@@ -61,19 +62,19 @@ class StandIn:
         return RunResult("success", returncode=0)
 
     def screenshot(self) -> UInt8Array:
-        """The real screen."""
+        """Return the real screen."""
         return self._desktop.screenshot()
 
     def accessibility(self) -> str:
-        """The real tree."""
+        """Return the real tree."""
         return self._desktop.accessibility()
 
     def execute(self, argv: Sequence[str] | str, timeout: float = 60) -> RunResult:
-        """Look something up, such as the home folder; not an action."""
+        """Run a command for a lookup, such as of the home folder; this is not an action."""
         return self._desktop.execute(argv, timeout)
 
     def read_file(self, path: str) -> bytes:
-        """A real file."""
+        """Return the content of a real file."""
         return self._desktop.read_file(path)
 
     def write_file(self, path: str, data: bytes) -> None:
@@ -95,7 +96,7 @@ class StandIn:
         raise DesktopError("an oracle cannot reset the desktop")
 
     def close(self) -> None:
-        """Nothing: the desktop belongs to the runner."""
+        """Do nothing, since the desktop belongs to the runner."""
 
 
 class Oracle:
@@ -124,7 +125,7 @@ class Oracle:
         self._over = False
 
     def prepare(self, task: Task, machine: Machine) -> None:
-        """Take the task to solve, and the machine to look at."""
+        """Store the task to solve, and the machine to examine."""
         self._task = task
         self._machine = machine
         self._desktop = StandIn(machine.desktop)
@@ -151,9 +152,9 @@ class Oracle:
         return "", [coords.code_to_observation(code)]
 
     def _last_words(self, task: Task) -> tuple[str, Sequence[str]]:
-        """Return the last answer; an oracle that lost its way must not pass for one that gave up.
+        """Return the last answer; an oracle that failed must not pass for one that gave up rightly.
 
-        On a task that cannot be done, `FAIL` is right only if the oracle found that out.
+        On an infeasible task, `FAIL` is right only if the oracle found out that it is infeasible.
         """
         if self._gave_up:
             return self._failure, [FAIL]
@@ -162,7 +163,7 @@ class Oracle:
         return "The task is done.", [DONE]
 
     def _go_on(self, task: Task, desktop: StandIn) -> None:
-        """Let the solution look for its next action."""
+        """Let the solution continue to its next action."""
         if self._thread is not None:
             desktop.done.put(True)
             return
@@ -203,16 +204,16 @@ class Oracle:
 class Recovering(Oracle):
     """Solves a task as a careful user does, who notices disturbances and checks the result.
 
-    What it cannot do, no agent can be asked to do: it is the ceiling of a benchmark.
+    It is the ceiling of a benchmark: no agent can be expected to do more.
     """
 
     TRIES = 3
 
     def solve(self, task: Task, desktop: Desktop) -> None:
-        """Play the task's solution; put things right and begin again if that did not do it.
+        """Play the task's solution; if that fails, repair the disturbance and begin again.
 
         Raises:
-            DesktopError: it did not work out at the last try, either.
+            DesktopError: the last try failed, too.
         """
         machine = self._machine
         if machine is None:

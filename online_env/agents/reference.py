@@ -1,6 +1,6 @@
-"""Agents without a model: one that acts at random, and one that gives up at once.
+"""Agents without a model: one acts at random, one gives up at once.
 
-What an agent scores above these two is not luck, and not the share of tasks that cannot be done.
+A score above these two is due neither to luck nor to the share of infeasible tasks.
 """
 
 import hashlib
@@ -11,7 +11,7 @@ from hijack_data.types import Size, UInt8Array
 
 from .base import DONE, FAIL, WAIT, Observation
 
-NAME = "random_agent-v1"  # of the streams; another set of actions is another version
+NAME = "random_agent-v1"  # name of the random streams; a new set of actions needs a new version
 SCROLL = 10  # clicks of the wheel, at most
 HOTKEYS = (
     ("enter",),
@@ -28,10 +28,10 @@ HOTKEYS = (
 
 
 class RandomActions:
-    """Takes random actions inside the picture: first a type of action, all alike, then the rest.
+    """Takes random actions inside the picture: it draws a type, uniformly, then the details.
 
-    The draws follow from the picture, the instruction and the number of the step alone, so a run
-    can be repeated, and no two pictures have the same draws.
+    The draws depend only on the picture, the instruction and the number of the step, so a run can
+    be repeated, and different pictures have different draws.
     """
 
     def __init__(self, seed: int = 0) -> None:
@@ -53,7 +53,7 @@ class RandomActions:
 
 
 class GivesUp:
-    """Answers `FAIL` at once: its score is the share of tasks that cannot be done."""
+    """Answers `FAIL` at once, so its score is the share of infeasible tasks."""
 
     def predict(self, instruction: str, obs: Observation) -> tuple[str, Sequence[str]]:
         """Return `FAIL`."""

@@ -1,6 +1,6 @@
-"""An agent that plays a list of actions: to try a task, a corruption or a change of the library.
+"""An agent that plays a list of actions, for trying a task, a corruption or a change.
 
-The list is YAML or JSON: actions as an agent gives them, one after the other.
+The list is YAML or JSON: actions in the form of an agent's answers, in order.
 
     - pyautogui.click(100, 200)
     - pyautogui.write('hello')
@@ -31,7 +31,7 @@ VARIABLE = "AGENTHIJACK_SCRIPT"
 
 
 class Scripted:
-    """Plays the actions of a file, one a step, whatever it sees; then it answers `DONE`.
+    """Plays the actions of a file, one per step, whatever it sees; then it answers `DONE`.
 
     Raises:
         ParameterError: no file is named.
@@ -73,10 +73,10 @@ class Scripted:
 
 
 def read_script(file: Path) -> tuple[str, ...]:
-    """Return the actions of a file; code may do what agents may do, see `read_action`.
+    """Return the actions of a file; code is limited as for agents, see `read_action`.
 
     Raises:
-        ConfigError: it cannot be read, is no list, or holds something that is no action.
+        ConfigError: the file cannot be read, is not a list, or holds an item that is not an action.
     """
     text = _read(file)
     try:

@@ -1,4 +1,4 @@
-"""What an agent file says: the records that `files.read_agent` makes of it."""
+"""The content of an agent file, as records that `files.read_agent` makes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -8,7 +8,7 @@ from ..errors import AgentSetupError
 
 CLIENTS = ("openai", "anthropic", "openai_computer")
 COORDINATES = ("pixels", "resized", "thousandths")
-# The computer tools by client; the first is taken if the file names none.
+# The computer tools by client; the first is the default.
 TOOLS: Mapping[str, tuple[str, ...]] = {
     "openai_computer": ("computer", "computer_use_preview"),
     "anthropic": ("computer_20251124", "computer_20250124", "computer_toolset_20260801"),
@@ -20,7 +20,7 @@ MILLION = 1_000_000
 
 @dataclass(frozen=True, kw_only=True)
 class SamplingSettings:
-    """How a model draws its words; what is `None` is not sent."""
+    """The sampling parameters of a model; values that are `None` are not sent."""
 
     temperature: float | None = 0.6
     top_p: float | None = 0.9
@@ -44,17 +44,17 @@ class ModelSettings:
     """One model behind an API.
 
     Args:
-        model: its name, as the endpoint knows it.
+        model: its name at the endpoint.
         client: one of `CLIENTS`.
         base_url: address of the endpoint; that of the API's maker if it is `None`.
         api_key_env: name of the environment variable with the key; `None` for an endpoint that
-            wants none.
+            needs none.
         tool: the computer tool that is offered; `None` for a conversation in text.
         sampling: how it draws its words.
-        request: further fields of every request, as the endpoint wants them.
-        retries: how often a request is sent again that failed on its way.
-        timeout: s until an answer has to be there.
-        prices: what its tokens cost, if that is known.
+        request: further fields of every request, in the form of the endpoint's API.
+        retries: how often a failed request is sent again.
+        timeout: s within which an answer must arrive.
+        prices: the prices of its tokens, if known.
     """
 
     model: str
@@ -71,7 +71,7 @@ class ModelSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class KnownError:
-    """One entry of an error repository: what it looks like, and what to say."""
+    """One entry of an error repository: the look of the error, and what to say about it."""
 
     name: str
     looks: str
@@ -86,8 +86,7 @@ class OnlookerSettings:
         model: the model that looks on.
         check: compare the first screenshot with `errors` before the agent acts.
         reinit: if the check finds an error, ask for re-initialisation once.
-        summarise: say what happened after each step; that replaces the agent's own words in its
-            history.
+        summarise: summarise each step; the summary replaces the agent's own words in its history.
         errors: the error repository.
     """
 
@@ -104,11 +103,11 @@ class AgentSettings:
 
     Args:
         source: path of the file, or the name of a packaged one.
-        sha256: of its bytes and of those of the files that it names.
+        sha256: the hash of its bytes and of those of the files that it names.
         model: the model that acts.
         prompt: name of its prompt.
         parser: the dialect of its actions, one of `hijack_data.actions.DIALECTS`.
-        coordinates: of what pyautogui code gives coordinates, one of `COORDINATES`.
+        coordinates: the space of coordinates in pyautogui code, one of `COORDINATES`.
         history: how many earlier pictures it sees.
         min_pixels: the smallest picture that the model's image processor makes; its own if `None`.
         max_pixels: the largest one.
@@ -139,7 +138,7 @@ class AgentSettings:
         """Check that the environment has every key.
 
         Raises:
-            AgentSetupError: it lacks one.
+            AgentSetupError: a key is missing.
         """
         for model in self.models:
             name = model.api_key_env

@@ -113,7 +113,7 @@ def bench(
 
     Such as: hijack bench embedded_small --out runs/small
     """
-    from .config import load_bench, override  # brings the web sites; a report needs none
+    from .config import load_bench, override  # loads the web sites, which a report does not need
     from .estimates import estimate, history_near
     from .jobs import jobs
     from .models import ModelOptions, prepare
@@ -141,7 +141,7 @@ def bench(
         raise click.UsageError("--out RUNS: say where the records go (or --dry-run)")
     if sign is not None:
         seal.check_key(sign)
-    if engine == LOCAL:  # a node looks for itself
+    if engine == LOCAL:  # each node checks itself
         check_installed(chosen.provider, chosen.tasks)
     setup = _setup(chosen, out, models)
     with (
@@ -256,7 +256,7 @@ def _play(
 
 
 def _budget(out: Path, limit: float | None) -> costs.Budget | None:
-    """Return what the run may still cost; its journal is read for it once."""
+    """Return the remaining budget of a run; its journal is read once to compute it."""
     if limit is None:
         return None
     return costs.Budget(limit, records.read(out).records)
@@ -264,7 +264,7 @@ def _budget(out: Path, limit: float | None) -> costs.Budget | None:
 
 @contextlib.contextmanager
 def _here(chosen: "Bench", out: Path) -> "Iterator[LiveEpisodes]":
-    """Play in this process, where a debugger can follow an agent."""
+    """Play episodes in this process, where a debugger can follow the agent."""
     from ..embedded.runtime import masks
     from ..environment import SmallTasks
     from .episodes import LiveEpisodes
@@ -280,7 +280,7 @@ def _setup(
     out: Path,
     models: "ModelOptions",
 ) -> "WorkerSetup":
-    """Return what another process needs."""
+    """Return the settings that another process needs to play episodes."""
     from .workers import WorkerSetup, references
 
     return WorkerSetup(

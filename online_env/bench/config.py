@@ -65,19 +65,19 @@ KEYS = ("desktop", "agents", "tasks", "corruptions", "seeds", *NUMBERS, "recover
 
 @dataclass(frozen=True, kw_only=True)
 class Bench:
-    """A benchmark: what is run, and how.
+    """The configuration of a benchmark.
 
     Args:
         source: the file, for messages.
-        provider: name of what provides the desktop, in `providers.PROVIDERS`.
+        provider: name of the desktop's provider, in `providers.PROVIDERS`.
         size: `(height, width)` of the desktop in pixels.
         agents: names in `agents.AGENTS`.
         tasks: names in `online_env.tasks`.
         corruptions: by label, in order; `None` is the clean condition.
-        seeds: each gives every task another variant and every corruption other draws.
-        max_steps: actions until an episode is cut off.
+        seeds: each seed gives every task another variant and every corruption different draws.
+        max_steps: the most actions of an episode.
         recovery: `none`, `repair` or `reset`.
-        retries: how often an invalid episode is run again.
+        retries: how often an invalid episode is repeated.
         agent_timeout: seconds that an agent may take for one answer.
         episode_timeout: seconds that an episode may take altogether.
     """
@@ -97,14 +97,15 @@ class Bench:
 
     @property
     def planners(self) -> Mapping[str, Planner | None]:
-        """The corruptions by label; all of them if none was named."""
+        """The corruptions by label; all of them if the file names none."""
         return everything() if self.corruptions is None else self.corruptions
 
     def to_data(self) -> dict[str, Any]:
         """Return the resolved configuration as JSON data.
 
-        Every parameter of every corruption is written out. `code` has the file and its SHA-256 of
-        each agent, task and provider that is not ours; the key is left out if there is none.
+        Every parameter of every corruption is written out. `code` has the file, with its SHA-256,
+        of each agent, task and provider that does not come with this library; the key is left out
+        if there is none.
         """
         width_first = [self.size[1], self.size[0]]
         data: dict[str, Any] = {
@@ -134,14 +135,14 @@ class Bench:
         return [*clean, *entries["corruptions"]]
 
     def _code(self) -> Iterator[tuple[str, dict[str, str]]]:
-        """Yield the files of what is not ours, by name."""
+        """Yield the files of the agents, tasks and provider that do not come with this library."""
         for _, name, entry in self.foreign():
             source = entry.source if isinstance(entry, FileAgentMaker) else source_of(entry)
             if source is not None:
                 yield name, source
 
     def foreign(self) -> Iterator[tuple[AnyRegistry, str, Any]]:
-        """Yield registry, name and class of the agents, tasks and provider that are not ours."""
+        """Yield registry, name and class of agents, tasks and provider from outside the library."""
         used: tuple[tuple[AnyRegistry, tuple[str, ...]], ...] = (
             (AGENTS, self.agents),
             (TASKS, self.tasks),
@@ -157,7 +158,7 @@ class Bench:
 
 
 def everything() -> Planners:
-    """Return clean and every corruption there is, at its defaults."""
+    """Return the clean condition and every corruption with its defaults, by label."""
     return {CLEAN: None, **{name: get(name) for name in corruption_names()}}
 
 
@@ -185,17 +186,17 @@ def override(
     corruption: str | None = None,
     seeds: int | None = None,
 ) -> Bench:
-    """Return the benchmark with what the command line gives instead.
+    """Return the benchmark with the values of the command line.
 
-    Raises `UnknownNameError` with the closest name, `ParameterError` for an empty list or a name
-    that is given twice, `PluginError` for a file, module or plug-in that cannot be loaded.
+    Raises `UnknownNameError` with the closest name, `ParameterError` for an empty list or a
+    repeated name, and `PluginError` for a file, module or plug-in that cannot be loaded.
 
     Args:
-        bench: as it is configured.
+        bench: the benchmark of the file.
         agent: names, `package.module:Class` or `file.py:Class`, separated by commas, or `all`.
-        task: the same of tasks, or a set of them, such as `core`.
+        task: the same for tasks, or the name of a set, such as `core`.
         corruption: labels and names of corruptions, or `all`.
-        seeds: their number; they begin at 0.
+        seeds: the number of seeds, which begin at 0.
     """
     if agent is not None:
         bench = replace(bench, agents=_registered("--agent", agent, AGENTS))
@@ -211,7 +212,7 @@ def override(
 
 
 def _planners(bench: Bench, text: str) -> Planners:
-    """Return labels of the file first, then names of corruptions; `all` is clean and all nine."""
+    """Return the corruptions that a text lists: labels of the file, names, or `all`."""
     if text.strip() == ALL:
         return everything()
     known = {**everything(), **bench.planners}
@@ -226,19 +227,19 @@ def _registered(
     text: str,
     registry: AnyRegistry,
 ) -> tuple[str, ...]:
-    """Return names, after loading what `file.py:Class` and `module:Class` name.
+    """Return names, after loading any `file.py:Class` and `module:Class`.
 
     Raises:
-        HijackError: a name that does not exist, or cannot be loaded.
+        HijackError: a name does not exist, or cannot be loaded.
     """
-    registry.load()  # a plug-in that is broken is known then
+    registry.load()  # plug-ins are loaded first, so broken ones are known
     names: list[str] = []
     for name in _split(text):
         try:
             names.append(registry.find(name) if registry.is_reference(name) else name)
             registry.check_not_broken(name)
         except ConfigError:
-            raise  # it names the file and all its mistakes
+            raise  # the error names the file and all its mistakes
         except HijackError as error:
             raise type(error)(f"{option}: {error}") from error
     return _chosen(option, ",".join(names), registry.names(), registry.hint)
@@ -274,7 +275,7 @@ def _chosen(
 
 
 class _Reader:
-    """Reads the keys; mistakes go into `problems` and leave the default in place."""
+    """Reads the keys; a mistake is added to `problems`, and the key keeps its default."""
 
     def __init__(self, problems: Problems) -> None:
         self._problems = problems
@@ -314,7 +315,7 @@ class _Reader:
         return check(self._problems, SEED, where, tree)
 
     def _desktop(self, tree: ConfigNode) -> dict[str, Any]:
-        """Return those of provider and size that are given."""
+        """Return the given ones of `provider` and `size`."""
         example = "write desktop: {provider: embedded, size: [1920, 1080]}"
         if not isinstance(tree, MappingNode):
             self._problems.add(
@@ -360,7 +361,7 @@ class _Reader:
         return self._list(key, tree, example, one)
 
     def _tasks(self, key: str, tree: ConfigNode) -> tuple[str, ...] | None:
-        """Return the tasks of a set that is named, or of a list."""
+        """Return the tasks of a named set, or of a list."""
         if isinstance(tree, ScalarNode) and tree.value in sets.set_names():
             return sets.members(str(tree.value))
         return self._names(key, tree, TASKS)
@@ -371,7 +372,7 @@ class _Reader:
         tree: ConfigNode,
         registry: AnyRegistry,
     ) -> str | None:
-        """Return a name, after loading what `file.py:Class` or `module:Class` names."""
+        """Return a name, after loading it if it is `file.py:Class` or `module:Class`."""
         text = tree.value if isinstance(tree, ScalarNode) else None
         known = Parameter("choice", "", choices=tuple(registry.names()))
         if isinstance(text, str):
@@ -408,7 +409,7 @@ class _Reader:
         return tuple(values)
 
     def _corruptions(self, tree: ConfigNode) -> Planners | None:
-        """Return planners of `all`, or of a list, in which `clean` is the clean condition."""
+        """Return the planners of `all`, or of a list, in which `clean` is the clean condition."""
         if isinstance(tree, ScalarNode) and tree.value == ALL:
             return everything()
         if not isinstance(tree, SequenceNode):

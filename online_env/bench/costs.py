@@ -1,4 +1,4 @@
-"""What the models of a run have cost, from its records."""
+"""The cost of the models of a run, computed from its records."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -7,23 +7,23 @@ from typing import Any, TypeGuard
 from ..errors import CostLimitError
 
 COUNTS = ("requests", "input_tokens", "output_tokens")
-_MOST = 2**53  # beyond, floats are no longer exact, and nothing that was counted is so large
+_MOST = 2**53  # beyond this, floats are not exact integers, and no real count is so large
 
 
 def is_amount(value: object) -> TypeGuard[float]:
-    """Return whether a value is a number that can be summed: from 0 on, not NaN, not absurd.
+    """Return whether a value is a number that can be summed: at least 0, finite, not absurd.
 
-    An agent says itself what it has used, so what it says may be anything.
+    Agents report their own usage, so the value may be anything.
     """
     return isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value <= _MOST
 
 
 class Budget:
-    """What the models of a run may cost, and what they have cost so far.
+    """The budget for the models of a run, and the amount spent so far.
 
     Args:
         limit: in USD.
-        made: the records that the run has already.
+        made: the records of the run so far.
     """
 
     def __init__(self, limit: float, made: Sequence[Mapping[str, Any]] = ()) -> None:
@@ -44,7 +44,7 @@ class Budget:
         """Check that another episode may begin.
 
         Raises:
-            CostLimitError: the episodes have cost what they may, or nobody knows what.
+            CostLimitError: the budget is spent, or the cost of an episode is unknown.
         """
         if self._unknown:
             raise CostLimitError(
@@ -60,7 +60,7 @@ class Budget:
 
 
 def cost_of(made: Sequence[Mapping[str, Any]]) -> float:
-    """Return what episodes have cost, in USD; those that do not know cost nothing."""
+    """Return the cost of episodes in USD; episodes with unknown cost count as 0."""
     total = 0.0
     for record in made:
         usage = record.get("usage")
@@ -71,7 +71,7 @@ def cost_of(made: Sequence[Mapping[str, Any]]) -> float:
 
 
 def usage_line(made: Sequence[Mapping[str, Any]]) -> str:
-    """Return what all episodes have used, in words; empty if their agents do not count it."""
+    """Return the usage of all episodes in words; empty if their agents do not count it."""
     counted = list(_counted(made))
     if not counted:
         return ""
@@ -86,7 +86,7 @@ def usage_line(made: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _counted(made: Sequence[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
-    """Yield the counts of records that have all of ours."""
+    """Yield the usage of the records that have all our counts."""
     for record in made:
         usage = record.get("usage")
         if not isinstance(usage, Mapping):
@@ -96,6 +96,6 @@ def _counted(made: Sequence[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
 
 
 def has_counts(usage: Mapping[str, Any]) -> bool:
-    """Return whether requests and tokens are there, as whole numbers."""
+    """Return whether the counts of requests and tokens are present, as integers."""
     counts = [usage.get(key) for key in COUNTS]
     return all(is_amount(count) and isinstance(count, int) for count in counts)

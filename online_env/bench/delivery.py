@@ -1,7 +1,7 @@
-"""The files of an episode that was played on another machine: how they are sent, and placed here.
+"""Send the files of an episode from the machine that played it, and store them here.
 
-An episode is whole when it has its `episode.json` (see `hijack_data.runs.run_log`), so that file is
-sent last and written by rename. What arrived of an episode whose machine died is removed.
+An episode is complete if it has its `episode.json` (see `hijack_data.runs.run_log`), so that file
+is sent last and written by rename. If the machine dies, the files that have arrived are removed.
 """
 
 import shutil
@@ -18,10 +18,10 @@ _SENT = (EPISODES, REQUESTS)
 
 
 def outgoing(folder: Path) -> Iterator[tuple[str, bytes]]:
-    """Yield the files that an episode left, by their names in the folder of the run.
+    """Yield the files of an episode with their names relative to the folder of the run.
 
     Args:
-        folder: A folder that holds this episode alone; it is empty afterwards.
+        folder: A folder with only this episode; it is empty afterwards.
     """
     paths = [path for name in _SENT for path in (folder / name).rglob("*") if path.is_file()]
     for path in sorted(paths, key=_rank):
@@ -35,7 +35,7 @@ def _rank(path: Path) -> tuple[bool, Path]:
 
 
 class Arrival:
-    """Places the files of one episode in the folder of its run.
+    """Stores the files of one episode in the folder of its run.
 
     Args:
         run: The folder of the run.
@@ -43,18 +43,19 @@ class Arrival:
 
     def __init__(self, run: Path) -> None:
         self._run = run
-        self._made: list[Path] = []  # files and folders of this episode
+        self._made: list[Path] = []  # files and folders written for this episode
 
     def put(self, name: str, content: bytes) -> None:
         """Write a file; the folder of the episode is emptied before its first one.
 
         Args:
-            name: As `outgoing` gives it.
+            name: The name yielded by `outgoing`.
             content: Its bytes.
 
         Raises:
-            ClusterError: The name is not that of an episode's file, or the episode is complete.
-            unwritable: It cannot be written.
+            ClusterError: The name is not that of an episode's file, or the episode is complete
+                already.
+            unwritable: The file cannot be written.
         """
         place = PurePosixPath(name)
         if place.parts[:1] not in [(known,) for known in _SENT] or ".." in place.parts:
@@ -70,7 +71,7 @@ class Arrival:
         write_atomic(path, content)
 
     def undo(self) -> None:
-        """Remove what arrived."""
+        """Remove the files that have arrived."""
         for path in self._made:
             if path.is_dir():
                 shutil.rmtree(path, ignore_errors=True)
@@ -82,7 +83,7 @@ class Arrival:
         if own not in self._made:
             if (own / EPISODE).exists():
                 raise ClusterError(f"{own}: holds an episode already; go on with --resume")
-            shutil.rmtree(own, ignore_errors=True)  # what was broken off
+            shutil.rmtree(own, ignore_errors=True)  # remains of an interrupted episode
             self._made.append(own)
         # Private, as `EpisodeLog` makes it.
         (self._run / EPISODES).mkdir(mode=0o700, exist_ok=True)

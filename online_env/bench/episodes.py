@@ -23,8 +23,8 @@ from .models import begin
 from .records import ResultRecord
 
 KEPT = 2000  # characters of a problem
-_LONGEST_USAGE = 2**20  # characters of JSON: a line of the journal has an end
-# The fields of a record that name an episode, and pair it with others.
+_LONGEST_USAGE = 2**20  # characters of JSON, because lines of the journal are limited
+# The fields of a record that identify an episode, and by which episodes are paired.
 IDENTITY = (
     "id",
     "agent",
@@ -44,7 +44,7 @@ class EpisodeEnv(Protocol):
 
     @property
     def record(self) -> ResultRecord | None:
-        """What really happened; `None` until the episode is over."""
+        """The record of the episode; `None` until it is over."""
         ...
 
     def reset(
@@ -58,15 +58,15 @@ class EpisodeEnv(Protocol):
         ...
 
     def hear(self, said: str) -> None:
-        """Log what the agent says with its next action."""
+        """Log the agent's words for its next action."""
         ...
 
     def account(self, usage: dict[str, Any]) -> None:
-        """Keep what the agent says it has used so far."""
+        """Store the usage that the agent has reported so far."""
         ...
 
     def give(self, what: Sequence[str]) -> None:
-        """Keep what the agent is given beside instruction and pictures."""
+        """Store what the agent is given in addition to instruction and pictures."""
         ...
 
     def abandon(self, why: str, traceback: Sequence[str] = ()) -> None:
@@ -96,7 +96,7 @@ class LiveEpisodes:
     def __call__(self, job: Job, attempt: int) -> ResultRecord:
         """Run a job.
 
-        `MissingCapabilityError` is raised if the desktop cannot have the corruption at all.
+        Raises `MissingCapabilityError` if the desktop cannot have the corruption at all.
         """
         bench = self._bench
         begin(job.agent, slug_of(*job.key[1:3], job.seed, job.agent, attempt))
@@ -129,11 +129,11 @@ class LiveEpisodes:
                 _called(agent.reset)
 
     def _show(self, agent: Agent, job: Job) -> None:
-        """Give a privileged agent the task and the desktop."""
+        """Pass the task and the desktop to a privileged agent."""
         cast("Privileged", agent).prepare(self._stage.task, self._stage.machine)
 
     def _plan(self) -> Sequence[str]:
-        """Return the plan in words of the task that is set up."""
+        """Return the plan in words of the current task."""
         return tuple(self._stage.task.plan())
 
 
@@ -147,10 +147,10 @@ def play(
 ) -> ResultRecord:
     """Run one episode and return its record.
 
-    The agent sees instruction and screenshot, nothing else, and runs in a thread of its own. If it
-    raises, or the desktop fails after its first action, the status of the record is `error`, and
-    `cause` names whose failure that is; if the desktop fails earlier, the status is `invalid`.
-    Errors of `CorruptedEnv.reset` that refuse the episode are passed on.
+    The agent sees instruction and screenshot, nothing else, and runs in a thread of its own. If the
+    agent raises, or the desktop fails after the agent's first action, the status of the record is
+    `error`, and `cause` names who failed; if the desktop fails earlier, the status is `invalid`.
+    Errors by which `CorruptedEnv.reset` refuses the episode are passed on.
 
     Args:
         env: The environment.
@@ -158,8 +158,8 @@ def play(
         job: What to run.
         attempt: The number of the attempt, from 0.
         planner: The corruption; `None` for a clean episode.
-        show: Called once the task is set up, with a privileged agent and the job, for what such
-            an agent may know.
+        show: Called once the task is set up, with a privileged agent and the job, to give the agent
+            its task and desktop.
     """
     with Apart(lambda: agent) as apart:
         return _played(env, apart, job, attempt, planner, show)
@@ -187,7 +187,8 @@ def _played(
         obs, _ = env.reset(seed=job.seed, options=options)
     except DesktopError as error:
         if env.record is None and isinstance(error, MissingCapabilityError):
-            # Refused before anything was done: the desktop lacks what the configuration needs.
+            # The episode is refused at the start: the desktop lacks a capability that the
+            # configuration needs.
             raise
         problem = f"{type(error).__name__}: {error}"
         return _never_begun(env.record, _not_begun(job, attempt, problem, start))
@@ -212,7 +213,7 @@ def _prepare(
     job: Job,
     given: list[str],
 ) -> None:
-    """Give a privileged agent the task and the machine, and note it in `given`."""
+    """Pass the task and the machine to a privileged agent, and note it in `given`."""
     if not agent.call(isinstance, agent.agent, Privileged):
         return
     given.append("task")
@@ -224,10 +225,10 @@ def _tell(
     told: Callable[[], Sequence[str]],
     given: list[str],
 ) -> None:
-    """Give an agent that follows plans that of the task: words, and nothing that leads further.
+    """Pass the plan of the task to an agent that follows plans: as plain words and nothing else.
 
-    No function of ours calls the agent's, so that it cannot look up the episode from there. What
-    was given is noted in `given`.
+    The agent is called from its own thread, so that its callers do not lead to the episode. The
+    plan is noted in `given`.
     """
     if not agent.call(getattr, agent.agent, "uses_plan", False):
         return
@@ -253,7 +254,7 @@ def _turn(
         return obs
     _account(env, agent)
     env.hear(said)
-    # No action counts as a malformed one: otherwise an agent could stop the clock.
+    # An empty list of actions counts as a malformed action: otherwise an agent could stall forever.
     for action in actions or [""]:
         if env.record is None:
             obs, *_ = env.step(action)
@@ -261,7 +262,7 @@ def _turn(
 
 
 def _account(env: EpisodeEnv, agent: Apart) -> None:
-    """Hand the agent's `usage` to the record, if it has one that is a mapping."""
+    """Store the agent's `usage` in the record, if it is a mapping."""
     try:
         usage = agent.call(getattr, agent.agent, "usage", None)
         if isinstance(usage, Mapping):
@@ -274,7 +275,7 @@ def _account(env: EpisodeEnv, agent: Apart) -> None:
 
 
 def _called(function: Callable[..., object], *values: object) -> AgentError | None:
-    """Call a function of the agent's; return what it raised."""
+    """Call a function of the agent; return the error that it raised, if any."""
     try:
         function(*values)
     except AgentError as error:
@@ -293,12 +294,12 @@ def lost(
     *,
     start: float,
 ) -> ResultRecord:
-    """Return the record of an episode that was broken off and left none.
+    """Return a record for an episode that was interrupted before it wrote one.
 
     Args:
         job: What was run.
         attempt: The number of the attempt.
-        problem: Why there is no other record.
+        problem: Why the episode left no record.
         start: When the episode began: a `time.monotonic()` of this process.
     """
     return {**_not_begun(job, attempt, problem, start), "status": "error"}

@@ -1,8 +1,8 @@
-"""What a run will take: time, disk and money, from what was measured before.
+"""Estimate the time, disk space and money of a run from earlier measurements.
 
-An episode is expected to take what the same agent took in earlier runs nearby; otherwise what the
-oracle needed for its task (`online_env/tasks/suite/measured.yaml`); otherwise all the steps that it
-may have.
+An episode is expected to take as much as the same agent took in earlier runs in neighbouring
+folders; otherwise as much as the oracle needed for the task
+(`online_env/tasks/suite/measured.yaml`); otherwise all of its allowed steps.
 """
 
 import heapq
@@ -26,31 +26,31 @@ from .reading import ResultRecord, read
 
 Basis: TypeAlias = Literal["runs", "suite", "limit"]
 
-# Of a task that was never measured, on two cores.
-EPISODE_SECONDS = 5.0  # to begin and to judge an episode
+# For a task that was never measured, on two cores.
+EPISODE_SECONDS = 5.0  # seconds to begin and to judge an episode
 STEP_SECONDS = 0.8
 # A step keeps a full-HD PNG, and a second one if the agent saw something else.
 STEP_BYTES = 430_000
-# Agents that take a known number of steps; `None` is the oracle's number and one more.
+# Agents with a known number of steps; `None` means one step more than the oracle.
 STEPS: Mapping[str, int | None] = {
     "oracle": None,
     "recovering": None,
     "do_nothing": 6,
     "fail": 1,
 }
-WITHOUT_THINKING = (*STEPS, "random")  # their answers take no time
+WITHOUT_THINKING = (*STEPS, "random")  # agents whose answers take no time
 MOST_RUNS = 20
 MOST_RECORDS = 20_000
-MOST_FOLDERS = 100  # whose files are measured
+MOST_FOLDERS = 100  # episodes whose files are measured
 
 
 @dataclass(frozen=True, kw_only=True)
 class Expected:
-    """What one episode is expected to take.
+    """The expected cost of one episode.
 
     Args:
-        seconds: From its beginning to the next one's.
-        bytes: On the disk.
+        seconds: Time from its beginning to that of the next episode.
+        bytes: Disk space.
         usd: For models; `None` if it is not known.
         basis: Earlier runs, the suite's figures, or the limit on its steps.
     """
@@ -63,13 +63,13 @@ class Expected:
 
 @dataclass(frozen=True, kw_only=True)
 class History:
-    """What episodes of earlier runs took.
+    """Time, steps, money and disk space of the episodes of earlier runs.
 
     Args:
         seconds: By agent, task and corruption; also by agent and task, and by agent alone.
         steps: Likewise.
-        usd: Likewise, of the episodes that know it.
-        step_bytes: What a step keeps on the disk; `None` if no episode is there.
+        usd: Likewise, for episodes with known cost.
+        step_bytes: Disk space of a step; `None` without an earlier episode.
         runs: How many runs were read.
     """
 
@@ -91,8 +91,8 @@ def estimate(
     Args:
         bench: The benchmark.
         listed: The jobs, in their order.
-        desktops: How many are played side by side.
-        history: What earlier runs took.
+        desktops: How many desktops play side by side.
+        history: Measurements of earlier runs.
     """
     found = expected(bench, listed, history or History())
     seconds = makespan([each.seconds for each in found], desktops)
@@ -118,7 +118,7 @@ def expected(
     listed: Sequence[Job],
     history: History,
 ) -> list[Expected]:
-    """Return what each job will take; the arguments are those of `estimate`."""
+    """Return the expected cost of each job; the arguments are those of `estimate`."""
     measured = sets.measured()
     return [_expected(bench, job, history, measured) for job in listed]
 
@@ -167,7 +167,7 @@ def _expected(
 
 
 def _mean(found: Mapping[tuple[str, ...], list[float]], job: Job) -> float | None:
-    """Return the mean of the episodes that are most like a job."""
+    """Return the mean over the earlier episodes that are most similar to a job."""
     whole = (job.agent, job.task, job.corruption)
     for count in (3, 2, 1):
         values = found.get(whole[:count])
@@ -177,7 +177,7 @@ def _mean(found: Mapping[tuple[str, ...], list[float]], job: Job) -> float | Non
 
 
 def _money(listed: Sequence[Job], found: Sequence[Expected]) -> Iterator[str]:
-    """Yield what models will cost, in words; nothing if there is none."""
+    """Yield the expected cost of models in words; nothing without a model."""
     unknown = {job.agent for job, each in zip(listed, found, strict=True) if each.usd is None}
     total = sum(each.usd or 0.0 for each in found)
     if total:
@@ -188,7 +188,7 @@ def _money(listed: Sequence[Job], found: Sequence[Expected]) -> Iterator[str]:
 
 
 def _unmeasured(listed: Sequence[Job], found: Sequence[Expected]) -> Iterator[str]:
-    """Yield the agents whose time to answer is not counted."""
+    """Yield the agents whose answering time is unknown and not counted."""
     for job, each in zip(listed, found, strict=True):
         if each.basis != "runs" and job.agent not in WITHOUT_THINKING:
             yield job.agent
@@ -203,11 +203,11 @@ def in_words(seconds: float) -> str:
 
 
 def makespan(durations: Iterable[float], machines: int) -> float:
-    """Return when the last of some jobs ends: each begins, in order, on the first free machine.
+    """Return when the last job ends, if each begins, in order, on the first free machine.
 
     Args:
         durations: Seconds of each job.
-        machines: How many there are, at least 1; desktops of one machine count alike.
+        machines: The number of machines, at least 1; each desktop counts as a machine.
 
     Returns:
         Seconds, 0 without a job.
@@ -222,7 +222,7 @@ def makespan(durations: Iterable[float], machines: int) -> float:
 
 
 def history_near(out: Path | None) -> History:
-    """Return what episodes took in the run `out` and in the runs beside it.
+    """Return the measurements of the run `out` and of the runs in the same parent folder.
 
     Args:
         out: The folder of a run, which need not exist; `None` stands for a run in `runs`.
@@ -240,7 +240,7 @@ def _glob(folder: Path) -> Iterator[Path]:
 
 
 def read_history(folders: Sequence[Path]) -> History:
-    """Return what episodes took in some runs; those that cannot be read are left out."""
+    """Return the measurements of some runs, without runs that cannot be read."""
     found = History(runs=len(folders))
     sizes: list[float] = []
     left = MOST_RECORDS
@@ -287,7 +287,7 @@ def _count(found: History, record: ResultRecord) -> None:
 
 
 def _sizes(folder: Path, records: Sequence[ResultRecord]) -> Iterator[float]:
-    """Yield what a step of each episode keeps, in bytes."""
+    """Yield the disk space of a step of each episode, in bytes."""
     for record in records:
         place = folder / EPISODES / str(record.get("id"))
         if not place.is_dir() or not isinstance(record.get("steps"), int):

@@ -41,7 +41,7 @@ OF_AGENT = {
 }
 OVER_CORRUPTIONS = ("corrupted", "worst")
 KNOWN = (*OF_CONDITION, *OF_AGENT)
-ROUNDING = 1e-9  # of sums of scores
+ROUNDING = 1e-9  # tolerance for rounding errors in sums of scores
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,7 +51,7 @@ class ScoreGate:
     Args:
         score: One of `KNOWN`.
         label: The condition; empty for a score of the whole agent.
-        agent: Whose score.
+        agent: The agent.
         least: The threshold: -1 to 1 for `delta`, 0 to 1 for all others.
     """
 
@@ -71,7 +71,7 @@ class ScoreGate:
 
 @dataclass(frozen=True)
 class GateVerdict:
-    """What became of a gate.
+    """The result of a gate.
 
     Args:
         gate: The gate.
@@ -132,10 +132,10 @@ def gate_options(command: Command) -> Command:
 
 @dataclass(frozen=True, kw_only=True)
 class ReleaseGate:
-    """What must hold of a run, and where to say so.
+    """The gates of a run, and the file for their results.
 
     Args:
-        gates: The scores, one gate for each agent that is meant.
+        gates: The gates, one for each score and agent.
         junit: The file to write; `None` for none.
         agents: The agents of the run, in the order of its tables.
         labels: Its conditions, likewise.
@@ -154,7 +154,7 @@ class ReleaseGate:
         agents: Sequence[str],
         labels: Sequence[str],
     ) -> "ReleaseGate":
-        """Check the options of a command against what the run has.
+        """Check the options of a command against the agents and conditions of the run.
 
         Args:
             texts: The values of `--fail-under`.
@@ -164,7 +164,7 @@ class ReleaseGate:
 
         Raises:
             UnknownNameError: No score, agent or condition of that name; the message suggests one.
-            ParameterError: The threshold is no share, or the run cannot have the score.
+            ParameterError: The threshold is not in 0..1, or the run cannot have that score.
             HijackError: The file of `--junit` cannot be written there.
         """
         found: list[ScoreGate] = []
@@ -180,7 +180,7 @@ class ReleaseGate:
         )
 
     def verdicts(self, run: Run) -> list[GateVerdict]:
-        """Judge the gates on the episodes that a run has."""
+        """Judge the gates on the episodes of a run so far."""
         table = scores.rows(run.records, self.agents, self.labels)
         return [_judged(gate, table, run.records, self.labels) for gate in self.gates]
 
@@ -213,7 +213,7 @@ def _read_gate(
 ) -> list[ScoreGate]:
     """Return the gates of one `--fail-under`.
 
-    One that names no agent holds for each, except for yardsticks beside others.
+    A gate without an agent applies to every agent; yardsticks are exempt if there are other agents.
     """
     named, equals, number = text.rpartition("=")
     if not equals:
@@ -279,7 +279,7 @@ def _threshold(
     """Return the number of a gate.
 
     Raises:
-        ParameterError: It is none, or out of range.
+        ParameterError: The text is not a number, or the number is out of range.
     """
     low = -1.0 if score == "delta" else 0.0
     try:
@@ -308,7 +308,7 @@ def _judged(
     needed = list(labels)
     if gate.score in PAIRED:
         needed.remove(CLEAN)
-    # Without one of them, the mean of the others would look like that of all.
+    # If a condition is missing, the mean of the others would pass for the mean of all.
     lacking = tuple(label for label in needed if by_label.get(label) is None)
     if lacking:
         return GateVerdict(gate, None, lacking)
@@ -319,7 +319,7 @@ def _judged(
 
 
 def _over_all(gate: ScoreGate, made: Sequence[ResultRecord]) -> float | None:
-    """Return the retention or the difference over all cases that are there clean and corrupted."""
+    """Return the retention or the difference over all cases played both clean and corrupted."""
     cells = scores.by_cell(record for record in made if record["agent"] == gate.agent)
     by_label = {label: scores.scored(cases) for (_, label), cases in cells.items()}
     clean = by_label.pop(CLEAN, {})
@@ -337,10 +337,10 @@ def _over_all(gate: ScoreGate, made: Sequence[ResultRecord]) -> float | None:
 def _check_writable(path: Path) -> None:
     """Check that a file can be made, before hours of work are lost to a typing error.
 
-    Its folder may be missing: it is made with the file.
+    A missing folder is no problem, since it is created with the file.
 
     Raises:
-        HijackError: It cannot.
+        HijackError: The file cannot be made.
     """
     if path.is_dir():
         raise HijackError(f"--junit {path}: is a folder; name a file")
@@ -348,4 +348,4 @@ def _check_writable(path: Path) -> None:
     while not place.exists():
         place = place.parent
     if not place.is_dir() or not os.access(place, os.W_OK | os.X_OK):
-        raise HijackError(f"--junit {path}: {place} is no folder that can be written")
+        raise HijackError(f"--junit {path}: {place} is not a folder that can be written")

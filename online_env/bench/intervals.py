@@ -1,4 +1,4 @@
-"""Confidence intervals of success rates, of their differences and of what remains of them.
+"""Confidence intervals of success rates, of their differences and of retention.
 
 Episodes of one task resemble each other: another seed changes names and numbers, not the task.
 Intervals therefore resample tasks, not episodes. Wilson's interval comes from statsmodels.
@@ -17,14 +17,15 @@ from hijack_data.errors import ParameterError
 
 from .resampling import Floats64, resample
 
-# Of one cell: its scores and the task of each; or its clean scores, its corrupted ones, and the
-# task of each pair.
+# The data of one cell: scores and the task of each; or clean scores, corrupted scores, and the task
+# of each pair.
 Scores: TypeAlias = tuple[Sequence[float], Sequence[Hashable]]
 PairedScores: TypeAlias = tuple[Sequence[float], Sequence[float], Sequence[Hashable]]
-_Ratio: TypeAlias = tuple[Floats64, Floats64]  # by task: what is summed up, and what divides it
+# By task: the sums of the numerator, and those of the denominator.
+_Ratio: TypeAlias = tuple[Floats64, Floats64]
 
 LEVEL = 0.95
-BATCH = 100  # intervals at once
+BATCH = 100  # intervals computed at once
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,16 +53,16 @@ def mean_interval(
     """Return the mean score of some episodes, with a bootstrap interval that resamples tasks.
 
     If all tasks have the same mean, a bootstrap interval would have no width. The interval is then
-    that of an event that was never seen in as many tasks (Wilson's score interval).
+    that of an event never observed in this number of tasks (Wilson's score interval).
 
     Args:
-        scores: one score an episode, 0..1.
+        scores: one score per episode, 0..1.
         tasks: the task of each episode.
         level: the confidence level, between 0 and 1.
-        seed: of the resampling; the same seed gives the same interval.
+        seed: seed of the resampling; the same seed gives the same interval.
 
     Raises:
-        ParameterError: there are no episodes, or as many scores as tasks are not given.
+        ParameterError: there are no episodes, or the two lists differ in length.
     """
     return mean_intervals([(scores, tasks)], level=level, seed=seed)[0]
 
@@ -72,7 +73,7 @@ def mean_intervals(
     level: float = LEVEL,
     seed: int = 0,
 ) -> list[Interval]:
-    """Return `mean_interval` of the scores and tasks of each cell; together they are quicker."""
+    """Return `mean_interval` of each cell, which is faster for all cells at once."""
     found = _intervals([_by_task(*cell) for cell in cells], level=level, seed=seed)
     return [_clipped(interval, 0.0) for interval in found]
 
@@ -106,7 +107,7 @@ def difference_intervals(
     level: float = LEVEL,
     seed: int = 0,
 ) -> list[Interval]:
-    """Return `difference_interval` of each cell; together they are quicker."""
+    """Return `difference_interval` of each cell, which is faster for all cells at once."""
     found = _intervals([differences_by_task(*cell) for cell in cells], level=level, seed=seed)
     return [_clipped(interval, -1.0) for interval in found]
 
@@ -119,7 +120,7 @@ def retention_interval(
     level: float = LEVEL,
     seed: int = 0,
 ) -> Interval | None:
-    """Return which share of its clean success an agent keeps, with its interval.
+    """Return the share of its clean success that an agent keeps, with its interval.
 
     Args:
         clean: the score of each case under the clean condition.
@@ -144,7 +145,7 @@ def retention_intervals(
     level: float = LEVEL,
     seed: int = 0,
 ) -> list[Interval | None]:
-    """Return `retention_interval` of each cell; together they are quicker."""
+    """Return `retention_interval` of each cell, which is faster for all cells at once."""
     shares: list[_Ratio] = []
     for clean, corrupted, tasks in cells:
         check_pairs(clean, corrupted)
@@ -256,7 +257,7 @@ def _intervals(
     level: float,
     seed: int,
 ) -> list[Interval]:
-    """Return the means over tasks with their intervals; of Wilson's width if all tasks agree."""
+    """Return the means over tasks with intervals, which have Wilson's width if all tasks agree."""
     differing = [(sums, counts) for sums, counts in cells if np.ptp(sums / counts) > 0]
     ends = iter(_bootstrap(differing, level=level, seed=seed))
     found: list[Interval] = []
@@ -272,7 +273,7 @@ def _intervals(
 
 
 def _unseen(tasks: int, level: float) -> float:
-    """Return the upper end of Wilson's interval for an event never seen in so many tasks."""
+    """Return the upper end of Wilson's interval for an event never observed in `tasks` tasks."""
     interval: Any = proportion_confint(0, tasks, alpha=1 - level, method="wilson")
     return float(interval[1])
 
@@ -299,8 +300,9 @@ def _bootstrap(
 ) -> list[tuple[float, float]]:
     """Return the percentile interval of each ratio of sums, resampling both by task.
 
-    `scipy.stats.bootstrap` refuses ratios that may be infinite, as retention may, and draws anew
-    for each. Here ratios over equally many tasks share their resamples: one product of matrices.
+    `scipy.stats.bootstrap` refuses ratios that may be infinite, such as retention, and draws new
+    resamples for each ratio. Here ratios over equally many tasks share their resamples: one product
+    of matrices.
     """
     found: dict[int, tuple[float, float]] = {}
     sizes: dict[int, list[int]] = {}

@@ -22,7 +22,7 @@ class Job:
 
     @property
     def key(self) -> tuple[str, str, str, int]:
-        """The fields that pair the job with its records."""
+        """The fields by which records of the job are found."""
         return self.agent, tasks.get(self.task, self.seed).id, self.corruption, self.seed
 
     @property
@@ -38,7 +38,7 @@ class Job:
 def jobs(bench: Bench) -> list[Job]:
     """Return all jobs in the order of the run.
 
-    A task is played under every corruption by every agent before the next one, so that every cell
+    Every agent plays a task under every corruption before the next task begins, so that every cell
     of the table has its first results early.
     """
     return [
@@ -53,7 +53,7 @@ def jobs(bench: Bench) -> list[Job]:
 def attempts(
     listed: Sequence[Job], records: Iterable[ResultRecord]
 ) -> dict[Job, list[ResultRecord]]:
-    """Return the records of each job, in their order."""
+    """Return the records of each job, in order."""
     by_key: dict[tuple[Any, ...], list[ResultRecord]] = {}
     for record in records:
         key = (record["agent"], record["task"], record["corruption"], record["seed"])

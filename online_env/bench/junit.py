@@ -17,8 +17,8 @@ from hijack_data.runs.run_log import ROW
 from . import scores
 from .reading import ResultRecord, Run
 
-GATES = "gates"  # the name of their suite
-# What XML 1.0 cannot hold, escaped or not.
+GATES = "gates"  # the name of the suite of gates
+# Characters that XML 1.0 cannot hold, not even escaped.
 _FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 XmlElement: TypeAlias = ElementTree.Element
 
@@ -39,7 +39,7 @@ def write(
     """Write a run as JUnit XML; its folder is made if it is missing.
 
     Each episode is a test case of the suite of its agent. It is an error if it is invalid, failed,
-    or missing; an agent that does not solve a task is no error: whether it solves enough is the
+    or missing; an unsolved task does not count as an error: whether the agent solves enough is the
     question of the gates, which are failures.
 
     Args:
@@ -80,7 +80,7 @@ def tree_of(run: Run, gates: Sequence[GateCase]) -> XmlElement:
 
 
 def _suite(name: str, cases: Sequence[XmlElement]) -> XmlElement:
-    """Return a suite with the numbers of what it holds."""
+    """Return a suite with the counts of its cases."""
     found = ElementTree.Element("testsuite", name=_text(name), tests=str(len(cases)))
     found.set("failures", str(sum(case.find("failure") is not None for case in cases)))
     found.set("errors", str(sum(case.find("error") is not None for case in cases)))
@@ -140,7 +140,7 @@ def _add(
     kind: str,
     message: str,
 ) -> None:
-    """Add what is wrong with a case."""
+    """Add a problem to a case."""
     found = ElementTree.SubElement(case, what, type=kind)
     found.set("message", _text(message.split("\n")[0]))
     found.text = _text(message)
@@ -151,5 +151,5 @@ def _seconds(value: float) -> str:
 
 
 def _text(value: Any) -> str:
-    """Return a text that XML can hold; what an agent or a program says may be anything."""
+    """Return a text that XML can hold, since texts of agents and programs may contain anything."""
     return _FORBIDDEN.sub("\N{REPLACEMENT CHARACTER}", str(value))

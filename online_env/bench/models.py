@@ -1,4 +1,4 @@
-"""A run whose agents ask models: its log or replay, its prompts, and what it may cost."""
+"""Set up a run whose agents ask models: its log or replay, its prompts, and its budget."""
 
 import os
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from ..errors import AgentSetupError
 
 @dataclass(frozen=True, kw_only=True)
 class ModelOptions:
-    """What the command line says about models.
+    """The options of the command line about models.
 
     Args:
         prompts: folder with prompts that replace ours by name.
@@ -43,15 +43,15 @@ def prepare(
     options: ModelOptions,
     out: Path | None,
 ) -> None:
-    """Let the agents of files know their run.
+    """Tell the agents of agent files about their run.
 
     Args:
         agents: names in the registry.
-        options: what holds for all of them.
+        options: the options for all of them.
         out: folder of the run; `None` if nothing is going to be run.
 
     Raises:
-        AgentSetupError: a key, a price or a log is missing, or an option has nothing to act on.
+        AgentSetupError: a key, a price or a log is missing, or an option applies to no agent.
     """
     if out is not None:
         _check_ready(agents)
@@ -71,7 +71,7 @@ def prepare(
 
 
 def _check_ready(agents: Sequence[str]) -> None:
-    """Let agents say what they lack (`check_ready`), before anything is run."""
+    """Call the agents' `check_ready` before the run, so that they report what they lack."""
     for name in agents:
         check_ready = getattr(AGENTS.get(name), "check_ready", None)
         if check_ready is not None:
@@ -79,7 +79,7 @@ def _check_ready(agents: Sequence[str]) -> None:
 
 
 def begin(agent: str, episode: str) -> None:
-    """Open the log of an episode, if its agent is that of a file."""
+    """Open the log of an episode, if its agent comes from an agent file."""
     maker = AGENTS.get(agent)
     if isinstance(maker, FileAgentMaker):
         maker.begin(episode)

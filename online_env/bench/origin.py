@@ -1,6 +1,6 @@
-"""Where a run was made: code, configuration, machine. `run.json` has it of the beginning.
+"""Where a run was made: code, configuration, machine. `run.json` has that of its beginning.
 
-Each `--resume` adds a line to `sessions.jsonl`, since it may be another machine and another commit.
+Each `--resume` adds a line to `sessions.jsonl`, since machine and commit may have changed.
 """
 
 import contextlib
@@ -24,10 +24,11 @@ _GROUP_USE = Path("/sys/fs/cgroup/memory.current")
 
 
 def describe(config: Mapping[str, Any], **used: int) -> RunOrigin:
-    """Return what a run should be able to say of its making, as JSON data.
+    """Return the origin of a run, as JSON data.
 
     Args:
-        config: The benchmark, as `Bench.to_data` gives it, or what is scored.
+        config: The benchmark, in the form of `Bench.to_data`, or the configuration of `hijack
+            score`.
         used: How many `desktops`, or `workers`, are used side by side.
 
     Returns:
@@ -117,9 +118,9 @@ def _memory() -> int | None:
 
 
 def available_memory() -> int:
-    """Return how many bytes programs can still have: what is free or can be freed.
+    """Return how many bytes programs can still use: memory that is free or can be freed.
 
-    The limit of a container counts, where there is one.
+    The limit of a container is respected.
     """
     found = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     for line in _lines(Path("/proc/meminfo")):
@@ -146,11 +147,11 @@ def _lines(path: Path) -> list[str]:
 
 
 def other_code(head: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    """Return in words that a run was begun with another commit of this library; "" if it was not.
+    """Return a sentence if a run was begun with another commit of this library, otherwise "".
 
     Args:
         head: The content of its `run.json`.
-        now: What `describe` gives.
+        now: The present origin, from `describe`.
     """
     was = (head.get("git") or {}).get("agenthijack") or {}
     here = (now.get("git") or {}).get("agenthijack") or {}
@@ -164,11 +165,11 @@ def add_session(
     found: Mapping[str, Any],
     made: int,
 ) -> None:
-    """Note that a run is resumed.
+    """Record that a run is resumed.
 
     Args:
         folder: Of the run.
-        found: What `describe` gives, and more.
+        found: The origin, from `describe`, and further fields.
         made: How many records the run has so far.
 
     Raises:
@@ -179,7 +180,7 @@ def add_session(
     begin = ""
     try:
         if path.exists() and not path.read_bytes().endswith(b"\n"):
-            begin = "\n"  # after a line that was cut off
+            begin = "\n"  # the file may end in a line that was cut off
         with path.open("a", encoding="utf-8") as file:
             file.write(f"{begin}{line}\n")
     except OSError as error:
@@ -187,7 +188,7 @@ def add_session(
 
 
 def sessions(folder: Path) -> list[RunOrigin]:
-    """Return the lines of `sessions.jsonl`; one that a kill cut off is left out."""
+    """Return the lines of `sessions.jsonl`, without a line that was cut off."""
     found: list[RunOrigin] = []
     for line in _lines(folder / SESSIONS):
         with contextlib.suppress(ValueError):

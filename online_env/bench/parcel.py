@@ -1,8 +1,8 @@
-"""What a node of a cluster gets to play a run: packed by the runner, unpacked on the node.
+"""Everything that a node of a cluster needs to play a run: packed by the runner, unpacked there.
 
-Agent files, prompts and the log of a replay travel. Python files of the user's do not, since nobody
-knows what else they read: each node needs them under the same path, with the same bytes. Keys of
-models never travel; they are looked up in the node's own environment.
+Agent files, prompts and the log of a replay are sent. Python files of the user are not, because
+they may read other files: each node needs them under the same path, with the same bytes. Keys of
+models are never sent; each node reads them from its own environment.
 """
 
 import hashlib
@@ -35,13 +35,13 @@ _Files = Mapping[str, bytes]
 
 @dataclass(frozen=True, kw_only=True)
 class Parcel:
-    """What is sent to the nodes.
+    """The data sent to the nodes.
 
     Args:
-        software: The versions that have to be the same everywhere, by name.
-        loaded: Path and SHA-256 of each Python file of the user's that the run needs.
+        software: The versions that must be the same on all machines, by name.
+        loaded: Path and SHA-256 of each Python file of the user that the run needs.
         setup: The pickled `WorkerSetup`.
-        agents: The agent files by the names of their agents, as they were read.
+        agents: The content of the agent files, by the names of their agents.
         agent_prompts: The prompts that an agent file names, by the same names.
         prompts: Those of `--prompts`.
         replay: The log of `--replay`.
@@ -57,7 +57,7 @@ class Parcel:
 
 
 def pack(setup: WorkerSetup) -> Parcel:
-    """Return what a node needs.
+    """Return the parcel for the nodes.
 
     Raises:
         ClusterError: The corruptions cannot be sent to other processes.
@@ -87,14 +87,14 @@ def pack(setup: WorkerSetup) -> Parcel:
 
 
 def unpack(parcel: Parcel, folder: Path) -> WorkerSetup:
-    """Make everything known in this process that the run needs, and return its setup.
+    """Load everything that the run needs in this process, and return its setup.
 
     Args:
         parcel: What `pack` returned.
         folder: A new folder of this node; the episodes go into it.
 
     Raises:
-        ClusterError: This node has other software than the runner, or lacks a file.
+        ClusterError: The software of this node differs from the runner's, or a file is missing.
     """
     check_software(parcel.software)
     for path, sha256 in parcel.loaded:
@@ -116,7 +116,7 @@ def unpack(parcel: Parcel, folder: Path) -> WorkerSetup:
 
 
 def software() -> dict[str, str]:
-    """Return the versions of packages that decide results, and a hash of our own code."""
+    """Return the versions of the packages that affect results, and a hash of our own code."""
     found = {name: _version(name) for name in PACKAGES}
     digest = hashlib.sha256()
     for package in OURS:
@@ -131,10 +131,10 @@ def software() -> dict[str, str]:
 
 
 def check_software(wanted: Mapping[str, str]) -> None:
-    """Check that this machine has the software of the runner's.
+    """Check that this machine has the same software as the runner.
 
     Raises:
-        ClusterError: It has not; with all differences.
+        ClusterError: It has not; the message lists all differences.
     """
     here = software()
     other = [
@@ -159,7 +159,7 @@ def _agents(bench: Bench) -> list[tuple[str, AgentSettings]]:
 
 
 def _loaded(bench: Bench) -> Iterator[tuple[str, str]]:
-    """Yield the files of what a run names, and those that register something by themselves."""
+    """Yield the files of classes that a run names, and loaded files that register plug-ins."""
     named = [file_of(entry) for _, _, entry in bench.foreign()]
     for file in loaded_files():
         if file.names or file in named:
@@ -167,10 +167,10 @@ def _loaded(bench: Bench) -> Iterator[tuple[str, str]]:
 
 
 def _load(path: str, sha256: str) -> None:
-    """Load a file of the user's.
+    """Load a Python file of the user.
 
     Raises:
-        ClusterError: It is not here, or has other bytes.
+        ClusterError: The file is missing here, or has different bytes.
     """
     remedy = "every node needs this file under this path: copy it there, or use a shared folder"
     try:

@@ -1,6 +1,6 @@
-"""Engines: where the episodes of a run are played, on this machine or on those of a cluster.
+"""Engines, which play the episodes of a run on this machine or on a cluster.
 
-All that decides a result is the same with every engine; the runner's process writes the journal.
+Results do not depend on the engine; the runner's process writes the journal.
 """
 
 from contextlib import AbstractContextManager
@@ -21,8 +21,8 @@ MOST = 256  # desktops of a run
 class EpisodePool(Protocol):
     """Desktops that play episodes side by side; used in a `with` statement."""
 
-    desktops: int  # how many there are, or can be at once, when the run begins
-    most: int  # how many threads may call it at once
+    desktops: int  # number of desktops, or the most at once, when the run begins
+    most: int  # number of threads that may call the pool at once
 
     def place(self) -> AbstractContextManager[object]:
         """Return a context that is entered once a desktop is free for the calling thread."""
@@ -31,13 +31,13 @@ class EpisodePool(Protocol):
     def __call__(self, job: Job, attempt: int) -> ResultRecord:
         """Play an episode, within `place`, and return its record.
 
-        If its process ends over it, the record is an error of the machine's, which is tried again.
-        Errors that refuse the episode are raised here as they were there.
+        If the process dies during the episode, the record is an error of the machine, and the
+        episode is retried. Errors that refuse the episode are raised here again.
         """
         ...
 
     def stop(self) -> None:
-        """End all desktops; those that play break their episodes off."""
+        """End all desktops, interrupting the episodes that are being played."""
         ...
 
 
@@ -48,19 +48,19 @@ def open_pool(
     desktops: int | None = None,
     ray_address: str | None = None,
 ) -> AbstractContextManager[EpisodePool]:
-    """Return the desktops of a run.
+    """Return the pool of desktops of a run.
 
     Args:
         engine: `"local"`, processes of this machine, or `"ray"`.
-        setup: What a process needs.
-        episodes: How many are to be played; there are never more desktops.
-        desktops: The most of them. By default as many as this machine has room for, or the nodes
-            of a cluster.
+        setup: The settings for a process.
+        episodes: How many episodes will be played; there are never more desktops than that.
+        desktops: The most of them. By default as many as fit on this machine, or on the nodes of a
+            cluster.
         ray_address: A running cluster; see `pipelines.engines.ray_connection.session`.
 
     Raises:
         UnknownNameError: There is no such engine.
-        ParameterError: An address without Ray.
+        ParameterError: An address is given for another engine than Ray.
     """
     if engine not in ENGINES:
         raise UnknownNameError(f"unknown engine {engine!r}{suggest(engine, ENGINES)}")

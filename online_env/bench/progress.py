@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 COLOURS = {"invalid": "yellow", "error": "red"}
 LONGEST = 300  # characters of a line
-EVERY = 60.0  # seconds between two lines on the rate, in a log
+EVERY = 60.0  # seconds between two lines about the rate, in a log
 
 
 def shorten(text: str) -> str:
@@ -82,8 +82,8 @@ class ProgressDisplay:
         number: int,
         attempt: int,
     ) -> None:
-        """Show the job that runs now, for the first time or again."""
-        self._ended.discard(number)  # its last attempt did not count
+        """Show the job that begins now, for the first time or again."""
+        self._ended.discard(number)  # the last attempt did not count
         if self._bar is None:
             return
         text = f"{job} (again)" if attempt else str(job)
@@ -121,7 +121,7 @@ class ProgressDisplay:
 
     @property
     def pace(self) -> str:
-        """How many episodes end in an hour, and the time left at that rate."""
+        """The rate of episodes per hour, and the time left at that rate."""
         passed = self._clock() - self._start
         if not self._ended or passed <= 0:
             return ""

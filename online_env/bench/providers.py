@@ -1,6 +1,6 @@
-"""Where the desktops of a benchmark come from, by name.
+"""The providers of the desktops of a benchmark, by name.
 
-A provider of your own is a function in an installed package (entry points `agenthijack.providers`).
+To add a provider, write a function in an installed package (entry points `agenthijack.providers`).
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -16,18 +16,18 @@ from ..errors import DesktopError, DesktopTimeoutError, MissingPackageError
 from ..tasks import TASKS
 from ..tasks.kit.apps import APPS
 
-# Called with the size (height, width) in pixels; the desktop is there within the context. Its
-# `reset` returns it to the pristine state. A desktop with a `record["sites"]` has a local internet.
+# Called with the size (height, width) in pixels; the desktop exists inside the context. Its `reset`
+# restores the pristine state. A desktop with a `record["sites"]` has a local internet.
 DesktopProvider: TypeAlias = Callable[[Size], AbstractContextManager[Desktop]]
 EMBEDDED = "embedded"
 STARTS = 3  # tries to start a desktop
 
 
 def embedded(size: Size) -> AbstractContextManager[Desktop]:
-    """Return an embedded desktop, with a second one that stands by for resets.
+    """Yield an embedded desktop, with a second one on standby for resets.
 
-    A start that fails is tried again: one process that is killed must not end a run. What no second
-    try mends (a package that is missing, a right that is lacking) is raised at once.
+    A failed start is retried, because one killed process must not end a run. Errors that a retry
+    cannot fix (a missing package, a missing right) are raised at once.
     """
     from ..embedded.desktop import EmbeddedDesktop
 
@@ -59,11 +59,12 @@ def check_installed(provider: str, names: Iterable[str]) -> None:
     """Check that an embedded desktop of this machine has the applications of some tasks.
 
     Args:
-        provider: The name of the provider; desktops of others are not looked at here.
+        provider: The name of the provider; the desktops of other providers are not checked.
         names: Names of tasks.
 
     Raises:
-        MissingPackageError: Packages of a profile are missing; with the task that needs them.
+        MissingPackageError: Packages of a profile are missing; the message names the task that
+            needs them.
     """
     if provider != EMBEDDED:
         return

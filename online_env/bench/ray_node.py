@@ -28,17 +28,17 @@ from .records import ResultRecord
 from .workers import answer, live_episodes, portable
 
 PREFIX = "agenthijack-ray-"
-YOUNG = 60.0  # seconds in which a folder may not be locked yet
+YOUNG = 60.0  # seconds during which a new folder may not be locked yet
 
 
 @dataclass(frozen=True, kw_only=True)
 class NodeReport:
-    """Where an actor runs, and why it cannot play, if it cannot.
+    """Where an actor runs, and why it cannot play, if so.
 
     Args:
         host: The name of the machine.
         node: Ray's id of the node.
-        problem: What was raised.
+        problem: The error that was raised, if any.
     """
 
     host: str
@@ -48,14 +48,14 @@ class NodeReport:
 
 @dataclass(frozen=True, kw_only=True)
 class EpisodeEnd:
-    """The last thing that is sent of an episode: its record, or the error that refuses it."""
+    """The end of an episode's stream: its record, or the error that refuses it."""
 
     record: ResultRecord | None = None
     problem: Exception | None = None
 
 
 class NodeDesktop:
-    """A Ray actor that plays one episode after the other on a desktop of its own."""
+    """A Ray actor that plays episodes, one after the other, on its own desktop."""
 
     def __init__(self) -> None:
         self._stack = contextlib.ExitStack()
@@ -78,16 +78,16 @@ class NodeDesktop:
             check_installed(setup.bench.provider, setup.bench.tasks)
             self._folder = setup.folder
             self._episodes = self._stack.enter_context(live_episodes(setup))
-        except Exception as error:  # noqa: BLE001  (the runner is to raise it)
+        except Exception as error:  # noqa: BLE001  (the runner raises it)
             self._stack.close()
             return replace(report, problem=portable(error))
         return report
 
     def ping(self) -> None:
-        """Answer."""
+        """Answer, to show that the actor is alive."""
 
     def play(self, job: Job, attempt: int) -> Iterator[tuple[str, Any]]:
-        """Play an episode; yield its files by name, and last an `EpisodeEnd` without a name."""
+        """Play an episode; yield its files by name, and finally an `EpisodeEnd` without a name."""
         if self._episodes is None:
             raise RuntimeError("begin was not called")
         record, problem = answer(self._episodes, job, attempt)
@@ -101,7 +101,7 @@ class NodeDesktop:
 
 @contextlib.contextmanager
 def node_folder() -> Generator[Path]:
-    """Yield a private folder, removed afterwards; those of actors that were killed go first."""
+    """Yield a private folder, removed afterwards; also remove the folders of killed actors."""
     _sweep(Path(tempfile.gettempdir()))
     folder = Path(tempfile.mkdtemp(prefix=PREFIX))
     try:

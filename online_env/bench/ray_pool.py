@@ -1,9 +1,9 @@
-"""Episodes on a Ray cluster: an actor a desktop, on whatever nodes have room.
+"""Play episodes on a Ray cluster: one actor for each desktop, on any node with room.
 
-A thread of the pool starts as many actors as the living nodes can hold, and again when one has
-ended or a node has joined. The threads of the run take the desktops that are ready. An actor that
-ends loses the episode that it played, as a local process does. If its whole node has died, the
-agent is not to blame: the same attempt is played elsewhere, and leaves no record of the loss.
+A thread of the pool starts as many actors as fit on the living nodes, and starts more when an actor
+has ended or a node has joined. The threads of the run take ready desktops. If an actor dies, its
+episode is lost, as with a local process. If its whole node has died, the agent is not to blame: the
+same attempt is played elsewhere, without a record of the loss.
 """
 
 import contextlib
@@ -27,14 +27,14 @@ from .ray_node import EpisodeEnd, NodeDesktop, NodeReport
 from .records import ResultRecord
 from .workers import CORES, ENDING, MEMORY, WorkerSetup, desktops_in
 
-LOOK = 0.5  # seconds between two looks at the nodes
-ANSWER = 30.0  # seconds in which a desktop that is free has to answer
-VERDICT = 60.0  # seconds until Ray surely knows whether a node has died
-GRACE = 3.0  # seconds between its news of an actor's death and that of the node's
-NODES = 3  # deaths of nodes that one attempt may meet
-STARTS = 5  # processes in a row that end while they start
-NO_ROOM = 600.0  # seconds that a run waits when all nodes with room are gone
-AHEAD = 8  # files that a node sends before the runner has taken them
+LOOK = 0.5  # seconds between two checks of the nodes
+ANSWER = 30.0  # seconds within which a free desktop must answer
+VERDICT = 60.0  # seconds until Ray is certain whether a node has died
+GRACE = 3.0  # seconds between Ray's reports of an actor's death and of its node's
+NODES = 3  # deaths of nodes that one attempt may survive
+STARTS = 5  # processes in a row that may die while they start
+NO_ROOM = 600.0  # seconds that a run waits for nodes when none has room
+AHEAD = 8  # files that a node may send ahead of the runner
 GIB = 2**30
 
 
@@ -47,7 +47,7 @@ class _Desktop:
 
 
 def is_started_here(address: str | None) -> bool:
-    """Return whether an address means a Ray that the run starts and ends itself."""
+    """Return whether an address stands for a Ray that the run itself starts and stops."""
     connection = _connection()
     return connection.address_of(address) == connection.LOCAL
 
@@ -64,7 +64,7 @@ class RayPool:
     cluster, or no node has room for a desktop.
 
     Args:
-        setup: What an actor needs.
+        setup: The settings for an actor.
         most: The most desktops at once.
         address: Of the cluster; see `pipelines.engines.ray_connection.session`.
     """
@@ -83,8 +83,8 @@ class RayPool:
         self._changed = threading.Condition()
         self._own = threading.local()
         self._free: list[_Desktop] = []
-        self._all: set[Any] = set()  # actors that were started and are not known to have ended
-        self._starting: dict[Any, Any] = {}  # actors by what their `begin` will return
+        self._all: set[Any] = set()  # actors that were started, except those known to have ended
+        self._starting: dict[Any, Any] = {}  # actors by the future result of their `begin`
         self._problem: Exception | None = None
         self._stopped = threading.Event()
         self._failures = 0
@@ -144,7 +144,7 @@ class RayPool:
                 if not self._has_died(desktop.report.node, error):
                     break
             except BaseException:
-                self._drop(desktop.actor)  # it may still play
+                self._drop(desktop.actor)  # the actor may still be playing
                 self._own.desktop = None
                 raise
         return lost(job, attempt, problem, start=start)
@@ -163,7 +163,7 @@ class RayPool:
         for actor in every:
             self._drop(actor)
 
-    # The thread that starts desktops; it begins with the first episode
+    # The thread that starts desktops, which begins with the first episode
 
     def _join(self) -> None:
         if self._supplier is not None:
@@ -174,17 +174,17 @@ class RayPool:
             try:
                 self._order()
                 self._collect()
-            except Exception as error:  # noqa: BLE001  (the run's own threads are to raise it)
+            except Exception as error:  # noqa: BLE001  (the run's own threads raise it)
                 with self._changed:
                     self._problem = error
                     self._changed.notify_all()
                 return
 
     def _order(self) -> None:
-        """Start an actor for each desktop that the nodes have room for.
+        """Start an actor for each desktop that fits on the nodes.
 
         Raises:
-            ClusterError: There has been no room for long.
+            ClusterError: There has been no room for too long.
         """
         now = time.monotonic()
         try:
@@ -201,10 +201,10 @@ class RayPool:
                 self._starting[actor.begin.remote(self._parcel)] = actor
 
     def _collect(self) -> None:
-        """Hand on the desktops that have become ready.
+        """Make the desktops that have become ready available.
 
         Raises:
-            ClusterError: A node cannot play, or processes end again and again.
+            ClusterError: A node cannot play, or processes keep dying.
         """
         if not self._starting:
             self._stopped.wait(LOOK)
@@ -224,10 +224,10 @@ class RayPool:
             self._give(_Desktop(actor, report))
 
     def _count_failure(self, error: Exception) -> None:
-        """Allow for a process that ended while it started.
+        """Count a process that died while it started.
 
         Raises:
-            ClusterError: It could not even begin, or it is one of many.
+            ClusterError: The process could not even begin, or too many have died in a row.
         """
         self._failures += 1
         never_began = getattr(error, "actor_init_failed", False)
@@ -247,7 +247,7 @@ class RayPool:
         """Return how many desktops the living nodes can hold.
 
         Raises:
-            ClusterError: None.
+            ClusterError: No node has room for a desktop.
         """
         nodes = [node for node in self._ray.nodes() if node["Alive"]]
         room = sum(_room_of(node) for node in nodes)
@@ -263,10 +263,10 @@ class RayPool:
     # Desktops
 
     def _take(self) -> _Desktop:
-        """Return a desktop that is free; wait for one.
+        """Wait for a free desktop, and return it.
 
         Raises:
-            ClusterError: The run is being ended.
+            ClusterError: The run is being stopped.
         """
         with self._changed:
             if self._supplier is None:
@@ -287,7 +287,7 @@ class RayPool:
             self._changed.notify()
 
     def _answering(self) -> _Desktop:
-        """Return the desktop of this thread, or another one if that does not answer."""
+        """Return the desktop of this thread, or another if it does not answer."""
         while True:
             if self._own.desktop is None:
                 self._own.desktop = self._take()
@@ -361,7 +361,7 @@ def _described(node: Mapping[str, Any]) -> str:
 
 
 def _named(report: NodeReport, error: Exception | None) -> HijackError:
-    """Return an error of a node with the node's name."""
+    """Return an error of a node with the node's name added."""
     kind = StorageError if isinstance(error, StorageError) else ClusterError
     return kind(f"node {report.host}: {error}")
 

@@ -36,15 +36,15 @@ _FIELDS = {
     "status": str,
 }
 _HALF = re.compile("[\ud800-\udfff]")
-_AMOUNTS = ("attempt", "steps", "seconds", "malformed")  # where a record has them
+_AMOUNTS = ("attempt", "steps", "seconds", "malformed")  # checked in records that have them
 
 
 class RunError(HijackError, ValueError):
-    """A folder that is no run, holds something already, or is another process's."""
+    """A folder that is not a run, is not empty, or is in use by another process."""
 
 
 class _DamagedError(HijackError):
-    """Why a line is no record."""
+    """The reason why a line is not a record."""
 
 
 @dataclass(frozen=True)
@@ -61,11 +61,11 @@ class Run:
     """The content of the folder of a run.
 
     Args:
-        folder: Where it was read from.
-        config: What was to be run, as `Bench.to_data` gives it.
-        records: The records that can be read, in their order.
-        damaged: The lines that cannot.
-        episodes: Ids of the first attempts at all that was planned.
+        folder: The folder.
+        config: The configuration, in the form of `Bench.to_data`.
+        records: The readable records, in order.
+        damaged: The lines that cannot be read.
+        episodes: Ids of the first attempts at all planned cases.
     """
 
     folder: Path
@@ -76,12 +76,12 @@ class Run:
 
     @property
     def is_scored(self) -> bool:
-        """Whether it was made by `hijack score`, from a dataset and without a desktop."""
+        """Whether the run was made by `hijack score`, from a dataset and without a desktop."""
         return self.config.get("kind") == SCORE_RUN
 
     @property
     def planned(self) -> int:
-        """How many cases were to be run: agents times tasks, seeds and corruptions."""
+        """The number of planned cases: agents times tasks, seeds and corruptions."""
         if self.episodes:
             return len(self.episodes)
         lists = [self.config.get(key) for key in ("agents", "tasks", "seeds", "corruptions")]
@@ -89,7 +89,7 @@ class Run:
 
     @property
     def missing(self) -> int:
-        """How many of them have no record."""
+        """The number of planned cases without a record."""
         if self.episodes:
             return len(self.unplayed)
         cases = {
@@ -100,19 +100,19 @@ class Run:
 
     @property
     def unplayed(self) -> tuple[str, ...]:
-        """The ids in `episodes` that have no record; records of other cases do not fill them."""
+        """The ids in `episodes` without a record."""
         made = {str(record.get("id")) for record in self.records}
         made |= {_first_id(record) for record in self.records}
         return tuple(name for name in self.episodes if name not in made)
 
 
 def read(folder: Path) -> Run:
-    """Read a run, or the episodes that a `CorruptedEnv` logged without a benchmark around it.
+    """Read a run, or the episodes that a `CorruptedEnv` logged outside a benchmark.
 
     A line that cannot be read is listed in `damaged`, and the others are kept.
 
     Raises:
-        RunError: The folder is neither, or was written by a newer version.
+        RunError: The folder holds neither, or was written by a newer version.
     """
     if not (folder / RUN).exists() and (folder / EPISODES).is_dir():
         return _episodes(folder)
@@ -144,12 +144,12 @@ def read_head(folder: Path) -> dict[str, Any]:
     """Read `run.json`.
 
     Raises:
-        RunError: It is missing, damaged, or of a newer version.
+        RunError: The file is missing, damaged, or of a newer version.
     """
     path = folder / RUN
     try:
         data: object = json.loads(read_regular(path), parse_constant=_refuse)
-        json.dumps(data, ensure_ascii=False).encode()  # half of a surrogate pair is no text
+        json.dumps(data, ensure_ascii=False).encode()  # half of a surrogate pair cannot be encoded
     except OSError as error:
         why = error.strerror or error
         raise RunError(
@@ -192,10 +192,10 @@ def _episodes(folder: Path) -> Run:
 
 
 def _parsed(line: bytes) -> ResultRecord:
-    """Return the record of a line; `_DamagedError` is raised for a line that is none.
+    """Return the record of a line.
 
     Raises:
-        _DamagedError: The line is no record.
+        _DamagedError: The line is not a record.
     """
     if len(line) > MAX_LINE:
         raise _DamagedError(f"longer than {MAX_LINE} bytes")
@@ -213,7 +213,7 @@ def _parsed(line: bytes) -> ResultRecord:
         raise _DamagedError("field 'task_seed' is neither a number nor a text")
     for key in _AMOUNTS:
         if record.get(key) is not None and not is_amount(record[key]):
-            raise _DamagedError(f"{key} {shown(record[key])} is no number from 0 on")
+            raise _DamagedError(f"{key} {shown(record[key])} is not a number of at least 0")
     for key in ("agent", "task", "corruption"):
         if _HALF.search(record[key]):
             raise _DamagedError(f"field {key!r} holds half of a surrogate pair")
@@ -222,7 +222,7 @@ def _parsed(line: bytes) -> ResultRecord:
 
 
 def _refuse(name: str) -> object:
-    """Refuse NaN and its kind, which Python reads as numbers and JSON does not have."""
+    """Refuse NaN and Infinity, which Python's parser accepts although JSON does not have them."""
     raise ValueError(f"{name} is not a number")
 
 
@@ -231,10 +231,10 @@ def _check_new(
     seen: dict[object, int],
     number: int,
 ) -> None:
-    """Check that no earlier line is of the same episode, and note this one.
+    """Check that no earlier line is of the same episode, and remember this one.
 
     Raises:
-        _DamagedError: there is one: two journals were put together, or a line was doubled.
+        _DamagedError: there is one; two journals were joined, or a line was duplicated.
     """
     name = record.get("id")
     if not isinstance(name, str):
@@ -263,4 +263,4 @@ def _check_score(record: ResultRecord) -> None:
         return
     score = record.get("score")
     if isinstance(score, bool) or not isinstance(score, int | float) or not 0 <= score <= 1:
-        raise _DamagedError(f"score {score!r} is no number in 0..1")
+        raise _DamagedError(f"score {score!r} is not a number in 0..1")

@@ -1,7 +1,7 @@
-"""The folder of a run: `run.json` says what is run, `records.jsonl` holds an episode a line.
+"""The folder of a run: `run.json` holds the configuration, `records.jsonl` one episode per line.
 
-Lines are only ever appended, and are on the disk before the next episode begins: whatever ends a
-run, its finished episodes are kept. `hijack_data.runs.run_log` describes how the parts are
+Lines are only appended, and are on the disk before the next episode begins, so that finished
+episodes are kept however a run ends. `hijack_data.runs.run_log` describes how the parts are
 chained; `reading` reads the folder.
 """
 
@@ -54,8 +54,8 @@ __all__ = [
 
 PACKAGES = ("agenthijack", "numpy", "pillow", "gymnasium")
 
-_BEGUN = (LOCK, RECORDS)  # in a folder where a run was about to begin
-_HALF_WRITTEN = f".{RUN}.*.tmp"  # what a kill leaves of `write_atomic`
+_BEGUN = (LOCK, RECORDS)  # files in a folder where a run was about to begin
+_HALF_WRITTEN = f".{RUN}.*.tmp"  # temporary files that a killed `write_atomic` leaves
 
 
 def begin(
@@ -67,16 +67,16 @@ def begin(
     notice: Callable[[str], object] = lambda text: None,
     **used: int,
 ) -> Lock:
-    """Begin a run or go on with it, and keep where that is done.
+    """Begin or continue a run, and record the machine and the code.
 
     Errors and result are those of `create` and `resume`.
 
     Args:
         folder: The folder.
-        config: What is run.
+        config: The configuration.
         episodes: Ids of the first attempts at all that is planned.
-        goes_on: Go on with the run in the folder, if there is one.
-        notice: Called with what a user should know.
+        goes_on: Continue the run in the folder, if there is one.
+        notice: Called with messages for the user.
         used: How many `desktops`, or `workers`, are used side by side.
     """
     made_by = origin.describe(config, **used)
@@ -96,13 +96,14 @@ def create(
 ) -> Lock:
     """Begin a run in a folder that is new or empty.
 
-    `RunError` is raised if the folder holds anything, cannot be made, or another process has it.
+    Raises `RunError` if the folder is not empty, cannot be created, or is in use by another
+    process.
 
     Args:
-        folder: The folder; it is made if it is missing.
+        folder: The folder, which is created if it is missing.
         config: The benchmark, as `Bench.to_data` gives it.
         episodes: Ids of the first attempts at all that is planned.
-        made_by: Where the run is made, as `origin.describe` gives it.
+        made_by: The origin of the run, from `origin.describe`.
 
     Returns:
         The lock of the folder, which keeps others out until it is released.
@@ -113,7 +114,7 @@ def create(
     _check_empty(folder)
     held = hold(folder)
     try:
-        _check_empty(folder)  # again, now that nobody else can begin
+        _check_empty(folder)  # checked again under the lock
         head = {
             "format": FORMAT,
             "version": VERSION,
@@ -142,10 +143,10 @@ def resume(
     episodes: Sequence[str],
     made_by: Mapping[str, Any] | None = None,
 ) -> Lock:
-    """Continue a run that was broken off; one that never began is begun.
+    """Continue an interrupted run, or begin one that never began.
 
-    The last line of the journal is removed if it was cut off while it was written, and episodes
-    that ended but have no line get theirs. Arguments and result are those of `create`.
+    If the last line of the journal was cut off, it is removed; finished episodes without a line get
+    theirs. Arguments and result are those of `create`.
 
     Raises:
         RunError: The run is another one (the message names the first difference), is damaged, was
@@ -173,11 +174,11 @@ def resume(
 
 
 def hold(folder: Path) -> Lock:
-    """Lock the folder of a run for this process; the folder is made if it is missing.
+    """Lock the folder of a run for this process; a missing folder is created.
 
     Raises:
-        RunError: Another process has it (the message gives its number and machine), or it cannot
-            be made.
+        RunError: Another process has locked it (the message gives its number and machine), or it
+            cannot be created.
         unwritable: The lock cannot be signed.
     """
     try:
@@ -199,7 +200,7 @@ def hold(folder: Path) -> Lock:
 def append(folder: Path, record: ResultRecord) -> None:
     """Add a finished episode; it is on the disk when this returns.
 
-    `StorageError` is raised if the disk is full, `HijackError` if the file cannot be written.
+    Raises `StorageError` if the disk is full, and `HijackError` if the file cannot be written.
     """
     append_all(folder, [record])
 
@@ -227,17 +228,17 @@ def append_all(folder: Path, found: Sequence[ResultRecord]) -> None:
 
 
 def kept(folder: Path, record: ResultRecord) -> ResultRecord:
-    """Return what the folder of an episode says of it, if it was written to its end.
+    """Return the record in the folder of an episode, if the episode was completely written.
 
-    A process that is killed right after it wrote the last file cannot tell what it wrote: its
-    episode is then reported as lost, although it is there.
+    A process that is killed right after it wrote the last file cannot report the record; its
+    episode would count as lost although it is complete.
 
     Args:
         folder: Of the run.
         record: The record as it was reported.
 
     Returns:
-        The record of the episode's folder; `record` if it has none.
+        The record in the episode's folder; `record` if there is none.
     """
     path = folder / EPISODES / str(record.get("id")) / EPISODE
     try:
@@ -278,7 +279,7 @@ def difference(
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of Python, the system and the packages that make a run."""
+    """Return the versions of Python, the system and the packages that affect a run."""
     found = {"python": platform.python_version(), "system": platform.platform()}
     for name in PACKAGES:
         with contextlib.suppress(importlib.metadata.PackageNotFoundError):
@@ -343,10 +344,10 @@ def _adopt(
     run: Run,
     episodes: Sequence[str],
 ) -> None:
-    """Add the lines of episodes that ended right before the run was broken off.
+    """Add the lines of episodes that ended right before the run was interrupted.
 
     An episode that ended because the run did (Ctrl-C, a full disk) is played again as if it had
-    never begun: otherwise two such ends would count as the agent's failure.
+    never begun; otherwise two such ends would count as a failure of the agent.
     """
     known = {record.get("id") for record in run.records}
     ended = (folder / EPISODES).glob(f"*/{EPISODE}")

@@ -1,4 +1,4 @@
-"""The resamples of the bootstrap: how often each task is drawn, the same for all intervals."""
+"""The bootstrap's resamples: how often each task is drawn, the same for all intervals."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
@@ -11,14 +11,14 @@ Floats64: TypeAlias = npt.NDArray[np.float64]
 
 RESAMPLES = 9999
 BLOCK = 1_000_000  # numbers drawn at once
-KEPT = 5_000_000  # numbers of resamples that are kept for the next interval: 40 MB
+KEPT = 5_000_000  # the most numbers of resamples that are cached for the next interval: 40 MB
 
 
 def resample(columns: Sequence[Floats64], seed: int) -> Floats64:
     """Return the sum of each column over each resample of the tasks: float64 `[C, RESAMPLES]`.
 
     Args:
-        columns: for each of C values, one number a task.
+        columns: for each of C values, one number per task.
         seed: of the draws.
     """
     values = np.stack(columns, axis=1)
@@ -29,7 +29,8 @@ def resample(columns: Sequence[Floats64], seed: int) -> Floats64:
 def _draws(tasks: int, seed: int) -> Iterable[Floats64]:
     """Return how often each task is in each resample, in blocks of float64 `[rows, tasks]`.
 
-    All intervals of a report come from the same resamples, so they are kept, unless they are large.
+    All intervals of a report come from the same resamples, so they are cached, unless they are
+    large.
     """
     if tasks * RESAMPLES <= KEPT:
         return _kept_draws(tasks, seed)

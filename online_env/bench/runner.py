@@ -16,7 +16,7 @@ from .records import ResultRecord
 
 
 class RunListener(Protocol):
-    """Is called as a run proceeds."""
+    """Callbacks on the progress of a run."""
 
     def begins(
         self,
@@ -53,7 +53,7 @@ def run_jobs(
     """Run every job and append a record for each attempt.
 
     An episode that failed through no fault of the agent (it is invalid, or the desktop died) is
-    run again, at most `retries` times; its last record counts if it never succeeds.
+    repeated up to `retries` times; if all attempts fail, the last record counts.
 
     Args:
         listed: The jobs; they begin in this order.
@@ -62,12 +62,12 @@ def run_jobs(
         episode: Runs a job (attempt 0, 1, ...) and returns its record; called in as many threads
             as jobs run at once.
         listener: Called before and after each attempt, never twice at a time.
-        earlier: The attempts of a run that was broken off.
+        earlier: The attempts of an interrupted run.
         at_once: How many jobs run side by side.
-        stop: Breaks off what is under way; called if one job raises, or at Ctrl-C.
-        budget: What the episodes may cost. Once it is spent, no further attempt begins, those
-            under way are finished, and its `CostLimitError` is raised.
-        place: Its context is entered before each attempt, which begins once there is a desktop.
+        stop: Interrupts the running episodes; called if one job raises, or at Ctrl-C.
+        budget: The budget. Once it is spent, no further attempt begins, running attempts are
+            finished, and its `CostLimitError` is raised.
+        place: Returns a context that is entered before each attempt and waits for a desktop.
 
     Returns:
         How many jobs ended `"ok"`, `"invalid"` and `"error"`.
@@ -105,7 +105,7 @@ def _side_by_side(
 
 
 class _Run:
-    """The jobs of a run, of which several may be under way."""
+    """The jobs of a run, of which several may run at once."""
 
     def __init__(
         self,
@@ -162,7 +162,7 @@ class _Run:
 
 
 def needs_attempt(made: Sequence[ResultRecord], retries: int) -> bool:
-    """Return whether a job with these attempts is to be run, or run again."""
+    """Return whether a job with these attempts needs another one."""
     if not made:
         return True
     last = made[-1]

@@ -1,4 +1,4 @@
-"""From the records of a run to one row for each agent and corruption."""
+"""Compute from the records of a run one row for each agent and corruption."""
 
 import importlib.util
 from collections.abc import Iterable, Mapping, Sequence
@@ -26,7 +26,8 @@ COLUMNS = (
     "errors",
     "invalid",
 )
-# What is paired: the task, the seed of its variant and the seed of the corruption's draws.
+# The key of paired episodes: the task, the seed of its variant and the seed of the corruption's
+# draws.
 PairKey: TypeAlias = tuple[str, Any, int]
 Cases: TypeAlias = dict[PairKey, ResultRecord]
 ScoreByCase: TypeAlias = dict[PairKey, float]
@@ -39,13 +40,13 @@ def rows(
 ) -> list[ScoreRow]:
     """Return one row for each agent and corruption that has records, with the keys `COLUMNS`.
 
-    `n` counts the episodes that count for the agent (see `counts`). `errors` are those of them
-    without a score, such as where the agent raised: 0. `invalid` counts the others, which say
-    nothing about it: a corruption that was not there, a desktop that died. `success` is the mean
-    score, 0..1, with the ends of its 95 % interval, which resamples tasks. `delta` is the mean
-    difference to the clean condition over the cases (task and seed) that have both, with its
-    interval; `retention` is the ratio over the same cases. `p` is that of McNemar's exact test over
-    them, adjusted for all corruptions of the agent (Holm).
+    `n` is the number of episodes that count for the agent (see `counts`). `errors` is the number of
+    those without a score, for example because the agent raised; they score 0. `invalid` is the
+    number of all others, which say nothing about the agent: the corruption did not hold, or the
+    desktop died. `success` is the mean score, 0..1, with the ends of its 95 % interval, which
+    resamples tasks. `delta` is the mean difference to the clean condition over the cases (task and
+    seed) that have both, with its interval; `retention` is the ratio over the same cases. `p` is
+    that of McNemar's exact test over them, adjusted for all corruptions of the agent (Holm).
 
     Args:
         records: of one run or several.
@@ -67,8 +68,8 @@ def summaries(table: Sequence[ScoreRow]) -> list[ScoreRow]:
     """Return one row for each agent of a table that `rows` made.
 
     `clean` is its clean success, `corrupted` the mean over its corruptions, `worst` the label and
-    `worst_success` the success of the one under which it does worst, `paper_average` the paper's
-    "Average", which includes the clean condition. A value that is missing is `None`.
+    `worst_success` the success of its worst corruption, `paper_average` the paper's "Average",
+    which includes the clean condition. Missing values are `None`.
     """
     found: list[ScoreRow] = []
     for agent in dict.fromkeys(row["agent"] for row in table):
@@ -165,8 +166,8 @@ def unreached(records: Iterable[ResultRecord], corruptions: Mapping[str, str]) -
 
     Args:
         records: the last attempts.
-        corruptions: the name of each label; only a corruption that has effects on a machine can
-            come too late.
+        corruptions: the name of each label; only a corruption with effects on the machine can come
+            too late.
     """
     acting = {name for name in names() if find(name).effects}
     waiting = {label for label, name in corruptions.items() if name in acting}
@@ -175,7 +176,7 @@ def unreached(records: Iterable[ResultRecord], corruptions: Mapping[str, str]) -
 
 
 def _order(listed: Sequence[str]) -> dict[str, int]:
-    """Return the position at which each name stands first."""
+    """Return the position of the first occurrence of each name."""
     return {name: position for position, name in enumerate(dict.fromkeys(listed))}
 
 
@@ -219,9 +220,9 @@ def task_names(cases: Iterable[PairKey]) -> list[str]:
 def counts(record: ResultRecord) -> bool:
     """Return whether an episode counts for the agent.
 
-    A desktop that died in the agent's hands is run again, and counts if it died again: once is the
-    machine's failure, and an agent must not get rid of a bad episode by killing its desktop.
-    Records of version 1 do not name whose failure an error was; there it counts.
+    An episode whose desktop died is repeated, and counts if the desktop dies again: once is the
+    machine's failure, but an agent must not escape a bad episode by killing its desktop. Records of
+    version 1 do not name the cause of an error; their errors count.
     """
     if record["status"] != "error":
         return record["status"] == "ok"

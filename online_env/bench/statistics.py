@@ -1,4 +1,4 @@
-"""Statistics of a benchmark: paired tests, power and summaries of success, beside the intervals.
+"""Statistics of a benchmark: paired tests, power, summaries of success, and the intervals.
 
 Tests and power come from scipy and statsmodels; this module arranges the episodes for them. The
 intervals are in `intervals`, and are reached through this module, too.
@@ -58,8 +58,9 @@ def mcnemar(clean: Sequence[float], corrupted: Sequence[float]) -> float:
     """Return the two-sided p value of McNemar's exact test for paired outcomes.
 
     A case counts as solved if its score is 1. Only cases that differ between the two conditions
-    enter; under the null hypothesis either direction has probability 1/2. The test takes cases for
-    independent, so seeds of one task make it optimistic: read it beside the clustered interval.
+    enter; under the null hypothesis either direction has probability 1/2. The test assumes
+    independent cases, so several seeds of one task make it optimistic: read it together with the
+    clustered interval.
 
     Raises:
         ParameterError: the two lists differ in length.
@@ -89,9 +90,9 @@ def detectable_difference(
     power: float = 0.8,
     level: float = LEVEL,
 ) -> float | None:
-    """Return the smallest true difference that as many tasks would show with probability `power`.
+    """Return the smallest true difference that this number of tasks shows with probability `power`.
 
-    It rests on the spread of the tasks' mean differences in this run, by a paired t test.
+    It is computed for a paired t test, from the spread of the tasks' mean differences in this run.
 
     Returns:
         `None` with fewer than three tasks, or if all tasks differ by the same amount.
@@ -150,13 +151,14 @@ def mean_corruption_error(
 
     Args:
         errors: 1 minus success, by corruption.
-        reference: the same of the reference agent.
+        reference: the same for the reference agent.
 
     Returns:
-        `None` if the reference never fails under some corruption: no ratio exists there.
+        `None` if the reference agent never fails under some corruption, where the ratio does not
+        exist.
 
     Raises:
-        ParameterError: the two name different corruptions, or none.
+        ParameterError: the two have different corruptions, or none.
     """
     if not errors or set(errors) != set(reference):
         named = f"{sorted(errors)} and {sorted(reference)}"

@@ -1,7 +1,7 @@
-"""Processes that play episodes side by side, each with a desktop of its own.
+"""Processes that play episodes side by side, each with its own desktop.
 
-A process that ends, for whatever reason, loses the episode it was playing and nothing else: the
-next episode starts another one. Processes end with the runner, also if that is killed.
+If a process dies, only the episode that it was playing is lost: the next episode starts another
+process. Processes end with the runner, even if it is killed.
 """
 
 import contextlib
@@ -33,13 +33,13 @@ from .origin import available_memory, usable_cores
 from .providers import PROVIDERS
 from .records import ResultRecord
 
-CORES = 1  # that a desktop needs
+CORES = 1  # cores that a desktop needs
 MEMORY = 1536 * 2**20  # bytes that a desktop with its standby and an office program may take
 ENDING = 20.0  # seconds for a process to end its desktop
 
 
 class ForeignEntry(NamedTuple):
-    """Something of a user's that a process needs: its registry, its name there, and where it is."""
+    """A plug-in that a process must load: its registry, its name there, and its reference."""
 
     kind: str
     name: str
@@ -48,13 +48,14 @@ class ForeignEntry(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class WorkerSetup:
-    """What a process needs to play the episodes of a run.
+    """The settings for a process that plays the episodes of a run.
 
     Args:
         bench: The benchmark.
         folder: The folder of the run.
-        references: The agents, tasks and providers that are not ours, which are loaded first.
-        models: What the command line says about models.
+        references: The agents, tasks and providers from outside the library, which are loaded
+            first.
+        models: The options of the command line about models.
     """
 
     bench: Bench
@@ -64,7 +65,7 @@ class WorkerSetup:
 
 
 def references(bench: Bench) -> tuple[ForeignEntry, ...]:
-    """Return where the agents, tasks and provider of a run are that are not ours."""
+    """Return references to the agents, tasks and provider of a run from outside the library."""
     found: list[ForeignEntry] = []
     for registry, name, entry in bench.foreign():
         file = file_of(entry)
@@ -77,30 +78,30 @@ def references(bench: Bench) -> tuple[ForeignEntry, ...]:
 
 
 def default_desktops() -> int:
-    """Return how many desktops this machine plays on side by side: by cores and free memory."""
+    """Return how many desktops this machine can run side by side, by cores and free memory."""
     cores = usable_cores()
     return max(1, desktops_in(cores, available_memory()))
 
 
 def desktops_in(cores: float, memory: float) -> int:
-    """Return how many desktops a machine has room for.
+    """Return how many desktops fit on a machine.
 
     Args:
         cores: Its processors.
-        memory: The bytes of memory that it can give.
+        memory: The bytes of memory available for them.
     """
     return math.floor(min(cores / CORES, memory / MEMORY))
 
 
 class LocalPool:
-    """As many processes of this machine as threads play episodes: an `EpisodePool`.
+    """An `EpisodePool` with one process of this machine for each thread that plays episodes.
 
     An episode is played in the process of the calling thread, which is started with its first one.
 
     Args:
         setup: What the processes need.
         desktops: How many threads call it.
-        serve: The function that a process runs; another one in tests.
+        serve: The function that a process runs; tests replace it.
     """
 
     def __init__(
@@ -123,7 +124,7 @@ class LocalPool:
         self.stop()
 
     def place(self) -> AbstractContextManager[object]:
-        """Return at once: each thread has a process of its own."""
+        """Return at once, since each thread has its own process."""
         return nullcontext()
 
     def stop(self) -> None:
@@ -142,7 +143,8 @@ class LocalPool:
             worker = _Worker(self._setup, self._serve)
             self._own.worker = worker
             self._all.append(worker)
-        start = time.monotonic()  # a clock that is set does not change what it took
+        # A monotonic clock, so that setting the time does not change durations.
+        start = time.monotonic()
         try:
             return worker.play(job, attempt)
         except (EOFError, OSError) as error:
@@ -184,11 +186,11 @@ class _Worker:
 
     @property
     def code(self) -> int | None:
-        """Its exit code; negative for a signal."""
+        """The exit code of the process; negative for a signal."""
         return self._process.exitcode
 
     def play(self, job: Job, attempt: int) -> ResultRecord:
-        """Let the process play an episode; `EOFError` or `OSError` if it ends over it."""
+        """Let the process play an episode; raises `EOFError` or `OSError` if the process dies."""
         self._busy = True
         if not self._ready:
             self._receive()
@@ -223,16 +225,16 @@ def serve_episodes(connection: Connection, setup: WorkerSetup) -> None:
     kernel.die_with_parent()
     runner = multiprocessing.parent_process()
     if runner is not None and not runner.is_alive():
-        return  # it was killed while this process began
+        return  # the runner was killed while this process started
     try:
         _serve(connection, setup)
     except Exception as error:  # noqa: BLE001  (the runner is to raise it)
-        with contextlib.suppress(OSError):  # there is none any more
+        with contextlib.suppress(OSError):  # the runner is gone
             connection.send((None, portable(error)))
 
 
 def _serve(connection: Connection, setup: WorkerSetup) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the runner, which ends this
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the runner handles Ctrl-C and ends this process
     signal.signal(signal.SIGTERM, _leave)
     with live_episodes(setup) as episodes:
         answer_calls(connection, episodes)
@@ -240,7 +242,7 @@ def _serve(connection: Connection, setup: WorkerSetup) -> None:
 
 @contextmanager
 def live_episodes(setup: WorkerSetup) -> Generator[LiveEpisodes]:
-    """Start a desktop in this process, and yield what plays episodes on it."""
+    """Start a desktop in this process, and yield a function that plays episodes on it."""
     from ..embedded.runtime import masks
     from ..environment import SmallTasks
 
@@ -256,7 +258,7 @@ def answer_calls(
     connection: Connection,
     episode: Callable[[Job, int], ResultRecord],
 ) -> None:
-    """Say that all is ready, and play what comes over a connection until it is closed."""
+    """Report that all is ready, then play the requested episodes until the connection is closed."""
     connection.send((None, None))
     with contextlib.suppress(EOFError, OSError):
         while True:
@@ -288,12 +290,12 @@ def answer(
     """Play an episode; return its record, or the error that refuses it, fit to be sent."""
     try:
         return episode(job, attempt), None
-    except Exception as error:  # noqa: BLE001  (what refuses the episode is raised by the runner)
+    except Exception as error:  # noqa: BLE001  (the runner raises what refuses the episode)
         return None, portable(error)
 
 
 def portable(error: Exception) -> Exception:
-    """Return an exception that can be sent: itself, or one with its text."""
+    """Return an exception that can be pickled: the same one, or another with its text."""
     try:
         pickle.loads(pickle.dumps(error))  # noqa: S301  (it was made right here)
     except Exception:  # noqa: BLE001  (an exception may do anything when it is pickled)

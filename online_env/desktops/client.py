@@ -1,4 +1,4 @@
-"""HTTP over urllib3, whose errors come out as those of the operating system."""
+"""HTTP over urllib3, with its errors converted to those of the operating system."""
 
 import socket
 from collections.abc import Mapping
@@ -41,9 +41,9 @@ class _DoorConnection(HTTPConnection):
 
 
 class Client:
-    """One kept-open connection; for one request at a time.
+    """One persistent connection, for one request at a time.
 
-    Redirects are not followed, no proxy is used, and content is not unpacked.
+    Redirects are not followed, no proxy is used, and content is not decompressed.
     """
 
     def __init__(self, way: Way) -> None:
@@ -69,10 +69,10 @@ class Client:
         """Send a request and read the answer.
 
         Returns:
-            Its status, its headers by names in lower case, and its body.
+            The status, the headers by lower-case names, and the body.
 
         Raises:
-            OSError: There is none; a `TimeoutError` if it does not come in time.
+            OSError: There is no answer; a `TimeoutError` if it is late.
         """
         try:
             response = self._pool.urlopen(
@@ -97,7 +97,7 @@ class Client:
 def _read(response: urllib3.BaseHTTPResponse) -> bytes | bytearray:
     try:
         return _body_of(response)
-    # an interrupt too: a half-read answer must not be taken for the next one's
+    # also after an interrupt: the rest of a half-read answer must not be taken for the next answer
     except BaseException:
         response.close()
         raise
@@ -106,10 +106,10 @@ def _read(response: urllib3.BaseHTTPResponse) -> bytes | bytearray:
 
 
 def _body_of(response: urllib3.BaseHTTPResponse) -> bytes | bytearray:
-    """The body, read to where it stays: a frame becomes an array without another copy.
+    """Return the body, read into its final buffer, so that a frame becomes an array without a copy.
 
     Raises:
-        ProtocolError: It is too long, or cut short.
+        ProtocolError: The body is too long, or cut short.
     """
     length = response.length_remaining
     if length is None:
@@ -134,7 +134,7 @@ def _check_length(length: int) -> None:
 
 
 def _plain(error: HTTPError) -> OSError:
-    """The error of the operating system below one of urllib3, or one with the same text."""
+    """Return the operating system's error behind one of urllib3, or one with the same text."""
     cause: object = error.__cause__ or error
     if isinstance(error, ProtocolError) and len(error.args) > 1:
         cause = error.args[1]

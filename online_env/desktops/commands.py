@@ -1,4 +1,4 @@
-"""Small things done on a desktop by commands: its user's home, starting and ending programs."""
+"""Helpers that run commands on a desktop: find the user's home, start and end programs."""
 
 import time
 
@@ -12,7 +12,7 @@ def home(desktop: Desktop) -> str:
     """Return the home folder of the desktop's user.
 
     Raises:
-        DesktopError: The desktop does not name it.
+        DesktopError: The desktop does not return it.
     """
     result = desktop.execute(["sh", "-c", 'printf %s "$HOME"'])
     if not result.ok or not result.output.startswith("/"):
@@ -24,7 +24,7 @@ def command(desktop: Desktop, *argv: str) -> str:
     """Return the output of a command that must succeed.
 
     Raises:
-        DesktopError: It failed.
+        DesktopError: The command failed.
     """
     result = desktop.execute(list(argv))
     if not result.ok:
@@ -36,12 +36,12 @@ def command(desktop: Desktop, *argv: str) -> str:
 
 
 def launch(desktop: Desktop, *argv: str) -> None:
-    """Start a program that goes on by itself."""
+    """Start a program without waiting for its end."""
     command(desktop, "sh", "-c", 'exec setsid -f "$@" </dev/null >/dev/null 2>&1', "sh", *argv)
 
 
 def end(desktop: Desktop, *programs: str) -> None:
-    """End the user's programs of these names, if any, and wait until they are gone.
+    """End the user's programs with these names, if any, and wait until they have ended.
 
     Raises:
         DesktopError: One of them does not end, even when killed.

@@ -15,7 +15,7 @@ from .way import Way
 if TYPE_CHECKING:
     from .client import Client
 
-TRIES, PAUSE = 3, 0.3  # of requests that change nothing in the guest
+TRIES, PAUSE = 3, 0.3  # tries of requests that change nothing in the guest
 PORT = 5000
 
 
@@ -25,7 +25,7 @@ class GuestResponse:
 
     Attributes:
         status: the HTTP status code.
-        headers: by names in lower case.
+        headers: the headers by lower-case names.
         body: its content.
     """
 
@@ -43,7 +43,7 @@ class GuestResponse:
 
     @property
     def complaint(self) -> str:
-        """The guest's own words for what is wrong."""
+        """The guest's own description of the problem."""
         fields = self.json()
         text = fields.get("message") or fields.get("error")
         if not text:
@@ -52,7 +52,7 @@ class GuestResponse:
 
 
 class GuestConnection:
-    """One kept-open HTTP connection to a guest; its users wait for one another.
+    """One persistent HTTP connection to a guest, whose users take turns.
 
     Redirects are not followed, and no proxy is used.
 
@@ -60,12 +60,11 @@ class GuestConnection:
         url: address of the guest; the port is 5000 if it is left out.
         token: sent with each request.
         timeout: seconds that connecting, and each wait for data, may take.
-        source: the address of this machine that it must leave from; if that is gone, so is the way
-            to the guest.
-        patience: seconds that a connection may be refused, as by a server that is being started
-            again.
-        door: a socket in the file system that leads to the guest; nothing goes over the network
-            then.
+        source: the local address from which to connect; if the address disappears, so does the
+            guest.
+        patience: seconds for which a connection may be refused, for example while the server
+            restarts.
+        door: a socket in the file system that leads to the guest, used instead of the network.
 
     Raises:
         GuestError: The URL is not the address of a guest.
@@ -116,9 +115,9 @@ class GuestConnection:
     ) -> GuestResponse:
         """Send a request and wait for the answer.
 
-        A GET is repeated if the connection fails; nothing else is, as it may have been done. A
-        request whose connection was refused has not been sent, and is repeated for as long as
-        `patience` lasts.
+        A GET is repeated if the connection fails; other requests are not, since they may have been
+        carried out. A request whose connection was refused has not been sent, and is repeated for
+        up to `patience` seconds.
 
         Args:
             method: such as GET.

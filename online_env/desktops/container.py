@@ -1,4 +1,4 @@
-"""Resetting a container that is a desktop, for `HttpDesktop` (docs/desktop_image.md)."""
+"""Reset a container that is a desktop, for `HttpDesktop` (docs/desktop_image.md)."""
 
 import json
 import urllib.error
@@ -16,9 +16,9 @@ class ContainerResetter:
     """Asks a container for a fresh home and session: the `resetter` of an `HttpDesktop`.
 
     Args:
-        url: where the container's port 5001 is, such as `http://127.0.0.1:5001`; without a port it
-            is that one.
-        token: what the container was started with.
+        url: the address of the container's port 5001, such as `http://127.0.0.1:5001`; 5001 is the
+            default port.
+        token: the token with which the container was started.
         timeout: seconds that a reset may take.
     """
 
@@ -34,11 +34,11 @@ class ContainerResetter:
         self._timeout = timeout
 
     def __call__(self, task: TaskConfig | None = None) -> None:
-        """Make the desktop pristine; the runner of `task` sets up what it needs.
+        """Make the desktop pristine; the runner sets up the task itself.
 
         Raises:
-            DesktopError: It cannot be made so; with the reason, and what to do.
-            GuestError: Nobody answers, or the token is another one.
+            DesktopError: That is not possible; the message has the reason and the remedy.
+            GuestError: The container does not answer, or the token is wrong.
         """
         request = urllib.request.Request(
             self._url,

@@ -18,9 +18,9 @@ from .connection import GuestConnection, GuestResponse
 from .protocol import Capability, RunResult, TaskConfig
 from .survey import is_container, survey
 
-# what OSWorld puts before an agent's code
+# the code that OSWorld puts before an agent's code
 PREFIX = "import pyautogui; import time; pyautogui.FAILSAFE = False; "
-SLACK = 10.0  # s that a command's answer may take over its own time-out
+SLACK = 10.0  # s that the answer of a command may take beyond the command's own time-out
 MAX_PIXELS = 2**26
 OK = 200
 NO_TOKEN = 401
@@ -48,18 +48,18 @@ class HttpDesktop:
     """A desktop whose guest server is at `url`, such as `http://10.0.0.2:5000`.
 
     Args:
-        url: address of the server; the port is 5000 where it is left out.
-        token: what our own server asks for; a plain OSWorld guest needs none.
+        url: address of the server; the default port is 5000.
+        token: the token for our own server; a plain OSWorld guest needs none.
         timeout: seconds that an answer may take.
-        resetter: brings the machine back to its pristine state (reverts a snapshot ...) and does
-            what the task's `config` asks; it returns the guest's address if that has changed.
-            Without it `reset` raises `MissingCapabilityError`.
+        resetter: restores the pristine state of the machine (reverts a snapshot ...) and carries
+            out the task's `config`; it returns the guest's address if that has changed. Without it
+            `reset` raises `MissingCapabilityError`.
         size: `(height, width)` of the screen if it is known and does not change; otherwise the
             guest is asked each time.
         password: of the guest's user, for sudo; with `None` only a sudo that does not ask is tried.
-        source: address of this machine that requests must leave from. If the way to the guest has
-            gone (its cable was removed), they are then refused here instead of leaving by the
-            default route, token and all.
+        source: the local address from which requests are sent. If the way to the guest has gone
+            (its cable was removed), they are then refused here instead of leaving by the default
+            route, token and all.
         patience: seconds that connections may be refused, if the server is started again whenever
             it ends.
         door: path of a socket in the file system that leads to the guest, instead of the network.
@@ -104,7 +104,7 @@ class HttpDesktop:
         """Whether the guest has our fast routes; asked once.
 
         Raises:
-            GuestError: It refuses the token, or does not answer.
+            GuestError: The guest refuses the token, or does not answer.
         """
         if self._ours is None:
             reply = self._connection.ask("GET", "/ah/health")
@@ -114,9 +114,9 @@ class HttpDesktop:
         return self._ours
 
     def health(self) -> dict[str, Any]:
-        """Which parts of the session answer: `{"ready": ...}`.
+        """Return which parts of the session answer: `{"ready": ...}`.
 
-        Of a plain OSWorld guest only whether it answers.
+        For a plain OSWorld guest, only whether it answers.
         """
         if self.is_ours:
             return self._get("/ah/health").json()
@@ -143,7 +143,7 @@ class HttpDesktop:
         """`(height, width)` of the screen in pixels.
 
         Raises:
-            GuestError: The guest does not give them.
+            GuestError: The guest does not return them.
         """
         if self._size is not None:
             return self._size
@@ -163,7 +163,7 @@ class HttpDesktop:
             uint8 RGB `[H, W, 3]`.
 
         Raises:
-            GuestError: The guest sends something else.
+            GuestError: The guest does not send a picture.
         """
         if not self.is_ours:
             return _decode(self._get("/screenshot").body, self.url)
@@ -176,14 +176,14 @@ class HttpDesktop:
                 f"{self.url}/ah/frame sent {len(body)} bytes for a frame of {width}x{height}"
             )
         if isinstance(body, bytes):
-            body = bytearray(body)  # so that the picture can be written to
+            body = bytearray(body)  # a copy, so that the picture is writable
         return np.frombuffer(body, np.uint8).reshape(height, width, 3)
 
     def accessibility(self) -> str:
         """The accessibility tree in OSWorld's XML dialect, read now.
 
         Raises:
-            GuestError: The guest sends none.
+            GuestError: The guest sends no tree.
         """
         path = "/accessibility"
         field = "AT"
@@ -196,7 +196,7 @@ class HttpDesktop:
         return tree
 
     def run(self, code: str) -> RunResult:
-        """Run pyautogui `code`, with what OSWorld puts before it."""
+        """Run pyautogui `code`, after the code that OSWorld puts before it."""
         return self.execute(["python", "-c", PREFIX + code], CODE_TIMEOUT)
 
     def execute(self, argv: Sequence[str] | str, timeout: float = 60) -> RunResult:
@@ -219,7 +219,7 @@ class HttpDesktop:
         )
 
     def launch(self, argv: Sequence[str] | str) -> None:
-        """Start a program that goes on by itself; a string goes to the shell."""
+        """Start a program without waiting for its end; a string goes to the shell."""
         self._post("/setup/launch", _json(_command(argv)))
 
     def read_file(self, path: str) -> bytes:
@@ -243,12 +243,12 @@ class HttpDesktop:
         fields: Mapping[str, Any],
         timeout: float = 60,
     ) -> dict[str, Any]:
-        """Have our own guest server carry out an operation of effects, in its own process.
+        """Run an operation for effects in the process of our own guest server.
 
         A plain OSWorld guest is a `MissingCapabilityError`.
 
         Args:
-            name: of a tool (`online_env.embedded.guest.inside`).
+            name: name of a tool in `online_env.embedded.guest.inside`.
             operation: of it.
             fields: its arguments.
             timeout: in seconds.
@@ -304,10 +304,10 @@ class HttpDesktop:
         self._post("/ah/input", _json({"events": list(events)}))
 
     def reset(self, task: TaskConfig | None = None) -> None:
-        """Bring the machine back to its pristine state with the `resetter` that was given.
+        """Restore the pristine state of the machine with the given `resetter`.
 
         Raises:
-            MissingCapabilityError: None was given.
+            MissingCapabilityError: There is no `resetter`.
         """
         if self._resetter is None:
             raise MissingCapabilityError(
@@ -322,7 +322,7 @@ class HttpDesktop:
             self._capabilities = None
 
     def close(self) -> None:
-        """Close the connection; the desktop itself goes on."""
+        """Close the connection; the desktop itself keeps running."""
         self._connection.close()
 
     def _need_ours(self, what: str) -> None:
@@ -369,7 +369,7 @@ def _json(fields: Mapping[str, Any]) -> bytes:
 
 
 def _command(argv: Sequence[str] | str) -> dict[str, Any]:
-    """A command as the guest's routes take it."""
+    """Return a command in the form that the guest's routes accept."""
     if isinstance(argv, str):
         return {"command": argv, "shell": True}
     return {"command": list(argv), "shell": False}

@@ -1,4 +1,4 @@
-"""Programs that lock a session: how each is asked, and how it says that it is locked."""
+"""Programs that lock a session, with the commands to lock, unlock and query each."""
 
 from dataclasses import dataclass
 
@@ -14,13 +14,12 @@ class Locker:
 
     Args:
         name: its program, which must be installed.
-        query: prints `active` while locked and `inactive` while not, each as a word that `on` and
-            `off` tell apart.
-        on: what the answer holds while the session is locked.
-        off: what it holds while it is not; neither means that the locker does not run.
+        query: prints the state; `on` and `off` recognise it.
+        on: the text in the answer while the session is locked.
+        off: the text in the answer while it is not; if neither occurs, the locker does not run.
         lock: locks the session.
         force: unlocks it without the password.
-        window: whether an X window of its own covers the screen (not so where the compositor itself
+        window: whether the locker's own X window covers the screen (false if the compositor itself
             locks).
     """
 
@@ -34,7 +33,7 @@ class Locker:
 
 
 def _family(command: str) -> Locker:
-    """Descendants of gnome-screensaver share its options."""
+    """Return a locker descended from gnome-screensaver, which shares its options."""
     return Locker(
         command, f"{command} -q", " is active", " is inactive", f"{command} -l", f"{command} -d"
     )

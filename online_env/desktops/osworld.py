@@ -1,6 +1,6 @@
-"""Any environment shaped like OSWorld's as a `Desktop`.
+"""Any environment with OSWorld's interface, as a `Desktop`.
 
-Only its methods and attributes count; `desktop_env` is never imported.
+Only methods and attributes are used; `desktop_env` is never imported.
 """
 
 import base64
@@ -18,12 +18,13 @@ from ..errors import DesktopError, GuestError, MissingCapabilityError
 from .protocol import Capability, RunResult, TaskConfig
 from .survey import survey
 
-# One argument of a command is at most 128 KiB on Linux; base64 makes three bytes four.
+# An argument of a command has at most 128 KiB on Linux, and base64 turns three bytes into four.
 CHUNK = 64 * 1024
 OUTPUT_CAP = 2 * 2**20
 CAP_NOTE = "\n[output cut: more than 2 MiB]"
 _MARK = "agenthijack-result:"
-# Output goes to files, not to pipes: what the command leaves in the background must hold nobody up.
+# Output goes to files, not to pipes, so that background processes of the command do not block the
+# answer.
 _RUN = """
 import json, os, signal, subprocess, tempfile
 def read(f):
@@ -43,8 +44,8 @@ with tempfile.TemporaryFile() as o, tempfile.TemporaryFile() as e:
         a = [None, "", str(x)]
 print({mark!r} + json.dumps(a))
 """
-# The guest's `python -c` imports from its home first: a file named json.py there must not break
-# what is ours.
+# The guest's `python -c` imports from its home first, and a file named json.py there must not break
+# our code.
 _ISOLATED = "import os; os.execv('/usr/bin/python3', ['/usr/bin/python3', '-I', '-c', {code!r}])"
 _WRITE = "import base64; open({path!r}, {mode!r}).write(base64.b64decode({data!r}))"
 _READABLE = (
@@ -76,15 +77,15 @@ class OsworldLike(Protocol):
 
 
 class OsworldDesktop:
-    """A `Desktop` over `env.controller`; what it does never enters `env.action_history`.
+    """A `Desktop` over `env.controller`; its actions never appear in `env.action_history`.
 
     Args:
         env: the environment, such as `desktop_env.DesktopEnv` or
             `online_env.osworld.env.OsworldEnv`.
         password: of the guest's user, for sudo; with `None` only a sudo that does not ask is tried.
-        capabilities: of the guest, besides those that are found by asking it.
+        capabilities: capabilities of the guest in addition to those that are detected.
 
-    An `env` without one of the methods is a `MissingCapabilityError`.
+    Raises `MissingCapabilityError` if `env` lacks one of the methods.
     """
 
     def __init__(
@@ -172,7 +173,7 @@ class OsworldDesktop:
         return tree
 
     def run(self, code: str) -> RunResult:
-        """Run pyautogui `code`, beside the agent's actions.
+        """Run pyautogui `code`, outside the agent's actions.
 
         Raises:
             GuestError: The guest does not answer.
@@ -191,8 +192,8 @@ class OsworldDesktop:
     def execute(self, argv: Sequence[str] | str, timeout: float = 60) -> RunResult:
         """Run a command; a string goes to the shell. OSWorld's client itself waits at most 90 s.
 
-        Of its output the first 2 MiB arrive: OSWorld's server and client hold all of it several
-        times over.
+        Only the first 2 MiB of output are returned, because OSWorld's server and client hold
+        several copies of all of it.
         """
         shell = isinstance(argv, str)
         command = argv if shell else [str(part) for part in argv]
@@ -211,7 +212,7 @@ class OsworldDesktop:
         """The content of a file.
 
         Raises:
-            GuestError: It cannot be read.
+            GuestError: The file cannot be read.
         """
         # get_file itself would try for 15 s
         if self._answer(_READABLE.format(path=path, mark=_MARK)) != "True":
@@ -225,7 +226,7 @@ class OsworldDesktop:
         """Write a file, in pieces that fit into a command.
 
         Raises:
-            GuestError: It cannot be written.
+            GuestError: The file cannot be written.
         """
         for start in range(0, max(len(data), 1), CHUNK):
             piece = base64.b64encode(data[start : start + CHUNK]).decode("ascii")
@@ -246,11 +247,11 @@ class OsworldDesktop:
         self.env.reset(task_config=None if task is None else dict(task))
 
     def evaluate(self) -> float:
-        """The environment's own score of the present task."""
+        """Return the environment's own score of the current task."""
         return float(self.env.evaluate())
 
     def close(self) -> None:
-        """Close the environment, where it can be closed; closing twice is fine."""
+        """Close the environment, if it can be closed; closing twice is allowed."""
         close = getattr(self.env, "close", None)
         if callable(close):
             close()

@@ -1,4 +1,4 @@
-"""The methods that every desktop has, whatever provides it (design section 6)."""
+"""The interface of all desktops (design section 6)."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -86,5 +86,5 @@ class Desktop(Protocol):
         ...
 
     def close(self) -> None:
-        """End the desktop; closing twice is fine."""
+        """End the desktop; closing twice is allowed."""
         ...

@@ -1,4 +1,4 @@
-"""The capabilities of a guest, found by asking it: for desktops that have no list of their own."""
+"""Detect the capabilities of a guest, for desktops that do not list them."""
 
 import shlex
 from collections.abc import Callable, Iterable, Sequence
@@ -7,23 +7,23 @@ from .lockers import LOCKERS
 from .protocol import Capability, Desktop, RunResult
 
 TIMEOUT = 20.0
-# Root's rights are not enough: what root may do inside a container or an embedded desktop does not
-# hold the firewall.
+# Root's rights do not suffice: root inside a container or an embedded desktop may not be able to
+# set firewall rules.
 _FIREWALL = """
 try='PATH=$PATH:/usr/sbin:/sbin; nft list tables || iptables -w -S'
 if [ "$(id -u)" = 0 ]; then sh -c "$try"
 elif [ -n "$1" ]; then printf '%s\\n' "$1" | sudo -S -k -p '' sh -c "$try"
 else sudo -n sh -c "$try"; fi >/dev/null 2>&1 && echo firewall
 """
-# As effects run it: apart from the user's Python, with the packages of the home behind the
+# In the same way as effects: apart from the user's Python, with the packages of the home after the
 # system's.
 _XLIB = "import site, sys; sys.path.append(site.getusersitepackages()); import Xlib"
 _WINDOWS = (
     f"command -v wmctrl >/dev/null 2>&1 && (cd / && /usr/bin/python3 -I -c {shlex.quote(_XLIB)}) "
     "2>/dev/null && echo windows\n"
 )
-# A locker that is installed and does not run says neither; one of a session that has just begun
-# says it soon.
+# A locker that is installed but not running reports neither state; in a new session it does so
+# after a moment.
 _LOCK = "\n".join(
     f"command -v {one.name} >/dev/null 2>&1 && for i in {'1 2 3 4 5 6' if one.window else '1'}; do "
     f"case $(timeout 3 {one.query} 2>/dev/null) in "
@@ -33,7 +33,8 @@ _LOCK = "\n".join(
 _SCRIPT = f"export LC_ALL=C\n{_LOCK}\n{_WINDOWS}{_FIREWALL}true\n"
 
 
-# What a container has to be started with for a capability that Docker and Podman leave out.
+# The options with which to start a container for capabilities that Docker and Podman omit by
+# default.
 FLAGS: dict[Capability, str] = {"firewall": "--cap-add NET_ADMIN"}
 _MARKS = ("/.dockerenv", "/run/.containerenv")
 
@@ -41,10 +42,10 @@ _MARKS = ("/.dockerenv", "/run/.containerenv")
 def survey(
     execute: Callable[[Sequence[str] | str, float], RunResult], password: str | None
 ) -> frozenset[Capability]:
-    """Those of `lock`, `windows` and `firewall` that the guest behind `execute` has.
+    """Return those of `lock`, `windows` and `firewall` that the guest behind `execute` has.
 
-    `password` is that of its user, for sudo; without one only a sudo that does not ask is tried.
-    Changes nothing.
+    `password` is that of its user, for sudo; without it only a sudo without password is tried.
+    Nothing in the guest is changed.
     """
     found = set(execute(["sh", "-c", _SCRIPT, "sh", password or ""], TIMEOUT).output.split())
     names: tuple[Capability, ...] = ("lock", "windows", "firewall")
@@ -52,15 +53,15 @@ def survey(
 
 
 def is_container(execute: Callable[[Sequence[str] | str, float], RunResult]) -> bool:
-    """Whether the guest behind `execute` is a container of Docker's or Podman's."""
+    """Return whether the guest behind `execute` is a Docker or Podman container."""
     first, second = _MARKS
     return execute(["test", "-e", first, "-o", "-e", second], TIMEOUT).ok
 
 
 def lacks(desktop: Desktop, missing: Iterable[Capability]) -> str:
-    """Return how an error says that a desktop lacks `missing`, with the way out if it is known.
+    """Return the text of an error for a desktop that lacks `missing`, with the remedy if known.
 
-    A container can be started with more rights.
+    For example, a container can be started with more rights.
     """
     there = ", ".join(sorted(desktop.capabilities)) or "nothing"
     text = f"which this desktop lacks (available: {there})"

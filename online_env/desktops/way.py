@@ -1,18 +1,18 @@
-"""The way to a guest."""
+"""The address of a guest."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, kw_only=True)
 class Way:
-    """Where the server of a guest is reached.
+    """The address at which a guest's server is reached.
 
     Attributes:
         host: its name or address.
         port: of its server.
         is_https: whether the connection is encrypted.
-        source: the address of this machine that it leaves from, if that matters.
-        door: a socket in the file system that leads there instead of the network.
+        source: the local address from which to connect, if that matters.
+        door: a socket in the file system that is used instead of the network.
     """
 
     host: str

@@ -1,4 +1,4 @@
-"""Effects: what a corruption does to a live machine. Applied, proved by a probe, undone.
+"""Effects of corruptions on a live machine: applied, proved by a probe, and undone.
 
 applied = perform(effect, desktop)
 if not applied.probe().ok: ...      # the episode is invalid, never a zero

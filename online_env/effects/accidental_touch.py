@@ -1,4 +1,4 @@
-"""Accidental touch on a live machine: a click on an interactive element that nobody meant.
+"""Accidental touch on a live machine: an unintended click on an interactive element.
 
 The spec is `hijack_data/corruptions/accidental_touch.py`, its look in recordings
 `pipelines/edits/accidental_touch.py`.
@@ -23,19 +23,20 @@ from .guest import Guest
 from .words import short
 
 ATTEMPTS = 5
-CHANGE = 2.0  # s within which a click must show
-# What lights up under the pointer is not the click's doing: wait for no change, not for ever.
+CHANGE = 2.0  # s within which a click must change the screen
+# Highlights under the pointer are not caused by the click, so wait, for a limited time, until the
+# screen is still.
 QUIET = 0.15  # s without change
 HOVER = 0.8  # s at most
 LOOK = 0.03  # s between two pictures
-NEAR = 8  # pixels by which an element may lie off the plan's box
+NEAR = 8  # pixels by which an element may be away from the plan's box
 
 
 @dataclass(frozen=True)
 class _View:
-    """The screen at one time.
+    """The state of the screen at one time.
 
-    Windows first, then the picture, then the tree, so that what moves is noticed.
+    The windows are read first, then the picture, then the tree, so that changes are noticed.
     """
 
     state: dict[str, Any]
@@ -52,7 +53,7 @@ class Touch(LiveEffect):
     lasting: ClassVar[bool] = False
 
     def apply(self, guest: Guest, params: Mapping[str, Any]) -> EffectRecord:
-        """Draw an element and click it; draw again if it is gone, or nothing changes."""
+        """Draw an element and click it; draw another if it is gone or the click changes nothing."""
         stream = guest.stream or Stream(0, "touch-v1")
         boxes = _boxes(params)
         without_app = bool(params.get("without_app", True))
@@ -72,7 +73,7 @@ class Touch(LiveEffect):
         return record
 
     def probe(self, guest: Guest, record: EffectRecord) -> Probe:
-        """Look whether the pointer is there, and the server saw a click that changed the screen."""
+        """Check that the pointer is there, and the X server saw a click that changed the screen."""
         clicked = record["clicked"]
         attempts = record["attempts"]
         facts: EffectRecord = {"attempts": attempts, "pointer": guest.x("state")["pointer"]}
@@ -91,11 +92,11 @@ class Touch(LiveEffect):
         return Probe(not problems, facts, "; ".join(problems))
 
     def undo(self, guest: Guest, record: EffectRecord) -> Undone:
-        """Do nothing: a click is an event, not a state; the agent closes what it opened."""
+        """Do nothing: a click is an event, not a state; the agent must close anything it opened."""
         return Undone(True, {"undone": False, "why": "a click cannot be taken back"})
 
     def in_words(self, facts: Mapping[str, Any]) -> str:
-        """Return what the click reached."""
+        """Return which element the click reached."""
         attempts = facts["attempts"]
         element, (x, y) = attempts[-1]["element"], attempts[-1]["point"]
         reached = element["role"]
@@ -123,7 +124,8 @@ def _look(guest: Guest, without_app: bool) -> _View:
 def _can_be_clicked(element: Element, state: Mapping[str, Any]) -> bool:
     """Return whether an element is not hidden, and not behind a modal dialog.
 
-    Guests list the elements of minimised windows, too: then only the desktop or a panel lies there.
+    Guests also list the elements of minimised windows; at their places there is only the desktop or
+    a panel.
     """
     window = window_at(element.centre, state)
     if window is None:
@@ -138,7 +140,7 @@ def _draw(
     boxes: Sequence[Box],
     stream: Stream,
 ) -> Element | None:
-    """Return the element at the first of the plan's boxes that has one, otherwise any."""
+    """Return the element at the first of the plan's boxes that has one, otherwise a random one."""
     if not left:
         return None
     for box in boxes:
@@ -177,7 +179,7 @@ def _click(
     x1, y1, x2, y2 = element.box
     was = view.frame[y1:y2, x1:x2]
     if _differ(was, guest.desktop.screenshot()[y1:y2, x1:x2]):
-        return attempt  # another element is there now
+        return attempt  # another element is at this place now
     guest.x("move", x=x, y=y)
     before = _settled(guest)
     attempt |= guest.x("click", number=window["id"], frame=window["frame"])

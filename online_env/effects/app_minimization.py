@@ -1,7 +1,8 @@
-"""App minimization on a live machine: every window goes to the panel at once.
+"""App minimization on a live machine: all windows are minimised at once.
 
-As the show-desktop key does. The spec is `hijack_data/corruptions/app_minimization.py`, its look in
-recordings `pipelines/edits/app_minimization.py`.
+The effect is that of the show-desktop key. The spec is
+`hijack_data/corruptions/app_minimization.py`, its look in recordings
+`pipelines/edits/app_minimization.py`.
 """
 
 from collections.abc import Mapping
@@ -12,7 +13,7 @@ from ..errors import MissingCapabilityError
 from .base import EffectRecord, LiveEffect, Probe, Undone, register
 from .guest import Guest
 
-PATIENCE = 10.0  # s for the window manager to do what it was asked
+PATIENCE = 10.0  # s for the window manager to carry out a request
 FIXED = ("desktop", "dock")  # window types that are part of the desktop itself
 
 
@@ -24,10 +25,10 @@ class Minimise(LiveEffect):
     needs: ClassVar[frozenset[Capability]] = frozenset({"windows"})
 
     def apply(self, guest: Guest, params: Mapping[str, Any]) -> EffectRecord:
-        """Ask the window manager to show the desktop; if it can't, minimise window by window.
+        """Ask the window manager to show the desktop; if it cannot, minimise each window.
 
         Raises:
-            MissingCapabilityError: the guest lacks what it needs, which the message names.
+            MissingCapabilityError: the guest lacks a tool, which the message names.
         """
         done = guest.x("minimise", PATIENCE)
         if not done.pop("managed"):
@@ -37,7 +38,7 @@ class Minimise(LiveEffect):
         return done
 
     def probe(self, guest: Guest, record: EffectRecord) -> Probe:
-        """Look whether only the desktop and its panels are mapped."""
+        """Check that only the desktop and its panels are mapped."""
         now = guest.x("state")
         left = [window["title"] for window in on_screen(now)]
         facts = {
@@ -52,7 +53,7 @@ class Minimise(LiveEffect):
         return Probe(True, facts)
 
     def undo(self, guest: Guest, record: EffectRecord) -> Undone:
-        """Bring back the windows that were hidden and still exist, the former one in front."""
+        """Bring back the hidden windows that still exist, with the formerly active one in front."""
         hidden = record.get("hidden")
         active = record.get("active", 0)
         found = guest.x("restore", PATIENCE, ids=hidden, active=active)
@@ -62,7 +63,7 @@ class Minimise(LiveEffect):
         return Undone(not left, facts, problem)
 
     def in_words(self, facts: Mapping[str, Any]) -> str:
-        """Return how many windows went to the panel."""
+        """Return how many windows were minimised."""
         return f"no window is on the screen, {facts['hidden']} went to the panel"
 
     def undone_in_words(self, facts: Mapping[str, Any]) -> str:

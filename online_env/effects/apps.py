@@ -11,8 +11,8 @@ class Command:
 
     Args:
         argv: the program and its arguments.
-        classes: parts of the WM_CLASS of its windows, lower case.
-        stand_in: what this is, where it is not the application itself.
+        classes: lower-case parts of the WM_CLASS of its windows.
+        stand_in: a description of the program, if it is only a replacement for the application.
     """
 
     argv: tuple[str, ...]
@@ -47,8 +47,8 @@ COMMANDS: dict[str, tuple[Command, ...]] = {
     "vlc": (Command(("vlc", "--no-video-title-show"), ("vlc",)),),
     "thunderbird": (Command(("thunderbird",), ("thunderbird", "mail.")),),
 }
-# Of no list of the paper's: for a guest that has nothing of it, and only where none of their
-# windows is open.
+# Not in the paper's list: for guests without any application of the list, and only if none of these
+# has an open window.
 FALLBACKS: dict[str, tuple[Command, ...]] = {
     name: (Command((name,), (name,), f"{name}, since nothing of the paper's list is installed"),)
     for name in ("mousepad", "thunar", "xfce4-terminal", "gedit", "nautilus", "gnome-terminal")

@@ -1,8 +1,8 @@
-"""What an effect is: applied, proved by a probe, undone.
+"""The base class of effects, which are applied, proved by a probe, and undone.
 
-An effect of a plan (`hijack_data.plan.Effect`) is data. A `LiveEffect`, one class a kind, carries
-it out. It keeps nothing: all that probe and undo need is in the record, which is JSON, so another
-process can go on with it.
+An effect of a plan (`hijack_data.plan.Effect`) is data. A `LiveEffect`, one class for each kind,
+carries it out. It has no state: everything that probe and undo need is in the record, which is
+JSON, so that another process can continue with it.
 """
 
 import json
@@ -27,17 +27,17 @@ E = TypeVar("E", bound="LiveEffect")
 
 
 class EffectError(DesktopError):
-    """An effect whose parameters this desktop cannot follow, or that did not do what it should."""
+    """An effect with parameters that this desktop cannot carry out, or an effect that failed."""
 
 
 @dataclass(frozen=True)
 class Probe:
-    """What was found on the machine itself.
+    """The findings of a probe on the machine itself.
 
     Args:
-        ok: whether it really is in the corrupted state.
+        ok: whether the machine is in the corrupted state.
         facts: the evidence, as JSON data.
-        problem: why it is not, if it is not.
+        problem: why it is not, if so.
     """
 
     ok: bool
@@ -47,12 +47,12 @@ class Probe:
 
 @dataclass(frozen=True)
 class Undone:
-    """How the machine was left.
+    """The state of the machine after undoing an effect.
 
     Args:
-        ok: whether nothing of the effect remains, or there was nothing to take back.
+        ok: whether nothing of the effect remains, or there was nothing to undo.
         facts: the evidence, as JSON data.
-        problem: what remains, if anything does.
+        problem: what remains, if anything.
     """
 
     ok: bool
@@ -63,13 +63,13 @@ class Undone:
 class LiveEffect(ABC):
     """One kind of effect. Subclass it, set `kind` and `needs`, and register the class.
 
-    `apply` raises `MissingCapabilityError` for what the machine lacks, before anything is changed;
-    what goes wrong later is found by the probe. Applying twice and undoing twice must do no harm.
+    `apply` raises `MissingCapabilityError` if the machine lacks something, before it changes
+    anything; the probe finds later failures. Applying twice and undoing twice must be harmless.
 
     Class attributes:
-        kind: as plans name it.
-        needs: capabilities that a desktop must have.
-        lasting: False for an event, such as a click, which cannot be taken back.
+        kind: the name of the kind in plans.
+        needs: the capabilities that a desktop must have.
+        lasting: False for an event, such as a click, which cannot be undone.
     """
 
     kind: ClassVar[str]
@@ -78,24 +78,24 @@ class LiveEffect(ABC):
 
     @abstractmethod
     def apply(self, guest: Guest, params: Mapping[str, Any]) -> EffectRecord:
-        """Do it, and return JSON data about it, with all that `probe` and `undo` need.
+        """Apply the effect, and return JSON data with everything that `probe` and `undo` need.
 
         Args:
             guest: the desktop.
-            params: of the effect, from the plan.
+            params: the parameters of the effect, from the plan.
 
         Raises:
             MissingCapabilityError: the machine lacks something; nothing was changed.
-            EffectError: parameters that this desktop cannot follow.
+            EffectError: this desktop cannot carry out the parameters.
         """
 
     @abstractmethod
     def probe(self, guest: Guest, record: EffectRecord) -> Probe:
-        """Look at the machine, not at what `apply` noted; change nothing that lasts.
+        """Examine the machine rather than the notes of `apply`, and make no lasting change.
 
         Args:
             guest: the desktop.
-            record: what `apply` returned.
+            record: the data that `apply` returned.
         """
 
     @abstractmethod
@@ -104,28 +104,28 @@ class LiveEffect(ABC):
 
         Args:
             guest: the desktop.
-            record: what `apply` returned; empty if that is lost. Then the machine itself must show
-                what to put back.
+            record: the data that `apply` returned; empty if they are lost. Then find out from the
+                machine what to undo.
         """
 
     def can_be_lifted(self, guest: Guest) -> bool:
-        """Return whether an agent may end it on the desktop (close, restore, unlock).
+        """Return whether an agent may end the effect on the desktop (close, restore, unlock).
 
-        What it cannot lift is probed again when the episode is over; everything else is probed
-        before the agent sees it.
+        Effects that it cannot lift are probed again at the end of the episode; all others only
+        until the agent sees them.
         """
         return True
 
     def refresh(self, guest: Guest, record: EffectRecord) -> None:
-        """Keep up what would fade by itself; called before each observation."""
+        """Refresh an effect that would fade by itself; called before each observation."""
         return
 
     def in_words(self, facts: Mapping[str, Any]) -> str:
-        """Return the facts of a probe that was true as one sentence for people."""
+        """Return the facts of a successful probe as one sentence."""
         return json.dumps(dict(facts), ensure_ascii=False)
 
     def undone_in_words(self, facts: Mapping[str, Any]) -> str:
-        """Return how it was taken back, from the facts of `undo`, as one sentence for people."""
+        """Return the facts of `undo` as one sentence."""
         return json.dumps(dict(facts), ensure_ascii=False)
 
 
@@ -147,27 +147,27 @@ class Applied:
         self._live = find(effect.kind)
 
     def probe(self) -> Probe:
-        """Return whether the machine is in the corrupted state now, and note it."""
+        """Probe whether the machine is in the corrupted state now, and record the result."""
         start = time.monotonic()
         found = self._live.probe(self._guest, self.record["did"])
         self.record["probes"].append({**vars(found), "seconds": _since(start)})
         return found
 
     def holds(self) -> bool:
-        """Return whether the machine is in the corrupted state now, without noting it."""
+        """Return whether the machine is in the corrupted state now, without recording it."""
         return self._live.probe(self._guest, self.record["did"]).ok
 
     @property
     def can_be_lifted(self) -> bool:
-        """Whether an agent may end it by what it does on this desktop."""
+        """Whether an agent may end the effect by its actions on this desktop."""
         return self._live.can_be_lifted(self._guest)
 
     def refresh(self) -> None:
-        """Keep up what would fade by itself: call it before each observation of a slow agent."""
+        """Refresh an effect that would fade by itself: call this before each observation."""
         self._live.refresh(self._guest, self.record["did"])
 
     def undo(self) -> Undone:
-        """Put everything back; a second time is fine."""
+        """Undo the effect; calling this twice is allowed."""
         start = time.monotonic()
         found = self._live.undo(self._guest, self.record["did"])
         self.record["undone"].append({**vars(found), "seconds": _since(start)})
@@ -177,7 +177,7 @@ class Applied:
 def _problems(cls: Any, kind: str) -> Iterator[str]:
     """Yield what is wrong with the class of an effect."""
     if not isinstance(cls, type) or not issubclass(cls, LiveEffect):
-        yield "it is no subclass of online_env.effects.LiveEffect"
+        yield "it is not a subclass of online_env.effects.LiveEffect"
         return
     if cls.__abstractmethods__:
         yield f"{', '.join(sorted(cls.__abstractmethods__))} is missing"
@@ -196,7 +196,7 @@ EFFECTS = Registry[LiveEffect](
 
 
 def register(cls: type[E]) -> type[E]:
-    """Class decorator: make an effect known under its `kind`.
+    """Class decorator: register an effect under its `kind`.
 
     Raises:
         ParameterError: the class is incomplete, or another one has that kind.
@@ -206,16 +206,16 @@ def register(cls: type[E]) -> type[E]:
 
 
 def kinds() -> list[str]:
-    """The kinds that can be performed: ours, then those of plug-ins."""
+    """Return the kinds that can be performed: built-in ones, then those of plug-ins."""
     return EFFECTS.names()
 
 
 def find(kind: str) -> LiveEffect:
-    """Return what carries out effects of `kind`.
+    """Return the object that carries out effects of `kind`.
 
     Raises:
-        UnknownNameError: nothing does.
-        PluginError: the plug-in that should do so cannot be loaded.
+        UnknownNameError: no effect of this kind is registered.
+        PluginError: the plug-in that should register it cannot be loaded.
     """
     return EFFECTS.get(kind)
 
@@ -228,14 +228,14 @@ def perform(
 ) -> Applied:
     """Apply `effect` to `desktop`; only the `probe` of the result proves that it is there.
 
-    Passes on `UnknownNameError` (a kind that nobody registered), `MissingCapabilityError` (the
-    desktop lacks something, which is named; nothing was changed), `EffectError` (wrong parameters)
-    and `DesktopError` (the desktop does not answer).
+    Passes on `UnknownNameError` (the kind is not registered), `MissingCapabilityError` (the desktop
+    lacks something, which is named; nothing was changed), `EffectError` (wrong parameters) and
+    `DesktopError` (the desktop does not answer).
 
     Args:
         effect: of a plan.
-        desktop: any desktop; what the effect needs is looked for in the guest.
-        stream: random draws for what only the live desktop can tell (which element is touched).
+        desktop: any desktop; the tools that the effect needs are looked for in the guest.
+        stream: random draws that depend on the live desktop (which element is touched).
         password: of the desktop's user, for sudo and for the lock screen.
     """
     live = find(effect.kind)
@@ -260,7 +260,7 @@ def resume(
     desktop: Desktop,
     password: str = PASSWORD,
 ) -> Applied:
-    """Go on with an effect that another process applied, from its record.
+    """Continue with an effect that another process applied, from its record.
 
     Raises:
         EffectError: the record is damaged.
@@ -285,9 +285,9 @@ def undo(
     desktop: Desktop,
     password: str = PASSWORD,
 ) -> Undone:
-    """Take back an effect whose record is lost: unlock, open the firewall, and so on.
+    """Undo an effect whose record is lost: unlock, open the firewall, and so on.
 
-    Passes on `UnknownNameError` (a kind that nobody registered).
+    Passes on `UnknownNameError` (the kind is not registered).
     """
     return find(kind).undo(Guest(desktop, password, None), {})
 

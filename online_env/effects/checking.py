@@ -1,4 +1,4 @@
-"""`hijack check` for effects: those that a file registers, tried on a desktop of their own."""
+"""`hijack check` for effects: try the effects of a file on a desktop of their own."""
 
 import functools
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -26,10 +26,10 @@ def summary(kind: str) -> str:
 
 
 def params_for(kind: str, corruptions: Iterable[type[Corruption]]) -> ParamsFor:
-    """Return what gives the parameters to try an effect with on a desktop.
+    """Return a function that gives, for a desktop, parameters with which to try an effect.
 
-    They are those that a corruption of the same file asks for on that desktop's screen, if any
-    does.
+    They are those that a corruption of the same file plans for that desktop's screen, if there is
+    one.
     """
     asking = [cls for cls in corruptions if kind in cls.effects]
 
@@ -46,15 +46,15 @@ def params_for(kind: str, corruptions: Iterable[type[Corruption]]) -> ParamsFor:
 def _effects_on(desktop: Desktop, cls: type[Corruption]) -> tuple[Effect, ...]:
     try:
         return cls().plan(Scene(desktop.size), seed=0).effects
-    except (HijackError, TypeError):  # the class has checks of its own, which report it
+    except (HijackError, TypeError):  # the corruption's own checks report the error
         return ()
 
 
 def starter() -> Callable[[], Any]:
-    """Return what starts a desktop to try effects on.
+    """Return a function that starts a desktop for trying effects.
 
     Raises:
-        DesktopError: there can be none on this machine; with the reason.
+        DesktopError: this machine cannot run a desktop; the message has the reason.
     """
     from ..embedded import doctor
     from ..embedded.desktop import EmbeddedDesktop
@@ -74,10 +74,10 @@ def check(
 
     Args:
         kind: the effect.
-        params: to try it with, or what gives them for a desktop.
-        with_desktop: whether to start desktops for it.
+        params: the parameters to try, or a function that gives them for a desktop.
+        with_desktop: whether to start desktops for the checks.
 
-    A text among the results names what could not be checked, and why.
+    A text among the results states what could not be checked, and why.
     """
     declared = run_declared(kind)
     yield declared

@@ -1,8 +1,8 @@
-"""What every effect must hold, checked by trying it on a real desktop (`hijack check`).
+"""The properties that every effect must have, checked on a real desktop (`hijack check`).
 
-A check raises `CheckFailed` with the probable cause. The most telling one is the sabotage: a record
-that claims that the effect was applied, shown to a fresh desktop where nothing was done, must not
-convince the probe.
+A check raises `CheckFailed` with the probable cause. The most telling check is the sabotage: on a
+fresh desktop where nothing was done, the probe must fail although the record claims that the effect
+was applied.
 """
 
 import json
@@ -19,15 +19,15 @@ from ..desktops.protocol import CAPABILITIES, Desktop
 from ..errors import DesktopError, MissingCapabilityError
 from .base import Applied, EffectRecord, LiveEffect, find, perform, resume, undo
 
-OPEN = ("editor",)  # what is open while an effect is tried
-# Gives the parameters of an effect for a desktop.
+OPEN = ("editor",)  # the application that is open while an effect is tried
+# Returns the parameters of an effect for a desktop.
 ParamsFor: TypeAlias = Callable[[Desktop], Mapping[str, Any]]
 
 
 class Trial:
     """One effect on one desktop, from apply to undo.
 
-    Each check goes on from where the one before it ended.
+    Each check continues from the state in which the previous one ended.
     """
 
     def __init__(
@@ -43,19 +43,19 @@ class Trial:
         self.claim: EffectRecord = {}
 
     def apply(self) -> Applied:
-        """Apply it (again)."""
+        """Apply the effect (again)."""
         return perform(self.effect, self.desktop, Stream(0, f"{self.live.kind}-v1", "check"))
 
     @property
     def done(self) -> Applied:
-        """What was applied; the checks before have to pass first."""
+        """The applied effect; an earlier check must have applied it."""
         if self.applied is None:
             fail("not applied: see above")
         return self.applied
 
 
 def check_declared(live: LiveEffect) -> None:
-    """It has a kind, capabilities that there are, and a docstring, and keeps nothing in itself."""
+    """It has a kind, existing capabilities and a docstring, and has no state."""
     wrong = sorted(set(live.needs) - CAPABILITIES)
     known = ", ".join(sorted(CAPABILITIES))
     expect(not wrong, f"needs names {', '.join(wrong)}; a desktop can have: {known}")
@@ -69,7 +69,7 @@ def check_declared(live: LiveEffect) -> None:
 
 
 def check_undo_without_apply(trial: Trial) -> None:
-    """Undo without apply does no harm."""
+    """Undo without apply is harmless."""
     undone = undo(trial.live.kind, trial.desktop)
     expect(undone.ok, f"undo with an empty record fails: {undone.problem or 'no problem is given'}")
 
@@ -83,7 +83,7 @@ def check_apply_and_probe(trial: Trial) -> None:
 
 
 def check_record(trial: Trial) -> None:
-    """The record is JSON, and all that another process needs to go on."""
+    """The record is JSON, and is enough for another process to continue."""
     trial.claim = _as_json(trial.done.record, "the record")
     found = resume(trial.claim, trial.desktop).probe()
     why = f"the probe is false from the record alone: {found.problem}"
@@ -92,7 +92,7 @@ def check_record(trial: Trial) -> None:
 
 
 def check_apply_twice(trial: Trial) -> None:
-    """Applying twice does no harm.
+    """Applying twice is harmless.
 
     The probe stays true, and one undo for each apply puts everything back.
     """
@@ -108,7 +108,7 @@ def check_apply_twice(trial: Trial) -> None:
 def check_undo(trial: Trial) -> None:
     """Undo puts everything back.
 
-    It reports so, and the probe is false then; a second undo does no harm.
+    It reports so, the probe is then false, and a second undo is harmless.
     """
     for time in ("", " a second time"):
         undone = trial.done.undo()
@@ -121,9 +121,9 @@ def check_undo(trial: Trial) -> None:
 
 
 def check_sabotage(trial: Trial) -> None:
-    """On a desktop where apply did nothing the probe is false.
+    """On a desktop where the effect was not applied, the probe is false.
 
-    It is shown a fresh desktop, and a record that claims that the effect was applied.
+    The probe gets a fresh desktop, and a record that claims that the effect was applied.
     """
     expect(trial.claim, "no record: see above")
     found = resume(trial.claim, trial.desktop).probe()
@@ -158,9 +158,9 @@ def run_live(
 
     Args:
         kind: the effect.
-        params: of the effect, or what gives them for a desktop.
-        start: starts a desktop, a context manager: one to try it on, and a fresh one that it never
-            saw.
+        params: the parameters of the effect, or a function that gives them for a desktop.
+        start: starts a desktop, as a context manager; called for one on which the effect is tried,
+            and for a fresh one.
     """
     live = find(kind)
     with start() as desktop:
@@ -190,7 +190,7 @@ def _run_one(check: Callable[[Any], None], subject: Any) -> Result:
 
 
 def _as_json(data: EffectRecord, what: str) -> EffectRecord:
-    """Return the data as another process reads it."""
+    """Return the data after a JSON round trip, as another process would read them."""
     try:
         again: EffectRecord = json.loads(json.dumps(data, allow_nan=False))
     except (TypeError, ValueError, RecursionError) as error:

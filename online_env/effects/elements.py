@@ -12,8 +12,7 @@ from hijack_data.types import Box, Point, Size
 
 from ..errors import DesktopError
 
-# Panels, docks and the icons on the desktop: what lies there launches or brings up other
-# applications.
+# Panels, docks and the icons on the desktop, where elements launch or bring up other applications.
 LAUNCHERS = frozenset(
     {
         "xfce4-panel",
@@ -64,11 +63,11 @@ def live_elements(
 ) -> list[Element]:
     """Return the interactive elements of a tree, in its order; `size` is (H, W).
 
-    If an application reports which of its elements are enabled or can be acted on, the others are
-    left out; with `without_app` also everything in panels and on the desktop.
+    If an application reports which of its elements are enabled or have actions, all others are left
+    out; with `without_app`, everything in panels and on the desktop is left out, too.
 
     Raises:
-        DesktopError: it is no accessibility tree.
+        DesktopError: the text is not an accessibility tree.
     """
     found: list[Element] = []
     try:
@@ -101,7 +100,7 @@ def _elements_of(nodes: list[AccessibleNode], size: Size) -> list[Element]:
 
 
 def window_at(point: Point, state: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The topmost mapped window at a point, of what `xtool state` told."""
+    """Return the topmost mapped window at a point, from the output of `xtool state`."""
     x, y = point
     for window in reversed(state["windows"]):
         x1, y1, x2, y2 = window["frame"]

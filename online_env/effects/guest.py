@@ -1,10 +1,10 @@
-"""The inside of a desktop as effects use it.
+"""The inside of a desktop, for effects.
 
 Only `Desktop.execute` is needed, so any OSWorld-like guest will do.
 
-What proves an effect must not run in a Python that the agent can change. Our own guest server
-carries it out in its own process (`Desktop.tool`); elsewhere the system's Python does, isolated
-from the home, its packages and its variables.
+Probes must not run in a Python that the agent can change. Our own guest server runs them in its own
+process (`Desktop.tool`); on other guests the system's Python does, isolated from the user's home,
+packages and variables.
 """
 
 import json
@@ -22,27 +22,27 @@ from ..embedded.guest import inside
 from ..errors import DesktopError, MissingCapabilityError
 
 TIMEOUT = 60.0
-# Not the session's: a folder of the user's may come first there.
+# Not the session's PATH, in which a folder of the user may come first.
 SYSTEM_PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
-# No variable is kept but those that lead to the display, and the working directory is nobody's.
+# Only the variables for the display are kept, and the working directory is /.
 _ISOLATED = (
     'cd / && exec /usr/bin/env -i PATH="$1" LC_ALL=C.UTF-8 HOME="$HOME" DISPLAY="$DISPLAY" '
     'XAUTHORITY="${XAUTHORITY:-$HOME/.Xauthority}" /usr/bin/python3 -I -c "$2" "$3" "$4"'
 )
-# pip puts python-xlib into the home on some guests; last, so that nothing there comes before what
-# the system has.
+# On some guests python-xlib is in the user's home; it comes last, so that nothing there shadows the
+# system's modules.
 _PRELUDE = "import site, sys\nsys.path.append(site.getusersitepackages())\n"
 ROOT_TIMEOUT = 60.0
-NOT_FOUND = 127  # what a shell returns for a program that is not there
+NOT_FOUND = 127  # the exit code of a shell for a missing program
 
 
 class Guest:
-    """A desktop with what effects need to know.
+    """A desktop, with everything that effects need.
 
     Args:
-        desktop: where to act.
-        password: of its user.
-        stream: random draws, where an effect has some to make.
+        desktop: the desktop.
+        password: the password of its user.
+        stream: the source of an effect's random draws.
     """
 
     def __init__(
@@ -61,15 +61,15 @@ class Guest:
         patience: float = 0.0,
         **fields: Any,
     ) -> dict[str, Any]:
-        """Do something with windows or pointer (`guest/inside/xtool.py`).
+        """Run an operation on windows or pointer (`inside/xtool.py`).
 
-        It waits for what it asked for at most `patience` seconds.
+        It waits for the result for at most `patience` seconds.
         """
         fields |= {"patience": patience} if patience else {}
         return self._tool("xtool", operation, fields, TIMEOUT + patience)
 
     def keys(self, operation: str, **fields: Any) -> dict[str, Any]:
-        """Type, or look who holds the keyboard and the top of the screen (`inside/locktool.py`)."""
+        """Type, or ask who holds the keyboard and the top of the screen (`inside/locktool.py`)."""
         return self._tool("locktool", operation, fields, TIMEOUT)
 
     def net(
@@ -78,7 +78,7 @@ class Guest:
         patience: float = 0.0,
         **fields: Any,
     ) -> dict[str, Any]:
-        """Look at the network (`guest/inside/nettool.py`)."""
+        """Examine the network (`inside/nettool.py`)."""
         fields |= {"patience": patience} if patience else {}
         return self._tool("nettool", operation, fields, TIMEOUT + patience)
 
@@ -94,10 +94,10 @@ class Guest:
     def pyautogui(self, code: str) -> None:
         """Run pyautogui code that must succeed.
 
-        It runs in the user's Python, so no proof may depend on it.
+        It runs in the user's Python, so probes must not depend on it.
 
         Raises:
-            DesktopError: the desktop does not do it.
+            DesktopError: the code fails.
         """
         result = self.desktop.run(code)
         if not result.ok:
@@ -106,13 +106,13 @@ class Guest:
             )
 
     def installed(self, *commands: str) -> set[str]:
-        """Those of `commands` that the guest has."""
+        """Return those of `commands` that the guest has."""
         script = 'for c; do command -v "$c" >/dev/null 2>&1 && echo "$c"; done; true'
         return set(self.shell(script, *commands).output.split())
 
     @property
     def network_is_ours(self) -> bool:
-        """Whether this machine holds the guest's network, out of the reach even of root inside."""
+        """Whether this machine controls the guest's network, out of reach even for root inside."""
         if getattr(self.desktop, "network_root", None) is not None:
             return True
         return isinstance(getattr(self.desktop, "namespace", None), Path)
@@ -120,9 +120,9 @@ class Guest:
     def root(self, script: str) -> RunResult:
         """Run a shell script with root's rights over the guest's network.
 
-        Through sudo inside. Root inside an embedded desktop has no such rights, on purpose (nor
-        would an agent that knows the password): there, the script runs on this machine in the
-        desktop's network namespace.
+        Usually it runs through sudo inside the guest. Root inside an embedded desktop has no such
+        rights, so that an agent that knows the password has none either: for these, the script runs
+        on this machine, in the desktop's network namespace.
         """
         ask = getattr(self.desktop, "network_root", None)
         if ask is not None:
@@ -170,7 +170,7 @@ def isolated(
     operation: str,
     data: str,
 ) -> list[str]:
-    """The command that runs a tool in the system's Python, apart from all that is the user's."""
+    """Return the command that runs a tool in the system's Python, apart from the user's files."""
     return ["/bin/sh", "-c", _ISOLATED, "sh", SYSTEM_PATH, f"{_PRELUDE}{source}", operation, data]
 
 

@@ -1,4 +1,4 @@
-"""Multi apps on a live machine: another application beside the task's, both in view.
+"""Multi apps on a live machine: another application next to the task's, both visible.
 
 The spec is `hijack_data/corruptions/multi_apps.py`, its look in recordings
 `pipelines/edits/multi_apps.py`.
@@ -17,12 +17,12 @@ from .base import EffectError, EffectRecord, LiveEffect, Probe, Undone, register
 from .guest import Guest
 from .words import short
 
-LAUNCH = 60.0  # s for a window to come (GIMP's first takes long)
-DRAW = 20.0  # s for it to be drawn
-CLOSE = 6.0  # s for it to go
+LAUNCH = 60.0  # s for a window to appear (GIMP's first one takes long)
+DRAW = 20.0  # s for the window to be drawn
+CLOSE = 6.0  # s for the window to close
 TOLERANCE = 40  # pixels: a terminal grows by whole characters, a shadow is not part of a window
-# `setsid`, so that a launch that hangs can be ended with all it started; its number is that of the
-# session.
+# `setsid`, so that a hanging launch can be ended with all its children; its process number is that
+# of the session.
 _START = 'setsid "$@" </dev/null >/dev/null 2>&1 & echo $!'
 _END = """for s in TERM KILL; do pkill -$s -s "$1" || exit 0; for i in 1 2 3 4 5 6 7 8; do
 pgrep -s "$1" >/dev/null || exit 0; sleep 0.05; done; done"""
@@ -35,14 +35,14 @@ _WindowData: TypeAlias = Mapping[str, Any]
 class LaunchApp(LiveEffect):
     """Starts another application, and tiles its window with the one in front.
 
-    The first that is installed and opens a window is taken.
+    The first application that is installed and opens a window is used.
     """
 
     kind: ClassVar[str] = "launch_app"
     needs: ClassVar[frozenset[Capability]] = frozenset({"apps", "windows"})
 
     def apply(self, guest: Guest, params: Mapping[str, Any]) -> EffectRecord:
-        """Start one application after the other until one shows a window, then place the two."""
+        """Start applications in turn until one shows a window, then place both windows."""
         before = guest.x("state")
         record: EffectRecord = {
             "attempts": [],
@@ -68,7 +68,7 @@ class LaunchApp(LiveEffect):
         *,
         is_tiled: bool,
     ) -> bool:
-        """Start one application; return whether its window came and was drawn."""
+        """Start one application; return whether its window appeared and was drawn."""
         session = int(guest.shell(_START, *command.argv).output.strip() or 0)
         attempt: EffectRecord = {
             "app": name,
@@ -97,12 +97,12 @@ class LaunchApp(LiveEffect):
         if attempt["drawn"]:
             return True
         self.undo(guest, record)
-        # a window can be closed over the head of a program that hangs
+        # the window of a hanging program can be closed without its help
         guest.shell(_END, str(session))
         return False
 
     def probe(self, guest: Guest, record: EffectRecord) -> Probe:
-        """Look for a new window of the launched class, mapped and in the place that was asked."""
+        """Look for a new window of the launched class, mapped and at the requested place."""
         facts: EffectRecord = {"attempts": record["attempts"], "asked": record["asked"]}
         if record["window"] is None:
             tried = ", ".join(attempt["app"] for attempt in record["attempts"])
@@ -118,7 +118,7 @@ class LaunchApp(LiveEffect):
         return Probe(not problems, facts, "; ".join(problems))
 
     def undo(self, guest: Guest, record: EffectRecord) -> Undone:
-        """Close the window, end its application if that stays, and put the other window back."""
+        """Close the window, end its application if it still runs, and restore the other window."""
         if not record.get("window"):
             return Undone(True, {"closed": False, "why": "nothing is known to have been launched"})
         number = record["window"]["id"]
@@ -133,7 +133,7 @@ class LaunchApp(LiveEffect):
         return Undone(is_closed, {"closed": is_closed, "forced": forced}, problem)
 
     def in_words(self, facts: Mapping[str, Any]) -> str:
-        """Return which window came, and where it is."""
+        """Return which window appeared, and where it is."""
         attempt = facts["attempts"][-1]
         window = facts["window"]
         stand_in = f" ({attempt['stand_in']})" if attempt["stand_in"] else ""
@@ -151,9 +151,9 @@ class LaunchApp(LiveEffect):
         record: EffectRecord,
         windows: Mapping[int, Any],
     ) -> None:
-        """Give the window beside ours its place again.
+        """Restore the place of the window next to ours.
 
-        One that filled the screen is first given what lay under that.
+        A window that filled the screen first gets the place that it had before that.
         """
         beside: dict[str, Any] | None = record["beside"]
         if beside is None or beside["id"] not in windows:
@@ -170,7 +170,7 @@ class LaunchApp(LiveEffect):
 
 
 def _problems(window: _WindowData, record: EffectRecord) -> list[str]:
-    """Return what is wrong with the window that was launched, its place apart."""
+    """Return the problems of the launched window, except for its place."""
     problems: list[str] = []
     if not window["mapped"]:
         problems.append("the window is not mapped")
@@ -193,7 +193,7 @@ def _choices(
     names: Sequence[str],
     before: _WindowData,
 ) -> list[tuple[str, Command]]:
-    """Return what can be started, in order: the first installed command of each application.
+    """Return the commands to try, in order: the first installed one of each application.
 
     Raises:
         MissingCapabilityError: the guest lacks what it needs, which the message names.
@@ -219,7 +219,7 @@ def _choices(
 
 
 def _fallbacks(there: set[str], before: _WindowData) -> list[tuple[str, Command]]:
-    """Return the fallbacks that are installed, and of which no window is open."""
+    """Return the fallbacks that are installed and have no open window."""
     open_now = " ".join(window["class"].lower() for window in before["windows"])
     found: list[tuple[str, Command]] = []
     for name, (command,) in FALLBACKS.items():
@@ -233,7 +233,7 @@ def _halves(
     beside: _WindowData | None,
     new: _WindowData,
 ) -> dict[str, list[int]]:
-    """Return the places of two windows: the one that was in front left, the new one right."""
+    """Return the places of two windows: the formerly active one left, the new one right."""
     x1, y1, x2, y2 = area
     middle = (x1 + x2) // 2
     places: dict[str, list[int]] = {}
@@ -253,7 +253,7 @@ def _in_front(state: _WindowData) -> dict[str, Any] | None:
 def _misplaced(window: _WindowData | None, asked: Sequence[int]) -> list[str]:
     """Return what is wrong with the place of a window.
 
-    One may be larger than asked if it cannot be as small.
+    It may be larger than requested if it cannot be as small.
     """
     if window is None:
         return ["the window beside it is gone"]
@@ -270,7 +270,7 @@ def _grown(
     asked: Sequence[int],
     side: int,
 ) -> int:
-    """Return by how many pixels a window must be larger than asked; side 0 is its width."""
+    """Return by how many pixels a window must exceed the requested size; side 0 is its width."""
     frame = window["frame"]
     box = window["box"]
     margin = (frame[side + 2] - frame[side]) - (box[side + 2] - box[side])

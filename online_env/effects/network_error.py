@@ -17,15 +17,15 @@ from . import rules
 from .base import EffectError, EffectRecord, LiveEffect, Probe, Undone, register
 from .guest import Guest
 
-# Asked in turn for one that answers: the embedded desktop's local internet, then the real one.
+# Sites to try until one answers: on the embedded desktop's local internet, then on the real one.
 SITES: tuple[tuple[str, int], ...] = (
     ("search.test", 80),
     ("example.com", 80),
     ("www.wikipedia.org", 443),
 )
-PATIENCE = 6.0  # s in which a site answers on a network that works
-SILENCE = 0.5  # s without an answer that count as none, if the site was quicker before
-SLACK = 5.0  # so many times slower than before may an answer be
+PATIENCE = 6.0  # s within which a site answers on a working network
+SILENCE = 0.5  # s after which a site counts as silent, if it was faster before
+SLACK = 5.0  # an answer may take this many times as long as before
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,13 +57,13 @@ _INTERFACE = re.compile(r"[A-Za-z0-9_.:@-]{1,15}")
 
 @register
 class Firewall(LiveEffect):
-    """Drops what would leave or enter by the interfaces of the default routes."""
+    """Drops packets that would leave or enter through the interfaces of the default routes."""
 
     kind: ClassVar[str] = "firewall"
     needs: ClassVar[frozenset[Capability]] = frozenset({"firewall"})
 
     def apply(self, guest: Guest, params: Mapping[str, Any]) -> EffectRecord:
-        """Note what answers now, then close the network."""
+        """Record which sites answer now, then close the network."""
         allowed = _addresses(params)
         sites = _sites(params)
         tool, listing = self._tool(guest)
@@ -86,7 +86,7 @@ class Firewall(LiveEffect):
         return record
 
     def probe(self, guest: Guest, record: EffectRecord) -> Probe:
-        """Look whether what answered before does not now, and it was our rules that dropped it."""
+        """Check that sites which answered before no longer do, because our rules drop packets."""
         dropped_before = self._dropped(guest, record["tool"])
         slowest = [SLACK * target["seconds"] for target in record["before"]]
         patience = max([SILENCE, *slowest])
@@ -105,7 +105,7 @@ class Firewall(LiveEffect):
         return Probe(not problems, facts, "; ".join(problems))
 
     def undo(self, guest: Guest, record: EffectRecord) -> Undone:
-        """Remove our rules and nothing else; then what answered before must answer again."""
+        """Remove our rules and nothing else; then the sites must answer again."""
         tools = [record["tool"]] if record else self._working(guest)
         removed = all(guest.root(_TOOLS[tool].open()).ok for tool in tools)
         facts: EffectRecord = {"removed": removed}
@@ -119,11 +119,11 @@ class Firewall(LiveEffect):
         return Undone(not silent, facts, f"still out of reach: {silent}" if silent else "")
 
     def can_be_lifted(self, guest: Guest) -> bool:
-        """Return whether the rules lie inside, where root may remove them."""
+        """Return whether the rules are inside the guest, where root may remove them."""
         return not guest.network_is_ours
 
     def in_words(self, facts: Mapping[str, Any]) -> str:
-        """Return what answered before, and how many packets were dropped."""
+        """Return which sites answered before, and how many packets were dropped."""
         who = " and ".join(_site(target) for target in facts["before"]) or "nothing"
         answered = f"{who} answered before and do not now"
         if facts["already"]:
@@ -131,12 +131,12 @@ class Firewall(LiveEffect):
         return f"{answered}; our rules dropped {facts['dropped']} packets"
 
     def undone_in_words(self, facts: Mapping[str, Any]) -> str:
-        """Return that the rules are gone, and whether what answered before answers again."""
+        """Return that the rules are gone, and whether the sites answer again."""
         again = ", what answered before answers again" if facts["now"] else ""
         return f"our rules are gone{again}"
 
     def _tool(self, guest: Guest) -> tuple[str, str]:
-        """Return the first tool that root may use, and what it lists.
+        """Return the first tool that root may use, and its listing.
 
         Raises:
             MissingCapabilityError: the guest lacks what it needs, which the message names.
@@ -163,7 +163,7 @@ class Firewall(LiveEffect):
 
 
 def _problems(facts: EffectRecord, record: EffectRecord) -> Iterator[str]:
-    """Yield what keeps the facts of a probe from proving the effect."""
+    """Yield the reasons why the facts of a probe do not prove the effect."""
     if record.get("error"):
         yield f"the rules were refused: {record['error']}"
     if not record["before"] and not record["already"]:
@@ -187,9 +187,9 @@ def _site(target: Mapping[str, Any]) -> str:
 
 
 def _answering(reached: Sequence[EffectRecord]) -> list[EffectRecord]:
-    """Return what answered: one site, by its address, and the name server.
+    """Return the targets that answered: one site, by its address, and the name server.
 
-    So no name needs to be looked up to ask again.
+    With the address, asking again needs no name lookup.
     """
     answering = [target for target in reached if target["ok"]]
     sites = [target for target in answering if target["kind"] == "tcp"]

@@ -1,7 +1,7 @@
 """The rules that close a guest's network, for nft and for iptables; in chains of our own only.
 
-As the paper's Algorithm "Network Error", on the interfaces that are really there: loopback, the
-controlling host and established connections pass, everything else is dropped.
+The rules are those of the paper's Algorithm "Network Error", for the interfaces that exist:
+loopback, the controlling host and established connections pass, everything else is dropped.
 """
 
 import re
@@ -33,7 +33,7 @@ def _nft_chain(
 ) -> str:
     names = ", ".join(f'"{interface}"' for interface in interfaces)
     allowed = [f"  {_nft_family(host)} {address} {host} accept\n" for host in hosts]
-    # Without its neighbours a host that controls the guest over IPv6 would be lost.
+    # Without neighbour discovery, a host that controls the guest over IPv6 could not be reached.
     neighbours = "  icmpv6 type { nd-neighbor-solicit, nd-neighbor-advert } accept\n"
     return (
         f" chain {name} {{\n  type filter hook {hook} priority -5; policy accept;\n"
@@ -48,7 +48,7 @@ def _nft_family(host: str) -> str:
 
 
 def nft_open() -> str:
-    """Return a shell script that removes our table; none is fine."""
+    """Return a shell script that removes our table, if it exists."""
     return f"nft delete table {TABLE} 2>/dev/null; ! nft list table {TABLE} >/dev/null 2>&1"
 
 
@@ -78,7 +78,7 @@ def _iptables_family(
         lines.append(f"{add} {device} lo -j ACCEPT")
         lines += [f"{add} {address} {host} -j ACCEPT" for host in mine]
         if is_6:
-            kinds = (135, 136)  # without its neighbours no address is found
+            kinds = (135, 136)  # without neighbour discovery no address is found
             lines += [f"{add} -p icmpv6 --icmpv6-type {kind} -j ACCEPT" for kind in kinds]
         lines.append(f"{add} -m conntrack --ctstate ESTABLISHED,RELATED -j ACCEPT")
         lines += [f"{add} {device} {name} -j DROP" for name in interfaces]
@@ -90,7 +90,7 @@ def _iptables_family(
 
 
 def iptables_open() -> str:
-    """Return a shell script that removes our chains; none is fine."""
+    """Return a shell script that removes our chains, if they exist."""
     lines: list[str] = []
     for tool in FAMILIES:
         for hook, chain in CHAINS.items():

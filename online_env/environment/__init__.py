@@ -1,4 +1,4 @@
-"""The live environment: a desktop and a task, disturbed on purpose, as a gymnasium environment.
+"""The live environment: a desktop with a task, under a corruption, as a gymnasium environment.
 
 env = CorruptedEnv(SmallTasks(desktop), corruption="subtitle")
 obs, _ = env.reset(seed=0, options={"task": "write_note"})

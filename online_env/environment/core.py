@@ -25,20 +25,21 @@ from .runner import EpisodeRunner, ResetOptions, checked_seed, ready
 from .settings import EvalOptions, EvalSettings
 from .stage import Stage
 
-# The arguments of `gymnasium.make` that an agent may see.
+# The only arguments of `gymnasium.make` that an agent may see.
 _OPEN = frozenset(
     {"task", "size", "name", "apps", "standby", "max_steps", "render_mode", "allow_code"}
 )
 _DEFAULTS = EvalSettings()
 _KEY = secrets.token_bytes(32)
 
-# An environment's runner is not among its attributes, so that whoever is handed the environment
-# does not come across the corruption. That is no barrier: code in this process can import this.
+# An environment's runner is not an attribute, so that code with access to the environment does not
+# come across the corruption. That is not a security boundary: code in this process can import this
+# module.
 _runners: "WeakKeyDictionary[CorruptedEnv, EpisodeRunner]" = WeakKeyDictionary()
 
 
 class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
-    """A task on a live desktop that is disturbed on purpose.
+    """A task on a live desktop under a corruption.
 
     An observation is `{"screenshot": uint8 RGB [H, W, 3], "instruction": str}`, in the size that
     the corruption gives it; `info` is always empty. An action is `WAIT`, `DONE`, `FAIL`,
@@ -89,7 +90,8 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
         self.render_mode = render_mode
         runner = EpisodeRunner(stage, corruption, replace(settings, **changes))
         _runners[self] = runner
-        jit.start()  # with the first picture, not after some hundred, in the middle of an episode
+        # From the first picture on, rather than after some hundred, in the middle of an episode.
+        jit.start()
         self._resize(runner.size)
 
     def reset(
@@ -100,7 +102,8 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
         If an effect fails, the episode is over at once and the status of `record` is `invalid`.
 
         Args:
-            seed: Decides the task's variant and all that the corruption draws; drawn if omitted.
+            seed: Decides the task's variant and all draws of the corruption; drawn at random if
+                omitted.
             options: `task` (what the stage takes; default: the stage's own), `corruption` (as in
                 the constructor; default: the one given there), `label` (its name in the record),
                 `attempt` (0, 1, 2 ...; default: the first that is not in the log).
@@ -138,32 +141,32 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
 
     @property
     def record(self) -> EpisodeRecord | None:
-        """What really happened, as JSON data; `None` until the episode is over. Not for agents."""
+        """The record of the episode, as JSON data, not for agents; `None` until it is over."""
         episode = _runners[self].episode
         return None if episode is None else copy.deepcopy(episode.record)
 
     def hear(self, said: str) -> None:
-        """Log what the agent says with the action that it takes next."""
+        """Log the agent's words for its next action."""
         episode = _runners[self].episode
         if episode is not None:
             episode.hear(said)
 
     def account(self, usage: dict[str, Any]) -> None:
-        """Keep what the agent says it has used so far, such as tokens, for the record."""
+        """Store the usage that the agent has reported so far, such as tokens, for the record."""
         episode = _runners[self].episode
         if episode is not None:
             episode.account(usage)
 
     def give(self, what: Sequence[str]) -> None:
-        """Keep for the record what the agent is given beside instruction and pictures.
+        """Store for the record what the agent is given in addition to instruction and pictures.
 
-        A record without this call says that nobody knows.
+        Without this call, the record states that this is unknown.
 
         Args:
             what: some of `run_log.GIVEN_KINDS`; empty for nothing.
 
         Raises:
-            ParameterError: it names something else.
+            ParameterError: an item is not one of these.
         """
         for kind in what:
             if kind not in GIVEN_KINDS:
@@ -207,7 +210,7 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
         return episode.view.seen.copy()
 
     def close(self) -> None:
-        """Put everything back, end the episode, and close the stage, which ends the desktop.
+        """Undo all effects, end the episode, and close the stage, which ends the desktop.
 
         Calling it again does nothing.
         """
@@ -215,7 +218,7 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
 
     @property
     def spec(self) -> EnvSpec | None:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """How `gymnasium.make` made this, without the arguments that are not for an agent."""
+        """How `gymnasium.make` made this, without the arguments that an agent must not see."""
         return self._spec
 
     @spec.setter
@@ -228,10 +231,10 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
     def _seed(self, seed: int) -> None:
         """Restart the draws of seeds, and those of gymnasium's own generator.
 
-        An agent may hold this object, and a generator that was made from the seed alone would
-        reveal all that is to come. Gymnasium's is made from the seed and a secret of this
-        process: equal seeds give equal draws, as gymnasium wants it, and nothing can be computed
-        back from them.
+        An agent may have access to this object, and a generator seeded with the seed alone would
+        reveal all later draws. Gymnasium's generator is therefore seeded with the seed and a secret
+        of this process: equal seeds give equal draws, as gymnasium requires, but the seed cannot be
+        computed from them.
         """
         _runners[self].seed(seed)
         keyed = hmac.new(_KEY, seed.to_bytes(8, "big"), "sha256").digest()
@@ -247,5 +250,5 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
 def _observation(episode: Episode) -> dict[str, Any]:
     if episode.view is None:
         raise HijackError("no episode is under way: call reset first")
-    picture: UInt8Array = episode.view.seen.copy()  # the agent's own
+    picture: UInt8Array = episode.view.seen.copy()  # a copy, which the agent may modify
     return {"screenshot": picture, "instruction": episode.instruction}

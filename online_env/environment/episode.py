@@ -1,4 +1,4 @@
-"""One episode, seen from the trusted side: what happens in which order.
+"""One episode on the trusted side: the order of events.
 
 An agent's action is mapped back through the coordinates, checked, and run in the guest. Then
 `Observer` takes the next observation, until the agent or a limit ends the episode and the task is
@@ -36,7 +36,7 @@ from .script import BEFORE, Script
 from .settings import EvalSettings
 from .stage import Setting, Stage
 
-WAIT = 1.0  # s that an agent's WAIT takes
+WAIT = 1.0  # duration in s of an agent's WAIT
 KEPT = 2000  # characters kept of what an action printed
 
 _OVER = (0.0, False, True)  # reward, terminated, truncated
@@ -49,8 +49,8 @@ class Episode:
 
     Args:
         stage: The desktop and its tasks.
-        settings: What holds for every episode.
-        request: What is to be played.
+        settings: The settings of all episodes.
+        request: The episode to play.
     """
 
     def __init__(
@@ -77,15 +77,15 @@ class Episode:
 
     @property
     def view(self) -> EpisodeView | None:
-        """The present observation."""
+        """The current observation."""
         return None if self._observer is None else self._observer.view
 
     def begin(self) -> Size:
-        """Set the task up and take the first observation.
+        """Set up the task and take the first observation.
 
-        If an effect fails, the episode is over at once. A request that is refused before the
-        episode raises the error of what refused it, and `DesktopError` is raised if the desktop
-        fails.
+        If an effect fails, the episode is over at once. If the request is refused before the
+        episode, the error of the refusing part is passed on; `DesktopError` is raised if the
+        desktop fails.
 
         Returns:
             The size of the agent's pictures, (height, width).
@@ -95,7 +95,7 @@ class Episode:
             self._counts.setting = self._stage.reset(request.task, request.seed)
             self._counts.setup_seconds = since(self._counts.start)
         script = self._script()
-        # What is refused up to here leaves no record: nothing was played.
+        # A refusal up to this point leaves no record, because nothing was played.
         size = script.check(self._settings.max_steps, self._stage.desktop)
         self._log = self._open_log()
         observer = Observer(self._stage.desktop, self._settings, script, self._effects, self._log)
@@ -108,7 +108,7 @@ class Episode:
         return size
 
     def act(self, text: object) -> tuple[float, bool, bool]:
-        """Take the agent's action and the next observation.
+        """Carry out the agent's action and take the next observation.
 
         Returns:
             Reward, terminated, truncated.
@@ -119,7 +119,7 @@ class Episode:
         try:
             return self._act(text, observer, observer.view)
         except DesktopError as error:
-            # A desktop that died cannot be told from one that the agent killed.
+            # A desktop that died cannot be distinguished from one that the agent killed.
             status: Status = "error" if self._acted else "invalid"
             self.end(End(status=status, problem=f"{type(error).__name__}: {error}"))
             return _OVER
@@ -134,20 +134,20 @@ class Episode:
             self.view.line["said"] = said
 
     def account(self, usage: dict[str, Any]) -> None:
-        """Keep what the agent says it has used so far."""
+        """Store the usage that the agent has reported so far."""
         self._counts.usage = usage
 
     def give(self, what: Sequence[str]) -> None:
-        """Keep what the agent is given beside instruction and pictures."""
+        """Store what the agent is given in addition to instruction and pictures."""
         self._counts.given = list(what)
 
     def truncate(self) -> None:
-        """Judge an episode that is cut off from outside, if the agent took an action in it."""
+        """Judge an episode that is ended from outside, if the agent has acted in it."""
         if self.record is None and self.view is not None and self._counts.steps:
             self._judge("outside")
 
     def end(self, end: End) -> None:
-        """Put everything back and write the record; only the first call counts."""
+        """Undo all effects and write the record; later calls do nothing."""
         if self.record is not None:
             return
         self._effects.undo()
@@ -167,10 +167,10 @@ class Episode:
 
     @contextlib.contextmanager
     def _failure_recorded(self) -> Iterator[None]:
-        """Record a failure that comes before the agent has done anything; it is not the agent's.
+        """Record a failure before the agent's first action, which is not the agent's fault.
 
         Raises:
-            DesktopError: As the block raised it, and anything else.
+            DesktopError: Raised by the block; other exceptions are passed on, too.
         """
         try:
             yield
@@ -233,8 +233,8 @@ class Episode:
         """Decide who caused an effect to fail after the agent had the machine.
 
         The effect is tried on a fresh desktop with the same task. If it holds there, the agent's
-        actions made the difference, and its score is not dropped but zero; otherwise the machine
-        cannot have the effect.
+        actions made it fail, and the episode counts with score 0; otherwise the machine cannot have
+        the effect.
         """
         invalid = End(status="invalid", problem=problem)
         if not self._acted:
@@ -256,7 +256,7 @@ class Episode:
         )
 
     def _read(self, text: object, view: EpisodeView) -> Request | None:
-        """Read the action, in pixels of the screen; return `None` if it is malformed."""
+        """Return the action in pixels of the screen, or `None` if it is malformed."""
         line = view.line
         line["raw"] = text if isinstance(text, str) else repr(text)
         try:
@@ -274,10 +274,10 @@ class Episode:
 
     def _run(self, code: str) -> RunResult:
         try:
-            # On a line of its own: some guests put other code before it, on the same line.
+            # Begin with a new line, because some guests put other code before it on the same line.
             return self._stage.desktop.run(f"\n{code}")
         except (GuestError, DesktopTimeoutError) as error:
-            # Code that never ends. If the guest is dead, the next screenshot raises.
+            # The code never ends, or the guest is dead; then the next screenshot raises.
             return RunResult("error", "", str(error))
 
     def _recover(self) -> bool:
@@ -301,14 +301,14 @@ class Episode:
         return helped
 
     def _judge(self, ended: Ended) -> tuple[float, bool, bool]:
-        """Evaluate what the agent left, before anything is put back."""
+        """Evaluate the state that the agent left, before any effect is undone."""
         problem = self._effects.confirm_lasting()
-        if problem:  # no agent can do that
+        if problem:  # no agent can cause this
             self.end(End(status="invalid", problem=problem))
             return _OVER
         try:
             verdict = self._stage.evaluate(tuple(self._counts.history))
-        except Exception as error:  # noqa: BLE001  (an agent's leavings may break any evaluator)
+        except Exception as error:  # noqa: BLE001  (the agent's state may break any evaluator)
             self.end(End(status="error", problem=f"{type(error).__name__}: {error}"))
             return _OVER
         self.end(
@@ -323,7 +323,7 @@ class Episode:
 
 
 def _result_of(result: RunResult) -> dict[str, Any]:
-    """Return what an action printed, as the log has it."""
+    """Return the output of an action in the form of the log."""
     data = asdict(result)
     data["output"] = result.output[-KEPT:]
     data["error"] = result.error[-KEPT:]

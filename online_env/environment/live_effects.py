@@ -17,8 +17,8 @@ from .script import Script
 class _Live:
     """An effect that was applied before observation `step`.
 
-    `fresh` until the agent has seen it, `active` until somebody asked for it to be undone, `clean`
-    once that is done.
+    It is `fresh` until the agent has seen it, `active` until it is to be undone, and `clean` once
+    it is undone.
     """
 
     step: int
@@ -37,7 +37,7 @@ class _Live:
 
     @property
     def to_confirm(self) -> bool:
-        """Whether the next observation must show it."""
+        """Whether the effect must still hold when the next observation has been taken."""
         if not (self.fresh and self.active):
             return False
         return self.lasting and self.applied.can_be_lifted
@@ -51,7 +51,7 @@ class _Live:
         return found.problem or "its probe failed"
 
     def undo(self) -> bool:
-        """Put it back; return whether there was something to put back, and that worked."""
+        """Undo the effect; return whether there was something to undo and undoing it worked."""
         self.active = False
         self.fresh = False
         try:
@@ -77,22 +77,22 @@ class EpisodeEffects:
         self._desktop = desktop
         self._password = password
         self._live: list[_Live] = []
-        self._broken: list[str] = []  # kinds of effects that broke off while they were applied
+        self._broken: list[str] = []  # kinds of effects that failed while they were applied
         self._events: list[dict[str, Any]] = []
         self._failed: tuple[Effect, int] | None = None
 
     @property
     def active(self) -> bool:
-        """Whether an effect was applied that nobody has asked to undo."""
+        """Whether there is an applied effect that is not to be undone yet."""
         return any(live.active for live in self._live)
 
     @property
     def records(self) -> list[dict[str, Any]]:
-        """The effects as the episode's record has them."""
+        """The effects in the form of the episode's record."""
         return [{"step": live.step, "record": live.applied.record} for live in self._live]
 
     def events(self) -> list[dict[str, Any]]:
-        """Return what was applied since the last call."""
+        """Return the effects that were applied since the last call."""
         found = self._events
         self._events = []
         return found
@@ -156,19 +156,19 @@ class EpisodeEffects:
             return perform(effect, self._desktop, stream, self._password)
 
     def _skip_covered(self) -> None:
-        """Do not confirm effects that a later one of the same step rightly hides."""
+        """Skip the confirmation of effects that a later effect of the same step hides."""
         to_confirm = [live for live in self._live if live.to_confirm]
         for live in to_confirm[:-1]:
             with _guarded(live.kind):
                 live.fresh = live.applied.holds()
 
     def confirm(self) -> str:
-        """Probe again what came since the last observation, once the next one is taken.
+        """Probe the effects since the last observation again, after the next one was taken.
 
         Returns:
             Why an effect was gone before the agent saw it, or "".
         """
-        if self._failed is not None:  # known already
+        if self._failed is not None:  # the failure is known already
             return ""
         for live in self._live:
             if not live.to_confirm:
@@ -182,7 +182,7 @@ class EpisodeEffects:
         return ""
 
     def confirm_lasting(self) -> str:
-        """Probe again, at the end, the effects that no agent can lift.
+        """At the end, probe again the effects that no agent can lift.
 
         Returns:
             Why one of them was gone, or "".
@@ -206,13 +206,13 @@ class EpisodeEffects:
         return problem
 
     def holds_elsewhere(self, script: Script, look: Callable[[], object]) -> bool:
-        """Return whether the effect that failed holds now, on a desktop that nobody used.
+        """Return whether the failed effect holds on a desktop that no agent has used.
 
-        It is undone again and leaves no record: it is no part of the episode.
+        The effect is undone afterwards and not recorded, since it is not part of the episode.
 
         Args:
             script: The plans of the episode.
-            look: Takes the picture, which is between two probes here as well.
+            look: Takes the picture, which is taken between two probes, as in an episode.
         """
         if self._failed is None:
             return False
@@ -230,27 +230,27 @@ class EpisodeEffects:
         return held
 
     def refresh(self) -> None:
-        """Keep up what would fade by itself."""
+        """Refresh effects that would fade by themselves."""
         for live in self._live:
             if live.active:
                 with _guarded(live.kind):
                     live.applied.refresh()
 
     def repair(self) -> bool:
-        """Undo what is active, the last first; return whether all of that worked."""
+        """Undo the active effects, the latest first; return whether all were undone."""
         active = [live for live in reversed(self._live) if live.active]
         undone = [live.undo() for live in active]
         return all(undone)
 
     def forget(self) -> None:
-        """Take note that the desktop was replaced by a pristine one."""
+        """Note that the desktop was replaced by a pristine one."""
         for live in self._live:
             live.active = False
             live.fresh = False
             live.clean = True
 
     def undo(self) -> None:
-        """Put back whatever is left; a failure of that is recorded."""
+        """Undo all remaining effects; failures are recorded."""
         for live in reversed(self._live):
             if not live.clean:
                 live.undo()
@@ -262,13 +262,13 @@ class EpisodeEffects:
 
 @contextlib.contextmanager
 def _guarded(kind: str) -> Iterator[None]:
-    """Turn whatever an effect raises into an error that ends its episode, but not the run.
+    """Turn any exception of an effect into an error that ends its episode, but not the run.
 
     An effect of a plug-in may raise anything.
 
     Raises:
-        DesktopError: As the block raised it.
-        EffectError: In place of anything else.
+        DesktopError: Raised by the block.
+        EffectError: The block raised anything else.
     """
     try:
         yield

@@ -1,4 +1,4 @@
-"""The log of one episode: `steps.jsonl` line by line, the frames as PNG, and at last the record.
+"""The log of one episode: `steps.jsonl` line by line, the frames as PNG, and finally the record.
 
 RUNS/episodes/<slug>/
     episode.json            the record, written last and whole: without it the episode is not over
@@ -23,36 +23,36 @@ from hijack_data.types import UInt8Array
 
 
 def dump(data: object) -> bytes:
-    """Return JSON in UTF-8; half of a surrogate pair in what an agent wrote stays an escape."""
+    """Return JSON in UTF-8; halves of surrogate pairs in agents' texts stay escaped."""
     return json.dumps(data, ensure_ascii=False, allow_nan=False).encode("utf-8", "backslashreplace")
 
 
 class EpisodeLog:
     """Writes one episode, and chains its lines (see `hijack_data.runs.run_log`).
 
-    What an episode that broke off left under the same name is removed.
+    The remains of an interrupted episode with the same name are removed.
 
     Args:
-        runs: The folder of the run; it is made if it is missing.
+        runs: The folder of the run, which is created if it is missing.
         slug: The name of the episode's folder, see `slug_of`.
 
     Raises:
-        ParameterError: A complete episode is there already, or another process writes it.
-        HijackError: Nothing can be written there.
+        ParameterError: A complete episode is there already, or another process is writing it.
+        HijackError: The folder cannot be written.
     """
 
     def __init__(self, runs: Path, slug: str) -> None:
         self.folder = runs / EPISODES / slug
         try:
-            # Private: desktops see some folders of this machine, and names and records give the
-            # corruption away.
+            # Readable by this user only: desktops see some folders of this machine, and names and
+            # records reveal the corruption.
             (runs / EPISODES).mkdir(
                 mode=0o700,
                 parents=True,
                 exist_ok=True,
             )
             self.folder.mkdir(exist_ok=True)
-            # An episode that is dropped without an end releases it with this object.
+            # If an episode is dropped without an end, the lock is released with this object.
             self._lock = _locked(self.folder / STEPS)
             self._clear()
             self._steps = (self.folder / STEPS).open("ab")
@@ -68,7 +68,7 @@ class EpisodeLog:
         clean: UInt8Array,
         seen: UInt8Array,
     ) -> dict[str, Any]:
-        """Store what was on the screen and what the agent saw.
+        """Store the screen and the agent's picture.
 
         Args:
             step: The number of the observation.
@@ -76,7 +76,7 @@ class EpisodeLog:
             seen: What the agent saw; the same object if nothing was drawn.
 
         Returns:
-            The fields of the line that name the files.
+            The fields for the line of the log, which name the files.
         """
         pictures = {f"{FRAMES}/{step:04d}.png": clean}
         if seen is not clean:
@@ -115,7 +115,7 @@ class EpisodeLog:
         self._last = digest_of(line)
 
     def finish(self, record: Mapping[str, Any]) -> dict[str, Any]:
-        """Write the record, and return it as it is written; the episode is over."""
+        """Write the record, which ends the episode, and return it as written."""
         self._pool.shutdown()
         whole = {
             **record,
@@ -135,7 +135,7 @@ class EpisodeLog:
             steps.close()
 
     def _clear(self) -> None:
-        """Remove what is left of an episode that was broken off.
+        """Remove the remains of an interrupted episode.
 
         Raises:
             ParameterError: A complete episode is there.
@@ -161,7 +161,7 @@ def free_attempt(
     seed: int,
     agent: str,
 ) -> int:
-    """Return the first attempt at an episode that has no folder yet."""
+    """Return the number of the first attempt at an episode that has no folder yet."""
     attempt = 0
     while (runs / EPISODES / slug_of(task, label, seed, agent, attempt)).exists():
         attempt += 1
@@ -169,7 +169,7 @@ def free_attempt(
 
 
 def _locked(path: Path) -> Lock:
-    """Lock the lines of an episode, so that no other environment writes them.
+    """Lock the file of an episode's lines against other environments.
 
     Raises:
         ParameterError: Another environment writes it.

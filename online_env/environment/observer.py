@@ -1,4 +1,4 @@
-"""Observations: wait for the screen, apply what is due, take the picture, corrupt and log it."""
+"""Observations: wait for the screen, apply due effects, take the picture, corrupt and log it."""
 
 import time
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ from .settle import Settled, wait_until_settled
 
 @dataclass(frozen=True, kw_only=True)
 class EpisodeView:
-    """One observation: what the agent sees, by which plan, and the line of the log it begins."""
+    """One observation: the agent's picture, its plan, and the line of the log that it begins."""
 
     seen: UInt8Array
     plan: Plan
@@ -58,11 +58,11 @@ class Observer:
         self._written = 0  # lines of the log
 
     def look(self, step: int, *, inject: bool) -> str:
-        """Take observation `step` and return why an effect that was due failed, or "".
+        """Take observation `step` and return why a due effect failed, or "".
 
         Args:
             step: The number of the observation.
-            inject: Whether effects that are due now are applied.
+            inject: Whether to apply effects that are due now.
         """
         problem = ""
         seconds: dict[str, float] = {}
@@ -97,14 +97,14 @@ class Observer:
         return problem
 
     def settle(self, step: int, seconds: dict[str, float]) -> tuple[Settled, BoxArray]:
-        """Wait for the screen, and read where its elements are if the plan depends on them.
+        """Wait for the screen to settle, and read its elements if the plan depends on them.
 
         Args:
             step: The number of the observation.
             seconds: Receives how long each part took.
 
         Raises:
-            DesktopError: The screen changed its size, or its tree cannot be read.
+            DesktopError: The size of the screen changed, or its tree cannot be read.
         """
         start = time.monotonic()
         with_tree = self.script.needs_tree(step)
@@ -127,7 +127,7 @@ class Observer:
         return found, boxes
 
     def flush(self) -> None:
-        """Write the line of the present observation, unless it is written already."""
+        """Write the line of the current observation, unless it is written already."""
         if self._log is None or self.view is None:
             return
         if self.view.line["step"] >= self._written:
@@ -138,7 +138,7 @@ class Observer:
         try:
             return self._effects.inject(due, self.script, step)
         except MissingCapabilityError as error:
-            if self.view is None:  # nothing was played yet: the caller is to know
+            if self.view is None:  # nothing was played yet, so the caller must see the error
                 raise
             return str(error)
 
@@ -148,7 +148,7 @@ class Observer:
         settled: Settled,
         boxes: BoxArray,
     ) -> dict[str, Any]:
-        """Return what the line of the log says of the screen; the action is filled in later."""
+        """Return the log's fields about the screen; the action is filled in later."""
         data = plan.to_data()
         return {
             "plan": data,

@@ -1,4 +1,4 @@
-"""The record of an episode: what was requested, what happened, and how it was judged."""
+"""The record of an episode: the request, the events, and the verdict."""
 
 import json
 import time
@@ -18,7 +18,8 @@ from .stage import Setting
 
 EpisodeRecord: TypeAlias = dict[str, Any]
 Status: TypeAlias = Literal["ok", "invalid", "error"]
-Ended: TypeAlias = Literal["agent", "max_steps", "outside"]  # outside: a limit that is not ours
+# "outside" is a limit outside the environment.
+Ended: TypeAlias = Literal["agent", "max_steps", "outside"]
 Cause: TypeAlias = Literal["agent", "machine", "outside"]
 
 
@@ -27,10 +28,10 @@ class EpisodeRequest:
     """What is to be played.
 
     Args:
-        planner: What disturbs the episode; `None` for nothing.
+        planner: The corruption of the episode; `None` for a clean one.
         label: The corruption's name in the record.
-        task: The task, as the stage takes it.
-        seed: Decides the task's variant and all that the corruption draws.
+        task: The task, in a form that the stage accepts.
+        seed: Decides the task's variant and all draws of the corruption.
         attempt: The number of the attempt; `None` takes the first that is not in the log.
     """
 
@@ -43,7 +44,7 @@ class EpisodeRequest:
 
 @dataclass
 class EpisodeCounts:
-    """What happens in an episode, as far as the record counts it."""
+    """The counts of an episode for its record."""
 
     setting: Setting
     attempt: int = 0
@@ -53,26 +54,27 @@ class EpisodeCounts:
     false_alarms: int = 0
     repaired: int = 0
     said: str = ""  # the agent's last words
-    usage: dict[str, Any] | None = None  # what it counted itself: tokens, money
-    given: list[str] | None = None  # beside instruction and pictures; `None` if nobody said
+    usage: dict[str, Any] | None = None  # usage counted by the agent itself: tokens, money
+    # What the agent was given in addition to instruction and pictures; `None` if unknown.
+    given: list[str] | None = None
     history: list[str] = field(default_factory=list[str])
     start: float = field(default_factory=time.monotonic)
-    setup_seconds: float | None = None  # to reset the desktop and set the task up
+    setup_seconds: float | None = None  # seconds to reset the desktop and set up the task
 
 
 @dataclass(frozen=True, kw_only=True)
 class End:
     """How an episode ended.
 
-    Only `"ok"` has a verdict: an episode whose corruption was not there does not count as 0.
+    Only `"ok"` has a verdict: an episode whose corruption did not hold does not count as 0.
 
     Args:
         status: The status of the record.
-        problem: What went wrong, if the status is not `"ok"`.
+        problem: The problem, if the status is not `"ok"`.
         verdict: How the task was judged.
-        ended: What ended an episode that was judged: `DONE` or `FAIL`, `max_steps`, or a limit
-            that is not the environment's.
-        cause: Whose failure an error is; an agent's own counts against it, the others do not.
+        ended: What ended a judged episode: `DONE` or `FAIL`, `max_steps`, or a limit outside the
+            environment.
+        cause: Who caused an error; errors of the agent count against it, others do not.
         traceback: Where an agent raised, the innermost call last.
     """
 
@@ -140,7 +142,7 @@ def make_record(
 
 
 def name_of(task: object) -> str:
-    """Return how a record names a task that could not be set up."""
+    """Return the name of a task that could not be set up, for its record."""
     known = task.get("id") if isinstance(task, dict) else getattr(task, "id", task)
     return known if isinstance(known, str) else "unknown"
 

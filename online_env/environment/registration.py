@@ -1,4 +1,4 @@
-"""The environments' names in gymnasium's registry."""
+"""Register the environments with gymnasium."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -41,9 +41,9 @@ def make_embedded(
     log: Path | str | None = None,
     **options: Any,
 ) -> CorruptedEnv:
-    """Return a `CorruptedEnv` over the small tasks on an embedded desktop of its own.
+    """Return a `CorruptedEnv` with the small tasks on its own embedded desktop.
 
-    `close` ends the desktop. `DesktopError` is raised if no desktop starts.
+    `close` ends the desktop. Raises `DesktopError` if no desktop starts.
 
     Args:
         task: A name, or a task.

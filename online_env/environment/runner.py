@@ -1,4 +1,4 @@
-"""The trusted side of an environment: it plays episodes and holds what no agent may see.
+"""The trusted side of an environment, which plays episodes and holds the secrets.
 
 `CorruptedEnv` is the gymnasium interface in front of it.
 """
@@ -36,7 +36,7 @@ class EpisodeRunner:
 
     Args:
         stage: The desktop and its tasks.
-        corruption: What disturbs episodes that name no corruption of their own.
+        corruption: The corruption of episodes whose `reset` names none.
         settings: What holds for every episode.
     """
 
@@ -57,7 +57,7 @@ class EpisodeRunner:
 
     @property
     def size(self) -> Size:
-        """The size of an agent's pictures under the runner's own corruption, (height, width)."""
+        """The size of the agent's pictures under the default corruption, (height, width)."""
         script = Script(self._planner, 0, "", (), self._stage.desktop.size)
         return script.plan(0).out_size
 
@@ -87,12 +87,12 @@ class EpisodeRunner:
         return self.episode.begin()
 
     def end(self, end: End) -> None:
-        """End the episode that is under way, if there is one."""
+        """End the current episode, if there is one."""
         if self.episode is not None:
             self.episode.end(end)
 
     def leave(self, why: str) -> None:
-        """End the episode that is under way.
+        """End the current episode.
 
         It is judged, unless an exception is being handled: then it ends as an error.
         """
@@ -132,10 +132,10 @@ class ResetOptions:
 
     @classmethod
     def read(cls, options: dict[str, Any] | None) -> "ResetOptions":
-        """Check the options as they were given.
+        """Check the given options.
 
         Raises:
-            UnknownNameError: An option does not exist; the message has the closest name.
+            UnknownNameError: An option is unknown; the message suggests the closest name.
             ParameterTypeError: `label` or `attempt` is of the wrong type.
         """
         given = options or {}
@@ -155,7 +155,7 @@ def checked_seed(value: object) -> int | None:
     """Return a seed as an integer in [0, 2**64 - 1]; `None` stays `None`.
 
     Raises:
-        ParameterTypeError: It is no integer.
+        ParameterTypeError: It is not an integer.
         ParameterError: It is out of range.
     """
     if value is None:

@@ -1,4 +1,4 @@
-"""What is going to happen in an episode: one plan a step, from seed, task and screen alone."""
+"""The script of an episode: one plan per step, computed from seed, task and screen only."""
 
 from dataclasses import dataclass
 
@@ -15,11 +15,11 @@ from ..desktops.survey import lacks
 from ..effects import find
 from ..errors import MissingCapabilityError
 
-BEFORE = -1  # the step of what happens before the episode
+BEFORE = -1  # the step number of effects before the episode
 
 
 def planner_of(value: object) -> Planner | None:
-    """Return a corruption by name, or any planner as it is; `None` for `None` and `"clean"`.
+    """Return the corruption with a name, or a planner unchanged; `None` for `None` and `"clean"`.
 
     Passes on `UnknownNameError` (no corruption has this name; with the closest one) and
     `ParameterTypeError` (`value` is neither a name nor a planner).
@@ -36,9 +36,9 @@ class Script:
     """The plans of one episode.
 
     Args:
-        planner: what disturbs; `None` for nothing.
+        planner: the corruption; `None` for a clean episode.
         seed: 0 to 2**64 - 1.
-        sample: id of the task: every agent gets the same draws.
+        sample: id of the task, so that every agent gets the same draws.
         apps: normalised names of the applications that the task uses.
         size: `(height, width)` of the screen.
     """
@@ -78,16 +78,16 @@ class Script:
         return Stream(self.seed, f"effect-{kind}", self.sample, step)
 
     def check(self, steps: int, desktop: Desktop) -> Size:
-        """Look `steps` steps ahead and refuse what cannot work, before anything is done.
+        """Plan `steps` steps ahead, and refuse a corruption that cannot work before it begins.
 
-        Passes on `MissingCapabilityError` (the desktop lacks something; with all that it lacks)
-        and `UnknownNameError` (an effect that nothing can perform).
+        Passes on `MissingCapabilityError` (the desktop lacks capabilities, all of which are named)
+        and `UnknownNameError` (an effect of an unknown kind).
 
         Returns:
             The size of the agent's pictures, (height, width).
 
         Raises:
-            ParameterError: a screen that is too small, or pictures of several sizes.
+            ParameterError: the screen is too small, or the pictures have several sizes.
         """
         plans = [self.plan(step) for step in range(BEFORE, steps + 1)]
         self._check_capabilities(plans, desktop)

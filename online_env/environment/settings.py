@@ -14,30 +14,30 @@ POLICIES: tuple[Recovery, ...] = get_args(Recovery)
 
 @dataclass(frozen=True, kw_only=True)
 class EvalSettings:
-    """What holds for every episode of a `CorruptedEnv`.
+    """The settings of all episodes of a `CorruptedEnv`.
 
     Args:
         max_steps: Actions until an episode is truncated, at least 1.
         settle: When the screen counts as settled.
         recovery: What `REQUEST_REINIT` leads to: `"none"` changes nothing, `"repair"` undoes the
-            effects, `"reset"` sets the task up anew on a clean desktop. Requests are counted in
+            effects, `"reset"` sets up the task again on a clean desktop. Requests are counted in
             any case.
-        allow_code: Let any Python code through; it runs in the guest, as the desktop's user.
+        allow_code: Allow any Python code; it runs in the guest, as the desktop's user.
         log: The folder of the run; an episode is written to `log/episodes/<its id>/`. `None`
             writes nothing.
         agent: The agent's name, for the record.
         password: The password of the desktop's user.
 
     Raises:
-        ParameterError: `max_steps` is no integer of at least 1.
-        UnknownNameError: `recovery` is no known policy.
+        ParameterError: `max_steps` is not an integer of at least 1.
+        UnknownNameError: `recovery` is not a known policy.
     """
 
     max_steps: int = 15
     settle: Settle = field(default_factory=Settle)
     recovery: Recovery = "none"
     allow_code: bool = False
-    # As text: annotations can be reached from the environment, and so can all that they name.
+    # Annotations are texts, because objects in annotations could be reached from the environment.
     log: "Path | str | None" = None
     agent: str = "agent"
     password: str = "password"

@@ -1,4 +1,4 @@
-"""Waiting until a screen has settled, and reading its accessibility tree meanwhile."""
+"""Wait until a screen has settled, and read its accessibility tree meanwhile."""
 
 import time
 from dataclasses import dataclass
@@ -38,7 +38,7 @@ class Settle:
 
 @dataclass(frozen=True, kw_only=True)
 class Settled:
-    """A screen, and its accessibility tree, which is not older.
+    """A settled screen, and its accessibility tree, which was read after the last change.
 
     Args:
         frame: The screenshot, uint8 RGB `[H, W, 3]`.
@@ -63,7 +63,7 @@ def wait_until_settled(
     Args:
         desktop: The machine; its `DesktopError` is passed on.
         rule: When the screen counts as settled.
-        with_tree: Whether the tree is read as well; it is of the screen that is returned.
+        with_tree: Whether to read the tree as well; it is the tree of the returned screen.
     """
     watch = _Watch(desktop)
     while True:
@@ -90,7 +90,7 @@ def wait_until_settled(
 
 
 class _Watch:
-    """The latest screenshot, when the screen last changed, and its tree if that was read."""
+    """The latest screenshot, the time of the last change, and the tree if it was read."""
 
     def __init__(self, desktop: Desktop) -> None:
         self.start = time.monotonic()

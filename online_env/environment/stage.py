@@ -1,4 +1,4 @@
-"""Stages: a desktop with tasks on it, as `CorruptedEnv` uses them.
+"""Stages: desktops with tasks, for `CorruptedEnv`.
 
 `SmallTasks` has the small tasks on an embedded desktop, `OsworldStage` the tasks of an environment
 with OSWorld's interface.
@@ -27,7 +27,7 @@ WORDS = ("WAIT", "DONE", "FAIL")
 
 @dataclass(frozen=True)
 class Setting:
-    """One task as it was set up.
+    """A task that has been set up.
 
     Args:
         id: The task's id; it is also the key of the random draws, so that every agent gets the
@@ -46,7 +46,7 @@ class Setting:
 
 
 class Stage(Protocol):
-    """What `CorruptedEnv` needs; every method raises `DesktopError` if the desktop fails."""
+    """The interface for `CorruptedEnv`; all methods raise `DesktopError` if the desktop fails."""
 
     @property
     def desktop(self) -> Desktop:
@@ -63,10 +63,10 @@ class Stage(Protocol):
         ...
 
     def evaluate(self, history: Sequence[str]) -> Verdict:
-        """Judge how well the present task was done.
+        """Judge how well the current task was done.
 
         Args:
-            history: The agent's own actions. A task that cannot be done is judged by the last.
+            history: The agent's own actions. An infeasible task is judged by the last action.
         """
         ...
 
@@ -79,7 +79,8 @@ class SmallTasks:
     """The tasks of `online_env.tasks` on a desktop.
 
     Args:
-        desktop: Such as one of `EmbeddedDesktop.up`; with `standby=True` a reset is quick.
+        desktop: A desktop, for example from `EmbeddedDesktop.up`; with `standby=True` resets are
+            fast.
         task: The task of a `reset` that names none: a name, or a task with its own seed.
     """
 
@@ -107,7 +108,7 @@ class SmallTasks:
 
     @property
     def machine(self) -> Machine:
-        """The desktop as the present task sees it.
+        """The desktop in the form that tasks use.
 
         Raises:
             DesktopError: There was no reset yet.
@@ -118,7 +119,7 @@ class SmallTasks:
 
     @property
     def sites(self) -> SiteState | None:
-        """What was done on the desktop's local internet, or `None` where it has none."""
+        """The journal of the desktop's local internet, or `None` without one."""
         record = getattr(self._desktop, "record", None)
         return None if record is None else SiteState(record["sites"])
 
@@ -132,7 +133,7 @@ class SmallTasks:
             seed: Chooses the variant of a task that is given by name.
 
         Raises:
-            ParameterTypeError: `task` is neither.
+            ParameterTypeError: `task` is neither a name nor a task.
         """
         wanted: object = self._default if task is None else task
         if isinstance(wanted, str):
@@ -150,7 +151,7 @@ class SmallTasks:
         return Setting(wanted.id, wanted.instruction, apps, infeasible, wanted.seed)
 
     def evaluate(self, history: Sequence[str]) -> Verdict:
-        """Judge the task by files and by what applications and sites stored."""
+        """Judge the task by files and by the data stored by applications and sites."""
         answer = history[-1] if history else ""
         return self.task.validate(self.machine, answer)
 
@@ -163,13 +164,13 @@ class OsworldStage:
     """The tasks of an environment with OSWorld's interface.
 
     It has `reset`, `step`, `evaluate`, `controller` and `action_history`. The agent's actions and
-    the effects both go to the guest through `controller`. The environment itself gets the last
-    action only, right before it evaluates: it judges a task that cannot be done by that.
+    the effects both go to the guest through `controller`. The environment itself gets only the last
+    action, right before it evaluates, because it judges infeasible tasks by that action.
 
     Args:
         env: `desktop_env.DesktopEnv`, or the result of `online_env.osworld.run.embedded_env`.
         password: The password of the guest's user, for sudo.
-        capabilities: What the guest can do besides what is found by asking it.
+        capabilities: Capabilities of the guest in addition to those that are detected.
     """
 
     def __init__(
@@ -197,7 +198,7 @@ class OsworldStage:
         """
         config = _config(task)
         self._desktop.reset(config)
-        # Otherwise only the environment's own `step` would note that it has to be reverted.
+        # Only the environment's own `step` would note that the machine must be reverted.
         if hasattr(self.env, "is_environment_used"):
             cast(Any, self.env).is_environment_used = True
         apps = tuple(normalize_app(app) for app in config.get("related_apps", ()))
@@ -219,7 +220,7 @@ class OsworldStage:
 
 
 class _Guest(OsworldDesktop):
-    """The environment's guest, and where its network is if that is on this machine.
+    """The environment's guest, with its network namespace if that is on this machine.
 
     See `effects.guest` for `namespace` and `tool`.
     """
@@ -231,7 +232,7 @@ class _Guest(OsworldDesktop):
 
     @property
     def capabilities(self) -> frozenset[Capability]:
-        """What the guest can do; this machine can close the network of an embedded desktop."""
+        """The guest's capabilities; this machine can close the network of an embedded desktop."""
         if self.namespace is None:
             return super().capabilities
         firewall: frozenset[Capability] = frozenset({"firewall"})
@@ -239,15 +240,15 @@ class _Guest(OsworldDesktop):
 
     @property
     def tool(self) -> Callable[..., dict[str, Any]] | None:
-        """How to ask an embedded desktop's guest server directly; `None` for another guest."""
+        """A function that calls an embedded desktop's guest server; `None` for another guest."""
         client: HttpDesktop | None = getattr(self.env, "client", None)
         return None if client is None else client.tool
 
     def execute(self, argv: Sequence[str] | str, timeout: float = 60) -> RunResult:
         """Run a command.
 
-        Our own guest server runs it without the Python of the desktop's user, which OSWorld's
-        client would need.
+        Our own guest server runs the command without the Python of the desktop's user, which
+        OSWorld's client needs.
         """
         client: HttpDesktop | None = getattr(self.env, "client", None)
         if client is None:

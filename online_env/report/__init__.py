@@ -1,7 +1,7 @@
-"""`hijack report`: the results of a run, in every form in which they are read.
+"""`hijack report`: the results of a run, in several formats.
 
-`build_report` makes one data object of a run (`model.RunReport`); the formats only write it.
-`scores_by_name` gives its values by name, for release gates.
+`build_report` computes one data object for a run (`model.RunReport`), which the formats only write.
+`scores_by_name` returns its values by name, for release gates.
 """
 
 from .build import build_report, load_report

@@ -1,7 +1,7 @@
 """The paper's ablations in a report: levels of a corruption, and agents without a module.
 
 Conditions of one corruption that differ in the same parameters are the levels of an ablation, such
-as three values of `scale`. Which parameters those are stands in the identity of the run.
+as three values of `scale`. The identity of the run lists these parameters.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -12,7 +12,7 @@ from hijack_data.plan import CLEAN
 from . import words
 from .model import Cell, RunReport
 
-# What an agent lacks of the one with all modules; the paper's "necessity of each module".
+# Agents by the module that they lack; the paper's "necessity of each module".
 MODULES: Mapping[str, Mapping[str, str]] = {
     "pixel_onlooker": {
         "pixel": "no onlooker",
@@ -38,7 +38,7 @@ class Ablation:
     Attributes:
         title: what is varied.
         levels: label of the condition and name of the level, in the order of the configuration.
-        series: the agents, each with the name that it has here.
+        series: the agents, each with its name in this ablation.
     """
 
     title: str
@@ -52,7 +52,7 @@ def ablations_of(report: RunReport) -> tuple[Ablation, ...]:
 
 
 def level_table(report: RunReport, ablation: Ablation) -> tuple[Texts, list[Texts]]:
-    """Return headings and rows of an ablation: a line a level, two columns an agent."""
+    """Return headings and rows of an ablation: a line per level, two columns per agent."""
     headings = ["level"]
     for _, name in ablation.series:
         headings += [f"{name}, %", "95 %"]
@@ -94,7 +94,7 @@ def _of_parameters(report: RunReport) -> Iterator[Ablation]:
 
 
 def _largest(found: Iterable[frozenset[str]]) -> list[frozenset[str]]:
-    """Return the sets of parameters that are in no other; a default condition varies none."""
+    """Return the sets of parameters that are not subsets of others."""
     there = list(dict.fromkeys(found))
     return [one for one in there if one and not any(one < other for other in there)]
 

@@ -1,4 +1,4 @@
-"""Makes the report of a run from its records."""
+"""Compute the report of a run from its records."""
 
 from collections.abc import Hashable, Mapping, Sequence
 from math import isfinite
@@ -19,7 +19,7 @@ from .identity import NINE, agents_of, conditions_of, has_all_nine, identity_of
 from .model import AgentSummary, Cell, ReportError, RunIdentity, RunReport, from_data
 from .notes import notes_of
 
-CEILING = "recovering"  # the agent that does what a careful user could do
+CEILING = "recovering"  # the agent that acts like a careful user
 _Key: TypeAlias = tuple[str, str]
 _Scored: TypeAlias = dict[_Key, scores.ScoreByCase]
 
@@ -27,14 +27,14 @@ _Scored: TypeAlias = dict[_Key, scores.ScoreByCase]
 def load_report(path: Path, reference: str = "") -> RunReport:
     """Return the report of a run's folder, or the one in a file `report.json`.
 
-    `RunError` is raised for a folder that is no run or of a newer version.
+    `RunError` is raised for a folder that is not a run or of a newer version.
 
     Args:
         path: the folder, or the file.
-        reference: the agent that mCE refers to; a file keeps the one it has.
+        reference: the reference agent of mCE; a file keeps its own.
 
     Raises:
-        ReportError: the run has no episodes, or the file is no report.
+        ReportError: the run has no episodes, or the file is not a report.
     """
     if not path.is_file():
         return build_report(reading.read(path), reference=reference)
@@ -51,7 +51,7 @@ def read_report(path: Path) -> RunReport:
     """Return the report in a file that `--format json` wrote.
 
     Raises:
-        ReportError: it is none, or of a newer version.
+        ReportError: the file is not a report, or is of a newer version.
     """
     from hijack_data.files import read_versioned_json
 
@@ -70,11 +70,11 @@ def read_report(path: Path) -> RunReport:
 
 
 def build_report(run: Run, *, reference: str = "") -> RunReport:
-    """Return the report of a run that was read.
+    """Return the report of a run.
 
     Args:
-        run: of `hijack bench`, of `hijack score`, or the episodes that an environment logged.
-        reference: the agent of the run that mCE refers to; empty for no mCE.
+        run: a run of `hijack bench` or `hijack score`, or the episodes logged by an environment.
+        reference: the agent of the run that is the reference of mCE; empty for no mCE.
 
     Raises:
         ReportError: the run has no episodes.
@@ -103,7 +103,7 @@ def build_report(run: Run, *, reference: str = "") -> RunReport:
 
 
 def cells_of(run: Run, chosen: Sequence[ResultRecord]) -> list[Cell]:
-    """Return a cell for each agent and condition among some records of a run."""
+    """Return a cell for each agent and condition in some records of a run."""
     found = scores.by_cell(chosen)
     scored = {key: scores.scored(cases) for key, cases in found.items()}
     rows = scores.rows(chosen, agents_of(run.config), list(conditions_of(run.config)))
@@ -125,7 +125,7 @@ def cells_of(run: Run, chosen: Sequence[ResultRecord]) -> list[Cell]:
 def _inferred(
     rows: Sequence[scores.ScoreRow], scored: _Scored
 ) -> dict[_Key, dict[str, float | None]]:
-    """Return the intervals of the retention, and the differences that could be seen, by cell."""
+    """Return the intervals of the retention, and the detectable differences, by cell."""
     keys = [(row["agent"], row["corruption"]) for row in rows if row["delta"] is not None]
     if not keys or not scores.can_infer():
         return {}

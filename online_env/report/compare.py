@@ -1,4 +1,4 @@
-"""Two runs, case by case: the same agent, task, corruption and seed before and after."""
+"""Compare two runs case by case: the same agent, task, corruption and seed before and after."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,8 +11,9 @@ from ..extra import require
 from .build import identity_of
 from .model import ReportError, RunIdentity
 
-SHOWN = 0.05  # a p value below shows a difference
-_PLACES = ("source", "agents", "code")  # of a configuration: what two runs may well differ in
+SHOWN = 0.05  # p values below this show a difference
+# Fields of a configuration in which two compared runs may differ.
+_PLACES = ("source", "agents", "code")
 _Cells: TypeAlias = Mapping[tuple[str, str], scores.ScoreByCase]
 
 
@@ -25,8 +26,8 @@ class ComparedCell:
         after: the agent of the second.
         corruption: the label.
         n: cases that are in both.
-        only_before: cases with a score in the first run alone.
-        only_after: cases with a score in the second run alone.
+        only_before: cases with a score only in the first run.
+        only_after: cases with a score only in the second run.
         success_before: mean score of the shared cases in the first run.
         success_after: the same in the second.
         difference: second minus first.
@@ -54,13 +55,13 @@ class ComparedCell:
 
 @dataclass(frozen=True, kw_only=True)
 class RunComparison:
-    """A run beside an earlier one.
+    """A run compared with an earlier one.
 
     Attributes:
         before: the earlier run.
         after: the later one.
         cells: a row for each pair of agents and each condition of either run.
-        notes: what is not shared and what is not shown, in sentences.
+        notes: sentences about what the runs do not share and what the comparison cannot show.
     """
 
     before: RunIdentity
@@ -82,11 +83,11 @@ def compare(
     Args:
         before: the earlier run.
         after: the later one.
-        pairs: names of agents of the first run, and those of the second that they are compared
-            with, in place of the above.
+        pairs: names of agents of the first run, and of the agents of the second with which to
+            compare them, instead of equal names.
 
     Raises:
-        ReportError: a run has no episodes, an agent is not there, or the runs share no case.
+        ReportError: a run has no episodes, an agent is missing, or the runs share no case.
     """
     require("a comparison of runs", ("scipy", "statsmodels"))
     for run in (before, after):
@@ -228,12 +229,12 @@ def _notes(
 
 
 def _setting(run: Run) -> dict[str, Any]:
-    """Return the configuration without what two runs may well differ in."""
+    """Return the configuration without the fields in which compared runs may differ."""
     return {key: value for key, value in run.config.items() if key not in _PLACES}
 
 
 def _unseen(rows: Sequence[ComparedCell]) -> Iterator[str]:
-    """Yield which differences are not shown, and how large one would have to be."""
+    """Yield the conditions without a significant difference, and the detectable size of one."""
     hidden: dict[tuple[str, str], list[str]] = {}
     for row in rows:
         if row.p is None or row.p < SHOWN:

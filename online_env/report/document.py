@@ -1,4 +1,4 @@
-"""What is written: a report, and what the options add to it."""
+"""The content of an output: a report, with the additions of the command's options."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -11,7 +11,7 @@ from .paper import PaperTable
 
 @dataclass(frozen=True, kw_only=True)
 class ReportDocument:
-    """A report with what was asked for beside it.
+    """A report with its requested additions.
 
     Attributes:
         report: of the run.

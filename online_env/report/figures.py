@@ -11,7 +11,7 @@ from hijack_data.plan import CLEAN
 from . import words
 from .model import Cell, RunReport
 
-LEFT = 146.0  # names of the conditions: 22 characters
+LEFT = 146.0  # width for the names of the conditions: 22 characters
 WIDTH = 240.0  # of the bars
 RIGHT = 46.0  # values
 ROW = 24.0

@@ -1,4 +1,4 @@
-"""The formats of a report by name, and what writes each: a function of a `ReportDocument`."""
+"""The formats of a report by name; each is a function that writes a `ReportDocument`."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -40,10 +40,10 @@ SUFFIXES: Mapping[str, str] = MappingProxyType(
 
 
 def format_of(named: str | None, out: Path | None) -> str:
-    """Return the format that is asked for by its name, or by the end of a file's name.
+    """Return the format with a name, or the format for the suffix of a file.
 
     Raises:
-        ReportError: there is no such format, or the name of the file does not tell.
+        ReportError: there is no such format, or the suffix of the file is unknown.
     """
     if named is not None:
         if named not in FORMATS:

@@ -1,4 +1,4 @@
-"""The figure of an ablation: for each level a bar an agent, as coordinates that the page draws.
+"""The figure of an ablation, one bar for each level and agent, as coordinates for the page.
 
 All lengths are in units of the SVG's view box, and shared with `figures`.
 """
@@ -10,7 +10,7 @@ from .ablations import Ablation
 from .figures import BOTTOM, LEFT, RIGHT, TOP, WIDTH
 from .model import RunReport
 
-COLOURS = 5  # that the page has for agents; more begin again
+COLOURS = 5  # colours of the page for agents; with more agents they repeat
 _BAR = 12.0
 _GAP = 9.0  # between levels
 _TICKS = (0.0, 0.25, 0.5, 0.75, 1.0)

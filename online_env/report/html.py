@@ -1,4 +1,4 @@
-"""A report as one page that needs nothing else: its style and its figures are in it.
+"""A report as one self-contained page, with its style and figures.
 
 The colours and the type are those of the gallery and the viewer, light and dark.
 """
@@ -30,7 +30,7 @@ from .tables import (
 )
 
 PAGE = Path(__file__).parent / "page"
-SHOWN = 0.05  # a p value below is marked
+SHOWN = 0.05  # p values below this are marked
 
 
 def as_html(document: ReportDocument) -> str:
@@ -93,7 +93,7 @@ def _templates() -> Any:
 
 
 def _matrix(report: RunReport) -> list[tuple[str, list[Mapping[str, Any]]]]:
-    """Return a row for each agent: what the cells of the large table show."""
+    """Return a row for each agent with the contents of the main table's cells."""
     return [
         (agent, [_shown(report, agent, label) for label in report.labels])
         for agent in report.agents

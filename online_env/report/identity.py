@@ -1,4 +1,4 @@
-"""Which run a report is about: what its head says, and how its conditions relate to the paper's."""
+"""The identity of a report's run: its head, and how its conditions relate to the paper's."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -27,7 +27,7 @@ NINE = (
     "verification",
 )
 _AS = "as"
-# Of a configuration: what decides the score of an agent beside the agent.
+# The fields of a configuration that, apart from the agent, decide scores.
 _SETTING = (
     "kind",
     "content",
@@ -45,7 +45,7 @@ _SETTING = (
 
 
 def identity_of(run: Run) -> RunIdentity:
-    """Return the identity of a run that was read."""
+    """Return the identity of a run."""
     head = _head(run)
     config = run.config
     names = conditions_of(config)
@@ -92,7 +92,7 @@ def has_all_nine(run: RunIdentity, labels: set[str]) -> bool:
 
 
 def _entries(listed: Any) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
-    """Yield label, name and settings of what a list of the configuration names."""
+    """Yield label, name and settings of the entries of a list in the configuration."""
     if not isinstance(listed, list):
         return
     for entry in listed:

@@ -28,7 +28,7 @@ _Row = tuple[str, Sequence[float | None]]
 
 
 def as_latex(document: ReportDocument) -> str:
-    """Return one `table*`; it needs the package booktabs."""
+    """Return one `table*`, which needs the package booktabs."""
     report = document.report
     ours = [_own(report, row) for row in report.summaries]
     if document.paper is not None:

@@ -1,8 +1,8 @@
 """A page that ranks the agents of all runs in a folder.
 
-Agents are ranked by their mean success over the corruptions, and only with those that were played
-under the same setting: kind of run, tasks, conditions with their parameters, seeds, steps, desktop
-and recovery policy. Reference agents and runs that lack episodes are shown without a rank.
+Agents are ranked by their mean success over the corruptions, and only among agents with the same
+setting: kind of run, tasks, conditions with their parameters, seeds, steps, desktop and recovery
+policy. Reference agents and runs that lack episodes are shown without a rank.
 """
 
 import os
@@ -30,7 +30,7 @@ class FoundReports:
     Attributes:
         folder: where they are.
         reports: by their place in it.
-        problems: what could not be read, and why.
+        problems: the unreadable reports, and the reasons.
     """
 
     folder: Path
@@ -43,8 +43,8 @@ class Standing:
     """A line of the leaderboard.
 
     Attributes:
-        rank: from 1; `None` for what is not ranked.
-        why: the reason for that, or nothing.
+        rank: from 1; `None` for an unranked agent.
+        why: why it is unranked; empty if it is ranked.
         place: of the run in the folder.
         run: its identity.
         row: the agent.
@@ -80,7 +80,7 @@ def read_all(folder: Path) -> FoundReports:
     """Read all runs below a folder, and files named `report.json` or `*.report.json`.
 
     Raises:
-        ReportError: there is no such folder, or it holds nothing that can be read.
+        ReportError: there is no such folder, or it holds no readable report.
     """
     if not folder.is_dir():
         raise ReportError(f"{folder}: is no folder; --leaderboard takes a folder of runs")
@@ -107,7 +107,7 @@ def read_all(folder: Path) -> FoundReports:
 
 
 def rankings_of(found: FoundReports) -> list[Ranking]:
-    """Return one board for each setting, the one with the most agents first."""
+    """Return one ranking for each setting, the one with the most agents first."""
     groups: dict[str, list[tuple[str, RunReport]]] = {}
     for place, report in found.reports:
         groups.setdefault(report.run.setting_sha256, []).append((place, report))
@@ -179,7 +179,7 @@ def _key(row: AgentSummary) -> tuple[float, float]:
 
 
 def _unranked(report: RunReport, row: AgentSummary) -> str:
-    """Return why an agent has no rank, or nothing."""
+    """Return why an agent has no rank; empty if it has one."""
     if row.given:
         return f"given {words.given(row.given)}"
     if row.agent in YARDSTICKS:

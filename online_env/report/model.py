@@ -1,4 +1,4 @@
-"""A report as data: what every format shows, and what `report.json` holds.
+"""The data of a report, which every format shows and `report.json` stores.
 
 All shares (success, retention, differences ...) are fractions, not percent. A value that does not
 exist is `None`: an interval without scipy, a difference without a clean condition.
@@ -15,7 +15,7 @@ from hijack_data.files import check_versioned
 from hijack_data.runs.run_log import GIVEN_KINDS
 
 FORMAT = "agenthijack-report"
-VERSION = 2  # 1 did not say what agents were given, nor how conditions differ
+VERSION = 2  # version 1 lacked what agents were given, and how conditions differ
 T = TypeVar("T")
 _SHARES = frozenset(
     [
@@ -27,17 +27,18 @@ _SHARES = frozenset(
 _CHANGES = frozenset({"delta", "delta_low", "delta_high"})
 YEAR_10000 = 253_402_300_800  # in seconds since 1970
 _MOST = 2**53
-_ROUNDED = 1e-9  # a mean may be past its end by so much
-_BESIDE = ("format", "version", "comparison", "paper")  # in the file, and not of the report itself
+_ROUNDED = 1e-9  # rounding tolerance: a mean may exceed its range by this much
+# Keys of the file that are not fields of the report.
+_BESIDE = ("format", "version", "comparison", "paper")
 
 
 class ReportError(HijackError, ValueError):
-    """A report that cannot be made, or a file that is none; the message says what to do."""
+    """A report that cannot be made, or a file that is not a report; the message has the remedy."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunIdentity:
-    """Which run a report is about, and how it was played.
+    """The run of a report, and how it was played.
 
     Attributes:
         name: of the run's folder.
@@ -210,7 +211,7 @@ class AgentSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class RunReport:
-    """All that is said about a run.
+    """The report of a run.
 
     Attributes:
         run: which run it is.
@@ -218,9 +219,9 @@ class RunReport:
         summaries: a row for each agent.
         feasible: the cells of the feasible tasks; empty if all tasks are.
         infeasible: the cells of the infeasible tasks.
-        parts: of a scoring run, what is known beside the success (`scoring.parts.part_rows`).
-        reference: the agent that `mce` refers to; empty for none.
-        notes: what a reader has to know, in sentences.
+        parts: for a scoring run, the results other than the success (`scoring.parts.part_rows`).
+        reference: the reference agent of `mce`; empty for none.
+        notes: sentences that a reader has to know.
     """
 
     run: RunIdentity
@@ -244,7 +245,7 @@ class RunReport:
         return tuple(dict.fromkeys([*order, *(cell.corruption for cell in self.cells)]))
 
     def cell(self, agent: str, label: str) -> Cell | None:
-        """Return the cell of an agent under a condition, if it was played."""
+        """Return the cell of an agent under a condition, or `None` if it was not played."""
         for cell in self.cells:
             if (cell.agent, cell.corruption) == (agent, label):
                 return cell
@@ -262,7 +263,7 @@ def from_data(data: object, where: str) -> RunReport:
     """Return the report that `RunReport.to_data` gave; `where` begins the messages.
 
     Raises:
-        ReportError: the data are no report, of a newer version, or lack a field.
+        ReportError: the data are not a report, are of a newer version, or lack a field.
     """
     found = check_versioned(
         data,
@@ -286,7 +287,7 @@ def _made(
     data: object,
     where: str,
 ) -> T:
-    """Return a dataclass of JSON data, after a check of every field."""
+    """Return a dataclass made from JSON data, after checking every field."""
     if not isinstance(data, dict):
         raise ReportError(f"{where}: must be an object, got {shown(data)}; make the report again")
     hints = get_type_hints(kind)
@@ -308,10 +309,10 @@ def _check_range(
     value: object,
     where: str,
 ) -> None:
-    """Check a field's content, which agents are ranked by and pages are drawn from.
+    """Check the content of a field that is used for ranking agents or drawing pages.
 
     Raises:
-        ReportError: it is out of range, or of no known kind.
+        ReportError: the value is out of range, or of an unknown kind.
     """
     problem = ""
     if isinstance(value, int | float):
@@ -339,7 +340,7 @@ def _value(
     value: object,
     where: str,
 ) -> Any:
-    """Return a value as the type of its field asks for it."""
+    """Convert a value to the type of its field."""
     arguments = get_args(hint)
     if isinstance(hint, UnionType):
         return None if value is None else _value(arguments[0], value, where)

@@ -21,7 +21,7 @@ _TOTAL = 100
 
 
 def as_model_index(document: ReportDocument) -> str:
-    """Return the block for every agent that is no reference and was given nothing more.
+    """Return the block for every agent that is not a reference and was given nothing more.
 
     Raises:
         ReportError: the run has no such agent.
@@ -97,7 +97,7 @@ def _what(report: RunReport) -> str:
 
 
 def _arguments(report: RunReport) -> Iterator[tuple[str, Any]]:
-    """Yield how the run was played, for those who compare."""
+    """Yield the settings of the run, for comparisons."""
     run = report.run
     found: Mapping[str, Any] = {
         "version": run.versions.get("agenthijack"),

@@ -1,11 +1,11 @@
-"""The scores of a report by name, as release gates ask for them."""
+"""The scores of a report by name, for release gates."""
 
 from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
 
 from .model import AgentSummary, Cell, RunReport
 
-# Agents that say something about tasks and desktops, not about themselves.
+# Agents whose scores describe tasks and desktops rather than the agent.
 YARDSTICKS = ("oracle", "recovering", "do_nothing", "random", "fail")
 # Of an agent; for those in LOWER, less is better.
 SUMMARY = (
@@ -32,8 +32,8 @@ def scores_by_name(report: RunReport) -> Mapping[str, float]:
     `clean`, `corrupted` (the mean over the corruptions), `retention`, `worst`, `nine`,
     `paper_average`, `mce`, `malformed`, `steps`, `usd`, `errors` and `invalid` are those of an
     agent over all its conditions; `success.marks`, `retention.marks`, `delta.marks` and
-    `malformed.marks` those under one (by its label). Shares are 0..1. What does not exist is left
-    out.
+    `malformed.marks` those under one (by its label). Shares are 0..1. Values that do not exist are
+    left out.
 
     If a run has several agents, a name means the least of their values, or the greatest of those
     where less is better, so that a limit holds for every agent. The reference agents (`YARDSTICKS`)

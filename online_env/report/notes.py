@@ -1,4 +1,4 @@
-"""What a reader of a report has to know beside its numbers, in sentences."""
+"""Sentences that a reader of a report has to know in addition to its numbers."""
 
 from collections.abc import Iterator
 
@@ -52,7 +52,7 @@ def _on_agents(report: RunReport) -> Iterator[str]:
 
 
 def _on_what_is_given(report: RunReport) -> Iterator[str]:
-    """Yield who was given more than instruction and pictures, and of whom nobody knows."""
+    """Yield which agents were given more than instruction and pictures, or may have been."""
     told: dict[tuple[str, ...] | None, list[str]] = {}
     for row in report.summaries:
         told.setdefault(row.given, []).append(row.agent)

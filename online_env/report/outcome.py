@@ -1,4 +1,4 @@
-"""Whether a run is whole: its exit code, and the line on what is missing."""
+"""Whether a run is complete: its exit code, and a line about missing episodes."""
 
 from ..bench import scores
 from ..bench.reading import Run

@@ -1,4 +1,4 @@
-"""The paper's main table as data, to be set beside a report.
+"""The paper's main table as data, for comparison with a report.
 
 The numbers are in `paper.yaml`, as printed, with their source.
 """
@@ -26,7 +26,7 @@ _CENT = Decimal("0.01")
 
 @dataclass(frozen=True, kw_only=True)
 class PaperRow:
-    """An agent in the paper's table, or one of ours beside it.
+    """An agent in the paper's table, or an agent of a report.
 
     Attributes:
         agent: its name.
@@ -47,13 +47,13 @@ class PaperRow:
 
 @dataclass(frozen=True, kw_only=True)
 class PaperTable:
-    """The paper's table, and ours beside it.
+    """The paper's table, with the agents of a report.
 
     Attributes:
         source: where the numbers are printed.
         columns: the conditions, in the order of the paper.
         rows: the paper's agents, then ours.
-        notes: what has to be known to compare them, in sentences.
+        notes: sentences that are needed to compare them.
     """
 
     source: str
@@ -64,7 +64,7 @@ class PaperTable:
 
 @cache
 def paper_table() -> PaperTable:
-    """Return the paper's table alone."""
+    """Return the paper's table without agents of a report."""
     data: dict[str, Any] = yaml.safe_load(FILE.read_text(encoding="utf-8"))
     rows = [_row(name, entry) for name, entry in data["agents"].items()]
     notes = [f"The paper: {data['tasks']}.", *_slips(data)]
@@ -125,7 +125,7 @@ def _own(report: RunReport, summary: AgentSummary) -> PaperRow:
 
 
 def _denominator(rates: Sequence[float]) -> int | None:
-    """Return the only number of tasks of which all rates are whole numbers, if there is one."""
+    """Return the only number of tasks that makes all rates whole numbers of tasks, or `None`."""
     fitting = [tasks for tasks in range(300, 370) if all(_is_whole(rate, tasks) for rate in rates)]
     return fitting[0] if len(fitting) == 1 else None
 

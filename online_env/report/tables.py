@@ -55,12 +55,12 @@ COMPARED_HEADINGS = (
     "p",
     "seen at 80 %",
 )
-_COUNTED = ("hidden",)  # of the parts: rows, not a share
+_COUNTED = ("hidden",)  # columns of the parts that are counts, not shares
 Texts = Sequence[str]
 
 
 def as_json(document: ReportDocument) -> str:
-    """Return the report as `report.json` holds it."""
+    """Return the report in the form of `report.json`."""
     data = {**document.report.to_data(), **document.extras()}
     return json.dumps(
         data,
@@ -71,9 +71,9 @@ def as_json(document: ReportDocument) -> str:
 
 
 def as_csv(document: ReportDocument) -> str:
-    """Return a line for each cell, or for each compared one.
+    """Return CSV with a line for each cell, or for each compared cell.
 
-    Shares are 0..1; what does not exist is empty.
+    Shares are 0..1; missing values are empty.
     """
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
@@ -154,7 +154,7 @@ def summary_table(rows: Sequence[AgentSummary]) -> tuple[Texts, list[Texts]]:
 
 
 def parts_table(rows: Sequence[Mapping[str, Any]]) -> tuple[Texts, list[Texts]]:
-    """Return headings and rows of what a scoring run knows beside the success, in percent."""
+    """Return headings and rows of a scoring run's other results, in percent."""
     named = {key: None for row in rows for key in row}
     keys = [key for key in named if key not in ("agent", "corruption", "n")]
     headings = [key if key in _COUNTED else f"{key.replace('_', ' ')}, %" for key in keys]
@@ -230,7 +230,7 @@ def _line(cells: Texts) -> str:
 
 
 def _safe(text: str) -> str:
-    """Return text in which no character is Markdown's or HTML's."""
+    """Return text with all characters escaped that are special in Markdown or HTML."""
     for character in "\\`*_[]<>|":
         text = text.replace(character, f"\\{character}")
     return " ".join(text.split())
@@ -251,5 +251,5 @@ def _cents(share: float | None) -> str:
 
 
 def _plain(value: object) -> object:
-    """Return a value as it stands in a CSV; several are separated by spaces."""
+    """Return a value in the form for CSV; several values are separated by spaces."""
     return " ".join(map(str, value)) if isinstance(value, tuple) else value

@@ -1,4 +1,4 @@
-"""The report on a terminal: tables, a line on each agent, and what went wrong."""
+"""The report on a terminal: tables, a line about each agent, and the problems."""
 
 import importlib
 from collections import Counter
@@ -55,11 +55,11 @@ def score_rows(run: Run, chosen: Sequence[ResultRecord]) -> list[scores.ScoreRow
 
 
 def show(run: Run, reference: str = "") -> None:
-    """Print the report of a run; one without episodes is an empty table.
+    """Print the report of a run; a run without episodes gives an empty table.
 
     Args:
-        run: what was read.
-        reference: the agent that mCE refers to; empty for none.
+        run: the run.
+        reference: the reference agent of mCE; empty for none.
     """
     screen = console()
     if not run.records:
@@ -136,7 +136,7 @@ def main_table(cells: Sequence[Cell], title: str | None = None) -> Table:
 
 
 def _beside(cells: Sequence[Cell]) -> Table:
-    """Return what is known beside the success; columns without a value are left out."""
+    """Return a table of the other results; columns without a value are left out."""
     rows = [_beside_row(cell) for cell in cells]
     used = [place for place in range(len(_BESIDE)) if any(row[place] for row in rows)]
     table = _table([_BESIDE[place] for place in used], "beside it")
@@ -195,7 +195,7 @@ def _show_recovery(
 
 
 def text(document: ReportDocument) -> str:
-    """Return what a terminal shows of a document, without colours."""
+    """Return a document as text, in the form for terminals but without colours."""
     out = StringIO()
     screen = Console(
         file=out,
@@ -208,7 +208,7 @@ def text(document: ReportDocument) -> str:
 
 
 def show_document(document: ReportDocument, screen: Any) -> None:
-    """Print a report, or a comparison in its place, and what was asked for beside it."""
+    """Print a report, or the comparison instead, and the requested additions."""
     report = document.report
     if document.comparison is not None:
         show_comparison(document.comparison, screen)
@@ -220,7 +220,7 @@ def show_document(document: ReportDocument, screen: Any) -> None:
 
 
 def show_comparison(comparison: RunComparison, screen: Any) -> None:
-    """Print two runs beside each other, and what is not shared or not shown."""
+    """Print the comparison of two runs, and its notes."""
     names = f"{comparison.before.name} before, {comparison.after.name} after"
     screen.print(_plain_table(*compared_table(comparison.cells), title=names))
     _print_lines(comparison.notes, screen)

@@ -1,4 +1,4 @@
-"""What an agent has used: actions, seconds, tokens and money, from the records of its episodes."""
+"""An agent's usage: actions, seconds, tokens and money, from the records of its episodes."""
 
 from collections.abc import Iterable, Mapping
 from statistics import fmean
@@ -10,11 +10,11 @@ from ..bench.scores import counts
 
 
 def means(records: Iterable[ResultRecord]) -> dict[str, Any]:
-    """Return the fields of a cell that say what its episodes took, by name.
+    """Return the usage fields of a cell, by name.
 
-    Steps, seconds and malformed actions are those of episodes that count for the agent. Tokens and
-    money are those of all episodes, since they were paid for; they are known only if every episode
-    with counts has them.
+    Steps, seconds and malformed actions cover the episodes that count for the agent. Tokens and
+    money cover all episodes, since all were paid for; they are known only if every episode with
+    counts has them.
     """
     every = list(records)
     counted = [record for record in every if counts(record)]

@@ -1,4 +1,4 @@
-"""How values are written, alike in every format: percent, points, intervals, amounts."""
+"""Format values in the same way everywhere: percent, points, intervals, amounts."""
 
 from collections.abc import Iterable
 
@@ -36,12 +36,12 @@ def p_value(value: float | None) -> str:
 
 
 def number(value: float | None, digits: int = 1) -> str:
-    """Return a number with so many digits, or nothing."""
+    """Return a number with `digits` digits; empty without a number."""
     return "" if value is None else f"{value:.{digits}f}"
 
 
 def count(value: int | None) -> str:
-    """Return a count as people read it, such as 14k or 3.3M, or nothing."""
+    """Return a count in short form, such as 14k or 3.3M; empty without a count."""
     if value is None:
         return ""
     for size, unit in ((10**9, "G"), (10**6, "M"), (10**3, "k")):
@@ -51,10 +51,10 @@ def count(value: int | None) -> str:
 
 
 def money(value: float | None) -> str:
-    """Return USD with two digits, or nothing."""
+    """Return USD with two digits; empty without a value."""
     return "" if value is None else f"{value:.2f}"
 
 
 def given(kinds: Iterable[str] | None) -> str:
-    """Return what an agent was given beside instruction and pictures; nothing if not known."""
+    """Return what an agent was given besides instruction and pictures; empty if unknown."""
     return " and ".join(_GIVEN[kind] for kind in kinds or ())

@@ -30,9 +30,9 @@ from .service import DesktopService
 HEALTH = "/health"
 METRICS = "/metrics"
 PROMETHEUS = "text/plain; version=0.0.4; charset=utf-8"
-QUIET = 4  # leases, after which OpenEnv ends a session that holds no desktop
+QUIET = 4  # number of leases after which OpenEnv ends a session without a desktop
 LONG = 3600.0  # seconds
-REFUSED = 4401  # the code that ends a WebSocket without the token
+REFUSED = 4401  # the close code for a WebSocket without the token
 
 
 def make_app(
@@ -46,7 +46,8 @@ def make_app(
     Args:
         service: What the sessions share.
         sessions: How many clients may be connected at a time.
-        token: What clients have to send; without it only this machine's own programs are answered.
+        token: The token that clients must send; without one only programs of this machine are
+            answered.
     """
     app = create_app(
         partial(DesktopEnvironment, service),
@@ -66,7 +67,7 @@ def make_app(
     async def metrics(_: Request) -> Response:
         return Response(service.metrics.text(), media_type=PROMETHEUS)
 
-    # In front of OpenEnv's own route, which calls a server healthy that has no desktop.
+    # Placed before OpenEnv's own route, which would call a server without a desktop healthy.
     app.router.routes.insert(0, Route(HEALTH, health))
     app.router.routes.insert(0, Route(METRICS, metrics))
     app.add_exception_handler(HijackError, _explained)
@@ -85,7 +86,7 @@ def _health(service: DesktopService) -> Response:
 
 
 async def _explained(_: Request, error: Exception) -> Response:
-    """Answer OpenEnv's HTTP routes, which are no sessions, with what went wrong."""
+    """Answer OpenEnv's HTTP routes, which do not support sessions, with the error."""
     if isinstance(error, ServerBusyError):
         headers = {"Retry-After": str(error.retry_after)}
         return JSONResponse({"detail": str(error)}, 503, headers)
@@ -93,13 +94,13 @@ async def _explained(_: Request, error: Exception) -> Response:
 
 
 class AccessGuard:
-    """Lets in who has the token; without a token, programs of this machine, but no web page.
+    """Admits clients with the token; without a token, programs of this machine but no web page.
 
-    A page in a browser of this machine could reach the server as well. Browsers name the page in
-    the header `Origin`, and the host that they were told in `Host`.
+    A page in a browser of this machine could reach the server as well. Browsers send the page in
+    the header `Origin`, and the requested host in `Host`.
 
     Args:
-        app: What is guarded.
+        app: The guarded application.
         token: The token, or `None`.
     """
 
@@ -108,7 +109,7 @@ class AccessGuard:
         self._expected = None if token is None else f"Bearer {token}".encode()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer, or pass on."""
+        """Refuse a request, or pass it on."""
         if scope["type"] not in ("http", "websocket") or scope.get("path") == HEALTH:
             await self._app(scope, receive, send)
             return
@@ -123,7 +124,7 @@ class AccessGuard:
             await _refuse_socket(scope, receive, send, answer)
 
     def _refusal(self, headers: Iterable[tuple[bytes, bytes]]) -> str:
-        """Return why a request is refused; empty if it is not."""
+        """Return why a request is refused; empty if it is allowed."""
         found = dict(headers)
         if self._expected is not None:
             given = found.get(b"authorization", b"")

@@ -1,7 +1,7 @@
-"""What a reset plays: the task, its seed and the corruption, as the client says or drawn.
+"""Decide what a reset plays: the task, its seed and the corruption, given or drawn.
 
-All draws come from `hijack_data.rng`. With equal seeds, a server that is started again draws the
-same for the same calls.
+All draws come from `hijack_data.rng`. A restarted server with the same seed draws the same for the
+same calls.
 """
 
 import importlib
@@ -21,7 +21,7 @@ from ..environment.runner import checked_seed
 from ..tasks import sets
 from .errors import HeldOutTaskError
 
-GROUPS = 10_000  # whose rollouts are counted
+GROUPS = 10_000  # number of groups whose rollouts are counted
 TRAINING = "training"
 HELD_OUT = "held_out"
 _SEED = "serve-seed-v1"
@@ -30,11 +30,11 @@ _TASK = "serve-task-v1"
 
 @dataclass(frozen=True, kw_only=True)
 class EpisodeChoice:
-    """What one episode plays.
+    """The content of one episode.
 
     Args:
         task: The name of the task.
-        seed: Of the task's variant and of all that the corruption draws.
+        seed: The seed of the task's variant and of all draws of the corruption.
         slot: The number of the rollout in its group, which are the resets of one task and seed.
         label: The name of the corruption; `"clean"` for none.
         planner: The corruption; `None` for none.
@@ -56,14 +56,14 @@ class EpisodeDraws:
         tasks: The names of the tasks that are served, at least one.
         planners: The corruptions by label, at least one; `None` is the clean condition.
         per: As in `CorruptionSampler`: `rollout`, `group` or `worker` (here a session).
-        seed: Of all draws.
+        seed: The seed of all draws.
         clean: The share of clean episodes; by default each condition is as likely as the others.
         held_out: Tasks that are refused because results are reported on them.
 
     Raises:
         ParameterError: There are no tasks, `clean` does not fit the corruptions, or `seed` is out
             of range (0 to 2**64 - 1).
-        UnknownNameError: `per` is none of the three.
+        UnknownNameError: `per` is not one of the three.
     """
 
     def __init__(
@@ -82,7 +82,8 @@ class EpisodeDraws:
         self.held_out = frozenset(held_out)
         if not self.tasks:
             raise ParameterError("no task is left to serve: name others with --tasks")
-        # Neither package imports the other, but which corruption a rollout meets is decided once.
+        # An exception to the rule that the two packages do not import each other: the sampler
+        # decides which corruption a rollout meets, here as in training.
         sampler = importlib.import_module("pipelines.train.sampler")
         self._sampler: Any = sampler.CorruptionSampler(
             _drawn_from(self.planners, clean),
@@ -104,7 +105,7 @@ class EpisodeDraws:
         corruption: object = None,
         slot: object = None,
     ) -> EpisodeChoice:
-        """Return what a reset plays.
+        """Return the content of a reset's episode.
 
         Args:
             session: The number of the session, for `per="worker"`.
@@ -178,7 +179,7 @@ class EpisodeDraws:
         return corruption
 
     def _next_slot(self, task: str, seed: int) -> int:
-        """Count the resets of a task and a seed; groups that are long past are forgotten."""
+        """Count the resets of a task and a seed; old groups are forgotten."""
         with self._lock:
             slot = self._slots.pop((task, seed), -1) + 1
             self._slots[task, seed] = slot
@@ -201,7 +202,7 @@ def _drawn_from(
     planners: Mapping[str, Planner | None],
     clean: float | None,
 ) -> Planner | None:
-    """Return what the sampler draws from.
+    """Return the distribution for the sampler.
 
     Raises:
         ParameterError: `clean` does not fit the corruptions.

@@ -6,7 +6,7 @@ from ..errors import DesktopError
 
 
 class ServerBusyError(HijackError, RuntimeError):
-    """No desktop is free now; the message says after how many seconds to try again.
+    """No desktop is free now; the message states after how many seconds to try again.
 
     `retry_after` is that number.
     """
@@ -17,7 +17,7 @@ class ServerBusyError(HijackError, RuntimeError):
 
 
 class LeaseExpiredError(HijackError, RuntimeError):
-    """The client was silent for too long, and its desktop was given to others."""
+    """The client was silent for too long, and has lost its desktop."""
 
 
 class DesktopLostError(DesktopError):
@@ -25,4 +25,4 @@ class DesktopLostError(DesktopError):
 
 
 class HeldOutTaskError(HijackError, ValueError):
-    """A task that results are reported on was asked of a server that is for training."""
+    """A client asked a training server for a task on which results are reported."""

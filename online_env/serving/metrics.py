@@ -1,4 +1,4 @@
-"""What a server counts, in Prometheus' format."""
+"""The counters of a server, in Prometheus' format."""
 
 import contextlib
 import time
@@ -22,7 +22,7 @@ SECONDS = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0)
 
 
 class _PoolCollector(Collector):
-    """Asks the pool when it is asked."""
+    """Reads the state of the pool whenever metrics are collected."""
 
     def __init__(self, pool: "DesktopPool") -> None:
         self._pool = pool

@@ -49,7 +49,7 @@ class DesktopAction(Action):
 
 
 class DesktopObservation(Observation):
-    """What the agent sees, and nothing that it may not know."""
+    """The observation of the agent, without anything that it must not know."""
 
     screenshot: str = Field(description="The screen as PNG, in base64")
     width: int = Field(description="Of the screenshot, in pixels")
@@ -59,7 +59,7 @@ class DesktopObservation(Observation):
 
 
 class DesktopState(State):
-    """What the trainer may know and the agent may not; `record` says what really happened."""
+    """The state for the trainer but not for the agent; `record` is the record of the episode."""
 
     task: str | None = None
     seed: int | None = None
@@ -77,7 +77,7 @@ class DesktopEnvironment(Environment[DesktopAction, DesktopObservation, DesktopS
     """A session of OpenEnv. Making one is cheap, and closing it twice is fine.
 
     Args:
-        service: What the sessions of a server share.
+        service: The state shared by the sessions of a server.
     """
 
     SUPPORTS_CONCURRENT_SESSIONS = True
@@ -129,7 +129,7 @@ class DesktopEnvironment(Environment[DesktopAction, DesktopObservation, DesktopS
 
     @property
     def state(self) -> DesktopState:
-        """What is known of the present episode; nothing is asked of the desktop."""
+        """Return what is known about the current episode, without asking the desktop."""
         session = self._session
         found = DesktopState(
             episode_id=self._episode,
@@ -155,7 +155,7 @@ class DesktopEnvironment(Environment[DesktopAction, DesktopObservation, DesktopS
         self._session.close()
 
     def get_metadata(self) -> EnvironmentMetadata:
-        """Return what OpenEnv's `/metadata` shows."""
+        """Return the content of OpenEnv's `/metadata`."""
         return EnvironmentMetadata(name=NAME, description=ABOUT, version=__version__)
 
     def list_splits(self) -> list[dict[str, str]]:

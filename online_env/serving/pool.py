@@ -1,7 +1,7 @@
 """The desktops of a server: started together, lent for one episode, replaced when they end.
 
-A session that finds no free desktop waits in line. The line is short, and waiting has a limit, so a
-client is told that the server is busy instead of running into a time-out of its own.
+A session that finds no free desktop waits in a queue. The queue is short, and waiting has a limit,
+so that a client learns that the server is busy instead of running into its own time-out.
 """
 
 import contextlib
@@ -21,9 +21,9 @@ from ..environment.stage import Stage
 from ..errors import DesktopError
 from .errors import ServerBusyError
 
-STARTS = 5.0  # seconds between two tries to start a desktop in the place of one that ended
-LONGEST = 300  # seconds, the most that a client is told to wait
-RECENT = 20  # loans that the advice when to come back is made from
+STARTS = 5.0  # seconds between two tries to replace a desktop that ended
+LONGEST = 300  # the most seconds that a client is told to wait
+RECENT = 20  # recent loans from which the advised waiting time is computed
 
 # Called without arguments; the stage is there within the context.
 StageMaker: TypeAlias = Callable[[], AbstractContextManager[Stage]]
@@ -33,7 +33,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, kw_only=True)
 class PoolCounts:
-    """How many desktops there are, by what they do, and how many sessions wait."""
+    """The numbers of desktops by state, and of waiting sessions."""
 
     free: int
     lent: int
@@ -120,7 +120,7 @@ class DesktopPool:
             raise failures[0]
 
     def counts(self) -> PoolCounts:
-        """Return what the desktops do now."""
+        """Return the current counts."""
         with self._changed:
             free, lent = len(self._free), len(self._lent)
             return PoolCounts(
@@ -142,7 +142,7 @@ class DesktopPool:
             return self._free[0]
 
     def take(self) -> DesktopSeat:
-        """Lend a desktop, to whoever has waited longest.
+        """Lend a desktop to the session that has waited longest.
 
         Raises:
             ServerBusyError: Too many wait already, or none became free in time.
@@ -190,13 +190,13 @@ class DesktopPool:
             thread.start()
 
     def stop_lending(self) -> None:
-        """Lend no desktop from now on; whoever waits is told so."""
+        """Lend no desktop from now on, and tell all waiting sessions."""
         with self._changed:
             self._closing.set()
             self._changed.notify_all()
 
     def close(self) -> None:
-        """End all desktops, also those that are lent or being started; twice is fine."""
+        """End all desktops, even lent or starting ones; calling this twice is allowed."""
         self.stop_lending()
         with self._changed:
             seats = [*self._free, *self._lent]

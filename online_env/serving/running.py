@@ -25,24 +25,25 @@ from .pool import DesktopPool, stage_on
 from .service import DesktopService
 
 TOKEN = "AGENTHIJACK_SERVE_TOKEN"
-SHORTEST = 16  # characters of a token
-MESSAGE = 2**20  # bytes of what a client may send at once
+SHORTEST = 16  # least characters of a token
+MESSAGE = 2**20  # most bytes of a message from a client
 PING = 20.0  # seconds between two pings
-PONG = 120.0  # seconds that a client may be too busy to answer one
-GRACE = 10  # seconds that sessions have to end with the server
+PONG = 120.0  # seconds within which a client must answer a ping
+GRACE = 10  # seconds that sessions have to end when the server stops
 # malloc.h
 MMAP_THRESHOLD = -3
 ARENA_MAX = -8
-PICTURE = 2**19  # bytes from which on memory is a mapping of its own
+PICTURE = 2**19  # allocations of at least this many bytes get a mapping of their own
 ARENAS = 2
 
 
 @dataclass(frozen=True, kw_only=True)
 class ServeOptions:
-    """How a server serves a benchmark.
+    """The options of a server.
 
     Args:
-        bench: Its tasks, corruptions, desktop and limits; agents and seeds are not used.
+        bench: The benchmark with tasks, corruptions, desktop and limits; agents and seeds are not
+            used.
         desktops: How many desktops there are.
         host: The address to listen at.
         port: 0 takes a free one.
@@ -74,7 +75,7 @@ class ServeOptions:
     log: Path | None = None
 
     def draws(self) -> EpisodeDraws:
-        """Return what decides what resets play.
+        """Return the object that decides what resets play.
 
         Raises:
             HeldOutTaskError: All tasks are held out.
@@ -101,7 +102,7 @@ def adjusted(
     max_steps: int | None,
     size: str | None,
 ) -> Bench:
-    """Return a benchmark with what the command line gives instead.
+    """Return a benchmark with the values of the command line.
 
     Args:
         bench: As it is configured.
@@ -109,7 +110,7 @@ def adjusted(
         size: Of the screens, WIDTHxHEIGHT in pixels.
 
     Raises:
-        ParameterError: `size` is none.
+        ParameterError: `size` is not WIDTHxHEIGHT.
     """
     if max_steps is not None:
         bench = replace(bench, max_steps=max_steps)
@@ -152,9 +153,9 @@ def make_service(options: ServeOptions) -> DesktopService:
 
 
 def check_desktops(service: DesktopService) -> None:
-    """Check that the desktops can have every corruption, before any client asks for one.
+    """Check that the desktops support every corruption, before any client asks for one.
 
-    What they lack is a `MissingCapabilityError`.
+    Raises `MissingCapabilityError` if they lack a capability.
     """
     desktop = service.pool.any_seat().stage.desktop
     for planner in service.draws.planners.values():
@@ -196,18 +197,19 @@ def serve(options: ServeOptions, say: Callable[[str], object]) -> None:
                 ws_max_size=MESSAGE,
                 ws_ping_interval=PING,
                 ws_ping_timeout=PONG,
-                # A PNG does not get smaller, and trying takes longer than sending it.
+                # Compressing a PNG again does not make it smaller, and takes longer than sending
+                # it.
                 ws_per_message_deflate=False,
                 timeout_graceful_shutdown=GRACE,
             )
-            listener.listen()  # from here on, clients that come too early wait
+            listener.listen()  # from here on, early clients wait
             say(_about(options, service, listener.getsockname()[1]))
             uvicorn.Server(config).run(sockets=[listener])
         except KeyboardInterrupt:
             pass
         finally:
             for number in (signal.SIGTERM, signal.SIGINT):
-                signal.signal(number, signal.SIG_IGN)  # nothing interrupts the end
+                signal.signal(number, signal.SIG_IGN)  # nothing must interrupt the shutdown
             service.close()
     say("the server has ended")
 
@@ -269,7 +271,7 @@ def _about(
 def _give_memory_back() -> None:
     """Let glibc return the memory of every picture to the system as soon as it is free.
 
-    Otherwise it keeps what it freed, for each of the threads that come and go with the sessions.
+    Otherwise it keeps freed memory for each of the threads that come and go with the sessions.
     """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)  # other C libraries have none
     if mallopt is not None:
@@ -281,7 +283,7 @@ def _bound(host: str, port: int) -> socket.socket:
     """Return a socket at an address; nobody is answered yet.
 
     Raises:
-        ParameterError: The address is taken, or is none of this machine's.
+        ParameterError: The address is taken, or does not belong to this machine.
     """
     try:
         found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)

@@ -1,4 +1,4 @@
-"""What all sessions of a server share: desktops, draws, leases and counts."""
+"""The state shared by all sessions of a server: desktops, draws, leases and counts."""
 
 import contextlib
 import itertools
@@ -13,9 +13,9 @@ from .drawing import EpisodeChoice, EpisodeDraws, sides
 from .metrics import ServerMetrics
 from .pool import DesktopPool, DesktopSeat
 
-LOOKS = 4  # looks for silent clients in the length of a lease
-OFTEN = 0.2  # seconds between two looks at least
-ENDING = 30.0  # seconds that a reset or a step has at the end of the server
+LOOKS = 4  # checks for silent clients per lease
+OFTEN = 0.2  # least seconds between two checks
+ENDING = 30.0  # seconds that a running reset or step may take when the server stops
 
 _log = logging.getLogger(__name__)
 
@@ -24,11 +24,11 @@ _log = logging.getLogger(__name__)
 class DesktopLease:
     """A desktop that a session holds, from a reset to the end of the episode.
 
-    Whoever uses the desktop holds `lock`.
+    Code that uses the desktop must hold `lock`.
 
     Args:
         seat: The desktop.
-        ended: Why the lease is over; empty while it is not.
+        ended: Why the lease has ended; empty while it lasts.
     """
 
     seat: DesktopSeat
@@ -39,7 +39,7 @@ class DesktopLease:
 
     @contextlib.contextmanager
     def in_use(self) -> Generator[None]:
-        """Hold the desktop; the client counts as silent from the end of it."""
+        """Lock the desktop for the block; the client counts as silent from its end."""
         with self.lock:
             try:
                 yield
@@ -48,14 +48,14 @@ class DesktopLease:
 
 
 class DesktopService:
-    """The shared part of a server; `start` it before there are sessions, and `close` it.
+    """The shared part of a server; call `start` before the first session, and `close` at the end.
 
     Args:
         pool: The desktops.
-        draws: What resets play.
-        settings: What holds for every episode.
+        draws: The object that decides what resets play.
+        settings: The settings of all episodes.
         lease: Seconds of silence after which a client loses its desktop.
-        metrics: Where everything is counted.
+        metrics: The counters.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class DesktopService:
         self._reaper = threading.Thread(target=self._reap, name="leases", daemon=True)
 
     def start(self) -> None:
-        """Start the desktops, and look for silent clients from now on.
+        """Start the desktops, and begin to check for silent clients.
 
         Raises:
             DesktopError: A desktop does not start.
@@ -89,10 +89,10 @@ class DesktopService:
         self._reaper.start()
 
     def close(self) -> None:
-        """End the desktops; twice is fine.
+        """End the desktops; calling this twice is allowed.
 
-        Resets and steps that are under way end first: a desktop that is being reset would
-        otherwise start another one after it was ended.
+        Running resets and steps end first: otherwise a desktop that is being reset would start
+        another one after its end.
         """
         self._ending.set()
         self.pool.stop_lending()
@@ -113,7 +113,7 @@ class DesktopService:
         """Lend a desktop for an episode.
 
         Raises:
-            ServerBusyError: None is free.
+            ServerBusyError: No desktop is free.
         """
         with self.metrics.waiting():
             lease = DesktopLease(self.pool.take())
@@ -130,7 +130,7 @@ class DesktopService:
     ) -> None:
         """End a lease; the desktop goes back to the pool, or is replaced if it is broken.
 
-        The caller holds the lease's lock. Only the first call counts.
+        The caller must hold the lease's lock. Later calls do nothing.
         """
         if lease.ended:
             return
@@ -145,12 +145,13 @@ class DesktopService:
     def break_off(self, lease: DesktopLease, why: str) -> None:
         """End a lease and the episode on it, because the client left, or is silent.
 
-        Where episodes are logged, one in which the agent acted is judged as it stands.
+        If episodes are logged, an episode in which the agent has acted is judged in its present
+        state.
         """
         with lease.lock:
             if lease.ended:
                 return
-            is_broken = True  # until it has shown that it is not
+            is_broken = True  # assumed to be broken until it has shown that it is not
             try:
                 self._finish(lease, why)
                 is_broken = not lease.seat.is_alive()
@@ -173,7 +174,8 @@ class DesktopService:
         lease.env = CorruptedEnv(
             lease.seat.stage,
             settings=self.settings,
-            # Two sessions may play the same episode at the same time: their logs are kept apart.
+            # Two sessions may play the same episode at the same time, so each has its own folder of
+            # logs.
             agent=f"{self.settings.agent}-{session}",
         )
         return lease.env
@@ -187,7 +189,7 @@ class DesktopService:
         }
 
     def _reap(self) -> None:
-        """Take the desktops of silent clients back."""
+        """Take back the desktops of silent clients."""
         pause = max(OFTEN, self.lease / LOOKS)
         while not self._ending.wait(pause):
             with self._lock:
@@ -200,7 +202,7 @@ class DesktopService:
 
     def _take_back(self, lease: DesktopLease) -> None:
         if not lease.lock.acquire(blocking=False):
-            return  # a step is being taken
+            return  # the client is taking a step
         try:
             silent = time.monotonic() - lease.used
             if lease.ended or silent < self.lease:

@@ -1,6 +1,6 @@
-"""One client's session: episodes, one after the other, on desktops that are lent for each.
+"""A client's session: episodes, one after the other, each on a lent desktop.
 
-OpenEnv's interface to it is in `openenv_env`; nothing of OpenEnv is known here.
+OpenEnv's interface to it is in `openenv_env`; this module does not depend on OpenEnv.
 """
 
 import threading
@@ -17,16 +17,16 @@ from .drawing import EpisodeChoice
 from .errors import DesktopLostError, LeaseExpiredError, ServerBusyError
 from .service import DesktopLease, DesktopService
 
-TRIES = 2  # desktops that a reset may try
+TRIES = 2  # the most desktops that a reset tries
 
 
 @dataclass(frozen=True, kw_only=True)
 class SessionView:
-    """What a client sees after a reset or a step.
+    """The result of a reset or a step for the client.
 
     Args:
         picture: uint8 RGB `[H, W, 3]`.
-        instruction: What the agent is asked to do.
+        instruction: The instruction of the agent.
         reward: The score at the end, 0 before it; `None` after a reset, and if the episode does
             not count.
         done: Whether the episode is over.
@@ -51,7 +51,7 @@ class SessionView:
 
 
 class DesktopSession:
-    """One client. Making one is cheap: a desktop is lent by the first `reset`.
+    """The session of one client. Making one is cheap: only `reset` borrows a desktop.
 
     Args:
         service: What the sessions of a server share.
@@ -76,7 +76,7 @@ class DesktopSession:
         corruption: object = None,
         slot: object = None,
     ) -> SessionView:
-        """Begin an episode; see `EpisodeDraws.choose` for what may be given.
+        """Begin an episode; see `EpisodeDraws.choose` for the arguments.
 
         If a desktop fails, another one is tried.
 
@@ -104,12 +104,12 @@ class DesktopSession:
         return view
 
     def step(self, action: object, dialect: str = PYAUTOGUI) -> SessionView:
-        """Take an action; one that cannot be read is a malformed step, and the episode goes on.
+        """Take an action; an unreadable one is a malformed step, and the episode continues.
 
         After the end this returns the last view again, with a reward of 0.
 
         Args:
-            action: pyautogui code, WAIT, DONE or FAIL, or what `dialect` has in their place.
+            action: pyautogui code, WAIT, DONE or FAIL, or an action of another `dialect`.
             dialect: One of `hijack_data.actions.DIALECTS`.
 
         Raises:
@@ -136,7 +136,7 @@ class DesktopSession:
                 return self._step(lease, view, action, dialect)
 
     def close(self) -> None:
-        """End the session and its episode; the desktop goes back. Twice is fine."""
+        """End the session and its episode, and return the desktop; may be called again."""
         with self._lock:
             if self._closed:
                 return
@@ -230,10 +230,10 @@ class DesktopSession:
         env: CorruptedEnv,
         view: SessionView,
     ) -> SessionView:
-        """Give the desktop of an episode back that has ended.
+        """Give back the desktop of a finished episode.
 
         Raises:
-            DesktopLostError: It ended because the desktop did.
+            DesktopLostError: The episode ended because the desktop did.
         """
         record = env.record or {}
         self.record = record
@@ -260,7 +260,7 @@ class DesktopSession:
         )
 
     def _leave(self) -> None:
-        """Give up the episode that is under way, if there is one."""
+        """Give up the current episode, if there is one."""
         lease = self._lease
         self._forget()
         if lease is not None:
@@ -282,7 +282,7 @@ class DesktopSession:
         self._lease = self._view = None
 
     def _check_open(self) -> None:
-        """Refuse to go on.
+        """Check that the session is open.
 
         Raises:
             HijackError: The session was closed.

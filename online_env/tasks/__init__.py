@@ -42,7 +42,7 @@ T = TypeVar("T", bound=Task)
 def _problems(cls: Any, name: str) -> Iterator[str]:
     """Yield what is wrong with the class of a task."""
     if not isinstance(cls, type) or not issubclass(cls, Task):
-        yield "it is no subclass of online_env.tasks.Task"
+        yield "it is not a subclass of online_env.tasks.Task"
         return
     missing = sorted(cls.__abstractmethods__)
     missing += [key for key in ("name", "apps") if not hasattr(cls, key)]

@@ -49,11 +49,12 @@ def build(
 
     Args:
         source: a file or folder of recordings, or a list of them. A folder may hold several
-            formats: each file is read by its own reader. A trajectory whose id was there before
-            gets the name of its source (or, in one source, of its format) before its id.
-        out: the folder to make, outside the source; it must be empty or not exist.
+            formats: each file is read by its own reader. If two trajectories have the same id, that
+                of the second is prefixed with the name of its source (or, within one source, of its
+                format).
+        out: the folder to create, outside the source; it must be empty or not exist.
         options: see `BuildOptions`, which describes every option.
-        **overrides: the same options as keywords; they win over `options`.
+        **overrides: the same options as keywords; they override `options`.
 
     A build fails with:
 
@@ -105,9 +106,9 @@ def _planned(
 
 @dataclass
 class _Meter:
-    """Counts the steps that were looked at, and reports them to the caller.
+    """Counts the processed steps, and reports them to the caller.
 
-    Rows cannot be counted before they are made.
+    It counts steps because the number of rows is not known before they are made.
     """
 
     progress: Progress | None
@@ -123,7 +124,7 @@ class _Meter:
 
 @dataclass(frozen=True, kw_only=True)
 class _BuildPlan:
-    """What a build will do: its options, checked, and its sources, opened."""
+    """A prepared build: its checked options and its opened sources."""
 
     out: Path
     options: BuildOptions
@@ -135,7 +136,7 @@ class _BuildPlan:
     def tasks(
         self, items: Iterator[SourceItem], reject: Callable[[Rejected], None]
     ) -> Iterator[ShardTask]:
-        """Yield the shards; `reject` takes in what a reader could not read."""
+        """Yield the shards; `reject` is called with each input that a reader could not read."""
         per_shard = self.options.rows_per_shard
         return shard_tasks(items, per_shard, self.settings.variants, reject, self.splits)
 
@@ -176,7 +177,7 @@ class _BuildPlan:
 
 @dataclass(kw_only=True)
 class _Job:
-    """One run of a build in a folder that it holds."""
+    """One run of a build, in an output folder that it has locked."""
 
     plan: _BuildPlan
     folder: OutFolder
@@ -194,7 +195,8 @@ class _Job:
         """Make the shards that do not exist yet."""
         settings = self.plan.settings
         records = engine(self._missing(tasks), settings, self.folder.path, workers, self.meter)
-        with closing(records):  # workers end now, not when the last trace of an error is gone
+        # Close now, so that workers do not live as long as the traceback of an error.
+        with closing(records):
             for record in records:
                 self._take(record)
                 self.folder.save(record)
@@ -211,7 +213,7 @@ class _Job:
         rows = in_order(manifest["counts"]["rows"], plan.settings)
         manifest["counts"]["rows"] = rows
         if config is None:
-            (out / CONFIG).unlink(missing_ok=True)  # of an earlier build
+            (out / CONFIG).unlink(missing_ok=True)  # left by an earlier build
         else:
             write_atomic(out / CONFIG, config)
         write_atomic(out / CARD, make_card(manifest))

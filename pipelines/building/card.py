@@ -192,7 +192,7 @@ def _how(manifest: Mapping[str, Any]) -> list[str]:
     files = parameters.get(LOADED, ())
     hijack = ["hijack", *(word for entry in files for word in ("--load", entry["file"]))]
     again = ["--out", AGAIN, "--config", CONFIG]
-    known = [*_limit(parameters), *_told(parameters)]
+    known = [*_limit(parameters), *_stated_options(parameters)]
     command = [*hijack, "build", *manifest["source"]["paths"], *known, *again]
     check = shlex.join([*hijack, "verify", "."])
     return [
@@ -223,7 +223,7 @@ def _limit(parameters: Mapping[str, Any]) -> list[str]:
     return ["--limit", str(parameters["limit"])] if "limit" in parameters else []
 
 
-def _told(parameters: Mapping[str, Any]) -> list[str]:
+def _stated_options(parameters: Mapping[str, Any]) -> list[str]:
     """Return the options that describe the recordings of a build."""
     told = parameters.get(LIST, {})
     apps = ["--apps", ",".join(told["apps"])] if told.get("apps") else []

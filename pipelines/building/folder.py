@@ -23,23 +23,23 @@ from .splits import NAMES
 
 STATE = ".build"
 PARAMETERS = "parameters.json"
-# The files of a finished dataset beside its shards and its manifest.
+# The files of a finished dataset other than its shards and its manifest.
 BESIDE = ("README.md", "config.yaml", "quarantine.jsonl")
 
 
 def parameters_in(path: Path) -> dict[str, Any]:
-    """Return the parameters of the build that a folder holds, finished or not, or nothing."""
+    """Return the parameters of the build in a folder, finished or not; empty if there is none."""
     try:
         if (path / MANIFEST).is_file():
             return read_manifest(path)["parameters"]
         found = json.loads((path / STATE / PARAMETERS).read_bytes())
-    except (OSError, ValueError):  # `opened` says what is wrong
+    except (OSError, ValueError):  # `opened` will report what is wrong
         return {}
     return found if isinstance(found, dict) else {}
 
 
 class OutFolder:
-    """The folder that a build writes to. Use inside `opened`."""
+    """The folder to which a build writes. Use it inside `opened`."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -48,15 +48,15 @@ class OutFolder:
 
     @contextmanager
     def opened(self, parameters: Mapping[str, Any], resume: bool) -> Iterator[None]:
-        """Hold the folder for one build.
+        """Lock the folder for one build.
 
         Args:
             parameters: those of the manifest, JSON data.
             resume: whether to continue the build in the folder.
 
         Raises:
-            BuildError: the folder cannot be written to, is in use, or contains something else, a
-                build that is not to be resumed, or one with other parameters.
+            BuildError: the folder cannot be written to, is in use, contains other files, or
+                contains a build although `resume` is false or the parameters differ.
         """
         made = not self.path.exists()
         held = self._lock()
@@ -92,7 +92,7 @@ class OutFolder:
         return record if inputs_of(task) == record.inputs else None
 
     def save(self, record: ShardRecord) -> None:
-        """Note that a shard is finished."""
+        """Record that a shard is finished."""
         write_atomic(self.state / f"{record.index:05d}.json", json.dumps(record.to_data()))
 
     def finish(self, shards: Iterable[ShardRecord]) -> None:
@@ -107,7 +107,7 @@ class OutFolder:
     def _lock(self) -> Lock:
         try:
             self.path.mkdir(parents=True, exist_ok=True)
-            return lock(self.path.resolve())  # a folder of ours may be behind a link
+            return lock(self.path.resolve())  # the folder may be reached through a symbolic link
         except LockedError:
             raise BuildError(
                 f"{self.path}: another build is writing to this folder; wait for it"
@@ -138,11 +138,11 @@ class OutFolder:
         write_atomic(self.state / PARAMETERS, json.dumps(parameters))
         for record in self._records.values():
             self.save(record)
-        # from here on it is an unfinished build again
+        # without its manifest, the folder is an unfinished build again
         (self.path / MANIFEST).unlink(missing_ok=True)
 
     def _holds_nothing(self) -> bool:
-        """Return whether the folder holds only the rest of an attempt that made no row."""
+        """Return whether the folder holds only the remains of a build that made no row."""
         if (self.path / MANIFEST).is_file():
             with suppress(DatasetError):
                 return read_manifest(self.path).get("rows") == 0
@@ -170,7 +170,7 @@ class OutFolder:
                 self.path.rmdir()
 
     def _load(self) -> dict[str, Any] | None:
-        # the parameters of an earlier run, and the records of its finished shards
+        # returns the parameters of an earlier run, and the records of its finished shards
         if (self.path / MANIFEST).is_file():
             manifest = read_manifest(self.path)
             self._records = {shard["index"]: record_from(shard) for shard in manifest["shards"]}

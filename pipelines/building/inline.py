@@ -3,9 +3,9 @@
     line      = item {("," | ";") item}
     item      = NAME | NAME ":" KEY "=" VALUE | KEY "=" VALUE
 
-A `KEY=VALUE` belongs to the `NAME:` before it; a `;` ends that name's settings. Text in quotes or
-brackets is not split: `subtitle:subtitle_text="a, b"`. `KEY` is a parameter, `severity`, or
-`as`, which gives the label of the rows. `clean` names the uncorrupted rows.
+A `KEY=VALUE` belongs to the last `NAME:` before it; a `;` ends the settings of that name. Text in
+quotes or brackets is not split: `subtitle:subtitle_text="a, b"`. `KEY` is a parameter, `severity`,
+or `as`, which gives the label of the rows. `clean` names the uncorrupted rows.
 """
 
 from collections.abc import Callable, Iterator
@@ -53,7 +53,7 @@ class _Item:
 
     @property
     def is_setting(self) -> bool:
-        """Whether it is `KEY=VALUE`, without a name."""
+        """Whether the item is `KEY=VALUE`, without a name."""
         key, sign, _ = self.text.partition("=")
         return bool(sign) and ":" not in key
 
@@ -67,10 +67,10 @@ class Named:
 
 
 def parse(text: str) -> Named:
-    """Return the corruptions that a line names; an unknown one is an `UnknownNameError`.
+    """Return the corruptions in a line; raises `UnknownNameError` for an unknown name.
 
     Raises:
-        BuildError: a mistake, with its place.
+        BuildError: the line has a mistake; the message names its place.
     """
     planners: dict[str, Planner] = {}
     clean = False
@@ -88,7 +88,7 @@ def parse(text: str) -> Named:
 
 
 def _entries(text: str) -> Iterator[_Entry]:
-    # yield the corruptions of a line with their settings as text
+    # yields the corruptions of a line with their settings as text
     entry: _Entry | None = None
     closed = True  # whether the settings of `entry` have ended
     for item in _items(text):
@@ -136,7 +136,7 @@ def _set(
 
 
 def _items(text: str) -> Iterator[_Item]:
-    # yield the parts between separators; those in quotes and brackets do not count
+    # yields the parts between separators, except for separators in quotes and brackets
     start = 0
     closing: list[str] = []
     quote = ""

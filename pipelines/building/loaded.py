@@ -1,7 +1,7 @@
-"""Files of corruptions (`hijack --load FILE.py`): recorded by their hash, and asked for again.
+"""Record the loaded files of corruptions (`hijack --load FILE.py`), and require them later.
 
 Only the files that a build used are recorded. To resume the build or to verify the dataset, a file
-of the same bytes must be loaded; its folder and its name do not matter.
+with the same bytes must be loaded; its folder and its name do not matter.
 """
 
 from collections.abc import Iterable, Mapping
@@ -17,7 +17,7 @@ LOADED = "loaded"
 
 
 def files_of(planners: Iterable[Planner]) -> list[dict[str, Any]]:
-    """Return the loaded files that define planners, as JSON data for the manifest, by name."""
+    """Return the loaded files that define planners, sorted, as JSON data for the manifest."""
     files: dict[str, LoadedFile] = {}
     for planner in planners:
         for part in (planner, *leaves(planner)):
@@ -49,7 +49,7 @@ def require(parameters: Mapping[str, Any], where: str) -> None:
         where: the dataset, for messages.
 
     Raises:
-        DatasetError: a file is not loaded, or another file of its name is.
+        DatasetError: a file is not loaded, or another file with its name is.
     """
     for name, sha256, corruptions in _entries(parameters.get(LOADED, ()), where):
         if holds(sha256, corruptions):
@@ -60,7 +60,7 @@ def require(parameters: Mapping[str, Any], where: str) -> None:
 
 
 def _instead(name: str) -> str:
-    """Return the file that is loaded in the place of the right one, and the remedy."""
+    """Return the wrong file that is loaded under a name, if any, and the remedy."""
     for file in loaded_files():
         if Path(file.path).name == name:
             return f"{file.path} is another file, SHA-256 {file.sha256}; load that one"

@@ -19,7 +19,7 @@ Progress: TypeAlias = Callable[[int, int, str], object]
 F = TypeVar("F", bound=Callable[..., Any])
 
 ROWS_PER_SHARD = 500
-# The options that a configuration may set, with their values if neither it nor the caller does.
+# The options that a configuration may set, with the values for when neither it nor the caller does.
 DEFAULTS: Mapping[str, Any] = {
     "corruptions": VISUAL,
     "seed": 0,
@@ -40,7 +40,7 @@ class BuildOptions:
     Args:
         corruptions: planners by label, text such as `"marks:number=10,severity=4,subtitle"` (see
             `inline`), `"clean"` for the clean rows alone, `"all"`, or `"all-visual"` (the
-            default): those that act on the picture alone. `UnknownNameError` for an unknown name,
+            default): those that act only on the picture. `UnknownNameError` for an unknown name,
             `BuildError` for a corruption that cannot be built.
         seed: 0 to 2**64 - 1; 0 by default. `ParameterError` for another one.
         format: name of the reader for all files; by default the reader of each file is detected.
@@ -50,7 +50,7 @@ class BuildOptions:
         boxes: the form of the boxes if the recording does not show it: `xywh` or `xyxy`.
             `BuildError` for another word.
         config: a configuration with `corruptions`, `seed`, `clean`, `label_policy`, `output` and
-            `splits`; options given here win over it. `ConfigError` for a mistake in it.
+            `splits`; options given here override it. `ConfigError` for a mistake in it.
         clean: whether to write the uncorrupted rows too; true by default.
         label_policy: the treatment of a sample whose target is hidden: `keep` (the default),
             `avoid`, `drop` or `recover`. `BuildError` for another word.
@@ -64,8 +64,8 @@ class BuildOptions:
             `pipelines.knowledge`.
         platform: the machine of the trajectories whose source does not name it: `linux-xfce`,
             `linux`, `windows`, `macos`, `android`, `ios` or `web`.
-        foreign: use the desktop of the recorded pictures (Xfce) on recordings of another or an
-            unknown platform too; the `fidelity` of such rows is `foreign`.
+        foreign: use the desktop of the recorded pictures (Xfce) also for recordings of another or
+            an unknown platform; the `fidelity` of such rows is `foreign`.
         strict: stop with `SourceError` at the first input that cannot be read.
         rows_per_shard: the most rows in a file, which holds at least one trajectory; at least 1.
         workers: number of processes, at least 1. With more than one, call `build` from under
@@ -77,7 +77,7 @@ class BuildOptions:
         resume: continue a build that was stopped, or repair a dataset with damaged files.
             `DatasetError` if the build used a file of corruptions that is not loaded, see
             `hijack_data.loading`.
-        overwrite: replace the dataset of ours in `out` once the new one is complete; see
+        overwrite: replace the AgentHijack dataset in `out` once the new one is complete; see
             `replacing`. `BuildError` together with `resume`.
         limit: read only the first N trajectories; at least 1.
         splits: shares such as `{"train": 0.9, "test": 0.1}` or `"train=0.9,test=0.1"` of `train`,
@@ -85,8 +85,8 @@ class BuildOptions:
             its rows are in one. `BuildError` and `ParameterError` for other names and sums.
         dry_run: write nothing, and report what would be written. The pictures are drawn, so this
             takes nearly as long.
-        progress: called with the steps done, the steps in all, and a text. The records of a large
-            source are read twice for it.
+        progress: called with the steps done, the steps in all, and a text. With it, the records of
+            a large source are read twice.
     """
 
     corruptions: Mapping[str, Planner] | str | None = None
@@ -115,7 +115,7 @@ class BuildOptions:
     progress: Progress | None = None
 
     def check(self) -> None:
-        """Check the options that need nothing but themselves.
+        """Check the options that can be checked on their own.
 
         Raises:
             BuildError: a count is below 1, or both `resume` and `overwrite` are set.
@@ -131,10 +131,10 @@ class BuildOptions:
             )
 
     def resolved(self) -> "BuildOptions":
-        """Return the options with those of the configuration and the defaults filled in.
+        """Return the options, completed from the configuration and the defaults.
 
-        A mistake in the configuration is a `ConfigError`; corruptions that name the clean rows
-        together with `clean=False` are a `BuildError`.
+        Raises `ConfigError` for a mistake in the configuration, and `BuildError` if the corruptions
+        name the clean rows but `clean` is false.
         """
         found = _config_values(self.config)
         named = self._names_clean()
@@ -190,9 +190,9 @@ class BuildKeywords(TypedDict, total=False):
 
 
 def with_options(function: F) -> F:
-    """Show every option of a build in the signature of a function, for `help` and notebooks.
+    """Decorator: show every option of a build in the signature of a function, for `help`.
 
-    The function takes them as `**overrides`.
+    The function takes the options as `**overrides`.
     """
     signature = inspect.signature(function)
     hints = get_type_hints(BuildOptions)

@@ -1,4 +1,4 @@
-"""Rejected inputs, kept on disk as they come: a broken source of any size costs no memory."""
+"""Rejected inputs, written to disk at once, so that a broken source of any size takes no memory."""
 
 import json
 from collections import Counter
@@ -18,7 +18,7 @@ _INCOMING = "rejected.jsonl"
 
 
 class Quarantine:
-    """Takes in rejected inputs; if `strict`, the first one is an error."""
+    """Collects rejected inputs; if `strict`, the first one is an error."""
 
     def __init__(self, state: Path, strict: bool) -> None:
         self._path = state / _INCOMING
@@ -33,7 +33,7 @@ class Quarantine:
         return sum(self.by_field.values())
 
     def reject(self, record: Rejected) -> None:
-        """Take in an input that a reader rejected; a `SourceError` in a strict build."""
+        """Store an input that a reader rejected; raises `SourceError` in a strict build."""
         self._count(record)
         self._file.write(_line(record))
 
@@ -45,13 +45,13 @@ class Quarantine:
         """Check that a shard of a strict build has no rejected input.
 
         Raises:
-            SourceError: it has one.
+            SourceError: the shard has one.
         """
         if self._strict and record.rejected:
             raise SourceError(_strictly(Rejected(**record.rejected[0])))
 
     def write(self, out: Path, shards: Iterable[ShardRecord]) -> None:
-        """Write all rejected inputs: those of readers in their order, then those of each shard."""
+        """Write all rejected inputs: those of readers in order, then those of each shard."""
         self.close()
         late = [Rejected(**data) for shard in shards for data in shard.rejected]
         for record in late:

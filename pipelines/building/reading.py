@@ -1,4 +1,4 @@
-"""What a build reads from its sources: once if that fits into memory."""
+"""Read the records of a build's sources, only once if they fit into memory."""
 
 from collections import deque
 from collections.abc import Iterator
@@ -8,8 +8,8 @@ from hijack_data.types import Trajectory
 
 from ..sources import SourceItem, Sources
 
-# Counting the steps of a source keeps its records up to this number of steps; those of a larger
-# source are read a second time.
+# While the steps of a source are counted, its records are kept up to this number of steps; a larger
+# source is read a second time.
 KEPT_STEPS = 2000
 
 
@@ -18,9 +18,9 @@ def read_items(
     limit: int | None,
     count: bool,
 ) -> tuple[Iterator[SourceItem], int]:
-    """Return what sources contain and, if `count`, the number of steps (otherwise 0).
+    """Return the items of sources and, if `count`, the number of steps (otherwise 0).
 
-    An empty source is a `SourceError`.
+    Raises `SourceError` for an empty source.
     """
     items = sources.read(limit)
     first = next(items, None)
@@ -37,7 +37,7 @@ def read_items(
 
 
 def _counted(items: Iterator[SourceItem]) -> tuple[deque[SourceItem] | None, int]:
-    """Return the items, or `None` if they are too many to keep, and their number of steps."""
+    """Return the items (`None` if there are too many to keep), and the number of steps."""
     kept: deque[SourceItem] | None = deque()
     size = 0
     steps = 0

@@ -1,4 +1,4 @@
-"""Replacing a dataset of ours: the old one stays until the new one is whole."""
+"""Replace an AgentHijack dataset: the old one stays until the new one is complete."""
 
 import os
 import re
@@ -22,10 +22,10 @@ _SHARD = re.compile(r"(train|validation|test)-\d{5}\.parquet|\..*\.tmp")
 def replaced(out: Path, overwrite: bool) -> Iterator[Path]:
     """Yield the folder to build in; with `overwrite`, it replaces `out` once it is complete.
 
-    The new dataset is made in `.NAME.new` beside the old one. When it is complete, the old one is
-    renamed to `.NAME.old`, the new one to `NAME`, and the old one is removed; a machine that dies
-    between the two renames leaves both, complete, under those names. If the build fails, the old
-    one stays. An `out` that is not a dataset of ours, or contains other files, is a `BuildError`.
+    The new dataset is built in `.NAME.new` next to the old one. When it is complete, the old one is
+    renamed to `.NAME.old`, the new one to `NAME`, and the old one is removed; after a crash between
+    the two renames, both are complete under those names. If the build fails, the old one stays.
+    Raises `BuildError` if `out` is not an AgentHijack dataset, or contains other files.
     """
     if not overwrite or not _is_filled(out):
         yield out
@@ -73,7 +73,7 @@ def _is_filled(folder: Path) -> bool:
 
 
 def _check(folder: Path, shown: Path) -> None:
-    # the folder may contain only a dataset of ours, or an unfinished one
+    # the folder may contain only an AgentHijack dataset, finished or not
     found = {entry.name for entry in folder.iterdir()}
     if not found & {MANIFEST, STATE}:
         raise BuildError(f"{shown}: is not a dataset of ours, so --overwrite does not replace it")

@@ -1,4 +1,4 @@
-"""Reports of builds and of checks, for people and for exit codes."""
+"""Reports of builds and of checks, as text and as exit codes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ class Findings:
 
     Args:
         folder: the folder that was checked.
-        problems: what is wrong; empty if nothing is.
+        problems: the problems found; empty if there are none.
     """
 
     folder: str
@@ -22,16 +22,16 @@ class Findings:
 
     @property
     def ok(self) -> bool:
-        """Whether nothing is wrong."""
+        """Whether no problem was found."""
         return not self.problems
 
     @property
     def exit_code(self) -> int:
-        """0 if nothing is wrong, otherwise 1."""
+        """0 if no problem was found, otherwise 1."""
         return 0 if self.ok else 1
 
     def listed(self) -> list[str]:
-        """Return the first problems as lines of text, and the number of the others."""
+        """Return the first problems as lines of text, then the number of the remaining ones."""
         text = [f"  {problem}" for problem in self.problems[:SHOWN_PROBLEMS]]
         more = len(self.problems) - SHOWN_PROBLEMS
         if more > 0:
@@ -45,16 +45,16 @@ class BuildReport:
 
     Args:
         out: the folder of the dataset.
-        rows: rows by label, in the order of the build.
-        rejected: inputs that were left out; all of them are in `quarantine.jsonl`.
-        examples: the first of them, as text.
-        not_applicable: for each label, the number of samples that a corruption could not be placed
-            on, by reason.
-        dropped: samples that the label policy dropped, by label.
-        shards: number of files, written or kept.
+        rows: number of rows by label, in the order of the build.
+        rejected: number of inputs that were left out; `quarantine.jsonl` lists all of them.
+        examples: the first rejected inputs, as text.
+        not_applicable: for each label, the number of samples on which the corruption could not be
+            placed, by reason.
+        dropped: number of samples that the label policy dropped, by label.
+        shards: number of files, newly written or kept.
         kept: number of files that an earlier run had finished.
         notes: further remarks for the user.
-        dry_run: whether nothing was written, and the report is about what would be.
+        dry_run: whether nothing was written, so that the report describes what a build would write.
     """
 
     out: str

@@ -1,4 +1,4 @@
-"""From one recorded step to its rows: the clean one, and one for each corruption."""
+"""Make the rows of one recorded step: the clean one, and one for each corruption."""
 
 import re
 from collections import Counter
@@ -36,13 +36,13 @@ class RowSettings:
 
     Args:
         planners: the corruptions by label, in the order of the build.
-        seed: of every draw, 0 to 2**64 - 1.
+        seed: the seed of every draw, 0 to 2**64 - 1.
         clean: whether each step has a clean row.
         label_policy: one of `hijack_data.config.options.LABEL_POLICIES`.
         detect: whether to detect elements in pictures if none are recorded.
         lazy: whether to store plans instead of corrupted pictures.
         assets: the folder of the asset pack, if not the default one.
-        foreign: whether to show the desktop of the pack on other platforms too.
+        foreign: whether to show the desktop of the pack also in recordings of other platforms.
     """
 
     planners: tuple[tuple[str, Planner], ...]
@@ -56,14 +56,14 @@ class RowSettings:
 
     @property
     def variants(self) -> int:
-        """Number of rows that a step can have, without those that an edit adds."""
+        """The most rows that a step can have, not counting those inserted by edits."""
         return len(self.planners) + self.clean
 
     @property
     def pack(self) -> AssetPack | None:
-        """The asset pack, or `None` if nothing acts on the machine.
+        """The asset pack, or `None` if no corruption acts on the machine.
 
-        A pack that is missing or damaged is an `AssetError`.
+        Raises `AssetError` if the pack is missing or damaged.
         """
         if any(acts(planner) for _, planner in self.planners):
             return AssetPack.load(self.assets)
@@ -72,7 +72,7 @@ class RowSettings:
 
 @dataclass
 class RowCounts:
-    """The outcome of steps: rows by label, samples without a row and why, rejected inputs."""
+    """The outcome of steps: rows by label, reasons for samples without a row, rejected inputs."""
 
     rows: Counter[str] = field(default_factory=Counter[str])
     dropped: Counter[str] = field(default_factory=Counter[str])
@@ -80,9 +80,9 @@ class RowCounts:
     rejected: list[Rejected] = field(default_factory=list[Rejected])
 
     def skip(self, label: str, reason: str) -> None:
-        """Count a sample that a corruption cannot be placed on.
+        """Count a sample on which a corruption cannot be placed.
 
-        Reasons that differ only in their numbers count as one.
+        Reasons that differ only in numbers are counted as one.
         """
         reasons = self.not_applicable.setdefault(label, Counter())
         reasons[re.sub(r"\d+", "N", reason)] += 1
@@ -94,7 +94,7 @@ class RowCounts:
         field: str,
         error: Exception,
     ) -> None:
-        """Take in an input that cannot be used."""
+        """Record an input that cannot be used."""
         self.rejected.append(Rejected(where, place, field, str(error)))
 
 
@@ -104,7 +104,7 @@ class MadeRow:
 
     Args:
         label: the value of the column `corruption`.
-        variant: the plan, and the step that it was made for.
+        variant: the plan, and the step for which it was made.
         picture: the picture of the row, uint8 RGB `[H, W, 3]`.
         labels: all columns of a materialised row, except the picture and its SHA-256.
     """
@@ -131,7 +131,7 @@ def rows_of(
         data: the bytes of its screenshot.
         where: the name of the screenshot in reports.
         settings: those of the build.
-        tally: counts the rows, and what gave none.
+        tally: counts the rows, and the samples that gave none.
     """
     sample = sample_of(trajectory, step, data, where, settings, tally)
     if sample is None:
@@ -156,7 +156,7 @@ def sample_of(
         return Sample(trajectory, step, Base(image), scene)
     except ImageError as error:
         tally.reject(where, place, "image", error)
-    except ParameterError as error:  # a target without area or off the screen
+    except ParameterError as error:  # the target has no area or is off the screen
         tally.reject(where, place, "target_box", error)
     return None
 
@@ -189,7 +189,7 @@ class _Counter:
     tally: RowCounts
 
     def rows(self, label: str, variants: Iterator[Variant | None]) -> Iterator[MadeRow]:
-        # no row of the label comes after an error
+        # after an error, no further rows of the label are made
         try:
             for variant in variants:
                 made = self._made(label, variant)
@@ -242,7 +242,7 @@ def _needs_scene(
     step: Step,
     settings: RowSettings,
 ) -> bool:
-    """Return whether any planner that acts at this step depends on the elements."""
+    """Return whether any planner that acts at this step needs the elements."""
     position = position_of(trajectory, step)
     for _, planner in settings.planners:
         if not needs_boxes(planner):
@@ -257,7 +257,7 @@ def keeps(
     plan: Plan,
     seen: float | None,
 ) -> bool:
-    """Return whether a label policy keeps a row of whose target the share `seen` shows."""
+    """Return whether a label policy keeps a row whose target is visible to the share `seen`."""
     if label_policy != "drop" or not plan.ops:
         return True
     return seen is None or seen >= VISIBLE
@@ -268,7 +268,7 @@ def made_by_plan(
     label: str,
     seed: int,
 ) -> MadeRow:
-    """Return the row that the plan of a variant makes, whether or not it is kept."""
+    """Return the row made by the plan of a variant, whether or not the label policy keeps it."""
     plan = variant.plan
     image = variant.sample.image
     picture = image
@@ -286,7 +286,7 @@ def labels_of(
     label: str,
     seed: int,
 ) -> dict[str, Any]:
-    """Return the columns of a materialised row that follow from its plan and its step."""
+    """Return the columns of a materialised row that are computed from its plan and its step."""
     sample = variant.sample
     plan = variant.plan
     height, width = plan.out_size
@@ -305,7 +305,7 @@ def labels_of(
 
 
 def _stored(made: MadeRow, settings: RowSettings) -> dict[str, Any]:
-    """Return a row as it is written."""
+    """Return a row in the form in which it is stored."""
     sample = made.variant.sample
     stored = _picture(sample.base, made.picture, made.variant.plan, settings)
     row = {**made.labels, **stored}
@@ -328,7 +328,8 @@ def _about(variant: Variant, label: str) -> dict[str, Any]:
     trajectory = variant.sample.trajectory
     step = variant.sample.step
     name = f"{trajectory.id}/{step.index:04d}/{label}"
-    # The recorded step has the label and the number of an inserted one: the event tells them apart.
+    # An inserted step has the label and the number of the recorded one; the event distinguishes
+    # them.
     if variant.edit is not None and variant.edit.inserted:
         name += f"+{variant.plan.effects[0].kind}"
     return {
@@ -351,7 +352,8 @@ def _picture(
 ) -> dict[str, Any]:
     """Return the stored picture and its digest.
 
-    What the picture shares with others of its step is neither compressed nor hashed again.
+    Parts that the picture shares with other pictures of its step are neither compressed nor hashed
+    again.
     """
     digest = digest_of(base, picture, plan)
     if settings.lazy:
@@ -366,9 +368,9 @@ def digest_of(
     picture: UInt8Array,
     plan: Plan,
 ) -> str:
-    """Return the SHA-256 of the picture that `plan` made of `base`.
+    """Return the SHA-256 of the picture that `plan` made from `base`.
 
-    The rows that the two share at the top are not hashed again.
+    Rows at the top that both pictures share are not hashed again.
     """
     rows = touched(plan)
     if rows is None:

@@ -1,4 +1,4 @@
-"""Which corruptions a build applies, and what can be said about them."""
+"""Select the corruptions of a build, check them, and write them as a configuration."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -22,14 +22,14 @@ SCOPE = "observation"
 def select(corruptions: Mapping[str, Planner] | str) -> dict[str, Planner]:
     """Return planners by label.
 
-    Passes on `UnknownNameError` (a name that does not exist).
+    Passes on `UnknownNameError` (an unknown name).
 
     Args:
         corruptions: a mapping from labels to planners, a line of text (see `inline`), `ALL`
             registered corruptions, or the `VISUAL` ones, which change the picture alone.
 
     Raises:
-        BuildError: something that cannot be built.
+        BuildError: a corruption cannot be built.
     """
     if not isinstance(corruptions, str | Mapping):
         raise BuildError(
@@ -45,9 +45,9 @@ def select(corruptions: Mapping[str, Planner] | str) -> dict[str, Planner]:
 
 
 def needs_boxes(planner: Planner) -> bool:
-    """Return whether plans, or the edits that show their effects, depend on the boxes of elements.
+    """Return whether plans, or the edits that show their effects, depend on element boxes.
 
-    Of a `Schedule` what it plans in epoch 0 decides, which is what is built.
+    For a `Schedule`, epoch 0 decides, because builds use that epoch.
     """
     if any(leaf.needs_elements for leaf in leaves(planner)):
         return True
@@ -94,7 +94,7 @@ def _check_effects(planner: Planner) -> None:
     """Refuse a planner with effects on the machine that no edit shows.
 
     Raises:
-        BuildError: it cannot be built; the message says why.
+        BuildError: an effect has no edit; the message names it.
     """
     for leaf in leaves(planner):
         unknown = _unshown(leaf.effects)

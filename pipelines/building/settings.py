@@ -1,4 +1,4 @@
-"""The settings of a build: what decides its rows, and how the manifest stores it."""
+"""The settings of a build, which decide its rows, and their form in the manifest."""
 
 import os
 from collections.abc import Mapping
@@ -29,7 +29,7 @@ FOREIGN = "foreign"
 
 
 def settings_of(options: BuildOptions) -> tuple[RowSettings, tuple[str, ...]]:
-    """Return the settings that follow from options, and notes for the user.
+    """Return the settings computed from options, and notes for the user.
 
     The asset pack is opened only if a corruption acts on the machine.
 
@@ -37,13 +37,14 @@ def settings_of(options: BuildOptions) -> tuple[RowSettings, tuple[str, ...]]:
         options: as `BuildOptions.resolved` returns them.
 
     Raises:
-        BuildError: an unknown policy or output, corruptions that cannot be built, or no row.
+        BuildError: the policy or output is unknown, a corruption cannot be built, or there would be
+            no rows.
     """
     planners = select(cast("Mapping[str, Planner] | str", options.corruptions))
     _check_word("label_policy", options.label_policy, LABEL_POLICIES)
     _check_word("output", options.output, OUTPUTS)
     seed = cast(int, options.seed)
-    Stream(seed, "build")  # the one check of a seed
+    Stream(seed, "build")  # checks the seed
     if not planners and not options.clean:
         raise BuildError(
             "nothing to build: no corruption and no clean rows; leave out --no-clean (in Python:"
@@ -61,14 +62,14 @@ def settings_of(options: BuildOptions) -> tuple[RowSettings, tuple[str, ...]]:
         assets=_asset_folder(options),
         foreign=bool(options.foreign),
     )
-    _ = settings.pack  # a missing pack is an error before anything is written
+    _ = settings.pack  # raises for a missing pack before anything is written
     if wanted and not detect:
         return settings, (_no_detector(),)
     return settings, ()
 
 
 def has_detector() -> bool:
-    """Return whether elements can be detected in pictures here."""
+    """Return whether elements can be detected in pictures in this environment."""
     try:
         import cv2
     except ImportError:
@@ -84,7 +85,7 @@ def parameters_of(
 ) -> dict[str, Any]:
     """Return everything that decides the bytes of a dataset, as JSON data for the manifest.
 
-    Options that were not given have no key, as in older builds.
+    Options that were not given have no key, as in the manifests of older builds.
     """
     planners = dict(settings.planners)
     parameters: dict[str, Any] = {"reader": ", ".join(sources.formats)}
@@ -139,7 +140,7 @@ def output_of(settings: RowSettings) -> str:
 
 
 def in_order(rows: Mapping[str, int], settings: RowSettings) -> dict[str, int]:
-    """Return the number of rows of each label, in the order of the build."""
+    """Return numbers of rows by label, sorted in the order of the build."""
     labels = [label for label, _ in settings.planners]
     if settings.clean:
         labels.insert(0, CLEAN)
@@ -158,7 +159,7 @@ def settings_from(parameters: Mapping[str, Any], where: str) -> RowSettings | No
         then has their labels only.
 
     Raises:
-        DatasetError: parameters that no build has.
+        DatasetError: the parameters are not those of any build.
     """
     try:
         return _settings_from(parameters)
@@ -193,7 +194,7 @@ def _check_word(
 
 
 def _asset_folder(options: BuildOptions) -> str | None:
-    """Return the folder as an absolute path; workers elsewhere do not have our environment."""
+    """Return the folder as an absolute path, since workers may not share our environment."""
     folder = options.assets or os.environ.get(VARIABLE)
     return os.path.abspath(folder) if folder else None
 

@@ -29,7 +29,7 @@ DATA = "data"
 
 @dataclass(frozen=True)
 class ShardTask:
-    """Trajectories that share a file.
+    """The trajectories of one file.
 
     Args:
         index: number of the shard in the dataset, from 0.
@@ -51,15 +51,15 @@ class ShardTask:
         return sum(len(trajectory.steps) for trajectory in self.trajectories)
 
 
-# For workers, which share the machine's processors already: OpenCV reads it when it is first
+# For workers, which already share the machine's processors; OpenCV reads it when it is first
 # imported.
 ONE_THREAD = {"OPENCV_FOR_THREADS_NUM": "1"}
 
 
 def shard_file(index: int, split: str = TRAIN) -> str:
-    """Return the name of a shard, the `index`-th of its split.
+    """Return the file name of the `index`-th shard of a split.
 
-    It does not contain the number of shards, which is unknown until the last one is done.
+    The name does not contain the number of shards, which is unknown until the last one is done.
     """
     return f"{DATA}/{split}-{index:05d}.parquet"
 
@@ -186,7 +186,7 @@ def build_shard(
 
 
 def _sample_keys(task: ShardTask) -> dict[str, str]:
-    """Return the keys of random draws by trajectory, of those that have a key of their own."""
+    """Return the keys of random draws by trajectory, for trajectories with a key of their own."""
     keys: dict[str, str] = {}
     for trajectory in task.trajectories:
         if trajectory.sample is not None and trajectory.sample != trajectory.id:
@@ -195,7 +195,7 @@ def _sample_keys(task: ShardTask) -> dict[str, str]:
 
 
 def inputs_of(task: ShardTask) -> str:
-    """Return the present hash of the records and screenshots of a shard, as `ShardRecord.inputs`.
+    """Return the current hash of a shard's records and screenshots, as in `ShardRecord.inputs`.
 
     Every screenshot is read and none is decoded.
     """
@@ -203,7 +203,7 @@ def inputs_of(task: ShardTask) -> str:
     root = Path(task.root)
     for trajectory in task.trajectories:
         for step in trajectory:
-            with suppress(ImageError):  # the build rejects it, and hashes nothing
+            with suppress(ImageError):  # the build rejects such a picture without hashing it
                 data = read_picture(step.image, picture_name(step.image, root))
                 inputs.update(hashlib.sha256(data).digest())
     return inputs.hexdigest()

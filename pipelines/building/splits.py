@@ -1,4 +1,4 @@
-"""Splits: whole trajectories by a hash of their id, whatever else is in the source."""
+"""Splits of whole trajectories by a hash of their id, independent of the rest of the source."""
 
 import hashlib
 from collections.abc import Mapping
@@ -28,7 +28,7 @@ class Splits:
         return list(self.shares) or [TRAIN]
 
     def of(self, trajectory: str) -> str:
-        """Return the split of a trajectory, which its id alone decides."""
+        """Return the split of a trajectory, which depends only on its id."""
         if len(self.shares) < 2:
             return self.names[0]
         digest = hashlib.sha256(f"split:{trajectory}".encode()).digest()
@@ -41,21 +41,21 @@ class Splits:
         return self.names[-1]
 
     def parameters(self) -> dict[str, Any]:
-        """Return the entry of the manifest; none if all is `train`, as in older builds."""
+        """Return the entry of the manifest; empty if all is `train`, as in older builds."""
         if self.names == [TRAIN]:
             return {}
         return {"splits": self.shares}
 
 
 def choose_splits(given: str | Mapping[str, float] | None) -> Splits:
-    """Return the splits that were asked for.
+    """Return the splits for the option `splits`.
 
     Args:
         given: a mapping, or text such as `"train=0.9,test=0.1"`; `None` puts all in `train`.
-            Text of another form, and shares that do not sum to 1, are a `ParameterError`.
+            Raises `ParameterError` for text in another form and for shares that do not sum to 1.
 
     Raises:
-        BuildError: a name that `load_dataset` does not find.
+        BuildError: `load_dataset` does not find a split of that name.
     """
     if given is None:
         return Splits()

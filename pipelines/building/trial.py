@@ -1,4 +1,4 @@
-"""A build that writes nothing: its rows are made and counted, and dropped."""
+"""A build that writes nothing: its rows are made, counted and discarded."""
 
 import hashlib
 from collections import deque
@@ -28,7 +28,7 @@ def tried(
     """Return the report of a build without writing it.
 
     Args:
-        tasks: called with a function that takes in rejected inputs; returns the shards.
+        tasks: called with a function for rejected inputs; returns the shards.
         settings: those of the build.
         strict: whether the first rejected input is a `SourceError`.
         tick: called with the number of rows of each step when it is done.

@@ -1,4 +1,4 @@
-"""Writing rows as Parquet: same rows, same bytes."""
+"""Write rows as Parquet; the same rows give the same bytes."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import Any
 
 from ..dataset.columns import BASE, PICTURES, REPEATED, leaves, pyarrow, schema
 
-# A reader holds one row group at a time, and reads a whole one for a single row.
+# Readers keep one row group in memory, and read a whole group for a single row.
 GROUP_ROWS = 16
 GROUP_BYTES = 128 * 2**20
 # A lazy dataset stores each picture once in a row group, as an entry of Parquet's dictionary,
@@ -19,7 +19,7 @@ def write_parquet(
     rows: Iterable[Mapping[str, Any]],
     lazy: bool = False,
 ) -> int:
-    """Write rows to a Parquet file and return their number; memory holds one row group at a time.
+    """Write rows to a Parquet file and return their number; one row group is in memory at a time.
 
     Args:
         path: the file to write.
@@ -68,7 +68,7 @@ def _groups(rows: Iterable[Mapping[str, Any]]) -> Iterator[list[Mapping[str, Any
 
 
 def _steps(rows: Iterable[Mapping[str, Any]]) -> Iterator[list[Mapping[str, Any]]]:
-    """Group rows that share a picture together, so that no picture is stored in two groups."""
+    """Group consecutive rows that share a picture, so that it is stored in one row group only."""
     group: list[Mapping[str, Any]] = []
     known: object = None
     size = 0

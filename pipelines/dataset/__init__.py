@@ -1,4 +1,4 @@
-"""A dataset on the disk: its files, columns, pictures and card, and how to open it."""
+"""A dataset on disk: its files, columns and pictures, and how to open it."""
 
 from .opening import Dataset, open_dataset
 

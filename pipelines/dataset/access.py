@@ -17,7 +17,7 @@ from hijack_data.cache import Cache
 from ..errors import DatasetError
 from .columns import BASE, pyarrow
 
-# How many files are held open, and how many row groups are kept.
+# How many files stay open, and how many row groups stay in memory.
 OPEN_FILES = 32
 GROUPS = 4
 
@@ -31,15 +31,15 @@ class _OpenFile:
 
 
 class RowReader:
-    """Stored rows by number. Reading one reads its row group; the last few groups are kept.
+    """Stored rows by number. Reading a row reads its row group; the last few groups are cached.
 
     It can be pickled, used after a fork and shared among threads; each process opens its own files.
 
     Args:
         folder: the dataset.
         shards: the `shards` of its manifest.
-        lazy: whether rows hold the picture before the corruption; one that many rows share is then
-            kept once.
+        lazy: whether rows hold the picture before the corruption, which is then cached once for all
+            rows that share it.
         columns: the columns to read; all of them by default.
     """
 
@@ -61,7 +61,7 @@ class RowReader:
         return self.ends[-1] if self.ends else 0
 
     def __getitem__(self, index: int) -> dict[str, Any]:
-        """Return one row as it is stored.
+        """Return one row as stored.
 
         Raises:
             IndexError: there is no such row.
@@ -70,7 +70,7 @@ class RowReader:
         at = index + len(self) if index < 0 else index
         if not 0 <= at < len(self):
             raise IndexError(f"row {index} of a dataset with {len(self)} rows")
-        # a forked worker must not wait for a lock that another thread held
+        # a forked worker must not wait for a lock that another thread held at the fork
         if self._process != os.getpid():
             self._reset()
         file = bisect_right(self.ends, at)
@@ -104,7 +104,7 @@ class RowReader:
         self._groups = Cache(GROUPS)
 
     def _group(self, file: int, offset: int) -> tuple[Any, int]:
-        # return the row group of a row, and the place of the row in it
+        # returns the row group of a row, and the index of the row in that group
         opened = self._file(file)
         group = bisect_right(opened.ends, offset)
         if group == len(opened.ends):

@@ -83,14 +83,14 @@ COLUMNS: dict[str, tuple[Kind, str]] = {
     ),
     "image_sha256": ("string", "SHA-256 of the decoded RGB bytes of `screenshot`"),
 }
-# The column of a lazy dataset in the place of `screenshot`.
+# The column of a lazy dataset that replaces `screenshot`.
 BASE = "base_screenshot"
 BASE_COLUMN: tuple[Kind, str] = (
     "image file",
     "the picture that `plan` is applied to, stored once a step",
 )
-# Pictures are compressed already; what the rows of one corruption share, zstd finds better than a
-# dictionary does.
+# Pictures are compressed already; for values shared by the rows of a corruption, zstd works better
+# than a dictionary.
 PICTURES = ("screenshot.bytes", f"{BASE}.bytes")
 REPEATED = ("plan", "params")
 
@@ -106,7 +106,7 @@ def pyarrow() -> Any:
 
 
 def stored(lazy: bool = False) -> dict[str, tuple[Kind, str]]:
-    """Return the columns as the files hold them."""
+    """Return the columns as stored in the files."""
     if not lazy:
         return COLUMNS
     return {
@@ -145,7 +145,7 @@ def _feature(kind: Kind) -> dict[str, Any]:
     if isinstance(kind, dict):
         return {key: _feature(part) for key, part in kind.items()}
     if isinstance(kind, list):
-        # what every version of datasets since 2 reads
+        # the form that every version of datasets since 2 reads
         return {"feature": _feature(kind[0]), "_type": "Sequence"}
     if kind in IMAGES:
         return {"_type": "Image"} if kind == "image" else {"_type": "Image", "decode": False}

@@ -1,8 +1,8 @@
 """Stored pictures: PNG with one filter (Up), compressed by ISA-L in independent bands of rows.
 
-Same picture, same bytes (for one version of ISA-L). A picture that differs from another in some
-rows takes the bands of the other over as they are, and so does its hash up to the first row that
-differs: `Base`.
+The same picture gives the same bytes (for one version of ISA-L). A picture that differs from
+another one in some rows reuses the unchanged bands of that picture, and its hash reuses the state
+before the first row that differs: see `Base`.
 """
 
 import hashlib
@@ -26,8 +26,7 @@ from .png import read
 
 LEVEL = 2
 BAND = 24  # rows; bands of 16 to 64 rows make files of the same size, within 1 %
-# bytes; ISA-L takes 16 and fewer another way, and more than 3 are needed to have it begin its
-# history
+# bytes; ISA-L handles 16 and fewer in another way, and it needs more than 3 to start its history
 HEAD = 8
 ADLER = 65521  # RFC 1950
 # the zlib header, and an empty final block (RFC 1950, RFC 1951)
@@ -39,7 +38,7 @@ Rows: TypeAlias = Sequence[tuple[int, int]]
 
 @dataclass(frozen=True, kw_only=True)
 class _Band:
-    """Some rows, compressed: a whole chunk of the file.
+    """Some compressed rows: a whole chunk of the file.
 
     `adler` and `length` are the Adler-32 and the length of the data in it.
     """
@@ -50,10 +49,10 @@ class _Band:
 
 
 class Base:
-    """A picture, uint8 RGB `[H, W, 3]`, and others that differ from it in some rows only.
+    """Encodes a picture, uint8 RGB `[H, W, 3]`, and others that differ from it in some rows only.
 
     Raises:
-        ImageTypeError: the picture is anything else.
+        ImageTypeError: the picture is not uint8 `[H, W, 3]`.
     """
 
     def __init__(self, image: UInt8Array) -> None:
@@ -62,8 +61,8 @@ class Base:
             raise ImageTypeError(f"a picture must be uint8 [H, W, 3], got {found}")
         self.image: UInt8Array = np.ascontiguousarray(image)
         self._count = -(-len(image) // BAND)
-        self._bands: dict[int, _Band] = {}  # what was asked for so far
-        # the hash before each band, as far as was asked for
+        self._bands: dict[int, _Band] = {}  # the bands compressed so far
+        # the hash state before each band, computed so far
         self._states: list[Any] = [hashlib.sha256()]
 
     @cached_property
@@ -81,9 +80,9 @@ class Base:
         return self._state(self._count).hexdigest()
 
     def png_of(self, picture: UInt8Array, rows: Rows) -> bytes:
-        """Return what `encode(picture)` does.
+        """Return the same bytes as `encode(picture)`, faster.
 
-        `picture`, uint8 `[H, W, 3]`, differs from this one in `rows` (first, end) at most.
+        `picture`, uint8 `[H, W, 3]`, may differ from this picture in `rows` (first, end) only.
         """
         changed: set[int] = set()
         for first, end in rows:
@@ -96,7 +95,7 @@ class Base:
         return _file(picture, [band(k) for k in range(self._count)])
 
     def sha256_of(self, picture: UInt8Array, rows: Rows) -> str:
-        """Return what `sha256_of(picture)` does; see `png_of`."""
+        """Return the same digest as `sha256_of(picture)`, faster; see `png_of`."""
         if not rows:
             return self.sha256
         first = min(first for first, _ in rows) // BAND
@@ -110,7 +109,7 @@ class Base:
         return self._bands[k]
 
     def _state(self, k: int) -> Any:
-        """The hash of the bands before band `k`."""
+        """Return the hash state after the bands before band `k`."""
         for top in range((len(self._states) - 1) * BAND, k * BAND, BAND):
             state = self._states[-1].copy()
             state.update(self.image[top : top + BAND].data)
@@ -122,7 +121,7 @@ def encode(image: UInt8Array) -> bytes:
     """Return uint8 RGB `[H, W, 3]` as the bytes of a PNG file.
 
     Raises:
-        ImageTypeError: `image` is anything else.
+        ImageTypeError: `image` is not uint8 `[H, W, 3]`.
         MissingDependencyError: `isal` is not installed.
     """
     return Base(image).png
@@ -143,11 +142,12 @@ def touched(plan: Plan) -> Rows | None:
 def decode(data: bytes, name: str) -> UInt8Array:
     """Decode a picture file to uint8 RGB `[H, W, 3]`.
 
-    This is what `hijack_data.files.decode_image` does, but faster for common PNG files.
+    The result is that of `hijack_data.files.decode_image`, but faster for common PNG files.
 
     Raises:
-        ImageError: the picture, called `name`, is damaged, or its EXIF orientation turns it: the
-            coordinates recorded with it may be of the picture as it is stored or as it is shown.
+        ImageError: the picture, named `name` in the message, is damaged, or its EXIF orientation
+            turns it, so that it is unknown whether recorded coordinates refer to the stored or the
+            turned picture.
     """
     try:
         image = read(data, _isal())
@@ -176,11 +176,11 @@ def _band(image: UInt8Array, k: int) -> _Band:
 
 
 def deflate(data: UInt8Array, zlib: Any) -> bytes:
-    """Return uint8 `[n]` as deflate blocks that end on a byte and refer to nothing before them.
+    """Return uint8 `[n]` as deflate blocks that end on a byte and refer to no earlier data.
 
-    The first bytes have a block of their own. ISA-L begins a longer one with a hash of what a
-    register happens to hold (the address of its state), so that one stream in some thousands would
-    depend on where in memory it was made. `zlib` is `isal.isal_zlib`.
+    The first bytes are compressed as a separate block. ISA-L begins a longer block by hashing
+    whatever a register happens to hold (the address of its state), so that one stream in some
+    thousands would depend on memory addresses. `zlib` is `isal.isal_zlib`.
     """
     squeeze = zlib.compressobj(LEVEL, zlib.DEFLATED, -15)
     head = squeeze.compress(data[:HEAD]) + squeeze.flush(zlib.Z_SYNC_FLUSH)
@@ -188,7 +188,7 @@ def deflate(data: UInt8Array, zlib: Any) -> bytes:
 
 
 def _adler(bands: Iterable[_Band]) -> int:
-    """Return the Adler-32 of all bands together."""
+    """Return the Adler-32 of the data of all bands."""
     low = 1
     high = 0
     for band in bands:

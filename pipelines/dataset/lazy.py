@@ -1,10 +1,11 @@
-"""Lazy rows: the picture before the corruption and its plan; the corrupted one is drawn on access.
+"""Lazy rows: the picture before its corruption, and the plan, which is drawn on access.
 
 If the plan can be recomputed from the columns of the row (parameters, seed, trajectory, step,
 size), the column `plan` holds a recipe: some 50 bytes of JSON that every row of the corruption
-shares. Otherwise it holds the plan itself. A recipe whose random draws have another key than the
-trajectory id contains that key. The column `plan_digest` names the plan either way: a plan that
-another version of the library would make differently is an error, never another picture.
+shares. Otherwise it holds the plan itself. If the key of the random draws is not the trajectory id,
+the recipe contains that key. Either way, the column `plan_digest` identifies the plan: if another
+version of the library would make a different plan, reading the row is an error, never a different
+picture.
 """
 
 import json
@@ -41,10 +42,10 @@ def stored_plan(
     """Return the value of the column `plan` of a lazy row.
 
     Args:
-        plan: that of the row.
+        plan: the plan of the row.
         row: its `params`, `seed`, `trajectory_id` and `step`.
         sample: the key of the random draws, if that is not the trajectory.
-        planner: the one that made the plan.
+        planner: the planner that made the plan.
     """
     trajectory = row["trajectory_id"]
     key = trajectory if sample is None else sample
@@ -52,7 +53,8 @@ def stored_plan(
     recipe = _recipe(plan.corruption, None if key == trajectory else key, path)
     try:
         found = _derived(recipe, row, plan.size)
-    except HijackError:  # several joined, or not one of ours: no recipe can express it
+    # A plan of several corruptions, or of a plug-in's planner: no recipe can express it.
+    except HijackError:
         return plan.to_json()
     return recipe if found == plan else plan.to_json()
 
@@ -61,11 +63,11 @@ def plan_of(row: Mapping[str, Any], size: Size) -> Plan:
     """Return the plan of a row.
 
     Args:
-        row: as it is stored. A damaged plan is a `PlanError`.
+        row: the row as stored. A damaged plan is a `PlanError`.
         size: (height, width) of its picture before the corruption.
 
     Raises:
-        DatasetError: its recipe cannot be used here, or gives another plan than in the build.
+        DatasetError: the recipe cannot be used here, or gives a different plan than in the build.
     """
     text = cast("str", row["plan"])
     if not _is_recipe(text):
@@ -93,7 +95,7 @@ def draw(row: Mapping[str, Any], base: UInt8Array | None = None) -> tuple[UInt8A
 
     Args:
         row: as it is stored.
-        base: its picture before the corruption, if it is decoded already; it is not modified.
+        base: the picture before the corruption, if already decoded; it is not modified.
     """
     image = decoded(row, BASE) if base is None else base
     plan = plan_of(row, image.shape[:2])
@@ -110,15 +112,15 @@ def render(batch: dict[str, Any]) -> dict[str, Any]:
     Use it as `load_dataset(DIR, split="train").with_transform(pipelines.render)`.
 
     Args:
-        batch: columns as lists, as `datasets` gives them, or one row. Rows that have a
-            `screenshot` are returned as they are.
+        batch: columns as lists, as `datasets` passes them, or one row. Rows with a `screenshot` are
+            returned unchanged.
 
     Returns:
-        The same with `screenshot` (PIL images, mode RGB) in the place of `base_screenshot`, and the
-        whole `plan`.
+        The same rows with `screenshot` (PIL images, mode RGB) instead of `base_screenshot`, and
+        with the whole `plan`.
 
     Raises:
-        DatasetError: columns that it needs were left out, or a plan comes out differently here.
+        DatasetError: columns that it needs are missing, or a plan differs from that of the build.
     """
     if BASE not in batch:
         return batch
@@ -157,7 +159,7 @@ def finished(
 
 
 def picture_bytes(stored: Mapping[str, Any]) -> bytes:
-    """Return the bytes of a picture as Parquet holds it, `{"bytes", "path"}`."""
+    """Return the bytes of a picture from its Parquet value, `{"bytes", "path"}`."""
     data = cast("bytes | None", stored["bytes"])
     return data or b""
 
@@ -188,7 +190,7 @@ def _path(
     row: Mapping[str, Any],
     sample: str,
 ) -> tuple[str, ...]:
-    """Return the way through combinators to the corruption that planned for a row."""
+    """Return the path through combinators to the corruption that planned for a row."""
     key: int | str = sample
     while isinstance(planner, Augmentation):
         found = planner.chosen(
@@ -218,7 +220,7 @@ def _recipe(
 
 
 def _is_recipe(text: str) -> bool:
-    # inside a plan the quotes of a text would be escaped
+    # in the JSON of a whole plan, such quotes would be escaped
     return f'"format":"{FORMAT}"' in text[-60:]
 
 
@@ -246,7 +248,7 @@ def _derived(
 
 @lru_cache(maxsize=256)
 def _read(recipe: str) -> tuple[str, str | None, tuple[str, ...]]:
-    # the corruption, the key of the draws, if any, and the way through combinators
+    # returns the corruption, the key of the draws (if any), and the path through combinators
     data = json.loads(recipe)
     version = data["version"]
     if version != VERSION:

@@ -20,11 +20,11 @@ FORMAT = "agenthijack-dataset"
 VERSION = 1
 LAZY = "lazy"
 OUTPUTS = ("materialised", LAZY)
-# The files beside the shards; the manifest contains their hashes.
+# The files next to the shards; the manifest contains their hashes.
 FILES = ("README.md", "config.yaml", "quarantine.jsonl")
 FILE_HASHES = "files"
 DIGEST = "digest"
-# The libraries that decide the bytes of a row, besides our own code.
+# The libraries that, in addition to our own code, decide the bytes of a row.
 LIBRARIES = ("agenthijack", "numpy", "pillow", "pyarrow", "isal")
 
 
@@ -92,7 +92,7 @@ def make_manifest(
 def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:
     """Write the manifest of a finished dataset.
 
-    The hashes of the files beside it and of its own content are added.
+    The hashes of the files next to it and of its own content are added.
     """
     files = {name: file_sha256(folder / name) for name in FILES if (folder / name).is_file()}
     whole = {**manifest, FILE_HASHES: files}
@@ -101,7 +101,7 @@ def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:
 
 
 def digest_of(manifest: Mapping[str, Any]) -> str:
-    """Return the SHA-256 of the content of a manifest, without that digest."""
+    """Return the SHA-256 of the content of a manifest, excluding the digest itself."""
     said = {key: value for key, value in manifest.items() if key != DIGEST}
     text = json.dumps(said, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()
@@ -111,7 +111,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     """Return the manifest of a dataset.
 
     Raises:
-        DatasetError: there is none, or it is damaged, or newer than this library.
+        DatasetError: there is no manifest, or it is damaged or newer than this library.
     """
     path = folder / MANIFEST
     state = "not a dataset of ours"

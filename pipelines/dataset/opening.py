@@ -1,4 +1,4 @@
-"""Read a dataset: rows as dictionaries, in order or by number, materialised or lazy alike."""
+"""Read a dataset, materialised or lazy: rows as dictionaries, in order or by number."""
 
 import hashlib
 import os
@@ -16,7 +16,7 @@ from .columns import BASE, pyarrow
 from .lazy import decoded, draw, finished, picture_bytes
 from .manifest import is_lazy, read_manifest
 
-# Rows that are read at a time: with pictures, and of some columns only.
+# Rows read at a time: with pictures, and with a few columns only.
 BATCH = 8
 LIGHT_BATCH = 1024
 
@@ -48,14 +48,14 @@ class Dataset:
 
     @property
     def fingerprint(self) -> str:
-        """64 hexadecimal digits that name the content: the SHA-256 of the hashes of all files."""
+        """The identity of the content: the SHA-256 of the hashes of all files, in hexadecimal."""
         hashes = "".join(shard["sha256"] for shard in self.manifest["shards"])
         return hashlib.sha256(hashes.encode()).hexdigest()
 
     def pixels(self, index: int) -> tuple[dict[str, Any], UInt8Array]:
         """Return row `index` and its screenshot as uint8 RGB `[H, W, 3]`.
 
-        A number out of range is an `IndexError`, a damaged row a `DatasetError`.
+        Raises `IndexError` for a number out of range, and `DatasetError` for a damaged row.
         """
         row = self.reader[index]
         return opened(row)
@@ -64,7 +64,7 @@ class Dataset:
 def open_dataset(folder: str | os.PathLike[str]) -> Dataset:
     """Open a dataset that `build` made.
 
-    A folder that is no dataset, or an unfinished one, is a `DatasetError`.
+    Raises `DatasetError` if the folder is not a dataset, or an unfinished one.
     """
     path = Path(folder)
     return Dataset(path, read_manifest(path))
@@ -83,7 +83,7 @@ def shard_rows(file: Path, columns: list[str] | None = None) -> Iterator[dict[st
     pa = pyarrow()
     size = BATCH if columns is None else LIGHT_BATCH
     try:
-        # Buffered before, all that was read would stay in memory until the file is closed.
+        # With pre-buffering, all row groups would stay in memory until the file is closed.
         with pa.parquet.ParquetFile(file, pre_buffer=False) as parquet:
             for batch in parquet.iter_batches(size, columns=columns):
                 yield from batch.to_pylist()
@@ -94,7 +94,7 @@ def shard_rows(file: Path, columns: list[str] | None = None) -> Iterator[dict[st
 def shard_pictures(file: Path) -> Iterator[tuple[dict[str, Any], UInt8Array]]:
     """Yield the rows of one file with their screenshots, uint8 RGB `[H, W, 3]`.
 
-    A picture that the rows of a step share is decoded once.
+    A picture shared by the rows of a step is decoded once.
     """
     data: bytes | None = None
     base: UInt8Array | None = None

@@ -1,9 +1,9 @@
-"""Reading PNG files of screenshots: ISA-L inflates them, Numba (extra `fast`) undoes their filters.
+"""Read PNG files of screenshots: ISA-L inflates them, Numba (extra `fast`) undoes their filters.
 
 Only common, undamaged files are read here: 8 bits, RGB or RGBA, one frame, not interlaced, no EXIF,
-every checksum right. `read` returns `None` for anything else, and Pillow reads it or names what is
-wrong with it. The pixels are Pillow's, in a third of its time (and half of OpenCV's); transparency
-is dropped, as Pillow's conversion to RGB does.
+every checksum right. `read` returns `None` for any other file, which Pillow then reads or explains.
+The pixels are the same as Pillow's, in a third of its time (and half of OpenCV's); transparency is
+dropped, as in Pillow's conversion to RGB.
 """
 
 import struct
@@ -25,7 +25,7 @@ NONE, SUB, _, AVERAGE, PAETH = range(5)
 CHANNELS = {2: 3, 6: 4}  # by colour type (PNG specification, IHDR)
 ANIMATION = b"acTL"
 UPRIGHT = 1
-# Where an orientation may stand: in a chunk of its own, as Macs write it, or in such texts.
+# Chunks that may hold an orientation: one of their own, as macOS writes it, or texts.
 EXIF = b"eXIf"
 TEXTS = (b"tEXt", b"zTXt", b"iTXt")
 RAW_EXIF = b"Raw profile type "
@@ -36,7 +36,8 @@ PLAIN = b"\0\0"
 def read(data: bytes, zlib: Any) -> UInt8Array | None:
     """Return the pixels of a PNG file, uint8 RGB `[H, W, 3]`.
 
-    `None` stands for a file that is not for this reader. `zlib` is the module `isal.isal_zlib`.
+    Returns `None` for a file that this reader does not support. `zlib` is the module
+    `isal.isal_zlib`.
     """
     chunks = _chunks(data, zlib.crc32)
     if chunks is None or len(chunks[0][1]) != 13:
@@ -57,7 +58,7 @@ def read(data: bytes, zlib: Any) -> UInt8Array | None:
 
 
 def _chunks(data: bytes, crc32: Callable[..., int]) -> list[Chunk] | None:
-    """Return the chunks from IHDR to IEND, or `None` if one is damaged, or the picture moves."""
+    """Return the chunks from IHDR to IEND, or `None` if one is damaged or the PNG is animated."""
     at = len(SIGNATURE)
     if data[:at] != SIGNATURE or data[at + 4 : at + 8] != b"IHDR":
         return None
@@ -80,13 +81,13 @@ def _chunks(data: bytes, crc32: Callable[..., int]) -> list[Chunk] | None:
 
 
 def _may_turn(name: bytes, body: memoryview) -> bool:
-    """Tell whether a chunk may ask for the picture to be turned."""
+    """Return whether a chunk may hold an EXIF orientation."""
     if name == EXIF:
         return _orientation(bytes(body)) != UPRIGHT
     if name not in TEXTS:
         return False
     text = bytes(body)
-    if text.startswith(XMP):  # then two zeros, unless it is compressed
+    if text.startswith(XMP):  # two zero bytes follow, unless the text is compressed
         return b"tiff:Orientation" in text or not text.startswith(XMP + PLAIN)
     return text.startswith(RAW_EXIF)
 
@@ -96,7 +97,7 @@ def _orientation(data: bytes) -> object:
     exif = Image.Exif()
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # Pillow's, for what is damaged
+            warnings.simplefilter("ignore")  # the exceptions of Pillow for damaged data
             exif.load(b"Exif\0\0" + data)
             return exif.get(ExifTags.Base.Orientation, UPRIGHT)
     except (ValueError, SyntaxError, struct.error, OSError, LookupError, TypeError):
@@ -134,7 +135,7 @@ def _unfiltered(raw: UInt8Array, width: int) -> UInt8Array | None:
 
 
 def _summed(raw: UInt8Array) -> UInt8Array:
-    """Undo filter Up in every row: all that our own files need, without a compiler."""
+    """Undo filter Up in every row with NumPy, which is enough for our own files."""
     out = np.empty((raw.shape[0], raw.shape[1] - 1), np.uint8)
     out[0] = raw[0, 1:]
     for y in range(1, len(out)):
@@ -154,8 +155,9 @@ def _kernel(numba: Any) -> Callable[[UInt8Array, UInt8Array], None]:
 def _unfilter(raw: UInt8Array, out: UInt8Array) -> None:
     """Undo the filters (PNG specification, "Filtering") of `raw` `[H, 1 + C W]` into `out`.
 
-    `out` is `[H, W, 3]`. A filter never mixes channels, so a fourth one is passed over. One loop
-    for each filter, and what is to the left in registers: half of the time of one loop for all.
+    `out` is `[H, W, 3]`. A filter never mixes channels, so a fourth channel is skipped. One loop
+    for each filter, with the pixel to the left kept in registers, takes half the time of one loop
+    for all filters.
     """
 
     def paeth(
@@ -178,7 +180,7 @@ def _unfilter(raw: UInt8Array, out: UInt8Array) -> None:
         now = out[y]
         up = out[y - 1] if y else first
         line = raw[y, 1:].reshape(width, (raw.shape[1] - 1) // width)
-        r = g = b = r1 = g1 = b1 = np.int32(0)  # to the left, and above that
+        r = g = b = r1 = g1 = b1 = np.int32(0)  # the pixel to the left, and the one above it
         if kind == 0:
             for x in range(width):
                 now[x, 0] = line[x, 0]

@@ -19,12 +19,12 @@ class Sample:
 
     @property
     def image(self) -> UInt8Array:
-        """The screenshot as it was recorded."""
+        """The screenshot as recorded."""
         return self.base.image
 
     @property
     def key(self) -> str:
-        """The key of the random draws, besides the step."""
+        """The key of the random draws, without the step."""
         return self.trajectory.sample or self.trajectory.id
 
     @cached_property

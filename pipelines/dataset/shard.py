@@ -1,4 +1,4 @@
-"""A finished shard of a dataset: what the manifest stores of it."""
+"""A finished shard of a dataset, as the manifest stores it."""
 
 import hashlib
 from dataclasses import asdict, dataclass, field

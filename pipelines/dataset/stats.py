@@ -14,7 +14,7 @@ from ..errors import DatasetError
 from .columns import pyarrow
 from .manifest import is_lazy, read_manifest
 
-# Shares of the target that show; the first bin is "hidden", the last "all of it".
+# Bins of the visible share of the target; the first is "hidden", the last "all of it".
 EDGES = (0.0, 0.25, 0.5, 0.75, 1.0)
 BINS = ("none", "under 25 %", "25 to 50 %", "50 to 75 %", "75 to 100 %", "all of it")
 READ = (
@@ -136,7 +136,7 @@ class Stats:
         }
 
     def lines(self) -> list[str]:
-        """Return the dataset in a line, its events, and the samples that gave no row."""
+        """Return lines of text: a summary, the events, and the samples without a row."""
         text = [
             f"{self.folder}: {self.rows} rows ({self.output}) from {self.steps} steps of"
             f" {self.trajectories} trajectories, {self.bytes / 1e6:.1f} MB in {self.shards} file(s)"
@@ -158,7 +158,7 @@ class Stats:
         return text
 
     def tables(self) -> list[Any]:
-        """Return the same for a terminal: text and `rich` tables."""
+        """Return the figures for a terminal: text and `rich` tables."""
         from rich.markup import escape
         from rich.table import Table
 
@@ -178,7 +178,7 @@ class Stats:
 def stats(folder: str | os.PathLike[str]) -> Stats:
     """Count the rows of a dataset, without reading a picture.
 
-    A folder that is no dataset, or an unfinished one, is a `DatasetError`.
+    A folder that is not a dataset, or an unfinished one, is a `DatasetError`.
     """
     path = Path(folder)
     manifest = read_manifest(path)
@@ -200,7 +200,7 @@ def stats(folder: str | os.PathLike[str]) -> Stats:
 
 
 def changed_text(data: dict[str, Any]) -> str:
-    """Return the changed share of the pictures: the median, the least and the most."""
+    """Return the changed share of the pictures as text: the median, the least and the largest."""
     changed = data["changed"]
     low, middle, high = (100 * changed[name] for name in ("min", "median", "max"))
     return f"{middle:.1f} % ({low:.1f} to {high:.1f})"

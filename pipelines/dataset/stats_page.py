@@ -36,9 +36,9 @@ class RowLinks:
 
 
 def page(folder: str | os.PathLike[str], found: Stats) -> str:
-    """Return the page of a dataset as HTML that makes no outside request.
+    """Return the page of a dataset as HTML that makes no network requests.
 
-    The same dataset gives the same bytes. A damaged row is a `DatasetError` if it is shown.
+    The same dataset gives the same bytes. Raises `DatasetError` if a row to be shown is damaged.
     """
     rows = open_dataset(folder)
     lines = [_line(label, stats) for label, stats in found.labels.items()]
@@ -60,7 +60,7 @@ def page(folder: str | os.PathLike[str], found: Stats) -> str:
 
 
 def _figures(found: Stats) -> Html:
-    """Return the dataset in a few large numbers."""
+    """Return the cards with the main figures of the dataset."""
     rejected = sum(found.counts["rejected"].values())
     files = counted(found.shards, "file")
     trajectories = counted(found.trajectories, "trajectory", "trajectories")
@@ -241,7 +241,7 @@ def _width(size: tuple[int, int]) -> int:
 
 
 def _badge(seen: float | None) -> str:
-    """Return a mark for a target that does not show as a whole."""
+    """Return a mark for a target that is not wholly visible."""
     if seen is None or seen >= 1:
         return ""
     kind = "hidden" if seen < VISIBLE else "partly"

@@ -1,10 +1,11 @@
-"""Trajectory edits: what the corruptions that act on a machine look like in a recording.
+"""Trajectory edits: show in a recording the corruptions that act on a machine.
 
-One file a corruption, named after it: its spec is `hijack_data/corruptions/NAME.py`, its effect on
-a live machine `online_env/effects/NAME.py`. An `Edit` is given a step and an effect of the plan; it
-returns what the screen then shows and the action to take, or raises `NotApplicable`.
+There is one file per corruption, with its name: the corruption itself is
+`hijack_data/corruptions/NAME.py`, its effect on a live machine `online_env/effects/NAME.py`. An
+`Edit` takes a step and an effect of the plan; it returns the screen after the effect and the action
+to take, or raises `NotApplicable`.
 
-An edit of your own is a subclass of `Edit` under `@register`.
+To add an edit, decorate a subclass of `Edit` with `@register`.
 """
 
 from collections.abc import Iterator
@@ -20,7 +21,7 @@ __all__ = ["EDITS", "Edit", "EditedStep", "Frame", "NotApplicable", "register"]
 def _problems(edit: Any, _: str) -> Iterator[str]:
     """Yield what is wrong with the class of an edit."""
     if not isinstance(edit, type) or not issubclass(edit, Edit):
-        yield "it is no subclass of pipelines.edits.Edit"
+        yield "it is not a subclass of pipelines.edits.Edit"
         return
     for name in ("kind", "event"):
         if not getattr(edit, name, ""):
@@ -33,7 +34,7 @@ def _made(edit: type[Edit]) -> Edit:
     return edit()
 
 
-# By the kind of effect that a plan names.
+# Keys are the kinds of effects in plans.
 EDITS = Registry[Edit](
     "edit",
     "edits",
@@ -54,10 +55,10 @@ E = TypeVar("E", bound=type[Edit])
 
 
 def register(edit: E) -> E:
-    """Class decorator: make an edit known for the effects of its `kind`.
+    """Class decorator: register an edit for the effects of its `kind`.
 
     Raises:
-        ParameterError: it is no complete edit, or another one has the kind.
+        ParameterError: the edit is incomplete, or its kind has another edit.
     """
     EDITS.add(edit)
     return edit

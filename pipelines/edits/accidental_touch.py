@@ -1,4 +1,4 @@
-"""Accidental touch in a recording: a step on what a click by accident opened, undone as recorded.
+"""Accidental touch in a recording: an inserted step at which a click opened a menu or dialog.
 
 The spec is `hijack_data/corruptions/accidental_touch.py`, the effect on a live machine
 `online_env/effects/accidental_touch.py`.
@@ -28,18 +28,19 @@ from .base import (
 from .open_menus import menu_state
 
 KINDS = ("menu", "dialog")
-# Larger elements are areas to work in, where a click opens nothing: a share of the screen.
+# Elements above this share of the screen are working areas, where a click opens nothing.
 LARGEST = 0.02
-# What menus of the panel and of the bare desktop are recorded under.
+# The application names under which menus of the panel and of the bare desktop are recorded.
 PANEL = "desktop"
-# Pixels that a menu, or the bubble of a button, may be away from what opened it.
+# The largest distance in pixels of a menu, or of a button's bubble, from the element that opened
+# it.
 TOUCH = 8
-# Pixels by which an element may differ from the one that opened a picture; panels are as high as
-# their owner likes.
+# Pixels by which the sides of an element may differ from those of the element that opened a
+# picture; the heights of panels vary more.
 ALIKE = 1
 ALIKE_PANEL = 4
-# On another desktop an element may be so many times smaller or larger than the one that opened a
-# picture.
+# On another desktop, an element may be this many times smaller or larger than the element that
+# opened a picture.
 SMALLER = 2.0
 LARGER = 1.5
 # It stands in the bar of a window that fills the screen: within this share of the height from the
@@ -47,17 +48,17 @@ LARGER = 1.5
 BARS = 0.12
 RIGHT = 0.9
 NEAR = 24
-# Levels of grey by which the letters of an element stand out; those of one that cannot be clicked
-# stand out less.
+# The least contrast, in levels of grey, of the letters of an element that can be clicked; disabled
+# elements have less.
 CONTRAST = 100
-# A file or a site of the recorded machine, as elements name it.
+# Words in the names of elements that refer to a file or a site of the recorded machine.
 NAMES = re.compile(r"[\w-]+\.[a-z]{1,5}\b")
 OF_A_PAGE = ("Not secure", "Bookmark this tab")
 
 
 @dataclass(frozen=True)
 class _Opening:
-    """An element that was clicked, and a recorded picture of what such a click opens."""
+    """A clicked element, and a recorded picture of what such a click opens."""
 
     element: Box
     asset: Asset
@@ -66,8 +67,9 @@ class _Opening:
 class TouchEdit(Edit):
     """Inserts a recorded menu or dialog at an element, and the action that closed it.
 
-    An element opens what one of its size opened when it was recorded, in the same application. That
-    this very element opens it is not known; that a desktop shows it so, and how it is closed, is.
+    An element is assumed to open what an element of its size opened in the recordings of the same
+    application. Whether this very element does so is unknown, but a desktop really showed such a
+    menu, and the recording shows how it is closed.
     """
 
     kind: ClassVar[str] = "touch"
@@ -81,7 +83,7 @@ class TouchEdit(Edit):
         """Return the screen with the menu or dialog; see `Edit.apply`.
 
         Raises:
-            NotApplicable: the event cannot be shown truly; the message is the reason.
+            NotApplicable: the event cannot be shown realistically; the message is the reason.
         """
         frame.check_desktop()
         elements = _clickable(frame, effect)
@@ -89,7 +91,7 @@ class TouchEdit(Edit):
         opening = _opening(frame, elements)
         asset = opening.asset
         element = opening.element
-        if asset.recover is None:  # `_is_shown` has seen to it
+        if asset.recover is None:  # guaranteed by `_is_shown`
             raise NotApplicable(f"how {asset.id} is closed was not recorded")
         x, y = _place(asset, element, frame.scene.size)
         return self.made(
@@ -98,11 +100,11 @@ class TouchEdit(Edit):
             response=asset.recover.moved(x, y),
             boxes=[_moved(target.box, x, y) for target in asset.targets],
             notes=(f"the element at {list(element)} was clicked", *notes),
-            shown="menu" if _hangs(asset) else "dialog",
+            shown="menu" if _touches_opener(asset) else "dialog",
         )
 
     def assumed_apps(self, pack: AssetPack, stream: Stream) -> Iterator[tuple[str, ...]]:
-        """Yield the applications of which menus or dialogs were recorded."""
+        """Yield the applications whose menus or dialogs were recorded."""
         return recorded_apps(pack, KINDS, stream)
 
 
@@ -115,10 +117,10 @@ def _moved(
 
 
 def _clickable(frame: Frame, effect: Effect) -> list[Box]:
-    """Return the elements that a click by accident could hit, in the plan's order.
+    """Return the elements that an accidental click could hit, in the plan's order.
 
     Raises:
-        NotApplicable: the event cannot be shown truly; the message is the reason.
+        NotApplicable: the event cannot be shown realistically; the message is the reason.
     """
     elements = list(_candidates(frame, effect))
     if not elements and frame.guess:
@@ -129,10 +131,10 @@ def _clickable(frame: Frame, effect: Effect) -> list[Box]:
 
 
 def _check_menus(frame: Frame) -> tuple[str, ...]:
-    """Return what a reader should know; refuse a screen where a menu is open, or may be.
+    """Return notes for the reader; refuse a screen on which a menu is, or may be, open already.
 
     Raises:
-        NotApplicable: the event cannot be shown truly; the message is the reason.
+        NotApplicable: the event cannot be shown realistically; the message is the reason.
     """
     if frame.guess:
         return ()
@@ -150,10 +152,10 @@ def _check_menus(frame: Frame) -> tuple[str, ...]:
 
 
 def _opening(frame: Frame, elements: Sequence[Box]) -> _Opening:
-    """Return what opens where: at the first element that is known to open something.
+    """Return the opening at the first element that is known to open something.
 
     Raises:
-        NotApplicable: the event cannot be shown truly; the message is the reason.
+        NotApplicable: the event cannot be shown realistically; the message is the reason.
     """
     recorded = [asset for kind in KINDS for asset in frame.pack.pictures(kind)]
     usable = [asset for asset in recorded if _usable(asset, frame)]
@@ -165,10 +167,10 @@ def _opening(frame: Frame, elements: Sequence[Box]) -> _Opening:
     dialogs = [asset for asset in frame.pack.pictures("dialog") if _is_shown(asset, frame)]
     if frame.guess and dialogs:
         return _Opening(elements[0], frame.stream.choice(dialogs))
-    raise NotApplicable(_nothing(frame))
+    raise NotApplicable(_why_nothing_opens(frame))
 
 
-def _nothing(frame: Frame) -> str:
+def _why_nothing_opens(frame: Frame) -> str:
     if not frame.apps:
         return f"the recording names no application whose menus could open; {NAME_APPS}"
     if len(frame.apps) > 1:
@@ -180,10 +182,10 @@ def _nothing(frame: Frame) -> str:
 
 
 def _candidates(frame: Frame, effect: Effect) -> Iterator[Box]:
-    """Yield elements in the plan's order that are not what the recorded action aims at.
+    """Yield the elements, in the plan's order, at which the recorded action does not aim.
 
     Launchers of other applications are in the bars of a screen; `without_app` leaves them out, as
-    it does live.
+    on a live desktop.
     """
     height, width = frame.scene.size
     for x1, y1, x2, y2 in effect.params["boxes"]:
@@ -209,7 +211,7 @@ def _is_aimed_at(box: Box, target: Box | None) -> bool:
 def _stands_out(box: Box, frame: Frame) -> bool:
     """Return whether an element looks as if it could be clicked.
 
-    One that cannot, such as one behind a dialog, is greyed out.
+    An element that cannot, such as one behind a dialog, is greyed out.
     """
     x1, y1, x2, y2 = box
     levels = frame.image[max(y1, 0) : y2, max(x1, 0) : x2].mean(axis=2)
@@ -226,29 +228,29 @@ def _in_bar(box: Box, size: Size) -> bool:
 
 
 def _usable(asset: Asset, frame: Frame) -> bool:
-    """Return whether a left click opened it, and an application of the recording shows it."""
+    """Return whether a left click opened a picture, in an application of the recording."""
     if asset.opened_by is None or asset.opened_by.action.type != "click":
         return False
     return _is_shown(asset, frame)
 
 
 def _is_shown(asset: Asset, frame: Frame) -> bool:
-    """Return whether the recording can show it: it fits, belongs there and can be closed."""
+    """Return whether the recording can show a picture: it fits, belongs there and can be closed."""
     h, w = asset.size
     height, width = frame.scene.size
     if asset.recover is None or h > height or w > width:
         return False
-    return _belongs(asset, frame) and not _names(asset)
+    return _belongs_to_recording(asset, frame) and not _names_a_document(asset)
 
 
-def _names(asset: Asset) -> bool:
-    """Return whether it names a document or a page, and so not the one of the recording."""
+def _names_a_document(asset: Asset) -> bool:
+    """Return whether a picture names a document or a page, which is not that of the recording."""
     listed = any(NAMES.search(target.name) for target in asset.targets)
     return listed or asset.made_by.endswith(OF_A_PAGE)
 
 
-def _belongs(asset: Asset, frame: Frame) -> bool:
-    """Return whether it is of the panel of our desktop, or of the recording's one application."""
+def _belongs_to_recording(asset: Asset, frame: Frame) -> bool:
+    """Return whether a picture is of our desktop's panel or of the recording's only application."""
     name = normalize_app(asset.app)
     if name == PANEL:
         return not frame.is_foreign
@@ -265,7 +267,7 @@ def _opens(
     asset: Asset,
     frame: Frame,
 ) -> bool:
-    """Return whether an element is like the one that opened it when it was recorded."""
+    """Return whether an element is like the element that opened the picture."""
     opener = _opener(asset)
     if opener is None:
         return False
@@ -281,13 +283,13 @@ def _is_alike(
     opener: Box,
     most: int,
 ) -> bool:
-    """Return whether the sides of two boxes differ by at most so many pixels."""
+    """Return whether the sides of two boxes differ by at most `most` pixels."""
     pairs = zip(_sides(element), _sides(opener), strict=True)
     return all(abs(one - other) <= most for one, other in pairs)
 
 
 def _is_similar(element: Box, opener: Box) -> bool:
-    """Return whether an element could be the same one on another desktop, by its size."""
+    """Return whether an element, by its size, could be the opener on another desktop."""
     pairs = zip(_sides(element), _sides(opener), strict=True)
     return all(other <= SMALLER * one and one <= LARGER * other for one, other in pairs)
 
@@ -297,7 +299,7 @@ def _in_window_bar(
     asset: Asset,
     frame: Frame,
 ) -> bool:
-    """Return whether an element stands where the opener would in a window that fills the screen."""
+    """Return whether an element is where the opener would be in a window that fills the screen."""
     height, width = frame.scene.size
     if element[3] > BARS * height:
         return False
@@ -310,7 +312,7 @@ def _in_window_bar(
 
 
 def _opened_at(asset: Asset) -> int:
-    """Return how far from the left of its screen the element was that opened a picture."""
+    """Return the distance from the left of its screen of the element that opened a picture."""
     opener = _opener(asset)
     return asset.box[0] + (0 if opener is None else opener[0])
 
@@ -332,12 +334,12 @@ def _place(
 ) -> Point:
     """Return the corner of the picture on the screen.
 
-    A dialog is in the middle. A menu hangs from what was clicked; one that would leave the screen
-    opens upwards, and is moved sideways, as toolkits do.
+    A dialog is in the middle. A menu hangs from the clicked element; if it would leave the screen,
+    it opens upwards or is moved sideways, as toolkits do.
     """
     height, width = screen
     h, w = asset.size
-    if not _hangs(asset):
+    if not _touches_opener(asset):
         return (width - w) // 2, (height - h) // 2
     left, y = _offset(asset, element)
     x = element[0] + left
@@ -347,8 +349,8 @@ def _place(
     return min(max(x, 0), width - w), min(max(y, 0), height - h)
 
 
-def _hangs(asset: Asset) -> bool:
-    """Return whether the picture ends where what opened it begins, as a menu does."""
+def _touches_opener(asset: Asset) -> bool:
+    """Return whether a picture touches the element that opened it, as a menu does."""
     box = _opener(asset)
     if box is None:
         return asset.kind == "menu"
@@ -356,10 +358,10 @@ def _hangs(asset: Asset) -> bool:
 
 
 def _offset(asset: Asset, element: Box) -> Point:
-    """Return how far right of the element the menu begins, and at which row.
+    """Return the column, relative to the element, and the row at which a menu begins.
 
-    It is as far above or below the element as it was, and a menu that was opened at its right end
-    ends with the element, however large that is here.
+    The vertical distance from the element is the recorded one. A menu that was opened at its right
+    end ends where the element ends, whatever the width of the element here.
     """
     box = _opener(asset)
     if box is None:

@@ -1,4 +1,4 @@
-"""App minimization in a recording: a step on the bare desktop, undone from the panel.
+"""App minimization in a recording: an inserted step on the bare desktop, undone from the panel.
 
 The spec is `hijack_data/corruptions/app_minimization.py`, the effect on a live machine
 `online_env/effects/app_minimization.py`.
@@ -31,8 +31,9 @@ from .screens import whole_screen
 class MinimiseEdit(Edit):
     """Inserts a desktop with its windows minimised, and the click that brings one back.
 
-    That window is one of the recording's own applications: nobody could learn which other one to
-    bring back. On a foreign desktop, where that was asked for, it may be the only window there is.
+    That window belongs to an application of the recording, because a model could not learn which
+    other window to bring back. On a foreign desktop, with `foreign`, it may also be the only
+    window.
     """
 
     kind: ClassVar[str] = "minimise"
@@ -44,7 +45,7 @@ class MinimiseEdit(Edit):
         """Return the bare desktop; see `Edit.apply`.
 
         Raises:
-            NotApplicable: the event cannot be shown truly; the message is the reason.
+            NotApplicable: the event cannot be shown realistically; the message is the reason.
         """
         frame.check_desktop()
         if _is_bare(frame):
@@ -69,7 +70,7 @@ class MinimiseEdit(Edit):
 
 
 def _is_bare(frame: Frame) -> bool:
-    """Return whether all elements that were recorded are those of the screen's bars."""
+    """Return whether all recorded elements are in the bars of the screen."""
     first, end = between_bars(frame.scene.size)
     elements = frame.step.elements
     return bool(elements) and not any(first <= (box[1] + box[3]) // 2 < end for box in elements)
@@ -79,7 +80,7 @@ def _allowed(frame: Frame) -> AssetPack:
     """Return the pack without the desktops whose window must not be brought back.
 
     Raises:
-        NotApplicable: the event cannot be shown truly; the message is the reason.
+        NotApplicable: the event cannot be shown realistically; the message is the reason.
     """
     desktops = frame.pack.pictures("desktop")
     allowed = [asset for asset in desktops if _is_own(asset, frame)]

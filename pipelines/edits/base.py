@@ -1,7 +1,7 @@
-"""What an edit is, what it is given and what it returns.
+"""The base class of edits, with their input (`Frame`) and output (`EditedStep`).
 
-An edit shows one kind of effect in a recording. To add one, subclass `Edit`, set what it declares
-and implement `apply`; everything that belongs to the effect's look stands in that one class.
+An edit shows one kind of effect in a recording. To add one, subclass `Edit`, set its class
+attributes and implement `apply`; that class holds everything about the look of the effect.
 """
 
 from abc import ABC, abstractmethod
@@ -43,18 +43,18 @@ NO_PLATFORM = (
 NAME_APPS = "name the applications that show with --apps, or by trajectory in agenthijack.yaml"
 
 
-# The action that a row of an event asks for: the recorded one, the recorded one that undoes the
-# event, or waiting.
+# The action of a row with an event: the recorded action, the action that was recorded as undoing
+# the event, or waiting.
 Answer: TypeAlias = Literal["keep", "undo", "wait"]
 
 
 class NotApplicable(HijackError):
-    """The event cannot be shown truly on this step; the message is the reason that is counted."""
+    """The event cannot be shown realistically at this step; the message is the reason."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """A step at which something happens to the machine, and all that an edit may use.
+    """A step at which something happens to the machine, with everything that an edit may use.
 
     Args:
         trajectory: the recording.
@@ -62,11 +62,11 @@ class Frame:
         scene: the screen: elements, applications, the target of the recorded action.
         image: the clean screenshot, uint8 RGB `[H, W, 3]`; not to be modified.
         pack: the recorded pictures.
-        stream: where random draws come from, and from nowhere else.
+        stream: the only source of random draws.
         foreign: whether the pack's desktop may be shown on a recording of another or an unknown
             platform.
-        guess: whether what a click opens may be guessed where nothing is known to open. Never in a
-            dataset.
+        guess: whether the edit may guess what a click opens if that is not known. Always false for
+            datasets.
     """
 
     trajectory: Trajectory
@@ -80,17 +80,17 @@ class Frame:
 
     @property
     def apps(self) -> frozenset[str]:
-        """Applications of the recording, as far as it names any; its domain is often one."""
+        """Applications of the recording, as far as it names any; its domain often is one."""
         return names_of(self.trajectory.apps, self.trajectory.domain)
 
     @property
     def platform(self) -> Platform | None:
-        """The platform of the recording's machine, or `None` where nothing says it."""
+        """The platform of the recording's machine, or `None` if unknown."""
         return platform_of(self.trajectory)
 
     @property
     def is_foreign(self) -> bool:
-        """Whether the pack shows another desktop than the recording, as far as is known."""
+        """Whether the pack's desktop is not, or not known to be, that of the recording."""
         return not self.is_page and self.platform != OURS
 
     @property
@@ -99,12 +99,12 @@ class Frame:
         return screen_of(self.trajectory) == "web page"
 
     def check_desktop(self) -> None:
-        """Check that the pictures are of a desktop such as the pack's.
+        """Check that the recording shows a desktop like that of the pack.
 
-        Pages and phones never are; another desktop, or an unknown one, is accepted with `foreign`.
+        Pages and phones are never accepted; other or unknown desktops are with `foreign`.
 
         Raises:
-            NotApplicable: they are not.
+            NotApplicable: it does not.
         """
         other = NO_DESKTOP.get(screen_of(self.trajectory))
         if other is not None:
@@ -121,20 +121,20 @@ class Frame:
 
 @dataclass(frozen=True, kw_only=True)
 class EditedStep:
-    """A step as the event leaves it, or one that the event adds.
+    """A step after an event, or a step that the event adds.
 
     Args:
-        ops: what is pasted on the clean screenshot; its size stays.
+        ops: the pastes onto the clean screenshot, whose size stays.
         event: what happened, one plain sentence.
-        fidelity: `recorded` when every pixel is from one recorded screen, otherwise `composited`;
-            see `..fidelity`.
+        fidelity: `recorded` if every pixel is from one recorded screen, otherwise `composited`; see
+            `..fidelity`.
         response: the action to take now, in pixels of the screen, and its target; `None` keeps the
             recorded one.
         inserted: whether it is a step of its own, before the recorded one.
         reminder: what an onlooker should say, or `None`.
-        boxes: what can be clicked in what was pasted, `xyxy`; with a `response`, all that can be
-            clicked.
-        notes: what a reader of the plan should know.
+        boxes: the clickable elements in the pasted parts, `xyxy`; with a `response`, all clickable
+            elements.
+        notes: remarks for the reader of the plan.
     """
 
     ops: tuple[Op, ...]
@@ -158,8 +158,8 @@ def between_bars(size: Size) -> tuple[int, int]:
     return int(TOP_BAR * size[0]), size[0] - int(BOTTOM_BAR * size[0])
 
 
-# What a button of a window list is to the accessibility tree, and what stands between a window's
-# name and its application's.
+# The role of a button in a window list, and the separator between the names of a window and of its
+# application.
 BUTTON = "toggle-button"
 DASH = " - "
 
@@ -170,16 +170,16 @@ def window_buttons(desktop: Asset) -> list[AssetTarget]:
 
 
 class Edit(ABC):
-    """What one kind of effect looks like in a recording.
+    """Shows one kind of effect in a recording.
 
     Class attributes:
-        kind: of the effect, as plans name it.
-        event: what happened, one plain sentence; `{}` stands for what depends on the picture.
-        answer: the action that the row asks for.
+        kind: the kind of the effect, as in plans.
+        event: what happened, one plain sentence; `{}` is filled in for each picture.
+        answer: the action of the row.
         inserted: whether the row is a step of its own, before the recorded one.
         reminder: what an onlooker should say, or `None`.
-        uses_elements: whether it places something by where the elements of the screen are.
-        version: raised when the same random draws come to mean something else.
+        uses_elements: whether the edit uses the positions of the screen's elements.
+        version: increased when the same random draws begin to have another result.
     """
 
     kind: ClassVar[str]
@@ -192,18 +192,18 @@ class Edit(ABC):
 
     @abstractmethod
     def apply(self, frame: Frame, effect: Effect) -> EditedStep:
-        """Return what the screen shows and what to do then; see `made`.
+        """Return the step after the event; see `made`.
 
         Args:
-            frame: the step at which it happens.
-            effect: of the plan, of this edit's kind.
+            frame: the step at which the event happens.
+            effect: an effect of the plan, of this edit's kind.
 
         Raises:
-            NotApplicable: the event cannot be shown truly on this step.
+            NotApplicable: the event cannot be shown realistically at this step.
         """
 
     def assumed_apps(self, pack: AssetPack, stream: Stream) -> Iterator[tuple[str, ...]]:
-        """Yield applications that a screenshot may show of which none are known.
+        """Yield applications to assume for a screenshot whose applications are unknown.
 
         The edit is tried with each of them in turn.
         """
@@ -226,8 +226,8 @@ class Edit(ABC):
             fidelity: see `EditedStep`.
             response: what undoes the event, for the answer `"undo"`.
             boxes: what can be clicked.
-            notes: for a reader of the plan.
-            shown: what stands for `{}` in `event`.
+            notes: remarks for the reader of the plan.
+            shown: the text for `{}` in `event`.
         """
         return EditedStep(
             ops=tuple(ops),

@@ -1,8 +1,8 @@
-"""Screens of any size, laid out from recorded parts as the desktop does it; nothing is scaled.
+"""Lay out screens of any size from recorded parts, as the desktop does; nothing is scaled.
 
-A wallpaper is cut around its middle, a dialog stands in the middle, and a bar (panel, title bar,
-tool bar) keeps what is at its ends there, what is in its middle there, and repeats or cuts its
-plain stretches. All places are whole pixels.
+A wallpaper is cropped around its middle, and a dialog is placed in the middle. A bar (panel, title
+bar, tool bar) keeps its contents at the ends and in the middle; its plain stretches are repeated or
+shortened. All places are whole pixels.
 """
 
 from bisect import bisect_right
@@ -22,9 +22,9 @@ from hijack_data.types import Box, Size, UInt8Array, size_text
 RowRange: TypeAlias = tuple[int, int]
 Span: TypeAlias = tuple[int, int]
 
-# Columns that are alike for so many pixels are a plain stretch of a bar.
+# At least this many equal columns are a plain stretch of a bar.
 PLAIN = 8
-# So many columns of it the tip of the pointer may cover.
+# The tip of the pointer may cover this many columns of a stretch.
 POINTER = 12
 # Rows at the top of a panel that are its edge.
 EDGE = 1
@@ -37,11 +37,11 @@ INSIDE_Y = 6
 
 @dataclass(frozen=True)
 class Stretch:
-    """Columns of a bar that are alike.
+    """Equal columns of a bar.
 
     Args:
         span: all of them.
-        tile: the longest part of them that nothing lies on.
+        tile: the longest part of them that is not covered.
     """
 
     span: Span
@@ -50,14 +50,14 @@ class Stretch:
 
 @dataclass(frozen=True, kw_only=True)
 class ScreenLayout:
-    """A screen that was put together.
+    """A screen composed of recorded parts.
 
     Args:
         ops: what draws it.
-        asset: the part that says what can be done.
+        asset: the part whose recorded actions apply.
         mapped: gives an action on `asset` as one on the screenshot.
         boxes: what can be clicked, in pixels of the screenshot.
-        notes: of what it was made.
+        notes: the parts that were used.
     """
 
     ops: tuple[Paste, ...]
@@ -73,7 +73,7 @@ class Bar:
 
     Args:
         ops: what draws it.
-        cuts: where a piece begins that is moved by as much as `moves` says, from left to right.
+        cuts: where the pieces begin that are moved by the distances in `moves`, from left to right.
         dy: how far it is moved down.
     """
 
@@ -83,16 +83,16 @@ class Bar:
     dy: int
 
     def box(self, box: Box) -> Box:
-        """Return a box of the picture as it is on the screenshot.
+        """Map a box of the picture to the screenshot.
 
-        One that spans a plain stretch is as much longer.
+        A box that spans a plain stretch grows with it.
         """
         left, top, right, bottom = box
         last = self._x(right - 1)
         return self._x(left), top + self.dy, last + 1, bottom + self.dy
 
     def mapped(self, recorded: RecordedAction) -> RecordedAction:
-        """Return an action on one piece of the picture as one on the screenshot."""
+        """Map an action on one piece of the picture to the screenshot."""
         x = recorded.action.x or 0
         return recorded.moved(self._x(x) - x, self.dy)
 
@@ -135,7 +135,8 @@ def desktop(
 ) -> ScreenLayout | None:
     """Lay out a desktop whose windows are minimised, with one of `apps` if there is any.
 
-    Wallpaper, icons, and the panel of a recorded desktop, whose buttons name its windows.
+    The layout consists of wallpaper, icons, and the panel of a recorded desktop, whose buttons name
+    its windows.
     """
     wallpapers = _wallpapers(pack, size)
     if not wallpapers:
@@ -187,9 +188,9 @@ def panel(asset: Asset, size: Size) -> Bar | None:
 
 
 def _panel_top(asset: Asset) -> int:
-    """Return the row where the panel begins: its edge.
+    """Return the first row of the panel, which is its edge.
 
-    What can be clicked on it reaches down to the edge of the picture.
+    The panel is found by its clickable elements, which reach down to the edge of the picture.
     """
     end = asset.size[0]
     tops = [target.box[1] for target in asset.targets if target.box[3] == end]
@@ -214,7 +215,7 @@ def bar(
         width: in pixels.
         y: of the screenshot.
 
-    Returns `None` where it has no such stretches, or its pieces would overlap.
+    Returns `None` if there are no such stretches, or the pieces would overlap.
     """
     whole = asset.size[1]
     plain = _longest(_plain(asset, rows), gaps)
@@ -243,7 +244,7 @@ def bar(
 
 
 def _longest(stretches: Sequence[Stretch], count: int) -> list[Stretch]:
-    """Return so many of the longest stretches, from left to right."""
+    """Return the `count` longest stretches, from left to right."""
     by_length = sorted(stretches, key=lambda stretch: _length(stretch.span))
     return sorted(by_length[-count:], key=lambda stretch: stretch.span)
 
@@ -256,7 +257,7 @@ def _pieces(plain: Sequence[Stretch], whole: int) -> list[Span]:
 
 
 def _moves(gaps: int, longer: int) -> tuple[int, ...]:
-    """Return how far the pieces are moved: the last by all of it, one in the middle by half."""
+    """Return how far the pieces move: half of the distance in the middle, all of it at the end."""
     if gaps == 1:
         return 0, longer
     return 0, longer // 2, longer
@@ -295,7 +296,7 @@ def _fill(
 
 @lru_cache(maxsize=256)
 def _plain(asset: Asset, rows: RowRange) -> tuple[Stretch, ...]:
-    """Return the stretches of alike columns.
+    """Return the stretches of equal columns.
 
     The tip of the pointer does not end one.
     """
@@ -312,7 +313,7 @@ def _plain(asset: Asset, rows: RowRange) -> tuple[Stretch, ...]:
 
 
 def _alike(part: UInt8Array) -> list[Span]:
-    """Return the runs of at least `PLAIN` columns that are the same."""
+    """Return the runs of at least `PLAIN` equal columns."""
     same = (part[:, 1:] == part[:, :-1]).all(axis=(0, 2))
     padded = np.concatenate([[False], same, [False]])
     edges = np.flatnonzero(np.diff(padded.astype(np.int8)))

@@ -23,14 +23,14 @@ from .base import NAME_APPS, Edit, EditedStep, Frame, NotApplicable, between_bar
 MARGIN = 8
 # Places tried along each side of a space beside the target.
 GRID = 5
-# Actions that mean the same wherever the window stands; a window would take others, or they are
-# done at a place.
+# Actions that have the same meaning wherever the window is. Other actions are at a place, or go to
+# the active window.
 ANYWHERE = ("wait", "done", "fail")
 
 
 @dataclass(frozen=True)
 class _Placement:
-    """Where a window can stand.
+    """A possible place of a window.
 
     Args:
         asset: the window.
@@ -44,13 +44,13 @@ class _Placement:
 
     @property
     def badness(self) -> tuple[int, int]:
-        """The less the better: covered elements first, then the smaller window."""
+        """The sort key, the lower the better: covered elements first, then the smaller window."""
         height, width = self.asset.size
         return self.covered, -height * width
 
 
 class LaunchAppEdit(Edit):
-    """Pastes a window where the target stays visible, and as many other elements as can be."""
+    """Pastes a window so that the target and as many other elements as possible stay visible."""
 
     kind: ClassVar[str] = "launch_app"
     event: ClassVar[str] = (
@@ -62,7 +62,7 @@ class LaunchAppEdit(Edit):
         """Return the screen with the window; see `Edit.apply`.
 
         Raises:
-            NotApplicable: the event cannot be shown truly; the message is the reason.
+            NotApplicable: the event cannot be shown realistically; the message is the reason.
         """
         frame.check_desktop()
         scene = _aimed(frame)
@@ -92,10 +92,10 @@ class LaunchAppEdit(Edit):
 
 
 def _check_step(frame: Frame, scene: Scene) -> None:
-    """Refuse a step of which it is not known what another window must leave free.
+    """Refuse a step if it is unknown which part of the screen another window must leave free.
 
     Raises:
-        NotApplicable: the event cannot be shown truly; the message is the reason.
+        NotApplicable: the event cannot be shown realistically; the message is the reason.
     """
     if not frame.apps and not frame.foreign:
         raise NotApplicable(
@@ -121,9 +121,9 @@ def _notes(
 
 
 def _aimed(frame: Frame) -> Scene:
-    """Return the scene with all that the action passes as its target.
+    """Return the scene with the whole path of the action as its target.
 
-    A drag shows from its start to its end.
+    The path of a drag is visible from its start to its end.
     """
     action = frame.step.action
     target = frame.scene.target
@@ -140,7 +140,8 @@ def _aimed(frame: Frame) -> Scene:
 def _windows(frame: Frame, wanted: Sequence[str]) -> Iterator[tuple[str, list[Asset]]]:
     """Yield recorded windows by application, those that the plan names first.
 
-    Never one that may be the recording's own; if that names none, a browser is the likeliest.
+    A window that may be the recording's own is never used; if the recording names no application,
+    it is assumed to be a browser.
     """
     found: dict[str, list[Asset]] = {}
     for asset in frame.pack.pictures("window"):
@@ -157,7 +158,7 @@ def _may_be_own(name: str, frame: Frame) -> bool:
 
 
 def _best(places: Iterator[_Placement]) -> list[_Placement]:
-    """Return the placements than which none is better."""
+    """Return all placements with the best sort key."""
     found = list(places)
     least = min((place.badness for place in found), default=None)
     return [place for place in found if place.badness == least]
@@ -217,7 +218,7 @@ def _within(
 def _beside(scene: Scene) -> list[Box]:
     """Return the spaces left of, right of, above and below the target.
 
-    Without a target, the screen between its bars: windows don't cover panels.
+    Without a target, it is the screen between its bars, because windows don't cover panels.
     """
     height, width = scene.size
     first, end = between_bars(scene.size)

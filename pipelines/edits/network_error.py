@@ -1,4 +1,4 @@
-"""Network error in a recording: the browser's own error page where a page would show.
+"""Network error in a recording: the browser's own error page instead of a page.
 
 The spec is `hijack_data/corruptions/network_error.py`, the effect on a live machine
 `online_env/effects/network_error.py`.
@@ -29,9 +29,9 @@ from .screens import page_view, whole_screen
 NO_BROWSER = (
     "the recording names no browser among its applications: a missing network would not show"
 )
-# Browsers whose error page the recorded one may be; the word stands for any.
+# Browsers for which the recorded error page fits; `browser` stands for any.
 RECORDED = frozenset({"chrome", "browser"})
-# The least width of what is taken for a free part of a panel.
+# The least width of a free part of a panel.
 FREE = 16
 
 
@@ -75,7 +75,7 @@ def _with_panels(
     window: Asset,
     pack: AssetPack,
 ) -> Iterator[Op]:
-    """Yield what draws the screen; a desktop's window list is emptied of other windows."""
+    """Yield the operations for the screen, without other windows in the desktop's window list."""
     desktops = {asset.id: asset for asset in pack.pictures("desktop")}
     for op in ops:
         yield op
@@ -92,7 +92,7 @@ def _with_panels(
 
 
 def _emptied(below: Asset, window: Asset) -> Iterator[tuple[Box, list[Point]]]:
-    """Yield free parts of a panel, and where they cover the buttons of other windows.
+    """Yield free parts of a panel, and the places at which they cover the buttons of other windows.
 
     Raises `NotApplicable` if the panel has no free part.
     """
@@ -116,7 +116,7 @@ def _emptied(below: Asset, window: Asset) -> Iterator[tuple[Box, list[Point]]]:
 
 
 def _title(window: Asset) -> str | None:
-    """Return what a window's title begins with: the name of its page."""
+    """Return the beginning of a window's title: the name of its page."""
     for target in window.targets:
         if target.role == "page-tab":
             return target.name.split(DASH)[0]
@@ -127,7 +127,7 @@ def _free_part(below: Asset, buttons: list[Box]) -> Box:
     """Return the part of a panel between the last window button and what follows it.
 
     Raises:
-        NotApplicable: the event cannot be shown truly; the message is the reason.
+        NotApplicable: the event cannot be shown realistically; the message is the reason.
     """
     _, top, start, bottom = max(buttons, key=lambda box: box[2])
     boxes = [target.box for target in below.targets]
@@ -141,10 +141,10 @@ def _free_part(below: Asset, buttons: list[Box]) -> Box:
 
 
 def _check_browser(frame: Frame) -> None:
-    """Raise `NotApplicable` if no browser is known to show, or one with another error page.
+    """Check that a browser with the recorded error page is known to be on the screen.
 
     Raises:
-        NotApplicable: the event cannot be shown truly; the message is the reason.
+        NotApplicable: the event cannot be shown realistically; the message is the reason.
     """
     browsers = sorted(app for app in frame.apps if is_browser(app))
     if not browsers:

@@ -1,7 +1,7 @@
-"""Whether a menu is open on a recorded screen, as far as elements and actions tell.
+"""Judge from elements and actions whether a menu is open on a recorded screen.
 
-A second menu does not open over an open one: the first click closes it. So what a stray click opens
-is shown only where no menu is open.
+With a menu open, the next click closes it and does not open a second one. So the menu of an
+accidental click is shown only where no menu is open.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,11 +16,11 @@ State: TypeAlias = Literal["open", "closed", "not known"]
 CLOSING = frozenset({"type", "scroll", "drag", "double_click", "triple_click"})
 CLOSING_KEYS = frozenset({"esc", "escape", "enter", "return", "ctrl", "control"})
 ESCAPE = frozenset({"esc", "escape"})
-# Pixels by which sides of one menu's items differ.
+# Pixels by which the sides of a menu's items may differ.
 ALIKE = 2
-# Items of a menu; fewer may be anything.
+# The least items of a menu; fewer elements may be something else.
 ITEMS = 3
-# Items that cannot be clicked leave gaps: at most so many heights of an item.
+# Items that cannot be clicked leave gaps of at most this many heights of an item.
 GAP = 1.5
 
 
@@ -41,7 +41,7 @@ def menu_state(frame: Frame) -> State:
 def has_menu(elements: Sequence[Box]) -> bool:
     """Return whether elements look like an open menu: a column that lies over other elements.
 
-    The column of a side bar or a table lies over nothing.
+    The column of a side bar or a table does not cover other elements.
     """
     columns = _columns(sorted(set(elements)))
     return any(_covers_others(column, elements) for column in columns)
@@ -71,7 +71,7 @@ def _keys(action: Action) -> set[str]:
 
 
 def _columns(boxes: Sequence[Box]) -> Iterator[list[Box]]:
-    """Yield runs of boxes that stand below each other and are alike, at least `ITEMS`."""
+    """Yield columns of at least `ITEMS` similar boxes, one below the other."""
     left = list(boxes)
     while left:
         first = left[0]

@@ -1,4 +1,4 @@
-"""Pages of a browser at any size: alone, or in a window as wide as the screen, above the panel."""
+"""Browser pages of any size: alone, or in a window as wide as the screen, above the panel."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -13,7 +13,7 @@ from hijack_data.types import Box, Point, Size, size_text
 
 from .layout import ScreenLayout, bar, panel
 
-# The least strip of plain background that is repeated around a page.
+# The least width of a strip of plain background that is repeated around a page.
 STRIP = 16
 
 
@@ -25,7 +25,7 @@ def error_page(
 ) -> ScreenLayout | None:
     """Lay out a browser with an error page: panel, title bar, tool bars, and the page.
 
-    Of each look, the pages that were recorded on the screen of the nearest height are taken.
+    For each look, the pages recorded on the screen of the nearest height are used.
     """
     whole = [page for page in pack.pictures("error_page") if page.size[1] == page.screen[1]]
     whole.sort(key=lambda page: abs(page.screen[0] - size[0]))
@@ -97,7 +97,7 @@ def _panel_of(pack: AssetPack, page: Asset) -> Asset | None:
 
 
 def _address(asset: Asset) -> str:
-    """Return the address that was asked for when a picture was made."""
+    """Return the address that the browser opened when a picture was recorded."""
     return asset.made_by.partition(" was asked for")[0]
 
 
@@ -106,7 +106,7 @@ def _on_page(
     top: int,
     width: int,
 ) -> list[Box]:
-    """Return what can be clicked on the page itself, whose content stays in the middle."""
+    """Return the clickable elements of the page itself, whose content stays in the middle."""
     cut = max(0, (page.size[1] - width) // 2)
     added = max(0, (width - page.size[1]) // 2)
     dx = added - cut
@@ -120,10 +120,10 @@ def fitted(
     size: Size,
     at: Point = (0, 0),
 ) -> tuple[Paste, ...] | None:
-    """Return what fills a page of `size` with a recorded one: cut, or continued.
+    """Return the operations that fit a recorded page to `size`: cropped, or with more background.
 
-    A page's content stands in the middle of the window, from the top; only its plain background is
-    cut off or repeated.
+    The content of a page is at the top, in the middle of the window; only plain background is
+    cropped or repeated.
 
     Args:
         asset: the recorded page.
@@ -131,7 +131,7 @@ def fitted(
         at: its corner on the screenshot.
 
     Returns:
-        `None` if more than background would be cut off, or there is none to repeat.
+        `None` if more than background would be cropped, or there is none to repeat.
     """
     height, width = size
     h, w = asset.size
@@ -146,7 +146,7 @@ def fitted(
     view = Paste(asset.recipe((left, 0, right, bottom)), (corner,))
     if w >= width and h >= height:
         return (view,)
-    # what meets the continued background must be background
+    # the edge next to the continued background must itself be background
     is_framed = content.left > 0 and content.right < w
     strip = min(h - content.bottom, height)
     if strip < min(STRIP, height) or not (is_framed or w >= width):
@@ -159,13 +159,13 @@ def fitted(
 
 
 def _starts(length: int, tile: int) -> list[int]:
-    """Return where tiles begin that cover a length; the last one ends where it does."""
+    """Return the starts of tiles that cover a length; the last tile ends at its end."""
     return [*range(0, length - tile, tile), length - tile]
 
 
 @dataclass(frozen=True)
 class _Content:
-    """Where the content of a page ends: its columns (first, end), and the end of its rows."""
+    """The extent of a page's content: its columns (first, end), and the end of its rows."""
 
     left: int
     right: int

@@ -1,4 +1,4 @@
-"""Pictures of the pack that take the place of a whole screenshot: a screen, or a web page."""
+"""Pictures of the pack that replace a whole screenshot: a screen, or a web page."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from .base import Frame, NotApplicable
 from .layout import ScreenLayout
 from .pages import fitted
 
-# Sides of two screens of one shape may differ by this share once they are scaled: 1366x768 is not
+# The sides of two screens of the same shape may differ by this share after scaling: 1366x768 is not
 # quite 16:9.
 SHAPE = 0.01
 
@@ -24,15 +24,15 @@ LayOut: TypeAlias = Callable[[AssetPack, Size, Stream, frozenset[str]], ScreenLa
 
 @dataclass(frozen=True, kw_only=True)
 class ShownAsset:
-    """A recorded picture, or several, as they fill a screenshot.
+    """One or several recorded pictures that fill a screenshot.
 
     Args:
         asset: the picture.
         ops: what draws it.
-        fidelity: `recorded`, or `composited` where it was laid out or scaled.
+        fidelity: `recorded`, or `composited` if it was laid out or scaled.
         mapped: gives an action on `asset` as one on the screenshot.
         boxes: what can be clicked, in pixels of the screenshot.
-        notes: what was done to it.
+        notes: how it was changed.
     """
 
     asset: Asset
@@ -52,20 +52,20 @@ def whole_screen(
 ) -> ShownAsset:
     """Return a recorded screen that fills the screenshot, one of `apps` if there is any.
 
-    It was recorded at this very size; otherwise it is laid out from recorded parts, or scaled down
-    from a larger one of the same shape: recordings are often stored smaller than the screen was. A
-    window that was recorded at full width is laid out at any size, or stands on a recorded desktop,
-    where both really were.
+    A screen recorded at this very size is preferred. Otherwise it is laid out from recorded parts,
+    or scaled down from a larger one of the same shape, since recordings are often stored smaller
+    than the screen was. A window that was recorded at full width is laid out at any size, or placed
+    on the recorded desktop at its recorded position.
 
     Args:
         frame: the step.
         kind: of the pictures to take.
         what: names it in the reason why it cannot be shown.
-        lay_out: makes such a screen of recorded parts if none of that size was recorded.
+        lay_out: lays out such a screen from recorded parts if none of that size was recorded.
         apps: applications to prefer.
 
     Raises:
-        NotApplicable: none of it can be done.
+        NotApplicable: none of these is possible.
     """
     frame.check_desktop()
     size = frame.scene.size
@@ -98,7 +98,7 @@ def whole_screen(
 
 
 def _layers(pack: AssetPack, asset: Asset) -> list[Asset]:
-    """Return pictures that make a whole screen, from below; none for a narrower window."""
+    """Return the pictures that make a whole screen, lowest first; none for a narrower window."""
     if asset.size == asset.screen:
         return [asset]
     if asset.size[1] != asset.screen[1]:
@@ -137,14 +137,14 @@ def _mapped(
     coords: CoordMap,
     recorded: RecordedAction,
 ) -> RecordedAction:
-    """Return an action on a recorded screen as one on the screenshot."""
+    """Map an action on a recorded screen to the screenshot."""
     there = recorded.moved(*asset.box[:2])
     box = None if there.target_box is None else _boxes(coords, [there.target_box])[0]
     return RecordedAction(coords.action_to_screen(there.action), box)
 
 
 def _targets(asset: Asset, coords: CoordMap) -> tuple[Box, ...]:
-    """Return what can be clicked on a recorded screen, in pixels of the screenshot."""
+    """Return the clickable elements of a recorded screen, in pixels of the screenshot."""
     x, y = asset.box[:2]
     inside = [target.box for target in asset.targets]
     return _boxes(coords, [(x1 + x, y1 + y, x2 + x, y2 + y) for x1, y1, x2, y2 in inside])
@@ -155,10 +155,10 @@ def page_view(
     kind: str,
     what: str,
 ) -> tuple[tuple[Op, ...], Asset]:
-    """Return what fills a screenshot of a page with a recorded one: cut, or continued.
+    """Return a recorded page that fills a screenshot of a page, cropped or continued.
 
-    A page's content stands in the middle of the window, from the top; only plain background is cut
-    off or added.
+    The content of a page is at the top, in the middle of the window; only plain background is
+    cropped or added.
 
     Args:
         frame: the step.
@@ -166,7 +166,7 @@ def page_view(
         what: names it in the reason why it cannot be shown.
 
     Raises:
-        NotApplicable: nothing recorded can be fitted so.
+        NotApplicable: no recorded page can be fitted.
     """
     size = frame.scene.size
     views = frame.pack.pictures(kind)

@@ -1,4 +1,4 @@
-"""Effects on one screenshot of which nothing more is known, for the gallery and `hijack apply`."""
+"""Show effects on a single screenshot without a recording, for the gallery and `hijack apply`."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -26,7 +26,7 @@ def composite(
     """Show the effects of a plan; see `hijack_data.composites.composite`.
 
     Raises:
-        NotApplicable: they cannot be shown on this screenshot.
+        NotApplicable: the effects cannot be shown on this screenshot.
     """
     if len(plan.effects) != 1:
         raise NotApplicable(
@@ -59,7 +59,7 @@ def _edited(
         trajectory = RecordedTrajectory(
             "picture", "picture", "", (step,), apps=apps, screen="desktop"
         )
-        # Whoever asks for a picture of an effect on this screenshot wants one whatever it shows.
+        # A user who asks for a picture of an effect wants one, whatever the screenshot shows.
         frame = Frame(
             trajectory=trajectory,
             step=step,
@@ -89,7 +89,7 @@ def _assumed(
     pack: AssetPack,
     stream: Stream,
 ) -> Iterator[tuple[str, ...]]:
-    """Yield the applications that the screenshot may show: those that are known, if any are."""
+    """Yield the applications that the screenshot may show: the known ones, if there are any."""
     if scene.apps:
         yield tuple(scene.apps)
         return

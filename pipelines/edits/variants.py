@@ -1,7 +1,7 @@
-"""The rows of a step under a planner: the corrupted picture, or what its effects leave or add.
+"""The rows of a step under a planner: the corrupted picture, or the steps after its effects.
 
 Effects happen to the machine, so they come first: a picture corruption that acts at the same step
-is planned anew on the screen that the effect leaves, and drawn over it.
+is planned again on the screen after the effect, and drawn over it.
 """
 
 from collections.abc import Iterator
@@ -22,19 +22,19 @@ from ..readers.dialects import RecordedStep
 from . import EDITS
 from .base import EditedStep, Frame, NotApplicable
 
-BEFORE = -1  # the step of what happens before the first
+BEFORE = -1  # the step number of effects before the first step
 AVOIDING = ("avoid", "recover")
 
 
 @dataclass(frozen=True)
 class Variant:
-    """One row to be.
+    """A planned row.
 
     Args:
         sample: the step with the action and the scene that the row has.
         plan: all that is done to the clean screenshot.
-        over: the part of it that can hide the target: all, unless the target is in what an edit
-            pasted.
+        over: the part of the plan that can hide the target: all of it, unless the target is in the
+            pastes of an edit.
         edit: the event, if the row shows one.
     """
 
@@ -46,11 +46,11 @@ class Variant:
 
 @dataclass(frozen=True)
 class VariantPlanner:
-    """How rows are planned.
+    """Settings for planning rows.
 
     Args:
         seed: 0 to 2**64 - 1.
-        label_policy: what happens to a row whose target is hidden.
+        label_policy: the treatment of a row whose target is hidden.
         pack: the recorded pictures; `None` if no planner acts on the machine.
         foreign: whether they may be shown on recordings of other platforms.
     """
@@ -63,10 +63,10 @@ class VariantPlanner:
     def variants(self, sample: Sample, planner: Planner) -> Iterator[Variant | None]:
         """Yield the rows of a step under a planner; `None` for one that the label policy drops.
 
-        Nothing comes of a step at which the planner does not act.
+        A step at which the planner does not act yields nothing.
 
-        Passes on `NotApplicable` (an effect cannot be shown truly), `HijackError` (the picture
-        cannot be corrupted) and `BuildError` (an effect that no edit shows).
+        Passes on `NotApplicable` (an effect cannot be shown realistically), `HijackError` (the
+        picture cannot be corrupted) and `BuildError` (an effect that no edit shows).
         """
         numbers = step_numbers(sample.trajectory, sample.position, planner)
         if not due(planner, numbers):
@@ -90,7 +90,7 @@ class VariantPlanner:
         """Yield the rows of a plan with effects: inserted steps come before the recorded one.
 
         Raises:
-            NotApplicable: the event cannot be shown truly; the message is the reason.
+            NotApplicable: the event cannot be shown realistically; the message is the reason.
         """
         edits = [(self._edit(sample, first, effect, number), effect) for effect in first.effects]
         changing = [edit for edit, _ in edits if not edit.inserted]
@@ -111,7 +111,7 @@ class VariantPlanner:
         planner: Planner,
         numbers: list[int],
     ) -> Plan:
-        """Return the plan of a step; of the first step with the effects from before the episode."""
+        """Return the plan of a step; that of the first step includes effects before the episode."""
         plans = [
             planner.plan(
                 sample.scene,
@@ -133,7 +133,7 @@ class VariantPlanner:
         planner: Planner,
         number: int,
     ) -> Plan | None:
-        """Return a plan for pictures under the label policy; `None` if the target never shows."""
+        """Return a plan for pictures under the label policy, or `None` if it drops the row."""
         scene = sample.scene
         if self.label_policy not in AVOIDING:
             return planner.plan(
@@ -200,7 +200,7 @@ class VariantPlanner:
         edit: EditedStep,
         number: int,
     ) -> Variant | None:
-        """Return the row of an edit, with what `plan` draws on pictures over it."""
+        """Return the row of an edit, with the picture operations of `plan` drawn over it."""
         changed = step_after(sample, edit)
         over: Plan | None = replace(plan, ops=(), effects=())
         if plan.ops:
@@ -218,7 +218,7 @@ def _check_declared(plan: Plan, planner: Planner) -> None:
     """Refuse effects that a planner does not declare.
 
     Raises:
-        BuildError: it cannot be built; the message says why.
+        BuildError: the plan has an effect that the planner does not declare.
     """
     if plan.effects and not acts(planner):
         kinds = ", ".join(dict.fromkeys(effect.kind for effect in plan.effects))
@@ -229,7 +229,7 @@ def _check_declared(plan: Plan, planner: Planner) -> None:
 
 
 def _joined(before: Plan, now: Plan) -> Plan:
-    """Return the plan of the first step with what happened before the episode."""
+    """Return the plan of the first step joined with the effects before the episode."""
     if not now.ops and not now.effects:
         return before
     new = tuple(effect for effect in now.effects if effect not in before.effects)
@@ -239,7 +239,7 @@ def _joined(before: Plan, now: Plan) -> Plan:
 
 
 def step_after(sample: Sample, edit: EditedStep) -> Sample:
-    """Return the step as the edit leaves it: its action, its target and what can be clicked."""
+    """Return the step after an edit: its action, its target and the clickable elements."""
     scene = sample.scene
     step = sample.step
     if edit.response is None:
@@ -256,7 +256,7 @@ def step_after(sample: Sample, edit: EditedStep) -> Sample:
 
 
 def acts(planner: Planner) -> bool:
-    """Return whether a planner may do something to the machine."""
+    """Return whether a planner may have effects on the machine."""
     return bool(planner.effects)
 
 
@@ -270,10 +270,10 @@ def step_numbers(
     position: int,
     planner: Planner,
 ) -> list[int]:
-    """Return the numbers by which a planner knows the step at `position`, the last being its own.
+    """Return the step numbers that a planner sees at `position`; the last is the step's own.
 
-    What acts on the machine counts steps from 0, as a live episode does, with -1 before the first;
-    recordings number theirs from 0 or 1, and leave some out. Corruptions of the picture go by the
+    Corruptions of the machine count steps from 0, as in a live episode, with -1 before the first;
+    recordings number their steps from 0 or 1, with gaps. Corruptions of the picture use the
     recorded number.
     """
     if not acts(planner):

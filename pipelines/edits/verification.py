@@ -14,7 +14,7 @@ from .screens import whole_screen
 
 
 class LockEdit(Edit):
-    """Shows a lock screen in the place of the screen; a recorded click would hit nothing: wait."""
+    """Shows a lock screen instead of the screen; the action is to wait, as clicks would fail."""
 
     kind: ClassVar[str] = "lock"
     event: ClassVar[str] = "The session was locked; the screen asks for the password."

@@ -1,4 +1,4 @@
-"""Engines: where the shards of a build are made. Every engine makes the same files."""
+"""Engines make the shards of a build, here or elsewhere; all engines make the same files."""
 
 from collections.abc import Callable, Generator, Iterable, Iterator
 from functools import partial
@@ -14,7 +14,7 @@ from ..errors import BuildError
 
 Tick: TypeAlias = Callable[[int], None]
 # Called with tasks, settings, output folder, workers and `tick`; yields the record of each task, in
-# any order. `tick` is to be called with the number of rows that were looked at.
+# any order. `tick` must be called with the number of rows processed.
 Engine: TypeAlias = Callable[
     [Iterable[ShardTask], RowSettings, Path, int, Tick], Generator[ShardRecord]
 ]
@@ -38,7 +38,7 @@ register = ENGINES.register
 
 
 def get_engine(name: str, ray_address: str | None = None) -> Engine:
-    """Return the engine of a name.
+    """Return the engine with a name.
 
     Raises `UnknownNameError` with the closest name, and `PluginError` if its plug-in cannot be
     loaded.
@@ -48,7 +48,7 @@ def get_engine(name: str, ray_address: str | None = None) -> Engine:
         ray_address: names a running Ray cluster; see `pipelines.engines.ray`.
 
     Raises:
-        BuildError: an address without Ray.
+        BuildError: an address is given for another engine than Ray.
     """
     run: Any = ENGINES.get(name)
     if name == RAY:

@@ -19,7 +19,7 @@ from ..building.shards import ONE_THREAD, ShardTask, build_shard
 from ..dataset.shard import ShardRecord
 from ..errors import RESUME, BuildError
 
-# Tasks that wait for each worker: enough that none idles, few enough that the source is not read
+# Tasks queued for each worker: enough that no worker idles, few enough that the source is not read
 # into memory.
 QUEUED = 2
 
@@ -34,12 +34,12 @@ def run(
     """Yield the record of each task, in any order.
 
     Args:
-        tasks: the shards, taken from the source as they are needed.
-        settings: those of the build. Corruptions that cannot be sent to a worker are a
-            `BuildError`.
+        tasks: the shards, read from the source on demand.
+        settings: those of the build. Raises `BuildError` if its corruptions cannot be sent to a
+            worker.
         out: the folder of the dataset.
         workers: number of processes; 1 is this one.
-        tick: called with the number of rows that were looked at.
+        tick: called with the number of rows processed.
 
     Raises:
         BuildError: a worker died.
@@ -91,12 +91,12 @@ def _check_picklable(settings: RowSettings) -> None:
 
 def _start_worker() -> None:
     os.environ.update(ONE_THREAD)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which stops the pool
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C and stops the pool
     threading.Thread(target=_exit_with_parent, daemon=True).start()
 
 
 def _exit_with_parent() -> None:
-    # A worker waits for work forever, even when the parent was killed with SIGKILL.
+    # Without this, a worker would wait for work forever after its parent was killed with SIGKILL.
     parent = multiprocessing.parent_process()
     if parent is not None:
         multiprocessing.connection.wait([parent.sentinel])

@@ -1,11 +1,11 @@
 """Make shards on a Ray cluster, with Ray Data.
 
-Ray Data wants to know all its items before it starts, and a source may be larger than memory. So
-shards go through it in waves, and the next wave is read from the source while the present one is
-made. Waves grow from `FIRST` to `MOST` shards a worker, enough that the end of a wave, where
-workers idle, does not matter. Nothing but tasks and records passes through Ray: a worker writes its
-file itself, into a folder that all machines share, by rename. So it does no harm when Ray makes a
-shard twice, as it does when a process or a machine dies.
+Ray Data needs all items before it starts, and a source may be larger than memory. So shards are
+processed in waves, and the next wave is read from the source while the present one is made. Waves
+grow from `FIRST` to `MOST` shards per worker, so that the idle time at the end of each wave does
+not matter. Only tasks and records pass through Ray: a worker writes its file itself, into a folder
+that all machines share, and renames it when it is complete. So it is harmless if Ray makes a shard
+twice, as it does when a process or a machine dies.
 """
 
 import os
@@ -33,7 +33,7 @@ from .remote import GUIDE, TOKEN, Errand, make, soon
 
 FIRST = 4
 MOST = 32
-# How often a shard is made again after its process or machine died, or ran out of memory.
+# How often a shard is retried after its process or machine died or ran out of memory.
 RETRIES = 4
 
 
@@ -47,9 +47,8 @@ def run(
 ) -> Generator[ShardRecord]:
     """Yield the record of each task, in any order.
 
-    Without Ray this is a `MissingDependencyError`. It is a `BuildError` if there is no cluster, if
-    a node does not share the folders or has other libraries, or if a shard ended its process again
-    and again.
+    Raises `MissingDependencyError` without Ray, and `BuildError` if there is no cluster, if a node
+    does not share the folders or has other libraries, or if a shard kept killing its process.
 
     Args:
         tasks: the shards, taken from the source as they are needed.
@@ -58,8 +57,8 @@ def run(
         workers: shards that are made at the same time, each on one CPU of the cluster.
         tick: called with the number of rows of each shard when it is done.
         address: a running cluster, `"auto"` for that of this machine. By default that of
-            `RAY_ADDRESS`, or a cluster of `workers` CPUs on this machine, started and ended here.
-            Ray that the caller started is used as it is.
+            `RAY_ADDRESS`, or a cluster of `workers` CPUs on this machine that is started and
+            stopped here. If the caller has started Ray, that connection is used.
     """
     source = iter(tasks)
     wave = list(islice(source, FIRST * workers))
@@ -107,7 +106,7 @@ def _made(
     errand: Errand,
     workers: int,
 ) -> Generator[ShardRecord]:
-    # make the shards of a wave with Ray Data, and yield their records as they come
+    # makes the shards of a wave with Ray Data, and yields their records as they arrive
     with data_options(ray):
         items = ray.data.from_items(
             [{"task": task} for task in wave], override_num_blocks=len(wave)
@@ -131,7 +130,7 @@ def _record(
     node: str,
     out: Path,
 ) -> ShardRecord:
-    # return the record of a shard whose file has arrived here
+    # returns the record of a shard after its file is visible on this machine
     if isinstance(made, HijackError):
         raise made
     file = out / made.file

@@ -1,4 +1,4 @@
-"""A connection to Ray that is quiet, sends nothing home, and is closed again."""
+"""A temporary connection to Ray, without log output and without usage reports."""
 
 import importlib
 import logging
@@ -18,11 +18,11 @@ from hijack_data.errors import HijackError
 LOCAL = "local"
 # Seconds for the first answer of a cluster.
 TIMEOUT = 10.0
-# What passes through it is small, and Ray writes to disk what does not fit.
+# The objects in it are small, and Ray spills to disk what does not fit.
 STORE_BYTES = 200 * 2**20
 ENVIRONMENT = {
     "RAY_USAGE_STATS_ENABLED": "0",
-    # its change in later versions is announced by a warning
+    # avoids a warning about a change in later versions
     "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0",
 }
 
@@ -38,7 +38,7 @@ def session(
 ) -> Generator[Any]:
     """Connect to a Ray cluster, or start one, and yield the module `ray`.
 
-    Without Ray this is a `MissingDependencyError`; if the cluster cannot be used, an `error`.
+    Raises `MissingDependencyError` without Ray, and `error` if the cluster cannot be used.
 
     Args:
         cpus: processors of a cluster that is started here.
@@ -70,11 +70,11 @@ def session(
         finally:
             ray.shutdown()
         if place == LOCAL:
-            shutil.rmtree(logs, ignore_errors=True)  # they stay where something went wrong
+            shutil.rmtree(logs, ignore_errors=True)  # the logs stay after a failure
 
 
 def address_of(address: str | None) -> str:
-    """Return the address that counts: the one given, that of `RAY_ADDRESS`, or `LOCAL`."""
+    """Return the address to use: the given one, else that of `RAY_ADDRESS`, else `LOCAL`."""
     return address or os.environ.get("RAY_ADDRESS") or LOCAL
 
 
@@ -96,7 +96,7 @@ def _init(
     options: dict[str, Any],
     error: type[HijackError],
 ) -> str:
-    # connect to a cluster, or start one, and return its folder of logs
+    # connects to a cluster, or starts one, and returns its folder of logs
     try:
         _check_address(address)
         return str(ray.init(address=address, **options).address_info["session_dir"])
@@ -106,7 +106,7 @@ def _init(
 
 
 def _check_address(address: str) -> None:
-    # raise `ValueError` or `OSError` where Ray itself would try for minutes
+    # raises `ValueError` or `OSError` in cases where Ray itself would retry for minutes
     if address.startswith("ray://"):
         raise ValueError(
             "Ray clients are not served; use a machine of the cluster, with 'auto' or HOST:PORT"
@@ -118,7 +118,7 @@ def _check_address(address: str) -> None:
 
 @contextmanager
 def _quiet() -> Generator[None]:
-    """Keep Ray's log lines away, and what it prints about dead processes off standard output."""
+    """Suppress Ray's log lines, and keep its messages on dead processes off standard output."""
     loggers = [logging.getLogger(name) for name in ("ray", "ray.data")]
     levels = [logger.level for logger in loggers]
     added = {name: value for name, value in ENVIRONMENT.items() if name not in os.environ}
@@ -136,7 +136,7 @@ def _quiet() -> Generator[None]:
 
 
 class _Output:
-    """Standard output without the messages of Ray's own threads.
+    """Standard output without the messages from Ray's own threads.
 
     They become one line each on standard error: the output of `hijack build --json` is JSON alone.
     """
@@ -148,7 +148,7 @@ class _Output:
         return getattr(self._stream, name)
 
     def write(self, text: str) -> int:
-        """Write `text`, or the beginning of a message of Ray's."""
+        """Write `text`; a message from Ray is shortened to its beginning, on standard error."""
         if not threading.current_thread().name.startswith("ray_"):
             return self._stream.write(text)
         first = text.strip().partition("\n")[0]

@@ -9,7 +9,8 @@ from ..errors import BuildError
 from . import ray_connection
 
 T = TypeVar("T")
-# Ray Data plans for blocks of 128 MB a task, which a small store has no room for; ours are some kB.
+# Ray Data plans for blocks of 128 MB per task, too large for a small object store; ours are some
+# kB.
 OPTIONS = {
     "enable_progress_bars": False,
     "print_on_execution_start": False,
@@ -32,9 +33,9 @@ def session(workers: int, address: str | None = None) -> AbstractContextManager[
 
 @contextmanager
 def data_options(ray: Any) -> Iterator[None]:
-    """Set the options of datasets that are made inside, and set them back."""
+    """Set the options for datasets made in the block, and restore the old ones afterwards."""
     with warnings.catch_warnings():
-        # Ray's own defaults call Ray's deprecated names
+        # with its own defaults, Ray calls deprecated functions of Ray
         warnings.simplefilter("ignore", DeprecationWarning)
         context = ray.data.DataContext.get_current()
         before = {name: getattr(context, name) for name in OPTIONS if hasattr(context, name)}
@@ -46,7 +47,7 @@ def data_options(ray: Any) -> Iterator[None]:
 
 
 def without_warnings(rows: Iterable[T]) -> Iterator[T]:
-    """Yield from `rows`; Ray's advice to its own callers is not for ours."""
+    """Yield from `rows` without Ray's warnings, which our users cannot act on."""
     iterator = iter(rows)
     while True:
         with warnings.catch_warnings():

@@ -1,4 +1,4 @@
-"""The work of a process on another machine: check that it sees the same files, make a shard."""
+"""The work on another machine: check that it sees the same files, then make a shard."""
 
 import os
 import socket
@@ -20,7 +20,7 @@ from ..errors import BuildError
 
 TOKEN = "token"
 GUIDE = "docs/clusters.md says how to set up a cluster"
-# A network file system may show a new file to other machines late.
+# A network file system may show a new file to other machines with a delay.
 PATIENCE = 5.0
 
 
@@ -32,7 +32,7 @@ class Errand:
         settings: those of the build.
         out: the folder of the dataset, an absolute path.
         token: the content of `out/.build/token`.
-        libraries: the versions that decide bytes.
+        libraries: the versions of the libraries that decide the bytes.
         assets: digest and licence of the recorded pictures.
         environment: variables to set.
     """
@@ -65,7 +65,7 @@ def check_node(task: ShardTask, errand: Errand) -> None:
     """Check that this machine shares the folders of the build and has the same libraries.
 
     Raises:
-        BuildError: it does not.
+        BuildError: a folder, a library or the asset pack differs.
     """
     host = socket.gethostname()
     if not soon(lambda: _read(errand.out / STATE / TOKEN) == errand.token):
@@ -99,7 +99,7 @@ def check_node(task: ShardTask, errand: Errand) -> None:
 
 
 def soon(check: Callable[[], bool]) -> bool:
-    """Return whether `check()` comes true within `PATIENCE` seconds."""
+    """Return whether `check()` becomes true within `PATIENCE` seconds."""
     end = time.monotonic() + PATIENCE
     while not check():
         if time.monotonic() > end:

@@ -1,7 +1,7 @@
 """Chat rows for supervised fine-tuning, as LLaMA-Factory reads them (format `sharegpt`).
 
-`train.jsonl` has a line an example with `messages` and `images`, `images/SHARD/NUMBER.png` its
-screenshot, and `dataset_info.json` describes both to LLaMA-Factory: `dataset_dir: OUT`,
+`train.jsonl` has one line per example with `messages` and `images`, `images/SHARD/NUMBER.png` is
+its screenshot, and `dataset_info.json` describes both to LLaMA-Factory: `dataset_dir: OUT`,
 `media_dir: OUT`, `dataset: agenthijack`.
 """
 
@@ -43,7 +43,7 @@ class ChatWriter:
                 self._write(example, file)
 
     def finish(self) -> None:
-        """Write the description for LLaMA-Factory, and the rows' file if there is none."""
+        """Write the description for LLaMA-Factory, and the file of rows even if it is empty."""
         (self.folder / ROWS).touch()
         write_atomic(self.folder / "dataset_info.json", json.dumps(_INFO, indent=2) + "\n")
 

@@ -1,4 +1,4 @@
-"""Actions as the text that a model learns to write, and the sentence that tells it how.
+"""Write actions as text in the dialect that a model learns.
 
 | dialect | form | coordinates |
 |---|---|---|
@@ -6,8 +6,8 @@
 | `ui_tars` | UI-TARS 1.0, `click(start_box='(500,250)')` | 0..1000 of the screenshot |
 | `ui_tars_1.5` | the same of UI-TARS 1.5 | pixels of the smart-resized screenshot |
 
-`hijack_data.actions.parse_actions` reads the text as the same action, except for details that a
-dialect cannot express.
+`hijack_data.actions.parse_actions` reads the text back as the same action, except for details that
+the dialect cannot express.
 """
 
 from collections.abc import Callable, Mapping
@@ -41,7 +41,7 @@ _ESCAPES = str.maketrans(
 
 
 def action_text(row: Mapping[str, Any], dialect: str) -> str:
-    """Return the action of a row as text; `ActionError` if the dialect cannot express it."""
+    """Return the action of a row as text; raises `ActionError` if the dialect cannot express it."""
     return _RENDER[dialect](row)
 
 
@@ -49,7 +49,7 @@ def check_dialect(dialect: str) -> None:
     """Check the name of a dialect.
 
     Raises:
-        UnknownNameError: it does not exist.
+        UnknownNameError: there is no such dialect.
     """
     if dialect not in _RENDER:
         raise UnknownNameError(f"unknown dialect {dialect!r}{suggest(dialect, _RENDER)}")

@@ -1,4 +1,4 @@
-"""One training example, before it takes the form of a format."""
+"""One training example, before a writer gives it the form of an export format."""
 
 import re
 from collections.abc import Mapping
@@ -10,8 +10,9 @@ from hijack_data.errors import ActionError
 from ..dataset.columns import VISIBLE, Row
 from ..prompts import question
 
-# Placeholders that trainers replace by pictures, videos and sounds, and tokens that chat models end
-# turns and mark pictures with: in a text they would ask for one too many, or end the turn.
+# Placeholders that trainers replace by pictures, videos and sounds, and special tokens that end
+# turns or mark pictures in chat models. In a text they would stand for a picture that is not there,
+# or end the turn.
 _SPECIAL = re.compile(
     r"<(?=\|[A-Za-z0-9_]+\|>"  # Qwen, Llama, Phi, GPT: <|im_end|>, <|image_pad|>
     r"|/?(?:image|video|audio|img|IMG_CONTEXT|s|pad|bos|eos|unk)>"
@@ -46,7 +47,7 @@ class Example:
 
     @property
     def about(self) -> Row:
-        """The columns of the row that are kept beside an example."""
+        """The columns of the row that are kept as metadata of the example."""
         return {name: self.row[name] for name in ABOUT}
 
 
@@ -80,10 +81,10 @@ def plain(text: str) -> str:
 
 
 def checked_answer(text: str) -> str:
-    """Return an answer as it is; an answer is a label, and escaped it would be another.
+    """Check an answer, and return it unchanged, since escaping would change the label.
 
     Raises:
-        ActionError: it contains a placeholder or a special token of chat models.
+        ActionError: the answer contains a placeholder or a special token of chat models.
     """
     found = _SPECIAL.search(text)
     if found is None:
@@ -94,10 +95,10 @@ def checked_answer(text: str) -> str:
 
 
 def check_task(row: Row) -> None:
-    """Check that a row has an instruction, without which nothing can be asked.
+    """Check that a row has an instruction, without which there is no question.
 
     Raises:
-        ActionError: it has none.
+        ActionError: the row has no instruction.
     """
     if not str(row["instruction"]).strip():
         raise ActionError("the instruction is empty")

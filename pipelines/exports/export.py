@@ -1,4 +1,4 @@
-"""Export a dataset: rows become examples, and the writer of a format puts them into a folder."""
+"""Export a dataset: rows become examples, which the writer of a format stores in a folder."""
 
 import os
 from collections import Counter
@@ -23,18 +23,18 @@ from .stored import stored_rows
 
 
 class Writer(Protocol):
-    """Writes one format; it is made with the folder to write into."""
+    """Writes one export format; its constructor takes the folder to write into."""
 
     def shard(self, index: int, examples: Iterator[Example]) -> None:
         """Write the examples of one shard; shards come in order."""
         ...
 
     def finish(self) -> None:
-        """Write what goes beside the shards."""
+        """Write the files other than the shards."""
         ...
 
 
-ONLOOKER = "onlooker"  # three tables, not one: a function of its own makes them
+ONLOOKER = "onlooker"  # writes three tables instead of one, so it has its own function
 
 
 def _problems(writer: Any, _: str) -> Iterator[str]:
@@ -74,7 +74,7 @@ class ExportReport:
         examples: examples by corruption.
         hidden: rows that were left out because their target does not show, by corruption.
         unsaid: rows that were left out because the dialect cannot express their action, by reason.
-        untold: rows that were left out because their task is not known, by reason.
+        untold: rows that were left out because their task is unknown, by reason.
     """
 
     out: str
@@ -96,7 +96,7 @@ class ExportReport:
         return 0 if self.total else 1
 
     def to_data(self) -> dict[str, Any]:
-        """JSON data of the report."""
+        """Return the report as JSON data."""
         counts = {
             name: dict(getattr(self, name)) for name in ("examples", "hidden", "unsaid", "untold")
         }
@@ -109,7 +109,7 @@ class ExportReport:
         }
 
     def lines(self) -> list[str]:
-        """The report as lines of text."""
+        """Return the report as lines of text."""
         text = [f"{self.out}: {self.total} examples ({self.to}, actions in {self.dialect})"]
         text += [f"  {label}: {count}" for label, count in self.examples.items()]
         text += [
@@ -132,26 +132,26 @@ def export(
 ) -> ExportReport | OnlookerReport:
     """Export a dataset for training. The same dataset and arguments give the same bytes.
 
-    Raises `DatasetError` if the folder is no finished dataset or a row is damaged, `ParameterError`
-    if `balance` is out of range, `UnknownNameError` for another format or dialect, and
-    `PluginError` if the file, module or plug-in of the writer cannot be loaded.
+    Raises `DatasetError` if the folder is not a finished dataset or a row is damaged,
+    `ParameterError` if `balance` is out of range, `UnknownNameError` for an unknown format or
+    dialect, and `PluginError` if the file, module or plug-in of the writer cannot be loaded.
 
     Args:
         folder: a dataset that `build` made, materialised or lazy.
-        out: the folder to make; it must not be there, or be empty.
+        out: the folder to create; it must be empty or not exist.
         to: `chat` (messages and image files, JSON lines), `verl` (Parquet), `webdataset` (tar
             files), `onlooker` (Parquet: reminders, summaries and recovery steps), the name of a
             plug-in's writer, or `package.module:Writer` or `path/to/file.py:Writer`, see `Writer`.
         dialect: how actions are written: `pyautogui`, `ui_tars` or `ui_tars_1.5`.
-        keep_hidden: export rows of which less than half of the target shows too; they teach clicks
-            on hidden targets.
+        keep_hidden: also export rows whose target is less than half visible; they teach clicks on
+            hidden targets.
         balance: with `onlooker` only: frames without a reminder for each that has one, 0 to 1000; 1
             by default.
         progress: called with rows done, rows in all, and a text.
 
     Raises:
-        BuildError: `out` is in the way or cannot be written, no row has a reminder (`onlooker`), or
-            `balance` is given with another format.
+        BuildError: `out` exists already or cannot be written, no row has a reminder (`onlooker`),
+            or `balance` is given with another format.
     """
     make_writer = None if to == ONLOOKER else FORMATS.get(FORMATS.find(to))
     check_dialect(dialect)

@@ -20,11 +20,11 @@ def push_to_hub(
     endpoint: str | None = None,
     message: str = "Add dataset",
 ) -> str:
-    """Upload a finished dataset as it is, card and manifest included, and return its address.
+    """Upload a finished dataset unchanged, with card and manifest, and return its address.
 
     Check the licence of the source recordings first (the card says where they are from); a new
-    repository is private unless told otherwise. The upload itself is `huggingface_hub`'s, which
-    finds its token as usual.
+    repository is private by default. `huggingface_hub` does the upload, and finds its token as
+    usual.
 
     Args:
         folder: a dataset that `build` made.
@@ -36,10 +36,10 @@ def push_to_hub(
         message: message of the commit.
 
     Raises:
-        BuildError: the hub cannot be reached, or refuses.
+        BuildError: the hub cannot be reached, or refuses the upload.
 
-    A folder that is no finished dataset is a `DatasetError`, and without `huggingface_hub` it is a
-    `MissingDependencyError`.
+    Raises `DatasetError` if the folder is not a finished dataset, and `MissingDependencyError`
+    without `huggingface_hub`.
     """
     read_manifest(Path(folder))
     hub = _hub()

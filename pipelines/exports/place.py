@@ -1,7 +1,7 @@
 """The folder of an export: it appears whole or not at all.
 
-It is written under another name beside it and renamed at the end. An export that was killed leaves
-that other folder behind, which the next one to the same place removes.
+It is written under another name next to it and renamed at the end. A killed export leaves that
+other folder behind; the next export to the same place removes it.
 """
 
 import json
@@ -23,10 +23,10 @@ REPORT = "export.json"
 
 @contextmanager
 def new_folder(out: Path, source: Path) -> Iterator[Path]:
-    """Give a folder to write to that becomes `out` on success and is removed on failure.
+    """Yield a folder to write to, which becomes `out` on success and is removed on failure.
 
     Raises:
-        BuildError: `out` is in the way, lies in `source` (the dataset) or cannot be written.
+        BuildError: `out` exists already, is inside `source` (the dataset) or cannot be written.
     """
     out = Path(os.path.abspath(out))
     try:
@@ -49,17 +49,17 @@ def new_folder(out: Path, source: Path) -> Iterator[Path]:
 
 
 def write_report(place: Path, data: Mapping[str, Any]) -> None:
-    """Write the report beside the files, without the folder's name: equal exports, equal bytes."""
+    """Write the report, without the folder's name, so that equal exports have equal bytes."""
     about = {key: value for key, value in data.items() if key != "out"}
     write_atomic(place / REPORT, json.dumps(about, indent=1, ensure_ascii=False) + "\n")
 
 
 @contextmanager
 def _held(place: Path) -> Iterator[None]:
-    """Make an empty folder that no other export writes to; remove it unless it was renamed.
+    """Create and lock an empty folder; remove it at the end unless it was renamed.
 
     Raises:
-        BuildError: another export writes to it.
+        BuildError: another export is writing to it.
     """
     place.mkdir(exist_ok=True)
     try:

@@ -1,4 +1,4 @@
-"""Rows of a dataset as exports take them: the row, and the PNG of its screenshot."""
+"""Rows of a dataset for exports: each row, and the PNG of its screenshot."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path

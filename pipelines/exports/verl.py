@@ -3,7 +3,7 @@
 Columns are `data_source, prompt, images, ability, reward_model, extra_info`.
 
 `reward_model.ground_truth` is JSON: the answer, the action and the target's box, in pixels of the
-screenshot, for a reward function of one's own (`custom_reward_function.path` of verl).
+screenshot, for your own reward function (`custom_reward_function.path` of verl).
 """
 
 import json
@@ -40,7 +40,7 @@ KINDS: dict[str, Kind] = {
 
 
 class VerlWriter:
-    """Writes `data/train-NNNNN.parquet`, one a shard."""
+    """Writes `data/train-NNNNN.parquet`, one file per shard."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder / "data"
@@ -58,7 +58,7 @@ class VerlWriter:
                 writer.write_table(pa.Table.from_pylist(rows, schema=schema))
 
     def finish(self) -> None:
-        """Nothing goes beside the shards."""
+        """Do nothing: there are no files other than the shards."""
 
     def _row(self, example: Example) -> dict[str, Any]:
         row = example.row

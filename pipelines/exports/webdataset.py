@@ -10,7 +10,7 @@ from .example import Example
 
 
 class WebDatasetWriter:
-    """Writes one tar file a shard.
+    """Writes one tar file per shard.
 
     Headers contain no time, owner or user, so that the same rows give the same bytes.
     """
@@ -34,7 +34,7 @@ class WebDatasetWriter:
                 _add(tar, f"{example.key}.txt", example.answer.encode())
 
     def finish(self) -> None:
-        """Nothing goes beside the shards."""
+        """Do nothing: there are no files other than the shards."""
 
 
 def _add(

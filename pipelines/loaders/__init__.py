@@ -1,1 +1,1 @@
-"""Datasets as training frameworks want them; each module imports its framework when it is used."""
+"""Dataset classes for training frameworks; each module imports its framework when it is used."""

@@ -1,4 +1,4 @@
-"""A dataset for Grain's `MapDataset.source` and `DataLoader(data_source=...)`."""
+"""A dataset class for Grain's `MapDataset.source` and `DataLoader(data_source=...)`."""
 
 import os
 from typing import Any, SupportsIndex
@@ -14,7 +14,7 @@ class GrainSource:
     group, not a file.
 
     Args:
-        folder: a dataset that `build` made; another folder is a `DatasetError`.
+        folder: a dataset that `build` made. Raises `DatasetError` for any other folder.
     """
 
     def __init__(self, folder: str | os.PathLike[str]) -> None:
@@ -28,8 +28,8 @@ class GrainSource:
         return {**row, "screenshot": picture}
 
     def __repr__(self) -> str:
-        # Grain compares it when an iterator is restored, so that a checkpoint is never resumed on
-        # other data.
+        # Grain compares this text when an iterator is restored, so that a checkpoint is never
+        # resumed on other data.
         return (
             f"GrainSource({self.rows.folder.name!r}, rows={len(self)},"
             f" content={self.rows.fingerprint[:16]})"

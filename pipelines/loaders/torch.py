@@ -1,4 +1,4 @@
-"""A dataset for `torch.utils.data.DataLoader`: map-style, picklable, any number of workers."""
+"""A map-style dataset for `torch.utils.data.DataLoader`, picklable for its workers."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -28,7 +28,7 @@ class TorchDataset(Dataset[Any]):
 
     Args:
         folder: a dataset that `build` made; another folder is a `DatasetError`.
-        transform: called with each item; its result takes the place of the item.
+        transform: called with each item; its result replaces the item.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class TorchDataset(Dataset[Any]):
 def collate(items: Sequence[Item]) -> Item:
     """Join items to a batch, for `DataLoader(..., collate_fn=collate)`.
 
-    `screenshot` becomes one tensor `[B, 3, H, W]` if all are of one size, and a list otherwise;
+    `screenshot` becomes one tensor `[B, 3, H, W]` if all have the same size, otherwise a list;
     every other value becomes a list with one entry for each item.
     """
     batch: Item = {name: [item[name] for item in items] for name in items[0]}

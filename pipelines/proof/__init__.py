@@ -1,7 +1,8 @@
-"""The checks of `hijack verify`, one file for each thing that a dataset is compared with.
+"""The checks of `hijack verify`, one module for each thing with which a dataset is compared.
 
-`manifest`: the files of the folder, and the fields that follow from others. `order`: rows among
-each other. `recorded`: the recorded step of rows, from the dataset or from its source. `rows`: each
-row against the picture, plan and labels that the build's own code makes again. `events`: rows of
-events on the machine, from their plan and the asset pack. `rebuild` and `retrace`: runs.
+`manifest` checks the files of the folder, and fields that follow from other fields. `order`
+compares rows with each other. `recorded` finds the recorded step of rows, in the dataset or in its
+source. `rows` compares each row with the picture, plan and labels that the code of the build makes
+again. `events` checks rows with events on the machine against their plan and the asset pack.
+`rebuild` and `retrace` check runs.
 """

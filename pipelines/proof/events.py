@@ -1,4 +1,4 @@
-"""Rows of events on the machine, as far as they follow from their plan and the asset pack.
+"""Check rows with events on the machine against their plan and the asset pack.
 
 Which recorded picture an edit chooses depends on the applications and elements of the recording,
 which a dataset does not contain. But the plan names the picture and its place, and the pack
@@ -29,7 +29,7 @@ def told(
     plan: Plan,
     sample: Sample,
 ) -> Variant | None:
-    """Return the variant that a row of an event must be.
+    """Return the variant that a row with an event must be.
 
     Args:
         row: as it is stored.
@@ -49,7 +49,7 @@ def told(
         )
     known = EDITS[kinds[0]]
     if not is_ours(known):
-        return None  # the edit of a plug-in: it alone decides what it shows
+        return None  # only the plug-in of an edit knows what the edit shows
     _check_labels(row, known)
     pasted, drawn = _parts(plan)
     if row["fidelity"] == "recorded" and len(pasted) != 1:
@@ -84,7 +84,7 @@ def _check_labels(row: Mapping[str, Any], known: Edit) -> None:
 
 
 def _parts(plan: Plan) -> tuple[tuple[Op, ...], tuple[Op, ...]]:
-    """Return the part that an edit pasted and the part drawn over it; an edit keeps the size."""
+    """Return the part of the plan that an edit pasted, and the part drawn over it."""
     end = 0
     size = plan.size
     for number, op in enumerate(plan.ops, 1):
@@ -105,7 +105,7 @@ def _response(
     plan: Plan,
     pasted: tuple[Op, ...],
 ) -> RecordedAction | None:
-    """Return the action that a row must have: of several recorded ones, the one that it has."""
+    """Return the action that a row must have; of several possible ones, the one that it has."""
     if edit.answer == "wait":
         return WAIT
     if edit.answer == "keep":

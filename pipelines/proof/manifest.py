@@ -1,4 +1,4 @@
-"""The files of a dataset against its manifest, and the manifest against its own content."""
+"""Check the files of a dataset against its manifest, and the manifest against its own content."""
 
 import json
 from collections import Counter, deque
@@ -25,7 +25,7 @@ from ..dataset.shard import ShardRecord, file_sha256, record_from
 from ..errors import RESUME, DatasetError
 
 _CARD, _CONFIG, _QUARANTINE = FILES
-# Files that people put beside a dataset, and that `load_dataset` never reads as rows.
+# Files that users keep in the folder of a dataset, and that `load_dataset` never reads as rows.
 HARMLESS = ("", ".md", ".html", ".yaml", ".yml", ".cff", ".bib")
 
 
@@ -47,7 +47,7 @@ def records_in(manifest: Mapping[str, Any], folder: Path) -> list[ShardRecord]:
 
 
 def strays(folder: Path, records: list[ShardRecord]) -> Iterator[str]:
-    """Yield the files in the folder of a dataset that are not part of it and may be read as rows.
+    """Yield a problem for each file in the folder that does not belong to the dataset.
 
     Hidden files and folders belong to tools that keep or upload a dataset; loaders skip them.
     """
@@ -68,7 +68,7 @@ def strays(folder: Path, records: list[ShardRecord]) -> Iterator[str]:
 
 
 def beside(folder: Path, manifest: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the problems of the files beside the shards, and of the digest of the manifest."""
+    """Yield the problems of the files next to the shards, and of the digest of the manifest."""
     hashes = manifest.get(FILE_HASHES)
     if not isinstance(hashes, dict) or DIGEST not in manifest:
         yield (
@@ -105,7 +105,7 @@ def derived(
     records: list[ShardRecord],
     settings: RowSettings | None,
 ) -> Iterator[str]:
-    """Yield the fields of a manifest that differ from its other fields and the files beside it."""
+    """Yield the fields of a manifest that contradict its other fields or the files next to it."""
     parameters = manifest["parameters"]
     splits = Splits(parameters.get("splits"))
     config = manifest.get("config") if settings is None else config_of(settings, splits)
@@ -130,7 +130,7 @@ def _unequal(
     stored: Any,
     expected: Any,
 ) -> Iterator[tuple[str, Any, Any]]:
-    """Yield the places at which JSON data differs; at the top, `stored` may have more keys."""
+    """Yield the places at which JSON data differs; at the top, `stored` may have extra keys."""
     if isinstance(expected, dict) and isinstance(stored, dict):
         keys = list(expected)
         if where:
@@ -169,14 +169,14 @@ def shard_problems(file: Path, record: ShardRecord) -> Iterator[str]:
 
 
 def _rejected(folder: Path) -> Counter[str]:
-    # return the number of inputs in `quarantine.jsonl`, by field
+    # returns the number of inputs in `quarantine.jsonl`, by field
     found = Counter[str]()
     for number, line in enumerate(_lines(folder), 1):
         try:
             found[json.loads(line)["field"] or "(record)"] += 1
         except (ValueError, KeyError, TypeError) as error:
             raise DatasetError(
-                f"{folder / _QUARANTINE}: line {number} is no rejected input ({error})"
+                f"{folder / _QUARANTINE}: line {number} is not a rejected input ({error})"
             ) from None
     return found
 

@@ -1,4 +1,4 @@
-"""Rows among each other: ids, counts, and the order of trajectories and steps."""
+"""Compare rows with each other: ids, counts, and the order of trajectories and steps."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -16,7 +16,7 @@ from ..edits.variants import acts
 _Row = Mapping[str, Any]
 # Columns that are the same in every row of a trajectory.
 ABOUT = ("source", "domain", "instruction")
-# An input that is rejected for one of these fields leaves out a whole step.
+# A rejection for one of these fields drops a whole step.
 WHOLE_STEP = ("image", "target_box")
 
 
@@ -37,7 +37,7 @@ class RowOrder:
     _about: dict[str, Any] = field(default_factory=dict[str, Any])
 
     def problems(self, rows: list[dict[str, Any]]) -> Iterator[str]:
-        """Yield what is wrong with the place of a step's rows; each problem names a row."""
+        """Yield the problems with the order of a step's rows; each problem names a row."""
         first = rows[0]
         yield from self._place(first)
         yield from self._alike(rows)
@@ -53,7 +53,7 @@ class RowOrder:
             )
 
     def _alike(self, rows: list[dict[str, Any]]) -> Iterator[str]:
-        """Yield the first row of each column that differs from the rest of its trajectory."""
+        """Yield a problem for each column that differs from the rest of its trajectory."""
         for name in ABOUT:
             wanted = self._about.setdefault(name, rows[0][name])
             for row in rows:

@@ -1,11 +1,10 @@
 """Check that the files of a run agree with each other: `hijack verify RUNS`.
 
-Everything that follows from other files is made again and compared: ids from task, corruption,
-seed and agent; plans from the configuration, the seed and the clean screens; the pictures that the
-agent saw from the plans; what ran from what the agent answered; counts from the lines. The hashes
-that chain lines, episodes and journal are made again, too (`hijack_data.runs.run_log`).
-
-Nothing here can tell a run from one that was made up as a whole: see docs/verify_runs.md.
+Everything that can be computed from other files is computed again and compared: ids from task,
+corruption, seed and agent; plans from the configuration, the seed and the clean screens; the
+pictures that the agent saw from the plans; the code that ran from the agent's answers; counts from
+the lines; and the hashes that chain lines, episodes and journal (`hijack_data.runs.run_log`). These
+checks cannot detect a run that was fabricated as a whole: see docs/verify_runs.md.
 """
 
 import os
@@ -28,14 +27,15 @@ class RebuildReport(Findings):
 
     Args:
         folder: the run, or the episode.
-        problems: what differs, each with the file and the step; empty when all is identical.
-        episodes: that were looked at.
-        steps: observations that were made again.
-        disturbed: those of them whose picture the plan changes.
-        unfinished: episodes that were broken off, and were not looked at.
-        unproved: what cannot be proved, in words; no problem of the run.
-        chained: whether everything is of a version with hashes.
-        signer: the fingerprint of the key that signed the run, or nothing.
+        problems: the differences, each with the file and the step; empty if everything is
+            identical.
+        episodes: number of episodes that were checked.
+        steps: number of observations that were computed again.
+        disturbed: number of those whose picture the plan changes.
+        unfinished: number of episodes that were interrupted, and are not checked.
+        unproved: what cannot be proved, in words; these are not problems of the run.
+        chained: whether all files have a version with hashes.
+        signer: the fingerprint of the key that signed the run; empty without a signature.
     """
 
     episodes: int = 0
@@ -60,7 +60,7 @@ class RebuildReport(Findings):
 
 
 def is_run(folder: str | os.PathLike[str]) -> bool:
-    """Return whether a folder is a run or an episode, and not a dataset."""
+    """Return whether a folder is a run or an episode, rather than a dataset."""
     path = Path(folder)
     if (path / EPISODES).is_dir():
         return True
@@ -68,9 +68,9 @@ def is_run(folder: str | os.PathLike[str]) -> bool:
 
 
 def rebuild(run: str | os.PathLike[str], key: str | None = None) -> RebuildReport:
-    """Make the observations of a run (or of one episode) again, and compare.
+    """Compute the observations of a run (or of one episode) again, and compare.
 
-    Passes on `SealError` (the key is no public key).
+    Passes on `SealError` (`key` is not a public key).
 
     Args:
         run: the folder.
@@ -113,7 +113,7 @@ def _add_run(
     path: Path,
     key: str | None,
 ) -> None:
-    """Add what is wrong with the journal and the seal."""
+    """Add the problems of the journal and the seal."""
     report.problems += journal.problems()
     report.problems += seal.problems(path, key)
     if (path / SEAL).exists():

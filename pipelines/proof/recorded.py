@@ -1,4 +1,4 @@
-"""The recorded step of rows: read back from the dataset itself, or from the recordings."""
+"""Find the recorded step of rows, in the dataset itself or in the recordings."""
 
 import hashlib
 from collections.abc import Iterator, Mapping
@@ -40,7 +40,7 @@ class RecordedFacts:
     Args:
         sample: the step and its screenshot before any corruption.
         settings: those of the build, with the planners whose plans can be made again.
-        picture: whether the screenshot is known; otherwise that of `sample` is black.
+        picture: whether the screenshot is known; otherwise `sample` has a black one.
         code: whether the dialect of its code is known, so that the code can be mapped.
         where: the name of the screenshot in reports.
         tally: counts the rows of the step, and what gave none.
@@ -55,7 +55,7 @@ class RecordedFacts:
 
 
 def provable(settings: RowSettings) -> RowSettings:
-    """Return settings with the planners whose plans follow from the content of a dataset."""
+    """Return settings with only the planners whose plans can be made again from a dataset."""
     planners = [(label, planner) for label, planner in settings.planners if _follows(planner)]
     return RowSettings(
         planners=tuple(planners),
@@ -67,9 +67,10 @@ def provable(settings: RowSettings) -> RowSettings:
 
 
 def _follows(planner: Planner) -> bool:
-    """Return whether plans depend on parameters, seed, trajectory, step, size and target alone.
+    """Return whether plans depend only on parameters, seed, trajectory, step, size and target.
 
-    Corruptions of others may use elements and applications without declaring it.
+    Corruptions of plug-ins do not count, as they may use elements and applications without
+    declaring it.
     """
     for part in (planner, *leaves(planner)):
         is_ours = type(part).__module__.startswith(OURS)
@@ -83,10 +84,10 @@ def from_rows(
     key: str | None,
     settings: RowSettings,
 ) -> RecordedFacts | None:
-    """Return the recorded step of some rows, or `None` if too little is left of it.
+    """Return the recorded step of some rows, or `None` if they do not contain enough of it.
 
     Args:
-        rows: all rows of the step, as they are stored; a damaged one is a `HijackError`.
+        rows: all rows of the step, as stored. Raises `HijackError` for a damaged one.
         key: the key of its random draws, if that is not the trajectory.
         settings: those of the build.
     """
@@ -166,7 +167,7 @@ def _dialect(
 
 
 def stored_plan_of(row: Mapping[str, Any], base: UInt8Array | None) -> Plan:
-    """Return the plan of a row; a damaged one is a `HijackError`.
+    """Return the plan of a row; raises `HijackError` if it is damaged.
 
     Args:
         row: as it is stored.
@@ -178,7 +179,7 @@ def stored_plan_of(row: Mapping[str, Any], base: UInt8Array | None) -> Plan:
 
 
 class Recordings:
-    """The steps of one shard, read from the source again.
+    """The steps of one shard, read again from the source.
 
     Args:
         task: the trajectories of the shard.
@@ -215,7 +216,7 @@ class Recordings:
         return RecordedFacts(sample, self.settings, where=where, tally=self.tally)
 
     def problems(self, record: ShardRecord) -> Iterator[str]:
-        """Yield where the manifest differs from the shard, once all steps were read."""
+        """Yield the differences between manifest and shard; call it after reading all steps."""
         if self.task.records != record.records:
             yield (
                 "the recordings say something else than when it was built (records, or sizes of"

@@ -1,4 +1,4 @@
-"""Each row of a step against the row that the build's own code makes of the step."""
+"""Compare each row of a step with the row that the code of the build makes for it."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -26,7 +26,7 @@ from ..errors import DatasetError
 from .events import told
 from .recorded import RecordedFacts, damaged, stored_plan_of
 
-# The note of a plan on elements that are off the screen, which a dataset does not contain.
+# The note of a plan on elements off the screen; a dataset does not contain those elements.
 _ELEMENTS = re.compile(r"\d+ of \d+ boxes are empty or off the screen and were ignored")
 OTHER_PICTURE = "the plan makes another picture of the clean row than the one stored"
 
@@ -45,8 +45,8 @@ class StepProof:
     """Compares the rows of one step.
 
     Args:
-        rows: as they are stored, in order.
-        known: the recorded step, `None` if nothing is known of it.
+        rows: the rows as stored, in order.
+        known: the recorded step, `None` if unknown.
         every: the planners of the build by label, `None` if the manifest does not contain them.
         ranks: the order of the labels.
         seed: that of the build.
@@ -67,7 +67,7 @@ class StepProof:
     _same: bool = False
 
     def problems(self) -> Iterator[str]:
-        """Yield what is wrong; each problem names a row."""
+        """Yield the problems; each names a row."""
         made = self._made()
         following = next(made, None)
         for row in sorted(self.rows, key=self._rank):
@@ -115,7 +115,7 @@ class StepProof:
             return str(damaged(error))
         return ""
 
-    # --- a row by itself
+    # --- A row on its own
 
     def _stored(self, row: dict[str, Any], expected: MadeRow | None) -> Stored:
         if BASE in row:
@@ -129,7 +129,7 @@ class StepProof:
         return stored
 
     def _lazy(self, row: dict[str, Any], expected: MadeRow | None) -> Stored:
-        # return a lazy row with its picture drawn
+        # returns a lazy row with its picture drawn
         before = self._base(row)
         plan = stored_plan_of(row, before)
         if row["corruption"] == CLEAN and plan.ops:
@@ -160,12 +160,12 @@ class StepProof:
         return picture
 
     def _digest(self, picture: UInt8Array, plan: Plan) -> str:
-        """Return the SHA-256 of the picture of a lazy row, which begins as that of its step."""
+        """Return the SHA-256 of a lazy row's picture, reusing the hash of its step's picture."""
         if self._same and self.known is not None:
             return digest_of(self.known.sample.base, picture, plan)
         return sha256_of(picture)
 
-    # --- and with its step
+    # --- A row and its step
 
     def _compare(
         self,
@@ -245,7 +245,7 @@ class StepProof:
         variants: list[Variant],
         known: RecordedFacts,
     ) -> None:
-        # check that a plan is one of those that were made again
+        # checks that a plan is one of those that were made again
         plan = stored.plan
         for variant in variants:
             if variant.plan == plan or _alike(variant.plan, plan):
@@ -261,7 +261,7 @@ class StepProof:
         )
 
     def _assumed(self, stored: Stored, known: RecordedFacts) -> Variant | None:
-        # return the variant of a row whose plan cannot be made again with its picture
+        # returns the variant of a row whose plan cannot be made again, with its picture
         row = stored.row
         plan = stored.plan
         label = row["corruption"]
@@ -285,7 +285,7 @@ class StepProof:
         plan: Plan,
         labels: Mapping[str, Any],
     ) -> None:
-        # check that the build keeps such a row
+        # checks that the label policy of the build keeps such a row
         policy = self.label_policy
         seen = labels["target_visible"]
         if plan.ops and not labels["changed_pixels"]:
@@ -313,7 +313,7 @@ def _check_plan(
     picture: UInt8Array,
     plan: Plan,
 ) -> None:
-    # check that the columns about a plan agree with it, and with each other
+    # checks that the columns about a plan agree with it, and with each other
     height, width = picture.shape[:2]
     if (height, width) != (row["height"], row["width"]):
         raise DatasetError(f"screenshot is {width}x{height}, the row says otherwise")
@@ -330,7 +330,7 @@ def _check_plan(
 
 
 def _alike(made: Plan, stored: Plan) -> bool:
-    """Return whether plans differ only in their notes on elements that are off the screen."""
+    """Return whether plans are equal except for their notes on elements off the screen."""
     return _without_elements(made).digest() == _without_elements(stored).digest()
 
 
@@ -340,11 +340,11 @@ def _without_elements(plan: Plan) -> Plan:
 
 
 def _check_params(plan: Plan, planner: Planner) -> None:
-    # check that a plan is of the corruptions of its label, with their parameters
+    # checks that a plan is of the corruptions of its label, with their parameters
     known: dict[str, list[dict[str, Any]]] = {}
     parts = list(leaves(planner))
     if not all(isinstance(part, Corruption) for part in parts):
-        return  # a planner of somebody else may put any parameters into its plans
+        return  # the planner of a plug-in may put any parameters into its plans
     for leaf in parts:
         known.setdefault(leaf.id, []).append(leaf.params())
     if not known:

@@ -1,6 +1,6 @@
 """Check a dataset against its manifest, against itself and, if it is given, against its source.
 
-The build's own code makes the rows again, from the clean ones or from the source.
+The code of the build makes the rows again, from the clean rows or from the source.
 """
 
 import os
@@ -40,11 +40,11 @@ class VerifyReport(Findings):
 
     Args:
         folder: the dataset.
-        problems: what is wrong, each with the file or row; empty if nothing is.
+        problems: the problems found, each with the file or row; empty if there are none.
         rows: number of rows that were read.
-        regenerated: number of corrupted rows whose picture was made again and agreed.
+        regenerated: number of corrupted rows whose picture was made again and is the same.
         shards: number of files that were checked.
-        notes: remarks that are no problem by themselves, such as a newer asset pack.
+        notes: remarks that are not problems by themselves, such as a newer asset pack.
         unproved: the corruptions whose plans were not made again, and why.
     """
 
@@ -77,18 +77,18 @@ def verify(
     must decode to `image_sha256`; ids, order and counts must be those of the build. The rows of
     each step are made again from its clean row, the seed and the parameters, by the code that
     builds them, and every column must be the same. Plans that depend on more (elements,
-    applications, earlier steps) are taken as they are stored, and noted.
+    applications, earlier steps) are used as stored, and noted.
 
-    A check fails with `DatasetError` (the folder is no finished dataset, or was built with
+    A check fails with `DatasetError` (the folder is not a finished dataset, or was built with
     corruptions of a file that is not loaded, see `hijack --load`), `SourceError` (there is no
     source), `AssetError` (rows of events have to be made again without an asset pack) or
     `MissingDependencyError` (elements have to be detected and OpenCV is not installed).
 
     Args:
         folder: the dataset.
-        source: the recordings that it was built from, or a list of several. All rows are then
-            made again from them, whatever their plans depend on, and must be the rows of the
-            dataset.
+        source: the recordings that it was built from, or a list of several. All rows, whatever
+            their plans depend on, are then made again from the recordings and must equal those of
+            the dataset.
     """
     path = Path(folder)
     manifest = read_manifest(path)
@@ -188,7 +188,7 @@ class _Check:
             )
 
     def _tasks(self, source: PathLike | Sequence[PathLike]) -> Iterator[ShardTask]:
-        # the shards of the source, as the build makes them
+        # returns the shards of the source, as the build makes them
         parameters = self.manifest["parameters"]
         settings = self.settings
         if settings is None:
@@ -281,7 +281,7 @@ class _Check:
         key: tuple[str, int],
         recordings: Recordings,
     ) -> Iterator[str]:
-        """Yield the problems of the rows of a step that is read from the source."""
+        """Yield the problems of the rows of a step, which is read from the source."""
         if key not in recordings.keys:
             yield (
                 f"row {rows[0]['id']}: its step is not in the recordings, or in another file of the"
@@ -290,7 +290,7 @@ class _Check:
             return
         for passed, step in recordings.steps:
             if passed != key:
-                yield from self._proof([], step)  # a step that has no rows
+                yield from self._proof([], step)  # this step has no rows
                 continue
             if step is None:
                 yield f"row {rows[0]['id']}: its step cannot be read from the recordings"

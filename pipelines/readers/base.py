@@ -73,7 +73,7 @@ R = TypeVar("R", bound=Reader)
 def _problems(cls: Any, name: str) -> Iterator[str]:
     """Yield what is wrong with the class of a reader."""
     if not isinstance(cls, type):
-        yield "it is no class"
+        yield "it is not a class"
         return
     if not name:
         yield "name is not set"

@@ -1,4 +1,4 @@
-"""Choices of the user that a source does not state: the space of coordinates, and boxes.
+"""The user's choices of what a source does not state: the space of coordinates, and boxes.
 
 Coordinates are in one of these spaces:
 
@@ -9,7 +9,7 @@ Coordinates are in one of these spaces:
 | `thousand` | 0..1000 of the picture's width and height |
 | `resized` | pixels of the smart-resized picture, as Qwen2.5-VL and UI-TARS 1.5 write them |
 
-A space that a prompt states as a resolution is a (height, width) of its own.
+If a prompt states a resolution, that (height, width) is the space.
 """
 
 from dataclasses import dataclass, replace
@@ -57,12 +57,12 @@ class ReaderOptions:
                 raise BuildError(f"{name} {value!r} is not known{suggest(value, known[name])}")
 
     def to_data(self) -> dict[str, str]:
-        """Return the choices that were made, as JSON data."""
+        """Return the choices that are set, as JSON data."""
         said = {"coordinates": self.coordinates, "boxes": self.boxes}
         return {name: value for name, value in said.items() if value is not None}
 
     def of(self, reader: Reader) -> "ReaderOptions":
-        """Return the choices that a reader takes."""
+        """Return the choices that a reader accepts."""
         takes: tuple[str, ...] = getattr(reader, "takes", ())
         said = {name: value for name, value in self.to_data().items() if name in takes}
         return ReaderOptions(**said)
@@ -74,11 +74,11 @@ NO_CHOICES = ReaderOptions()
 def with_choices(reader: Reader, choices: ReaderOptions) -> Reader:
     """Return a reader that follows the choices; `reader` itself if there are none.
 
-    A reader that takes choices is a dataclass with a field `choices`; `takes` names those that it
-    takes.
+    A reader that accepts choices is a dataclass with a field `choices`; its `takes` lists the
+    accepted ones.
 
     Raises:
-        BuildError: the format states itself what was chosen.
+        BuildError: the format itself states what the user chose.
     """
     said = choices.to_data()
     takes: tuple[str, ...] = getattr(reader, "takes", ())
@@ -96,10 +96,10 @@ def with_choices(reader: Reader, choices: ReaderOptions) -> Reader:
 def scaling_of(space: Space, size: Size) -> Scaling:
     """Return the scaling from a space to pixels of a picture of `size`, (height, width).
 
-    A point outside the picture is never moved into it by more than the slack of the space.
+    A point outside the picture is moved into it by at most the slack of the space.
 
     Raises:
-        FieldError: the model behind `resized` does not take such a picture.
+        FieldError: the model behind `resized` does not accept a picture of this size.
     """
     if space == PIXELS:
         return Scaling.pixels(None)

@@ -1,7 +1,7 @@
-"""Recorded actions in their agents' dialects: reading them, and mapping them to corrupted pictures.
+"""Read recorded actions in their agents' dialects, and map them to corrupted pictures.
 
-`Step.action_code` keeps what was recorded, word for word (dicts as JSON). A `RecordedStep` names
-the dialect.
+`Step.action_code` keeps the recorded text verbatim (dicts as JSON). A `RecordedStep` names its
+dialect.
 """
 
 import json
@@ -37,7 +37,7 @@ OPENAI = "openai"
 ANTHROPIC = "anthropic"
 QWEN_25 = "qwen2.5_vl"
 QWEN_3 = "qwen3_vl"
-# The own space of a dialect; all others are in pixels.
+# The spaces of dialects that are not in pixels.
 OWN_SPACES = {
     UI_TARS: THOUSAND,
     UI_TARS_15: RESIZED,
@@ -56,7 +56,7 @@ class RecordedStep(Step):
 
     Args:
         dialect: one of `hijack_data.actions.DIALECTS`, `SCREENAGENT` or `SIZELESS`.
-        acts: false if nothing is done on the screen, as by a plan or a thought.
+        acts: false if the step does nothing on the screen, as a plan or a thought.
     """
 
     dialect: str = PYAUTOGUI
@@ -65,7 +65,7 @@ class RecordedStep(Step):
 
 @dataclass(frozen=True)
 class Recorded:
-    """An action as it was recorded: the text that a step keeps, and its dialect."""
+    """A recorded action: the text that a step keeps, and its dialect."""
 
     action: Action
     code: str
@@ -89,7 +89,7 @@ def first_action(
         space: the space of the coordinates, if that is not the dialect's own.
 
     Raises:
-        FieldError: it is not an action of the dialect, or points outside the picture.
+        FieldError: the value is not an action of the dialect, or points outside the picture.
     """
     own = OWN_SPACES.get(dialect, PIXELS)
     try:
@@ -107,11 +107,11 @@ def recorded(
     choice: str | None,
     default: Space | None,
 ) -> Recorded:
-    """Return an action whose coordinates are in the chosen space, or else in the default one.
+    """Return an action whose coordinates are in the chosen space, or in the default one.
 
-    Of the two versions of a family of models, the one with that space is taken. If there is none,
-    or if pyautogui code or a dictionary is not in pixels, the code is rewritten in pixels, as rows
-    do not name their space. Without choice and default, an action at a point is refused.
+    If a family of models has a version with that space, its dialect is used. If there is none, or
+    if pyautogui code or a dictionary is not in pixels, the code is rewritten in pixels, because
+    rows do not name their space. Without choice and default, an action at a point is refused.
 
     Args:
         raw: text or a dict in the dialect.
@@ -176,7 +176,7 @@ def _hint(
     size: Size,
     known: Space | None,
 ) -> str:
-    """Return the spaces that an action fits, other than the one that is known, as a remedy."""
+    """Return a remedy that lists the spaces, other than the known one, that an action fits."""
     fit: list[str] = []
     for space in COORDINATES:
         if space == known:
@@ -196,7 +196,7 @@ def code_of(raw: object, field: str) -> str:
     """Return the text that `action_code` keeps of a recorded action.
 
     Raises:
-        FieldError: a dataset cannot store it.
+        FieldError: a dataset cannot store the action.
     """
     if isinstance(raw, str):
         return fields.storable(raw, field)
@@ -210,7 +210,7 @@ def code_of(raw: object, field: str) -> str:
 def observed_code(coords: CoordMap, step: Step) -> str:
     """Return the `action_code` of a step in pixels of the observation of `coords`.
 
-    It stays in its own dialect; code that cannot be mapped is an `ActionError`.
+    It stays in its dialect. Raises `ActionError` for code that cannot be mapped.
     """
     dialect = step.dialect if isinstance(step, RecordedStep) else PYAUTOGUI
     if coords.is_identity:
@@ -225,7 +225,7 @@ def _parsed(
     dialect: str,
     scaling: Scaling,
 ) -> Action:
-    # Pixels are not clamped, so that a point outside can be told from one at the edge.
+    # Pixels are not clamped, so that a point outside can be distinguished from one at the edge.
     if dialect == PYAUTOGUI:
         code = cast("str", raw)
         in_pixels = scaling == Scaling.pixels(None)

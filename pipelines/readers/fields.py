@@ -1,7 +1,7 @@
 """Checked access to the fields of a parsed record; every error names its field.
 
-The checks are our own and not msgspec's or pydantic's: those convert before they check, and their
-messages and limits are not ours, which hostile input is tested against.
+The checks are our own because msgspec and pydantic convert before they check, and because the tests
+with hostile input rely on our messages and limits.
 """
 
 import math
@@ -44,7 +44,7 @@ class FieldError(SourceError):
 
 
 class FieldTypeError(FieldError):
-    """A field has a value of another kind than expected, which the message shows."""
+    """A field has a value of the wrong kind, which the message shows."""
 
     def __init__(
         self,
@@ -59,7 +59,7 @@ def mapping(value: object, field: str) -> JsonObject:
     """Return `value` if it is a JSON object.
 
     Raises:
-        FieldTypeError: it is something else.
+        FieldTypeError: the value is of another kind.
     """
     if not isinstance(value, dict):
         raise FieldTypeError(field, "an object", value)
@@ -67,7 +67,7 @@ def mapping(value: object, field: str) -> JsonObject:
 
 
 def mappings(values: Iterable[object], field: str) -> list[JsonObject]:
-    """Return values that must all be JSON objects; another one is a `FieldTypeError`."""
+    """Check that all values are JSON objects and return them, or raise `FieldTypeError`."""
     return [mapping(value, field) for value in values]
 
 
@@ -75,7 +75,7 @@ def items(record: JsonObject, key: str) -> list[Any]:
     """Return a required list.
 
     Raises:
-        FieldTypeError: it is something else; a missing one is a `FieldError`.
+        FieldTypeError: the value is of another kind; a missing one is a `FieldError`.
     """
     value = _required(record, key, key)
     if not isinstance(value, list):
@@ -84,12 +84,12 @@ def items(record: JsonObject, key: str) -> list[Any]:
 
 
 def listed(value: object) -> list[object]:
-    """Return the entries of an optional list; none if it is something else."""
+    """Return the items of an optional list; empty if the value is not a list."""
     return cast("list[object]", value) if isinstance(value, list) else []
 
 
 def objects(value: object) -> list[JsonObject]:
-    """Return the JSON objects of an optional list; other entries are left out."""
+    """Return the JSON objects of an optional list; other items are left out."""
     return [cast("dict[str, Any]", one) for one in listed(value) if isinstance(one, dict)]
 
 
@@ -103,8 +103,8 @@ def text(
     """Return a string; without a `default` it is required and must not be empty.
 
     Raises:
-        FieldError: it is missing, empty, or no text that a dataset can store.
-        FieldTypeError: it is something else.
+        FieldError: the field is missing, empty, or a text that a dataset cannot store.
+        FieldTypeError: the value is of another kind.
     """
     field = field or key
     if default is not None and record.get(key) is None:
@@ -118,7 +118,7 @@ def text(
 
 
 def strings(value: object) -> tuple[str, ...]:
-    """Return the strings of an optional list that a dataset can store; the rest is left out."""
+    """Return the strings of an optional list; other items, and unstorable strings, are left out."""
     return tuple(name for name in listed(value) if isinstance(name, str) and is_storable(name))
 
 
@@ -126,7 +126,7 @@ def platform(value: object, field: str) -> Platform | None:
     """Return an optional platform.
 
     Raises:
-        FieldError: it is not the name of one.
+        FieldError: the value is not the name of a platform.
     """
     if value is None:
         return None
@@ -140,7 +140,7 @@ def step_number(record: JsonObject, key: str) -> int:
     """Return a required step, an integer in 0..`MAX_STEP`.
 
     Raises:
-        FieldTypeError: it is something else; a missing one is a `FieldError`.
+        FieldTypeError: the value is of another kind; a missing one is a `FieldError`.
     """
     value = _required(record, key, key)
     is_integer = isinstance(value, int) and not isinstance(value, bool)
@@ -180,7 +180,7 @@ def boxes(
     """Return recorded boxes clipped to a picture of `size`, (height, width).
 
     Raises:
-        FieldError: they are no boxes, or the field is `target_box` and nothing of one shows.
+        FieldError: the labels are not boxes, or the field is `target_box` and a box is invisible.
     """
     try:
         found = clip_boxes(boxes_from_labels(labels, size=size).boxes, size)
@@ -197,7 +197,7 @@ def storable(value: str, field: str) -> str:
     """Return text that a dataset can store.
 
     Raises:
-        FieldError: it is too long, or contains half of a surrogate pair.
+        FieldError: the text is too long, or contains half of a surrogate pair.
     """
     if len(value) > MAX_TEXT:
         raise FieldError(field, f"has {len(value)} characters; the limit is {MAX_TEXT}")
@@ -207,7 +207,7 @@ def storable(value: str, field: str) -> str:
 
 
 def is_storable(value: str) -> bool:
-    """Return whether text can be written as UTF-8, which half of a surrogate pair cannot."""
+    """Return whether text can be encoded in UTF-8, unlike half of a surrogate pair."""
     try:
         value.encode()
     except UnicodeEncodeError:
@@ -223,8 +223,8 @@ def on_screen(
     """Return an action whose points lie in a picture of `size`, (height, width).
 
     Raises:
-        FieldError: a point is outside, or a value cannot be stored. A point is never clamped, since
-            it may be in another space or on another screen.
+        FieldError: a point is outside, or a value cannot be stored. Points are never clamped, since
+            they may be in another space or on another screen.
     """
     height, width = size
     for x, y in ((action.x, action.y), (action.x2, action.y2)):
@@ -251,10 +251,10 @@ def shown(value: object) -> str:
 def once(
     items: Iterable[Trajectory | FieldError], seen: set[str]
 ) -> Iterator[Trajectory | FieldError]:
-    """Yield each trajectory under its id once.
+    """Yield trajectories with unique ids.
 
-    A trajectory whose id is in `seen`, and an error that ends the reading, are yielded as errors;
-    nothing is read after either.
+    A trajectory whose id is in `seen`, and an error that ends the reading, are yielded as
+    rejections; reading stops after either.
     """
     try:
         for item in items:
@@ -292,7 +292,7 @@ def _number(
 
 
 def _points(data: JsonObject, size: Size) -> dict[str, int | None]:
-    # A point is given whole or not at all.
+    # A point needs both coordinates, or neither.
     height, width = size
     pixels: dict[str, int | None] = {}
     for x, y in _POINTS:
@@ -312,7 +312,7 @@ def _check_space(
     x: str,
     y: str,
 ) -> None:
-    # As pixels, a point in fractions would be the corner of the picture.
+    # Taken as pixels, a point in fractions would be the corner of the picture.
     point = [data[side] for side in (x, y) if data.get(side) is not None]
     if point and are_fractions(point):
         raise FieldError(

@@ -1,11 +1,11 @@
 """Safe reading of untrusted recordings: no path outside the source, no pickles, bounded sizes.
 
 Nothing outside the source folder is opened, links to folders are not followed, only regular files
-are opened and pickles never, lines and files over `MAX_RECORD` bytes are not taken into memory, and
-anything that is not JSON is a `FieldError`.
+are opened, pickles are never opened, lines and files over `MAX_RECORD` bytes are not read into
+memory, and anything that is not JSON is a `FieldError`.
 
 A snapshot in the cache of the Hugging Face Hub is a folder of links into the `blobs` of its
-repository: those links are followed, and no others that leave the source.
+repository: only those links may leave the source.
 """
 
 import io
@@ -32,7 +32,7 @@ from .fields import FieldError, JsonObject, mapping, shown
 
 MAX_RECORD = 50 * 2**20
 SNIFFED = 20
-LONGEST_NAME = 60  # of a field in a report
+LONGEST_NAME = 60  # characters of a field in a report
 PICKLES = (".pkl", ".pickle", ".pkl.xz", ".pkl.gz", ".pt", ".pth", ".joblib", ".npy", ".npz")
 PICKLE = (
     "a pickle (or a file that may hold one) is never opened: reading it would run what is in it"
@@ -58,16 +58,16 @@ _BROKEN = (
 
 @dataclass(frozen=True)
 class Part:
-    """Those files of a source that one reader reads, in the order of their names.
+    """The files of a source for one reader, in the order of their names.
 
-    `root` is the folder of the whole source: what the reader names is named from there.
+    `root` is the folder of the whole source; names in reports are relative to it.
     """
 
     root: Path
     files: tuple[Path, ...]
 
 
-# What a reader reads: a file, a folder, or its part of a folder that holds several formats.
+# The input of a reader: a file, a folder, or its part of a folder with several formats.
 Source: TypeAlias = Path | Part
 
 
@@ -76,7 +76,7 @@ class RecordLine:
     """One line that is not blank.
 
     Args:
-        number: its number in the file, from 1.
+        number: the number of the line in the file, from 1.
         offset: where it begins, in bytes.
         data: its bytes; `None` if there are more than `MAX_RECORD`.
     """
@@ -89,7 +89,7 @@ class RecordLine:
         """Return the JSON object in the line; `unique` as in `parse`.
 
         Raises:
-            FieldError: the line is too long; other text is one, too.
+            FieldError: the line is too long, or not a JSON object.
         """
         if self.data is None:
             raise FieldError("", f"longer than {MAX_RECORD // 2**20} MiB")
@@ -109,7 +109,7 @@ def lines(path: Path, limit: int | None = None) -> Iterator[RecordLine]:
             number += 1
             if len(data) > limit:
                 yield RecordLine(number, offset, None)
-                _skip_line(file, data)  # whoever wants no more does not read on
+                _skip_line(file, data)  # the caller may stop here without reading further
             elif data.strip(b" \t\r\n\xef\xbb\xbf"):
                 yield RecordLine(number, offset, data)
 
@@ -121,7 +121,7 @@ def line_at(file: Any, offset: int) -> bytes:
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> JsonObject:
-    """Return an object of JSON; Python's own reader would take the last of equal keys."""
+    """Return a JSON object, refusing repeated keys, of which Python's reader would use the last."""
     record = dict(pairs)
     if len(record) == len(pairs):
         return record
@@ -138,12 +138,12 @@ def parse(data: bytes, *, unique: bool = True) -> object:
 
     Args:
         data: UTF-8 text.
-        unique: whether a key twice in an object is an error. Otherwise the last one counts, which
-            is enough to find out which format a file has.
+        unique: whether a repeated key in an object is an error. Otherwise the last one counts,
+            which is good enough for detecting formats.
 
     Raises:
-        FieldError: the text is not UTF-8 or not JSON, nested too deeply, or an object in it has a
-            key twice.
+        FieldError: the text is not UTF-8, not JSON, nested too deeply, or repeats a key in an
+            object.
     """
     try:
         text = data.decode("utf-8-sig")
@@ -173,7 +173,7 @@ def parsed(value: object, field: str) -> object:
 
 
 def parse_file(path: Path, *, unique: bool = True) -> JsonObject:
-    """Parse a whole file as a JSON object; anything else is a `FieldError`. See `parse`."""
+    """Parse a whole file as a JSON object, or raise `FieldError`. See `parse`."""
     return mapping(parse_any(path, unique=unique), "")
 
 
@@ -196,7 +196,7 @@ def parse_any(path: Path, *, unique: bool = True) -> object:
 
 
 def first_records(path: Path) -> list[JsonObject]:
-    """Return the readable ones of the first records of a file, to find its format."""
+    """Return the first records of a file, without unreadable ones, to detect its format."""
     found: list[JsonObject] = []
     try:
         for line in islice(lines(path), SNIFFED):
@@ -212,7 +212,7 @@ def first_records(path: Path) -> list[JsonObject]:
 
 
 def root_of(source: Source) -> Path:
-    """Return the folder that a source may read from: itself, or the folder of a file."""
+    """Return the folder from which a source may be read: the source, or the folder of a file."""
     if isinstance(source, Part):
         return source.root
     return source if source.is_dir() else source.parent
@@ -226,7 +226,7 @@ def inside(
     """Return the path of a file below `root`.
 
     Raises:
-        FieldError: it leaves `root`, or is not a file.
+        FieldError: the path leaves `root`, or is not a file.
     """
     relative = Path(name)
     if relative.is_absolute():
@@ -282,9 +282,9 @@ def walk(path: Path, *, pictures: bool = False) -> Iterator[Path | tuple[Path, s
     """Yield the files below a folder (or the file itself) in the order of their names.
 
     A file that is refused is yielded with the reason; refused pictures only with `pictures`, since
-    the record that names one is rejected anyway. Refused are links to folders, which may run in a
-    circle, links that leave the source, files that are not regular (reading a pipe or a device may
-    never end), names that are not UTF-8, and pickles, which run code when they are read.
+    the record that names one is rejected anyway. Refused are links to folders (which may be
+    circular), links that leave the source, files that are not regular (reading a pipe or a device
+    may never end), names that are not UTF-8, and pickles (which run code when they are read).
     """
     root = root_of(path)
     if path.is_file():
@@ -308,7 +308,7 @@ def walk(path: Path, *, pictures: bool = False) -> Iterator[Path | tuple[Path, s
 
 
 def _entered(folder: str, folders: list[str]) -> list[str]:
-    """Return the folders to walk through; in a repository of the Hub's cache, its snapshots."""
+    """Return the folders to walk; in a repository of the Hub's cache, only its snapshots."""
     if Path(folder).name.startswith(CACHED) and {BLOBS, SNAPSHOTS} <= set(folders):
         return [name for name in folders if name not in (BLOBS, REFS)]
     return folders
@@ -320,7 +320,7 @@ def is_picture(path: Path) -> bool:
 
 
 def _looked_at(file: Path, root: Path) -> Path | tuple[Path, str]:
-    """Return a file, with the reason if it is not opened."""
+    """Return a file, and the reason why it is not opened, if any."""
     if not is_utf8(file.name):
         return file, NOT_UTF8
     if is_pickle(file):
@@ -337,7 +337,7 @@ def _closed(file: Path, root: Path) -> str:
             if not _stays(file, root):
                 return "a link that leaves the source folder, which is not followed"
             mode = file.stat().st_mode
-    except (OSError, RuntimeError) as error:  # a link to nothing, or in a circle
+    except (OSError, RuntimeError) as error:  # a dangling or circular link
         return f"cannot be opened ({getattr(error, 'strerror', None) or error})"
     if not stat.S_ISREG(mode):
         return "is not a regular file, and reading it might never end"
@@ -347,7 +347,7 @@ def _closed(file: Path, root: Path) -> str:
 def _stays(path: Path, root: Path) -> bool:
     """Return whether a path leads to a file below `root`, or to a blob of the same snapshot.
 
-    A path that leads nowhere is an `OSError` or a `RuntimeError`.
+    Raises `OSError` or `RuntimeError` for a path that leads nowhere.
     """
     target = path.resolve(strict=True)
     if target.is_relative_to(root.resolve(strict=True)):
@@ -378,18 +378,18 @@ def is_utf8(name: str) -> bool:
 
 
 def is_pickle(path: Path) -> bool:
-    """Return whether a file is a pickle by its name, or of a format that may contain one."""
+    """Return whether a file, by its name, is a pickle or of a format that may contain one."""
     return path.name.lower().endswith(PICKLES)
 
 
 def relative_name(path: Path, root: Path) -> str:
-    """Return the name of a file in reports: relative to the source, non-text bytes escaped."""
+    """Return the name of a file in reports: relative to the source, undecodable bytes escaped."""
     name = Path(os.path.relpath(path, root)).as_posix()
     return name.encode(errors="surrogateescape").decode(errors="backslashreplace")
 
 
 def _missing(root: Path, name: str) -> str:
-    # A name such as ../../etc/x must not tell whether the file is there.
+    # The message for a name such as ../../etc/x must not reveal whether that file exists.
     target = Path(os.path.abspath(root / name))
     if target.is_relative_to(os.path.abspath(root)):
         return f"{name!r} is not in the source folder"

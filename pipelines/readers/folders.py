@@ -1,4 +1,4 @@
-"""How readers go through the files of a source: sniffing, and formats with a folder an episode."""
+"""How readers walk the files of a source, and the base of formats with a folder per episode."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
@@ -31,8 +31,8 @@ def one_of_first(
 
     Args:
         source: the file or folder.
-        candidate: whether the name of a file is worth opening it.
-        is_ours: whether a candidate is of the format; at most `SNIFFED_FILES` are asked for.
+        candidate: returns whether a file, by its name, is worth opening.
+        is_ours: returns whether a candidate is of the format; called for at most `SNIFFED_FILES`.
     """
     candidates = filter(candidate, readable_files(source))
     return any(is_ours(file) for file in islice(candidates, SNIFFED_FILES))
@@ -48,7 +48,7 @@ class FolderReader(ABC):
     """Base of the readers whose trajectories are folders with one record file each.
 
     A subclass sets `name` and `records`, the name of the record file, and implements `episode`.
-    With `any_name`, a file that is given as the source itself is a record file whatever its name.
+    With `any_name`, a file given as the source is a record file whatever its name.
     """
 
     name: str = ""
@@ -120,5 +120,5 @@ class EpisodeFolder(ABC):
         return inside(self.root, relative_name(self.folder / name, self.root), field)
 
     def unreadable(self, error: OSError) -> Rejected:
-        """Return the record that the record file cannot be read."""
+        """Return the rejection of a record file that cannot be read."""
         return Rejected(self.records, "", "", f"cannot be read ({error.strerror or error})")

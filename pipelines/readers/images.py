@@ -41,7 +41,8 @@ from .plain import (
 
 METADATA = "metadata.jsonl"
 FILE_NAME = "file_name"
-# The place of a picture decides its trajectory and step.
+# Fields of the plain format that do not apply: the place of a picture decides its trajectory and
+# step.
 KNOWN = (FILE_NAME, *(name for name in FIELDS if name not in ("trajectory_id", "step", "image")))
 RECORDS = (
     *(".json", ".jsonl", ".ndjson", ".parquet", ".csv", ".tsv", ".arrow", ".tfrecord"),
@@ -97,7 +98,7 @@ def _files(source: Source) -> Iterable[Path | tuple[Path, str]]:
 
 
 def _is_other(file: Path) -> bool:
-    """Return whether a file has records of something else than the pictures."""
+    """Return whether a file has records other than metadata of the pictures."""
     if file.suffix.lower() not in RECORDS or file.name == METADATA:
         return False
     return file.suffix != ".json" or not any(_beside(file))
@@ -113,7 +114,7 @@ def _beside(file: Path) -> Iterator[Path]:
 
 @dataclass
 class _Metadata:
-    """The place of each picture's line, so that memory stays small."""
+    """The positions of the pictures' metadata lines, kept instead of the lines to save memory."""
 
     root: Path
     places: dict[Path, tuple[Path, int, int]] = field(
@@ -121,7 +122,7 @@ class _Metadata:
     )
 
     def add(self, file: Path) -> Iterator[Rejected]:
-        """Take in a file of metadata; yield the lines that cannot be read."""
+        """Index a file of metadata; yield the lines that cannot be read."""
         for line in lines(file):
             try:
                 self._line(file, line)
@@ -206,10 +207,10 @@ def _action(
     size: Size | None,
     problems: LineProblems,
 ) -> Action:
-    """Return the action of a picture: as it is described, or else what its code says.
+    """Return the action of a picture: the described one, or the one in its code.
 
     Raises:
-        FieldError: the two contradict each other, or the code points off the picture.
+        FieldError: the two contradict each other, or the code points outside the picture.
     """
     if size is None:
         return Action("other")
@@ -217,11 +218,11 @@ def _action(
         action = action_of(record["action"], size, problems) or Action("other")
         check_agreement(action, code, size)
         return action
-    check_agreement(Action("other"), code, size)  # fractions would be no pixels
+    check_agreement(Action("other"), code, size)  # fractions would be taken for pixels
     if not calls_pyautogui(code):
         return Action("other")
     try:
         said = parse_pyautogui(code, None)
-    except HijackError:  # what it does is known only when it runs
+    except HijackError:  # the effect of the code is known only when it runs
         return Action("other")
     return fields.on_screen(said, size, "action_code")

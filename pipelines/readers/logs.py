@@ -1,4 +1,4 @@
-"""Logs of conversations: the entries of a file, and the screen that each action goes with."""
+"""Logs of conversations: the entries of a file, and the screen of each action."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -20,7 +20,7 @@ from .json_rows import is_json
 from .pictures import decoded, in_json
 
 LISTS = ("messages", "items", "input", "output")
-LONG_TEXT = 4096  # the end is kept: an action follows the thought
+LONG_TEXT = 4096  # the end of a text is kept, because the action follows the thought
 PICTURES = (".png", ".jpg", ".jpeg", ".webp")
 JsonPath = tuple[str | int, ...]
 
@@ -43,7 +43,7 @@ class LogEntry:
 
 
 class WrongFile(FieldError):
-    """Raised by a reader when a whole file is not for it."""
+    """Raised by a reader if a whole file is of another format."""
 
 
 @dataclass
@@ -68,7 +68,7 @@ class Conversation:
         entry: LogEntry,
         pointer: JsonPath,
     ) -> None:
-        """Take in a screenshot.
+        """Add a screenshot.
 
         Args:
             value: a `data:` URL, bare base64, or the path of a file beside the log.
@@ -76,8 +76,8 @@ class Conversation:
             pointer: keys and indices from the entry to it.
 
         Raises:
-            FieldError: it is on the web, or cannot be read.
-            FieldTypeError: it is not text.
+            FieldError: the screenshot is on the web, or cannot be read.
+            FieldTypeError: the value is not text.
         """
         self.image = ""
         self.why = "the screenshot before this action cannot be read"
@@ -102,7 +102,7 @@ class Conversation:
         where: str,
         code: object = None,
     ) -> None:
-        """Take in an action.
+        """Add an action.
 
         Args:
             raw: the action in its dialect.
@@ -111,7 +111,8 @@ class Conversation:
             code: the text to keep of it, if that is not `raw` itself.
 
         Raises:
-            FieldError: it is broken, or there is no screenshot between it and the one before.
+            FieldError: the action is broken, or there is no screenshot between it and the previous
+                action.
         """
         self.actions += 1
         image = self.image
@@ -125,7 +126,7 @@ class Conversation:
         self.steps.append(RecordedStep(self.actions, image, action, text, dialect=dialect))
 
     def ask(self, text: object) -> None:
-        """Take in a text of the user: the first is the instruction."""
+        """Add a text of the user, the first of which is the instruction."""
         if not self.instruction and isinstance(text, str) and text.strip():
             self.instruction = fields.storable(text.strip(), "instruction")
 
@@ -155,12 +156,12 @@ def read_logs(
     source: str,
     take: TakeEntry,
 ) -> Iterator[Trajectory | Rejected]:
-    """Read every log of a source, a trajectory a file.
+    """Read every log of a source; each file is a trajectory.
 
     Args:
         path: the source.
         source: name of the format.
-        take: takes in an entry, and yields the errors in it.
+        take: handles an entry, and yields the errors in it.
     """
     root = root_of(path)
     seen: set[str] = set()
@@ -266,7 +267,8 @@ def _sniffed(
 ) -> tuple[LogEntry, ...]:
     """Return the first entries of a file without their pictures.
 
-    They are kept, since every reader asks for them; `changed` and `size` are part of the key.
+    They are cached, since every reader asks for them; `changed` and `size` are part of the cache's
+    key.
     """
     try:
         first = islice(entries(file, unique=False), SNIFFED)

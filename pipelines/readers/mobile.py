@@ -32,7 +32,7 @@ _WAY_OUT = (
     "a TFRecord file, which is not read: write a JSON an episode (episode_id, goal, actions,"
     ' screenshots) and its PNGs with tf.data.TFRecordDataset(files, compression_type="GZIP")'
 )
-_Entry = tuple[object, JsonObject]  # the picture that a step names, and what was done
+_Entry = tuple[object, JsonObject]  # the picture named by a step, and its action
 
 
 def _begins(file: Path, signs: tuple[bytes, ...]) -> bool:
@@ -41,7 +41,7 @@ def _begins(file: Path, signs: tuple[bytes, ...]) -> bool:
 
 
 class _Phone(ABC):
-    """A format with a JSON file an episode."""
+    """A format with one JSON file per episode."""
 
     name = ""
     signs: tuple[bytes, ...] = ()

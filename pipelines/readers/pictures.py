@@ -1,8 +1,8 @@
 """Screenshots inside another file: a Parquet column, or base64 text in a log.
 
 `Step.image` is then not a path but a reference, made by `in_parquet` or `in_json`; `read_picture`
-reads both kinds. A reference starts with a NUL, which no path can hold, so that no file name passes
-for one.
+reads both kinds. A reference starts with a NUL, which no path can contain, so a file name can never
+be mistaken for one.
 """
 
 import base64
@@ -89,7 +89,7 @@ def read_picture(image: str, name: str) -> bytes:
 
 
 def picture_name(image: str, root: Path) -> str:
-    """Return how a report names a picture: relative to the source, with the place in the file."""
+    """Return a picture's name in reports: relative to the source, with its place in the file."""
     place = _place(image)
     name = relative_name(picture_file(image), root)
     if "parquet" in place:
@@ -104,7 +104,7 @@ def picture_name(image: str, root: Path) -> str:
 
 
 def picture_file(image: str) -> Path:
-    """Return the file in which a picture lies."""
+    """Return the file that holds a picture."""
     return Path(_place(image).get("file", image))
 
 
@@ -112,7 +112,7 @@ def decoded(value: object) -> bytes:
     """Decode base64 text, with or without `data:image/...;base64,` before it.
 
     Raises:
-        FieldError: it is no base64 text, or empty.
+        FieldError: the value is not base64 text, or is empty.
     """
     if not isinstance(value, str):
         raise FieldError("image", "is not base64 text")
@@ -167,14 +167,14 @@ def _stamp(file: str) -> tuple[Any, ...]:
 class _Kept:
     """The record or column read last.
 
-    Pictures are asked for in order, and a record may contain hundreds.
+    This suffices because pictures are read in order, and a record may contain hundreds.
     """
 
     key: tuple[Any, ...] = ()
     value: Any = None
 
     def clear(self) -> None:
-        """Forget the value, before the next one is read or if that fails."""
+        """Drop the value, before the next one is read or if that fails."""
         self.key = ()
         self.value = None
 
@@ -204,7 +204,7 @@ def _line(file: str, offset: int) -> object:
 
 @dataclass
 class _Column:
-    """One column of a row group, read forwards; only one row is held at a time."""
+    """One column of a row group, read forwards; only one row is in memory at a time."""
 
     file: str
     group: int
@@ -217,7 +217,7 @@ class _Column:
         self.rows = GroupRows(open_parquet(Path(self.file)), self.group, [self.name])
 
     def at(self, row: int) -> object:
-        """Return the value of a row, which must not come before the last one asked for.
+        """Return the value of a row; row numbers must not decrease from call to call.
 
         Raises:
             FieldError: the file has changed, or the row is damaged.
@@ -264,7 +264,7 @@ def open_parquet(file: Path) -> Any:
 
 
 class GroupRows:
-    """Iterates over the rows of a row group as dicts, and holds one at a time.
+    """Iterates over the rows of a row group as dicts, with one in memory at a time.
 
     A row that cannot be read is a `FieldError`.
 
@@ -295,7 +295,7 @@ class GroupRows:
     def __next__(self) -> dict[str, Any] | FieldError:
         try:
             batch = next(self._batches)
-        except self._errors as error:  # the iterator of Arrow ends here
+        except self._errors as error:  # after an error, Arrow's iterator has ended
             return FieldError("", f"row group {self._group} is damaged ({_first_line(error)})")
         try:
             return batch.to_pylist()[0]

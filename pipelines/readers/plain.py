@@ -1,4 +1,4 @@
-"""The fields of the plain format: their names, and all mistakes in one line at once."""
+"""The fields of the plain format; all mistakes of a line are reported at once."""
 
 import json
 import os
@@ -29,7 +29,7 @@ FIELDS = (
     "apps",
     "platform",
 )
-# Other names of these fields, too far from ours to be taken for typing errors.
+# Other names of these fields that are too different to be recognised as typing errors.
 OTHER_NAMES = {
     "bbox": "target_box",
     "box": "target_box",
@@ -52,7 +52,8 @@ OTHER_NAMES = {
     "step_id": "step",
     "step_num": "step",
 }
-# A text may be typed key by key, and a key is a text of one letter.
+# Kinds of actions that count as equal: a text may be typed key by key, and a key is a text of one
+# letter.
 KEYBOARD = "keyboard"
 KEYBOARD_TYPES = ("type", "hotkey", "key_down", "key_up")
 SCHEMA = Path(__file__).with_name("trajectories.schema.json")
@@ -93,7 +94,7 @@ def check_names(
     problems: LineProblems,
     known: tuple[str, ...] = FIELDS,
 ) -> None:
-    """Note each name that is close to a known one which the record lacks."""
+    """Note each unknown name that is similar to a known name missing in the record."""
     for name in record:
         meant = _meant(name, known)
         if name not in known and meant and record.get(meant) is None:
@@ -130,7 +131,7 @@ def step_of(
         record: the line.
         root: the folder of the source, which pictures must not leave.
         folder: the folder from which pictures are named.
-        problems: mistakes that were found already.
+        problems: the mistakes found so far.
     """
     problems = problems or LineProblems()
     check_names(record, problems)
@@ -180,7 +181,8 @@ def check_agreement(
 ) -> None:
     """Check that the code of a step does not contradict its action.
 
-    Only what is certain counts: code that is no pyautogui, or more than one action, says nothing.
+    Only certain cases count: code that does not call pyautogui, or that holds several actions,
+    proves nothing.
 
     Args:
         action: the action, in pixels.
@@ -190,10 +192,10 @@ def check_agreement(
     Raises:
         FieldError: the code is another kind of action, points elsewhere, or counts in fractions.
     """
-    if _is_written_so(action, code) or not calls_pyautogui(code):
+    if _is_our_code(action, code) or not calls_pyautogui(code):
         return
     try:
-        said = parse_pyautogui(code, size)  # a pointer stops at the edge
+        said = parse_pyautogui(code, size)  # on a screen, the pointer stops at the edge
     except HijackError:
         _check_pixels(code, size)
         return
@@ -205,8 +207,8 @@ def check_agreement(
         )
 
 
-def _is_written_so(action: Action, code: str) -> bool:
-    """Return whether code is what we write of an action; parsing takes a hundred times as long."""
+def _is_our_code(action: Action, code: str) -> bool:
+    """Return whether code is what we write for an action; parsing takes 100 times as long."""
     try:
         return write_pyautogui(action) == code
     except HijackError:
@@ -217,7 +219,7 @@ def _check_pixels(code: str, size: Size) -> None:
     try:
         point = parse_pyautogui(code, size, normalized=True).point
     except HijackError:
-        return  # code that nobody can read without running it
+        return  # the code cannot be understood without running it
     if point is not None:
         reason = f"{fields.shown(code)} counts in fractions of the picture; write pixels"
         raise FieldError("action_code", reason)
@@ -232,14 +234,16 @@ def _contradict(action: Action, said: Action) -> bool:
     if (action.amount or 0) * (said.amount or 0) < 0 and action.type == "scroll":
         return True  # up and down
     pairs = [(action.point, said.point), (action.end, said.end)]
-    return any(_apart(one, two) for one, two in pairs if one is not None and two is not None)
+    return any(
+        _are_different_points(one, two) for one, two in pairs if one is not None and two is not None
+    )
 
 
 def _kind(action: Action) -> str:
     return KEYBOARD if action.type in KEYBOARD_TYPES else action.type
 
 
-def _apart(one: Point, two: Point) -> bool:
+def _are_different_points(one: Point, two: Point) -> bool:
     return max(abs(one[0] - two[0]), abs(one[1] - two[1])) > 1
 
 
@@ -255,7 +259,7 @@ def boxes_of(
     size: Size | None,
     problems: LineProblems,
 ) -> tuple[Any, tuple[Any, ...]]:
-    """Return the target and the elements; none if the size of the picture is not known."""
+    """Return the target and the elements; empty if the size of the picture is unknown."""
     if size is None:
         return None, ()
     target = None
@@ -292,7 +296,7 @@ def action_of(
 
 
 def _without(action: dict[str, Any], field: str) -> bool:
-    """Remove the field at fault, so that the next mistake shows; return whether it was there."""
+    """Remove the wrong field, so that the next mistake is found; return whether it was there."""
     name = field.partition(".")[2]
     if name == "type":
         repeated = action.get("type") == "other"
@@ -306,7 +310,7 @@ def _without(action: dict[str, Any], field: str) -> bool:
     }
     was_there = name in action or pairs.get(name) in action
     action.pop(name, None)
-    # The other half of a point is looked at by itself, with the half at fault put right.
+    # The other coordinate of the point is checked on its own, with the wrong one replaced.
     if name in pairs and action.get(pairs[name]) is not None:
         action[name] = 0
     return was_there

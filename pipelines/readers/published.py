@@ -1,7 +1,8 @@
-"""What the readers of published grounding sets have in common.
+"""The base of the readers of published grounding sets.
 
-`grounding` finds out what a table is; these readers know it, take nothing else for it, and read
-what only their set has. They are asked for by name: `--format screenspot_v2`.
+The reader `grounding` detects the form of any table; these readers are for one set each, refuse
+everything else, and also read fields that only their set has. They are selected by name: `--format
+screenspot_v2`.
 """
 
 import json
@@ -27,12 +28,12 @@ from .parquet_rows import platform_of
 
 @dataclass(frozen=True, kw_only=True)
 class GroundingTarget:
-    """What a row asks for.
+    """The target of a row.
 
     Args:
         action: the action, in pixels of the picture.
-        box: the target; `None` if nothing is meant.
-        more: what else belongs to the target, for the column `extra`.
+        box: the target box; `None` if there is none.
+        more: further data on the target, for the column `extra`.
     """
 
     action: Action
@@ -78,11 +79,11 @@ class PublishedSet(ABC):
             size: `(height, width)` of its picture.
 
         Raises:
-            FieldError: the row is not as the set is published.
+            FieldError: the row does not have the form of the published set.
         """
 
     def detect(self, path: Path) -> bool:
-        """Return False: the set is asked for by name, and `grounding` detects it."""
+        """Return False: the set is selected by name; detection leaves it to `grounding`."""
         return False
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
@@ -187,7 +188,7 @@ def _check_stated(
     """Check the size that a row states.
 
     Raises:
-        FieldError: the picture has another one, or none is stated.
+        FieldError: the picture has another size, or no size is stated.
     """
     height, width = size
     if stated != [width, height]:

@@ -1,4 +1,4 @@
-"""Replies of models as text, and the action that each is.
+"""Read the actions in text replies of models.
 
 | family | form | coordinates |
 |---|---|---|
@@ -27,7 +27,7 @@ from .choices import PIXELS, THOUSAND, XYXY, Space, scaling_of
 from .dialects import PYAUTOGUI, QWEN_3, UI_TARS, Recorded, recorded
 from .fields import FieldError
 
-SCROLL_NOTCHES = 5  # for scrolling whose distance is not said, as UI-TARS's own code has it
+SCROLL_NOTCHES = 5  # the distance of a scroll without one, as in UI-TARS's own code
 _CODE = re.compile(r"```(?:python|py)?\s*\n?(.*?)```\s*\Z", re.DOTALL)
 _UI_TARS = re.compile(
     r"\b(?:click|left_double|right_single|drag|scroll)\(start_box\s*=|\bhotkey\(key\s*="
@@ -82,7 +82,7 @@ class Asked:
     Args:
         size: (height, width) of the picture.
         choice: the space that the user chose, if any.
-        told: the space that the prompt names, if any.
+        told: the space stated in the prompt, if any.
     """
 
     size: Size
@@ -96,7 +96,7 @@ class Asked:
         field: str,
         default: Space | None = None,
     ) -> Recorded:
-        """Return an action in a dialect; one that cannot be read is a `FieldError`."""
+        """Return an action in a dialect; raises `FieldError` if it cannot be read."""
         return recorded(raw, dialect, self.size, field, self.choice, self.told or default)
 
     def reply(
@@ -123,11 +123,11 @@ def reply_of(
     """Return the action of a reply.
 
     Raises:
-        FieldError: the text is no action, cannot be read, or has an unknown space.
+        FieldError: the text is not an action, cannot be read, or has an unknown space.
     """
     family = _family(text)
     if family is None:
-        raise FieldError(field, f"{fields.shown(text)} is no action")
+        raise FieldError(field, f"{fields.shown(text)} is not an action")
     return family(text, field, asked)
 
 
@@ -154,7 +154,7 @@ def _is_atlas(body: str) -> bool:
 
 
 def python_of(text: str) -> str:
-    """Return the pyautogui code that a reply is, or ends in; `""` if there is none."""
+    """Return the pyautogui code of a reply that is code or ends in code; `""` for any other."""
     block = _CODE.search(text)
     code = block[1].strip() if block else text.strip()
     if code in ("WAIT", "FAIL", "DONE"):
@@ -188,7 +188,7 @@ def _scale_cua(
 
 
 def _calls(body: str) -> list[tuple[str, ast.Call]]:
-    """Return the calls of plain names in a text; none if it is anything else."""
+    """Return the calls of plain names in a text; empty if it is anything else."""
     try:
         tree = ast.parse(body)
     except (SyntaxError, ValueError, RecursionError, MemoryError):
@@ -311,7 +311,7 @@ def _kept(
     field: str,
     asked: Asked,
 ) -> Recorded:
-    """Return what a step keeps: a text in thousandths, or else the action in pixels."""
+    """Return the text that a step keeps: a reply in thousandths, else the action in pixels."""
     fields.on_screen(action, asked.size, field)
     if asked.choice in (None, THOUSAND):
         return Recorded(action, text, SIZELESS)

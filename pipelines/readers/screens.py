@@ -1,7 +1,7 @@
 """The platform of a recording, and whether its pictures show a desktop, a page or a phone.
 
-A reader that knows states it in each trajectory, and not by its own name: where rows are made, in a
-worker that may be on another machine, a reader from elsewhere is not registered.
+A reader that knows this states it in each trajectory, not by its own name: workers, which may be on
+other machines, do not register the readers of plug-ins.
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ SCREENS: dict[Platform, ScreenKind] = {
 
 @dataclass(frozen=True)
 class RecordedTrajectory(Trajectory):
-    """A trajectory whose reader knows what its pictures show.
+    """A trajectory whose reader states what its pictures show.
 
     Args:
         screen: `"desktop"`, `"web page"` or `"phone"`; `None` leaves it to the platform and the

@@ -1,4 +1,4 @@
-"""The formats in a source: the reader of each file, and the files that have none."""
+"""Find the reader of each file of a source, and the files without a reader."""
 
 import os
 from collections import Counter, defaultdict
@@ -13,9 +13,9 @@ from .base import Reader, Rejected, existing, files_below, get_reader, names
 from .choices import NO_CHOICES, ReaderOptions, with_choices
 from .files import SCREENS, Part, Source, relative_name, root_of
 
-# Files that never hold records of a known format and may be large: no reader is asked about them.
+# Files that never hold records of a known format and may be large, so no reader examines them.
 OPAQUE = (*SCREENS, ".mp4", ".webm", ".mkv", ".mov", ".avi", ".html", ".pdf", ".log", ".md")
-# Files that may hold records: one that no reader takes is named in the report.
+# Files that may hold records; the report names those without a reader.
 TABLES = (
     ".json",
     ".jsonl",
@@ -65,7 +65,7 @@ class Survey:
     def read(self, choices: ReaderOptions = NO_CHOICES) -> Iterator[Trajectory | Rejected]:
         """Yield the files that are not opened, then the trajectories of each format.
 
-        Each reader follows those of the choices that its format leaves open.
+        Each reader uses those of the choices that its format leaves open.
         """
         yield from self.refused
         for name, part in self.parts.items():
@@ -76,8 +76,8 @@ class Survey:
 def survey(path: str | os.PathLike[str], format: str | None = None) -> Survey:
     """Find the reader of each file of a source; with `format`, that one reads them all.
 
-    `SourceError` if there is nothing, if no file is of a known format, and if a file could be of
-    several, which the message names.
+    Raises `SourceError` if the source is empty, if no file is of a known format, or if a file could
+    be of several formats, which the message names.
     """
     source = existing(path)
     root = root_of(source)
@@ -122,7 +122,7 @@ def detect_format(path: str | os.PathLike[str]) -> str:
     """Return the name of the one format of a file or folder.
 
     Raises:
-        SourceError: there is nothing, or it is of no known format, or of several.
+        SourceError: there is no such file, or it is of no known format, or of several.
     """
     found = list(survey(path).parts)
     if len(found) > 1:
@@ -210,7 +210,7 @@ def _examples(
 
 
 def _adopted(taken: Mapping[str, list[Path]], left: list[Path]) -> list[Path]:
-    """Give files that no format takes to the reader of their neighbours; return the others."""
+    """Assign files without a reader to the reader of their neighbours; return the others."""
     near: defaultdict[object, set[str]] = defaultdict(set)
     for name, files in taken.items():
         if not getattr(get_reader(name), "adopts", False):

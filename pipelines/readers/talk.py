@@ -1,7 +1,7 @@
-"""Conversations with pictures, as in training sets: the screen that each reply goes with.
+"""Conversations with pictures, as in training sets: the screen of each reply.
 
 Messages have `role` and `content`, or `from` and `value`. A picture is shown by `<image>` in the
-text or by a part of the content; a reply goes with the last picture that was shown before it.
+text or by a part of the content; a reply belongs to the last picture shown before it.
 """
 
 import re
@@ -34,7 +34,7 @@ _ROLES = {
     "function_call": ASSISTANT,
 }
 _RESOLUTION = re.compile(r"screen'?s? resolution is (\d{2,5})\s*x\s*(\d{2,5})", re.IGNORECASE)
-# Where the prompts of the recipes put the task; without any of them it is the whole text.
+# The places of the task in the prompts of the recipes; if none matches, the task is the whole text.
 _TASKS = tuple(
     re.compile(pattern, re.DOTALL)
     for pattern in (
@@ -220,7 +220,7 @@ def _with_calls(message: JsonObject, text: str) -> tuple[str, object]:
 
 
 def _given(function: JsonObject) -> dict[str, Any]:
-    # Parquet fills in null for the arguments that an action does not have.
+    # Parquet stores null for arguments that an action does not have.
     return {key: value for key, value in arguments_of(function).items() if value is not None}
 
 
@@ -269,7 +269,7 @@ def _task(text: str) -> str:
 
 
 def _whole(index: object) -> int:
-    # Parquet makes a float of an index that only some parts have.
+    # Parquet turns an index that only some parts have into a float.
     if isinstance(index, float) and index.is_integer():
         index = int(index)
     return fields.step_number({"index": index}, "index")

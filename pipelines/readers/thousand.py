@@ -30,7 +30,7 @@ _POINTERS = {
 
 
 def actions_of(calls: object) -> list[NamedCall]:
-    """Return the actions of `tool_calls` as names and arguments, without those that only look.
+    """Return the actions in `tool_calls` (names and arguments) that do more than look.
 
     A call that is broken is a `FieldError`.
     """
@@ -122,7 +122,7 @@ def _place(
     key: str,
     scaling: Scaling,
 ) -> tuple[int, int] | None:
-    # Parquet fills in null for the arguments that an action does not have.
+    # Parquet stores null for arguments that an action does not have.
     if given.get(key) is None:
         return None
     x, y = point(given[key], key)

@@ -4,8 +4,8 @@ from hijack_data.errors import HijackError
 
 
 class TrainError(HijackError, RuntimeError):
-    """A training run that cannot go on, or a file of one that does not fit."""
+    """A training run that cannot continue, or a file that does not belong to the run."""
 
 
 class LeakError(HijackError, ValueError):
-    """Tasks to be trained on are among those that the evaluation reports."""
+    """Training tasks are among the tasks reported by the evaluation."""

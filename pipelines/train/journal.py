@@ -1,8 +1,8 @@
 """The files of a run: two logs that grow by a line each, and one checkpoint that is replaced.
 
-`rollouts.jsonl` says which rollout met which corruption, and what became of it; `steps.jsonl` has a
-line for each step. A checkpoint holds the length of both, so a run that goes on from it takes back
-what was written later.
+`rollouts.jsonl` has the corruption and the result of each rollout; `steps.jsonl` has a line for
+each step. A checkpoint holds the lengths of both, so a run that continues from it removes later
+lines.
 """
 
 import json
@@ -29,7 +29,7 @@ class TrainJournal:
     """The files of one run.
 
     Args:
-        folder: it is made if it is not there.
+        folder: the folder, which is created if it is missing.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -52,7 +52,7 @@ class TrainJournal:
         return {name: self._length(name) for name in (ROLLOUTS, STEPS)}
 
     def cut(self, lengths: Mapping[str, int]) -> None:
-        """Take back what was written after a checkpoint.
+        """Remove the lines that were written after a checkpoint.
 
         Raises:
             TrainError: a log is shorter than it was at the checkpoint.
@@ -90,7 +90,7 @@ def save_checkpoint(
 
     Args:
         journal: the files of the run.
-        run: what the run is, as JSON data; `load_checkpoint` asks for the same.
+        run: the identity of the run, as JSON data; `load_checkpoint` requires the same.
         state: numbers and tensors.
     """
     data = {
@@ -109,7 +109,8 @@ def load_checkpoint(journal: TrainJournal, run: Mapping[str, Any]) -> dict[str, 
     Its `lengths` are those of the logs, to which `TrainJournal.cut` takes them back.
 
     Raises:
-        TrainError: it is damaged, or of a run with other tasks, settings or corruptions.
+        TrainError: the checkpoint is damaged, or of a run with other tasks, settings or
+            corruptions.
     """
     path = journal.folder / CHECKPOINT
     if not path.exists():

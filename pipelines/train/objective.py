@@ -7,7 +7,7 @@ import torch
 
 from hijack_data.errors import ParameterError
 
-EPSILON = 1e-6  # added to the deviation, as verl does
+EPSILON = 1e-6  # added to the deviation, as in verl
 CLIP_LOW = 0.2
 CLIP_HIGH = 0.3
 
@@ -20,8 +20,9 @@ def reward(
     """Return the reward of a rollout, `success + format` (paper, equation "reward").
 
     Args:
-        success: 1 if the task was solved, 0 otherwise; a score between them is taken as it is.
-        is_well_formed: whether every answer had the required form; otherwise `weight` is taken off.
+        success: 1 if the task was solved, 0 otherwise; scores between them are used unchanged.
+        is_well_formed: whether every answer had the required form; otherwise `weight` is
+            subtracted.
         weight: of the penalty: 1 in the paper, 0.5 in the authors' code, 0 for none.
     """
     return success if is_well_formed else success - weight
@@ -31,7 +32,7 @@ def group_advantage(rewards: torch.Tensor) -> torch.Tensor:
     """Return `(r - mean) / deviation` within one group (paper, section 5).
 
     The deviation is that of a sample (divided by G - 1) plus 1e-6, as in verl. If all rewards are
-    equal, all advantages are exactly 0: such a group teaches nothing.
+    equal, all advantages are exactly 0: such a group has no gradient.
 
     Args:
         rewards: float `[G]`, G at least 2.
@@ -80,7 +81,7 @@ def clipped_loss(
         Float `[R]`.
 
     Raises:
-        ParameterError: shapes that do not fit, or a response without tokens.
+        ParameterError: the shapes do not fit, or a response has no tokens.
     """
     rows = advantages.shape[0] if advantages.ndim == 1 else -1
     if not new.shape == old.shape == mask.shape or new.ndim != 2 or new.shape[0] != rows:
@@ -89,7 +90,7 @@ def clipped_loss(
     counts = mask.sum(1)
     if not bool((counts > 0).all()):
         raise ParameterError("a response has no tokens: leave its rollout out of the group")
-    # masked places hold anything; 0 keeps them out of the gradient
+    # masked places may hold any value; 0 keeps them out of the gradient
     change = torch.where(mask, new - old.detach(), torch.zeros_like(new))
     ratio = change.exp()
     bounded = ratio.clamp(1 - low, 1 + high)

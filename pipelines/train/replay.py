@@ -38,12 +38,12 @@ class ReplayBuffer:
         capacity: the most rollouts of a task; the oldest goes first. The paper names none.
         when: `"zero"`, all rewards are 0 (Algorithm 10), or `"failed"`, no rollout succeeded.
         slot: which rollout is replaced: `None` draws it; the authors' code always takes 0.
-        seed: of the draws, 0 to 2**64 - 1.
+        seed: the seed of the draws, 0 to 2**64 - 1.
 
     Raises:
         ParameterError: `capacity` is below 1, or `slot` or `seed` below 0.
-        ParameterTypeError: one of them is no whole number.
-        UnknownNameError: `when` is neither of the two.
+        ParameterTypeError: one of them is not a whole number.
+        UnknownNameError: `when` is not one of the two.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class ReplayBuffer:
         }
 
     def add(self, rollout: Rollout) -> bool:
-        """Keep a rollout if it succeeded in the right form; returns whether it was kept."""
+        """Store a rollout if it succeeded in the right form; return whether it was stored."""
         is_positive = rollout.success > 0 and rollout.is_well_formed
         if not rollout.counts or rollout.replayed or not is_positive:
             return False
@@ -89,7 +89,7 @@ class ReplayBuffer:
         rewards: Sequence[float],
         step: int,
     ) -> list[Rollout]:
-        """Return the group, with one rollout replaced if nothing in it succeeded.
+        """Return the group, with one rollout replaced if none succeeded.
 
         The draws depend on the seed, the step and the task.
 
@@ -116,11 +116,11 @@ class ReplayBuffer:
         return all(rollout.success <= 0 for rollout in group)
 
     def state(self) -> list[Any]:
-        """Return what is kept as data for `torch.save`."""
+        """Return the stored rollouts as data for `torch.save`."""
         return [packed(rollout) for kept in self._kept.values() for rollout in kept]
 
     def restore(self, state: Sequence[Mapping[str, Any]]) -> None:
-        """Take over what `state` returned."""
+        """Restore the data that `state` returned."""
         self._kept = {}
         for data in state:
             self.add(unpacked(data))
@@ -130,7 +130,7 @@ class ReplayBuffer:
 
         Args:
             path: the file.
-            run: the fingerprint of the run, which `load` asks for.
+            run: the fingerprint of the run, which `load` requires.
         """
         data = {
             "format": FORMAT,
@@ -165,13 +165,13 @@ def read_tensors(
     """Read a file of `torch.save` that names its format and version; no code in it is run.
 
     Raises:
-        TrainError: it is missing, damaged, or something else.
+        TrainError: the file is missing, damaged, or of another format.
     """
     try:
         data: Any = torch.load(path, map_location="cpu", weights_only=True)
     except FileNotFoundError:
         raise TrainError(f"{path}: there is no such file") from None
-    except Exception as error:  # torch raises many kinds for damaged files
+    except Exception as error:  # torch raises many kinds of exceptions for damaged files
         detail = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise TrainError(f"{path}: cannot be read as {what} ({detail})") from error
     if not isinstance(data, dict) or data.get("format") != format:

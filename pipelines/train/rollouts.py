@@ -2,8 +2,8 @@
 
 The environments are those of `CorruptedEnv`'s interface: observations are
 `{"screenshot": uint8 [H, W, 3], "instruction": str}`, actions are text, `reset` takes the options
-`task`, `corruption` and `label`, and `record` may say how the episode was judged. Nothing of a
-desktop is imported: any such environment will do.
+`task`, `corruption` and `label`, and `record` may say how the episode was judged. No desktop code
+is imported: any such environment works.
 """
 
 import math
@@ -27,13 +27,13 @@ _STREAM = "rollout-v1"
 
 @dataclass(frozen=True, kw_only=True)
 class PolicyAnswer:
-    """What a policy answers to one observation.
+    """The answer of a policy to one observation.
 
     Args:
         action: the text for the environment.
-        tokens: what the policy drew.
+        tokens: the tokens that the policy drew.
         logprobs: the log-probability of each token.
-        is_well_formed: whether the answer has the form that is asked for.
+        is_well_formed: whether the answer has the required form.
     """
 
     action: str
@@ -51,12 +51,12 @@ class PolicyTurn:
 
 
 class Policy(Protocol):
-    """What is trained."""
+    """The interface of a trainable policy."""
 
     def act(
         self, observations: Sequence[SeenObservation], streams: Sequence[Stream]
     ) -> list[PolicyAnswer]:
-        """Answer each observation; all that is random comes from its stream."""
+        """Answer each observation, with all random draws from its stream."""
         ...
 
     def log_probs(self, turns: Sequence[PolicyTurn]) -> tuple[torch.Tensor, torch.Tensor]:
@@ -68,13 +68,13 @@ class Policy(Protocol):
         ...
 
     def network(self) -> torch.nn.Module:
-        """Return what holds the parameters."""
+        """Return the module that holds the parameters."""
         ...
 
 
 @dataclass(frozen=True, kw_only=True)
 class RolloutRequest:
-    """What is to be played.
+    """The request for a rollout.
 
     Args:
         step: step of the optimiser.
@@ -110,12 +110,12 @@ class Rollout:
     """One episode.
 
     Args:
-        request: what was to be played.
-        turns: what the policy saw and answered.
+        request: the request of the rollout.
+        turns: the observations and answers.
         success: the environment's score, 0..1.
         is_well_formed: whether all answers were.
-        status: `"ok"` counts; `"invalid"` (a corruption that was not there) and `"error"` (a
-            machine that failed) are left out of the group, never taken as a failure of the policy.
+        status: `"ok"` counts; `"invalid"` (the corruption did not hold) and `"error"` (the machine
+            failed) are left out of the group, never counted as a failure of the policy.
         problem: the reason, if the status is not `"ok"`.
         replayed: whether it comes from the replay buffer.
     """
@@ -283,7 +283,7 @@ class _Seat:
             self._judge()
 
     def leave(self) -> Rollout:
-        """Return the rollout; one that was cut off is judged as it stands."""
+        """Return the rollout; if it was cut off, it is judged in its present state."""
         if not self.is_live:
             return self.rollout
         try:

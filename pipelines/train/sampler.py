@@ -1,7 +1,7 @@
-"""Which rollout meets which corruption.
+"""Draw the corruption of each rollout.
 
-The draws come from `hijack_data.rng` and depend on the seed, the step, the group and the slot, and
-on nothing else: a run that was interrupted draws the same, and so does another process.
+The draws come from `hijack_data.rng` and depend only on the seed, the step, the group and the slot,
+so a resumed run and another process draw the same.
 """
 
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ class Draw:
 
     Args:
         label: its name; `"clean"` if there is none.
-        planner: what corrupts the screens; `None` for nothing.
+        planner: the corruption; `None` for a clean rollout.
         key: the key of the draw, for the record.
     """
 
@@ -47,14 +47,14 @@ class CorruptionSampler:
     Args:
         planner: a corruption (every rollout gets it), a `OneOf` with its odds, a `Schedule` of
             those by epoch, or `None` for clean rollouts, which makes DA-GRPO the same as GRPO.
-        per: `"rollout"` draws for each rollout, as the paper has it; `"group"` gives the rollouts
-            of a group one corruption; `"worker"` gives every slot one for the whole run, as the
-            authors' code does.
+        per: `"rollout"` draws for each rollout, as in the paper; `"group"` gives the rollouts of a
+            group one corruption; `"worker"` gives every slot one for the whole run, as the authors'
+            code does.
         seed: 0 to 2**64 - 1.
 
     Raises:
-        UnknownNameError: `per` is none of the three.
-        ParameterTypeError: `planner` plans nothing, or `seed` is no whole number.
+        UnknownNameError: `per` is not one of the three.
+        ParameterTypeError: `planner` plans nothing, or `seed` is not a whole number.
         ParameterError: `seed` is out of its range.
     """
 

@@ -1,10 +1,10 @@
-"""Which tasks may be trained on: what is reported must not have been trained on.
+"""The split of tasks, which keeps tasks with reported results out of training.
 
 The tasks of the suite and those of OSWorld are split once and for all. The suite's split is in
 `online_env/tasks/suite/sets.yaml`, OSWorld's in `configs/train/osworld_split.yaml`. The authors
 train on 128 of the 369 tasks that they report.
 
-Needs neither torch nor a desktop: dataset builds can ask, too.
+This module needs neither torch nor a desktop, so dataset builds can use it, too.
 """
 
 import importlib.util
@@ -23,7 +23,7 @@ from .errors import LeakError
 TRAINING = "training"
 HELD_OUT = "held_out"
 SIDES = (TRAINING, HELD_OUT)
-TOY_TRAINING = 128  # as many as in the paper
+TOY_TRAINING = 128  # the same number as in the paper
 TOY_HELD_OUT = 128
 _TOY_FIRST = {TRAINING: 0, HELD_OUT: 10_000}
 _SHOWN = 5
@@ -57,7 +57,7 @@ def check_split(
 ) -> None:
     """Refuse tasks to be trained on that are held out, or that the evaluation reports.
 
-    A task that is in no split of ours (one of your own) is only compared with `evaluation`.
+    A task outside these splits, such as one of your own, is only compared with `evaluation`.
 
     Args:
         training: names of tasks: of the suite, ids of OSWorld, or your own.
@@ -65,7 +65,7 @@ def check_split(
         what: what is refused, for the message: a file, or a dataset.
 
     Raises:
-        LeakError: the message names the tasks, where they are held out, and what to do.
+        LeakError: there are such tasks; the message names them, the split and the remedy.
     """
     wanted = list(dict.fromkeys(training))
     reported = set(evaluation)
@@ -86,7 +86,7 @@ def check_split(
 
 
 def side_of(name: str) -> str | None:
-    """Return `training`, `held_out`, or `None` for a task that is in no split of ours."""
+    """Return `training` or `held_out`, or `None` for a task that is in none of the splits."""
     for family in ("suite", "osworld", "toy"):
         for side in SIDES:
             if name in members(f"{family}/{side}"):

@@ -1,6 +1,6 @@
-"""The columns that filters, counts and searches need of all rows, in memory.
+"""An in-memory index of the columns that filters, counts and searches need.
 
-A row takes some twenty bytes and its id.
+A row takes about twenty bytes plus its id.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -16,7 +16,7 @@ from hijack_data.errors import UnknownNameError, suggest
 RowNumbers: TypeAlias = npt.NDArray[np.int64]
 Codes: TypeAlias = npt.NDArray[np.int32]
 Mask: TypeAlias = npt.NDArray[np.bool_]
-# The name of the mask of the text search, which no column has.
+# The name of the mask of the text search; no column has this name.
 _TEXT = "\0text"
 
 
@@ -115,7 +115,7 @@ class Index:
     def select(self, filters: Mapping[str, str], text: str) -> RowNumbers:
         """Return the places of the rows that match, int64 `[M]`.
 
-        A filter for an unknown column is an `UnknownNameError`.
+        Raises `UnknownNameError` for a filter on an unknown column.
         """
         masks = self._masks(filters, text)
         return np.flatnonzero(self._both(masks))
@@ -143,7 +143,7 @@ class Index:
         return found
 
     def trajectory(self, place: int) -> RowNumbers:
-        """Return the places of the same trajectory under the same corruption, step by step."""
+        """Return the places of the same trajectory under the same corruption, in order."""
         found = self._alike(place, "group", "corruption")
         order = np.argsort(self.steps[found], kind="stable")
         return found[order]

@@ -6,7 +6,7 @@ from pathlib import Path
 from hijack_data.gallery.markup import Html, fill_text, source
 
 PAGE = Path(__file__).parent / "page"
-# Of the page of a run, in the order in which they are read.
+# The scripts of the page of a run, in the order in which they are loaded.
 RUN_SCRIPTS = (
     "gallery.js",
     "common.js",
@@ -34,8 +34,8 @@ def run_page(head: Html, data: Html) -> str:
     """Return the page of a run.
 
     Args:
-        head: its style and scripts, as links or as they are.
-        data: JSON of exported episodes; `{}` where a server is asked.
+        head: its style and scripts, as links or inline.
+        data: JSON of exported episodes; `{}` for a page that asks a server.
     """
     view = Html(page_file("run_view.html"))
     return fill_text(page_file("run.html"), head=head, data=data, view=view)

@@ -1,7 +1,7 @@
-"""What is answered under each path: the page of a dataset, and that of a run.
+"""The answers for each path: the page of a dataset, and that of a run.
 
-Nothing in a request names a file: rows, episodes and steps go by number, the page's own files are
-a fixed table.
+Requests never contain file names: rows, episodes and steps are identified by number, and the page's
+own files are in a fixed table.
 """
 
 import json
@@ -46,7 +46,7 @@ class ViewerAnswer:
 
 
 class Pages(Protocol):
-    """What a server serves."""
+    """The interface of the pages that a server serves."""
 
     title: str
     what: str

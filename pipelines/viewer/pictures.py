@@ -1,4 +1,4 @@
-"""Pictures as the page gets them: made on demand, the last ones kept up to a number of bytes."""
+"""Encoded pictures for the page: made on demand, with a cache bounded in bytes."""
 
 import io
 from collections.abc import Callable
@@ -31,7 +31,7 @@ class Pictures:
     def get(self, kind: str, row: int) -> bytes:
         """Return a `picture`, or the one `before` its corruption, as PNG, or a `thumb` as JPEG.
 
-        A row without that picture is a `HijackError`.
+        Raises `HijackError` if the row has no such picture.
         """
         return remembered(self.kept, (kind, row), lambda: self._make(kind, row))
 
@@ -45,7 +45,7 @@ def remembered(
     key: Any,
     make: Callable[[], bytes],
 ) -> bytes:
-    """Return what is kept under a key; it is made if it is not there."""
+    """Return the cached value of a key, making it if it is missing."""
     data = kept.get(key)
     if data is None:
         data = make()

@@ -133,10 +133,10 @@ def test_the_command_says_it_in_a_line(tmp_path, number):
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [
-        (("version",), -5, "version -5 is none"),
-        (("version",), 0, "version 0 is none"),
-        (("version",), True, "version True is none"),
-        (("version",), 1.0, r"version 1\.0 is none"),
+        (("version",), -5, "version -5 must be an integer"),
+        (("version",), 0, "version 0 must be an integer"),
+        (("version",), True, "version True must be an integer"),
+        (("version",), 1.0, r"version 1\.0 must be an integer"),
         (("corruption",), None, "corruption has the wrong type: None"),
         (("corruption",), {}, "corruption has the wrong type"),
         (("corruption",), "", "corruption is empty"),

@@ -184,7 +184,7 @@ def test_the_tiles_of_a_launch_are_those_that_a_row_meets(data):
             }
         sizes.append((height, width))
         tables.append(table)
-    assert sorted(map(tuple, device._met(sizes, tables).tolist())) == sorted(expected)
+    assert sorted(map(tuple, device._overlapped_tiles(sizes, tables).tolist())) == sorted(expected)
 
 
 @settings(max_examples=10, deadline=None)

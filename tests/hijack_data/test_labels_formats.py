@@ -293,7 +293,7 @@ def test_declarations_that_are_none():
         Labels({"box": 5})
     with pytest.raises(ParameterTypeError, match="labels must be a dictionary"):
         Labels(["box"])
-    with pytest.raises(ParameterTypeError, match="3 is no name of an entry"):
+    with pytest.raises(ParameterTypeError, match="3 is not a string"):
         Labels({3: "xyxy"})
 
 

@@ -40,7 +40,7 @@ def test_what_it_writes_passes(tmp_path):
 
 def test_it_overwrites_nothing(tmp_path):
     (tmp_path / "dust.py").write_text("mine")
-    assert "dust.py: is there already" in run(tmp_path, "new", "corruption", "dust", code=2)
+    assert "dust.py: exists already" in run(tmp_path, "new", "corruption", "dust", code=2)
     assert (tmp_path / "dust.py").read_text() == "mine"
     run(tmp_path, "new", "corruption", "dust", "-o", "other.py")
     assert (tmp_path / "other.py").is_file()

@@ -326,9 +326,9 @@ def test_a_place_that_cannot_be_written_is_refused_before_the_run(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(HijackError, match=r"--junit .*: is a folder"):
         gate_of(junit=tmp_path)
-    with pytest.raises(HijackError, match="is no folder that can be written"):
+    with pytest.raises(HijackError, match="is not a folder that can be written"):
         gate_of(junit=tmp_path / "file" / "junit.xml")
     if os.geteuid():
         tmp_path.chmod(0o500)
-        with pytest.raises(HijackError, match="is no folder that can be written"):
+        with pytest.raises(HijackError, match="is not a folder that can be written"):
             gate_of(junit=tmp_path / "junit.xml")

@@ -123,7 +123,7 @@ def test_damaged_lines_are_named_and_skipped(folder):
     assert [d.line for d in run.damaged] == [2, 3, 4, 6, 7, 8, 9, 10]
     said = [d.problem for d in run.damaged]
     assert "cut off" in said[0]
-    assert said[3] == "score 7 is no number in 0..1"
+    assert said[3] == "score 7 is not a number in 0..1"
     assert said[4] == "field 'seed' is missing or of the wrong type"
     assert "status 'fine'" in said[5]
 

@@ -288,7 +288,7 @@ def test_an_edited_seal_is_no_longer_signed(run, keys):
     both(score=1.0)(run)
     chained_anew(run)
     (run / "seal.json").write_text(json.dumps(seal.contents(run)))
-    assert rebuild(run).problems == ["seal.json.sig: is no signature of seal.json"]
+    assert rebuild(run).problems == ["seal.json.sig: is not a signature of seal.json"]
     assert "is not a signature" in rebuild(run, f"{mine}.pub").problems[0]
     (run / "seal.json.sig").unlink()
     assert rebuild(run).problems == ["seal.json.sig: is missing"]

@@ -102,7 +102,7 @@ REFUSED = {
         {"methods": 'severity: int = hj.param(3, "How bad")'},
     ),
     "a parameter named like a method": (
-        "'plan' is a word that every corruption has",
+        "'plan' is an attribute of every corruption",
         {"methods": 'plan: int = hj.param(3, "How bad")'},
     ),
     "a default out of range": (
@@ -124,7 +124,7 @@ REFUSED = {
         {"about": LEVELS.format(third="{'half': 7}", fifth="{}")},
     ),
     "a level with an unknown parameter": (
-        "level 5 sets 'hafl', which is no parameter; did you mean 'half'",
+        "level 5 sets 'hafl', which is not a parameter; did you mean 'half'",
         {"about": LEVELS.format(third="{}", fifth="{'hafl': 7}")},
     ),
     "a level that is no mapping": (

@@ -34,7 +34,8 @@ TEXT_PARSERS: dict[str, Callable[[object, Scaling], list[Action]]] = {
     "qwen2.5_vl": parse_qwen,
     "qwen3_vl": parse_qwen,
 }
-# The dialects whose coordinates are 0..1000 of the picture, and pixels of the smart-resized one.
+# Dialects with coordinates in 0..1000 of the picture; dialects in pixels of the smart-resized
+# picture.
 THOUSANDTHS = ("ui_tars", "qwen3_vl")
 RESIZED_DIALECTS = ("ui_tars_1.5", "qwen2.5_vl")
 _PARSERS: dict[str, Callable[[object, Scaling], Action]] = {
@@ -50,11 +51,11 @@ def map_typed(
     dialect: str,
     scaling: Scaling,
 ) -> Any:
-    """Return `action` with its coordinates scaled, in the form in which it was given.
+    """Return `action` with its coordinates scaled, in the same form.
 
     Text of `ui_tars` and `qwen3_vl` comes back as it is: 0..1000 of the picture is the same point
-    at every size. A dialect that does not exist is an `UnknownNameError`, an action that cannot be
-    mapped an `ActionError`.
+    at every size. Raises `UnknownNameError` for an unknown dialect and `ActionError` for an action
+    that cannot be mapped.
     """
     _check(dialect)
     if dialect == "pyautogui":
@@ -69,18 +70,18 @@ def parse_actions(
 ) -> list[Action]:
     """Parse the text, code or dict of an agent into `Action`s, in pixels of the picture.
 
-    The result is a list because a reply may have several actions. A dialect that does not exist is
-    an `UnknownNameError`, an action that cannot be read an `ActionError`.
+    The result is a list because a reply may have several actions. Raises `UnknownNameError` for an
+    unknown dialect and `ActionError` for an action that cannot be read.
 
     Args:
-        action: code, text or a dict, as the dialect writes it.
+        action: code, text or a dict, in the form of the dialect.
         dialect: one of `DIALECTS`.
-        size: (height, width) of the picture that the coordinates are pixels of (for `ui_tars_1.5`
-            and `qwen2.5_vl` the smart-resized one); points are clamped to it. `None` leaves them.
-            `ui_tars` and `qwen3_vl` need it.
+        size: (height, width) of the picture to which the coordinates refer (for `ui_tars_1.5` and
+            `qwen2.5_vl` the smart-resized one); points are clamped to it. With `None` they are not
+            clamped. `ui_tars` and `qwen3_vl` need it.
 
     Raises:
-        ParameterError: `size` is missing, and the dialect needs it.
+        ParameterError: the dialect needs `size`, and it is missing.
     """
     _check(dialect)
     if dialect == "pyautogui":
@@ -107,19 +108,19 @@ def code_of(
     """Return a typed action of an agent as pyautogui code in pixels of its picture.
 
     Each item of the result is code, or `WAIT`, `DONE` or `FAIL`; a reply with several actions has
-    several items. Unlike the way by `parse_actions` and `write_pyautogui`, this keeps sideways
-    scrolling, repeated and held keys, and the inner points of a drag. An action that cannot be
-    read, or that pointer and keys cannot do, is an `ActionError`.
+    several items. Unlike `parse_actions` followed by `write_pyautogui`, this keeps sideways
+    scrolling, repeated and held keys, and the inner points of a drag.
 
     Args:
-        action: text or a dict, as the dialect writes it.
-        dialect: one of `DIALECTS` but `pyautogui`, which is code already.
+        action: text or a dict, in the form of the dialect.
+        dialect: one of `DIALECTS` except `pyautogui`, which is code already.
         size: (height, width) of the picture that the agent saw.
         resized: (height, width) of the picture that the model saw, for `RESIZED_DIALECTS`;
             `smart_resize` of `size` if it is not given.
 
     Raises:
-        ActionError: the dialect is `pyautogui`.
+        ActionError: the dialect is `pyautogui`, or the action cannot be read or cannot be expressed
+            with pointer and keyboard.
     """
     _check(dialect)
     if dialect not in WRITERS:

@@ -1,6 +1,6 @@
-"""Combine several calls into the one action that they make up.
+"""Combine several calls into the one action that they form.
 
-Such as a move and a drag, a move and a click, text and Enter, or keys held together.
+Examples are a move and a drag, a move and a click, text and Enter, or keys held together.
 """
 
 from collections.abc import Sequence
@@ -23,14 +23,15 @@ _ENTER = (("enter",), ("return",))
 
 
 def combine(calls: Sequence[Action], size: Size | None) -> Action:
-    """Return the one action that `calls` make up.
+    """Return the one action that `calls` form.
 
     Args:
         calls: the calls, in order.
         size: `(height, width)` of the picture, which bounds the end of a relative move.
 
     Returns:
-        The action; `"other"`, at the first point known, if the calls are several actions.
+        The action. If the calls are several actions, its type is `"other"` and its point the first
+        one known.
     """
     acting = [call for call in calls if call.type != "wait"]
     if not acting:

@@ -1,6 +1,6 @@
 """OSWorld's `computer_13` action space: dicts with `action_type` and `parameters`.
 
-The parameters may also stand beside the type.
+The parameters may also be top-level fields, next to the type.
 """
 
 from typing import Any
@@ -30,7 +30,7 @@ NAMES = (
     *SPECIAL,
 )
 _NEED_POINT = ("MOVE_TO", "DRAG_TO")
-# Every action may have a point: it is mapped.
+# A point is allowed in every action, and is mapped.
 _FIELDS = ("x", "y", "button", "num_clicks", "dx", "dy", "text", "key", "keys")
 _KEYS = {
     "PRESS": "hotkey",
@@ -40,12 +40,12 @@ _KEYS = {
 
 
 def map_computer_13(action: object, scaling: Scaling) -> Any:
-    """Return the action with `x, y` scaled, in the form in which it was given.
+    """Return the action with `x, y` scaled, in the same form.
 
-    That is nested, flat, or one of the words WAIT, FAIL and DONE.
+    The form is nested, flat, or one of the words WAIT, FAIL and DONE.
 
-    Raises `ActionError` for an unknown `action_type`, coordinates that are missing or no numbers,
-    and fields that `computer_13` does not have and that may hold coordinates.
+    Raises `ActionError` for an unknown `action_type`, for coordinates that are missing or not
+    numbers, and for unknown fields that may hold coordinates.
     """
     fields = _fields(action)
     name, parameters = _read(fields)

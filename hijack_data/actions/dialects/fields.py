@@ -48,7 +48,7 @@ def as_fields(action: object, dialect: str) -> dict[str, Any]:
     """Return a copy of an action given as a mapping with string keys.
 
     Raises:
-        ParameterTypeError: it is anything else.
+        ParameterTypeError: the action is not a mapping with string keys.
     """
     if not isinstance(action, Mapping):
         raise ParameterTypeError(

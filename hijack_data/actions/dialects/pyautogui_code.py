@@ -3,14 +3,13 @@
 The code is parsed, never run. Absolute coordinates (`moveTo`, `click`, `dragTo`, `scroll(n, x, y)`,
 ...) scale and are clamped, relative ones (`moveRel`, `dragRel`, ...) scale as vectors; scroll
 amounts, durations, keys and text are left alone. Positional, keyword, tuple, starred, negative and
-computed coordinates work, and so do variables that hold
-constants: the number is put into the call, the variable stays as it is. `pyautogui.size()` stands
-for the size of the space that the code was written for. What cannot be mapped raises `ActionError`:
-coordinates that are known only when the code runs (`position()`, loop variables, parameters,
-results of functions, pictures to look for, lists that may have been changed), functions that look
-at a place (`pixel`, `pixelMatchesColor`, `onScreen`, `screenshot(region=...)`), calls that do not
-run where they stand (annotations), and code that may reach the pointer in any other way: see
-`guard`.
+computed coordinates work, and so do variables that hold constants: the number is written into the
+call, and the variable stays unchanged. `pyautogui.size()` counts as the size of the space for which
+the code was written. What cannot be mapped raises `ActionError`: coordinates that are known only
+when the code runs (`position()`, loop variables, parameters, results of functions, pictures to look
+for, lists that may have been changed), functions that read a place on the screen (`pixel`,
+`pixelMatchesColor`, `onScreen`, `screenshot(region=...)`), calls that do not run where they are
+written (annotations), and code that may reach the pointer in any other way: see `guard`.
 """
 
 import ast
@@ -37,9 +36,9 @@ def map_code(
 
     Args:
         code: pyautogui code, or WAIT, FAIL or DONE.
-        scaling: from the space of the code to the space that is wanted.
-        screen: what `pyautogui.size()` stands for, (height, width); `None` refuses coordinates
-            computed from it.
+        scaling: maps from the space of the code to the target space.
+        screen: the size that `pyautogui.size()` returns, as (height, width); with `None`,
+            coordinates computed from it are refused.
 
     Raises `ActionError`, with line and column, for what cannot be mapped.
     """
@@ -55,13 +54,13 @@ def scale_normalized(code: str, size: Size) -> str:
 
     `size` is (height, width) of the picture.
 
-    Raises `ActionError` as `map_code`, and for a coordinate that is not a fraction.
+    Raises `ActionError` where `map_code` does, and for a coordinate that is not a fraction.
     """
     return map_code(code, Scaling.fractions(as_size(size)), None)
 
 
 def calls_pyautogui(code: str) -> bool:
-    """Return whether text is code that calls pyautogui, or WAIT, FAIL or DONE."""
+    """Return whether a text is code that calls pyautogui, or is WAIT, FAIL or DONE."""
     if code.strip() in SPECIAL:
         return True
     try:
@@ -126,7 +125,7 @@ class _Mapper:
             self._edits.append(TextEdit(*self._source.span(node), ", ".join(map(repr, values))))
 
     def _points(self, call: ast.Call) -> str | None:
-        """The pointer function that is called, if it is one."""
+        """Return the name of the called function if it moves the pointer, or `None`."""
         callee = self._names.callee(call.func)
         if callee is None or callee.module != "pyautogui" or callee.name not in POINTER:
             return None

@@ -44,22 +44,22 @@ def parse_pyautogui(
 ) -> Action:
     """Parse pyautogui code into one `Action`.
 
-    Code that is not Python, or a coordinate that is not a constant, is an `ActionError`.
+    Raises `ActionError` for code that is not Python and for a coordinate that is not a constant.
 
     Calls that belong together are one action: `moveTo` and `dragTo` a drag, `moveTo` and `scroll` a
     scroll at a point, `write` and `press('enter')` a text that ends in a newline, keys held around
-    a click a click with keys. What is more than one action, or runs in a loop or a branch, is
-    `"other"`, at the first point that it names. A drag whose start is not in the code has no `x,
-    y`.
+    a click a click with keys. Code with more than one action, or with a loop or a branch, becomes
+    `"other"`, at the first point in the code. A drag whose start is not in the code has no `x, y`.
 
     Args:
         code: pyautogui code, AgentNet's `computer.terminate(...)` and the like, or WAIT, FAIL or
             DONE.
-        size: (height, width) of the screenshot: points are clamped to it; `None` leaves them.
+        size: (height, width) of the screenshot: points are clamped to it, or not clamped if it is
+            `None`.
         normalized: coordinates are fractions 0..1 of `size` (AgentNet).
 
     Raises:
-        ParameterError: `normalized` coordinates have no `size`.
+        ParameterError: the coordinates are `normalized`, and `size` is missing.
     """
     check_text(code)
     if normalized and size is None:

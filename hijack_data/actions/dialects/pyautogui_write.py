@@ -1,4 +1,4 @@
-"""An `Action` as pyautogui code: the way back from `pyautogui_parse`."""
+"""Write an `Action` as pyautogui code: the inverse of `pyautogui_parse`."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -27,7 +27,7 @@ _CLICKS = {
 def write_pyautogui(action: Action) -> str:
     """Return the code, or one of WAIT, DONE and FAIL.
 
-    An action that pyautogui cannot express is an `ActionError`.
+    Raises `ActionError` for an action that pyautogui cannot express.
     """
     if action.type in _WORDS:
         return _WORDS[action.type]
@@ -51,9 +51,9 @@ def cannot_say(action: Action, dialect: str) -> ActionError:
 
 
 def whole_notches(amount: float) -> int:
-    """Return the notches of a wheel that are nearest, at least one if the wheel turns at all.
+    """Return the nearest whole number of notches, at least one if the wheel turns at all.
 
-    A wheel has no half notches: pyautogui cuts fractions off, and 0.4 of one would do nothing.
+    A wheel has no half notches: pyautogui drops fractions, so 0.4 notches would scroll nothing.
     """
     if amount == 0:
         return 0

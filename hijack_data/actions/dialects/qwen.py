@@ -89,10 +89,10 @@ def holds_tool_call(reply: str) -> bool:
 
 
 def map_qwen(reply: object, scaling: Scaling) -> str:
-    """Return the text with the coordinates of its calls scaled; all around the calls stays.
+    """Return the text with the coordinates of its calls scaled; the text around the calls stays.
 
-    Raises `ActionError` for text without a call, an unknown tool or action, a point that is missing
-    or malformed, and fields that may hold coordinates and are not known.
+    Raises `ActionError` for text without a call, an unknown tool or action, a missing or malformed
+    point, and unknown fields that may hold coordinates.
     """
     checked = _text(reply)
     edits: list[TextEdit] = []
@@ -107,7 +107,7 @@ def map_qwen(reply: object, scaling: Scaling) -> str:
 
 
 def check_qwen(reply: object) -> str:
-    """Return text in 0..1000 as it is: it does not depend on the size. Raises as `map_qwen`."""
+    """Return text with coordinates in 0..1000 unchanged, checked as by `map_qwen`."""
     parse_qwen(reply, Scaling.fractions((1000, 1000), 1000))
     return _text(reply)
 
@@ -115,17 +115,17 @@ def check_qwen(reply: object) -> str:
 def parse_qwen(reply: object, scaling: Scaling) -> list[Action]:
     """Read the calls of a reply, in order. Raises `ActionError` as `map_qwen`.
 
-    `answer` and `terminate` are `"done"` or `"fail"`; a drag starts where the pointer is unless
-    `start_coordinate` says so. A notch is `PIXELS_PER_NOTCH` of the `pixels` that `scroll` counts.
+    `answer` and `terminate` become `"done"` or `"fail"`; a drag without `start_coordinate` starts
+    at the pointer. `PIXELS_PER_NOTCH` of the `pixels` that `scroll` counts make one notch.
     """
     return [_action(*_arguments(call), scaling) for call in _calls(_text(reply))]
 
 
 def sideways_of_qwen(reply: object) -> list[float | None]:
-    """Return, for each call, the notches that it scrolls to the right; `None` for all others.
+    """Return for each call the notches that it scrolls to the right, or `None`.
 
-    The tool does not say which way of `hscroll` is positive: it is right here, as in pyautogui.
-    Raises `ActionError` as `map_qwen`.
+    The tool does not define which direction of `hscroll` is positive; here it is right, as in
+    pyautogui. Raises `ActionError` as `map_qwen`.
     """
     found: list[float | None] = []
     for call in _calls(_text(reply)):

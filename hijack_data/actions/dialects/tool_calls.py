@@ -42,8 +42,8 @@ ANTHROPIC_NAMES = (
     "zoom",
 )
 
-# OpenAI scrolls in pixels, down being positive; a notch of the wheel moves most programs by about
-# this much.
+# OpenAI scrolls in pixels, and down is positive; a notch of the wheel scrolls most programs by
+# about this many.
 PIXELS_PER_NOTCH = 100
 _OPENAI_POINT = ("click", "double_click", "move", "scroll")
 _OPENAI_FIELDS = ("type", "button", "keys", "text", "scroll_x", "scroll_y")
@@ -72,8 +72,8 @@ _ANTHROPIC_CLICKS = {
 def map_openai(action: object, scaling: Scaling) -> dict[str, Any]:
     """Return an OpenAI computer action with `x, y` or `path` scaled; `scroll_x, scroll_y` stay.
 
-    Raises `ActionError` for an unknown `type`, coordinates that are missing or no numbers, and
-    fields that the action does not have and that may hold coordinates.
+    Raises `ActionError` for an unknown `type`, for coordinates that are missing or not numbers, and
+    for unknown fields that may hold coordinates.
     """
     fields, name = _openai(action)
     if name == "drag":
@@ -129,8 +129,8 @@ def parse_openai(action: object, scaling: Scaling) -> Action:
 def map_anthropic(action: object, scaling: Scaling) -> dict[str, Any]:
     """Return an Anthropic computer action with its coordinates and `region` scaled.
 
-    Raises `ActionError` for an unknown `action`, coordinates that are missing or no numbers, and
-    fields that the action does not have and that may hold coordinates.
+    Raises `ActionError` for an unknown `action`, for coordinates that are missing or not numbers,
+    and for unknown fields that may hold coordinates.
     """
     fields, name = _anthropic(action)
     for field in ("coordinate", "start_coordinate"):
@@ -145,9 +145,9 @@ def map_anthropic(action: object, scaling: Scaling) -> dict[str, Any]:
 def parse_anthropic(action: object, scaling: Scaling) -> Action:
     """Read an Anthropic computer action. Raises `ActionError` as `map_anthropic`.
 
-    `text` beside a click names the keys held; `hold_key` is a hotkey whose `amount` is in seconds;
-    sideways scrolling, `screenshot`, `zoom` and `cursor_position` are `"other"`. Without a
-    `coordinate`, a click is where the pointer is.
+    The `text` of a click names the keys held; `hold_key` becomes a hotkey whose `amount` is in
+    seconds; sideways scrolling, `screenshot`, `zoom` and `cursor_position` become `"other"`. A
+    click without a `coordinate` is at the pointer.
     """
     fields, name = _anthropic(action)
     place = _coordinate(fields, name, "coordinate", scaling)

@@ -1,8 +1,9 @@
-"""Typed actions as pyautogui code, with what an `Action` has no place for.
+"""Write typed actions as pyautogui code, including details for which `Action` has no field.
 
-That is sideways scrolling, a key pressed several times or held for a while, the inner points of a
-drag, text that is typed at a place, and the buttons "back" and "forward". What only looks at the
-screen (`screenshot`, `zoom`, `cursor_position`) is `WAIT`: the next picture comes anyway.
+These details are sideways scrolling, a key pressed several times or held for a while, the inner
+points of a drag, text that is typed at a place, and the mouse buttons "back" and "forward". Actions
+that only look at the screen (`screenshot`, `zoom`, `cursor_position`) become `WAIT`, because the
+next picture comes anyway.
 """
 
 from collections.abc import Callable, Sequence
@@ -27,13 +28,13 @@ from .ui_tars import parse_ui_tars, sideways_of_ui_tars
 MOST_REPEATS = 100
 LONGEST_HOLD = 60.0  # s
 _LOOKS = ("screenshot", "zoom", "cursor_position")
-# The keys by which browsers and file managers do what these buttons of a mouse do.
+# The keys that do in browsers and file managers what these mouse buttons do.
 _SIDE_BUTTONS = {"back": "left", "forward": "right"}
 _WAIT = "WAIT"
 
 
 def openai_code(action: object, scaling: Scaling) -> list[str]:
-    """Return an OpenAI action as code; an action that cannot be read is an `ActionError`."""
+    """Return an OpenAI action as code; raises `ActionError` if the action cannot be read."""
     parsed = parse_openai(action, scaling)
     fields = as_fields(action, "openai")
     name = fields["type"]
@@ -52,7 +53,7 @@ def openai_code(action: object, scaling: Scaling) -> list[str]:
 
 
 def anthropic_code(action: object, scaling: Scaling) -> list[str]:
-    """Return an Anthropic action as code; an action that cannot be read is an `ActionError`."""
+    """Return an Anthropic action as code; raises `ActionError` if the action cannot be read."""
     parsed = parse_anthropic(action, scaling)
     fields = as_fields(action, "anthropic")
     match fields["action"]:
@@ -85,7 +86,7 @@ def ui_tars_code(text: object, scaling: Scaling) -> list[str]:
 
 
 def computer_13_code(action: object, scaling: Scaling) -> list[str]:
-    """Return a `computer_13` action as code; one that cannot be read is an `ActionError`."""
+    """Return a `computer_13` action as code; raises `ActionError` if the action cannot be read."""
     parsed = parse_computer_13(action, scaling)
     if isinstance(action, str):
         return [write_pyautogui(parsed)]
@@ -101,7 +102,7 @@ def computer_13_code(action: object, scaling: Scaling) -> list[str]:
 
 
 def _written(actions: Sequence[Action], sideways: Sequence[float | None]) -> list[str]:
-    """Return actions as code; `sideways` has the notches to the right of those that scroll so."""
+    """Return actions as code; `sideways` has the notches to the right for each sideways scroll."""
     found: list[str] = []
     for action, notches in zip(actions, sideways, strict=True):
         if notches is None:
@@ -148,10 +149,10 @@ def _held_keys(fields: dict[str, Any]) -> tuple[str, ...] | None:
 
 
 def _repeated(line: str, fields: dict[str, Any]) -> str:
-    """Return code as often as `repeat` says.
+    """Return the code repeated as often as the field `repeat` asks.
 
     Raises:
-        ActionError: that is no number of times.
+        ActionError: `repeat` is not a whole number of times in the allowed range.
     """
     times = fields.get("repeat")
     if times is None:
@@ -168,7 +169,7 @@ def _held_for(action: Action) -> str:
     """Return code that holds keys down for a while.
 
     Raises:
-        ActionError: it would be held for too long.
+        ActionError: the duration is negative, too long or not a number.
     """
     seconds = action.amount or 0
     if not 0 <= seconds <= LONGEST_HOLD:
@@ -183,7 +184,7 @@ def _typed(
     fields: dict[str, Any],
     scaling: Scaling,
 ) -> str:
-    """Return code that types, at a place and with Enter if the call says so."""
+    """Return code that types a text, clicking a place first and pressing Enter last if asked to."""
     text = f"{action.text}\n" if fields.get("press_enter") is True else action.text
     line = write_pyautogui(replace(action, text=text))
     if fields.get("coordinate") is None:

@@ -58,15 +58,15 @@ _ESCAPES = {
 
 class _Argument(NamedTuple):
     value: str
-    start: int  # its place in the whole text
+    start: int  # start and end in the whole text
 
 
 def map_ui_tars(text: object, scaling: Scaling) -> str:
     """Return 1.5 text with the numbers of its boxes scaled, and everything else as it is.
 
     The boxes of every `Action:` are scaled, although only the last one is read. Raises
-    `ActionError` for an unknown action, a box that is missing, malformed or given twice, and what
-    may hide one.
+    `ActionError` for an unknown action, a box that is missing, malformed or given twice, and text
+    that may hide a box.
     """
     checked = _text(text)
     edits: list[TextEdit] = []
@@ -92,15 +92,15 @@ def parse_ui_tars(text: object, scaling: Scaling) -> list[Action]:
 
     `call_user` is `"fail"`, `finished` is `"done"` with its content as text.
 
-    Of several `Action:` the last one counts. Raises `ActionError` for text without an action, an
-    unknown action, or a box that is missing, malformed or given twice.
+    If there are several `Action:`, the last one counts. Raises `ActionError` for text without an
+    action, an unknown action, or a box that is missing, malformed or given twice.
     """
     last = sections(_text(text))[-1]
     return [_action(call, scaling) for call in last]
 
 
 def sideways_of_ui_tars(text: object) -> list[float | None]:
-    """Return, for each action, the notches that it scrolls to the right; `None` for all others."""
+    """Return for each action the notches that it scrolls to the right, or `None`."""
     found: list[float | None] = []
     for call in sections(_text(text))[-1]:
         direction = _direction(call) if call.name == "scroll" else ""

@@ -1,4 +1,4 @@
-"""Where the actions stand in a reply of UI-TARS."""
+"""Find the actions in a reply of UI-TARS."""
 
 import re
 from bisect import bisect_left
@@ -23,7 +23,8 @@ NAMES = (
 )
 _ANY = "|".join(NAMES)
 _LABEL = re.compile(r"^[ \t]*Action:", re.MULTILINE)
-# A call whose quotes and parentheses match, and one that ends with the text, whatever is inside.
+# A call whose quotes and parentheses match; and a call that ends where the text ends, with any
+# content.
 _SINGLE = r"'(?:\\.|[^'\\])*'"
 _DOUBLE = r'"(?:\\.|[^"\\])*"'
 _NEAT = re.compile(rf"\s*(\w+)[ \t]*\(((?:[^'\"()]|{_SINGLE}|{_DOUBLE})*)\)", re.DOTALL)
@@ -33,23 +34,23 @@ _BEGINS = re.compile(rf"\s*(?:{_ANY})[ \t]*\(")
 _HEADING = re.compile(r"\s*\w+:")
 _BOX = re.compile(r"_box\s*=")
 _INNER = re.compile(rf"\)\s*\n\s*(?:{_ANY})[ \t]*\(")
-_FIX = "write such as Action: click(start_box='(100,200)')"
+_FIX = "write for example Action: click(start_box='(100,200)')"
 _ESCAPED = r"'it\'s'"
 
 
 class Call(NamedTuple):
-    """One action as it is written."""
+    """One action as written in the reply."""
 
     name: str
-    inside: str  # what stands between the parentheses
-    start: int  # where that stands in the whole text
+    inside: str  # the text between the parentheses
+    start: int  # where `inside` begins in the whole text
 
 
 def sections(text: str) -> list[list[Call]]:
     """Return the calls after each `Action:` (or of the whole text, where there is none), in order.
 
-    An earlier `Action:` that is followed by prose is left out. Raises `ActionError` when the last
-    one has no action, or when it is not clear what belongs to an action.
+    An earlier `Action:` that is followed by prose is left out. Raises `ActionError` if the last
+    `Action:` is followed by none, or if it is not clear where an action ends.
     """
     labels = [match.end() for match in _LABEL.finditer(text)] or [0]
     found: list[list[Call]] = []
@@ -70,7 +71,7 @@ def sections(text: str) -> list[list[Call]]:
 
 
 def _neat_calls(text: str, start: int) -> tuple[list[Call], int]:
-    """The calls from `start` on whose quotes match, and where the last of them ends."""
+    """Return the calls from `start` on whose quotes match, and where the last of them ends."""
     calls: list[Call] = []
     while match := _NEAT.match(text, start):
         if match[1] not in NAMES:
@@ -81,7 +82,7 @@ def _neat_calls(text: str, start: int) -> tuple[list[Call], int]:
 
 
 def _loose_calls(text: str, start: int) -> Iterator[Call]:
-    """The calls from `start` to the end, parted by empty lines: their texts may hold any quotes."""
+    """Return the calls from `start` on, split at empty lines; any quotes may be in them."""
     bounds = [start, *(match.end() for match in _NEXT.finditer(text, start)), len(text)]
     for begin, end in pairwise(bounds):
         match = _LOOSE.fullmatch(text, begin, end)
@@ -104,7 +105,7 @@ def _call(match: re.Match[str]) -> Call:
 
 
 def _check_rest(rest: str, start: int) -> None:
-    """Refuse what follows an action, or stands in its place, unless it is prose."""
+    """Raise unless the rest of the text, in which no action was found, is prose."""
     prose = not _BEGINS.match(rest) and (_HEADING.match(rest) or not _BOX.search(rest))
     if not prose:
         found = shown(rest.strip())

@@ -7,7 +7,7 @@ from typing import Any, cast
 from ...errors import ActionError, shown, suggest
 from ..program.signatures import words
 
-# Numbers that tools and logs add to an action, and that are not places.
+# Numeric fields that tools and logs add to an action and that are not coordinates.
 _AMOUNTS = words("""
     amount clicks duration id index interval ms num_clicks presses repeat seconds step steps times
     timestamp
@@ -25,7 +25,8 @@ def check_fields(
 ) -> None:
     """Check that every field is `known` or cannot hold coordinates.
 
-    Other unknown fields (notes, ids, None) may stay: no mapping has to change them.
+    Unknown fields without coordinates (notes, ids, None) are accepted, since no mapping has to
+    change them.
 
     Raises:
         ActionError: a field is unknown and may hold coordinates.
@@ -57,7 +58,7 @@ def _is_one_number(value: object) -> bool:
 
 
 def _has_number(value: object, depth: int) -> bool:
-    """Return whether a value may hold a number; unknown types are taken to do so."""
+    """Return whether a value may hold a number; values of unknown types may."""
     if isinstance(value, str):
         return _NUMERIC.fullmatch(value) is not None
     if value is None or isinstance(value, bool):

@@ -1,4 +1,4 @@
-"""Analysis of the Python code of an agent, which is parsed and never run.
+"""Static analysis of an agent's Python code, which is never run.
 
 `source` parses code and edits it in place. `names` finds the names that mean pyautogui, `flow`
 walks the program in the order in which it runs, and `folding` computes the constants (`values`) at

@@ -1,4 +1,4 @@
-"""The arguments of a call, by parameter, with their values and where they are written."""
+"""The arguments of a call by parameter, with their values and their places in the source."""
 
 import ast
 from collections.abc import Iterator, Sequence
@@ -12,9 +12,9 @@ from .values import Bindings, MaybeValue, Unknown, Value
 class Argument:
     """One argument: its value, or why that is not known.
 
-    `node` is the expression to edit. An element of an unpacked variable (`*pos`) has none of its
-    own: `node` is then the starred argument, `siblings` are all the values that it stands for and
-    `index` is the place among them.
+    `node` is the expression to edit. An element of an unpacked variable (`*pos`) has no expression
+    of its own: its `node` is the starred argument, `siblings` are all values of that argument and
+    `index` is the element's place among them.
     """
 
     value: MaybeValue
@@ -29,9 +29,9 @@ def arguments(
     folder: Folder,
     env: Bindings,
 ) -> dict[str, Argument]:
-    """Return the arguments of `call` by name of parameter; those that are not passed are missing.
+    """Return the arguments of `call` by parameter name, without those that are not passed.
 
-    After an unpacking that is not known, every parameter that it may fill is `Unknown`.
+    If an argument unpacks something unknown, every parameter that it may fill is `Unknown`.
     """
     found: dict[str, Argument] = {}
     lost: Argument | None = None
@@ -44,7 +44,7 @@ def arguments(
     for keyword in call.keywords:
         argument = Argument(_value(keyword.value, folder, env), keyword.value)
         if keyword.arg is None:
-            lost = Argument(Unknown("what '**' unpacks is not looked into"), keyword.value)
+            lost = Argument(Unknown("'**' unpacks a value that is not followed"), keyword.value)
         else:
             found[keyword.arg] = argument
     return found if lost is None else {**dict.fromkeys(parameters, lost), **found}
@@ -79,7 +79,7 @@ def _unpacked(
             yield Argument(item, node, value, index)
     else:
         reason = (
-            value.reason if isinstance(value, Unknown) else "what '*' unpacks is not a sequence"
+            value.reason if isinstance(value, Unknown) else "the value after '*' is not a sequence"
         )
         yield Argument(Unknown(reason), node)
 
@@ -90,7 +90,8 @@ def _value(
     env: Bindings,
 ) -> MaybeValue:
     try:
-        if isinstance(node, ast.List):  # written in the call, so nothing can change it before
+        # A list written in the call itself cannot have been changed before.
+        if isinstance(node, ast.List):
             return folder.elements(node.elts, env)
         return folder.fold(node, env)
     except Unknown as unknown:

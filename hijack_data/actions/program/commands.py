@@ -1,4 +1,4 @@
-"""Texts that a program may hand to a shell, or to something else that runs them."""
+"""Find texts that a program may pass to a shell or to another interpreter."""
 
 import ast
 from collections.abc import Iterator
@@ -7,7 +7,7 @@ from .names import Names
 from .signatures import REFUSED, words
 from .vocabulary import names_pointer
 
-# What they do with a text, nothing runs.
+# These functions never run the texts that they are given.
 _SILENT = words("print len str repr")
 _LOGGING = words("debug info warning error critical exception log")
 _PURE = words("""
@@ -20,8 +20,8 @@ _METHODS = frozenset(name for kind in (str, bytes, list, dict, set, tuple) for n
 class Commands:
     """Collects the texts that name a way to the pointer and may be run.
 
-    A text that is typed, printed or stands for itself is none. All others count as soon as the
-    program calls anything that could run one.
+    A text that is typed, printed or unused does not count. All others count as soon as the program
+    calls anything that could run a text.
     """
 
     def __init__(self, names: Names) -> None:
@@ -31,7 +31,7 @@ class Commands:
         self._runs = False
 
     def note(self, node: ast.AST) -> None:
-        """Take in one node of the program; parents must come before their children."""
+        """Examine one node of the program; parents must come before their children."""
         match node:
             case ast.Constant(value=str(text)):
                 self._note_text(node, text)
@@ -51,7 +51,7 @@ class Commands:
                 pass
 
     def problems(self) -> Iterator[tuple[ast.AST, str]]:
-        """The texts, each with the reason why it must be refused."""
+        """Yield the collected texts, each with the reason to refuse it."""
         for text in self._texts if self._runs else ():
             yield text, "this text may be run, and names a way to the pointer that cannot be mapped"
 

@@ -1,8 +1,8 @@
 """Walk a program in the order in which it runs, with the constants known at each call.
 
-The walk is conservative: where the flow cannot be followed (a name that a loop changes, branches
-that disagree, a parameter), the name counts as unknown. Calls that may run at another time than
-where they stand, or never (in annotations and types), are not followed; `run` returns them. Nothing
+The walk is conservative: a name counts as unknown where its value cannot be followed (a loop
+changes it, branches disagree, it is a parameter). Calls that may run at another time than their
+place suggests, or never (in annotations and types), are not followed; `run` returns them. Nothing
 is ever executed.
 """
 
@@ -186,10 +186,10 @@ class Flow:
         _forget(env, {node.name}, "is a function or class", node)
 
     def _class_body(self, node: ast.ClassDef, env: Bindings) -> None:
-        """A class body does not see the names of a class around it, nor inner scopes its own."""
-        bases = node.bases or node.keywords  # whose metaclass may give the body names of its own
+        """Walk a class body: neither it nor its inner scopes see the names of enclosing classes."""
+        bases = node.bases or node.keywords  # the metaclass may define names in the body
         around = self._class_names
-        inside = env.inside(sees=_nothing if bases else None)
+        inside = env.inside(sees=_sees_nothing if bases else None)
         _forget(inside, around, "belongs to the class around", node)
         self._class_names = all_bound(node.body)
         _forget(inside, self._class_names, "is bound in a class", node)
@@ -242,7 +242,7 @@ class Flow:
             self._on_call(node, env)
 
     def _comprehension(self, node: _Comprehension, env: Bindings) -> None:
-        if isinstance(node, ast.GeneratorExp):  # runs when something asks it for items
+        if isinstance(node, ast.GeneratorExp):  # a generator runs only when its items are asked for
             inner = self._later(node, env)
         else:
             inner = env.inside()
@@ -266,7 +266,7 @@ def _unpacked(parts: Sequence[ast.expr], value: MaybeValue) -> Sequence[MaybeVal
     return value
 
 
-def _nothing(_: str) -> bool:
+def _sees_nothing(_: str) -> bool:
     return False
 
 

@@ -1,4 +1,4 @@
-"""Bounded arithmetic on the constants of a program, which is never run."""
+"""Bounded constant folding: arithmetic on a program's constants, without running it."""
 
 import ast
 import math
@@ -150,7 +150,7 @@ def arithmetic(
     b = _number(right)
     compute = _BINARY.get(type(op))
     if compute is None or (isinstance(op, ast.Pow) and _is_big_power(a, b)):
-        raise Unknown("the arithmetic is beyond what is followed")
+        raise Unknown("this arithmetic is not followed")
     try:
         return _checked(compute(a, b))
     except ArithmeticError as error:
@@ -202,4 +202,4 @@ def _item(values: Value, index: Value) -> Value:
 
 
 def _unpackable() -> Value:
-    raise Unknown("what is unpacked with * is not a known sequence")
+    raise Unknown("the value unpacked with * is not a known sequence")

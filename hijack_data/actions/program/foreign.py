@@ -1,7 +1,8 @@
-"""Calls of functions that are not pyautogui's, but may move the pointer all the same.
+"""Find calls of functions outside pyautogui that may move the pointer.
 
-Such a call is refused if its name says so and it is given numbers. A function that the program
-picks from somewhere has no name that says anything: it must not be given what may be a place.
+Such a call is refused if the function's name suggests it and its arguments are numbers. A function
+that the program picks at run time has no telling name, so its arguments must not hold anything that
+may be a place.
 """
 
 import ast
@@ -35,7 +36,7 @@ def foreign_module(modules: Iterable[str]) -> str | None:
 
 
 def foreign_call(call: ast.Call, names: Names) -> str | None:
-    """Return why a call of another function than pyautogui's must be refused, or `None`."""
+    """Return why a call of a function outside pyautogui must be refused, or `None`."""
     match call.func:
         case ast.Lambda():
             return None

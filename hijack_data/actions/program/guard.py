@@ -1,9 +1,9 @@
-"""Find the places where a program could move the pointer unnoticed; a mapping refuses them.
+"""Find the places where a program could move the pointer unnoticed, so that mapping refuses them.
 
-Pointer calls are mapped where they are written as such: a function of pyautogui, called by its own
-name or by that of one import. Whatever else may reach the pointer is refused: pyautogui or its
-functions passed on, looked up by name, or imported from its inner modules; code in texts; other
-libraries; calls on unknown objects that look like pointer calls; commands that name a known tool.
+A pointer call is mapped if it is written plainly: a function of pyautogui, called by its own name
+or by the name of one import. Every other way to the pointer is refused: pyautogui or its functions
+passed on, looked up by name, or imported from inner modules; code in texts; other libraries; calls
+on unknown objects that look like pointer calls; commands that name a known tool.
 """
 
 import ast
@@ -23,16 +23,24 @@ from .signatures import (
     is_harmless,
     is_public,
 )
-from .vocabulary import OPEN_DUNDERS, REACHING, REFLECTIVE, SYS, is_deed, is_pose, is_verb
+from .vocabulary import (
+    OPEN_DUNDERS,
+    REACHING,
+    REFLECTIVE,
+    SYS,
+    is_place_attribute,
+    is_pointer_attribute,
+    is_verb,
+)
 
 _HIDES = "is used in a way that hides where the pointer goes"
 
 
 def hidden_moves(tree: ast.Module, names: Names) -> Iterator[tuple[ast.AST, str]]:
-    """Yield every such place, with the reason."""
+    """Yield every node that could move the pointer unnoticed, with the reason."""
     guard = _Guard(names)
     commands = Commands(names)
-    for node in ast.walk(tree):  # meets parents first
+    for node in ast.walk(tree):  # yields parents before their children
         commands.note(node)
         reason = guard.reason(node)
         if reason:
@@ -134,7 +142,7 @@ class _Guard:
         return origin is not None and self._moves(name, origin)
 
     def _moves(self, name: str, origin: Origin) -> bool:
-        """Return whether the function behind an imported, or bare, name may move the pointer."""
+        """Return whether the function behind an imported or bare name may move the pointer."""
         if origin.name is None or self._names.is_own_function(name):
             return False
         if origin.module == "pyautogui":
@@ -158,11 +166,11 @@ class _Guard:
         if isinstance(node.value, ast.Name) and node.value.id == "self":
             return None
         if not isinstance(node.ctx, ast.Load):
-            if is_pose(name):
-                return f"to set {name!r} may move the pointer to a hidden place"
+            if is_place_attribute(name):
+                return f"setting {name!r} may move the pointer to a hidden place"
             return None
         is_used = id(node) in self._called or id(node) in self._owners
-        if is_deed(name) and not is_used:
+        if is_pointer_attribute(name) and not is_used:
             return f"{name!r} {_HIDES}"
         return None
 
@@ -199,11 +207,11 @@ def _own_call(node: ast.Call, callee: Callee) -> str | None:
         return f"{name}(region=...) reads a part of the screen that cannot be mapped"
     if is_public(name) or not values(node) or _is_scalar(node):
         return None
-    return f"pyautogui is not known to have {name}(), so it cannot be told where it points"
+    return f"pyautogui is not known to have {name}(), so where it points is unknown"
 
 
 def _reads_part(call: ast.Call, pictures: int) -> bool:
-    """Return whether a call that reads the screen may name a part, by keyword or position."""
+    """Return whether a call that reads the screen may name a region, by keyword or position."""
     for value in call.args[:pictures]:
         if isinstance(value, ast.Starred | ast.Tuple | ast.List):
             return True
@@ -237,7 +245,7 @@ def _getattr(node: ast.Call) -> str | None:
     """Return why `getattr` must be refused: it may look up a name that the program must not use."""
     match node:
         case ast.Call(func=ast.Name(id="getattr"), args=[_, ast.Constant(value=str(name)), *_]):
-            if name in REACHING | REFLECTIVE or _is_dunder(name) or is_deed(name):
+            if name in REACHING | REFLECTIVE or _is_dunder(name) or is_pointer_attribute(name):
                 return f"getattr(..., {name!r}) {_HIDES}"
             return None
         case ast.Call(func=ast.Name(id="getattr")):

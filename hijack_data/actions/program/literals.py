@@ -1,4 +1,4 @@
-"""The possible contents of a call's arguments, as far as they are written out."""
+"""What the arguments of a call may contain, judged by the literals in the source."""
 
 import ast
 import re
@@ -9,12 +9,12 @@ _NUMERIC = re.compile(r"[\s\d.,;:()\[\]-]*\d[\s\d.,;:()\[\]-]*")
 
 
 def values(call: ast.Call) -> list[ast.expr]:
-    """Return the arguments of a call, those by position and those by keyword."""
+    """Return the argument expressions of a call, positional ones first."""
     return call.args + [keyword.value for keyword in call.keywords]
 
 
 def is_text(node: ast.expr, names: Names) -> bool:
-    """Return whether an expression is certainly a text, and not a number in quotes."""
+    """Return whether an expression is certainly a text other than a number in quotes."""
     match node:
         case ast.Constant(value=str(text)):
             return _NUMERIC.fullmatch(text) is None
@@ -33,7 +33,7 @@ def is_text(node: ast.expr, names: Names) -> bool:
 
 
 def count_numbers(call: ast.Call, names: Names) -> int:
-    """Return how many numbers a call may be given: one for each argument that is not a text.
+    """Return how many numbers may be passed to a call: one for each argument that is not a text.
 
     The items of a sequence count one by one; anything unpacked by `*` or `**` counts as two.
     """
@@ -42,7 +42,7 @@ def count_numbers(call: ast.Call, names: Names) -> int:
 
 
 def may_hold_place(call: ast.Call, names: Names) -> bool:
-    """Return whether a call may be given the two numbers of a place, if only in one variable."""
+    """Return whether the two numbers of a place may be passed to a call, even in one variable."""
     for value in values(call):
         is_written = isinstance(value, ast.Constant | ast.UnaryOp)
         if not is_written and not is_text(value, names):

@@ -1,4 +1,4 @@
-"""Find the names of a program that mean pyautogui, and those that may change unnoticed."""
+"""Find the names of a program that refer to pyautogui, and those that may change unnoticed."""
 
 import ast
 from collections import Counter, defaultdict
@@ -19,7 +19,8 @@ from .signatures import (
 )
 
 _TELLING = frozenset({*POINTER, *READERS, *REFUSED})
-# Builtins that make something new of a list's items; `max` and `sum` may give back the list itself.
+# Builtins that return something new made from a list's items; `max` and `sum` may return an item
+# itself.
 _COPYING = words("""
     all any bool enumerate float int len list map print range reversed set sorted str tuple zip
 """)
@@ -40,11 +41,11 @@ class Origin(NamedTuple):
 
 
 class Names:
-    """What the names of a program are bound to, wherever that happens.
+    """The bindings of all names of a program.
 
-    A name that is bound to several things, in whatever order, stands for none of them: which one a
-    line meets depends on how the program runs. Whoever runs the code may have imported pyautogui
-    before, so that counts as a binding, too.
+    A name that is bound to several things is treated as unknown, because the run decides which one
+    a line sees. The surrounding program may have imported pyautogui before, so that counts as a
+    binding, too.
 
     Attributes:
         bindings: how often each name is bound (assignments, parameters, imports, ...).
@@ -66,10 +67,11 @@ class Names:
             texts.update(_text_names(node))
             self._functions.update(_function_names(node))
         self.texts = {name for name, count in texts.items() if count == self.bindings[name]}
-        self._shown_first = _shown_first(tree)
+        self._defined_before_use = _defined_before_use(tree)
         if self.bindings["*"]:
             self.volatile.update(filter(is_public, self.bindings))
-        if any(isinstance(node, ast.ClassDef) for node in ast.walk(tree)):  # where __x means _K__x
+        # In a class K, __x means _K__x.
+        if any(isinstance(node, ast.ClassDef) for node in ast.walk(tree)):
             private = set(filter(_is_private, self.bindings))
             self.volatile |= private
             self._own |= private
@@ -110,11 +112,11 @@ class Names:
                 return 0
 
     def changes_at(self, name: str) -> int:
-        """From which depth on the lists in the value of `name` may be changed unseen."""
+        """Return the depth from which the lists in the value of `name` may be changed unnoticed."""
         return self._depths.get(name, NEVER)
 
     def origin(self, name: str) -> Origin | None:
-        """What `name` stands for wherever it is used, if imports alone say so."""
+        """Return what `name` refers to, if only imports bind it and they agree."""
         if name in self._own:
             return None
         origins = self._possible(name)
@@ -130,20 +132,20 @@ class Names:
         return origins
 
     def module(self, name: str) -> str | None:
-        """The module that `name` stands for; what nothing binds is taken for the module itself."""
+        """Return the module that `name` refers to, which for an unbound name is that name."""
         origin = self.origin(name)
         if origin is not None:
             return origin.module if origin.name is None else None
         return None if self.bindings[name] else name
 
     def may_be_pyautogui(self, name: str) -> bool:
-        """Whether `name` may stand for pyautogui (or AgentNet's `computer`) somewhere."""
-        if name in self._own:  # `computer` is a word like any other, `pyautogui` is not
+        """Return whether `name` may refer to pyautogui (or AgentNet's `computer`) somewhere."""
+        if name in self._own:  # other code may well use the name `computer`, but not `pyautogui`
             return name == "pyautogui" or Origin("pyautogui") in self._origins.get(name, ())
         return Origin("pyautogui") in self._possible(name)
 
     def imported(self, name: str) -> Origin | None:
-        """What `name` may stand for as an imported function, pyautogui's before all others."""
+        """Return the imported function to which `name` may refer; one of pyautogui comes first."""
         if name in self._own and name not in self._origins:
             return None
         found = [origin for origin in self._possible(name) if origin.name is not None]
@@ -151,19 +153,19 @@ class Names:
         return found[0] if found else None
 
     def is_own_function(self, name: str) -> bool:
-        """Whether `name` is a function or class of the program wherever it is used."""
+        """Return whether `name` is a function or class of the program wherever it is used."""
         if not self.bindings[name] == self._functions[name] > 0:
             return False
-        return name not in BARE or (name in self._shown_first and not self.bindings["*"])
+        return name not in BARE or (name in self._defined_before_use and not self.bindings["*"])
 
     def is_builtin(self, name: str) -> bool:
-        """Whether nothing in the program gives `name` a meaning of its own."""
+        """Return whether `name` is a builtin that the program never rebinds."""
         return not self.bindings[name]
 
     def callee(self, function: ast.expr) -> Callee | None:
-        """The function that an expression names, or `None` if this analysis does not know it.
+        """Return the function that an expression names, or `None` if it is unknown.
 
-        A bare `click` that nothing in the code defines is taken for pyautogui's.
+        An undefined bare name such as `click` is taken for the function of pyautogui.
         """
         match function:
             case ast.Attribute(value=ast.Name(id=owner), attr=attr):
@@ -185,7 +187,7 @@ def _owner(module: str) -> str:
 
 
 def bound_names(node: ast.AST) -> Iterator[str]:
-    """The names that this one node binds or unbinds (not its children)."""
+    """Return the names that this node itself binds or unbinds (not its children)."""
     match node:
         case ast.Name(id=name, ctx=ast.Store() | ast.Del()):
             yield name
@@ -211,7 +213,7 @@ def bound_names(node: ast.AST) -> Iterator[str]:
 
 
 def all_bound(nodes: list[ast.stmt] | list[ast.expr] | list[ast.pattern]) -> set[str]:
-    """Every name bound anywhere inside `nodes`."""
+    """Return every name bound anywhere inside `nodes`."""
     return {name for root in nodes for node in ast.walk(root) for name in bound_names(node)}
 
 
@@ -224,7 +226,7 @@ def _text_names(node: ast.AST) -> Iterator[str]:
 
 
 def _function_names(node: ast.AST) -> Iterator[str]:
-    """The function or class that a node defines, unless something is made of it first."""
+    """Yield the name of the function or class that a node defines without a decorator."""
     match node:
         case ast.FunctionDef(name=name, decorator_list=[]):
             yield name
@@ -242,8 +244,8 @@ def _is_private(name: str) -> bool:
     return name.startswith("__") and not name.endswith("__")
 
 
-def _shown_first(tree: ast.Module) -> set[str]:
-    """The functions that the program defines at its top level before anything uses their names."""
+def _defined_before_use(tree: ast.Module) -> set[str]:
+    """Return the functions that the program defines at the top level before it uses their names."""
     first_use: dict[str, tuple[int, int]] = {}
     for node in ast.walk(tree):
         if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load):

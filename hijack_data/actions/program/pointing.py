@@ -1,4 +1,4 @@
-"""Where a pointer call points: its coordinates, scaled, and the arguments that hold them."""
+"""Find where a pointer call points: its coordinates, scaled, and the arguments that hold them."""
 
 import ast
 from collections.abc import Callable
@@ -18,7 +18,7 @@ _Scale: TypeAlias = Callable[[float], int]
 
 
 class CallCoordinates(NamedTuple):
-    """The scaled coordinates (or offsets) of a call; `None` for one that is not given.
+    """The scaled coordinates (or offsets) of a call, each `None` if it is not given.
 
     `changes` lists the edits of the source.
     """
@@ -49,7 +49,7 @@ class Pointing:
     ) -> CallCoordinates:
         """Return where `call` of a `function` in `POINTER` points.
 
-        A place that cannot be known is an `ActionError`.
+        Raises `ActionError` if the place is not known before the code runs.
         """
         parameters = POINTER[function]
         given = arguments(call, parameters, self._folder, env)
@@ -110,7 +110,7 @@ class Pointing:
         x: Argument | None,
         values: list[MaybeValue],
     ) -> None:
-        """Refuse a place in fractions of the picture, which would become its corner."""
+        """Refuse a place in fractions of the picture, which mapping would turn into its corner."""
         numbers = [value for value in values if isinstance(value, int | float)]
         if x is None or len(numbers) != 2:
             return
@@ -158,7 +158,7 @@ class Pointing:
 
 
 def _centre(values: tuple[Value, ...]) -> tuple[Value, ...]:
-    """Pyautogui aims at the centre of (left, top, width, height)."""
+    """Return the centre of (left, top, width, height), at which pyautogui aims."""
     match values:
         case (
             int() | float() as left,
@@ -172,7 +172,7 @@ def _centre(values: tuple[Value, ...]) -> tuple[Value, ...]:
 
 
 def _elements(argument: Argument) -> list[ast.expr]:
-    """The elements of a sequence that is written out in the call, one value each."""
+    """Return the elements of a sequence that is written out in the call."""
     node = argument.node
     if isinstance(node, ast.Tuple | ast.List) and not any(
         isinstance(e, ast.Starred) for e in node.elts

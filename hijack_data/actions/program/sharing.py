@@ -1,8 +1,8 @@
 """Find the lists of a program that nothing can change unnoticed.
 
-A list that the program only indexes, unpacks, iterates over or gives to pyautogui stays what it
-was. One that is put anywhere else (into another name, a call, a method, an item) may be changed
-from there, in ways that nobody can list.
+A list that the program only indexes, unpacks, iterates over or passes to pyautogui stays unchanged.
+A list that is put anywhere else (into another name, a call, a method, an item) may be changed from
+there in countless ways.
 """
 
 import ast
@@ -10,8 +10,8 @@ from collections.abc import Callable
 
 NEVER = 1_000_000  # deeper than any value
 
-# How deep a function leaves its arguments alone: with 0 it may change the argument itself, with 1
-# only its items, with NEVER nothing at all.
+# The depth from which a function may change its arguments: with 0 it may change the argument
+# itself, with 1 only its items, with NEVER nothing.
 LeavesAlone = Callable[[ast.expr], int]
 
 

@@ -1,7 +1,7 @@
 """The names and parameters of the functions of pyautogui and of AgentNet's `computer`."""
 
-# Parameters in order, as far as anybody here reads them: `x, y` are absolute, `xOffset, yOffset`
-# relative.
+# Parameters in order, up to the last one that this library reads: `x, y` are absolute, `xOffset,
+# yOffset` relative.
 _POINT = ("x", "y")
 _CLICK = ("x", "y", "interval", "button")
 _HOLD = ("x", "y", "button")
@@ -39,13 +39,14 @@ KEYBOARD: dict[str, tuple[str, ...]] = {
 
 
 def words(text: str) -> frozenset[str]:
-    """The words of a text, as a set."""
+    """Return the words of a text as a set."""
     return frozenset(text.split())
 
 
-# They work on the screen at a place, or move the pointer in a language of their own.
+# Functions that read the screen at a place, or that move the pointer by commands in a text.
 REFUSED = words("pixel pixelMatchesColor onScreen getWindowsAt run platformModule")
-# They look at the screen: how many arguments come before those that can name a part of it.
+# Functions that read the screen, each with the number of arguments before the first that can name a
+# region.
 READERS = {
     "screenshot": 1,
     "locateOnScreen": 1,
@@ -59,7 +60,7 @@ READER_OPTIONS = words("""
     imageFilename image needleImage haystackImage title minSearchTime grayscale confidence limit
     step allScreens
 """)
-# They take no place on the screen, so their arguments need no mapping.
+# Functions that take no place on the screen, so their arguments need no mapping.
 FREE = words("""
     sleep wait countdown hold shortcut size resolution position center Point Size getPointOnLine
     alert confirm prompt password terminate isValidKey isShiftCharacter failSafeCheck linear
@@ -85,12 +86,12 @@ SPECIAL = {
 
 
 def is_public(name: str) -> bool:
-    """Whether pyautogui has a function or constant of this name, as far as is known here."""
+    """Return whether pyautogui is known to have a function or constant of this name."""
     return name in POINTER or name in READERS or name in REFUSED or is_harmless(name)
 
 
 def is_harmless(name: str) -> bool:
-    """Whether pyautogui's `name` may be passed on: who has it can move the pointer to no place."""
+    """Return whether pyautogui's `name` may be passed on, because it cannot move the pointer."""
     if name in KEYBOARD or name in FREE or name in SETTINGS or name in _CONSTANTS:
         return True
     return name.endswith("Exception") or name.startswith("ease")

@@ -1,4 +1,4 @@
-"""Python source that is parsed, never run, and edited only at given nodes."""
+"""Parse Python source without running it, and edit it at given nodes only."""
 
 import ast
 import re
@@ -11,7 +11,7 @@ from typing import NamedTuple, NoReturn
 
 from ...errors import ActionError
 
-# Lines as Python's tokenizer counts them; str.splitlines counts more.
+# Line ends as Python's tokenizer counts them; str.splitlines splits at more characters.
 _LINE = re.compile(r"[^\r\n]*(?:\r\n|\r|\n)?")
 _SHOWN = 60
 
@@ -25,7 +25,7 @@ class TextEdit(NamedTuple):
 
 
 def spliced(text: str, edits: Iterable[TextEdit]) -> str:
-    """Return `text` with `edits` made, which must not overlap, and every other byte as it was."""
+    """Return `text` with `edits` made, which must not overlap; every other byte stays."""
     pieces: list[str] = []
     done = 0
     for edit in sorted(edits):
@@ -38,7 +38,7 @@ def spliced(text: str, edits: Iterable[TextEdit]) -> str:
 
 @contextmanager
 def shallow() -> Generator[None]:
-    """Turn a recursion overflow into an error: code that nests so deeply is not an action.
+    """Turn a `RecursionError` into an `ActionError`: code nested so deeply is not an action.
 
     Raises:
         ActionError: the code is nested too deeply.
@@ -55,8 +55,8 @@ class ParsedSource:
     """Parsed code, and the position of each node.
 
     Spaces before the first statement are tolerated, as `python -c "...; <code>"` tolerates them.
-    Code that is not Python is an `ActionError`. The positions come from a table of line starts:
-    `ast.get_source_segment` splits the whole source anew for every node.
+    Raises `ActionError` for code that is not Python. The positions come from a table of line
+    starts, because `ast.get_source_segment` splits the whole source again for every node.
     """
 
     def __init__(self, code: str) -> None:
@@ -70,13 +70,13 @@ class ParsedSource:
         for line in self._lines:
             starts.append(starts[-1] + len(line))
         self._starts = starts
-        self._columns: dict[int, list[int]] = {}  # of lines with more bytes than characters
+        self._columns: dict[int, list[int]] = {}  # for lines with more bytes than characters
         self.tree = self._parse()
 
     def _parse(self) -> ast.Module:
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # "\d" in a typed text is the agent's business
+                warnings.simplefilter("ignore")  # "\d" in a typed text is up to the agent
                 return ast.parse(self._code)
         except SyntaxError as error:
             place = self._place(error.lineno or 1, error.offset or 1)
@@ -110,7 +110,7 @@ class ParsedSource:
         return start, self._offset(end_line, end_column)
 
     def text(self, node: ast.expr) -> str:
-        """Return the source of a node, shortened for messages."""
+        """Return the source of a node, shortened for error messages."""
         start, end = self.span(node)
         found = " ".join(self._code[start:end].split())
         if len(found) <= _SHOWN:
@@ -123,10 +123,10 @@ class ParsedSource:
         problem: str,
         fix: str,
     ) -> NoReturn:
-        """Refuse the code at the place of `node`.
+        """Raise an error that points at `node`.
 
         Raises:
-            ActionError: always, with line and column.
+            ActionError: always; the message names line and column.
         """
         line = getattr(node, "lineno", 1)
         column = getattr(node, "col_offset", 0)

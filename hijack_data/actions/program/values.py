@@ -1,4 +1,4 @@
-"""The known values and names of a program, which is never run."""
+"""The values and names of a program that are known without running it."""
 
 from collections.abc import Callable, Iterable
 from typing import NamedTuple, TypeAlias
@@ -26,7 +26,7 @@ class ScreenSize(NamedTuple):
 
 
 class Listed(tuple[Value, ...]):
-    """The items of a list: unlike those of a tuple, they may be changed."""
+    """The items of a list, which may be changed, unlike those of a tuple."""
 
     __slots__ = ()
 
@@ -41,7 +41,7 @@ def list_depths(value: MaybeValue, depth: int = 0) -> Iterable[int]:
 
 
 def same(a: MaybeValue, b: MaybeValue) -> bool:
-    """Return whether two values are equal; a list is no tuple, an `Unknown` equals only itself."""
+    """Return whether two values are equal; a list never equals a tuple."""
     if a is b:
         return True
     if type(a) is not type(b):
@@ -56,11 +56,12 @@ def same(a: MaybeValue, b: MaybeValue) -> bool:
 class Bindings:
     """The known values of names at one place of a program.
 
-    Entering a block costs nothing, leaving it as much as it changes, whatever the program's size.
+    Entering a block costs nothing; leaving it costs time in proportion to its changes, however
+    large the program is.
 
     Args:
-        around: the bindings outside, for names that have none here.
-        sees: returns whether a name of `around` can be seen from here; all can by default.
+        around: the bindings of the enclosing block, for names without a binding in this one.
+        sees: returns whether a name of `around` is visible in this block; by default all are.
     """
 
     __slots__ = ("_around", "_sees", "changed")
@@ -85,7 +86,7 @@ class Bindings:
         self.changed[name] = value
 
     def inside(self, sees: _Sees | None = None) -> "Bindings":
-        """Return the bindings at the start of a block in here, which keeps its own changes."""
+        """Return the bindings at the start of an inner block, which keeps its changes to itself."""
         return Bindings(self, sees)
 
     def forget(
@@ -99,7 +100,7 @@ class Bindings:
             self.changed[name] = Unknown(f"{name!r} {why} (line {line})")
 
     def merge(self, ends: list["Bindings"]) -> None:
-        """Take over the values on which the blocks in here, of which one runs, agree.
+        """Take over the values on which alternative inner blocks, of which one runs, agree.
 
         The other names that they change become unknown.
         """
@@ -108,8 +109,8 @@ class Bindings:
             for name, value in end.changed.items():
                 values.setdefault(name, []).append(value)
         for name, found in values.items():
-            if len(found) < len(ends):  # some block leaves it as it was
+            if len(found) < len(ends):  # at least one block leaves it unchanged
                 found.append(self.get(name))
             agree = all(same(found[0], value) for value in found)
-            disagree = Unknown(f"{name!r} has not the same value in every branch")
+            disagree = Unknown(f"{name!r} does not have the same value in every branch")
             self.changed[name] = found[0] if agree else disagree

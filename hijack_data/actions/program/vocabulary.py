@@ -1,7 +1,7 @@
-"""The words by which code is judged that may move the pointer without pyautogui.
+"""The words by which code is recognised that may move the pointer without pyautogui.
 
-No list of such functions can be complete. What they have in common is that their names say so
-(`move`, `click`, `drag`, `cursor`, ...), so names are judged by what they contain.
+No list of such functions can be complete, but their names usually tell (`move`, `click`, `drag`,
+`cursor`, ...), so names are judged by the words in them.
 """
 
 import re
@@ -15,20 +15,20 @@ POINTER_MODULES = words("""
     pyatspi gi jnius lackey sikuli ahk interception directkeys rpa clicknium airtest uiautomator2
     appium adbutils pyscreeze mss humancursor pyclick
 """)
-# They find modules, names and functions, or run code, without naming them in the program.
+# Modules that find modules, names and functions, or run code, without naming them in the program.
 REFLECTIVE_MODULES = words("""
     importlib imp pkgutil runpy builtins __builtin__ __main__ code codeop inspect gc pickle dill
     cloudpickle marshal timeit profile cProfile trace pdb bdb doctest zipimport multiprocessing
     unittest mock
 """)
-# Their functions move no pointer, whatever they are called (shutil.move).
+# Modules whose functions never move the pointer, whatever their names (shutil.move).
 HARMLESS_MODULES = words("""
     os shutil pathlib time datetime random math string re json csv glob tempfile itertools
     functools collections logging platform subprocess webbrowser pyperclip keyboard numpy np
     pandas pd
 """)
 
-# Builtins that run code, or reach names that are not written in the program.
+# Builtins that run code or reach names that do not appear in the program.
 REFLECTIVE = words("""
     exec eval compile __import__ globals locals vars setattr delattr breakpoint builtins
     __builtins__
@@ -49,7 +49,7 @@ _VERB = re.compile(
     "|sendinput|pixel|^crop$|^grab$"
 )
 _WEAK_VERB = re.compile("scroll|press|^tap|tap$|goto|pos$|position|fakeinput|screenshot|region")
-_NOUNS = words("mouse pointer cursor touch wheel")  # page.mouse is a thing, page.mouse.move a call
+_NOUNS = words("mouse pointer cursor touch wheel")  # page.mouse is an object, not a call
 DEVICES = words("mouse pointer touchscreen")
 PLACES = words("coords coord coordinate coordinates xy")
 _POSED = words("""
@@ -57,7 +57,7 @@ _POSED = words("""
     midright center centerx centery
 """)
 
-# What a command, or code in a text, says when it moves the pointer.
+# Words in commands, or in code inside texts, that move the pointer.
 _COMMAND = re.compile(
     r"\bimport\s+pyautogui|\bfrom\s+pyautogui|\bpyautogui\s*\.|^\s*pyautogui\s*$"
     r"|\b(?:xdotool|ydotool|dotool|cliclick|xte|nircmd|autohotkey|evemu-event|wlrctl|pynput)\b"
@@ -68,27 +68,27 @@ _COMMAND = re.compile(
 
 
 def is_verb(name: str) -> bool:
-    """Whether a function of this name is likely to move a pointer or to read some pixels."""
+    """Return whether a function of this name is likely to move a pointer or to read pixels."""
     return _VERB.search(_plain(name)) is not None
 
 
 def is_weak_verb(name: str) -> bool:
-    """Whether a function of this name is likely to move a pointer if it is given two numbers."""
+    """Return whether a function of this name, called with two numbers, may move a pointer."""
     return _WEAK_VERB.search(_plain(name)) is not None
 
 
-def is_deed(name: str) -> bool:
-    """Whether an attribute that is read, but not called, may be a function for the pointer."""
+def is_pointer_attribute(name: str) -> bool:
+    """Return whether an attribute that is read but not called may be a pointer function."""
     return is_verb(name) and name not in _NOUNS
 
 
-def is_pose(name: str) -> bool:
-    """Whether to set this attribute may put something at a place: `mouse.position = (10, 20)`."""
+def is_place_attribute(name: str) -> bool:
+    """Return whether setting this attribute may move something: `mouse.position = (10, 20)`."""
     return name in _POSED or is_verb(name)
 
 
 def names_pointer(text: str) -> bool:
-    """Whether a text that may be run as a command or as code names a way to the pointer."""
+    """Return whether a text, if run as a command or as code, could move the pointer."""
     return _COMMAND.search(text) is not None
 
 

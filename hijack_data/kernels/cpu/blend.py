@@ -1,11 +1,11 @@
 """Pasting in memory: all layers of all stamps of a picture in one call, compiled by Numba.
 
-A row of a layer is drawn in groups of 32 or 16 pixels, or pixel by pixel where it is narrower. A
-group is three LLVM vectors of as many bytes: one a channel if the channels of the picture are
-planes, otherwise three of whole pixels. The two differ only in how masks and colours are shuffled
-into these vectors.
+A row of a layer is drawn in groups of 32 or 16 pixels, or pixel by pixel if it is narrower. A group
+is three LLVM vectors of 32 or 16 bytes: one vector per channel if the channels of the picture are
+planes, otherwise three vectors of interleaved pixels. The two cases differ only in how masks and
+colours are shuffled into the vectors.
 
-The last group of a row ends where the row ends; what it has in common with the group before is not
+The last group of a row ends where the row ends; pixels that it shares with the group before are not
 blended again.
 """
 
@@ -15,16 +15,16 @@ from typing import Any, TypeAlias
 
 from ...types import UInt8Array
 
-# Numba's cache does not see changes there, only here
+# Numba's cache notices changes of this file, but not of imported ones
 from ..rows import FILL, INK, INKS, PAINT, PICTURE, StampRows
 from . import jit
 
 IrValue: TypeAlias = Any  # a value of LLVM, in the code that is being emitted
 
-GROUPS = (32, 16, 1)  # pixels of a group: the most that the row can fill
-ABOVE_ALL = 2**62  # no row is that wide
+GROUPS = (32, 16, 1)  # pixels of a group: the largest that the row can fill is used
+ABOVE_ALL = 2**62  # wider than any row
 
-# Bound by _kernel() once Numba is loaded: Numba looks globals up when it compiles.
+# Set by _kernel() once Numba is loaded, because Numba looks globals up when it compiles.
 _packed: Any = None
 _planar: Any = None
 _strided: Any = None
@@ -47,7 +47,7 @@ def paste(image: UInt8Array, rows: StampRows) -> None:
 
 
 def has_run() -> bool:
-    """Tell whether the kernel has succeeded once: from then on it cannot fail."""
+    """Return whether the kernel has succeeded once, after which it cannot fail."""
     return _calls > 0
 
 
@@ -58,7 +58,7 @@ def _draw(
     plane: int,
     rows: StampRows,
 ) -> None:
-    """Draw rows into the picture at an address.
+    """Draw rows into the picture at the memory address `picture`.
 
     `pitch`, `step` and `plane` are its strides in bytes; `rows` documents the columns.
     """
@@ -100,10 +100,10 @@ def _kernel(numba: Any) -> Callable[..., None]:
 
 
 def _line(groups: tuple[int, ...], packed: bool) -> Callable[..., Any]:
-    """Make the intrinsic that draws a line, one row of pixels of a layer.
+    """Make the Numba intrinsic that draws a line, which is one row of pixels of a layer.
 
-    It is drawn in the first size of group that it can hold. `to`, `a` and `b` are the addresses of
-    its first pixel, of its mask, and of its second mask or its colours.
+    The line is drawn in the first group size in `groups` that is not wider than it. `to`, `a` and
+    `b` are the addresses of its first pixel, of its mask, and of its second mask or its colours.
     """
 
     def line(
@@ -168,7 +168,7 @@ class _Line:
         self.b_color = self.color(b_color)
 
     def _order(self) -> None:
-        """Find out which pixel and which channel each byte of the three vectors is."""
+        """Compute which pixel and which channel each byte of the three vectors belongs to."""
         lanes = self.lanes
         if self.packed:
             numbers = [range(k * lanes, (k + 1) * lanes) for k in range(3)]
@@ -181,7 +181,7 @@ class _Line:
     def emit(self, above: int) -> None:
         """Emit a loop over the groups for each kind of layer.
 
-        It is for lines of at least one group, less than `above`.
+        The code handles lines of at least one group and less than `above` pixels.
         """
         cgutils: Any = import_module("numba.core.cgutils")
         b = self.builder
@@ -215,7 +215,7 @@ class _Line:
     def ink(self, at: IrValue, done: IrValue) -> None:
         """Emit one group of an `INK`.
 
-        Where it is opaque, as much of a mark is, nothing need be blended.
+        Opaque groups, such as most of a mark, are stored without blending.
         """
         b = self.builder
         mask = self.mask(self.a, at, done)
@@ -264,10 +264,9 @@ class _Line:
         cover: list[IrValue],
         added: list[IrValue],
     ) -> None:
-        """Emit the blend of three vectors of the picture.
+        """Emit the blending of the three vectors of a group.
 
-        That is `d = (t + (t >> 8)) >> 8` with `t = d * (255 - cover) + added + 128`, which 16 bits
-        hold.
+        It computes `d = (t + (t >> 8)) >> 8` with `t = d * (255 - cover) + added + 128` in 16 bits.
         """
         b = self.builder
         full = self.words([255] * self.lanes)
@@ -288,9 +287,9 @@ class _Line:
         at: IrValue,
         done: IrValue,
     ) -> IrValue:
-        """Emit the reading of a group of a mask.
+        """Emit the loading of one group of a mask.
 
-        It has 0 for the `done` pixels at its start that are drawn already.
+        The first `done` pixels, which are drawn already, become 0.
         """
         b = self.builder
         zeros = self.bytes([0] * self.lanes)
@@ -331,13 +330,13 @@ class _Line:
         return b.icmp_unsigned("!=", bits, self.bits(0))
 
     def spread(self, mask: IrValue) -> list[IrValue]:
-        """Emit a mask as the three vectors have it, in 16 bits."""
+        """Emit a mask in the pixel order of the three vectors, in 16 bits."""
         b = self.builder
         shuffled = [b.shuffle_vector(mask, mask, self.indices(part)) for part in self.pixel_of]
         return [b.zext(part, self.words) for part in shuffled]
 
     def color(self, value: IrValue) -> list[IrValue]:
-        """Emit a colour 0xRRGGBB as the three vectors have it, in 16 bits."""
+        """Emit a colour 0xRRGGBB in the channel order of the three vectors, in 16 bits."""
         b = self.builder
         word = self.words.element
         channels = self.vector(word, 4)([0] * 4)
@@ -349,7 +348,7 @@ class _Line:
         return [b.shuffle_vector(channels, channels, order) for order in orders]
 
     def colors(self, kind: Any, at: IrValue) -> list[IrValue]:
-        """Emit the colours `b` of a group as the three vectors have them."""
+        """Emit the colours `b` of a group in the order of the three vectors."""
         b = self.builder
         size = kind.element.width // 8
         start = b.mul(at, self.i64(3 * size))

@@ -1,9 +1,9 @@
-"""Counting the pixels in which two pictures in memory differ: by Numba, or else by NumPy.
+"""Count the pixels in which two pictures in memory differ, with Numba or with NumPy.
 
-The compiled way compares 64 bytes of a row at once, emitted as an LLVM vector, and gets a word with
-one bit a byte. If the channels of a pixel lie together, three neighbouring bits are one pixel,
-21 pixels a word; if each channel is a plane of its own, the words of the three planes are one
-word of 64 pixels.
+The compiled kernel compares 64 bytes of a row at once, emitted as an LLVM vector, and gets a word
+with one bit per byte. If the channels of a pixel are interleaved, three neighbouring bits are one
+pixel, so a word has 21 pixels; if each channel is a plane of its own, the words of the three planes
+together stand for 64 pixels.
 """
 
 from collections.abc import Callable
@@ -19,19 +19,18 @@ Counter: TypeAlias = Callable[[UInt8Array, UInt8Array, BoxArray], int]
 
 LANES = 64  # bytes compared at once
 SAVES = 0.3  # milliseconds a picture
-# rows from which bytes are asked for before their turn: no processor guesses that far in a small
-# box
+# rows to prefetch: no processor predicts accesses that far ahead in a small box
 AHEAD = 2
 EVERY = np.uint64(2**64 - 1)
 PIXELS = np.uint64(sum(1 << bit for bit in range(0, LANES - 1, 3)))  # the first bit of each pixel
 ONE = np.uint64(1)
 TWO = np.uint64(2)
-# NumPy compares bands of this many pixels, to stay in the cache: pixel by pixel areas up to so
-# wide, wider ones as lines of bytes.
+# NumPy compares bands of this many pixels, to stay in the cache. Areas up to the second number wide
+# are compared pixel by pixel, wider ones as lines of bytes.
 BAND = 1 << 15
 NARROW = 128
 
-# Bound by _kernel() once Numba is loaded: Numba looks globals up when it compiles.
+# Set by _kernel() once Numba is loaded, because Numba looks globals up when it compiles.
 _differ: Any = None
 _population: Any = None
 _separate: Any = None
@@ -42,7 +41,7 @@ def count(
     after: UInt8Array,
     boxes: BoxArray,
 ) -> int:
-    """Count the pixels in which two pictures of one size differ, looking at certain boxes only.
+    """Count the pixels inside given boxes in which two pictures of one size differ.
 
     The time grows with the square of the number of boxes: for more than some hundred, one box for
     the whole picture is quicker.
@@ -51,7 +50,8 @@ def count(
         before: `[h, w, 3]`, of any strides.
         after: likewise.
         boxes: int32 `[n, 4]` (`xyxy`); they hold all pixels that can differ. They may overlap and
-            stick out; a pixel counts once. Those that overlap are looked at as the box around them.
+            stick out of the picture; each pixel counts once. Overlapping boxes are replaced by the
+            box around them.
     """
     if not _readable(before, after) or not jit.worthwhile(SAVES):
         return _count_by_numpy(before, after, boxes)
@@ -62,15 +62,15 @@ def count(
 
 
 def _readable(before: UInt8Array, after: UInt8Array) -> bool:
-    """Tell whether the compiled way reads two pictures: one layout, rows of at least `LANES`."""
+    """Return whether the compiled kernel can compare two pictures, by layout and width."""
     pixel = _pixel(before)
     return pixel > 0 and pixel == _pixel(after) and pixel * before.shape[1] >= LANES
 
 
 def _pixel(image: UInt8Array) -> int:
-    """Return how many bytes lie from pixel to pixel: 3 or, for planes, 1.
+    """Return the distance in bytes between neighbouring pixels: 3 or, for planes, 1.
 
-    0 stands for a picture that the compiled way does not read.
+    Returns 0 for a picture that the compiled kernel cannot read.
     """
     if image.dtype != np.uint8 or image.shape[2:] != (3,):
         return 0
@@ -94,11 +94,12 @@ def _count_by_numpy(
 
 
 def _disjoint(boxes: BoxArray) -> BoxArray:
-    """Replace boxes that overlap by the box around them until none do; no box may be empty."""
+    """Replace overlapping boxes by the box around them until none overlap; no box may be empty."""
     while len(boxes) > 1:
         x1, y1, x2, y2 = boxes.T[:, :, None]
         touch = (x1 < x2.T) & (x2 > x1.T) & (y1 < y2.T) & (y2 > y1.T)
-        first = touch.argmax(axis=1)  # the first box that each one overlaps, itself at the latest
+        # For each box, the first one that it overlaps, which may be itself.
+        first = touch.argmax(axis=1)
         if (first == np.arange(len(boxes))).all():
             break
         low = boxes[:, :2].copy()
@@ -125,7 +126,7 @@ def _differing(before: UInt8Array, after: UInt8Array) -> int:
 def _differ_in_lines(before: UInt8Array, after: UInt8Array) -> Any:
     """Return which pixels differ, bool `[h, w]`, comparing whole lines of bytes.
 
-    Of the bytes, every third one stands for all three of its pixel.
+    After the comparison, the result of each pixel is at its first byte.
     """
     differ = before.reshape(len(before), -1) != after.reshape(len(after), -1)
     pixels = differ[:, :-2] | differ[:, 1:-1]
@@ -146,9 +147,9 @@ def _separate_in_place(
     height: int,
     width: int,
 ) -> int:
-    """Clip boxes to the picture and do what `_disjoint` does, in place.
+    """Clip boxes to the picture and make them disjoint as `_disjoint` does, in place.
 
-    Returns how many are left, at the beginning.
+    Returns the number of boxes that are left; they are at the beginning of the array.
     """
     kept = 0
     for i in range(len(boxes)):
@@ -159,7 +160,7 @@ def _separate_in_place(
         if x1 >= x2 or y1 >= y2:
             continue
         k = 0
-        # the boxes kept so far share no pixel; those that this one overlaps become part of it
+        # the boxes kept so far are disjoint; those that overlap this box are merged into it
         while k < kept:
             across = x1 < boxes[k, 2] and x2 > boxes[k, 0]
             if across and y1 < boxes[k, 3] and y2 > boxes[k, 1]:
@@ -188,7 +189,7 @@ def _count(
 ) -> int:
     """Count as `count` does; the boxes are changed.
 
-    A pixel's channels lie together, or each in a plane.
+    The channels of the pictures are interleaved, or each is a plane.
     """
     height, width, _ = before.shape
     pixel = before.strides[1]
@@ -204,7 +205,7 @@ def _count(
             one = before.ctypes.data + y * before.strides[0]
             two = after.ctypes.data + y * after.strides[0]
             for x in range(left, right, step):
-                # at the end of a row the vector begins earlier, to read nothing beyond it
+                # at the end of a row the vector begins earlier, so as not to read beyond the row
                 at = min(x, line - LANES)
                 bits = _differ(one + at, two + at, one_ahead, two_ahead)
                 if pixel == 1:
@@ -243,7 +244,8 @@ def _emit_differ(
 ) -> Any:
     """Emit the comparison of 64 bytes: bit `i` of a word is set if the bytes `i` differ.
 
-    The cache lines so many bytes ahead are asked for, which is allowed beyond a picture, too.
+    The cache lines `one_ahead` and `two_ahead` bytes ahead are prefetched, which is allowed even
+    beyond the picture.
     """
     ir: Any = import_module("llvmlite.ir")
     t: Any = import_module("numba").types

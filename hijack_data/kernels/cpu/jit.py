@@ -1,9 +1,9 @@
-"""Numba, if it is installed: when it is used, and how the kernels of this folder are compiled.
+"""Decide when to use Numba, if it is installed, and compile the kernels of this folder.
 
 Numba is imported and each kernel compiled (or loaded from Numba's cache on disk) when the kernel is
 first needed: once the time saved so far would have paid for it, or at the first picture after
 `start()`. If importing, compiling or the first call fails, one `HijackWarning` names the cause, and
-this process goes on with the plain NumPy kernels, which give the same bytes.
+this process continues with the plain NumPy kernels, which give the same bytes.
 """
 
 import warnings
@@ -23,7 +23,7 @@ START = 600.0  # milliseconds that Numba and the kernels take to load, once in a
 
 @dataclass
 class _State:
-    """`forgone`: milliseconds that kernels would have saved so far; `failed`: do without Numba."""
+    """`forgone`: milliseconds that Numba would have saved; `failed`: whether it broke here."""
 
     forgone: float = 0.0
     failed: bool = False
@@ -33,10 +33,11 @@ _state = _State()
 
 
 def worthwhile(milliseconds: float) -> bool:
-    """Tell whether to run a compiled kernel that would save so many milliseconds.
+    """Return whether to use a compiled kernel, which would save this many milliseconds.
 
-    It is worth it once the time saved so far would have paid for loading Numba. A command that
-    corrupts a few pictures is done before that; a training run soon reaches it.
+    Using it is worthwhile once the time that it would have saved so far exceeds the time for
+    loading Numba. A command that corrupts a few pictures ends before that; a training run soon gets
+    there.
     """
     if _state.forgone < START:
         _state.forgone += milliseconds
@@ -45,12 +46,12 @@ def worthwhile(milliseconds: float) -> bool:
 
 
 def start() -> None:
-    """Use compiled kernels from the next picture on, however few pictures there will be."""
+    """Use compiled kernels from the next picture on, whether or not the loading time pays off."""
     _state.forgone = START
 
 
 def available() -> bool:
-    """Tell whether Numba can be used; the first call imports it."""
+    """Return whether Numba can be used; the first call imports it."""
     return not _state.failed and _importable()
 
 
@@ -62,14 +63,14 @@ def _importable() -> bool:
         if error.name != "numba":
             give_up(error)
         return False
-    except Exception as error:  # noqa: BLE001 (too old for this NumPy, a damaged installation)
+    except Exception as error:  # noqa: BLE001 (too old for this NumPy, or a damaged installation)
         give_up(error)
         return False
     return True
 
 
 def give_up(error: Exception) -> None:
-    """Do without Numba from now on in this process, and warn of it once."""
+    """Stop using Numba in this process, and warn about it once."""
     if _state.failed:
         return
     _state.failed = True
@@ -83,23 +84,23 @@ def give_up(error: Exception) -> None:
 
 
 def guarded(compiled: Callable[[], T], plain: Callable[[], T]) -> T:
-    """Return what a compiled kernel gives, or what the plain one does if Numba fails.
+    """Return the result of a compiled kernel, or of the plain one if Numba fails.
 
-    Errors of this library (a picture of the wrong shape, for example) are raised as they are.
+    Errors of this library (a picture of the wrong shape, for example) are raised unchanged.
     """
     try:
         return compiled()
     except HijackError:
         raise
-    except Exception as error:  # noqa: BLE001 (Numba and LLVM raise anything)
+    except Exception as error:  # noqa: BLE001 (Numba and LLVM may raise anything)
         give_up(error)
     return plain()
 
 
 def lazy(what: str) -> Callable[[Callable[[Any], T]], "_lru_cache_wrapper[T]"]:
-    """Decorate a function that compiles a kernel: it is called once, when the kernel is needed.
+    """Decorate a function that compiles a kernel, so that it runs once, on first use.
 
-    The function is given the module `numba` and returns the kernel. What it becomes takes no
+    The function takes the module `numba` and returns the kernel. The decorated function takes no
     arguments, returns the kernel, and raises `MissingDependencyError` without Numba.
 
     Args:
@@ -123,12 +124,12 @@ def compile_now(
     function: Callable[..., Any],
     signature: object,
 ) -> Callable[..., Any]:
-    """Compile for one signature, or load that from Numba's cache on disk.
+    """Compile a function for one signature, or load it from Numba's cache on disk.
 
-    The kernel runs without Python's lock.
+    The kernel runs without holding Python's global lock.
     """
     try:
         compiled = njit(signature, nogil=True, cache=True)(function)
-    except RuntimeError:  # no folder is writable: do without the cache
+    except RuntimeError:  # no folder is writable: compile without the cache
         compiled = njit(signature, nogil=True)(function)
     return cast(Callable[..., Any], compiled)

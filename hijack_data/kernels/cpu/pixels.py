@@ -1,8 +1,8 @@
 """Paste and resample for pictures in memory: uint8 `[H, W, 3]`, any strides.
 
-Contiguous pictures in either channel order are fast. With Numba, pictures are handed to the
-compiled kernels once that pays (`jit.worthwhile`); `paste_plain` and `resample_plain` are what runs
-until then, and without it.
+Contiguous pictures in either channel order are fast. With Numba, the compiled kernels draw as soon
+as that pays off (`jit.worthwhile`); until then, and without Numba, `paste_plain` and
+`resample_plain` do.
 """
 
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ from ..stamps import Stamp
 from . import blend, jit, resize
 
 LINE = 64  # bytes of a cache line
-# Milliseconds that the compiled kernels save.
+# Milliseconds that the compiled kernels save, per picture and per byte.
 PASTE_SAVES = 0.2  # a picture
 RESAMPLE_SAVES = 3e-6  # a byte
 
@@ -34,8 +34,8 @@ RESAMPLE_SAVES = 3e-6  # a byte
 class _Form:
     """The painted pixels of a sprite, the opaque ones (`solid`) and the others (`soft`).
 
-    Places are rows and columns from the top-left corner, int32 `[n, 2]`; values are those of the
-    three channels of each pixel, one after the other, `[3 n]`.
+    Places are rows and columns from the top-left corner, int32 `[n, 2]`; values have the three
+    channels of each pixel in succession, `[3 n]`.
     """
 
     solid_at: Int32Array
@@ -51,7 +51,7 @@ class _Form:
     kw_only=True,
 )
 class _Offsets:
-    """Where the bytes of a form lie in pictures of certain strides, `[3 n]` from the corner."""
+    """The offsets of a form's bytes from its corner, `[3 n]`, in pictures of certain strides."""
 
     strides: tuple[int, ...]
     solid: npt.NDArray[np.intp]
@@ -61,7 +61,7 @@ class _Offsets:
 def empty_like(image: UInt8Array) -> UInt8Array:
     """Return a new array of the same shape and memory layout, not filled.
 
-    It begins on a cache line, for JAX to take over.
+    It begins on a cache line, so that JAX can take over the memory.
     """
     if not image.flags.c_contiguous:
         return np.empty_like(image, subok=False)
@@ -86,7 +86,7 @@ def _first_paste(
     stamps: list[Stamp],
     rows: npt.NDArray[np.int64],
 ) -> UInt8Array:
-    """Paste with the compiled kernel, which may turn out to fail, even half-way."""
+    """Paste with the compiled kernel; if it fails, restore the picture and paste without it."""
     before = image.copy()
 
     def compiled() -> UInt8Array:
@@ -101,7 +101,7 @@ def _first_paste(
 
 
 def paste_plain(image: UInt8Array, stamps: list[Stamp]) -> UInt8Array:
-    """Do what `paste` does, without Numba."""
+    """Paste as `paste` does, without Numba."""
     flat = _flat(image)
     for stamp in stamps:
         h, w = stamp.sprite.size
@@ -118,7 +118,7 @@ def paste_plain(image: UInt8Array, stamps: list[Stamp]) -> UInt8Array:
 
 
 def _areas(image: UInt8Array, stamp: Stamp) -> Iterator[UInt8Array]:
-    """Yield the parts of a picture on which the sprite of a stamp lies."""
+    """Yield the areas of a picture that a stamp covers, as views."""
     h, w = stamp.sprite.size
     for y, x in zip(stamp.ys.tolist(), stamp.xs.tolist(), strict=True):
         yield image[y : y + h, x : x + w]
@@ -138,9 +138,9 @@ def _paste_soft(
 
 
 def _flat(image: UInt8Array) -> UInt8Array | None:
-    """Return the bytes of the picture as one writable line.
+    """Return the bytes of the picture as a flat writable view.
 
-    `None` stands for a picture that is not one block of memory.
+    Returns `None` if the picture is not one block of memory.
     """
     for axes in ((0, 1, 2), (2, 0, 1)):
         view = image.transpose(axes)
@@ -152,7 +152,7 @@ def _flat(image: UInt8Array) -> UInt8Array | None:
 def _block(sprite: Sprite, strides: tuple[int, ...]) -> UInt8Array:
     """Return the colours of an opaque sprite in the channel order of a picture with these strides.
 
-    The sprite keeps them.
+    The sprite caches them.
     """
     planar = strides[1] < strides[2]
     block = sprite.scratch.get(("block", planar))
@@ -168,7 +168,7 @@ def _block(sprite: Sprite, strides: tuple[int, ...]) -> UInt8Array:
 
 
 def _form(sprite: Sprite) -> _Form:
-    """Return the form of a sprite, which keeps it."""
+    """Return the form of a sprite, which caches it."""
     form = sprite.scratch.get("form")
     if form is None:
         form = _make_form(sprite)
@@ -181,7 +181,7 @@ def _make_form(sprite: Sprite) -> _Form:
     at = np.stack([dy, dx], axis=1)
     solid = keep == 0
     soft = keep != 0
-    # Colours of opaque pixels are rounded, because two colours may share one.
+    # Colours of opaque pixels are rounded, because a pixel on an edge may mix two colours.
     colors = ((paint[solid] + 127) // 255).astype(np.uint8)
     return _Form(
         solid_at=at[solid],
@@ -195,7 +195,7 @@ def _make_form(sprite: Sprite) -> _Form:
 def _offsets(sprite: Sprite, strides: tuple[int, ...]) -> _Offsets:
     """Return where the form of a sprite lies in a picture with these strides.
 
-    The sprite keeps the last ones only: pictures may be of any number of widths.
+    The sprite caches the last ones only, because the widths of pictures may vary without limit.
     """
     found = sprite.scratch.get("offsets")
     if found is None or found.strides != strides:
@@ -239,11 +239,11 @@ def resample(image: UInt8Array, size: Size) -> UInt8Array:
 
 
 def resample_plain(image: UInt8Array, size: Size) -> UInt8Array:
-    """Do what `resample` does, without Numba, by Pillow."""
+    """Resize as `resample` does, with Pillow instead of Numba."""
     height, width = image.shape[:2]
     picture = Image.fromarray(np.ascontiguousarray(image))
     between = (width, size[0]) if columns_first((height, width), size) else (size[1], height)
-    # one pass a call, so that the order is ours and not Pillow's
+    # one pass per call, so that we decide the order and not Pillow
     for step in (between, (size[1], size[0])):
         picture = picture.resize(step, Image.Resampling.BICUBIC)
     return np.array(picture)

@@ -1,4 +1,4 @@
-"""Pillow's bicubic resize, byte for byte and about ten times as fast, compiled by Numba.
+"""Pillow's bicubic resize compiled by Numba: the same bytes, about ten times as fast.
 
 Both passes are one operation: the weighted sum of `n` vectors of bytes that lie a fixed stride
 apart, rounded and clipped. Along columns the vectors are parts of rows. Along rows the picture is
@@ -26,7 +26,7 @@ from . import jit
 ROWS = 16  # rows transposed at once: a 16x16 tile of bytes fits the registers of every vector unit
 LANES = 3 * ROWS  # bytes summed at once: the three channels of one pixel column of a block
 
-# Bound by _kernel() once Numba is loaded: Numba looks globals up when it compiles.
+# Set by _kernel() once Numba is loaded, because Numba looks globals up when it compiles.
 _weighted_sum: Any = None
 _transpose: Any = None
 _across: Any = None
@@ -39,8 +39,9 @@ def resample(
 ) -> UInt8Array:
     """Resize with Pillow's bicubic filter; the same bytes as `PIL.Image.resize((w, h), BICUBIC)`.
 
-    Channels-first memory seen through `np.moveaxis(x, -3, -1)` gives channels-first memory seen
-    likewise. Rows that are contiguous in memory are read in place, other layouts are copied first.
+    A channels-first array viewed through `np.moveaxis(x, -3, -1)` gives a result with the same
+    memory layout. Rows that are contiguous in memory are read in place, other layouts are copied
+    first.
 
     Args:
         image: uint8 `[H, W, 3]` or a batch `[N, H, W, 3]`.
@@ -66,7 +67,7 @@ def resample(
         planes = batch.reshape(count, 1, height, width * 3)
     across = weights(width, size[1])
     down = weights(height, size[0])
-    # rare: a pass that keeps the size costs time but changes no byte
+    # a pass that keeps the size takes time but changes no byte; this is rare
     if columns_first((height, width), size):
         planes = _resize(planes, weights(width, width), down, threads)
         down = weights(size[0], size[0])
@@ -127,7 +128,7 @@ def _resize(
 
 
 def _with_room(planes: UInt8Array) -> UInt8Array:
-    """Return `[planes, H, columns]` with contiguous rows and room for one tile.
+    """Return `[planes, H, columns]` with contiguous rows, padded to at least one tile.
 
     No weight reaches the padding.
     """
@@ -187,8 +188,8 @@ def _band(
 ) -> None:
     """Write rows `top` to `bottom` of `out` `[planes, h, >= columns]`.
 
-    Rows resized along x wait in a buffer that slides down the picture and stays in the processor's
-    cache.
+    Rows resized along x are kept in a buffer that slides down the picture and stays in the
+    processor's cache.
     """
     planes, height, wide = source.shape
     n = y_taps.shape[1]
@@ -249,8 +250,8 @@ def _emit_weighted_sum(
 ) -> Any:
     """Emit one weighted sum.
 
-    That is `out[i] = clip((half + sum_k taps[k] * source[k * stride + i]) >> PRECISION_BITS)` for
-    `i < LANES`.
+    It computes `out[i] = clip((half + sum_k taps[k] * source[k * stride + i]) >> PRECISION_BITS)`
+    for `i < LANES`.
     """
     ir: Any = import_module("llvmlite.ir")
     cgutils: Any = import_module("numba.core.cgutils")
@@ -258,7 +259,7 @@ def _emit_weighted_sum(
     i32 = ir.IntType(32)
     i64 = ir.IntType(64)
     pointer = ir.PointerType()
-    # LLVM is slow with vectors whose length is no power of two
+    # LLVM is slow with vectors whose length is not a power of two
     pixels = ir.VectorType(ir.IntType(8), ROWS)
     sums = ir.VectorType(i32, ROWS)
     parts = [i64(i) for i in range(0, LANES, ROWS)]

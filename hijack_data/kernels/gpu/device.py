@@ -1,7 +1,8 @@
-"""Many torch pictures on a GPU at once: tables are sent there, and each kernel is launched once.
+"""Process many torch pictures on a GPU at once: send tables there, launch each kernel once.
 
-Nothing waits for the device: tables and sprites go there from pinned memory while it works on what
-came before. The masks of a sprite stay there as long as the sprite stays in the cache of `raster`.
+Nothing waits for the device: tables and sprites are copied from pinned memory while it still does
+earlier work. The masks of a sprite stay on the device as long as the sprite stays in the cache of
+`raster`.
 """
 
 import importlib.util
@@ -27,9 +28,9 @@ ALIGNED = 16  # bytes
 
 
 def runs_on(device: torch.device) -> bool:
-    """Tell whether these kernels run on a device.
+    """Return whether these kernels run on a device.
 
-    They do if Triton is installed, as with torch for CUDA and ROCm on Linux.
+    They do on a GPU if Triton is installed, as it is with torch for CUDA and ROCm on Linux.
     """
     return device.type == "cuda" and _installed()
 
@@ -46,7 +47,7 @@ def _kernels() -> Any:
 
 
 def paste_many(images: Sequence[Tensor], stamps: Sequence[list[Stamp]]) -> None:
-    """Stamp sprites into pictures on one device, each its own, in place.
+    """Stamp each picture's own sprites into it, in place; all pictures are on one device.
 
     The pictures are uint8 `[3, H, W]`, of any size and strides.
     """
@@ -60,18 +61,18 @@ def paste_many(images: Sequence[Tensor], stamps: Sequence[list[Stamp]]) -> None:
         for image, table, end in zip(images, tables, ends.tolist(), strict=True):
             first = end - len(table)
             jobs.append((image.data_ptr(), *image.shape[1:], *image.stride(), first, end))
-        tiles = _met([(image.shape[1], image.shape[2]) for image in images], tables)
+        tiles = _overlapped_tiles([(image.shape[1], image.shape[2]) for image in images], tables)
         if len(tiles):
             tall, wide = kernels.PASTE_TILE
             sent = _send([np.array(jobs, np.int64), np.concatenate(tables), tiles], device)
             kernels.paste[(len(tiles),)](*sent, TALL=tall, WIDE=wide)
 
 
-def _met(sizes: list[Size], tables: list[StampRows]) -> npt.NDArray[np.int32]:
-    """Return the tiles that the rows of each picture meet.
+def _overlapped_tiles(sizes: list[Size], tables: list[StampRows]) -> npt.NDArray[np.int32]:
+    """Return the tiles that the rows of each picture overlap.
 
-    They are int32 `[n, 3]`: picture, and the tile's row and column. All rows are counted at once:
-    each adds one to its tiles, as the sum from the top left of four numbers at its corners.
+    They are int32 `[n, 3]`: picture, and the tile's row and column. All rows are counted at once
+    with a summed-area table: four numbers at the corners of each row add one to all of its tiles.
     """
     tall, wide = _kernels().PASTE_TILE
     down = -(-max(height for height, _ in sizes) // tall) + 1
@@ -103,7 +104,7 @@ def resample_many(images: Sequence[Tensor], sizes: Sequence[Size]) -> list[Tenso
         for number in range(2):
             for axis in (1, 2):
                 due = [i for i, order in enumerate(orders) if order[number] == axis]
-                _pass_some(out, sizes, due, axis)
+                _resize_due(out, sizes, due, axis)
     return [new.clone() if new is old else new for new, old in zip(out, images, strict=True)]
 
 
@@ -113,13 +114,13 @@ def _order(image: Tensor, size: Size) -> tuple[int, int]:
     return (1, 2) if columns_first((height, width), size) else (2, 1)
 
 
-def _pass_some(
+def _resize_due(
     images: list[Tensor],
     sizes: Sequence[Size],
     due: list[int],
     axis: int,
 ) -> None:
-    """Replace those of the pictures `due` whose side along an axis is not the wanted one."""
+    """Resize, in the list, those of the pictures `due` whose side along an axis must change."""
     turn = [i for i in due if images[i].shape[axis] != sizes[i][axis - 1]]
     if not turn:
         return
@@ -167,7 +168,7 @@ def _new(
     height: int,
     width: int,
 ) -> Tensor:
-    """A tensor `[3, height, width]` with the channels where `image` has them in memory."""
+    """Return a new tensor `[3, height, width]` with the channel layout of `image`."""
     channels_last = image.stride(0) == 1 and image.stride(2) != 1
     shape = (height, width, 3) if channels_last else (3, height, width)
     new = torch.empty(shape, dtype=torch.uint8, device=image.device)
@@ -175,14 +176,14 @@ def _new(
 
 
 def _at(device: torch.device) -> AbstractContextManager[Any]:
-    """Make `device` the current one: Triton launches there."""
+    """Make `device` the current one, because Triton launches kernels there."""
     return torch.cuda.device(device) if device.type == "cuda" else nullcontext()
 
 
 def _stream(device: torch.device) -> int:
-    """Return the stream in whose order memory is written and freed.
+    """Return the stream that orders the writing and freeing of memory on a device.
 
-    What was sent to one stream another may not read yet.
+    Data that one stream was asked to write may not be ready for another stream.
     """
     return torch.cuda.current_stream(device).cuda_stream if device.type == "cuda" else 0
 
@@ -196,7 +197,7 @@ def _table(
     device: torch.device,
     in_stream: int,
 ) -> tuple[Tensor, Tensor]:
-    """Return the weights of a resize on the device; the last ones stay there."""
+    """Return the weights of a resize on the device, where the last ones are cached."""
     key = n_in, n_out, device, in_stream
     found = _tables.get(key)
     if found is None:

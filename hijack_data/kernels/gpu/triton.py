@@ -6,7 +6,7 @@ in int32, shift, clip.
 """
 
 # pyright: basic, reportOperatorIssue=false
-# (the bodies are Triton's language, compiled for the device; as Python they have no types)
+# (the bodies are in Triton's language, compiled for the device, and have no Python types)
 
 import triton
 import triton.language as tl
@@ -14,8 +14,7 @@ import triton.language as tl
 from ...resample import PRECISION_BITS
 from .. import rows as r
 
-# Pixels that are the work of one program, (height, width): few enough that what it keeps fits its
-# registers.
+# Size (height, width) of the tile of one program: small enough that its values fit into registers.
 PASTE_TILE = (8, 64)
 RESIZE_TILE = (8, 128)
 
@@ -127,7 +126,7 @@ def _blend(
     keep,
     added,
 ):
-    """Blend, rounded exactly; the byte below stays if nothing is added and all of it is kept."""
+    """Blend with exact rounding; a byte stays unchanged if all of it is kept and nothing added."""
     total = below * keep + added + 128
     return (total + (total >> 8)) >> 8
 

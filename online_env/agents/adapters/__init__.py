@@ -1,11 +1,10 @@
-"""Agents that were written for other frameworks, as agents of ours.
+"""Adapters for agents that were written for other frameworks.
 
-Two kinds exist. *Step agents* answer an observation with actions, as ours do: `osworld` wraps any
-of OSWorld's `mm_agents`, `agent_s` is Agent S3. *Loop agents* call the computer themselves: `loop`
-hands the environment to such a loop as a computer, `cua` is cua-agent.
-
-A foreign package is imported when an agent is made, never before. None of these agents gets more
-than picture and instruction.
+Two kinds exist. *Step agents* answer an observation with actions, like ours: `osworld` wraps any of
+OSWorld's `mm_agents`, `agent_s` is Agent S3. *Loop agents* call the computer themselves: `loop`
+presents the environment to such a loop as a computer, `cua` is cua-agent. A foreign package is
+imported only when an agent is made. All of these agents get picture and instruction, and nothing
+else.
 """
 
 from .agent_s import AgentS

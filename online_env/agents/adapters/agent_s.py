@@ -1,4 +1,4 @@
-"""Agent S3 (`gui-agents`), which has OSWorld's shape, as an agent of ours.
+"""Agent S3 (`gui-agents`), which has OSWorld's interface, as one of our agents.
 
 A class with `engine` and `grounding` is an agent, see docs/score_my_agent.md.
 """
@@ -25,7 +25,7 @@ class AgentS(OsworldAgent):
     """Plays as Agent S3, with pointer and keyboard only.
 
     Its code agent is off, since it would run programs on the machine, and two of its actions are
-    written anew (`plain_aci`). Its action `set_cell_values` runs a program and is refused.
+    reimplemented (`plain_aci`). Its action `set_cell_values` runs a program and is refused.
 
     Raises:
         ParameterError: `engine` or `grounding` lacks a key.
@@ -61,14 +61,14 @@ class AgentS(OsworldAgent):
 
     def predict(self, instruction: str, obs: Observation) -> tuple[str, Sequence[str]]:
         """Return the agent's plan and its action as code."""
-        # It scales the places that its grounding model names to a screen of this size.
+        # Agent S3 scales the points of its grounding model to a screen of this size.
         self._aci.height, self._aci.width = obs["screenshot"].shape[:2]
         said, actions = super().predict(instruction, obs)
         return said, [_word(action) for action in actions]
 
 
 def _word(action: str) -> str:
-    """Return `DONE` and `FAIL` without what surrounds them."""
+    """Return `DONE` and `FAIL` without the text around them."""
     stripped = action.strip()
     return stripped if stripped in (DONE, FAIL) else action
 
@@ -76,8 +76,8 @@ def _word(action: str) -> str:
 def plain_aci() -> Any:
     """Return Agent S3's actions with `type` and `switch_applications` as plain keys.
 
-    Theirs install a package with sudo to use the clipboard, and run wmctrl: neither is pointer or
-    keyboard. The docstrings below are what its model reads about the two.
+    The original ones install a package with sudo to use the clipboard, and run wmctrl, which is
+    neither pointer nor keyboard. The model of Agent S3 reads the docstrings below.
     """
     module = extras.load(_GROUNDING, "Agent S3", EXTRA)
     action = module.agent_action

@@ -17,8 +17,8 @@ from ..base import WAIT
 from .loop import LoopAgent, LoopComputer
 
 EXTRA = "cua"
-# The package sends statistics home, and its model library downloads a price list, unless told not
-# to before they are imported.
+# Unless these variables are set before the import, the package sends usage statistics, and its
+# model library downloads a price list.
 _QUIET = {
     "CUA_TELEMETRY_ENABLED": "false",
     "LITELLM_LOCAL_MODEL_COST_MAP": "True",
@@ -82,12 +82,13 @@ class CuaAgent(LoopAgent):
 class CuaComputer:
     """The environment with all methods of cua-agent's `AsyncComputerHandler`.
 
-    Its loop takes a screenshot after each action: that is no step.
+    The loop of cua-agent takes a screenshot after each action; that screenshot does not count as a
+    step.
     """
 
     def __init__(self, computer: LoopComputer) -> None:
         self._computer = computer
-        self.touched = 0  # how often an action was taken, or a screenshot
+        self.touched = 0  # number of actions and screenshots so far
 
     async def get_environment(self) -> Literal["linux"]:
         """Return the kind of the system."""
@@ -169,7 +170,7 @@ class CuaComputer:
 
 
 def _words(result: Mapping[str, Any]) -> str:
-    """Return what the model says in a result of the loop."""
+    """Return the model's words in a result of the loop."""
     found: list[str] = []
     for item in result.get("output", ()):
         if item.get("type") == "message":

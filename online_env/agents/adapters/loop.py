@@ -1,8 +1,8 @@
-"""Agents that own their loop: the environment is handed to them as a computer.
+"""Agents that own their loop, to which the environment is presented as a computer.
 
-`predict` is called, and a loop wants to call. So the loop runs in a thread of its own; each action
-that it takes is handed out by `predict`, and the loop goes on when the next picture is there. Only
-one of the two threads works at a time.
+The runner calls `predict`, whereas a loop wants to call the computer. So the loop runs in its own
+thread; `predict` returns each action that the loop takes, and the loop continues when the next
+picture arrives. Only one of the two threads runs at a time.
 
     def my_loop(computer, instruction):
         while not_there_yet(computer.screenshot()):
@@ -26,23 +26,24 @@ from hijack_data.types import Size, UInt8Array
 from ..base import DONE, FAIL, Observation
 from .reading import PYAUTOGUI, codes_of
 
-MOST_LOOKS = 100  # at one picture, before a loop counts as one that will not end
+MOST_LOOKS = 100  # looks at one picture, after which a loop counts as endless
 MOST_CALLS_AFTER_THE_END = 100
-PARKED = threading.Event()  # never set: what waits for it sleeps until the process ends
-ENDING = 5.0  # s until a loop has ended after it heard that the episode is over
+# Never set: a thread that waits for this event sleeps until the process ends.
+PARKED = threading.Event()
+ENDING = 5.0  # s for a loop to end after it is told that the episode is over
 
 
 class LoopEnd(BaseException):
     """The episode is over.
 
-    Raised in a loop by its computer. It is no `Exception`, so that a loop that retries whatever
-    fails ends all the same.
+    The computer raises this in its loop. It is not an `Exception`, so that even a loop that retries
+    after every failure ends.
     """
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Turn:
-    """What a loop does next: an action, its end, or an exception."""
+    """The next move of a loop: an action, its end, or an exception."""
 
     code: str = ""
     said: str = ""
@@ -51,7 +52,7 @@ class _Turn:
 
 
 class _Bridge:
-    """Hands turns of the loop's thread to the agent's, and pictures back."""
+    """Passes turns from the loop's thread to the agent's, and pictures back."""
 
     def __init__(self, picture: UInt8Array) -> None:
         self.picture = picture
@@ -63,7 +64,7 @@ class _Bridge:
         self._calls_after = 0
 
     def look(self) -> UInt8Array:
-        """Return the present picture.
+        """Return the current picture.
 
         Raises:
             LoopEnd: The episode is over.
@@ -79,7 +80,7 @@ class _Bridge:
         return self.picture.copy()
 
     def take(self, code: str, said: str) -> None:
-        """Hand an action out, and wait for the next picture.
+        """Pass an action to the agent's thread, and wait for the next picture.
 
         Raises:
             LoopEnd: The episode is over.
@@ -99,13 +100,13 @@ class _Bridge:
             return
         self._calls_after += 1
         if self._calls_after > MOST_CALLS_AFTER_THE_END:
-            # A loop that swallows everything would keep a core busy.
+            # A loop that catches every exception would keep a core busy.
             PARKED.wait()
         raise LoopEnd("the episode is over")
 
 
 class LoopComputer:
-    """The environment, as a loop sees it: a screen, and pointer and keys."""
+    """The environment from a loop's point of view: a screen, a pointer and a keyboard."""
 
     def __init__(self, bridge: _Bridge) -> None:
         self._bridge = bridge
@@ -147,8 +148,8 @@ class LoopComputer:
         does not exist raises `UnknownNameError`.
 
         Args:
-            action: pyautogui code, `WAIT`, `DONE` or `FAIL`, or what `dialect` has for it, such
-                as the dict of a computer tool.
+            action: pyautogui code, `WAIT`, `DONE` or `FAIL`, or an action of another `dialect`,
+                such as the dict of a computer tool.
             dialect: One of `hijack_data.actions.DIALECTS`.
             said: The model's words, for the record.
         """
@@ -163,10 +164,11 @@ Loop: TypeAlias = Callable[[LoopComputer, str], str | None]
 
 
 class LoopAgent:
-    """Plays as a loop does.
+    """An agent that runs a loop.
 
     The episode ends with `DONE` when the loop returns, and with `FAIL` if it returns the word
-    `FAIL`. Whatever else it returns are its last words. What it raises is the agent's failure.
+    `FAIL`. Any other text that it returns is the agent's last words. An exception is a failure of
+    the agent.
 
     Args:
         loop: Called with a `LoopComputer` and the instruction; the method `run` if omitted.
@@ -180,7 +182,7 @@ class LoopAgent:
         self._thread: threading.Thread | None = None
 
     def run(self, computer: LoopComputer, instruction: str) -> str | None:
-        """Do the task, one `computer.act` a step; override this, or give the loop to the class.
+        """Do the task, one `computer.act` per step; override this, or pass a loop to the class.
 
         Raises:
             ParameterError: There is no loop.
@@ -215,7 +217,7 @@ class LoopAgent:
             name = type(self).__name__
             raise HijackError(f"{name} took no action for {self.patience:g} s") from None
         if turn.last:
-            self._bridge.turns.put(turn)  # asked again, it says the same
+            self._bridge.turns.put(turn)  # asked again, it gives the same answer
         if turn.raised is not None:
             raise turn.raised
         return turn.said, [turn.code]

@@ -1,4 +1,4 @@
-"""Agents of OSWorld's shape (`mm_agents`), as agents of ours.
+"""Agents with OSWorld's interface (`mm_agents`), as our agents.
 
 They have `predict(instruction, obs)` with a PNG in `obs["screenshot"]`, and `reset()`, which some
 call with a logger. Their actions are code, words or dicts.
@@ -19,12 +19,12 @@ from hijack_data.png import encode
 from ..base import Observation
 from .reading import osworld_codes
 
-# What an agent's `observation_type` says if it reads the accessibility tree.
+# The values of `observation_type` of agents that read the accessibility tree.
 TREES = ("a11y_tree", "som")
 
 
 class OsworldAgent:
-    """Plays as an agent of OSWorld's shape.
+    """Wraps an agent with OSWorld's interface.
 
     The agent gets the screenshot as PNG bytes and an empty accessibility tree. An action that
     cannot be read is passed on as a malformed one.
@@ -34,10 +34,11 @@ class OsworldAgent:
 
     Raises:
         ParameterError: There is no agent, or it reads the accessibility tree.
-        ParameterTypeError: It has no `predict`.
+        ParameterTypeError: The agent has no `predict`.
     """
 
-    # A class or function without parameters, called once an episode, or one object for all.
+    # A class or function without parameters, called once per episode, or one object for all
+    # episodes.
     wrapped: ClassVar[Any] = None
 
     def __init__(self, agent: Any = None) -> None:
@@ -75,7 +76,7 @@ class OsworldAgent:
 
 
 def _attribute(cls: type, name: str) -> Any:
-    """Return a class attribute as it was written: a function is not bound to the object."""
+    """Return a class attribute unbound, so that a function does not become a method."""
     found = inspect.getattr_static(cls, name)
     if isinstance(found, staticmethod):
         return found.__func__
@@ -102,7 +103,7 @@ def _loggers(reset: Any) -> list[logging.Logger]:
     """Return the logger, if `reset` cannot be called without."""
     try:
         parameters = inspect.signature(reset).parameters.values()
-    except (TypeError, ValueError):  # of a class in C
+    except (TypeError, ValueError):  # a class implemented in C has no signature
         return []
     positional = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
     needed = [

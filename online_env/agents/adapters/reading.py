@@ -1,4 +1,4 @@
-"""What foreign agents answer, as actions of ours."""
+"""Convert the answers of foreign agents to our actions."""
 
 from collections.abc import Mapping
 from typing import Any, cast
@@ -19,11 +19,11 @@ def codes_of(
     """Return an action as pyautogui code, WAIT, DONE or FAIL, and why it could not be read.
 
     An action that cannot be read becomes a text that the environment refuses: the step is used up
-    and counted as malformed, as for an agent of ours. A dialect that does not exist is an
-    `UnknownNameError`.
+    and counted as malformed, as for our own agents. Raises `UnknownNameError` for an unknown
+    dialect.
 
     Args:
-        action: Code, a word, or a dict, as the dialect writes it.
+        action: Code, a word, or a dict, in the form of the dialect.
         dialect: One of `hijack_data.actions.DIALECTS`.
         size: (height, width) of the picture that the agent saw.
     """
@@ -35,8 +35,8 @@ def codes_of(
 
 
 def unreadable(error: Exception) -> str:
-    """Return a text that the environment refuses, with the reason; it is no Python."""
-    problem = " ".join(str(error).split())  # a fence at the start of a line would be read
+    """Return a text with the reason that the environment refuses, since it is not Python."""
+    problem = " ".join(str(error).split())  # a fence at the start of a line would be parsed as code
     return f"unreadable action: {problem}"
 
 
@@ -56,7 +56,7 @@ def _read(
 
 
 def osworld_codes(action: object, size: Size) -> list[str]:
-    """Return what one of OSWorld's agents answered, as `codes_of` does.
+    """Convert an answer of one of OSWorld's agents, as `codes_of` does.
 
     Its agents answer with code or a word, with a dict of `computer_13`, or with a dict that holds
     the code under `command`, or under `action` beside `action_space: pyautogui`.

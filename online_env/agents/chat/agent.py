@@ -1,4 +1,4 @@
-"""`ChatAgent`: a model behind an API, asked once a step."""
+"""`ChatAgent`: a model behind an API, asked once per step."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -14,16 +14,17 @@ from .run import ChatRun
 from .usage import UsageMeter
 
 LANGUAGE = "English"
-# Of an answer, in the requests that follow: the next one would have to carry all of a megabyte.
+# Characters of an answer that later requests repeat, so that a huge answer is not sent again in
+# full.
 MAX_SAID = 32_000
 
 
 class ChatAgent:
-    """Asks a model for each action, and shows it what it saw and said before.
+    """Asks a model for each action, with its earlier pictures and answers.
 
     Args:
         settings: the agent file.
-        run: what it shares with others: log, replay, prompts.
+        run: the state shared by the agents of a run: log, replay, prompts.
     """
 
     def __init__(self, settings: AgentSettings, run: ChatRun | None = None) -> None:
@@ -36,13 +37,13 @@ class ChatAgent:
         self._turns: list[Turn] = []
 
     def reset(self) -> None:
-        """Forget the episode and close connections; what was used is still known."""
+        """Forget the episode and close connections, but keep the usage counts."""
         self._turns = []
         self._model.close()
 
     @property
     def usage(self) -> Mapping[str, Any]:
-        """Requests, tokens and money of this agent, in all and for each step."""
+        """Requests, tokens and money used by this agent, in total and for each step."""
         return self._meter.to_data()
 
     def predict(self, instruction: str, obs: Observation) -> tuple[str, Sequence[str]]:
@@ -118,10 +119,10 @@ class OnlookedAgent(ChatAgent):
     """The paper's AgentHijack-Agent: an agent whose steps an onlooker watches.
 
     Before its first step, the onlooker compares the screen with the error repository. If it finds
-    an error, the agent asks once for re-initialisation, the onlooker looks again, and a reminder
-    that remains stands in the agent's prompt. After each step, the onlooker says what happened, and
-    that takes the place of the agent's own words in its history. The onlooker is given pictures,
-    the instruction and actions, nothing else.
+    an error, the agent asks once for re-initialisation, and the onlooker looks again; if it still
+    finds one, the agent's prompt contains its reminder. After each step, the onlooker summarises
+    what happened, and the summary replaces the agent's own words in the history. The onlooker is
+    given pictures, the instruction and actions, nothing else.
     """
 
     def __init__(self, settings: AgentSettings, run: ChatRun | None = None) -> None:
@@ -142,7 +143,7 @@ class OnlookedAgent(ChatAgent):
         return self._onlooker.summarises
 
     def predict(self, instruction: str, obs: Observation) -> tuple[str, Sequence[str]]:
-        """Let the onlooker check or summarise, and ask the model.
+        """Let the onlooker check or summarise, then ask the model.
 
         Args:
             instruction: the task in words.
@@ -167,7 +168,7 @@ class OnlookedAgent(ChatAgent):
         return self._act(instruction, picture, self._reminder)
 
     def _needs_check(self) -> bool:
-        """Return whether the agent has not acted yet, and the screen was not checked to the end."""
+        """Return whether the agent has not acted yet and the first check is not finished."""
         if self._turns or not self._onlooker.checks:
             return False
         asked = bool(self._reminder) and self._onlooker.reinits

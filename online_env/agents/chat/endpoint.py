@@ -21,7 +21,7 @@ from .wires.common import EXTRA, RETRIES
 
 _AGAIN = frozenset({408, 409, 425, 429})  # statuses below 500 after which a request may succeed
 _BOM = "\ufeff"
-_KEPT = 500  # characters of what an endpoint says about a failure
+_KEPT = 500  # characters kept of an endpoint's message about a failure
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,8 +29,8 @@ class RetryWaits:
     """How long to wait before a request is sent again.
 
     Args:
-        first: s before the second try; it doubles from then on, with some chance in it.
-        longest: s that a wait may take, also where the endpoint asks for more.
+        first: s before the second try; it doubles after each try, with a random part.
+        longest: the longest wait in s, even if the endpoint asks for more.
     """
 
     first: float = 1.0
@@ -42,10 +42,10 @@ class Endpoint:
 
     Args:
         settings: the model.
-        meter: counts what is used.
+        meter: counts the usage.
         recorder: the log of the episode, or its replay.
         waits: between tries.
-        offline: nothing is ever sent, so no key is needed.
+        offline: whether nothing is ever sent, so that no key is needed.
 
     Raises:
         AgentSetupError: the key is not in the environment.
@@ -73,7 +73,7 @@ class Endpoint:
 
         Args:
             query: the question.
-            role: why it is asked, for the log.
+            role: the purpose of the question, for the log.
 
         Raises:
             EndpointError: there is no answer, after all tries.
@@ -103,7 +103,7 @@ class Endpoint:
         self._closing = None
 
     def _connected(self) -> Any:
-        """Return the client, whose connections are closed when nobody has this object any more."""
+        """Return the client, whose connections are closed when this object is garbage-collected."""
         if self._client is None:
             self._client = self._wire.connect(self._settings, self._key)
             self._closing = weakref.finalize(self, self._client.close)
@@ -158,12 +158,13 @@ class Endpoint:
         """Send a request once.
 
         Raises:
-            EndpointError: it failed; `transient` says whether to try again.
+            EndpointError: the request failed; `transient` tells whether to try again.
         """
         client = self._connected()
         try:
             text = self._wire.send(client, body)
-        except Exception as error:  # the clients raise their own, and those of what is below
+        # The clients raise their own exceptions and those of lower layers.
+        except Exception as error:
             raise self._explained(error) from error
         try:
             answer = json.loads(text.removeprefix(_BOM), parse_constant=lambda _: None)
@@ -176,7 +177,7 @@ class Endpoint:
             raise EndpointError(
                 f"{self._place}: the answer is no JSON object: {shown(answer)}", transient=True
             )
-        self._wire.read(answer)  # one that cannot be read is asked for again
+        self._wire.read(answer)  # an answer that cannot be read is requested again
         return answer
 
     @property
@@ -185,7 +186,7 @@ class Endpoint:
         return f"{self._settings.model} at {address}"
 
     def _explained(self, error: Exception) -> EndpointError:
-        """Return what a client raised as an error of ours, without the key."""
+        """Convert an exception of a client to an `EndpointError`, without the key in its text."""
         status = getattr(error, "status_code", None)
         said = f"{type(error).__name__}: {error}"
         if self._key:
@@ -206,7 +207,7 @@ def _is_transient(error: BaseException) -> bool:
 
 
 def _retry_after(error: BaseException | None) -> float | None:
-    """Return the seconds that an endpoint asks to wait, if it does."""
+    """Return the seconds that an endpoint asks to wait, or `None`."""
     response = getattr(error.__cause__ if error is not None else None, "response", None)
     headers = getattr(response, "headers", {})
     try:
@@ -219,7 +220,7 @@ def _key_of(settings: ModelSettings) -> str:
     """Return the key from the environment; empty if the endpoint wants none.
 
     Raises:
-        AgentSetupError: it is not there.
+        AgentSetupError: the key is not in the environment.
     """
     name = settings.api_key_env
     if name is None:

@@ -21,7 +21,7 @@ _NONE = "none"
 
 
 class Onlooker:
-    """Checks the first screen, and says what happened after each step.
+    """Checks the first screen, and summarises what happened after each step.
 
     Args:
         settings: an agent file with an onlooker.
@@ -29,7 +29,7 @@ class Onlooker:
         meter: counts what is used.
 
     Raises:
-        AgentSetupError: the file has none.
+        AgentSetupError: the file has no onlooker.
     """
 
     REQUEST: ClassVar[str] = REINIT
@@ -68,7 +68,7 @@ class Onlooker:
 
     @property
     def summarises(self) -> bool:
-        """Whether it says what happened after each step."""
+        """Whether it summarises what happened after each step."""
         return self._chosen.summarise
 
     def close(self) -> None:
@@ -78,7 +78,8 @@ class Onlooker:
     def check(self, picture: ScreenPicture, instruction: str) -> str:
         """Return the reminder that a screen calls for; empty if nothing is wrong.
 
-        An answer without `Reminder:` or `None` cannot be read. It is counted, and taken for none.
+        An answer without `Reminder:` or `None` cannot be read. It is counted, and treated as
+        `None`.
         """
         values = {"errors": _listed(self._chosen.errors), "instruction": instruction}
         query = ModelQuery(prompt=self._check.fill(values), picture=picture)
@@ -105,7 +106,7 @@ class Onlooker:
 
 
 def read_reminder(text: str) -> str | None:
-    """Return the reminder of an answer: empty for `None`; `None` if there is neither."""
+    """Return the reminder in an answer: empty for the word `None`; `None` if neither is there."""
     parts = _REMINDER.split(text)
     last = parts[-1].strip()
     if last.strip(_QUOTES).lower() == _NONE:

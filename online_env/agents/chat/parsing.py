@@ -1,6 +1,6 @@
-"""From what a model says to actions, in pixels of the picture that the agent was shown.
+"""Convert a model's replies to actions, in pixels of the picture that the agent was shown.
 
-What cannot be read is no exception: it is handed on as a text that the environment counts as
+A reply that cannot be read does not raise: it is handed on as a text that the environment counts as
 malformed.
 """
 
@@ -33,14 +33,14 @@ from .query import Reply
 
 WORDS = (WAIT, DONE, FAIL)
 _QWEN = ("qwen2.5_vl", "qwen3_vl")
-# Some models put their thoughts and their answer between these; neither belongs to the action.
+# Tags that some models put around their thoughts and their answer; they are not part of the action.
 _THOUGHT = re.compile(r"\A\s*<think>.*?</think>", re.DOTALL)
 _BOXED = re.compile(r"<\|(?:begin|end)_of_box\|>")
-# A fence behind prose on its line, and a word in fences behind prose at the very end.
+# A fence after prose on the same line, and a word in fences after prose at the very end.
 _OPENS_LATE = re.compile(r"(?<=[^\s`])[ \t]*(```(?:python|py|json)[ \t]*\r?\n)")
 _LAST_WORD = re.compile(rf"```\s*({'|'.join(WORDS)})\s*```\s*\Z")
 _AGENTNET = re.compile(r"\bcomputer\s*\.\s*\w+\s*\(")
-_KEPT = 2000  # characters of a text that is handed on to say what was not understood
+_KEPT = 2000  # characters of an unreadable reply that are kept in the record
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +61,7 @@ class ReplyParser:
 
     @classmethod
     def of(cls, settings: AgentSettings) -> "ReplyParser":
-        """Return the parser that an agent file names."""
+        """Return the parser for the model of an agent file."""
         return cls(
             dialect=settings.parser,
             coordinates=settings.coordinates,
@@ -73,7 +73,7 @@ class ReplyParser:
         """Return the actions of a reply.
 
         Args:
-            reply: what the model said.
+            reply: the model's reply.
             size: `(height, width)` of the picture that the agent was shown.
         """
         try:
@@ -133,7 +133,7 @@ class ReplyParser:
         text: str,
         size: Size,
     ) -> list[str]:
-        """Return each block of code as an action; text without a block is one as it is."""
+        """Return each block of code as an action; text without a block is an action itself."""
         if reply.calls and not text:
             return [self._malformed(reply.shown)]
         blocks = _blocks(text)
@@ -152,10 +152,10 @@ class ReplyParser:
     def _in_pixels(self, code: str, size: Size) -> str:
         """Return code with its coordinates in pixels of the picture.
 
-        Code that is not read here is handed on as it is, but never in the wrong coordinates.
+        Code that is not parsed here is passed on unchanged, but never in the wrong coordinates.
 
         Raises:
-            ActionError: it cannot be mapped.
+            ActionError: the code cannot be mapped.
         """
         if self.coordinates == "resized":
             source = self._resized(size)
@@ -168,7 +168,7 @@ class ReplyParser:
         return write_pyautogui(parse_pyautogui(code, size))
 
     def _malformed(self, text: str) -> str:
-        """Return what the environment counts as malformed: the text itself, where it does that."""
+        """Return an action that counts as malformed: the text itself unless that would be valid."""
         kept = text[:_KEPT]
         try:
             read_action(kept)
@@ -178,7 +178,7 @@ class ReplyParser:
 
 
 def _blocks(text: str) -> list[str]:
-    """Return what stands in fences; a fence that names Python or JSON may begin within a line."""
+    """Return the fenced blocks; a fence that names Python or JSON may begin within a line."""
     return fenced_blocks(_OPENS_LATE.sub(r"\n\1", text))
 
 
@@ -195,7 +195,7 @@ def _computer_13(text: str, size: Size) -> list[str]:
     """Return the dicts of a reply as code: each in a fence, or the whole text.
 
     Raises:
-        ActionError: they are no JSON.
+        ActionError: the reply is not JSON.
     """
     actions: list[str] = []
     for block in _blocks(text) or [text]:

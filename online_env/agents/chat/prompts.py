@@ -1,7 +1,7 @@
-"""Prompts as data: one YAML file each, in `online_env/agents/prompts/` or in a user's folder.
+"""Prompts as data: one YAML file per prompt, in `online_env/agents/prompts/` or in a user's folder.
 
-A prompt has up to three texts: `system`, `first` (it opens the conversation) and `each` (it stands
-before every picture). `{instruction}` and the like are filled in; other braces stay as they are.
+A prompt has up to three texts: `system`, `first` (opens the conversation) and `each` (precedes
+every picture). Fields such as `{instruction}` are filled in; other braces stay unchanged.
 """
 
 import hashlib
@@ -34,14 +34,14 @@ MAX_BYTES = 2**18
 
 @dataclass(frozen=True, kw_only=True)
 class Prompt:
-    """The texts of a prompt, with their fields still in them."""
+    """The texts of a prompt, with unfilled fields."""
 
     system: str = ""
     first: str = ""
     each: str = ""
 
     def fill(self, values: Mapping[str, object]) -> "Prompt":
-        """Return the prompt with its fields filled in, at once: values are not looked into."""
+        """Return the prompt with its fields filled in; braces in values stay unchanged."""
 
         def value(field: re.Match[str]) -> str:
             return str(values.get(field[1], field[0]))
@@ -58,7 +58,7 @@ class Prompt:
 
 
 def names(folder: str | os.PathLike[str] | None = None) -> list[str]:
-    """The names of all prompts: ours, and those of a folder."""
+    """Return the names of all prompts: the packaged ones, and those of a folder."""
     files = list(OURS.glob(PATTERN))
     if folder is not None:
         files += Path(folder).glob(PATTERN)
@@ -66,10 +66,10 @@ def names(folder: str | os.PathLike[str] | None = None) -> list[str]:
 
 
 def read_prompt(name: str, folders: tuple[str | os.PathLike[str], ...] = ()) -> Prompt:
-    """Read a prompt by its name: from the first folder that has it, or ours.
+    """Read a prompt by its name, from the first folder that has it, or else the packaged one.
 
     Raises:
-        UnknownNameError: there is none of this name.
+        UnknownNameError: there is no prompt of this name.
         ConfigError: all mistakes of the file.
     """
     for folder in (*folders, OURS):

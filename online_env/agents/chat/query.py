@@ -1,4 +1,4 @@
-"""What is said to a model: pictures, past turns and the present one, whatever the API."""
+"""The questions to a model, independent of the API: pictures, past turns and the present one."""
 
 import base64
 import hashlib
@@ -21,7 +21,7 @@ LEFT_OUT = "(An older screenshot, left out.)"
 
 
 class ScreenPicture:
-    """A picture that the agent saw, as it is sent; the pixels are not kept.
+    """A picture that the agent saw, encoded for sending; the pixels are not kept.
 
     Args:
         pixels: uint8 RGB `[H, W, 3]`.
@@ -32,14 +32,14 @@ class ScreenPicture:
         whole = hashlib.sha256(repr((height, width)).encode())
         whole.update(np.ascontiguousarray(pixels).data)
         self.size: Size = (height, width)
-        # Of the pixels, since the bytes of a PNG depend on what packed it.
+        # The hash of the pixels, since the bytes of a PNG depend on the encoder.
         self.sha256 = whole.hexdigest()
         self.base64 = base64.b64encode(png.encode(pixels)).decode()
 
 
 @dataclass(frozen=True)
 class EmbeddedPicture:
-    """A picture at its place in a request, as base64 behind `prefix`."""
+    """A picture at its place in a request, to be sent as base64 after `prefix`."""
 
     picture: ScreenPicture
     prefix: str = URL
@@ -51,8 +51,8 @@ class Turn:
 
     Args:
         picture: what the agent saw.
-        said: what it answered.
-        raw: the answer as the API gave it, to be given back to the API.
+        said: the model's answer.
+        raw: the answer in the API's form, to be sent back to the API.
         summary: what happened, in the onlooker's words; `None` without one.
     """
 
@@ -68,11 +68,11 @@ class ModelQuery:
 
     Args:
         prompt: filled in.
-        picture: the present screen; `None` if the texts alone ask.
+        picture: the current screen; `None` for a question in text only.
         turns: the past steps, the oldest first.
-        pictures: how many pictures of past steps are sent; the newest.
-        before: pictures that stand before `picture`, without turns (those of an onlooker).
-        summarised: summaries stand in the place of the agent's own words.
+        pictures: how many pictures of past steps are sent; the newest ones are.
+        before: pictures before `picture` that belong to no turn (for an onlooker).
+        summarised: whether summaries replace the agent's own words.
     """
 
     prompt: Prompt
@@ -89,15 +89,15 @@ class ModelQuery:
 
 @dataclass(frozen=True, kw_only=True)
 class Reply:
-    """What a model answered.
+    """The answer of a model.
 
     Args:
         text: its words.
         calls: calls of tools, each with `name` and `arguments`.
-        raw: what the API wants back in the next request.
+        raw: the part that the API expects back in the next request.
         read: tokens of the request, as the endpoint counted them.
         written: tokens of the answer.
-        refused: the model refused to answer.
+        refused: whether the model refused to answer.
     """
 
     text: str
@@ -154,9 +154,9 @@ def _add(
 
 
 def wired(body: Any) -> Any:
-    """Return a request with its pictures as base64, as it goes out.
+    """Return a request with its pictures as base64, in the form in which it is sent.
 
-    A model may have said half of a surrogate pair, which no request can carry back to it.
+    Halves of surrogate pairs in earlier answers are replaced, since no request can contain them.
     """
     if isinstance(body, EmbeddedPicture):
         return f"{body.prefix}{body.picture.base64}"
@@ -166,14 +166,14 @@ def wired(body: Any) -> Any:
 
 
 def logged(body: Any) -> Any:
-    """Return a request with its pictures as hashes, as it is logged."""
+    """Return a request with its pictures as hashes, for the log."""
     if isinstance(body, EmbeddedPicture):
         return f"sha256:{body.picture.sha256}"
     return _walked(body, logged)
 
 
 def digest_of(body: Any) -> str:
-    """Return the SHA-256 of a request; equal requests have equal ones, on every machine."""
+    """Return the SHA-256 of a request, which is the same on every machine."""
     text = json.dumps(logged(body), sort_keys=True, ensure_ascii=False)
     return hashlib.sha256(text.encode("utf-8", "backslashreplace")).hexdigest()
 

@@ -1,8 +1,8 @@
-"""The log of what was asked and answered, and the replay of a run from it.
+"""The log of requests and answers, and the replay of a run from it.
 
 `RUN/requests/<episode id>.jsonl` has a line for each request of an episode: `step`, `role`, the
-request with pictures as `sha256:...` and its own `sha256`, the `response` as it came, or the
-`problem` if there was none. Keys are in neither.
+request with pictures as `sha256:...` and its own `sha256`, the `response` as received, or the
+`problem` if there was none. Keys are never stored.
 """
 
 import json
@@ -21,7 +21,7 @@ _NEEDED = frozenset({"step", "role", "sha256", "request", "seconds", "tries"})
 
 
 class RequestRecorder(Protocol):
-    """What an endpoint asks before it sends, and tells afterwards."""
+    """The interface that an endpoint consults before it sends a request, and informs afterwards."""
 
     def recall(
         self,
@@ -29,16 +29,16 @@ class RequestRecorder(Protocol):
         role: str,
         body: Any,
     ) -> Mapping[str, Any] | None:
-        """Return the line of a request that was made before; `None` to send it."""
+        """Return the logged line of a request, or `None` if it must be sent."""
         ...
 
     def note(self, line: Mapping[str, Any]) -> None:
-        """Take the line of a request that was sent."""
+        """Store the line of a request that was sent."""
         ...
 
 
 class NoRecorder:
-    """Keeps nothing."""
+    """A recorder that stores nothing."""
 
     def recall(
         self,
@@ -46,19 +46,19 @@ class NoRecorder:
         role: str,
         body: Any,
     ) -> Mapping[str, Any] | None:
-        """Nothing is known: send it."""
+        """Return `None`, so that every request is sent."""
         return None
 
     def note(self, line: Mapping[str, Any]) -> None:
-        """Forget it."""
+        """Do nothing."""
 
 
 class RequestLog(NoRecorder):
-    """Writes the lines of one episode; what an earlier try at it left is replaced.
+    """Writes the lines of one episode, replacing those of an earlier try.
 
     Args:
         path: of the file.
-        secrets: texts that are never written, such as keys.
+        secrets: texts that must never be written, such as keys.
     """
 
     def __init__(self, path: Path, secrets: tuple[str, ...] = ()) -> None:
@@ -106,10 +106,10 @@ class RequestReplay(NoRecorder):
         role: str,
         body: Any,
     ) -> Mapping[str, Any]:
-        """Return the line of the next request, which has to be this one.
+        """Return the next line of the log, which must be for this request.
 
         Raises:
-            ReplayError: The log has another request here, or none.
+            ReplayError: The log has a different request here, or none.
         """
         what = f"{self._path}: step {step} ({role})"
         if not self._left:

@@ -1,4 +1,4 @@
-"""What all chat agents of a run share: its log or replay, prompts of the user's, and waits."""
+"""The state shared by all chat agents of a run: log or replay, the user's prompts, and waits."""
 
 import os
 from collections.abc import Iterable
@@ -12,7 +12,7 @@ from .request_log import NoRecorder, RequestLog, RequestRecorder, RequestReplay
 
 @dataclass(kw_only=True)
 class ChatRun:
-    """A run, as far as chat agents know it; its episodes are played one after the other.
+    """The run of chat agents, whose episodes are played one after the other.
 
     Args:
         prompts: folder with prompts that replace all others by name.
@@ -30,7 +30,7 @@ class ChatRun:
     def begin(self, episode: str, settings: AgentSettings) -> None:
         """Open the log of an episode, or its replay.
 
-        `ReplayError` is raised if the replayed run has no such episode.
+        Raises `ReplayError` if the replayed run has no such episode.
         """
         name = f"{episode}.jsonl"
         if self.replay is not None:
@@ -40,7 +40,7 @@ class ChatRun:
             self.recorder = RequestLog(self.log / name, secrets)
 
     def folders(self, settings: AgentSettings) -> tuple[str | os.PathLike[str], ...]:
-        """Return where prompts are looked up first."""
+        """Return the folders in which prompts are looked up first."""
         found: list[str | os.PathLike[str]] = []
         if self.prompts is not None:
             found.append(self.prompts)

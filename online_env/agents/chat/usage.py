@@ -8,7 +8,7 @@ from ..settings import TokenPrices
 
 @dataclass(kw_only=True)
 class TokenCounts:
-    """What was used. `usd` is `None` as soon as the price of any part is not known."""
+    """Usage counts. `usd` is `None` if the price of any part is unknown."""
 
     requests: int = 0
     retries: int = 0
@@ -18,7 +18,7 @@ class TokenCounts:
     seconds: float = 0.0
 
     def add(self, other: "TokenCounts") -> None:
-        """Add what was used elsewhere."""
+        """Add other counts."""
         self.requests += other.requests
         self.retries += other.retries
         self.input_tokens += other.input_tokens
@@ -31,7 +31,7 @@ class TokenCounts:
 
 
 class UsageMeter:
-    """Counts an episode."""
+    """Counts the usage of an episode."""
 
     def __init__(self) -> None:
         self._whole = TokenCounts()
@@ -40,11 +40,11 @@ class UsageMeter:
 
     @property
     def step(self) -> int:
-        """The present step, from 0."""
+        """The current step, from 0."""
         return max(0, len(self._steps) - 1)
 
     def begin_step(self) -> None:
-        """What comes now belongs to the next step."""
+        """Count everything from now on for the next step."""
         self._steps.append(TokenCounts())
 
     def add(
@@ -57,8 +57,8 @@ class UsageMeter:
     ) -> None:
         """Count one answered request; `tries` is how often it was sent.
 
-        No request is read without tokens, so 0 of them mean that the endpoint does not count: what
-        that costs is not known, unless tokens cost nothing.
+        Every request has tokens, so a count of 0 means that the endpoint does not count: the cost
+        is then unknown, unless tokens are free.
         """
         if prices is not None and not read and prices.cost(1, 1):
             prices = None

@@ -1,1 +1,1 @@
-"""Agents without a model that see only pictures: they follow a plan in words, and read by OCR."""
+"""Agents without a model that see only pictures: they follow a plan in words, and use OCR."""

@@ -1,4 +1,4 @@
-"""`pixel`: follows a plan in words on the picture that it is given, and sees nothing else."""
+"""`pixel`: follows a plan in words on the pictures, and sees nothing else."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -18,10 +18,10 @@ NO_PLAN = "Nobody told me how to do this."
 class Pixel:
     """Follows a plan in words; each text of it is looked for on the picture, by OCR.
 
-    A text that is not seen is waited for; if it does not come, the agent says what it missed and
-    ends the episode with `DONE`, as it does at once without a plan. `FAIL` claims that the task
-    cannot be done: it answers that only where the plan says so, or it would be right about
-    infeasible tasks by getting lost.
+    It waits for a text that is not visible; if the text does not appear, the agent names it and
+    ends the episode with `DONE`, as it does at once without a plan. `FAIL` claims that the task is
+    infeasible: the agent answers that only if the plan says so, because otherwise it would be right
+    about infeasible tasks merely by getting lost.
 
     Raises `MissingDependencyError` without the extra `ocr`.
     """
@@ -49,7 +49,7 @@ class Pixel:
 
     @property
     def usage(self) -> Mapping[str, Any]:
-        """What reading has cost in this episode: calls of the OCR, pixels, seconds."""
+        """The cost of reading in this episode: calls of the OCR, pixels, seconds."""
         return {"reading": asdict(self.reader.counts)}
 
     def predict(self, instruction: str, obs: Observation) -> tuple[str, Sequence[str]]:

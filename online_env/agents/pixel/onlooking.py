@@ -1,7 +1,7 @@
-"""An onlooker without a model: what is wrong with a screen, told from the text on it.
+"""An onlooker without a model, which finds out from the text on a screen what is wrong.
 
-It is given pictures, the window that the plan is about, and the steps that were taken; never what
-was injected. What it finds is one of the errors of the repository (`configs/onlookers/errors.yaml`,
+It gets pictures, the window in use, and the steps that were taken, but never the injected
+corruption. What it finds is one of the errors of the repository (`configs/onlookers/errors.yaml`,
 paper section 5) or one of the disturbances below, with the steps in words that put it right.
 """
 
@@ -29,7 +29,7 @@ _LETTERS = re.compile(r"[^\W\d_]{3}")
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorSigns:
-    """How an error of the repository is told by OCR, and what a user can do about it.
+    """How to recognise an error of the repository by OCR, and how a user can repair it.
 
     Args:
         texts: Any of these groups; all texts of a group are on the screen.
@@ -62,7 +62,7 @@ SIGNS = {
 
 @dataclass(frozen=True, kw_only=True)
 class ScreenFinding:
-    """What is wrong with a screen.
+    """A problem of a screen.
 
     Args:
         kind: The name of an error of the repository, or of a disturbance.
@@ -178,7 +178,7 @@ def _gone(
     buttons: Sequence[TextLine],
     window: str,
 ) -> ScreenFinding | None:
-    """Return that the window does not show, if the desktop is bare but for the panel."""
+    """Return the finding that the window is not visible, if only desktop and panel are."""
     if not buttons or len(above) > _BARE or all_texts(above, window):
         return None
     return ScreenFinding(
@@ -189,7 +189,7 @@ def _gone(
 
 
 def _covered(buttons: Sequence[TextLine], own: Sequence[TextLine]) -> ScreenFinding | None:
-    """Return that there is a window that the plan does not name."""
+    """Return the finding that there is a window that the plan does not name."""
     foreign = [line for line in buttons if line not in own]
     if not own or not foreign:
         return None
@@ -210,7 +210,7 @@ def _shows(lines: Sequence[TextLine], signs: ErrorSigns) -> bool:
 
 
 def _texts(lines: Sequence[TextLine], others: Sequence[TextLine]) -> list[str]:
-    """Return what some lines say and others do not."""
+    """Return the texts that are in some lines but not in others."""
     known = {even(line.text) for line in others}
     found = [repr(line.text) for line in lines if even(line.text) not in known]
     return found[:_SHOWN]

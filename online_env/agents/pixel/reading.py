@@ -1,7 +1,7 @@
-"""Read the text of a screen by OCR: only what changed since the last picture, and nothing twice.
+"""Read the text of a screen by OCR: only the changes since the last picture, each once.
 
-What is read of a part of a picture follows from its pixels alone, and is kept by them. So an agent
-reads the same whatever others read before.
+The text of a part of a picture depends only on its pixels, which are the key of the cache. So an
+agent reads the same text whatever others have read before.
 """
 
 import hashlib
@@ -28,7 +28,7 @@ class TextLine:
     Args:
         text: What it says, as far as OCR could tell.
         box: `xyxy` in pixels of the picture.
-        since: The number of the picture on which it first stood there, from 0.
+        since: The number of the picture on which it first appeared at this place, from 0.
     """
 
     text: str
@@ -43,12 +43,12 @@ class TextLine:
 
 @dataclass
 class ReadingCounts:
-    """What reading has cost.
+    """The cost of reading.
 
     Args:
         pictures: Pictures that were read.
         calls: Calls of the OCR.
-        kept: Parts whose text was still known.
+        kept: Parts whose text was in the cache.
         pixels: Pixels that went through the OCR.
         seconds: Time of the calls.
     """
@@ -146,7 +146,7 @@ class ScreenReader:
         return number
 
     def _boxes(self, picture: UInt8Array) -> list[Box]:
-        """Return what has to be read: no line is cut, and no two boxes touch."""
+        """Return the boxes to read: they cut no line, and no two of them touch."""
         height, width = picture.shape[:2]
         everything = [(0, 0, width, height)]
         if self._picture is None or self._whole:

@@ -1,4 +1,4 @@
-"""Follow a plan in words on pictures: find each text by OCR, and say what to do about it."""
+"""Follow a plan in words on pictures: find each text by OCR, and return the action for it."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -10,8 +10,8 @@ from ..base import FAIL, WAIT
 from .matching import SeenText, all_texts, closest_text, find_text
 from .reading import ScreenReader, TextLine
 
-WAITS = 2  # that a text is waited for, until the walk is lost
-SCROLLS = 15  # turns of the wheel that a text is looked for
+WAITS = 2  # pictures on which a text is waited for, until the walk is lost
+SCROLLS = 15  # turns of the wheel for which a text is searched
 WHEEL = 5  # clicks of the wheel a turn
 # How far beside a text to click, in heights of its line.
 ACROSS = 3.0
@@ -27,12 +27,12 @@ _CLICKS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Walked:
-    """What to do on one picture.
+    """The result of a walk on one picture.
 
     Args:
         said: The step, and what was seen of it.
         action: pyautogui code, `WAIT` or `FAIL`; "" if there is nothing left to do.
-        lost: Whether a text did not come, so that the plan cannot go on.
+        lost: Whether a text did not appear, so that the plan cannot continue.
     """
 
     said: str
@@ -62,7 +62,7 @@ class PlanWalk:
 
     @property
     def window(self) -> str:
-        """The window that the plan is about at this step; "" if it names none."""
+        """The window in use at this step of the plan; "" if the plan names none."""
         named = [step.text for step in self.steps[: self._at + 1] if step.verb == "window"]
         return named[-1] if named else ""
 
@@ -72,7 +72,7 @@ class PlanWalk:
         self._turned = 0
 
     def act(self, picture: UInt8Array) -> Walked:
-        """Go on to a step that needs an action, and return that.
+        """Continue to the next step that needs an action, and return the action.
 
         Args:
             picture: uint8 RGB `[H, W, 3]`.

@@ -1,4 +1,4 @@
-"""How much of a screen changed, and where, in words that claim no more than was measured."""
+"""Measure how much of a screen changed, and where, and describe it in words."""
 
 from dataclasses import dataclass
 
@@ -6,9 +6,10 @@ import numpy as np
 
 from hijack_data.types import UInt8Array
 
-# Levels (of 256) that a channel may differ by without counting: recordings as JPEG are never equal.
+# Differences of a channel up to this (of 256 levels) are ignored, because JPEG recordings are never
+# equal.
 TOLERANCE = 8
-# A part of the screen with at least this share of the change is where it happened.
+# A part of the screen with at least this share of the change is named as its place.
 MOSTLY = 0.6
 _ROWS = ("upper", "middle", "lower")
 _COLUMNS = ("left", "middle", "right")
@@ -19,9 +20,9 @@ class ScreenChange:
     """The difference between two screens.
 
     Args:
-        share: share of the pixels, 0..1; 1 when the size changed.
+        share: share of the changed pixels, 0..1; 1 if the size changed.
         where: the part of the screen with most of it, as the end of a sentence, or empty.
-        resized: whether the two are of different sizes.
+        resized: whether the two screens differ in size.
     """
 
     share: float

@@ -1,7 +1,6 @@
 """Export a dataset as the training data of an onlooker.
 
-Shards are read one after the other, and of a shard one step after the other; two steps are held at
-a time.
+Shards are read one after the other, and each shard step by step; two steps are in memory at a time.
 """
 
 import os
@@ -28,7 +27,7 @@ from .tables import TABLES, TableWriter, about
 from .words import NONE, chat, reminder_messages, summary_messages, summary_of
 
 MADE_BY = "template"
-# The corruptions whose rows carry a reminder.
+# The corruptions whose rows have a reminder.
 REMINDING = ("network_error", "verification")
 
 
@@ -44,7 +43,7 @@ def export_onlooker(
     """Export `reminders`, `summaries` and `recovery`.
 
     See `pipelines.exports.export` for arguments and errors. Only the actions of recovery steps are
-    labels, so only those are left out if their target is hidden.
+    labels, so only recovery steps are left out if their target is hidden.
     """
     dataset = open_dataset(folder)
     manifest = dataset.manifest
@@ -200,7 +199,7 @@ class _Tables:
         self._add("summaries", about(frame.row) | example)
 
     def _action(self, row: Row) -> str:
-        """Return the action as text of the dialect, or as it was recorded."""
+        """Return the action as text of the dialect, or as recorded."""
         try:
             return action_text(row, self.report.dialect)
         except (ActionError, ParameterError):

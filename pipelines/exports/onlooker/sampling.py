@@ -1,9 +1,8 @@
-"""Sampling of the frames in reminder pairs: all that have a reminder, and some that have none.
+"""Sample the frames of reminder pairs: all frames with a reminder, and some without.
 
-The frames without one are drawn from the same trajectory, so that what tells the two apart is the
-event and not the task or the application, and a trajectory keeps its balance in whatever split it
-lands. Frames that a trajectory cannot give, and fractions of a frame, are made up for by those
-after it.
+The frames without a reminder are drawn from the same trajectory, so that the two differ by the
+event and not by the task or the application, and so that every split is balanced. Frames that a
+trajectory lacks, and fractions of a frame, are made up for by later trajectories.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -20,9 +19,9 @@ from ..example import Row
 # The columns that a choice depends on.
 READ = ["trajectory_id", "step", "corruption", "event", "reminder"]
 NEEDED = "reminder"
-# Why a frame without a reminder was drawn: the clean screen where the event would have been,
-# another clean screen, one with something drawn over it, one with an event that an agent can undo
-# by itself. Each kind is as likely.
+# The kinds of frames without a reminder: the clean screen of the step of the event, another clean
+# screen, a screen with something drawn over it, and one with an event that an agent can undo by
+# itself. All kinds are equally likely.
 SAME_STEP, OTHER_STEP, PICTURE, EVENT = KINDS = ("same_step", "clean", "picture", "event")
 MOST = 1000
 _PRECISION = 10**6
@@ -30,11 +29,11 @@ NumberedRow: TypeAlias = tuple[int, Row]
 
 
 class OnlookerSampler:
-    """Draws the frames of reminder pairs, one shard after the other.
+    """Draws the frames of reminder pairs, shard by shard.
 
     Args:
         seed: seed of the draws.
-        balance: frames without a reminder for each that has one, 0 to 1000.
+        balance: number of frames without a reminder for each frame with one, 0 to 1000.
 
     Raises:
         ParameterError: `balance` is outside that range.

@@ -43,7 +43,7 @@ class StepFrames:
 
     @cached_property
     def clean(self) -> RowFrame | None:
-        """The step as it was recorded, if the dataset has it."""
+        """The clean frame of the step, if the dataset has it."""
         for frame in self.frames:
             if frame.label == CLEAN:
                 return frame
@@ -51,17 +51,17 @@ class StepFrames:
 
     @cached_property
     def first(self) -> dict[str, RowFrame]:
-        """The first frame of each corruption: an inserted step, or else the recorded one."""
+        """The first frame of each corruption: of an inserted step, else of the recorded one."""
         found: dict[str, RowFrame] = {}
         for frame in self.frames:
             found.setdefault(frame.label, frame)
         return found
 
     def acted(self, label: str) -> RowFrame | None:
-        """Return the frame of a corruption on which the agent acted by itself, if there is one.
+        """Return the frame of a corruption on which the agent took its recorded action, or `None`.
 
-        An inserted step has the action that undoes the event, and after a step with an event comes
-        a screen that only a live desktop could show.
+        On an inserted step the action undoes the event, and the screen after a step with an event
+        could only be shown by a live desktop.
         """
         for frame in self.frames:
             if frame.label == label and frame.row["event"] is None:
@@ -76,7 +76,7 @@ class StepFrames:
 
 
 def frames_by_step(frames: Iterable[RowFrame]) -> Iterator[StepFrames]:
-    """Group frames by step; one step is held at a time."""
+    """Group frames by step; one step is in memory at a time."""
     for (trajectory, step), group in groupby(frames, key=_step_of):
         yield StepFrames(str(trajectory), int(step), tuple(group))
 
@@ -86,10 +86,10 @@ def transitions(
     after: StepFrames,
     skip: Callable[[str, str], object],
 ) -> Iterator[tuple[RowFrame, RowFrame]]:
-    """Yield pairs under one corruption: the frame of an action, and the one that came next.
+    """Yield pairs of frames under one corruption: that of an action, and the next one.
 
-    Before an event that begins here the screen was that of the same corruption, or else the clean
-    one.
+    Before an event that begins at this step, the screen is that of the same corruption if there is
+    one, else the clean one.
 
     Args:
         before: the frames of the step before, if there is one.

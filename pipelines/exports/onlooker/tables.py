@@ -1,4 +1,4 @@
-"""The tables `reminders`, `summaries` and `recovery`: a folder each, one Parquet file a shard."""
+"""The tables `reminders`, `summaries` and `recovery`: a folder each, one Parquet file per shard."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import Any
 
 from ...dataset.columns import ACTION, Kind, pyarrow, schema_of
 
-# Rows, and bytes of pictures, that are held before they are written.
+# The most rows, and bytes of pictures, that are buffered before they are written.
 GROUP_ROWS = 16
 GROUP_BYTES = 64 * 2**20
 
@@ -57,7 +57,7 @@ TABLES: dict[str, dict[str, Kind]] = {
 class TableWriter:
     """Writes one table.
 
-    A file is made for its first row, so a shard without rows has none.
+    A file is created with its first row, so a shard without rows has no file.
 
     Args:
         folder: the folder of the export.

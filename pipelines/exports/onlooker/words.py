@@ -1,7 +1,6 @@
-"""Questions to an onlooker, and summaries that templates make of a recording.
+"""Questions to an onlooker, and summaries of a recording made from templates.
 
-The words of the questions are our own; `Reminder:` and `None` are those that models were trained
-on.
+The wording of the questions is our own; models were trained on the words `Reminder:` and `None`.
 """
 
 import json
@@ -58,7 +57,7 @@ def summary_of(
         event: an event that the agent did not cause, from the row after it, or `None`.
         change: how the screen changed, or `None` if that is not known.
 
-    After an event it is not known which changes are the agent's, so only the event is named.
+    After an event it is unknown which changes the agent caused, so only the event is named.
     """
     parts = [f"The agent {did(row['action'], row['action_code'])}."]
     if event is not None:

@@ -1,1 +1,1 @@
-"""The checks of `hijack verify` on a run: a file for its journal, an episode, and a line."""
+"""The checks of `hijack verify` on a run, its episodes and their lines, one module each."""

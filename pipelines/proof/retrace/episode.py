@@ -1,4 +1,4 @@
-"""One episode: its record against its lines, and its effects against its plans."""
+"""Check one episode: its record against its lines, and its effects against its plans."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -19,9 +19,9 @@ from ...readers.files import lines, parse_file
 from .journal import Journal, given_problems, id_of
 from .observation import Key, ReplayedObservation, check_observation
 
-BEFORE = -1  # the step of what happens before the episode
+BEFORE = -1  # the step number of effects before the episode
 SAID = 2000  # characters of the agent's last words that the record keeps
-_Due = tuple[int, str]  # a step, and the kind of an effect
+_Due = tuple[int, str]  # step and kind of an effect
 
 
 @dataclass
@@ -33,10 +33,10 @@ class Seen:
     plans: list[Plan] = field(default_factory=list[Plan])
     steps: int = 0
     disturbed: int = 0
-    last: str = ""  # the hash of the line before
+    last: str = ""  # the hash of the previous line
 
     def add(self, line: Mapping[str, Any], found: ReplayedObservation) -> None:
-        """Take in an observation."""
+        """Add an observation."""
         self.lines.append(line)
         self.plans.append(found.plan)
         self.disturbed += bool(found.plan.ops)
@@ -52,7 +52,7 @@ def check_episode(
     Args:
         folder: the episode.
         journal: that of its run.
-        seen: takes in the record and the observations.
+        seen: collects the record and the observations.
     """
     try:
         record = parse_file(folder / EPISODE)
@@ -70,7 +70,7 @@ def check_episode(
         if version >= CHAINED:
             yield from _in_record(_end(seen))
         if whole or len(seen.lines) == seen.steps:
-            yield from _in_record(_whole(seen, key))
+            yield from _in_record(_record_problems(seen, key))
     except FieldError as error:
         yield f"{EPISODE}: {error}"
     except OSError as error:
@@ -96,7 +96,7 @@ def _identity(folder: Path, record: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _planner(record: Mapping[str, Any], journal: Journal) -> tuple[Planner | None, bool]:
-    """Return the planner of the episode, and whether the log names it apart from its plans.
+    """Return the planner of the episode, and whether the log states it outside the plans.
 
     The configuration of the run comes first, then the record of the episode.
     """
@@ -120,7 +120,7 @@ def _agrees(
     known: bool,
     journal: Journal,
 ) -> Iterator[str]:
-    """Yield where the planner and the rules of the record differ from the configuration."""
+    """Yield the differences of planner and rules between the record and the configuration."""
     if known:
         params = json.loads(json.dumps(params_of(planner), default=repr))
         if record.get("params") != params:
@@ -165,7 +165,7 @@ def _lines(
     seen: Seen,
     version: int,
 ) -> Iterator[str]:
-    """Check each line by itself, and the hashes that chain them."""
+    """Check each line on its own, and the hashes that chain the lines."""
     seen.last = digest_of(folder.name.encode())
     for place, line in enumerate(lines(folder / STEPS)):
         where = f"line {line.number}"
@@ -196,8 +196,8 @@ def _end(seen: Seen) -> Iterator[str]:
         yield f"does not follow on the last line of {STEPS} (chain)"
 
 
-def _whole(seen: Seen, key: Key) -> Iterator[str]:
-    """Yield where the record of the whole episode differs from its lines."""
+def _record_problems(seen: Seen, key: Key) -> Iterator[str]:
+    """Yield the differences between the record of the episode and its lines."""
     record = seen.record
     status = record.get("status")
     score = record.get("score")
@@ -227,7 +227,7 @@ def _is_share(score: object) -> bool:
 
 
 def _requests(seen: Seen) -> Iterator[str]:
-    """Yield a problem if the record counts other requests for recovery than the lines hold."""
+    """Yield a problem if the record's number of requests for recovery is not that of the lines."""
     if not isinstance(seen.record.get("recovery"), dict):
         return
     asked = sum(line.get("code") == REINIT for line in seen.lines)
@@ -237,7 +237,7 @@ def _requests(seen: Seen) -> Iterator[str]:
 
 
 def _counted(seen: Seen) -> dict[str, Any]:
-    """Return the fields of the record that follow from the lines."""
+    """Return the fields of the record that can be computed from the lines."""
     acted = seen.lines[:-1]
     taken = [_taken(line) for line in acted]
     found: dict[str, Any] = {
@@ -270,7 +270,7 @@ def _ended(seen: Seen, taken: list[Any]) -> str:
 
 
 def _effects(seen: Seen, key: Key) -> Iterator[str]:
-    """Yield the effects that were due and not done, not proved, or not on record."""
+    """Yield the effects that were due but are not done, not proved, or not recorded."""
     done: list[Mapping[str, Any]] = []
     for line in seen.lines:
         done += _objects(line.get("events"))
@@ -301,7 +301,7 @@ def _due(seen: Seen, key: Key) -> list[_Due]:
     if not seen.plans:
         return []
     plans = list(enumerate(seen.plans))
-    # Nothing is done any more before the last observation, unless the end came from outside.
+    # No effect is applied before the last observation, unless the episode was ended from outside.
     if seen.record.get("ended") != "outside":
         plans.pop()
     if key.known and key.planner is not None:

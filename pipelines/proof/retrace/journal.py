@@ -1,4 +1,4 @@
-"""The journal of a run: `run.json` and `records.jsonl`, against each other and the episodes."""
+"""Check the journal of a run, `run.json` and `records.jsonl`, also against the episodes."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -33,21 +33,22 @@ from ...readers import fields
 from ...readers.fields import FieldError
 from ...readers.files import parse, parse_file
 
-SAID_LATER = frozenset({"said"})  # in version 1 the journal had it, and the episode did not
+# In version 1, only the journal had this field, and not the episode.
+SAID_LATER = frozenset({"said"})
 
 
 @dataclass
 class Journal:
-    """The record that a run keeps of its episodes.
+    """The journal of a run.
 
     Args:
         folder: of the run.
         head: the content of `run.json`; empty if there is none.
-        exists: whether there is a journal; an environment outside `hijack bench` writes none.
+        exists: whether there is a journal; environments outside `hijack bench` write none.
         planners: those of `run.json`, by label; `None` if it names none.
         found: the problems of the files themselves.
         lines: those of `records.jsonl`, as bytes.
-        records: the content of the lines.
+        records: the parsed lines.
         oldest: the lowest version of the journal and its episodes.
     """
 
@@ -74,12 +75,12 @@ class Journal:
 
     @property
     def version(self) -> int:
-        """The version of `run.json`; the present one if there is none."""
+        """The version of `run.json`; the current version if there is no such file."""
         found = self.head.get("version", VERSION)
         return found if isinstance(found, int) else VERSION
 
     def note(self, folder: Path, record: Mapping[str, Any]) -> None:
-        """Take in the record of an episode."""
+        """Add the record of an episode."""
         self._episodes[folder.name] = folder, record
         version = record.get("version", 1)
         self.oldest = min(self.oldest, version if isinstance(version, int) else 1)
@@ -90,14 +91,14 @@ class Journal:
     def _goes_with(self, version: object) -> bool:
         """Return whether an episode of a version may be in this run.
 
-        A later library goes on with a run that has hashes, and never an earlier one.
+        A newer library may continue a run with hashes; an older library never may.
         """
         if version == self.version or not isinstance(version, int):
             return version == self.version
         return CHAINED <= self.version < version
 
     def problems(self) -> Iterator[str]:
-        """Yield the problems of the journal, once all episodes were noted."""
+        """Yield the problems of the journal; call it after all episodes were added."""
         yield from self.found
         if not self.exists:
             return
@@ -134,7 +135,7 @@ class Journal:
         return digest_of(path.read_bytes()) if path.is_file() else None
 
     def _record(self, record: Mapping[str, Any]) -> Iterator[str]:
-        """Yield where one record differs from the configuration and its episode."""
+        """Yield the differences of one record from the configuration and from its episode."""
         yield from self._planned(record)
         if self.is_scored:
             yield from given_problems(record)
@@ -142,7 +143,7 @@ class Journal:
         name = str(record.get("id"))
         if name not in self._episodes:
             if record.get("status") != "ok" and not record.get("steps"):
-                return  # no desktop came up, so there is nothing to compare
+                return  # no desktop started, so there is nothing to compare
             yield f"there is no {EPISODES}/{name}"
             return
         _, episode = self._episodes[name]
@@ -154,7 +155,7 @@ class Journal:
                 yield f"{key} of {name} is another than in its {EPISODE}"
 
     def _given_otherwise(self) -> Iterator[str]:
-        """Yield the agents that were given something in some episodes and not in others."""
+        """Yield the agents that were not given the same in all episodes."""
         kinds: dict[str, set[str]] = {}
         for record in self.records:
             given = record.get(GIVEN)
@@ -180,7 +181,7 @@ class Journal:
             yield f"{record.get('id')} is one attempt more than retries allow ({RUN})"
 
     def _missing(self) -> Iterator[str]:
-        """Yield the planned episodes that are missing, and the attempts that were due."""
+        """Yield the planned episodes and the due attempts that are missing."""
         made: dict[str, list[Mapping[str, Any]]] = {}
         for record in self.records:
             made.setdefault(base_of(record), []).append(record)
@@ -208,7 +209,7 @@ class Journal:
 
 
 def given_problems(record: Mapping[str, Any]) -> Iterator[str]:
-    """Yield what is wrong with what a record says that its agent was given."""
+    """Yield the problems of a record's field `given`."""
     version = record.get("version", 1)
     if isinstance(version, int) and version < GIVING and GIVEN not in record:
         return
@@ -225,7 +226,7 @@ def given_problems(record: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _ours(record: Mapping[str, Any]) -> bool:
-    """Return whether an episode failed in a way after which it is run again."""
+    """Return whether an episode failed in a way that calls for another attempt."""
     return record.get("status") == "invalid" or record.get("cause") == "machine"
 
 

@@ -1,4 +1,4 @@
-"""One line of an episode: the plan, the pictures and the action, made again."""
+"""Compute the plan, the pictures and the action of one line of an episode again."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -19,7 +19,7 @@ from ...dataset.images import decode
 from ...readers import fields
 from ...readers.files import inside
 
-NO_TEXT = "an action must be a string"  # the log then has the `repr` of what it was
+NO_TEXT = "an action must be a string"  # the log has the `repr` of an answer that was not a string
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,13 +27,13 @@ class Key:
     """Everything that decides the plans of an episode.
 
     Args:
-        seed: of all draws.
+        seed: the seed of all draws.
         sample: the task's id.
         apps: normalised names of the task's applications.
-        planner: the corruption; `None` for none.
-        known: whether the log names `planner`; otherwise it follows from the logged plans.
+        planner: the corruption; `None` for a clean episode.
+        known: whether the log states `planner`; otherwise it is derived from the logged plans.
         size: `(height, width)` of the screen; `None` if the log does not contain it.
-        allow_code: whether any code was let through; `None` if the log does not contain it.
+        allow_code: whether any code was allowed; `None` if the log does not contain it.
         hashed: whether each line has the hash of its clean picture.
     """
 
@@ -53,7 +53,7 @@ class Key:
         logged: Plan,
     ) -> Plan:
         """Return the plan of a step on a screen."""
-        planner = self.planner if self.known else _told_by(logged)
+        planner = self.planner if self.known else _planner_in(logged)
         if planner is None:
             return Plan.clean(scene.size)
         return planner.plan(
@@ -66,7 +66,7 @@ class Key:
 
 @dataclass
 class ReplayedObservation:
-    """The result for a line: its plan, made again, and its problems."""
+    """The result for a line: its plan, computed again, and its problems."""
 
     plan: Plan
     problems: list[str] = field(default_factory=list[str])
@@ -77,11 +77,11 @@ def check_observation(
     line: Mapping[str, Any],
     key: Key,
 ) -> ReplayedObservation:
-    """Make an observation again, and the code that ran for the agent's answer.
+    """Compute an observation again, and the code that ran for the agent's answer.
 
     Args:
         folder: the episode.
-        line: one line of its steps; one that cannot be read is a `HijackError`.
+        line: one line of its steps. Raises `HijackError` if it cannot be read.
         key: what decides its plans.
     """
     logged = Plan.from_data(line.get("plan"))
@@ -180,12 +180,13 @@ def _mapped(
         return None
 
 
-def _told_by(logged: Plan) -> Planner | None:
-    """Return the planner that a plan names, for logs that do not contain it."""
+def _planner_in(logged: Plan) -> Planner | None:
+    """Return the planner named in a plan, for logs that do not state the planner."""
     parts = logged.corruption.split("+")
     if parts == [CLEAN]:
         return None
-    if len(set(parts)) < len(parts):  # a plan does not keep the parameters of the two apart
+    # A plan does not separate the parameters of two parts with the same id.
+    if len(set(parts)) < len(parts):
         return _Fixed(logged)
     if len(parts) == 1:
         return _corruption(parts[0], logged.params)

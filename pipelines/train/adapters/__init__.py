@@ -1,1 +1,1 @@
-"""Trainers of others: our environments, corruptions and replay in TRL and in verl."""
+"""Adapters for other trainers: our environments, corruptions and replay in TRL and in verl."""

@@ -1,4 +1,4 @@
-"""One rollout of a gymnasium environment that another library's trainer drives."""
+"""One rollout of a gymnasium environment, driven by another library's trainer."""
 
 import contextlib
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from ..objective import reward
 from ..rollouts import Rollout, RolloutRequest, SeenObservation
 
 MakeEnvironment: TypeAlias = Callable[[], gymnasium.Env[Any, str]]
-ATTEMPTS = 2  # of a reset; the second one has a new environment
+ATTEMPTS = 2  # tries of a reset; the second one uses a new environment
 
 
 @dataclass(kw_only=True)
@@ -22,8 +22,8 @@ class TokenRollout(Rollout):
     """A rollout whose tokens the trainer keeps.
 
     Args:
-        answers: how many actions were taken.
-        tokens: what the trainer needs to train on the rollout again, in its own form.
+        answers: the number of actions taken.
+        tokens: the trainer's own data for training on the rollout again.
     """
 
     answers: int = 0
@@ -31,7 +31,7 @@ class TokenRollout(Rollout):
 
     @property
     def counts(self) -> bool:
-        """Whether it can be trained on; an agent that never acted has failed, which counts."""
+        """Whether it can be trained on; an agent that never acted counts as failed."""
         return self.status == "ok"
 
     def reward(self, weight: float = 1.0) -> float | None:
@@ -43,12 +43,12 @@ class TokenRollout(Rollout):
         return reward(self.success, self.is_well_formed, weight) if self.counts else None
 
     def to_data(self) -> dict[str, Any]:
-        """Return what happened as JSON data, without pictures and tokens."""
+        """Return the rollout as JSON data, without pictures and tokens."""
         return {**super().to_data(), "turns": self.answers}
 
 
 class DrivenEpisode:
-    """Plays one rollout after the other in an environment, without ever raising for a machine.
+    """Plays rollouts in an environment, one after the other, without raising for machine failures.
 
     Args:
         make: makes the environment; it is called with the first `reset`, and again for an
@@ -62,10 +62,10 @@ class DrivenEpisode:
         self._env: gymnasium.Env[Any, str] | None = None
 
     def reset(self, request: RolloutRequest) -> SeenObservation | None:
-        """Begin a rollout; returns the first observation, or `None` if there is none to see.
+        """Begin a rollout; return the first observation, or `None` if the reset failed.
 
         Raises:
-            UnknownNameError: the environment does not know the task: no machine's fault.
+            UnknownNameError: the environment does not know the task.
         """
         self.rollout = TokenRollout(request=request)
         self.is_over = True
@@ -85,7 +85,7 @@ class DrivenEpisode:
         return None
 
     def step(self, action: str) -> SeenObservation | None:
-        """Take an action; returns the next observation, or `None` after the end."""
+        """Take an action; return the next observation, or `None` after the end."""
         if self.is_over or self._env is None or self.rollout is None:
             return None
         self.rollout.answers += 1
@@ -100,10 +100,10 @@ class DrivenEpisode:
         return None if self.is_over else seen
 
     def finish(self) -> TokenRollout:
-        """End the episode as it stands, and return the judged rollout; may be called again.
+        """End the episode in its present state, and return the judged rollout; may be called again.
 
         Raises:
-            RuntimeError: nothing was begun.
+            RuntimeError: no rollout was begun.
         """
         if self.rollout is None:
             raise RuntimeError("finish() before reset()")
@@ -125,12 +125,12 @@ class DrivenEpisode:
         return self.rollout
 
     def close(self) -> None:
-        """Close the environment; the next `reset` makes another."""
+        """Close the environment; the next `reset` makes a new one."""
         env, self._env = self._env, None
         self.is_over = True
         if env is None:
             return
-        with contextlib.suppress(Exception):  # a machine that failed may fail in this, too
+        with contextlib.suppress(Exception):  # a failed machine may fail to close, too
             env.close()
 
     def _fail(self, where: str, error: Exception) -> None:

@@ -1,4 +1,4 @@
-"""The end of a run whose gradient is not finite, for trainers of transformers."""
+"""End a run whose gradient is not finite, for trainers of transformers."""
 
 from typing import Any
 
@@ -21,7 +21,7 @@ class FiniteCallback(TrainerCallback):
         """Check the gradients.
 
         Raises:
-            TrainError: one is not finite.
+            TrainError: a gradient is not finite.
         """
         for name, parameter in kwargs["model"].named_parameters():
             if parameter.grad is not None and not bool(torch.isfinite(parameter.grad).all()):

@@ -1,7 +1,7 @@
 """A desktop behind `hijack serve` as a gymnasium environment, for trainers on other machines.
 
-Server and trainer agree on a corruption by its label. The server says with which parameters it
-plays that label, and an episode with others than the trainer's is refused.
+Server and trainer agree on a corruption by its label. The server reports the parameters of that
+label, and an episode whose parameters differ from the trainer's is refused.
 """
 
 import base64
@@ -25,7 +25,7 @@ from hijack_data.spaces import Actions, observations
 from ..errors import TrainError
 
 TOKEN_VARIABLE = "AGENTHIJACK_SERVE_TOKEN"
-PATIENCE = 300.0  # s for an answer: a reset may wait in line for a desktop
+PATIENCE = 300.0  # s for an answer, since a reset may queue for a desktop
 _DONE = "DONE"
 _numbers = itertools.count(os.getpid())  # processes begin with different servers
 
@@ -34,8 +34,8 @@ class ServedEnv(gymnasium.Env[dict[str, Any], str]):
     """A session with a server of `hijack serve`, with the interface of `CorruptedEnv`.
 
     An observation is `{"screenshot": uint8 RGB [H, W, 3], "instruction": str}`, an action text as
-    `CorruptedEnv` takes it. The connection is made with the first `reset`, and anew after one that
-    failed.
+    `CorruptedEnv` takes it. The connection is made with the first `reset`, and again after a failed
+    one.
 
     Args:
         addresses: of the servers, such as `"http://node-1:8000"`; all must have been started with
@@ -80,10 +80,10 @@ class ServedEnv(gymnasium.Env[dict[str, Any], str]):
         """Begin an episode.
 
         Args:
-            seed: decides the task's variant and what the corruption draws; the server draws one if
+            seed: decides the task's variant and the corruption's draws; the server draws a seed if
                 it is omitted.
             options: `task`, `corruption` (a planner, or `None` for a clean episode) and `label`,
-                by which the server knows the corruption. Without `corruption` the server draws.
+                by which the server knows the corruption. Without `corruption` the server draws one.
 
         Raises:
             TrainError: the server plays the corruption with other parameters, refuses the episode,
@@ -117,7 +117,7 @@ class ServedEnv(gymnasium.Env[dict[str, Any], str]):
         return seen, score, bool(result.done) and not truncated, truncated, {}
 
     def truncate(self) -> None:
-        """Have the episode judged as it stands.
+        """Have the episode judged in its present state.
 
         Raises:
             TrainError: the server cannot be reached.
@@ -125,7 +125,7 @@ class ServedEnv(gymnasium.Env[dict[str, Any], str]):
         self.step(_DONE)
 
     def close(self) -> None:
-        """Leave the server, which frees the desktop; closing twice is fine."""
+        """Disconnect from the server, which frees the desktop; closing twice is allowed."""
         client, self._client = self._client, None
         if client is not None:
             client.close()
@@ -135,7 +135,7 @@ class ServedEnv(gymnasium.Env[dict[str, Any], str]):
             if self._client is None:
                 self._client = self._connected()
             return ask(self._client)
-        except Exception as error:  # its client raises whatever is below it
+        except Exception as error:  # the client passes on the exceptions of lower layers
             self._drop()
             raise TrainError(f"{self.address}: {what}: {type(error).__name__}: {error}") from error
 
@@ -150,17 +150,17 @@ class ServedEnv(gymnasium.Env[dict[str, Any], str]):
         return client
 
     def _drop(self) -> None:
-        """Forget a connection of which nobody knows in which state it is."""
+        """Drop a connection whose state is unknown."""
         try:
             self.close()
-        except Exception:  # noqa: BLE001  (it was broken before)
+        except Exception:  # noqa: BLE001  (the connection was broken already)
             return
 
     def _check_planner(self, planner: Planner | None, label: str) -> None:
-        """Check that the server plays what was asked for.
+        """Check that the server plays the requested corruption.
 
         Raises:
-            TrainError: it plays the label with other parameters.
+            TrainError: the server plays the label with other parameters.
         """
         config = None if planner is None else json.loads(json.dumps(planner.to_config()))
         played = self._asked("state", lambda client: client.state()).get("planner")

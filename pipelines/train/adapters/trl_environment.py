@@ -27,7 +27,7 @@ OVER = "The episode is over."
 
 
 class BatchSettings(Protocol):
-    """What is read of TRL's `GRPOConfig`."""
+    """The values read from TRL's `GRPOConfig`."""
 
     num_generations: Any
     per_device_train_batch_size: int
@@ -40,8 +40,8 @@ class TrlEnvironment:
     """One rollout at a time, for TRL; made by `TrlEnvironments`.
 
     Args:
-        number: which of the environments of this process it is, from 0.
-        owner: what made it.
+        number: the index of the environment in this process, from 0.
+        owner: the `TrlEnvironments` that made it.
         make: makes the gymnasium environment, with the first `reset`.
     """
 
@@ -63,7 +63,7 @@ class TrlEnvironment:
         seed: int | None = None,
         **_row: Any,
     ) -> Content:
-        """Begin a rollout under a corruption that the sampler draws, and return the prompt's end.
+        """Begin a rollout under a drawn corruption, and return the end of the prompt.
 
         Args:
             task: the task, of the dataset's row.
@@ -107,7 +107,7 @@ class TrlEnvironment:
         """Return the judged rollout, or the stored one that replaces it.
 
         Args:
-            completion: the messages of the rollout, which tell whether its end had the right form.
+            completion: the messages of the rollout, which show whether its end had the right form.
         """
         if self._replayed is not None:
             return self._replayed
@@ -134,10 +134,10 @@ class TrlEnvironments:
         make: makes a gymnasium environment with the interface of `CorruptedEnv`; called once for
             each rollout of a generation batch, with its first `reset`.
         args: the trainer's `GRPOConfig`.
-        sampler: which rollout meets which corruption; `None` plays clean ones.
+        sampler: draws the corruption of each rollout; `None` plays clean rollouts.
         seed: of the environments' seeds, 0 to 2**64 - 1.
-        folder: where `rollouts.jsonl` goes (`rollouts-RANK.jsonl` of several processes): which
-            rollout met which corruption, and what came of it; `None` writes none.
+        folder: where `rollouts.jsonl` goes (`rollouts-RANK.jsonl` of several processes): the
+            corruption and the result of each rollout; `None` writes none.
         report: called with a line on each rollout that is left out.
     """
 
@@ -174,7 +174,7 @@ class TrlEnvironments:
         return made
 
     def set_batch(self, number: int, epoch: int = 0) -> None:
-        """Say which generation batch comes next, so that a resumed run draws as it would have.
+        """Set the number of the next generation batch, so that a resumed run makes the same draws.
 
         Without it the batches of this process are counted from 0.
 
@@ -190,8 +190,8 @@ class TrlEnvironments:
         """Begin the next generation batch; the first environment's `reset` calls this.
 
         Raises:
-            TrainError: none of the last batch's rollouts could be played: TRL would go on without
-                a gradient for ever.
+            TrainError: none of the last batch's rollouts could be played: TRL would continue
+                forever without a gradient.
         """
         if not self._is_set:
             self._batch += 1
@@ -199,7 +199,7 @@ class TrlEnvironments:
         self.check_played()
 
     def check_played(self) -> None:
-        """Check the batch that is over, if that was not done yet.
+        """Check the finished batch, if it was not checked yet.
 
         Raises:
             TrainError: none of its rollouts could be played.
@@ -215,7 +215,7 @@ class TrlEnvironments:
         number: int,
         seed: int | None,
     ) -> RolloutRequest:
-        """Return what an environment is to play in the present batch."""
+        """Return the request for an environment in the current batch."""
         place = self._rank * self.per_process + number
         slot = place % self.rollouts
         if seed is None:
@@ -236,7 +236,7 @@ class TrlEnvironments:
         )
 
     def log(self, rollout: TokenRollout) -> None:
-        """Write the line of a rollout that is over."""
+        """Write the line of a finished rollout."""
         self._ended += 1
         if not rollout.counts:
             request = rollout.request
@@ -311,7 +311,7 @@ def training_rows(
 
 
 def _ended_with_a_call(completion: Sequence[Any]) -> bool:
-    """Return whether the last answer called a tool; TRL drops a result that did not fit."""
+    """Return whether the last answer called a tool, whose result TRL may have dropped."""
     answers = [message for message in completion if message.get("role") == "assistant"]
     return bool(answers) and bool(answers[-1].get("tool_calls"))
 

@@ -1,8 +1,8 @@
 """DA-GRPO in TRL: `GRPOTrainer` with our environments, replay buffer and checks.
 
-`GRPOTrainer` itself takes `TrlEnvironments` as well; this subclass adds what it has no place for:
-a stored success for a group without one, draws that a resumed run repeats, and the end of a run
-whose loss is not finite. It overrides two private methods of TRL 1.16.
+`GRPOTrainer` itself also accepts `TrlEnvironments`; this subclass adds a stored success for a group
+without one, repeatable draws in a resumed run, and the end of a run whose loss is not finite. It
+overrides two private methods of TRL 1.16.
 """
 
 from dataclasses import dataclass
@@ -42,11 +42,11 @@ class DAGRPOTrainer(GRPOTrainer):
         environment_factory: the environments.
         replay: the replay buffer; it is not part of TRL's checkpoints, so a resumed run begins
             with an empty one.
-        reward_funcs: what is added to the success; `format_reward` by default.
+        reward_funcs: rewards in addition to the success; `format_reward` by default.
         **kwargs: as `GRPOTrainer`.
 
     Raises:
-        ParameterError: `replay` with groups that are spread over processes.
+        ParameterError: `replay` is given, and groups are spread over processes.
         LeakError: a training task is held out.
     """
 
@@ -124,12 +124,13 @@ class DAGRPOTrainer(GRPOTrainer):
                 images[i] = stored.images
             if seen:
                 seen[i] = stored.tool_images
-            if logprobs is not None:  # those of the policy that played it; NaN counts as on-policy
+            # Log-probabilities of the policy that played it; NaN counts as on-policy.
+            if logprobs is not None:
                 logprobs[i] = [float("nan")] * len(stored.completion_ids)
         return prompt_ids, completion_ids, tool_mask, completions, logprobs, extra, images, seen
 
     def _stored(self, rollouts: list[Any]) -> list[tuple[int, Any]]:
-        """Return what is put in, with its place; the group's own successes are kept for later."""
+        """Return the stored rollouts to insert, with their places; store the groups' successes."""
         found: list[tuple[int, Any]] = []
         if self.replay is None:
             return found
@@ -165,7 +166,7 @@ def _check_tasks(dataset: Any) -> None:
     """Refuse held-out tasks, and a dataset without tasks.
 
     Raises:
-        ParameterError: it has no column `task`.
+        ParameterError: the dataset has no column `task`.
         LeakError: a task is held out.
     """
     columns = getattr(dataset, "column_names", None)

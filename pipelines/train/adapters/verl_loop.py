@@ -1,4 +1,4 @@
-"""Our environments as an agent loop of verl: one episode, screenshot for screenshot.
+"""Our environments as an agent loop of verl, which plays one episode.
 
 `configs/train/verl_agent.yaml` registers it with verl (`rollout.agent.agent_loop_config_path`), and
 rows of `verl_rows.write_rows` name it. Written for verl 0.9 with its v1 trainer.
@@ -28,7 +28,7 @@ AgentLoopBase: Any = _agents.AgentLoopBase
 simple_timer: Any = extras.load("verl.utils.profiler", "HijackLoop", "verl").simple_timer
 OmegaConf: Any = extras.load("omegaconf", "HijackLoop", "verl").OmegaConf
 
-_idle: dict[str, list[DrivenEpisode]] = {}  # environments by what made them, for the next episode
+_idle: dict[str, list[DrivenEpisode]] = {}  # idle environments by their maker, for later episodes
 
 
 class HijackLoop(AgentLoopBase):
@@ -39,14 +39,14 @@ class HijackLoop(AgentLoopBase):
 
     Args:
         *args: of verl.
-        environment: `package.module:make` or `path/to/file.py:make`: what makes an environment
-            with the interface of `CorruptedEnv`. It is made with the first episode that needs it,
-            and kept for later ones.
+        environment: `package.module:make` or `path/to/file.py:make`, a function that makes an
+            environment with the interface of `CorruptedEnv`. The environment is made for the first
+            episode that needs it, and kept for later ones.
         environment_args: arguments of `make`.
         corruptions: as the list `corruptions` of a configuration; none of them plays clean.
-        per: what gets a corruption of its own, see `CorruptionSampler`.
+        per: the unit for which a corruption is drawn, see `CorruptionSampler`.
         seed: of the draws and of the environments' seeds.
-        max_steps: answers until an episode is cut off.
+        max_steps: the most answers of an episode.
         format_weight: the penalty of an answer in the wrong form.
         **kwargs: of verl.
     """
@@ -151,7 +151,8 @@ class HijackLoop(AgentLoopBase):
                 mask,
                 logprobs or None,
             )
-            # before the picture is kept: verl fails if pictures and their tokens disagree
+            # checked before the picture is kept, because verl fails if pictures and their tokens
+            # disagree
             if len(longer) >= self.rollout_config.response_length:
                 break
             ids = merged.token_ids
@@ -163,7 +164,7 @@ class HijackLoop(AgentLoopBase):
         total = rollout.reward(self.format_weight)
         if total is None:
             return self._left_out(rollout)
-        end = self.rollout_config.response_length  # what is cut is text: pictures were checked
+        end = self.rollout_config.response_length  # only text is cut, since pictures were checked
         return _agents.AgentLoopOutput(
             prompt_ids=ids[:prompt],
             response_ids=ids[prompt:][:end],
@@ -216,7 +217,7 @@ class HijackLoop(AgentLoopBase):
         )
 
     def _taken(self) -> tuple[str, DrivenEpisode]:
-        """Return an environment that nobody plays in, and the key to give it back under."""
+        """Return an idle environment, and the key for giving it back."""
         key = f"{self.environment} {sorted(self.environment_args.items())}"
         idle = _idle.setdefault(key, [])
         if idle:
@@ -226,13 +227,13 @@ class HijackLoop(AgentLoopBase):
         return key, DrivenEpisode(lambda: make(**arguments))
 
     async def _off(self, function: Any, *args: Any) -> Any:
-        """Call what blocks in a thread, so that the worker's other episodes go on."""
+        """Call a blocking function in a thread, so that the worker's other episodes continue."""
         loop = asyncio.get_running_loop()
         return await loop.run_in_executor(None, function, *args)
 
 
 def planner_of(corruptions: Sequence[Any]) -> Planner | None:
-    """Return what draws one of `corruptions` with equal odds; `None` for none.
+    """Return a planner that draws one of `corruptions` with equal odds; `None` without any.
 
     Args:
         corruptions: as the list `corruptions` of a configuration.
@@ -247,7 +248,7 @@ def planner_of(corruptions: Sequence[Any]) -> Planner | None:
 
 
 def close_idle() -> None:
-    """Close the environments that no episode is played in."""
+    """Close the idle environments."""
     for episodes in _idle.values():
         for episode in episodes:
             episode.close()
@@ -255,7 +256,7 @@ def close_idle() -> None:
 
 
 def _facts(rollout: TokenRollout) -> dict[str, Any]:
-    """Return what verl keeps beside the reward; the same keys for every rollout."""
+    """Return the data that verl keeps with the reward; every rollout has the same keys."""
     return {
         "task": rollout.request.group,
         "corruption": rollout.request.draw.label,

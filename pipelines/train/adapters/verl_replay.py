@@ -1,8 +1,8 @@
 """DA-GRPO's replay in verl: a stored success for a group whose rewards are all 0.
 
-`configs/train/verl.yaml` names it (`trainer.v1.sampler.custom_sampler`). What verl calls a replay
-buffer is the place from which its v1 trainer takes finished groups; this one changes a group on its
-way. It overrides a private method of verl 0.9.
+`configs/train/verl.yaml` names it (`trainer.v1.sampler.custom_sampler`). In verl, a replay buffer
+is the place from which its v1 trainer takes finished groups; this class changes a group when it is
+taken. It overrides a private method of verl 0.9.
 """
 
 from collections import defaultdict
@@ -23,15 +23,15 @@ VerlBuffer: Any = _module.ReplayBuffer
 
 TRAINING = "train"  # verl's name of the partition
 _STATED = ("status", "prompt_len", "response_len", "seq_len")
-# What a row says of its own place; the rest is the rollout.
+# The columns about the place of a row; all others belong to the rollout.
 _PLACE = ("uid", "session_id", "global_steps", "index")
 
 
 class HijackReplay(VerlBuffer):
-    """Verl's buffer, with ours behind it.
+    """Verl's buffer, with our replay buffer behind it.
 
     `trainer.v1.sampler.sampler_kwargs` may have `capacity`, `when`, `slot` and `seed`, as
-    `pipelines.train.replay.ReplayBuffer`. It begins empty when a run is resumed.
+    `pipelines.train.replay.ReplayBuffer`. It is empty at the start of a resumed run.
     """
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
@@ -43,7 +43,7 @@ class HijackReplay(VerlBuffer):
         self.stored = ReplayBuffer(**options)
 
     def _materialize_batch(self, partition_id: str, *args: Any) -> Any:
-        """Return the batch, after stored successes were put into groups that have none."""
+        """Return the batch with stored successes inserted into groups that have none."""
         batch = super()._materialize_batch(partition_id, *args)
         if partition_id == TRAINING and batch.keys:
             self._replay(batch)
@@ -78,7 +78,7 @@ class HijackReplay(VerlBuffer):
         row: Any,
         stored: Any,
     ) -> None:
-        """Write a stored rollout over the one at `place`; it keeps its group and its number."""
+        """Replace the rollout at `place` by a stored one, keeping group and number of the place."""
         fields, tag = stored.tokens
         whole = fields.clone(recurse=False)
         for name in _PLACE:

@@ -1,4 +1,4 @@
-"""The rows that verl trains on: a task each. Needs pyarrow, not verl."""
+"""The training rows for verl, one per task. Needs pyarrow, not verl."""
 
 from collections.abc import Iterable
 from pathlib import Path

@@ -1,7 +1,7 @@
 """Examples for supervised fine-tuning: the folders that `hijack export` writes, as chats.
 
 Reads `--to chat` and `--to onlooker` (all three of its tables, or one). Pictures are opened when an
-example is asked for. Needs pyarrow and Pillow, neither torch nor TRL.
+example is read. Needs pyarrow and Pillow, neither torch nor TRL.
 """
 
 import io
@@ -39,10 +39,10 @@ class ChatRow:
 
     Args:
         question: the message of the user, without the places of pictures.
-        answer: what is to be learned.
+        answer: the answer to learn.
         pictures: files, or (Parquet file, row, column).
         trajectory: the recording that it is from.
-        place: where it stands, for messages.
+        place: its place in the files, for messages.
     """
 
     question: str
@@ -75,7 +75,7 @@ def read_rows(folder: Path) -> list[ChatRow]:
         folder: of `hijack export --to chat` or `--to onlooker`, or one table of the latter.
 
     Raises:
-        DatasetError: it is no such folder, or a row is damaged.
+        DatasetError: the folder is not such an export, or a row is damaged.
     """
     if (folder / ROWS).is_file():
         return _chat_rows(folder)
@@ -104,7 +104,7 @@ def check_rows(
         what: their folder, for the message.
 
     Raises:
-        LeakError: there are some; the message names the tasks.
+        LeakError: there are such rows; the message names the tasks.
     """
     known = _known() | set(evaluation)
     names: dict[str, None] = {}

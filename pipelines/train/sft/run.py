@@ -24,7 +24,7 @@ def rows_of(settings: SftSettings) -> dict[str, list[ChatRow]]:
     """Return the examples of each folder, after the leak check.
 
     Raises:
-        DatasetError: a folder is no export, or a row is damaged.
+        DatasetError: a folder is not an export, or a row is damaged.
         LeakError: a row is of a task that is held out or reported.
         ParameterError: there is no folder, or no example in all of them.
     """

@@ -1,4 +1,4 @@
-"""What is compared: GRPO, DA-GRPO, and DA-GRPO with one thing changed."""
+"""The arms of the comparison: GRPO, DA-GRPO, and DA-GRPO with one change."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,12 +11,12 @@ class Arm:
 
     Args:
         corrupted: whether the rollouts are corrupted; without, this is GRPO.
-        per: what gets a corruption of its own, see `CorruptionSampler`.
+        per: the unit for which a corruption is drawn, see `CorruptionSampler`.
         p_clean: share of the rollouts that stay clean, 0..1.
         replay: whether there is a replay buffer.
         replay_slot: which rollout is replaced; `None` draws it.
         format_share: the format penalty, as a share of the configuration's.
-        words: what it is, for tables.
+        words: its description, for tables.
     """
 
     corrupted: bool = True

@@ -1,4 +1,4 @@
-"""The start of all runs: a policy that imitates an expert on clean screens, and not perfectly.
+"""The start of all runs: a policy that imperfectly imitates an expert on clean screens.
 
 As the paper does, training begins from a policy that already solves a part of the tasks.
 """
@@ -19,7 +19,7 @@ from .screens import target_of
 
 @dataclass(frozen=True, kw_only=True)
 class CloningSettings:
-    """How the start is made.
+    """The settings for making the start.
 
     Args:
         tasks: tasks that the expert shows; none of them is trained or evaluated on later.
@@ -38,10 +38,10 @@ class CloningSettings:
 
 
 def expert_answer(env: ToyEnv) -> tuple[str, tuple[int, int]]:
-    """Return what a careful user does next, as text and as tokens.
+    """Return the next action of a careful user, as text and as tokens.
 
     Raises:
-        HijackError: nothing on the screen leads on.
+        HijackError: no element on the screen leads further.
     """
     if env.is_solved:
         return DONE, (FINISH, NOWHERE)

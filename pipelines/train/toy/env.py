@@ -31,7 +31,8 @@ class ToyEnv(gymnasium.Env[dict[str, Any], str]):
 
     An observation is `{"screenshot": uint8 [64, 96, 3], "instruction": str}`. An action is
     `click(x, y)` in pixels of the screenshot, or `DONE`; any other is counted as malformed, and
-    does nothing. A click on a wrong element ends the episode with 0: what it did cannot be undone.
+    does nothing. A click on a wrong element ends the episode with score 0, because its result
+    cannot be undone.
 
     Picture corruptions are planned and applied at every step, effects when they are due. A cover
     (lock screen, error page, dialog, no window) goes away by a click on the element that it shows.
@@ -72,7 +73,7 @@ class ToyEnv(gymnasium.Env[dict[str, Any], str]):
             options: `task`, `corruption` (a planner or `None`) and `label`, which is ignored.
 
         Raises:
-            ParameterTypeError: `corruption` is no planner.
+            ParameterTypeError: `corruption` is not a planner.
         """
         super().reset(seed=seed)
         given = {**self._defaults, **(options or {})}
@@ -91,7 +92,7 @@ class ToyEnv(gymnasium.Env[dict[str, Any], str]):
         return self._seen(), {}
 
     def step(self, action: str) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
-        """Take one action; the reward is 1 when `DONE` is said after what was asked for.
+        """Take one action; the reward is 1 for `DONE` after the task was done.
 
         When an episode ends, the screen is not drawn again: the last observation is returned, and
         so it is by each further step, truncated.
@@ -174,7 +175,7 @@ class ToyEnv(gymnasium.Env[dict[str, Any], str]):
         )
 
     def _disturb(self, step: int) -> None:
-        """Let the effects that are due happen."""
+        """Apply the effects that are due."""
         if self._planner is None or not self._planner.effects:
             return
         plan = self._plan(step)

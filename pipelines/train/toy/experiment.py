@@ -60,10 +60,10 @@ def run_replication(
     workers: int = 2,
     say: Say = lambda _: None,
 ) -> list[dict[str, Any]]:
-    """Play everything that is not there yet; return the scores of every run.
+    """Carry out all missing runs; return the scores of every run.
 
-    A folder that was interrupted is resumed: whole runs are kept, and a run that was broken
-    off continues from its checkpoint with the same future.
+    A folder that was interrupted is resumed: complete runs are kept, and an interrupted run
+    continues from its checkpoint as if uninterrupted.
 
     Args:
         replication: what is compared.

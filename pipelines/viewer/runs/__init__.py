@@ -1,4 +1,4 @@
-"""A run for the page: `hijack bench`, `hijack score`, or what a `CorruptedEnv` logs to.
+"""A run for the page: of `hijack bench` or `hijack score`, or the log of a `CorruptedEnv`.
 
 `listing.py` reads one light entry for each episode, `source.py` opens a folder and answers about
 it, `episode.py` reads one episode with its steps, `requests.py` what was asked of models in it,

@@ -1,4 +1,4 @@
-"""The entries of a run by columns, as the page takes them."""
+"""The entries of a run in columns, the form that the page expects."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -24,7 +24,7 @@ NUMBERS = ("score", "steps", "seconds", "tokens", "usd", "attempt")
 
 
 def columns(entries: list[EpisodeEntry], config: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the entries by columns: text as codes of its values, numbers as they are.
+    """Return the entries by columns: texts are coded by their values, numbers stay unchanged.
 
     Agents and corruptions come in the order of the configuration, as far as it names them.
     """

@@ -1,4 +1,4 @@
-"""What an action looks like on the picture: clicks, drags, scrolls, and what is typed."""
+"""How to draw an action on the picture: clicks, drags, scrolls, and typed text."""
 
 import ast
 import contextlib
@@ -12,19 +12,20 @@ from hijack_data.types import Action, Size
 from ..source import action_text
 from .listing import number
 
-MOST = 40  # strokes of one action: an agent can write any number
-LONGEST = 20_000  # characters of code that is read
+MOST = 40  # the most strokes of one action, since an agent can write any number
+LONGEST = 20_000  # the most characters of code that is parsed
 
 
 def strokes_of(code: str, size: Size | None) -> tuple[str, list[dict[str, Any]]]:
     """Return an action in words, and what to draw, in order.
 
     A stroke has `type`, `at` and `to` (points in pixels of the picture), `text` and `amount`, as
-    far as it has them. What is typed has no place of its own.
+    far as it has them. Typed text has no place.
 
     Args:
         code: as the agent wrote it, in pixels of its picture.
-        size: (height, width) of that picture, to which points are clamped; `None` if it is lost.
+        size: (height, width) of that picture, to which points are clamped; `None` if the size is
+            unknown.
     """
     if len(code) > LONGEST:
         return "code that is too long to be drawn", []

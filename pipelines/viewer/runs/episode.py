@@ -1,4 +1,4 @@
-"""One episode for the page: its steps with what was seen, said and done, and what is damaged."""
+"""One episode for the page: its steps with pictures, words and actions, and any damage."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -26,13 +26,13 @@ StepData: TypeAlias = dict[str, Any]
 
 @dataclass(kw_only=True)
 class EpisodeLines:
-    """What the files of an episode hold.
+    """The content of an episode's files.
 
     Args:
         home: its folder.
-        record: `episode.json`, or the line of the journal where there is none.
+        record: `episode.json`, or the line of the journal if there is no such file.
         lines: of its steps; one that cannot be read is an empty object.
-        problems: what is damaged; those of a step by its place.
+        problems: the damage found; that of a step by its place.
         broken: why a line cannot be read, by its place.
     """
 
@@ -111,7 +111,7 @@ def _read_steps(found: EpisodeLines) -> None:
 
 
 def episode_data(folder: Path, name: str, found: EpisodeLines) -> dict[str, Any]:
-    """Return what the page shows of an episode that lies in a folder."""
+    """Return the page's data of an episode in a folder."""
     talk, problem = read_talk(folder, name, found.record)
     turns = turns_of(found.lines)
     effects = _effects(found)
@@ -132,7 +132,7 @@ def episode_data(folder: Path, name: str, found: EpisodeLines) -> dict[str, Any]
 
 
 def about(record: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what the page shows of the record of an episode."""
+    """Return the page's data of an episode's record."""
     where = [str(frame) for frame in listed(record.get("traceback"))]
     return {
         "reason": _cut(record.get("reason")),
@@ -145,7 +145,7 @@ def about(record: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def fields_of(record: Mapping[str, Any], *without: str) -> Fields:
-    """Return names and values for people, except some."""
+    """Return the names and values of a record as text, without some fields."""
     return [(name, _cut(text_of(v))) for name, v in record.items() if name not in without]
 
 
@@ -154,7 +154,7 @@ def picture_file(
     line: Mapping[str, Any],
     before: bool,
 ) -> Path:
-    """Return the file of the clean screen, or of what the agent saw.
+    """Return the file of the clean screen, or of the agent's picture.
 
     Raises:
         FieldError: there is no such file, or it leaves the folder of the episode.
@@ -239,7 +239,7 @@ def _effects(found: EpisodeLines) -> list[dict[str, Any]]:
 def _effect(entry: Mapping[str, Any], step: object) -> dict[str, Any]:
     record = entry.get("record")
     told: Mapping[str, Any] = record if isinstance(record, dict) else {}
-    # what happens before the episode is seen first in observation 0
+    # effects before the episode are first visible in observation 0
     place = max(0, step) if isinstance(step, int) else 0
     known = ("effect", "probes", "undone", "at")
     return {
@@ -284,7 +284,7 @@ def _result(value: object) -> str:
 
 
 def _cut(value: object) -> str:
-    """Return a text, cut off where it is far too long for a page."""
+    """Return a text, shortened if it is too long for a page."""
     text = value if isinstance(value, str) else ""
     if len(text) <= LONGEST:
         return text

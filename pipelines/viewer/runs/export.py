@@ -1,4 +1,4 @@
-"""Chosen episodes as one HTML file that opens without a server and asks nobody for anything.
+"""Selected episodes as one self-contained HTML file that makes no network requests.
 
 It is the page of the viewer with its data inside: the same script reads either.
 """
@@ -18,7 +18,7 @@ from ..page_files import RUN_SCRIPTS, page_file, run_page
 from .columns import columns
 from .source import RunSource
 
-MOST_IN_PAGE = 30  # episodes that the page itself exports: a browser waits for it
+MOST_IN_PAGE = 30  # the most episodes that the page itself exports, because the browser waits
 WIDTH = 1280  # pixels; wider pictures are scaled down
 STYLES = ("view.css",)
 
@@ -60,8 +60,8 @@ def export_page(source: RunSource, numbers: Sequence[int]) -> str:
 
     Args:
         source: the run.
-        numbers: of the episodes, in the order of the list; one that is not there is a
-            `HijackError`.
+        numbers: numbers of the episodes, in the order of the list. Raises `HijackError` for a
+            missing one.
     """
     kept = list(dict.fromkeys(numbers))
     pictures: dict[str, str] = {}

@@ -1,7 +1,7 @@
 """The episodes of a run, one light entry each, from its journal and its folders.
 
 The journal comes first. Episodes that it does not name, or whose line is damaged, are taken from
-their folders: so a cut journal loses nothing, and each entry says what is wrong with it.
+their folders: so a cut journal loses nothing, and each entry states its problems.
 """
 
 import re
@@ -45,15 +45,15 @@ OUTCOMES = (
     UNFINISHED,
     UNREADABLE,
 )
-SAID = 160  # characters of the agent's last words that the search looks at
-NOTE = 300  # characters of why an episode ended that the list shows
+SAID = 160  # characters of the agent's last words that are searched
+NOTE = 300  # characters of the reason for an episode's end that the list shows
 NEEDED = ("agent", "task", "corruption", "status", "id")
 _ID = re.compile(rb'"id": ?"([^"\\]{1,200})"')
 
 
 @dataclass(kw_only=True, slots=True)
 class EpisodeEntry:
-    """What the list of episodes shows of one.
+    """The entry of an episode in the list.
 
     Args:
         id: that of the episode; empty if it is not known.
@@ -100,7 +100,7 @@ class EpisodeEntry:
 
 @dataclass(kw_only=True)
 class RunListing:
-    """All episodes that a folder shows, and what is wrong with the journal as a whole."""
+    """All episodes of a folder, and the problems of the journal as a whole."""
 
     entries: list[EpisodeEntry]
     lines: list[bytes]
@@ -168,7 +168,7 @@ def entry_of(record: Mapping[str, Any]) -> EpisodeEntry:
 
 
 def outcome_of(record: Mapping[str, Any]) -> str:
-    """Return which of `OUTCOMES` a record is."""
+    """Return the outcome of a record, one of `OUTCOMES`."""
     status = record.get("status")
     score = number(record.get("score"))
     if status == "invalid":
@@ -255,7 +255,7 @@ def _read_journal(
             entry = _checked(record)
         except FieldError as error:
             entry = _damaged(folder, line, f"line {place} of {RECORDS}: {error}")
-        if before and record:  # a head that cannot be read is no link
+        if before and record:  # a head that cannot be read links to nothing
             _check_link(record, before, last, listing.problems)
         before = None if before is None else line
         last = entry
@@ -279,7 +279,7 @@ def _check_link(
     last: EpisodeEntry | None,
     problems: list[str],
 ) -> None:
-    """Note that the line before is not what it was when the next one was written."""
+    """Note a problem if the previous line was changed after the next one was written."""
     if "previous" not in record:
         told = f"lines of {RECORDS} do not name the hash of the line before"
         problems += [] if told in problems else [told]

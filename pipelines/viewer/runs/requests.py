@@ -1,4 +1,4 @@
-"""What models were asked in an episode: the onlooker's words, and the tokens of each turn.
+"""The requests to models in an episode: the onlooker's words, and the tokens of each turn.
 
 `RUN/requests/<id>.jsonl` is written by agents behind an API (`online_env.agents.chat`). A turn is
 one question to the agent; it may have several actions, and so several lines of the log.
@@ -21,7 +21,7 @@ _COUNTED = ("input_tokens", "output_tokens", "usd", "seconds", "requests", "retr
 
 @dataclass
 class TurnTalk:
-    """What was said and used in one turn, beside the agent's own words."""
+    """The onlooker's words and the usage of one turn."""
 
     onlooker: list[tuple[str, str]] = field(default_factory=list[tuple[str, str]])
     usage: Mapping[str, Any] = field(default_factory=dict[str, Any])

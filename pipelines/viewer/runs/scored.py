@@ -17,7 +17,7 @@ from .episode import about, fields_of
 
 
 class ScoredRows:
-    """The dataset of a scoring run; where it is gone, `problem` says so.
+    """The dataset of a scoring run; `problem` is set if it is gone.
 
     Args:
         source: its folder, as the run names it.
@@ -45,7 +45,7 @@ class ScoredRows:
         self._rows = dict(zip(index.ids, index.rows.tolist(), strict=True))
 
     def episode(self, record: Mapping[str, Any]) -> dict[str, Any]:
-        """Return what the page shows of one answer: an episode of one step."""
+        """Return the page's data of one answer, as an episode of one step."""
         problems: list[str] = []
         detail = Detail(problem=self.problem)
         try:
@@ -95,7 +95,7 @@ class ScoredRows:
         """Return the picture of a row, uint8 RGB `[H, W, 3]`, or that before its corruption.
 
         Raises:
-            DatasetError: there is no such picture, or it is not what the agent was shown.
+            DatasetError: there is no such picture, or it is not the one that the agent was shown.
         """
         pixels = self._require().picture(self._row(record), before)
         told = record.get("image_sha256")

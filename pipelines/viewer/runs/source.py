@@ -28,7 +28,7 @@ _PNG = b"\x89PNG"
 class RunSource:
     """The log of a run, of `hijack bench`, `hijack score` or a `CorruptedEnv`.
 
-    What is damaged is in `problems`, or shown with its episode. Methods may be called from several
+    Damage is listed in `problems`, or shown with its episode. Methods may be called from several
     threads.
 
     Raises:
@@ -56,13 +56,13 @@ class RunSource:
 
     @property
     def config(self) -> Mapping[str, Any]:
-        """What was to be run; empty if that is not known."""
+        """The configuration of the run; empty if unknown."""
         found = self.head.get("config")
         return cast("dict[str, Any]", found) if isinstance(found, dict) else {}
 
     @property
     def facts(self) -> str:
-        """The run in some words."""
+        """A short description of the run."""
         shown = len(self.entries)
         planned = self.head.get("episodes")
         words = [f"{shown:,} {'episode' if shown == 1 else 'episodes'}"]
@@ -79,7 +79,7 @@ class RunSource:
         return ", ".join(words)
 
     def about(self) -> dict[str, Any]:
-        """Return all that the list of episodes needs, as JSON data."""
+        """Return everything that the list of episodes needs, as JSON data."""
         return {
             "title": self.title,
             "facts": self.facts,
@@ -192,7 +192,7 @@ class RunSource:
         """Read `run.json`, and return its bytes; a log without a benchmark has none.
 
         Raises:
-            DatasetError: it is no head of a run, and there are no episodes beside it.
+            DatasetError: it is not a head of a run, and there are no episodes beside it.
         """
         path = self.folder / RUN
         if not path.exists():

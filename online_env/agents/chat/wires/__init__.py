@@ -11,7 +11,7 @@ class ModelWire(Protocol):
     """One API."""
 
     def connect(self, settings: ModelSettings, key: str) -> Any:
-        """Return the client of the API's maker; it sends nothing again by itself."""
+        """Return the client of the API's vendor, configured not to retry."""
         ...
 
     def body(self, query: ModelQuery, settings: ModelSettings) -> dict[str, Any]:
@@ -19,11 +19,11 @@ class ModelWire(Protocol):
         ...
 
     def send(self, client: Any, body: Mapping[str, Any]) -> str:
-        """Send a request whose pictures are texts, and return the answer as it came."""
+        """Send a request with encoded pictures, and return the raw answer."""
         ...
 
     def read(self, answer: Mapping[str, Any]) -> Reply:
-        """Read an answer; one without the parts of its API is an `EndpointError`."""
+        """Parse an answer; raises `EndpointError` if parts that its API promises are missing."""
         ...
 
 

@@ -15,7 +15,8 @@ from ..query import (
 )
 from .common import items, load, sampled, texts, tokens
 
-TOOLSET = "computer_toolset_20260801"  # no size, no beta header; its calls are named as actions
+# Needs no size and no beta header; its calls have the names of actions.
+TOOLSET = "computer_toolset_20260801"
 BETAS = {
     "computer_20251124": "computer-use-2025-11-24",
     "computer_20250124": "computer-use-2025-01-24",
@@ -80,7 +81,7 @@ class AnthropicMessages:
 
 
 def _call(block: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a call of the tool; one of the toolset is named as its action."""
+    """Return a call of the tool; a call of the toolset has the name of its action."""
     name = block.get("name")
     given = block.get("input")
     if name == NAME or not isinstance(given, Mapping):
@@ -141,7 +142,7 @@ def _results(
     shown: dict[str, Any],
     query: ModelQuery,
 ) -> list[dict[str, Any]]:
-    """Return the results of calls; all belong to one picture, which stands in the last."""
+    """Return the results of calls; all belong to one picture, which is part of the last result."""
     ids = [block["id"] for block in answered if block.get("type") == "tool_use"]
     each = [_part(query.prompt.each)] if query.prompt.each else []
     if not ids:

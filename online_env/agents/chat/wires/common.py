@@ -1,4 +1,4 @@
-"""What the APIs share: reading answers of which nothing is sure."""
+"""Helpers for all APIs: parse answers without trusting their form."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -11,8 +11,8 @@ from ...settings import AgentSettings, ModelSettings
 
 EXTRA = "agents"
 RETRIES = "tenacity"
-_MOST = 2**53  # tokens: a larger count is none
-NO_KEY = "none"  # what is sent to endpoints that want no key: the client insists on one
+_MOST = 2**53  # tokens; a larger count is treated as none
+NO_KEY = "none"  # the key sent to endpoints that need none, since the client insists on one
 MODULES = {
     "openai": "openai",
     "openai_computer": "openai",
@@ -21,7 +21,7 @@ MODULES = {
 
 
 def require_clients(settings: AgentSettings) -> None:
-    """Check that the clients of an agent's models are installed; if not, an error says how."""
+    """Check that the clients of an agent's models are installed; otherwise raise the remedy."""
     modules = {RETRIES}
     for model in settings.models:
         modules.add(MODULES[model.client])
@@ -30,12 +30,12 @@ def require_clients(settings: AgentSettings) -> None:
 
 
 def load(module: str, settings: ModelSettings) -> Any:
-    """Import the client of an API; a missing one is an error that names the extra."""
+    """Import the client of an API; a missing client is an error that names the extra."""
     return extras.load(module, f"client {settings.client}", EXTRA)
 
 
 def openai_client(settings: ModelSettings, key: str) -> Any:
-    """Return the official client `openai`; it does not retry, since the endpoint does."""
+    """Return the official client `openai`, without retries, since the endpoint retries."""
     openai = load("openai", settings)
     return openai.OpenAI(
         api_key=key or NO_KEY,
@@ -46,7 +46,7 @@ def openai_client(settings: ModelSettings, key: str) -> Any:
 
 
 def broken(what: str, found: object) -> EndpointError:
-    """Return the error for an answer that is not what its API promises."""
+    """Return the error for an answer that does not have the form promised by its API."""
     return EndpointError(f"the answer {what}: {shown(found)}", transient=True)
 
 
@@ -54,7 +54,7 @@ def items(value: object, what: str) -> list[Mapping[str, Any]]:
     """Return a list of mappings.
 
     Raises:
-        EndpointError: the value is anything else.
+        EndpointError: the value is not a list of mappings.
     """
     if not isinstance(value, list):
         raise broken(f"has no list {what}", value)
@@ -65,7 +65,7 @@ def items(value: object, what: str) -> list[Mapping[str, Any]]:
 
 
 def tokens(usage: object, *names: str) -> int:
-    """Return the sum of counts; those that are missing or no counts are 0."""
+    """Return the sum of counts; missing or invalid counts are 0."""
     if not isinstance(usage, Mapping):
         return 0
     whole = 0
@@ -77,7 +77,7 @@ def tokens(usage: object, *names: str) -> int:
 
 
 def texts(value: object) -> Iterator[str]:
-    """Yield the texts of a content, which is one text or a list of parts."""
+    """Yield the texts of a message's content, which is one text or a list of parts."""
     if isinstance(value, str):
         yield value
     if not isinstance(value, list):

@@ -19,7 +19,7 @@ class OpenAIResponses:
         return openai_client(settings, key)
 
     def body(self, query: ModelQuery, settings: ModelSettings) -> dict[str, Any]:
-        """Return the request: what is new since the last answer."""
+        """Return the request with everything new since the last answer."""
         body: dict[str, Any] = {
             "model": settings.model,
             "tools": [_tool(settings.tool, query.picture)],
@@ -70,7 +70,7 @@ class OpenAIResponses:
 
 
 def _actions(calls: list[Mapping[str, Any]]) -> Iterator[object]:
-    """Yield the actions of all calls: newer models give several a call."""
+    """Yield the actions of all calls; newer models give several actions per call."""
     for call in calls:
         several = call.get("actions")
         if several is None:
@@ -109,7 +109,7 @@ def _message(text: str, query: ModelQuery) -> dict[str, Any]:
 
 
 def _outputs(calls: list[Mapping[str, Any]], query: ModelQuery) -> Iterator[dict[str, Any]]:
-    """Yield a result for each call: all get the one picture that there is."""
+    """Yield a result for each call; all results have the same picture."""
     for call in calls:
         yield {
             "type": "computer_call_output",
