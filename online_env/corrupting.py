@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import click
 
@@ -26,6 +26,9 @@ from hijack_data.types import UInt8Array, size_text
 
 from .desktops.protocol import Desktop
 from .errors import DesktopError
+
+if TYPE_CHECKING:
+    from .effects import Applied
 
 FILE = "corrupted.json"
 SAMPLE = "by hand"
@@ -117,9 +120,14 @@ def corrupt_desktop(
         step=step,
     )
     stream = Stream(seed, plan.corruption, SAMPLE, step or 0)
-    done = [perform(effect, desktop, stream) for effect in plan.effects]
-    if done and note is not None:
-        note([applied.record for applied in done])
+    done: list[Applied] = []
+    try:
+        for effect in plan.effects:
+            applied = perform(effect, desktop, stream)
+            done.append(applied)
+    finally:  # those before one that fails are on the desktop, too
+        if done and note is not None:
+            note([applied.record for applied in done])
     for applied in done:
         applied.probe()
     after = desktop.screenshot() if done else before

@@ -191,4 +191,5 @@ def _lines(folder: Path) -> list[str]:
     path = folder / RECORDS
     if not path.exists():
         return []
-    return [line for line in path.read_text(encoding="utf-8").splitlines() if line]
+    # Not `splitlines`, which also ends a line at U+2028 and the like within a text.
+    return [line for line in path.read_text(encoding="utf-8").split("\n") if line]

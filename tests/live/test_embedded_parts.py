@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from hijack_data.errors import ParameterError, UnknownNameError
 from online_env.cli import _size, desktop
-from online_env.embedded import doctor, home, packages, pictures, registry
+from online_env.embedded import doctor, home, packages, pictures, pool, registry
 from online_env.embedded.runtime import account, files, identity, network, session
 from online_env.embedded.runtime.plain import DesktopConfig, SetupError
 
@@ -44,6 +44,30 @@ def test_a_name_is_safe_or_refused(name):
     else:
         with pytest.raises(SetupError, match="must be 1 to 20"):
             registry.claim(name, (1, 1), None, {})
+
+
+def test_a_network_is_never_that_of_another_desktops_internet(tmp_path, monkeypatch):
+    monkeypatch.setattr(network, "NETNS", tmp_path)
+    for name in ("my", "my-web"):
+        for namespace in (network.desktop_namespace(name), network.web_namespace(name)):
+            (tmp_path / namespace).touch(exist_ok=False)
+    assert network.leftovers({"my", "my-web"}) == []
+    assert network.leftovers({"my-web"}) == ["my"]
+    network.remove("my")
+    assert {path.name for path in tmp_path.iterdir()} == {
+        network.desktop_namespace("my-web"),
+        network.web_namespace("my-web"),
+    }
+
+
+@given(names, st.integers(1, 99_999))
+def test_the_desktops_of_one_order_have_names_that_are_allowed(name, number):
+    if not registry._NAME.fullmatch(name):
+        name = "a-name-of-18-chars" + "-x"
+    found = pool.numbered(name, number)
+    assert registry._NAME.fullmatch(found)
+    assert found == name if number == 1 else found.endswith(f"-{number}")
+    assert pool.numbered(None, number) is None
 
 
 @given(

@@ -1,6 +1,7 @@
 """Corrupting a desktop by hand, on one that is none: what is recorded, refused and undone."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -8,6 +9,7 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 import hijack_data as hj
 from hijack_data.errors import ParameterError
+from hijack_data.plan import Effect
 from online_env.corrupting import (
     FILE,
     Ledger,
@@ -60,6 +62,25 @@ def test_an_effect_whose_probe_fails_is_not_ok(ledger):
     done = corrupt_desktop(FakeDesktop(), ByHand(sabotaged=True))
     assert not done.ok
     assert "nothing is marked" in done.saw
+
+
+class Twice(ByHand):
+    """Its second effect breaks off."""
+
+    def plan(self, scene, **given):
+        plan = super().plan(scene, **given)
+        breaks = Effect("test_mark", {"raises": "desktop", "says": "no answer"})
+        return replace(plan, effects=(*plan.effects, breaks))
+
+
+def test_what_was_applied_before_an_effect_that_fails_is_recorded_and_can_be_undone(ledger):
+    desktop = FakeDesktop()
+    with pytest.raises(DesktopError, match="no answer"):
+        corrupt_desktop(desktop, Twice(), note=lambda records: ledger.add("marking", records))
+    assert desktop.state == {"marked"}
+    ((_, kind, undone),) = undo_recorded(desktop, "marking", ledger)
+    assert (kind, undone.ok) == ("test_mark", True)
+    assert desktop.state == set()
 
 
 def test_a_corruption_of_the_picture_leaves_the_machine_alone(ledger):

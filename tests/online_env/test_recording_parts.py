@@ -214,3 +214,16 @@ def test_trajectories_are_added_to_one_folder_and_can_be_read(tmp_path):
     (tmp_path / "trajectories.jsonl").write_text("no json\n")
     with pytest.raises(HijackError, match="cannot add a trajectory"):
         save(episode, tmp_path)
+
+
+def test_a_text_may_hold_what_some_take_for_the_end_of_a_line(tmp_path):
+    from pipelines.readers import get_reader
+
+    frame = np.zeros((60, 80, 3), np.uint8)
+    instruction = "Write\u2028this\x85down"
+    for _ in range(3):
+        episode = EpisodeRecording("note-0", instruction, ("mousepad",))
+        episode.add(RecordedView(frame, ()), Action("done"), "DONE")
+        save(episode, tmp_path)
+    found = list(get_reader("jsonl").read(tmp_path))
+    assert [t.instruction for t in found] == [instruction] * 3
