@@ -6,6 +6,7 @@ from ..errors import DesktopError
 from .protocol import Desktop
 
 _GRACE = 5.0  # seconds for a program to end by itself
+_NONE = 1  # what pkill returns where there is no such program
 
 
 def home(desktop: Desktop) -> str:
@@ -44,12 +45,12 @@ def end(desktop: Desktop, *programs: str) -> None:
     """End the user's programs of these names, if any, and wait until they are gone.
 
     Raises:
-        DesktopError: One of them does not end, even when killed.
+        DesktopError: One of them does not end, even when killed, or the desktop cannot tell.
     """
     for program in programs:
         signal = "-TERM"
         deadline = time.monotonic() + _GRACE
-        while desktop.execute(["pkill", signal, "-x", program]).ok:
+        while _signalled(desktop, signal, program):
             if time.monotonic() > deadline:
                 signal = "-KILL"
             if time.monotonic() > deadline + _GRACE:
@@ -57,3 +58,22 @@ def end(desktop: Desktop, *programs: str) -> None:
                     f"program {program!r} on the desktop does not end, even when killed"
                 )
             time.sleep(0.1)
+
+
+def _signalled(
+    desktop: Desktop,
+    signal: str,
+    program: str,
+) -> bool:
+    """Signal the user's programs of a name; return whether there were any.
+
+    Raises:
+        DesktopError: The desktop does not say.
+    """
+    result = desktop.execute(["pkill", signal, "-x", program])
+    if not result.ok and result.returncode != _NONE:
+        raise DesktopError(
+            f"the desktop cannot end program {program!r}: pkill {signal} failed with"
+            f" {result.returncode}: {result.error.strip()[-300:]}"
+        )
+    return result.ok

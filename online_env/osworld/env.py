@@ -133,6 +133,7 @@ class OsworldEnv:
                 start_new_session=True,
             )
         self._buffer = b""
+        self._calls = 0
         try:
             start = {
                 "address": asdict(fresh()),
@@ -209,13 +210,17 @@ class OsworldEnv:
         Raises:
             EvaluatorError: OSWorld's code raised.
         """
-        self._send({"call": name, "arguments": arguments})
+        self._calls += 1
+        number = self._calls
+        self._send({"call": name, "number": number, "arguments": arguments})
         deadline = time.monotonic() + TIMEOUTS[name]
         while True:
             answer = self._receive(name, deadline)
             if answer.get("ask") == "revert":
                 self._send({"answer": self._pristine()})
                 continue
+            if answer["number"] != number:
+                continue  # of a call that was interrupted (Ctrl-C) before its answer came
             self.warnings = list(answer.get("log", ()))
             if "error" in answer:
                 problem = f"{answer['kind']}: {answer['error']} (at {answer['place']})"

@@ -4,6 +4,7 @@ something is missing."""
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, cast
 
 import pytest
 from hypothesis import given
@@ -16,6 +17,7 @@ pytest.importorskip("jinja2", reason=needs.ONLINE)
 
 from hijack_data.errors import UnknownNameError
 from online_env import tasks
+from online_env.desktops import commands
 from online_env.desktops.protocol import RunResult
 from online_env.embedded.sites.hosts import forms
 from online_env.embedded.sites.state import SiteState
@@ -122,6 +124,38 @@ def test_the_form_needs_the_local_internet() -> None:
     machine = tasks.Machine(Picture(TREE), None)
     with pytest.raises(DesktopError, match="needs the local internet"):
         _ = machine.sites
+
+
+@dataclass
+class Programs:
+    """A desktop whose pkill gives these results, one after the other."""
+
+    results: list[RunResult]
+
+    def execute(self, argv: list[str], timeout: float = 60) -> RunResult:
+        assert argv[::2] == ["pkill", "-x"]
+        return self.results.pop(0)
+
+
+def test_programs_have_ended_only_where_the_desktop_says_so() -> None:
+    found = RunResult("success", returncode=0)
+    none = RunResult("success", returncode=1)
+    desktop = Programs([found, none, none])
+    commands.end(cast(Any, desktop), "one", "other")
+    assert desktop.results == []
+
+
+@pytest.mark.parametrize(
+    "result",
+    [
+        RunResult("error", "", "'pkill' does not start: No such file"),
+        RunResult("error", "", "Command timed out after 60 seconds"),
+        RunResult("success", "", "out of memory", 3),
+    ],
+)
+def test_a_desktop_that_cannot_end_programs_says_why(result: RunResult) -> None:
+    with pytest.raises(DesktopError, match=f"cannot end program 'one': .*{result.error[-9:]}"):
+        commands.end(cast(Any, Programs([result])), "one")
 
 
 def test_nodes_of_a_tree() -> None:
