@@ -77,6 +77,8 @@ def _read_rows(path: Path) -> TaskSet:
     revisions: set[str] = set()
     for number, line in enumerate(_lines(path), 1):
         row, wrong = _row(line)
+        if not wrong and row["task_id"] in tasks and tasks[row["task_id"]].config != row["task"]:
+            wrong = [f"task: is not the one of an earlier row of {row['task_id']}"]
         problems.extend(f"{path}:{number}: {text}" for text in wrong)
         if not wrong:
             revisions.add(row["revision"])

@@ -4,6 +4,8 @@ import ipaddress
 import json
 import os
 import re
+import threading
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +17,9 @@ from hypothesis import strategies as st
 from hijack_data.errors import ParameterError, UnknownNameError
 from online_env.cli import _size, desktop
 from online_env.embedded import doctor, home, packages, pictures, pool, registry
-from online_env.embedded.runtime import account, files, identity, network, session
+from online_env.embedded.guest import routes_files
+from online_env.embedded.image import sources
+from online_env.embedded.runtime import account, files, identity, internet, network, session
 from online_env.embedded.runtime.plain import DesktopConfig, SetupError
 
 from support import needs
@@ -44,6 +48,67 @@ def test_a_name_is_safe_or_refused(name):
     else:
         with pytest.raises(SetupError, match="must be 1 to 20"):
             registry.claim(name, (1, 1), None, {})
+
+
+def test_a_desktop_whose_internet_ends_again_and_again_is_given_up(tmp_path, monkeypatch):
+    monkeypatch.setattr(registry, "RUN", tmp_path)
+    monkeypatch.setattr(internet.Internet, "_enter", lambda self: None)
+    (tmp_path / "d1/logs").mkdir(parents=True)
+    python = tmp_path / "python"
+    python.write_text("#!/bin/sh\necho no module of ours >&2\n")
+    python.chmod(0o755)
+    order = DesktopConfig(
+        name="d1",
+        screen=(640, 480),
+        layer="",
+        search_path=(),
+        python=str(python),
+    )
+    sites = internet.Internet(order, "d1")
+    for _ in range(internet.RESTARTS):
+        sites._process.wait()
+        sites.look_after()
+    sites._process.wait()
+    with pytest.raises(SetupError, match=r"internet ended 6 times; .*\s*no module of ours"):
+        sites.look_after()
+    sites.close()
+
+
+class Flaky(BaseHTTPRequestHandler):
+    """Cuts its first answer off, talks rubbish then, and at last gives what was asked for."""
+
+    asked = 0
+
+    def do_GET(self):
+        type(self).asked += 1
+        answers = {
+            1: b"HTTP/1.0 200 OK\r\nContent-Length: 4\r\n\r\nfu",
+            2: b"rubbish\r\n\r\n",
+        }
+        full = b"HTTP/1.0 200 OK\r\nContent-Length: 4\r\n\r\nfull"
+        self.wfile.write(answers.get(self.asked, full))
+        self.close_connection = True
+
+    def log_message(self, *_):
+        pass
+
+
+@pytest.fixture
+def flaky(monkeypatch):
+    """The address of a server that answers at the third time."""
+    monkeypatch.setattr(sources.time, "sleep", lambda seconds: None)
+    monkeypatch.setattr(Flaky, "asked", 0)
+    with ThreadingHTTPServer(("127.0.0.1", 0), Flaky) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}/file"
+        server.shutdown()
+
+
+def test_what_is_cut_off_or_rubbish_is_fetched_again(flaky, tmp_path):
+    assert sources.fetch(flaky) == b"full"
+    Flaky.asked = 0
+    assert routes_files._download(flaky, str(tmp_path / "file")) == 4
+    assert (tmp_path / "file").read_bytes() == b"full"
 
 
 def test_a_network_is_never_that_of_another_desktops_internet(tmp_path, monkeypatch):

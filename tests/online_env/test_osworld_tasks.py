@@ -209,6 +209,18 @@ def test_a_damaged_table_names_its_line(tmp_path: Path) -> None:
             table.read(out)
 
 
+def test_rows_of_one_task_that_differ_are_refused(tmp_path: Path) -> None:
+    out = tmp_path / "tasks.jsonl"
+    table.write(load(put(tmp_path, GOOD)), out)
+    lines = out.read_text().splitlines()
+    row = json.loads(lines[3])
+    row["task"]["instruction"] = "Do something else"
+    lines[3] = json.dumps(row)
+    out.write_text("\n".join(lines) + "\n")
+    with pytest.raises(ConfigError, match=r"jsonl:4: task: is not the one of an earlier row of"):
+        table.read(out)
+
+
 def test_mistakes_end_with_exit_code_2(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from hijack_data.cli import main
 
