@@ -3,7 +3,7 @@
 import time
 
 from ..errors import DesktopError
-from .protocol import Desktop
+from .protocol import Desktop, RunResult
 
 _GRACE = 5.0  # seconds for a program to end by itself
 _NONE = 1  # what pkill returns where there is no such program
@@ -34,6 +34,20 @@ def command(desktop: Desktop, *argv: str) -> str:
             f"{result.error.strip()[-300:]}"
         )
     return result.output
+
+
+def ran(desktop: Desktop, *argv: str) -> RunResult:
+    """Return the result of a command that may say no, but must have run.
+
+    Raises:
+        DesktopError: It did not start or did not end, so it says nothing.
+    """
+    result = desktop.execute(list(argv))
+    if result.status != "success":
+        raise DesktopError(
+            f"{' '.join(argv)[:200]!r} did not run on the desktop: {result.error.strip()[-300:]}"
+        )
+    return result
 
 
 def launch(desktop: Desktop, *argv: str) -> None:
@@ -68,9 +82,9 @@ def _signalled(
     """Signal the user's programs of a name; return whether there were any.
 
     Raises:
-        DesktopError: The desktop does not say.
+        DesktopError: The desktop cannot tell.
     """
-    result = desktop.execute(["pkill", signal, "-x", program])
+    result = ran(desktop, "pkill", signal, "-x", program)
     if not result.ok and result.returncode != _NONE:
         raise DesktopError(
             f"the desktop cannot end program {program!r}: pkill {signal} failed with"

@@ -146,8 +146,15 @@ def test_a_window_covers_the_screen_in_both_directions_or_not_at_all(box, covers
     assert locktool.covers(box, 1920, 1080) is covers
 
 
-@pytest.mark.parametrize("said", ["", "sh: fork: Cannot allocate memory"])
-def test_an_application_that_could_not_be_started_ends_no_session(said):
+@pytest.mark.parametrize(
+    ("answer", "problem"),
+    [
+        (RunResult("success", "", "", 0), "geany could not be started: "),
+        (RunResult("success", "", "sh: Cannot fork", 2), "geany could not be started: .*fork"),
+        (RunResult("error", "", "timed out"), "shell script did not run in the guest: timed out"),
+    ],
+)
+def test_an_application_that_could_not_be_started_ends_no_session(answer, problem):
     state = {"windows": [], "active": 0, "area": [0, 0, 100, 100]}
     ran = []
 
@@ -155,12 +162,21 @@ def test_an_application_that_could_not_be_started_ends_no_session(said):
         ran.append(argv[2])
         if "command -v" in argv[2]:
             return RunResult("success", "setsid geany", "", 0)
-        return RunResult("error", said, "", None)
+        return answer
 
     guest = SimpleNamespace(capabilities=CAPABILITIES, execute=execute, tool=lambda *_: state)
-    with pytest.raises(EffectError, match=f"geany could not be started: {said}"):
+    with pytest.raises(DesktopError, match=problem):
         perform(Effect("launch_app", {"app": "vscode"}), guest)
     assert not [script for script in ran if "pkill" in script]
+
+
+@pytest.mark.parametrize("kind", ["launch_app", "lock"])
+def test_a_guest_that_cannot_be_asked_does_not_count_as_one_that_lacks_something(kind):
+    busy = desktop(RunResult("error", "", "Command timed out after 60 seconds"))
+    busy.tool = lambda *_: {"windows": [], "active": 0, "area": [0, 0, 100, 100]}
+    with pytest.raises(DesktopError, match="did not run in the guest: Command timed") as found:
+        perform(Effect(kind, {"app": "vscode"}), busy)
+    assert not isinstance(found.value, MissingCapabilityError)
 
 
 def test_incomplete_and_taken_kinds_are_refused(own_kind):
