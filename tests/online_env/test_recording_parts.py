@@ -11,7 +11,7 @@ pytest.importorskip("lxml", reason=needs.ONLINE)
 pytest.importorskip("starlette", reason=needs.ONLINE)
 
 from hijack_data.errors import HijackError, UnknownNameError
-from hijack_data.pack import AssetPack, picture_kinds
+from hijack_data.pack import FORMAT, VERSION, AssetPack, picture_kinds
 from hijack_data.types import Action
 from online_env.recording import stage as stages
 from online_env.recording import wallpapers
@@ -159,6 +159,36 @@ def test_a_folder_that_is_no_pack_is_left_alone(tmp_path):
     with pytest.raises(HijackError, match="something else"):
         Pack(tmp_path, {"menu"}, [SCREEN])
     (tmp_path / "index.json").write_text("[1")
+    with pytest.raises(HijackError, match="cannot be read"):
+        Pack(tmp_path, {"menu"}, [SCREEN])
+
+
+@pytest.mark.parametrize("name", ["holiday.webp", "photo-800x600-1.webp", "menu-geany.webp"])
+def test_pictures_of_somebody_elses_are_never_removed(name, tmp_path):
+    (tmp_path / name).write_bytes(b"the only one")
+    with pytest.raises(HijackError, match=rf"holds '{name}', but no index.json: it is no asset"):
+        Pack(tmp_path, {"menu"}, [SCREEN])
+    (tmp_path / name).unlink()
+    pack = Pack(tmp_path, {"menu"}, [SCREEN])
+    pack.add(picture(), SCREEN)
+    pack.finish({})
+    (tmp_path / name).write_bytes(b"the only one")
+    Pack(tmp_path, {"menu"}, [SCREEN]).finish({})
+    assert {path.name for path in tmp_path.iterdir()} == {name, "index.json"}
+
+
+def test_what_a_recording_left_that_broke_off_is_removed(tmp_path):
+    (tmp_path / "window-60x40-1.webp").write_bytes(b"half")
+    pack = Pack(tmp_path, {"menu"}, [SCREEN])
+    pack.add(picture(), SCREEN)
+    pack.finish({})
+    assert {path.name for path in tmp_path.iterdir()} == {"menu-geany-60x40-1.webp", "index.json"}
+
+
+@pytest.mark.parametrize("entry", [{}, {"screen": 5}, {"screen": [1, 2], "kind": "menu"}])
+def test_an_index_that_lacks_something_is_refused(entry, tmp_path):
+    about = {"format": FORMAT, "version": VERSION, "pictures": [entry]}
+    (tmp_path / "index.json").write_text(json.dumps(about))
     with pytest.raises(HijackError, match="cannot be read"):
         Pack(tmp_path, {"menu"}, [SCREEN])
 
