@@ -1,5 +1,6 @@
 """Parts of the recorder that need no desktop: places, the pack's files, trajectories' files."""
 
+import contextlib
 import json
 
 import numpy as np
@@ -13,14 +14,21 @@ pytest.importorskip("starlette", reason=needs.ONLINE)
 from hijack_data.errors import HijackError, UnknownNameError
 from hijack_data.pack import FORMAT, VERSION, AssetPack, picture_kinds
 from hijack_data.types import Action
+from online_env.errors import DesktopError
+from online_env.recording import command, wallpapers
 from online_env.recording import stage as stages
-from online_env.recording import wallpapers
 from online_env.recording.assets import LARGE, SCENES, SIZES, record_assets
 from online_env.recording.looks import GOLDEN, LOOKS
 from online_env.recording.pack import Pack
 from online_env.recording.picture import ClickTarget, Picture
 from online_env.recording.scenes import parts
-from online_env.recording.trajectory import EpisodeRecording, RecordedView, save, target_of
+from online_env.recording.trajectory import (
+    EpisodeRecording,
+    RecordedView,
+    kept,
+    save,
+    target_of,
+)
 
 SCREEN = (600, 800)
 
@@ -257,3 +265,33 @@ def test_a_text_may_hold_what_some_take_for_the_end_of_a_line(tmp_path):
         save(episode, tmp_path)
     found = list(get_reader("jsonl").read(tmp_path))
     assert [t.instruction for t in found] == [instruction] * 3
+
+
+def test_what_a_person_did_is_kept_where_the_desktop_ends_before_them(tmp_path):
+    said = []
+    episode = EpisodeRecording("person", "Write it down.", ())
+
+    def act():
+        with kept(episode, tmp_path, said.append):
+            frame = np.zeros((60, 80, 3), np.uint8)
+            episode.add(RecordedView(frame, ()), Action("click", 5, 6), "pyautogui.click(5, 6)")
+            raise DesktopError("the desktop has ended")
+
+    with pytest.raises(DesktopError, match="has ended"):
+        act()
+    (line,) = (tmp_path / "trajectories.jsonl").read_text().splitlines()
+    assert json.loads(line)["trajectory_id"] == "person"
+    assert said == [f"person: 1 steps in {tmp_path}"]
+    with kept(EpisodeRecording("nothing", "", ()), tmp_path / "empty", said.append):
+        pass
+    assert len(said) == 1
+
+
+@pytest.mark.parametrize("options", [{"person": True, "instruction": "x"}, {"task": "write_note"}])
+def test_a_folder_that_takes_no_trajectory_is_told_before_anybody_acts(
+    options, tmp_path, monkeypatch
+):
+    (tmp_path / "trajectories.jsonl").write_text("no json\n")
+    monkeypatch.setattr(command, "_desktop", lambda _: contextlib.nullcontext(None))
+    with pytest.raises(HijackError, match="cannot add a trajectory"):
+        command.run(command.RecordOptions(output=tmp_path, **options))
