@@ -180,6 +180,7 @@ class OsworldStage:
     ) -> None:
         self.env = env
         self._desktop = _Guest(env, password, capabilities)
+        self._setup_errors: list[str] = []
 
     @property
     def desktop(self) -> OsworldDesktop:
@@ -197,6 +198,9 @@ class OsworldStage:
         """
         config = _config(task)
         self._desktop.reset(config)
+        # OSWorld goes on where a step of its setup fails, and only logs that.
+        logged = cast("Sequence[str]", getattr(self.env, "warnings", ()))
+        self._setup_errors = [line for line in logged if line.startswith("ERROR")]
         # Otherwise only the environment's own `step` would note that it has to be reverted.
         if hasattr(self.env, "is_environment_used"):
             cast(Any, self.env).is_environment_used = True
@@ -205,13 +209,17 @@ class OsworldStage:
         return Setting(config["id"], config["instruction"], apps, infeasible)
 
     def evaluate(self, history: Sequence[str]) -> Verdict:
-        """Return OSWorld's own score."""
+        """Return OSWorld's own score; the reason says if its setup logged an error."""
         actions = list(history)
         last = actions.pop() if actions and actions[-1] in WORDS else None
         self.env.action_history[:] = actions
         if last is not None:
             self.env.step(last, pause=0)
-        return Verdict(self._desktop.evaluate(), "OSWorld's evaluator")
+        reason = "OSWorld's evaluator"
+        if self._setup_errors:
+            reason += f"; the task's setup logged {len(self._setup_errors)} errors, the first:"
+            reason += f" {self._setup_errors[0]}"
+        return Verdict(self._desktop.evaluate(), reason)
 
     def close(self) -> None:
         """Close the environment."""

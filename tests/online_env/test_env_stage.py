@@ -100,6 +100,21 @@ def test_the_environment_hears_of_the_agents_actions_and_of_nothing_else(last, s
     assert env.closed == 1
 
 
+def test_the_reason_of_a_score_says_that_the_tasks_setup_failed():
+    """OSWorld only logs that, and scores the task all the same."""
+    env = Env()
+    stage = OsworldStage(env)
+    env.warnings = ["WARNING slow", "ERROR Failed to launch application.", "ERROR No window."]
+    stage.reset(TASK, 0)
+    env.warnings = []
+    assert stage.evaluate(["FAIL"]).reason == (
+        "OSWorld's evaluator; the task's setup logged 2 errors, the first:"
+        " ERROR Failed to launch application."
+    )
+    stage.reset(TASK, 0)
+    assert stage.evaluate(["FAIL"]).reason == "OSWorld's evaluator"
+
+
 def test_a_machine_that_was_used_is_reverted():
     env = Env()
     stage = OsworldStage(env)
