@@ -4,11 +4,11 @@ import urllib.error
 import urllib.request
 from http.client import HTTPException
 from typing import Any
-from urllib.parse import urlsplit
 
 from ..errors import DesktopError, GuestError
 from .connection import GuestResponse
 from .protocol import TaskConfig
+from .way import split_address
 
 CONTROL_PORT = 5001
 PATIENCE = 120.0  # s for a reset
@@ -36,12 +36,9 @@ class ContainerResetter:
         token: str,
         timeout: float = PATIENCE,
     ) -> None:
-        parts = urlsplit(url if "//" in url else f"http://{url}")
-        if parts.scheme not in ("http", "https") or not parts.hostname:
-            raise GuestError(
-                f"{url!r} is not the address of a container; it must be like http://127.0.0.1:5001"
-            )
-        host = f"[{parts.hostname}]" if ":" in parts.hostname else parts.hostname
+        parts = split_address(url, "container", "http://127.0.0.1:5001")
+        name = parts.hostname or ""
+        host = f"[{name}]" if ":" in name else name
         self._url = f"{parts.scheme}://{host}:{parts.port or CONTROL_PORT}/reset"
         self._token = token
         self._timeout = timeout

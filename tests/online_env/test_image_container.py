@@ -215,7 +215,9 @@ def test_an_encrypted_address_stays_encrypted(answering):
     assert asked == []
 
 
-@pytest.mark.parametrize("url", ["ftp://box:5001", "http://", ""])
+@pytest.mark.parametrize(
+    "url", ["ftp://box:5001", "http://", "", "box:port", "http://[::1", "box:5001/desktop"]
+)
 def test_what_is_no_address_of_a_container_is_refused(url):
     with pytest.raises(GuestError, match="is not the address of a container"):
         ContainerResetter(url, "secret")
