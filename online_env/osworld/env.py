@@ -122,16 +122,22 @@ class OsworldEnv:
         for name in ("PYTHONPATH", "PYTHONHOME"):
             environment.pop(name, None)
         settings.cache.mkdir(parents=True, exist_ok=True)
-        with log.open("ab") as errors:
-            self._process: subprocess.Popen[bytes] = subprocess.Popen(
-                [str(python), "-I", "-c", _LOADER, str(BRIDGE)],
-                env=environment,
-                cwd=settings.cache,
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=errors,
-                start_new_session=True,
-            )
+        try:
+            with log.open("ab") as errors:
+                self._process: subprocess.Popen[bytes] = subprocess.Popen(
+                    [str(python), "-I", "-c", _LOADER, str(BRIDGE)],
+                    env=environment,
+                    cwd=settings.cache,
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=errors,
+                    start_new_session=True,
+                )
+        except OSError as error:
+            raise OsworldError(
+                f"OSWorld's Python {python} does not start ({error}); make it again with: hijack"
+                " osworld setup"
+            ) from None
         self._buffer = b""
         self._calls = 0
         try:

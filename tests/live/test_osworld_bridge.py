@@ -406,6 +406,16 @@ def test_the_answer_of_a_call_that_was_interrupted_is_not_taken_for_the_next_one
         assert env.evaluate() == 0.25
 
 
+def test_an_interpreter_that_is_gone_says_how_to_make_it_again(tmp_path: Path) -> None:
+    with pytest.raises(OsworldError, match=r"no/python does not start .*hijack osworld setup"):
+        OsworldEnv(
+            tmp_path / "no/python",
+            lambda: Address("127.0.0.1"),
+            OSWorldSettings(tmp_path / "c"),
+            tmp_path / "log",
+        )
+
+
 def test_stubs_are_gone_after_the_import(python: Path) -> None:
     code = f"""
 import sys
