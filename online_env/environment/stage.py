@@ -23,6 +23,8 @@ from ..tasks.base import Task, Verdict
 from ..tasks.machine import Machine
 
 WORDS = ("WAIT", "DONE", "FAIL")
+# What OSWorld logs of a browser that is still starting; if it never answers, that is raised.
+RETRIED = "Failed to connect, retrying"
 
 
 @dataclass(frozen=True)
@@ -200,7 +202,8 @@ class OsworldStage:
         self._desktop.reset(config)
         # OSWorld goes on where a step of its setup fails, and only logs that.
         logged = cast("Sequence[str]", getattr(self.env, "warnings", ()))
-        self._setup_errors = [line for line in logged if line.startswith("ERROR")]
+        errors = [line for line in logged if line.startswith("ERROR")]
+        self._setup_errors = [line for line in errors if RETRIED not in line]
         # Otherwise only the environment's own `step` would note that it has to be reverted.
         if hasattr(self.env, "is_environment_used"):
             cast(Any, self.env).is_environment_used = True

@@ -104,7 +104,9 @@ def test_the_reason_of_a_score_says_that_the_tasks_setup_failed():
     """OSWorld only logs that, and scores the task all the same."""
     env = Env()
     stage = OsworldStage(env)
-    env.warnings = ["WARNING slow", "ERROR Failed to launch application.", "ERROR No window."]
+    failed = ["ERROR Failed to launch application.", "ERROR No window."]
+    env.warnings = ["WARNING slow", "ERROR Attempt 1: Failed to connect, retrying. Error: x"]
+    env.warnings += failed
     stage.reset(TASK, 0)
     env.warnings = []
     assert stage.evaluate(["FAIL"]).reason == (
