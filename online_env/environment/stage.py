@@ -199,14 +199,17 @@ class OsworldStage:
             seed: Not used: OSWorld's tasks have no variants.
         """
         config = _config(task)
-        self._desktop.reset(config)
+        try:
+            self._desktop.reset(config)
+        finally:
+            # Otherwise only the environment's own `step` would note that it has to be reverted, and
+            # a setup that broke off would be left to the next task.
+            if hasattr(self.env, "is_environment_used"):
+                cast(Any, self.env).is_environment_used = True
         # OSWorld goes on where a step of its setup fails, and only logs that.
         logged = cast("Sequence[str]", getattr(self.env, "warnings", ()))
         errors = [line for line in logged if line.startswith("ERROR")]
         self._setup_errors = [line for line in errors if RETRIED not in line]
-        # Otherwise only the environment's own `step` would note that it has to be reverted.
-        if hasattr(self.env, "is_environment_used"):
-            cast(Any, self.env).is_environment_used = True
         apps = tuple(normalize_app(app) for app in config.get("related_apps", ()))
         infeasible = config["evaluator"].get("func") == "infeasible"
         return Setting(config["id"], config["instruction"], apps, infeasible)

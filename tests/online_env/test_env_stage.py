@@ -125,6 +125,22 @@ def test_a_machine_that_was_used_is_reverted():
         assert env.reverts == reverts
 
 
+def test_a_machine_whose_setup_broke_off_is_reverted():
+    class Breaks(Env):
+        def reset(self, task_config=None):
+            super().reset(task_config)
+            if task_config["config"]:
+                raise RuntimeError("Setup step 1 failed")
+
+    env = Breaks()
+    stage = OsworldStage(env)
+    with pytest.raises(RuntimeError, match="step 1 failed"):
+        stage.reset({**TASK, "config": [{"type": "open", "parameters": {}}]}, 0)
+    assert env.reverts == 0
+    stage.reset(TASK, 0)
+    assert env.reverts == 1
+
+
 @pytest.mark.parametrize(
     ("task", "words"),
     [({"id": "x"}, "instruction"), (None, "must hold an object"), ("o-1", "must hold an object")],
