@@ -215,7 +215,10 @@ class OsworldStage:
         return Setting(config["id"], config["instruction"], apps, infeasible)
 
     def evaluate(self, history: Sequence[str]) -> Verdict:
-        """Return OSWorld's own score; the reason says if its setup logged an error."""
+        """Return OSWorld's own score; the reason says if its setup logged an error.
+
+        A guest that does not answer any more is a `GuestError`.
+        """
         actions = list(history)
         last = actions.pop() if actions and actions[-1] in WORDS else None
         self.env.action_history[:] = actions
@@ -225,7 +228,10 @@ class OsworldStage:
         if self._setup_errors:
             reason += f"; the task's setup logged {len(self._setup_errors)} errors, the first:"
             reason += f" {self._setup_errors[0]}"
-        return Verdict(self._desktop.evaluate(), reason)
+        score = self._desktop.evaluate()
+        # OSWorld takes what a guest that has died does not send for a file that is not there: a 0.
+        self._desktop.screenshot()
+        return Verdict(score, reason)
 
     def close(self) -> None:
         """Close the environment."""

@@ -117,6 +117,19 @@ def test_the_reason_of_a_score_says_that_the_tasks_setup_failed():
     assert stage.evaluate(["FAIL"]).reason == "OSWorld's evaluator"
 
 
+def test_a_guest_that_died_before_it_was_judged_is_no_zero():
+    class Dies(Env):
+        def evaluate(self):
+            self.controller.get_screenshot = lambda: None
+            return 0.0
+
+    outer = CorruptedEnv(OsworldStage(Dies()), settle=AT_ONCE)
+    outer.reset(seed=0, options={"task": TASK})
+    assert outer.step("DONE")[1:4] == (0.0, False, True)
+    assert (outer.record["status"], outer.record["score"]) == ("error", None)
+    assert "the guest gave no screenshot" in outer.record["problem"]
+
+
 def test_a_machine_that_was_used_is_reverted():
     env = Env()
     stage = OsworldStage(env)
