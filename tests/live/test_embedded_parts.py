@@ -1,5 +1,6 @@
 """The parts of the embedded desktop that need no root and no desktop."""
 
+import asyncio
 import ipaddress
 import json
 import os
@@ -17,10 +18,11 @@ from hypothesis import strategies as st
 from hijack_data.errors import ParameterError, UnknownNameError
 from online_env.cli import _size, desktop
 from online_env.embedded import doctor, home, packages, pictures, pool, registry
-from online_env.embedded.guest import routes_files
+from online_env.embedded.guest import commands, recorder, routes_files
 from online_env.embedded.image import sources
 from online_env.embedded.runtime import account, files, identity, internet, network, session
 from online_env.embedded.runtime.plain import DesktopConfig, SetupError
+from online_env.errors import GuestError
 
 from support import needs
 
@@ -109,6 +111,20 @@ def test_what_is_cut_off_or_rubbish_is_fetched_again(flaky, tmp_path):
     Flaky.asked = 0
     assert routes_files._download(flaky, str(tmp_path / "file")) == 4
     assert (tmp_path / "file").read_bytes() == b"full"
+
+
+def test_a_recording_that_does_not_begin_is_told_at_once(tmp_path, monkeypatch):
+    """Not when it is over, and everything that was to be seen has passed."""
+    monkeypatch.setattr(recorder, "PATIENCE", 0.5)
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    ffmpeg = tmp_path / "ffmpeg"
+    ffmpeg.write_text("#!/bin/sh\necho waiting for the screen >&2\nexec sleep 60\n")
+    ffmpeg.chmod(0o755)
+    made = recorder.Recorder(":0", commands.Runner(str(tmp_path)))
+    with pytest.raises(GuestError, match=r"did not begin to write within 0\.5 s: waiting for"):
+        asyncio.run(made.start((640, 480)))
+    with pytest.raises(GuestError, match="No recording in progress"):
+        asyncio.run(made.stop())
 
 
 def test_a_network_is_never_that_of_another_desktops_internet(tmp_path, monkeypatch):
