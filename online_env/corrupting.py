@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import click
 
@@ -19,6 +19,7 @@ from hijack_data.corruption import Corruption, find
 from hijack_data.elements import scene_from
 from hijack_data.errors import ParameterError
 from hijack_data.files import encode_png, write_atomic
+from hijack_data.locking import Lock, lock
 from hijack_data.plan import Plan
 from hijack_data.rng import Stream
 from hijack_data.safety import changed_pixels
@@ -26,6 +27,9 @@ from hijack_data.types import UInt8Array, size_text
 
 from .desktops.protocol import Desktop
 from .errors import DesktopError
+
+if TYPE_CHECKING:
+    from .effects import Applied
 
 FILE = "corrupted.json"
 SAMPLE = "by hand"
@@ -117,9 +121,14 @@ def corrupt_desktop(
         step=step,
     )
     stream = Stream(seed, plan.corruption, SAMPLE, step or 0)
-    done = [perform(effect, desktop, stream) for effect in plan.effects]
-    if done and note is not None:
-        note([applied.record for applied in done])
+    done: list[Applied] = []
+    try:
+        for effect in plan.effects:
+            applied = perform(effect, desktop, stream)
+            done.append(applied)
+    finally:  # those before one that fails are on the desktop, too
+        if done and note is not None:
+            note([applied.record for applied in done])
     for applied in done:
         applied.probe()
     after = desktop.screenshot() if done else before
@@ -146,18 +155,25 @@ class Ledger:
         entries = [cast("dict[str, Any]", entry) for entry in listed if isinstance(entry, dict)]
         return [entry for entry in entries if entry.keys() >= _FIELDS]
 
-    def add(self, corruption: str, records: list[dict[str, Any]]) -> None:
-        """Add what was just applied."""
+    def add(self, corruption: str, records: list[dict[str, Any]]) -> dict[str, Any]:
+        """Add what was just applied, and return its entry."""
         entry = {
             "corruption": corruption,
             "at": time.time(),
             "records": records,
         }
-        self._write([*self.entries(), entry])
+        with self._held():
+            self._write([*self.entries(), entry])
+        return entry
 
     def drop(self, entry: dict[str, Any]) -> None:
         """Remove what was undone."""
-        self._write([kept for kept in self.entries() if kept["at"] != entry["at"]])
+        with self._held():
+            self._write([kept for kept in self.entries() if kept["at"] != entry["at"]])
+
+    def _held(self) -> Lock:
+        """Hold the file: a page and a command, say, may change it at the same time."""
+        return lock(self._path.with_suffix(".lock"), wait=True)
 
     def _write(self, entries: list[dict[str, Any]]) -> None:
         write_atomic(self._path, json.dumps(entries, indent=1))

@@ -6,11 +6,10 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
-from urllib.parse import urlsplit
 
 from ..errors import GuestError
 from ..extra import require
-from .way import Way
+from .way import Way, split_address
 
 if TYPE_CHECKING:
     from .client import Client
@@ -79,14 +78,10 @@ class GuestConnection:
         patience: float = 0.0,
         door: str | None = None,
     ) -> None:
-        parts = urlsplit(url if "//" in url else f"http://{url}")
-        if parts.scheme not in ("http", "https") or not parts.hostname:
-            raise GuestError(
-                f"{url!r} is not the address of a guest; it must be like http://10.0.0.2:5000"
-            )
+        parts = split_address(url, "guest", "http://10.0.0.2:5000")
         self.url = f"{parts.scheme}://{parts.netloc}"
         self._way = Way(
-            host=parts.hostname,
+            host=parts.hostname or "",
             port=parts.port or PORT,
             is_https=parts.scheme == "https",
             source=source,

@@ -1,15 +1,18 @@
 """Reset a container that is a desktop, for `HttpDesktop` (docs/desktop_image.md)."""
 
-import json
 import urllib.error
 import urllib.request
-from urllib.parse import urlsplit
+from http.client import HTTPException
+from typing import Any
 
 from ..errors import DesktopError, GuestError
+from .connection import GuestResponse
 from .protocol import TaskConfig
+from .way import split_address
 
 CONTROL_PORT = 5001
 PATIENCE = 120.0  # s for a reset
+FAILED = 500
 
 
 class ContainerResetter:
@@ -20,6 +23,11 @@ class ContainerResetter:
             default port.
         token: the token with which the container was started.
         timeout: seconds that a reset may take.
+
+    Redirects are not followed, and no proxy is used: the token is for the container alone.
+
+    Raises:
+        GuestError: The URL is not the address of a container.
     """
 
     def __init__(
@@ -28,8 +36,10 @@ class ContainerResetter:
         token: str,
         timeout: float = PATIENCE,
     ) -> None:
-        parts = urlsplit(url if "//" in url else f"http://{url}")
-        self._url = f"http://{parts.hostname}:{parts.port or CONTROL_PORT}/reset"
+        parts = split_address(url, "container", "http://127.0.0.1:5001")
+        name = parts.hostname or ""
+        host = f"[{name}]" if ":" in name else name
+        self._url = f"{parts.scheme}://{host}:{parts.port or CONTROL_PORT}/reset"
         self._token = token
         self._timeout = timeout
 
@@ -47,12 +57,20 @@ class ContainerResetter:
             headers={"X-Token": self._token},
         )
         try:
-            with urllib.request.urlopen(request, timeout=self._timeout) as answer:
+            with _STRAIGHT.open(request, timeout=self._timeout) as answer:
                 answer.read()
         except urllib.error.HTTPError as error:
-            text = error.read().decode("utf-8", "replace")
-            if error.code == 500:
-                raise DesktopError(json.loads(text)["error"]) from None
-            raise GuestError(f"{self._url}: {error.code} {error.reason}") from None
-        except OSError as error:
+            reply = GuestResponse(error.code, {}, error.read())
+            if error.code == FAILED and reply.complaint:
+                raise DesktopError(reply.complaint) from None
+            raise GuestError(f"{self._url}: {error.code} {error.reason}", error.code) from None
+        except (OSError, HTTPException) as error:
             raise GuestError(f"{self._url}: no reset ({error}); does the container run?") from None
+
+
+class _NoRedirect(urllib.request.HTTPRedirectHandler):
+    def redirect_request(self, *_: Any, **__: Any) -> None:
+        """Leave the answer as it is: it becomes an error."""
+
+
+_STRAIGHT = urllib.request.build_opener(urllib.request.ProxyHandler({}), _NoRedirect)

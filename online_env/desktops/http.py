@@ -22,6 +22,7 @@ from .survey import is_container, survey
 PREFIX = "import pyautogui; import time; pyautogui.FAILSAFE = False; "
 SLACK = 10.0  # s that the answer of a command may take beyond the command's own time-out
 MAX_PIXELS = 2**26
+DIGITS = 6  # of a width or a height
 OK = 200
 NO_TOKEN = 401
 FAILED = 500
@@ -104,12 +105,15 @@ class HttpDesktop:
         """Whether the guest has our fast routes; asked once.
 
         Raises:
-            GuestError: The guest refuses the token, or does not answer.
+            GuestError: The guest refuses the token, fails, or does not answer.
         """
         if self._ours is None:
             reply = self._connection.ask("GET", "/ah/health")
             if reply.status == NO_TOKEN and self._token:
                 raise GuestError(f"{self.url} refuses the token: {reply.complaint}", NO_TOKEN)
+            # A server, or what stands before it, that fails now says nothing of its routes.
+            if reply.status >= FAILED:
+                self._check("GET", "/ah/health", reply)
             self._ours = reply.status == OK
         return self._ours
 
@@ -168,8 +172,8 @@ class HttpDesktop:
         if not self.is_ours:
             return _decode(self._get("/screenshot").body, self.url)
         reply = self._get("/ah/frame")
-        width = int(reply.headers.get("x-width", "0"))
-        height = int(reply.headers.get("x-height", "0"))
+        width = _length(reply.headers.get("x-width", ""))
+        height = _length(reply.headers.get("x-height", ""))
         body = reply.body
         if width * height * 3 != len(body) or not width:
             raise GuestError(
@@ -269,15 +273,19 @@ class HttpDesktop:
 
         Raises:
             MissingCapabilityError: A plain OSWorld guest has no wmctrl.
+            GuestError: The guest sends none.
         """
         if self.is_ours:
-            return cast("list[dict[str, Any]]", self._get("/ah/windows").json()["windows"])
+            rows = self._get("/ah/windows").json().get("windows")
+            if not isinstance(rows, list):
+                raise GuestError(f"{self.url}/ah/windows answered without windows")
+            return cast("list[dict[str, Any]]", rows)
         listed = self.execute(["wmctrl", "-lpGx"], LIST_TIMEOUT)
         if not listed.ok:
             raise MissingCapabilityError(
                 f"{self.url} can't list its windows: {listed.error.strip()}; install wmctrl there"
             )
-        matches = [_WMCTRL.fullmatch(line) for line in listed.output.splitlines()]
+        matches = [_WMCTRL.fullmatch(line) for line in listed.output.split("\n")]
         return [_window(match) for match in matches if match is not None]
 
     def window(self, action: str, **fields: Any) -> None:
@@ -373,6 +381,12 @@ def _command(argv: Sequence[str] | str) -> dict[str, Any]:
     if isinstance(argv, str):
         return {"command": argv, "shell": True}
     return {"command": list(argv), "shell": False}
+
+
+def _length(text: str) -> int:
+    """Return a number of pixels as a header has it; 0 if it is none."""
+    is_number = text.isascii() and text.isdigit() and len(text) <= DIGITS
+    return int(text) if is_number else 0
 
 
 def _decode(data: bytes | bytearray, url: str) -> UInt8Array:

@@ -47,7 +47,11 @@ print({mark!r} + json.dumps(a))
 # The guest's `python -c` imports from its home first, and a file named json.py there must not break
 # our code.
 _ISOLATED = "import os; os.execv('/usr/bin/python3', ['/usr/bin/python3', '-I', '-c', {code!r}])"
-_WRITE = "import base64; open({path!r}, {mode!r}).write(base64.b64decode({data!r}))"
+# A piece goes to its own place: OSWorld's client sends a command again if its answer was lost.
+_WRITE = (
+    "import base64; f = open({path!r}, {mode!r}); f.seek({start});"
+    " f.write(base64.b64decode({data!r})); f.close()"
+)
 _READABLE = (
     "print({mark!r} + str(__import__('os').access({path!r}, 4) and"
     " __import__('os').path.isfile({path!r})))"
@@ -151,7 +155,13 @@ class OsworldDesktop:
             raise GuestError("the guest gave no screenshot")
         try:
             picture = np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))
-        except (UnidentifiedImageError, OSError, SyntaxError, ValueError) as error:
+        except (
+            UnidentifiedImageError,
+            OSError,
+            SyntaxError,
+            ValueError,
+            Image.DecompressionBombError,
+        ) as error:
             raise GuestError(f"the guest's screenshot can't be read ({error})") from None
         self._size = picture.shape[0], picture.shape[1]
         return picture
@@ -233,7 +243,8 @@ class OsworldDesktop:
             result = self.run(
                 _WRITE.format(
                     path=path,
-                    mode="ab" if start else "wb",
+                    mode="r+b" if start else "wb",
+                    start=start,
                     data=piece,
                 )
             )

@@ -1,12 +1,15 @@
 """Detect the capabilities of a guest, for desktops that do not list them."""
 
 import shlex
+import time
 from collections.abc import Callable, Iterable, Sequence
 
+from ..errors import DesktopTimeoutError
 from .lockers import LOCKERS
 from .protocol import Capability, Desktop, RunResult
 
 TIMEOUT = 20.0
+HANGS = 124  # what `timeout` returns for a command that it ended
 # Root's rights do not suffice: root inside a container or an embedded desktop may not be able to
 # set firewall rules.
 _FIREWALL = """
@@ -26,7 +29,7 @@ _WINDOWS = (
 # after a moment.
 _LOCK = "\n".join(
     f"command -v {one.name} >/dev/null 2>&1 && for i in {'1 2 3 4 5 6' if one.window else '1'}; do "
-    f"case $(timeout 3 {one.query} 2>/dev/null) in "
+    f"said=$(timeout 3 {one.query} 2>/dev/null); [ $? = {HANGS} ] && break; case $said in "
     f"*{shlex.quote(one.on)}*|*{shlex.quote(one.off)}*) echo lock; break;; esac; sleep 0.3; done"
     for one in LOCKERS
 )
@@ -46,8 +49,18 @@ def survey(
 
     `password` is that of its user, for sudo; without it only a sudo without password is tried.
     Nothing in the guest is changed.
+
+    Raises:
+        DesktopTimeoutError: The guest is too busy to tell; that is no proof that it lacks them.
     """
-    found = set(execute(["sh", "-c", _SCRIPT, "sh", password or ""], TIMEOUT).output.split())
+    start = time.monotonic()
+    result = execute(["sh", "-c", _SCRIPT, "sh", password or ""], TIMEOUT)
+    if not result.ok and time.monotonic() - start >= TIMEOUT:
+        raise DesktopTimeoutError(
+            f"the guest did not tell within {TIMEOUT:g} s which of lock, windows and firewall it"
+            " has; it is too busy, try again"
+        )
+    found = set(result.output.split())
     names: tuple[Capability, ...] = ("lock", "windows", "firewall")
     return frozenset(name for name in names if name in found)
 

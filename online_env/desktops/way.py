@@ -1,6 +1,9 @@
 """The address of a guest."""
 
 from dataclasses import dataclass
+from urllib.parse import SplitResult, urlsplit
+
+from ..errors import GuestError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,3 +23,30 @@ class Way:
     is_https: bool
     source: str | None
     door: str | None
+
+
+def split_address(
+    url: str,
+    what: str,
+    example: str,
+) -> SplitResult:
+    """Return the parts of the address of a server, which leads to nothing below that.
+
+    Args:
+        url: such as `http://10.0.0.2:5000`; `http://` may be left out.
+        what: whose address it must be, for the error.
+        example: an address that is right, for the error.
+
+    Raises:
+        GuestError: It is none.
+    """
+    problem = GuestError(f"{url!r} is not the address of a {what}; it must be like {example}")
+    try:
+        parts = urlsplit(url if "//" in url else f"http://{url}")
+        port = parts.port
+    except ValueError:  # a port that is no number, half an IPv6 address
+        raise problem from None
+    is_server = parts.scheme in ("http", "https") and bool(parts.hostname) and port != 0
+    if not is_server or parts.path.strip("/") or parts.query:
+        raise problem
+    return parts

@@ -150,6 +150,7 @@ class Applied:
         """Probe whether the machine is in the corrupted state now, and record the result."""
         start = time.monotonic()
         found = self._live.probe(self._guest, self.record["did"])
+        _check_json(found.facts, f"the facts of the probe of {self.effect.kind!r}")
         self.record["probes"].append({**vars(found), "seconds": _since(start)})
         return found
 
@@ -170,6 +171,7 @@ class Applied:
         """Undo the effect; calling this twice is allowed."""
         start = time.monotonic()
         found = self._live.undo(self._guest, self.record["did"])
+        _check_json(found.facts, f"the facts of the undo of {self.effect.kind!r}")
         self.record["undone"].append({**vars(found), "seconds": _since(start)})
         return found
 
@@ -229,8 +231,8 @@ def perform(
     """Apply `effect` to `desktop`; only the `probe` of the result proves that it is there.
 
     Passes on `UnknownNameError` (the kind is not registered), `MissingCapabilityError` (the desktop
-    lacks something, which is named; nothing was changed), `EffectError` (wrong parameters) and
-    `DesktopError` (the desktop does not answer).
+    lacks something, which is named; nothing was changed), `EffectError` (wrong parameters, or a
+    record that is not JSON) and `DesktopError` (the desktop does not answer).
 
     Args:
         effect: of a plan.
@@ -243,6 +245,7 @@ def perform(
     _check(live, desktop)
     start = time.monotonic()
     did = live.apply(guest, effect.params)
+    _check_json(did, f"the record of the effect {effect.kind!r}")
     record: EffectRecord = {
         "effect": effect.kind,
         "params": dict(effect.params),
@@ -298,6 +301,20 @@ def _check(live: LiveEffect, desktop: Desktop) -> None:
         raise MissingCapabilityError(
             f"the effect {live.kind!r} needs {', '.join(missing)}, {lacks(desktop, missing)}"
         )
+
+
+def _check_json(data: EffectRecord, what: str) -> None:
+    """Check what an effect gives for the log of an episode, which is JSON.
+
+    Raises:
+        EffectError: It cannot be written there.
+    """
+    try:
+        json.dumps(data, allow_nan=False)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise EffectError(
+            f"{what} must be JSON data, of plain numbers, texts, lists and dicts: {error}"
+        ) from None
 
 
 def _since(start: float) -> float:

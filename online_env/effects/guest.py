@@ -88,8 +88,17 @@ class Guest:
         *words: str,
         timeout: float = TIMEOUT,
     ) -> RunResult:
-        """Run a shell script as the desktop's user; `words` are its `$1`, `$2` ..."""
-        return self.desktop.execute(["sh", "-c", script, "sh", *words], timeout)
+        """Run a shell script as the desktop's user; `words` are its `$1`, `$2` ...
+
+        Raises:
+            DesktopError: It did not start or did not end: what it would have said is not known.
+        """
+        result = self.desktop.execute(["sh", "-c", script, "sh", *words], timeout)
+        if result.status != "success":
+            raise DesktopError(
+                f"a shell script did not run in the guest: {result.error.strip()[-300:]}"
+            )
+        return result
 
     def pyautogui(self, code: str) -> None:
         """Run pyautogui code that must succeed.

@@ -68,12 +68,20 @@ class LaunchApp(LiveEffect):
         *,
         is_tiled: bool,
     ) -> bool:
-        """Start one application; return whether its window appeared and was drawn."""
-        session = int(guest.shell(_START, *command.argv).output.strip() or 0)
+        """Start one application; return whether its window appeared and was drawn.
+
+        Raises:
+            EffectError: The guest cannot start programs now.
+        """
+        started = guest.shell(_START, *command.argv)
+        session = started.output.strip()
+        if not session.isdecimal():  # to end session 0 would end the shell's own
+            problem = (started.error or started.output).strip()[-200:]
+            raise EffectError(f"launch_app: {command.argv[0]} could not be started: {problem}")
         attempt: EffectRecord = {
             "app": name,
             "argv": list(command.argv),
-            "session": session,
+            "session": int(session),
             "stand_in": command.stand_in,
         }
         record["attempts"].append(attempt)
@@ -82,7 +90,7 @@ class LaunchApp(LiveEffect):
         window = guest.x("await_window", LAUNCH, before=known, classes=classes)["window"]
         attempt |= {"came": window is not None, "drawn": False}
         if window is None:
-            guest.shell(_END, str(session))
+            guest.shell(_END, session)
             return False
         asked = _halves(before["area"], record["beside"], window) if is_tiled else {}
         shown = guest.x("drawn", DRAW, number=window["id"], frames=asked)
@@ -91,14 +99,14 @@ class LaunchApp(LiveEffect):
         record |= {
             "window": window,
             "classes": classes,
-            "session": session,
+            "session": int(session),
             "asked": asked,
         }
         if attempt["drawn"]:
             return True
         self.undo(guest, record)
         # the window of a hanging program can be closed without its help
-        guest.shell(_END, str(session))
+        guest.shell(_END, session)
         return False
 
     def probe(self, guest: Guest, record: EffectRecord) -> Probe:

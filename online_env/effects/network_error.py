@@ -69,7 +69,7 @@ class Firewall(LiveEffect):
         tool, listing = self._tool(guest)
         found = guest.net("survey", PATIENCE, sites=sites)
         interfaces = [name for name in found["interfaces"] if _INTERFACE.fullmatch(name)]
-        hosts = sorted({*allowed, *found["hosts"]})
+        hosts = sorted({*allowed, *_controlling(found["hosts"])})
         is_closed = rules.TABLE in listing or rules.CHAINS["OUTPUT"] in listing
         before = [] if is_closed else _answering(found["reached"])
         record: EffectRecord = {
@@ -209,6 +209,23 @@ def _addresses(params: Mapping[str, Any]) -> list[str]:
         given = params.get("allow")
         raise EffectError(
             f"firewall: allow must be a list of IP addresses, got {given!r:.200}: {error}"
+        ) from None
+
+
+def _controlling(hosts: Sequence[object]) -> list[str]:
+    """Return the controlling hosts that the guest named.
+
+    They become part of a script that root runs, which may be root of this machine: what is no
+    address, an agent that took over the guest may have made up.
+
+    Raises:
+        EffectError: One of them is no IP address.
+    """
+    try:
+        return [address(str(host)) for host in hosts]
+    except ValueError as error:
+        raise EffectError(
+            f"firewall: the guest names a controlling host that is no address: {str(error)[:200]}"
         ) from None
 
 

@@ -5,6 +5,7 @@ Each corrupts the desktop that is shown, or takes the corruption back.
 
 import threading
 from dataclasses import dataclass, replace
+from typing import Any
 
 from hijack_data._apply import apply
 from hijack_data.corruption import Corruption, get, names
@@ -120,18 +121,19 @@ class Buttons:
         from ..effects import find
 
         refuse_twice(self._desktop, spec, self._ledger, "this desktop")
+        noted: list[dict[str, Any]] = []
         done = corrupt_desktop(
             self._desktop,
             spec,
             seed=self._seed,
-            note=lambda records: self._ledger.add(spec.name, records),
+            note=lambda records: noted.append(self._ledger.add(spec.name, records)),
         )
         self._seed += 1
         lasting = [record for record in done.records if find(record["effect"]).lasting]
         if not done.records:
             self._plans[spec.name] = done.plan
         elif not lasting:
-            self._ledger.drop(self._ledger.entries()[-1])
+            self._ledger.drop(noted[-1])
         return done.ok, done.saw
 
     def _take_back(self, name: str) -> tuple[bool, str]:

@@ -151,7 +151,7 @@ class Handle:
                 2.0 if dead else 0.0
             )  # its keeper needs some time to give the reason
             if message is not None:
-                self._end = str(message.get("ended", message))
+                self._end = str(message.get("ended") or message.get("error", message))
             elif self._keeper.poll() is not None:
                 self._end = f"its keeper ended with exit code {self._keeper.returncode}"
         return self._end

@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from ..errors import DesktopError
+from . import registry
 from .handle import Handle
 from .runtime import masks
 from .runtime.plain import DesktopConfig
@@ -88,9 +89,7 @@ class Supply:
 
     def _start(self) -> Handle:
         self._made += 1
-        name = self._order.name
-        if name is not None and self._made > 1:
-            name = f"{name}-{self._made}"
+        name = numbered(self._order.name, self._made)
         return Handle(replace(self._order, name=name, hidden=masks.hidden()))
 
     def _collect(self, wait: bool) -> None:
@@ -98,3 +97,11 @@ class Supply:
             if wait or handle.gone():
                 handle.close()
                 self._leaving.remove(handle)
+
+
+def numbered(name: str | None, number: int) -> str | None:
+    """Return the name of the desktop with this number, the first being 1, of those of one order."""
+    if name is None or number == 1:
+        return name
+    end = f"-{number}"
+    return f"{name[: registry.LONGEST - len(end)]}{end}"

@@ -25,6 +25,7 @@ RECORD = "desktop.json"
 SLOTS = 4096
 PATIENCE = 20.0  # s for a process to end
 POLL = 0.005
+LONGEST = 20  # characters of a name
 _NAME = re.compile(r"[a-z0-9](?:[a-z0-9-]{0,18}[a-z0-9])?")
 _STATE_FIELD, _START_FIELD = 0, 19  # of /proc/PID/stat, counted after the name
 

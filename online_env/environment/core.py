@@ -2,6 +2,7 @@
 
 import copy
 import hmac
+import json
 import secrets
 from collections.abc import Sequence
 from dataclasses import replace
@@ -152,7 +153,15 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
             episode.hear(said)
 
     def account(self, usage: dict[str, Any]) -> None:
-        """Store the usage that the agent has reported so far, such as tokens, for the record."""
+        """Store the usage that the agent has reported so far, such as tokens, for the record.
+
+        Raises:
+            ParameterError: It is not JSON data.
+        """
+        try:
+            json.dumps(usage, allow_nan=False)
+        except (TypeError, ValueError) as error:
+            raise ParameterError(f"usage must be JSON data, for the record: {error}") from None
         episode = _runners[self].episode
         if episode is not None:
             episode.account(usage)

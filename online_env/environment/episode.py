@@ -8,7 +8,7 @@ judged.
 import contextlib
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 from hijack_data.actions.allowed import Request, read_action
@@ -28,6 +28,7 @@ from .record import (
     EpisodeRecord,
     EpisodeRequest,
     Status,
+    checked_score,
     make_record,
     name_of,
     since,
@@ -308,6 +309,7 @@ class Episode:
             return _OVER
         try:
             verdict = self._stage.evaluate(tuple(self._counts.history))
+            verdict = replace(verdict, score=checked_score(verdict.score))
         except Exception as error:  # noqa: BLE001  (the agent's state may break any evaluator)
             self.end(End(status="error", problem=f"{type(error).__name__}: {error}"))
             return _OVER
@@ -319,7 +321,7 @@ class Episode:
             )
         )
         by_agent = ended == "agent"
-        return float(verdict.score), by_agent, not by_agent
+        return verdict.score, by_agent, not by_agent
 
 
 def _result_of(result: RunResult) -> dict[str, Any]:

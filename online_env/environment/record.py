@@ -1,10 +1,12 @@
 """The record of an episode: the request, the events, and the verdict."""
 
 import json
+import math
 import time
 from dataclasses import asdict, dataclass, field
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, SupportsFloat, TypeAlias
 
+from hijack_data.errors import HijackError
 from hijack_data.planner import Planner
 from hijack_data.runs.run_log import GIVEN, VERSION, slug_of
 from hijack_data.runs.run_planners import params_of, written
@@ -21,6 +23,8 @@ Status: TypeAlias = Literal["ok", "invalid", "error"]
 # "outside" is a limit outside the environment.
 Ended: TypeAlias = Literal["agent", "max_steps", "outside"]
 Cause: TypeAlias = Literal["agent", "machine", "outside"]
+
+ROUNDING = 1e-6  # by which a mean of scores may lie outside 0 to 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,6 +143,18 @@ def make_record(
         "desktop": _about(desktop, settings.settle),
     }
     return json.loads(json.dumps(record, default=repr))
+
+
+def checked_score(score: object) -> float:
+    """Return what an evaluator gave as a score, 0 to 1.
+
+    Raises:
+        HijackError: It is none.
+    """
+    number = float(score) if isinstance(score, SupportsFloat) else math.nan
+    if not -ROUNDING <= number <= 1 + ROUNDING:
+        raise HijackError(f"the task's evaluator gave {score!r:.80}, which is no score from 0 to 1")
+    return min(max(number, 0.0), 1.0)
 
 
 def name_of(task: object) -> str:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from hijack_data.corruption import get
-from hijack_data.errors import ParameterError
+from hijack_data.errors import HijackError, ParameterError
 from hijack_data.plan import CLEAN, Plan
 from hijack_data.planner import Planner, as_planner
 from hijack_data.rng import Stream
@@ -67,11 +67,18 @@ class Script:
         )
 
     def needs_tree(self, step: int) -> bool:
-        """Return whether the plan of this step depends on where the elements are."""
+        """Return whether the plan of this step depends on where the elements are.
+
+        A planner may do nothing where there are none: it is also asked about a screen with some.
+        """
         if self.planner is None or not self.planner.needs_elements:
             return False
-        plan = self.plan(step)
-        return bool(plan.ops or plan.effects)
+        if _acts(self.plan(step)):
+            return True
+        try:
+            return _acts(self.plan(step, _elements_on(self.size)))
+        except HijackError:  # of elements that are not there
+            return True
 
     def stream(self, kind: str, step: int) -> Stream:
         """Return the random draws for decisions that need the live desktop."""
@@ -108,3 +115,19 @@ class Script:
             raise MissingCapabilityError(
                 f"{label_of(self.planner)} needs {', '.join(missing)}, {lacks(desktop, missing)}"
             )
+
+
+def _acts(plan: Plan) -> bool:
+    return bool(plan.ops or plan.effects)
+
+
+def _elements_on(size: Size) -> BoxArray:
+    """Return the boxes of a screen with nine elements, in rows of three."""
+    height, width = size
+    return as_boxes(
+        [
+            (width * i // 4, height * j // 4, width * i // 4 + width // 8, height * j // 4 + 20)
+            for j in (1, 2, 3)
+            for i in (0, 1, 2)
+        ]
+    )

@@ -23,6 +23,8 @@ from ..tasks.base import Task, Verdict
 from ..tasks.machine import Machine
 
 WORDS = ("WAIT", "DONE", "FAIL")
+# What OSWorld logs of a browser that is still starting; if it never answers, that is raised.
+RETRIED = "Failed to connect, retrying"
 
 
 @dataclass(frozen=True)
@@ -181,6 +183,7 @@ class OsworldStage:
     ) -> None:
         self.env = env
         self._desktop = _Guest(env, password, capabilities)
+        self._setup_errors: list[str] = []
 
     @property
     def desktop(self) -> OsworldDesktop:
@@ -197,22 +200,39 @@ class OsworldStage:
             seed: Not used: OSWorld's tasks have no variants.
         """
         config = _config(task)
-        self._desktop.reset(config)
-        # Only the environment's own `step` would note that the machine must be reverted.
-        if hasattr(self.env, "is_environment_used"):
-            cast(Any, self.env).is_environment_used = True
+        try:
+            self._desktop.reset(config)
+        finally:
+            # Only the environment's own `step` would note that the machine must be reverted; a
+            # setup that broke off would be left to the next task.
+            if hasattr(self.env, "is_environment_used"):
+                cast(Any, self.env).is_environment_used = True
+        # OSWorld goes on where a step of its setup fails, and only logs that.
+        logged = cast("Sequence[str]", getattr(self.env, "warnings", ()))
+        errors = [line for line in logged if line.startswith("ERROR")]
+        self._setup_errors = [line for line in errors if RETRIED not in line]
         apps = tuple(normalize_app(app) for app in config.get("related_apps", ()))
         infeasible = config["evaluator"].get("func") == "infeasible"
         return Setting(config["id"], config["instruction"], apps, infeasible)
 
     def evaluate(self, history: Sequence[str]) -> Verdict:
-        """Return OSWorld's own score."""
+        """Return OSWorld's own score; the reason says if its setup logged an error.
+
+        A guest that does not answer any more is a `GuestError`.
+        """
         actions = list(history)
         last = actions.pop() if actions and actions[-1] in WORDS else None
         self.env.action_history[:] = actions
         if last is not None:
             self.env.step(last, pause=0)
-        return Verdict(self._desktop.evaluate(), "OSWorld's evaluator")
+        reason = "OSWorld's evaluator"
+        if self._setup_errors:
+            reason += f"; the task's setup logged {len(self._setup_errors)} errors, the first:"
+            reason += f" {self._setup_errors[0]}"
+        score = self._desktop.evaluate()
+        # OSWorld takes what a guest that has died does not send for a file that is not there: a 0.
+        self._desktop.screenshot()
+        return Verdict(score, reason)
 
     def close(self) -> None:
         """Close the environment."""

@@ -122,17 +122,24 @@ class OsworldEnv:
         for name in ("PYTHONPATH", "PYTHONHOME"):
             environment.pop(name, None)
         settings.cache.mkdir(parents=True, exist_ok=True)
-        with log.open("ab") as errors:
-            self._process: subprocess.Popen[bytes] = subprocess.Popen(
-                [str(python), "-I", "-c", _LOADER, str(BRIDGE)],
-                env=environment,
-                cwd=settings.cache,
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=errors,
-                start_new_session=True,
-            )
+        try:
+            with log.open("ab") as errors:
+                self._process: subprocess.Popen[bytes] = subprocess.Popen(
+                    [str(python), "-I", "-c", _LOADER, str(BRIDGE)],
+                    env=environment,
+                    cwd=settings.cache,
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=errors,
+                    start_new_session=True,
+                )
+        except OSError as error:
+            raise OsworldError(
+                f"OSWorld's Python {python} does not start ({error}); make it again with: hijack"
+                " osworld setup"
+            ) from None
         self._buffer = b""
+        self._calls = 0
         try:
             start = {
                 "address": asdict(fresh()),
@@ -209,13 +216,17 @@ class OsworldEnv:
         Raises:
             EvaluatorError: OSWorld's code raised.
         """
-        self._send({"call": name, "arguments": arguments})
+        self._calls += 1
+        number = self._calls
+        self._send({"call": name, "number": number, "arguments": arguments})
         deadline = time.monotonic() + TIMEOUTS[name]
         while True:
             answer = self._receive(name, deadline)
             if answer.get("ask") == "revert":
                 self._send({"answer": self._pristine()})
                 continue
+            if answer["number"] != number:
+                continue  # of a call that was interrupted (Ctrl-C) before its answer came
             self.warnings = list(answer.get("log", ()))
             if "error" in answer:
                 problem = f"{answer['kind']}: {answer['error']} (at {answer['place']})"

@@ -77,6 +77,8 @@ def _read_rows(path: Path) -> TaskSet:
     revisions: set[str] = set()
     for number, line in enumerate(_lines(path), 1):
         row, wrong = _row(line)
+        if not wrong and row["task_id"] in tasks and tasks[row["task_id"]].config != row["task"]:
+            wrong = [f"task: is not the one of an earlier row of {row['task_id']}"]
         problems.extend(f"{path}:{number}: {text}" for text in wrong)
         if not wrong:
             revisions.add(row["revision"])
@@ -93,11 +95,13 @@ def _read_rows(path: Path) -> TaskSet:
 
 def _lines(path: Path) -> list[str]:
     try:
-        return path.read_text(encoding="utf-8").splitlines()
+        text = path.read_text(encoding="utf-8")
     except OSError as error:
         raise ConfigError([f"{path}: cannot be read ({error.strerror})"]) from None
     except UnicodeDecodeError as error:
         raise ConfigError([f"{path}: not UTF-8 ({error})"]) from None
+    # Not `splitlines`, which also ends a line at U+2028 and the like within an instruction.
+    return text.removesuffix("\n").split("\n") if text else []
 
 
 def _row(line: str) -> tuple[dict[str, Any], list[str]]:

@@ -134,12 +134,13 @@ def _oracle(folder: Path, options: RecordOptions) -> int:
 def _person(folder: Path, options: RecordOptions) -> int:
     from .. import tasks
     from .person import record_person
-    from .trajectory import EpisodeRecording, save
+    from .trajectory import EpisodeRecording, kept, prepare
 
     if bool(options.task) == bool(options.instruction):
         raise ParameterError(
             "--person needs either --task NAME or --instruction TEXT, which says what is to be done"
         )
+    prepare(folder)
     verdict = None
     with _desktop(options) as desktop:
         if options.task:
@@ -152,12 +153,12 @@ def _person(folder: Path, options: RecordOptions) -> int:
             machine = None
             trajectory = EpisodeRecording("person", str(options.instruction), ())
         click.echo(f"to do: {trajectory.instruction}")
-        record_person(desktop, trajectory, options.port, click.echo)
+        with kept(trajectory, folder, click.echo):
+            record_person(desktop, trajectory, options.port, click.echo)
         if task is not None and machine is not None:
             verdict = task.validate(machine)
-    saved = save(trajectory, folder)
-    judged = f", {verdict.reason}" if verdict else ""
-    click.echo(f"{saved}: {len(trajectory.steps)} steps in {folder}{judged}")
+    if verdict:
+        click.echo(verdict.reason)
     return 0 if verdict is None or verdict.passed else 1
 
 

@@ -13,7 +13,7 @@ from ..embedded.desktop import EmbeddedDesktop
 from ..embedded.sites.state import SiteState
 from ..errors import DesktopError
 from .stage import RecordingStage
-from .trajectory import EpisodeRecording, RecordedView, save
+from .trajectory import EpisodeRecording, RecordedView, prepare, save
 
 
 class Watched:
@@ -61,6 +61,7 @@ def record_task(
         DesktopError: The oracle did not do the task; then nothing is written.
     """
     task = tasks.get(name, seed)
+    prepare(folder)
     machine = tasks.Machine(desktop, SiteState(desktop.record["sites"]))
     trajectory = EpisodeRecording(task.id, task.instruction, task.apps)
     watched = Watched(desktop, trajectory)

@@ -5,6 +5,7 @@ A recording that breaks off leaves no valid pack.
 
 import io
 import json
+import re
 from collections.abc import Container
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from PIL import Image
 
 from hijack_data.errors import HijackError
 from hijack_data.files import sha256_of, write_atomic
-from hijack_data.pack import FORMAT, INDEX, VERSION
+from hijack_data.pack import FORMAT, INDEX, VERSION, picture_kinds
 from hijack_data.types import Size, UInt8Array
 
 from ..errors import DesktopError
@@ -26,6 +27,9 @@ LICENCE = (
     " its own wallpaper, web sites and documents; themes, icons, fonts and what applications draw"
     " belong to their projects."
 )
+
+
+_NAMED = re.compile(r".+-[0-9]+x[0-9]+-[0-9]+\.webp", re.DOTALL)
 
 
 class Pack:
@@ -101,7 +105,7 @@ class Pack:
         return entry
 
     def finish(self, desktop: dict[str, Any]) -> int:
-        """Write the pictures, then the index, then remove pictures that the index does not name.
+        """Write the pictures, then the index, then remove pictures of ours that it does not name.
 
         Args:
             desktop: What the pictures show, for the index.
@@ -118,7 +122,7 @@ class Pack:
         for path in self.folder.glob("*.webp"):
             if path.name in named:
                 total += path.stat().st_size
-            else:
+            elif _is_ours(path):
                 path.unlink()
         return total
 
@@ -186,7 +190,11 @@ def _present(folder: Path) -> list[dict[str, Any]]:
         version = index["version"]
         if form != FORMAT or version != VERSION:
             raise HijackError(f"{path} is of format {form} {version}, not {FORMAT} {VERSION}")
-        return [dict(entry) for entry in index["pictures"]]
+        entries = [dict(entry) for entry in index["pictures"]]
+        for entry in entries:
+            _, _ = entry["screen"]
+            _ = [entry[name] for name in ("id", "file", "kind", "sha256")]
+        return entries
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise HijackError(
             f"{path} cannot be read ({type(error).__name__}: {error}); remove it or mend it"
@@ -194,8 +202,20 @@ def _present(folder: Path) -> list[dict[str, Any]]:
 
 
 def _check_no_other_files(folder: Path) -> None:
-    if not folder.is_dir() or not any(folder.iterdir()) or any(folder.glob("*.webp")):
-        return
-    raise HijackError(
-        f"{folder} holds something, but no {INDEX}: it is no asset pack; give another folder"
-    )
+    """Check that a folder without an index holds at most what a recording left that broke off.
+
+    Raises:
+        HijackError: It holds something else.
+    """
+    others = sorted(path.name for path in folder.glob("*") if not _is_ours(path))
+    if others:
+        raise HijackError(
+            f"{folder} holds {others[0]!r}, but no {INDEX}: it is no asset pack; give another"
+            " folder"
+        )
+
+
+def _is_ours(path: Path) -> bool:
+    """Return whether a file has a name that `Pack` gives to pictures."""
+    kind = path.name.partition("-")[0]
+    return kind in picture_kinds() and _NAMED.fullmatch(path.name) is not None

@@ -3,8 +3,10 @@
 Each line has the screen before an action, and the action.
 """
 
+import contextlib
 import json
-from collections.abc import Iterable, Sequence
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -159,6 +161,43 @@ def free_name(folder: Path, wanted: str) -> str:
     return name
 
 
+def prepare(folder: Path) -> None:
+    """Make the folder of trajectories, and check that one can be added, before one is recorded.
+
+    Raises:
+        HijackError: The folder cannot be written, or holds something else.
+    """
+    try:
+        (folder / IMAGES).mkdir(parents=True, exist_ok=True)
+        free_name(folder, "")
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        problem = f"{type(error).__name__}: {error}"
+        raise HijackError(f"cannot add a trajectory to {folder}: {problem}") from None
+
+
+@contextlib.contextmanager
+def kept(
+    trajectory: EpisodeRecording,
+    folder: Path,
+    say: Callable[[str], object],
+) -> Iterator[None]:
+    """Save what is recorded in the block, also where an error ends it.
+
+    Args:
+        trajectory: What is recorded.
+        folder: As for `save`.
+        say: Called with a line about what was saved.
+    """
+    try:
+        yield
+    finally:
+        if trajectory.steps:
+            name = save(trajectory, folder)
+            say(f"{name}: {len(trajectory.steps)} steps in {folder}")
+
+
 def save(trajectory: EpisodeRecording, folder: Path) -> str:
     """Append a trajectory to the folder, its lines last.
 
@@ -168,12 +207,8 @@ def save(trajectory: EpisodeRecording, folder: Path) -> str:
     Raises:
         HijackError: The folder cannot be written, or holds something else.
     """
-    try:
-        (folder / IMAGES).mkdir(parents=True, exist_ok=True)
-        name = free_name(folder, trajectory.id)
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        problem = f"{type(error).__name__}: {error}"
-        raise HijackError(f"cannot add a trajectory to {folder}: {problem}") from None
+    prepare(folder)
+    name = free_name(folder, trajectory.id)
     rows = list(trajectory.rows(name))
     for row, (view, _, _) in zip(rows, trajectory.steps, strict=True):
         write_atomic(folder / row["image"], encode_png(view.frame))
@@ -191,4 +226,5 @@ def _lines(folder: Path) -> list[str]:
     path = folder / RECORDS
     if not path.exists():
         return []
-    return [line for line in path.read_text(encoding="utf-8").splitlines() if line]
+    # Not `splitlines`, which also ends a line at U+2028 and the like within a text.
+    return [line for line in path.read_text(encoding="utf-8").split("\n") if line]

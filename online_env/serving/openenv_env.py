@@ -15,7 +15,7 @@ from openenv.core.env_server.types import (  # pyright: ignore[reportMissingImpo
 from pydantic import Field
 
 from hijack_data import __version__
-from hijack_data.errors import UnknownNameError, some_of, suggest
+from hijack_data.errors import ParameterError, UnknownNameError, some_of, suggest
 from hijack_data.png import encode
 
 from ..agents.adapters.reading import PYAUTOGUI
@@ -103,11 +103,14 @@ class DesktopEnvironment(Environment[DesktopAction, DesktopObservation, DesktopS
 
         Raises:
             UnknownNameError: There is no such option, task or corruption.
+            ParameterError: The task is given twice.
         """
         for key in options:
             if key not in OPTIONS:
                 raise UnknownNameError(f"reset has no option {key!r:.80}{suggest(key, OPTIONS)}")
         if "split" in options or "index" in options:
+            if options.get("task") is not None:
+                raise ParameterError("reset takes task, or split and index, not both")
             options["task"] = self._indexed(options.pop("split", None), options.pop("index", 0))
         view = self._session.reset(seed=seed, **options)
         self._episode = episode_id

@@ -239,13 +239,17 @@ class DesktopPool:
 
     def _replace(self, seat: DesktopSeat) -> None:
         """End a desktop, and start another one until that works."""
-        with contextlib.suppress(DesktopError):
+        # Whatever is raised here (a full disk, too): without this thread the desktop would be
+        # missing for good.
+        try:
             seat.stack.close()
+        except Exception as error:  # noqa: BLE001
+            _log.error("a desktop that failed did not end: %s", error)
         while not self._closing.is_set():
             try:
                 self._add()
                 break
-            except DesktopError as error:
+            except Exception as error:  # noqa: BLE001
                 _log.error("no desktop in the place of one that ended, trying again: %s", error)
                 self._closing.wait(STARTS)
         with self._changed:

@@ -167,6 +167,7 @@ class DesktopSession:
             self._lease = lease
             with lease.in_use():
                 try:
+                    self._check_open()  # it may have been closed while this waited in line
                     return self._begin(lease, choice)
                 except MissingCapabilityError as error:
                     self._give_up(lease, error, is_broken=False)

@@ -90,10 +90,10 @@ class Machine:
         """Return the content of a file, or `None` if there is none.
 
         Raises:
-            GuestError: The file cannot be read.
+            DesktopError: The file cannot be read, or the desktop cannot tell whether it is there.
         """
         whole = self.path(path)
-        if not self.desktop.execute(["test", "-f", whole]).ok:
+        if not commands.ran(self.desktop, "test", "-f", whole).ok:
             return None
         try:
             return self.desktop.read_file(whole)
@@ -114,14 +114,20 @@ class Machine:
         return text.replace("\r\n", "\n")
 
     def exists(self, path: str) -> bool:
-        """Return whether there is a file, folder or link."""
+        """Return whether there is a file, folder or link.
+
+        `DesktopError` is raised if the desktop cannot tell.
+        """
         whole = self.path(path)
-        return self.desktop.execute(["test", "-e", whole, "-o", "-L", whole]).ok
+        return commands.ran(self.desktop, "test", "-e", whole, "-o", "-L", whole).ok
 
     def names(self, folder: str) -> set[str] | None:
-        """Return the names in a folder, hidden ones as well, or `None` if there is none."""
+        """Return the names in a folder, hidden ones as well, or `None` if there is none.
+
+        `DesktopError` is raised if the desktop cannot tell.
+        """
         command = ["find", self.path(folder), "-mindepth", "1", "-maxdepth", "1"]
-        result = self.desktop.execute([*command, "-printf", r"%f\0"])
+        result = commands.ran(self.desktop, *command, "-printf", r"%f\0")
         if not result.ok:
             return None
         return {name for name in result.output.split("\0") if name}
@@ -174,7 +180,7 @@ class Machine:
             known = APPS.get(name)
             if known is None:
                 continue
-            if not self.desktop.execute(["sh", "-c", f"command -v {known.argv[0]}"]).ok:
+            if not commands.ran(self.desktop, "sh", "-c", f"command -v {known.argv[0]}").ok:
                 raise MissingPackageError(
                     f"{known.argv[0]} is not on the desktop, and the task uses it: "
                     f"hijack desktop install --profile {known.profile}"

@@ -165,3 +165,60 @@ def test_an_answer_that_does_not_come_names_the_limit():
         url = f"http://127.0.0.1:{silent.getsockname()[1]}"
         with pytest.raises(GuestError, match=r"was not answered within 0\.2 s"):
             GuestConnection(url, None, 5).ask("GET", "/full", timeout=0.2)
+
+
+def guest_that(answers):
+    """A handler that gives, for each path, one answer after the other; the last one for good."""
+
+    class Guest(Handler):
+        def do_GET(self):
+            found = answers[self.path]
+            status, headers, body = found.pop(0) if len(found) > 1 else found[0]
+            self.send_response(status)
+            for name, value in headers.items():
+                self.send_header(name, value)
+            self.send_header("Content-Length", str(len(body)))
+            self.end_headers()
+            self.wfile.write(body)
+
+    return Guest
+
+
+@pytest.fixture
+def desktop_of():
+    servers = []
+
+    def make(**answers):
+        handler = guest_that({f"/ah/{name}": found for name, found in answers.items()})
+        servers.append(ThreadingHTTPServer(("127.0.0.1", 0), handler))
+        threading.Thread(target=servers[-1].serve_forever).start()
+        return HttpDesktop(f"http://127.0.0.1:{servers[-1].server_port}", timeout=5)
+
+    yield make
+    for server in servers:
+        server.shutdown()
+        server.server_close()
+
+
+@pytest.mark.parametrize("status", [500, 502, 503])
+def test_a_server_of_ours_that_fails_once_is_not_taken_for_a_plain_guest(desktop_of, status):
+    desktop = desktop_of(health=[(status, {}, b"starting"), (200, {}, b"{}")])
+    with pytest.raises(GuestError, match=f"/ah/health answered {status}: starting"):
+        _ = desktop.is_ours
+    assert desktop.is_ours
+
+
+@pytest.mark.parametrize(
+    ("width", "height"), [("abc", "1"), ("-2", "-1"), ("2", ""), ("9" * 5000, "1"), ("²", "1")]
+)
+def test_a_frame_whose_size_is_no_size_is_an_error_of_the_guest(desktop_of, width, height):
+    sizes = {"X-Width": width, "X-Height": height}
+    desktop = desktop_of(health=[(200, {}, b"{}")], frame=[(200, sizes, b"123456")])
+    with pytest.raises(GuestError, match="/ah/frame sent 6 bytes for a frame of"):
+        desktop.screenshot()
+
+
+def test_an_answer_without_windows_is_an_error_of_the_guest(desktop_of):
+    desktop = desktop_of(health=[(200, {}, b"{}")], windows=[(200, {}, b"{}")])
+    with pytest.raises(GuestError, match="/ah/windows answered without windows"):
+        desktop.windows()

@@ -44,7 +44,7 @@ from online_env.effects.elements import live_elements
 from online_env.effects.guest import Guest, isolated
 from online_env.effects.multi_apps import _misplaced
 from online_env.embedded.guest import inside
-from online_env.embedded.guest.inside import nettool
+from online_env.embedded.guest.inside import locktool, nettool
 from online_env.embedded.guest.tree import NAMESPACES
 from online_env.errors import DesktopError, MissingCapabilityError
 
@@ -107,6 +107,76 @@ def test_plug_in_effect(own_kind):
     assert again.probe().ok
     assert [len(again.record["probes"]), len(again.record["undone"])] == [2, 1]
     assert len(done.record["probes"]) == 1, "the record that was read must not change"
+
+
+@pytest.mark.parametrize(
+    "host", ["10.0.0.1 accept\nRULES\ntouch /tmp/owned\n#", "fe80::1%$(id)", "", 7, None]
+)
+def test_a_guest_that_was_taken_over_writes_nothing_into_the_rules_that_root_sets(host):
+    scripts = []
+
+    def root(script):
+        scripts.append(script)
+        return RunResult("success", "", "", 0)
+
+    found = {"interfaces": ["eth0"], "hosts": ["192.0.2.1", host], "reached": []}
+    guest = SimpleNamespace(
+        capabilities=CAPABILITIES,
+        network_root=root,
+        tool=lambda *_: found,
+    )
+    with pytest.raises(EffectError, match="the guest names a controlling host that is no address"):
+        perform(Effect("firewall"), guest)
+    assert scripts == ["nft list tables"]
+    found["hosts"].pop()
+    assert perform(Effect("firewall"), guest).record["did"]["hosts"] == ["192.0.2.1"]
+
+
+@pytest.mark.parametrize(
+    ("box", "covers"),
+    [
+        ([0, 0, 1920, 1080], True),
+        ([-5, -5, 1925, 1085], True),
+        ([-5, 400, 1925, 450], False),  # a strip that is wider than the screen
+        ([0, 0, 1925, 40], False),
+        ([-1, 1, 1920, 1080], False),
+    ],
+)
+def test_a_window_covers_the_screen_in_both_directions_or_not_at_all(box, covers):
+    assert locktool.covers(box, 1920, 1080) is covers
+
+
+@pytest.mark.parametrize(
+    ("answer", "problem"),
+    [
+        (RunResult("success", "", "", 0), "geany could not be started: "),
+        (RunResult("success", "", "sh: Cannot fork", 2), "geany could not be started: .*fork"),
+        (RunResult("error", "", "timed out"), "shell script did not run in the guest: timed out"),
+    ],
+)
+def test_an_application_that_could_not_be_started_ends_no_session(answer, problem):
+    state = {"windows": [], "active": 0, "area": [0, 0, 100, 100]}
+    ran = []
+
+    def execute(argv, timeout=60):
+        ran.append(argv[2])
+        if "command -v" in argv[2]:
+            return RunResult("success", "setsid geany", "", 0)
+        return answer
+
+    guest = SimpleNamespace(capabilities=CAPABILITIES, execute=execute, tool=lambda *_: state)
+    with pytest.raises(DesktopError, match=problem):
+        perform(Effect("launch_app", {"app": "vscode"}), guest)
+    assert not [script for script in ran if "pkill" in script]
+
+
+@pytest.mark.parametrize("kind", ["launch_app", "lock"])
+def test_a_guest_that_cannot_be_asked_does_not_count_as_one_that_lacks_something(kind):
+    busy = desktop(RunResult("error", "", "Command timed out after 60 seconds"))
+    busy.tool = lambda *_: {"windows": [], "active": 0, "area": [0, 0, 100, 100]}
+    with pytest.raises(DesktopError, match="did not run in the guest: Command timed") as found:
+        perform(Effect(kind, {"app": "vscode"}), busy)
+    assert not isinstance(found.value, MissingCapabilityError)
 
 
 def test_incomplete_and_taken_kinds_are_refused(own_kind):

@@ -1,9 +1,12 @@
 """The parts of the embedded desktop that need no root and no desktop."""
 
+import asyncio
 import ipaddress
 import json
 import os
 import re
+import threading
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +17,12 @@ from hypothesis import strategies as st
 
 from hijack_data.errors import ParameterError, UnknownNameError
 from online_env.cli import _size, desktop
-from online_env.embedded import doctor, home, packages, pictures, registry
-from online_env.embedded.runtime import account, files, identity, network, session
+from online_env.embedded import doctor, home, packages, pictures, pool, registry
+from online_env.embedded.guest import commands, recorder, routes_files
+from online_env.embedded.image import sources
+from online_env.embedded.runtime import account, files, identity, internet, network, session
 from online_env.embedded.runtime.plain import DesktopConfig, SetupError
+from online_env.errors import GuestError
 
 from support import needs
 
@@ -44,6 +50,105 @@ def test_a_name_is_safe_or_refused(name):
     else:
         with pytest.raises(SetupError, match="must be 1 to 20"):
             registry.claim(name, (1, 1), None, {})
+
+
+def test_a_desktop_whose_internet_ends_again_and_again_is_given_up(tmp_path, monkeypatch):
+    monkeypatch.setattr(registry, "RUN", tmp_path)
+    monkeypatch.setattr(internet.Internet, "_enter", lambda self: None)
+    (tmp_path / "d1/logs").mkdir(parents=True)
+    python = tmp_path / "python"
+    python.write_text("#!/bin/sh\necho no module of ours >&2\n")
+    python.chmod(0o755)
+    order = DesktopConfig(
+        name="d1",
+        screen=(640, 480),
+        layer="",
+        search_path=(),
+        python=str(python),
+    )
+    sites = internet.Internet(order, "d1")
+    for _ in range(internet.RESTARTS):
+        sites._process.wait()
+        sites.look_after()
+    sites._process.wait()
+    with pytest.raises(SetupError, match=r"internet ended 6 times; .*\s*no module of ours"):
+        sites.look_after()
+    sites.close()
+
+
+class Flaky(BaseHTTPRequestHandler):
+    """Cuts its first answer off, talks rubbish then, and at last gives what was asked for."""
+
+    asked = 0
+
+    def do_GET(self):
+        type(self).asked += 1
+        answers = {
+            1: b"HTTP/1.0 200 OK\r\nContent-Length: 4\r\n\r\nfu",
+            2: b"rubbish\r\n\r\n",
+        }
+        full = b"HTTP/1.0 200 OK\r\nContent-Length: 4\r\n\r\nfull"
+        self.wfile.write(answers.get(self.asked, full))
+        self.close_connection = True
+
+    def log_message(self, *_):
+        pass
+
+
+@pytest.fixture
+def flaky(monkeypatch):
+    """The address of a server that answers at the third time."""
+    monkeypatch.setattr(sources.time, "sleep", lambda seconds: None)
+    monkeypatch.setattr(Flaky, "asked", 0)
+    with ThreadingHTTPServer(("127.0.0.1", 0), Flaky) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}/file"
+        server.shutdown()
+
+
+def test_what_is_cut_off_or_rubbish_is_fetched_again(flaky, tmp_path):
+    assert sources.fetch(flaky) == b"full"
+    Flaky.asked = 0
+    assert routes_files._download(flaky, str(tmp_path / "file")) == 4
+    assert (tmp_path / "file").read_bytes() == b"full"
+
+
+def test_a_recording_that_does_not_begin_is_told_at_once(tmp_path, monkeypatch):
+    """Not when it is over, and everything that was to be seen has passed."""
+    monkeypatch.setattr(recorder, "PATIENCE", 0.5)
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    ffmpeg = tmp_path / "ffmpeg"
+    ffmpeg.write_text("#!/bin/sh\necho waiting for the screen >&2\nexec sleep 60\n")
+    ffmpeg.chmod(0o755)
+    made = recorder.Recorder(":0", commands.Runner(str(tmp_path)))
+    with pytest.raises(GuestError, match=r"did not begin to write within 0\.5 s: waiting for"):
+        asyncio.run(made.start((640, 480)))
+    with pytest.raises(GuestError, match="No recording in progress"):
+        asyncio.run(made.stop())
+
+
+def test_a_network_is_never_that_of_another_desktops_internet(tmp_path, monkeypatch):
+    monkeypatch.setattr(network, "NETNS", tmp_path)
+    for name in ("my", "my-web"):
+        for namespace in (network.desktop_namespace(name), network.web_namespace(name)):
+            (tmp_path / namespace).touch(exist_ok=False)
+    assert network.leftovers({"my", "my-web"}) == []
+    assert network.leftovers({"my-web"}) == ["my"]
+    network.remove("my")
+    assert {path.name for path in tmp_path.iterdir()} == {
+        network.desktop_namespace("my-web"),
+        network.web_namespace("my-web"),
+    }
+
+
+@given(names, st.integers(1, 99_999))
+def test_the_desktops_of_one_order_have_names_that_are_allowed(name, number):
+    if not registry._NAME.fullmatch(name):
+        name = "a-name-of-18-chars" + "-x"
+    found = pool.numbered(name, number)
+    assert registry._NAME.fullmatch(found)
+    assert found == name if number == 1 else found.endswith(f"-{number}")
+    assert pool.numbered(None, number) is None
 
 
 @given(

@@ -1,9 +1,12 @@
 """OSWorld's own DesktopEnv, in its own Python, against a guest of a few lines on loopback."""
 
+import contextlib
 import email.parser
 import email.policy
 import json
+import signal
 import subprocess
+import sys
 import threading
 import urllib.parse
 from collections.abc import Iterator
@@ -342,6 +345,71 @@ def test_a_broken_interpreter_says_so(tmp_path: Path) -> None:
     with pytest.raises(OsworldError, match="exit code 1"):
         OsworldEnv(
             Path("/usr/bin/false"),
+            lambda: Address("127.0.0.1"),
+            OSWorldSettings(tmp_path / "c"),
+            tmp_path / "log",
+        )
+
+
+# In the place of OSWorld's own package.
+PACKAGE = """
+import time
+class metrics: pass
+class getters: pass
+class SetupController: pass
+class Controller:
+    def get_screenshot(self): return b"screen"
+class DesktopEnv:
+    def __init__(self, **_): self.controller = Controller()
+    def evaluate(self):
+        time.sleep(0.6)
+        return 0.25
+"""
+# An interpreter that finds it: it is called as `python -I -c CODE FOLDER`.
+INTERPRETER = """#!{python}
+import sys
+sys.path.insert(0, {place!r})
+code, sys.argv = sys.argv[3], ["-c", sys.argv[4]]
+exec(code)
+"""
+
+
+class Stopped(Exception):
+    """What a limit of somebody else's raises in the middle of a call."""
+
+
+def test_the_answer_of_a_call_that_was_interrupted_is_not_taken_for_the_next_ones(
+    tmp_path: Path,
+) -> None:
+    pytest.importorskip("requests")
+    (tmp_path / "desktop_env").mkdir()
+    (tmp_path / "desktop_env/desktop_env.py").write_text(PACKAGE)
+    python = tmp_path / "python"
+    python.write_text(INTERPRETER.format(python=sys.executable, place=str(tmp_path)))
+    python.chmod(0o755)
+
+    def stop(*_: object) -> None:
+        raise Stopped
+
+    settings = OSWorldSettings(tmp_path / "cache")
+    with contextlib.closing(
+        OsworldEnv(python, lambda: Address("127.0.0.1"), settings, tmp_path / "log")
+    ) as env:
+        before = signal.signal(signal.SIGALRM, stop)
+        try:
+            signal.setitimer(signal.ITIMER_REAL, 0.2)
+            with pytest.raises(Stopped):
+                env.evaluate()
+        finally:
+            signal.signal(signal.SIGALRM, before)
+        assert env.controller.get_screenshot() == b"screen"
+        assert env.evaluate() == 0.25
+
+
+def test_an_interpreter_that_is_gone_says_how_to_make_it_again(tmp_path: Path) -> None:
+    with pytest.raises(OsworldError, match=r"no/python does not start .*hijack osworld setup"):
+        OsworldEnv(
+            tmp_path / "no/python",
             lambda: Address("127.0.0.1"),
             OSWorldSettings(tmp_path / "c"),
             tmp_path / "log",

@@ -3,6 +3,7 @@ Python."""
 
 import subprocess
 import sys
+import time
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -16,7 +17,7 @@ from hijack_data.files import encode_png
 from online_env.desktops.osworld import CAP_NOTE, CHUNK, OUTPUT_CAP, OsworldDesktop
 from online_env.desktops.protocol import Desktop, RunResult
 from online_env.desktops.survey import survey
-from online_env.errors import GuestError, MissingCapabilityError
+from online_env.errors import DesktopTimeoutError, GuestError, MissingCapabilityError
 
 
 class Controller:
@@ -162,6 +163,24 @@ def test_a_large_file_goes_in_pieces(desktop: OsworldDesktop, tmp_path: Path) ->
     assert desktop.read_file(str(tmp_path / "f")) == data
 
 
+def test_a_piece_that_is_sent_again_is_written_once(
+    desktop: OsworldDesktop,
+    env: Env,
+    tmp_path: Path,
+) -> None:
+    """OSWorld's client repeats a command whose answer was lost."""
+    once = env.controller.execute_python_command
+
+    def twice(command: str) -> dict[str, Any]:
+        once(command)
+        return once(command)
+
+    env.controller.execute_python_command = twice  # type: ignore[method-assign]
+    data = np.random.default_rng(0).bytes(2 * CHUNK + 1)
+    desktop.write_file(str(tmp_path / "f"), data)
+    assert (tmp_path / "f").read_bytes() == data
+
+
 def test_files_that_cant_be_had_are_errors(desktop: OsworldDesktop, tmp_path: Path) -> None:
     for path in (tmp_path / "none", tmp_path):
         with pytest.raises(GuestError, match="no file that") as caught:
@@ -239,6 +258,44 @@ def test_the_firewall_is_ours_only_with_the_password(
         return RunResult("success", done.stdout, done.stderr, done.returncode)
 
     assert ("firewall" in survey(execute, password)) is allowed
+
+
+def test_a_guest_that_is_too_busy_to_tell_what_it_has_is_asked_again(
+    env: Env, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("online_env.desktops.survey.TIMEOUT", 0.1)
+    answers = [RunResult("error", "", "Command timed out"), RunResult("success", "lock", "", 0)]
+
+    def execute(self: OsworldDesktop, argv: list[str], timeout: float) -> RunResult:
+        answer = answers.pop(0)
+        time.sleep(0.0 if answer.ok else timeout)
+        return answer
+
+    monkeypatch.setattr(OsworldDesktop, "execute", execute)
+    desktop = OsworldDesktop(env)
+    with pytest.raises(DesktopTimeoutError, match="did not tell within"):
+        _ = desktop.capabilities
+    assert "lock" in desktop.capabilities
+
+
+def test_a_locker_that_hangs_costs_one_wait(tmp_path: Path) -> None:
+    hangs = tmp_path / "mate-screensaver-command"
+    hangs.write_text(f"#!/bin/sh\necho asked >> {tmp_path}/log\nexec sleep 60\n")
+    hangs.chmod(0o755)
+
+    def execute(argv: Any, timeout: float) -> RunResult:
+        place = {"PATH": f"{tmp_path}:/usr/bin:/bin"}
+        done = subprocess.run(
+            argv,
+            capture_output=True,
+            text=True,
+            check=False,
+            env=place,
+        )
+        return RunResult("success", done.stdout, done.stderr, done.returncode)
+
+    assert "lock" not in survey(execute, None)
+    assert (tmp_path / "log").read_text() == "asked\n"
 
 
 def test_what_is_not_shaped_like_osworld_is_refused() -> None:

@@ -1,6 +1,10 @@
 """Corrupting a desktop by hand, on one that is none: what is recorded, refused and undone."""
 
 import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -8,6 +12,7 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 import hijack_data as hj
 from hijack_data.errors import ParameterError
+from hijack_data.plan import Effect
 from online_env.corrupting import (
     FILE,
     Ledger,
@@ -19,6 +24,8 @@ from online_env.corrupting import (
 from online_env.errors import DesktopError
 
 from support.live import FakeDesktop, Marking
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 class ByHand(Marking):
@@ -60,6 +67,25 @@ def test_an_effect_whose_probe_fails_is_not_ok(ledger):
     done = corrupt_desktop(FakeDesktop(), ByHand(sabotaged=True))
     assert not done.ok
     assert "nothing is marked" in done.saw
+
+
+class Twice(ByHand):
+    """Its second effect breaks off."""
+
+    def plan(self, scene, **given):
+        plan = super().plan(scene, **given)
+        breaks = Effect("test_mark", {"raises": "desktop", "says": "no answer"})
+        return replace(plan, effects=(*plan.effects, breaks))
+
+
+def test_what_was_applied_before_an_effect_that_fails_is_recorded_and_can_be_undone(ledger):
+    desktop = FakeDesktop()
+    with pytest.raises(DesktopError, match="no answer"):
+        corrupt_desktop(desktop, Twice(), note=lambda records: ledger.add("marking", records))
+    assert desktop.state == {"marked"}
+    ((_, kind, undone),) = undo_recorded(desktop, "marking", ledger)
+    assert (kind, undone.ok) == ("test_mark", True)
+    assert desktop.state == set()
 
 
 def test_a_corruption_of_the_picture_leaves_the_machine_alone(ledger):
@@ -135,3 +161,24 @@ def test_a_damaged_ledger_counts_as_empty(
     assert ledger.entries() == []
     ledger.add("marking", [])
     assert [entry["corruption"] for entry in ledger.entries()] == ["marking"]
+
+
+def test_two_processes_do_not_lose_what_the_other_applied(ledger, tmp_path):
+    code = (
+        "import sys; from pathlib import Path; from online_env.corrupting import Ledger\n"
+        "ledger = Ledger(Path(sys.argv[1])); print('ready', flush=True); input()\n"
+        "for n in range(60): ledger.add(f'{sys.argv[2]}{n}', [])"
+    )
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    command = [sys.executable, "-c", code, str(tmp_path)]
+    running = [subprocess.Popen([*command, name], cwd=ROOT, **pipes) for name in "ab"]
+    for process in running:
+        assert process.stdout.readline() == "ready\n"
+    for process in running:
+        process.stdin.write("\n")
+        process.stdin.flush()
+    for process in running:
+        process.communicate()
+        assert process.returncode == 0
+    found = {entry["corruption"] for entry in ledger.entries()}
+    assert found == {f"{name}{n}" for name in "ab" for n in range(60)}

@@ -9,6 +9,7 @@ import pytest
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 import hijack_data as hj
+from hijack_data.errors import ParameterError
 from online_env.desktops.protocol import RunResult
 from online_env.errors import GuestError
 
@@ -61,6 +62,36 @@ def test_after_the_end_nothing_happens_any_more():
     assert np.array_equal(again[0]["screenshot"], last[0]["screenshot"])
     assert again[0]["screenshot"] is not last[0]["screenshot"]
     assert stage.desktop.ran == []
+
+
+class OnElements(Marking):
+    """Acts where there are so many elements, and nowhere else."""
+
+    needs_elements = True
+
+    def plan(self, scene, **given):
+        if len(scene.boxes) < self.given["least"]:
+            return hj.Plan.clean(scene.size)
+        if self.given.get("refuses") and len(scene.boxes) > 2:
+            raise ParameterError("too many elements")
+        return super().plan(scene, **given)
+
+
+@pytest.mark.parametrize("refuses", [False, True])
+def test_a_corruption_that_acts_on_elements_alone_finds_them(refuses):
+    env, stage = make(corruption=OnElements(1, least=2, refuses=refuses), max_steps=4)
+    env.reset(seed=0)
+    assert stage.desktop.state == set()
+    env.step("WAIT")
+    assert stage.desktop.state == {"marked"}
+    assert env.step("DONE")[1:4] == (1.0, True, False)
+    assert [effect["step"] for effect in env.record["effects"]] == [1]
+
+
+def test_elements_are_not_looked_for_where_nothing_is_due():
+    env, stage = make(corruption=OnElements(3, least=2), max_steps=3)
+    play(env, "WAIT", "WAIT", "DONE")
+    assert stage.desktop.calls.count("tree") == 1  # of the last observation
 
 
 def test_a_task_is_judged_by_the_agents_own_actions():

@@ -2,18 +2,22 @@
 on request."""
 
 import json
+import re
+from typing import ClassVar
 
+import numpy as np
 import pytest
 
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 import hijack_data as hj
-from hijack_data.errors import ParameterTypeError
+from hijack_data.errors import ParameterError, ParameterTypeError
 from hijack_data.params import Every
+from online_env.effects import Probe, Undone, register
 from online_env.errors import DesktopError, MissingCapabilityError
 
 from support.episodes import CLICK, make, play
-from support.live import SIZE, FakeDesktop, FakeStage, Marking
+from support.live import SIZE, FakeDesktop, FakeStage, Mark, Marking
 
 pytestmark = pytest.mark.usefixtures("no_waiting")
 
@@ -77,6 +81,75 @@ def test_an_evaluator_that_fails_is_no_zero():
     stage.fails = DesktopError("the file cannot be read")
     assert env.step("DONE")[1:] == (0.0, False, True, {})
     assert (env.record["status"], env.record["score"]) == ("error", None)
+
+
+@pytest.mark.parametrize("score", [float("nan"), float("inf"), 7, -1.0, "1", None])
+def test_what_is_no_score_is_an_error_that_is_on_record(score, tmp_path):
+    env, stage = make(log=tmp_path)
+    env.reset(seed=0)
+    stage.score = score
+    assert env.step("DONE")[1:] == (0.0, False, True, {})
+    assert (env.record["status"], env.record["score"]) == ("error", None)
+    assert "which is no score from 0 to 1" in env.record["problem"]
+    (written,) = tmp_path.glob("episodes/*/episode.json")
+    assert json.loads(written.read_bytes()) == env.record
+
+
+def test_a_mean_that_is_rounded_is_a_score():
+    env, stage = make()
+    env.reset(seed=0)
+    stage.score = np.float64(1 + 2**-52)
+    assert env.step("DONE")[1:4] == (1.0, True, False)
+    assert (env.record["status"], env.record["score"]) == ("ok", 1.0)
+
+
+@pytest.mark.parametrize("usage", [{"cost": float("nan")}, {"tokens": np.int64(3)}, {1j: 2}])
+def test_usage_that_cannot_be_written_is_refused_before_an_episode_is_lost(usage, tmp_path):
+    env, _ = make(log=tmp_path)
+    env.reset(seed=0)
+    env.account({"cost": 0.5})
+    with pytest.raises(ParameterError, match="usage must be JSON data"):
+        env.account(usage)
+    env.step("DONE")
+    (written,) = tmp_path.glob("episodes/*/episode.json")
+    assert json.loads(written.read_bytes())["usage"] == {"cost": 0.5}
+
+
+@register
+class Numbers(Mark):
+    """Gives a number of NumPy's in one place."""
+
+    kind: ClassVar[str] = "test_numbers"
+
+    def apply(self, guest, params):
+        where = params["where"]
+        return super().apply(guest, params) | {"where": where, **self.fact(where == "apply")}
+
+    def probe(self, guest, record):
+        return Probe(True, self.fact(record["where"] == "probe"))
+
+    def undo(self, guest, record):
+        super().undo(guest, record)
+        return Undone(True, self.fact(record.get("where") == "undo"))
+
+    def fact(self, is_odd):
+        return {"pixels": np.int64(5) if is_odd else 5}
+
+
+@pytest.mark.parametrize("where", ["apply", "probe", "undo"])
+def test_an_effect_whose_facts_cannot_be_written_does_not_count_as_proved(where, tmp_path):
+    env, stage = make(corruption=Marking(0, kind="test_numbers", where=where), log=tmp_path)
+    env.reset(seed=0)
+    env.step("DONE")
+    if where == "undo":
+        problem = env.record["effects"][0]["record"]["undone"][-1]["problem"]
+    else:
+        assert (env.record["status"], env.record["score"]) == ("invalid", None)
+        problem = env.record["problem"]
+    assert re.search("(record|facts) .*'test_numbers' must be JSON data", problem)
+    assert "marked" not in stage.desktop.state
+    (written,) = tmp_path.glob("episodes/*/episode.json")
+    assert json.loads(written.read_bytes()) == env.record
 
 
 @pytest.mark.parametrize("stop", [KeyboardInterrupt(), RuntimeError("a bug")])

@@ -100,12 +100,58 @@ def test_the_environment_hears_of_the_agents_actions_and_of_nothing_else(last, s
     assert env.closed == 1
 
 
+def test_the_reason_of_a_score_says_that_the_tasks_setup_failed():
+    """OSWorld only logs that, and scores the task all the same."""
+    env = Env()
+    stage = OsworldStage(env)
+    failed = ["ERROR Failed to launch application.", "ERROR No window."]
+    env.warnings = ["WARNING slow", "ERROR Attempt 1: Failed to connect, retrying. Error: x"]
+    env.warnings += failed
+    stage.reset(TASK, 0)
+    env.warnings = []
+    assert stage.evaluate(["FAIL"]).reason == (
+        "OSWorld's evaluator; the task's setup logged 2 errors, the first:"
+        " ERROR Failed to launch application."
+    )
+    stage.reset(TASK, 0)
+    assert stage.evaluate(["FAIL"]).reason == "OSWorld's evaluator"
+
+
+def test_a_guest_that_died_before_it_was_judged_is_no_zero():
+    class Dies(Env):
+        def evaluate(self):
+            self.controller.get_screenshot = lambda: None
+            return 0.0
+
+    outer = CorruptedEnv(OsworldStage(Dies()), settle=AT_ONCE)
+    outer.reset(seed=0, options={"task": TASK})
+    assert outer.step("DONE")[1:4] == (0.0, False, True)
+    assert (outer.record["status"], outer.record["score"]) == ("error", None)
+    assert "the guest gave no screenshot" in outer.record["problem"]
+
+
 def test_a_machine_that_was_used_is_reverted():
     env = Env()
     stage = OsworldStage(env)
     for reverts in (0, 1, 2):
         stage.reset(TASK, 0)
         assert env.reverts == reverts
+
+
+def test_a_machine_whose_setup_broke_off_is_reverted():
+    class Breaks(Env):
+        def reset(self, task_config=None):
+            super().reset(task_config)
+            if task_config["config"]:
+                raise RuntimeError("Setup step 1 failed")
+
+    env = Breaks()
+    stage = OsworldStage(env)
+    with pytest.raises(RuntimeError, match="step 1 failed"):
+        stage.reset({**TASK, "config": [{"type": "open", "parameters": {}}]}, 0)
+    assert env.reverts == 0
+    stage.reset(TASK, 0)
+    assert env.reverts == 1
 
 
 @pytest.mark.parametrize(

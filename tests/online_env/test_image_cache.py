@@ -2,6 +2,7 @@
 unnoticed."""
 
 import dataclasses
+import hashlib
 import io
 import json
 import os
@@ -86,6 +87,23 @@ def test_a_manifest_of_another_kind_is_refused(change, message):
         manifest.read(path)
 
 
+@pytest.mark.parametrize("part", [manifest.NAME, manifest.FILES])
+def test_a_file_that_nests_without_an_end_is_refused(packed, part):
+    nested = b"[" * 100_000
+
+    def change(info, content):
+        if info.name == manifest.NAME and part == manifest.FILES:
+            data = json.loads(content)
+            data["files_sha256"] = hashlib.sha256(nested).hexdigest()
+            return info, json.dumps(data).encode()
+        return info, nested if info.name == part else content
+
+    repack(packed, change)
+    with pytest.raises(DesktopImageError, match=f"{part}:?.* is (not JSON|no entry of a file)"):
+        cache.import_file(packed, None, print)
+    assert cache.images() == {}
+
+
 def test_an_image_goes_out_and_comes_back(packed, folder):
     called, found = cache.import_file(packed, None, print)
     assert called == "core"
@@ -150,6 +168,44 @@ def test_verify_finds_a_changed_manifest_or_list():
     path = made / manifest.NAME
     path.write_text(path.read_text().replace("signature", "none"))
     assert "manifest.json: was changed" in cache.verify(made)[0]
+
+
+@pytest.mark.parametrize("name", [*CHANGES, "root", "manifest", "list"])
+def test_an_image_that_was_damaged_is_whole_once_it_is_imported_again(name, packed):
+    damage = {
+        "root": lambda made: tree.remove(made / cache.ROOT),
+        "manifest": lambda made: (made / manifest.NAME).write_text("{"),
+        "list": lambda made: (made / manifest.FILES).unlink(),
+    }
+    _, found = cache.import_file(packed, None, print)
+    made = cache.place() / found.id
+    if name in damage:
+        damage[name](made)
+    else:
+        CHANGES[name][0](made / "root")
+    cache.import_file(packed, None, print)
+    assert cache.verify(cache.resolve("core")) == []
+
+
+def test_an_image_that_was_damaged_is_whole_once_it_is_built_again():
+    made = images.publish()
+    (made / "root/etc/words").write_text("HELLO")
+    before = made.stat().st_ino
+    assert images.publish() == made
+    assert cache.verify(made) == []
+    assert images.publish() == made
+    assert made.stat().st_ino != before
+
+
+def test_a_damaged_image_that_a_desktop_runs_from_stays(monkeypatch, packed):
+    _, found = cache.import_file(packed, None, print)
+    made = cache.place() / found.id
+    (made / "root/etc/words").write_text("HELLO")
+    record = {"id": "d1", "image": made.name}
+    monkeypatch.setattr(cache.registry, "records", lambda: [record])
+    with pytest.raises(DesktopImageError, match="in use by d1; end them first"):
+        cache.import_file(packed, None, print)
+    assert (made / "root/etc/words").read_text() == "HELLO"
 
 
 def test_a_changed_image_is_not_exported(tmp_path):

@@ -10,6 +10,7 @@ import sys
 import tarfile
 import threading
 import time
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import pytest
@@ -161,6 +162,78 @@ def test_who_has_no_token_resets_nothing(control):
 def test_a_container_that_is_gone_is_named():
     with pytest.raises(GuestError, match=r"127.0.0.1:9/reset: no reset .*does the container run"):
         ContainerResetter("127.0.0.1:9", "x")()
+
+
+@pytest.fixture
+def answering():
+    """Servers that give one answer, and what each was asked."""
+    servers = []
+
+    def make(status, headers, body):
+        asked = []
+
+        class Answer(BaseHTTPRequestHandler):
+            def do_POST(self):
+                asked.append((self.path, self.headers.get("X-Token")))
+                self.send_response(status)
+                for name, value in headers.items():
+                    self.send_header(name, value)
+                self.end_headers()
+                self.wfile.write(body)
+
+            do_GET = do_POST
+
+            def log_message(self, *_):
+                pass
+
+        servers.append(ThreadingHTTPServer(("127.0.0.1", 0), Answer))
+        threading.Thread(target=servers[-1].serve_forever).start()
+        return f"http://127.0.0.1:{servers[-1].server_port}", asked
+
+    yield make
+    for server in servers:
+        server.shutdown()
+        server.server_close()
+
+
+def test_the_token_of_a_container_goes_to_the_container_alone(answering, monkeypatch):
+    proxy, by_proxy = answering(200, {}, b"{}")
+    elsewhere, at_other = answering(200, {}, b"{}")
+    there, asked = answering(302, {"Location": f"{elsewhere}/reset"}, b"")
+    monkeypatch.setenv("http_proxy", proxy)
+    monkeypatch.setenv("no_proxy", "")
+    with pytest.raises(GuestError, match="302"):
+        ContainerResetter(there, "secret")()
+    assert asked == [("/reset", "secret")]
+    assert (by_proxy, at_other) == ([], [])
+
+
+def test_an_encrypted_address_stays_encrypted(answering):
+    there, asked = answering(200, {}, b"{}")
+    with pytest.raises(GuestError, match=r"https://.*no reset"):
+        ContainerResetter(there.replace("http:", "https:"), "secret")()
+    assert asked == []
+
+
+@pytest.mark.parametrize(
+    "url", ["ftp://box:5001", "http://", "", "box:port", "http://[::1", "box:5001/desktop"]
+)
+def test_what_is_no_address_of_a_container_is_refused(url):
+    with pytest.raises(GuestError, match="is not the address of a container"):
+        ContainerResetter(url, "secret")
+
+
+def test_an_address_of_six_groups_keeps_its_brackets():
+    with socket.create_server(("::1", 0), family=socket.AF_INET6) as listener:
+        url = f"http://[::1]:{listener.getsockname()[1]}"
+    with pytest.raises(GuestError, match=r"\[::1\]:\d+/reset: no reset .*[Rr]efused"):
+        ContainerResetter(url, "secret")()
+
+
+def test_a_failure_in_words_of_its_own_is_passed_on(answering):
+    url, _ = answering(500, {}, b"something else than JSON")
+    with pytest.raises(DesktopError, match="something else than JSON"):
+        ContainerResetter(url, "secret")()
 
 
 def test_what_root_has_changed_is_found(tmp_path):

@@ -97,6 +97,17 @@ def test_clean_rows_come_on_top_and_the_table_reads_back(shared_data: Path, tmp_
     assert [(t.id, t.domain, t.config) for t in back] == [(t.id, t.domain, t.config) for t in tasks]
 
 
+@pytest.mark.parametrize("odd", ["\u2028", "\u2029", "\x85", "\x0c", "\x1c", "\r"])
+def test_an_instruction_may_hold_what_some_take_for_the_end_of_a_line(
+    odd: str, tmp_path: Path
+) -> None:
+    out = tmp_path / "tasks.jsonl"
+    instruction = f"Write{odd}this"
+    table.write(load(put(tmp_path, {**GOOD, "instruction": instruction})), out)
+    (task,) = table.read(out)
+    assert task.instruction == instruction
+
+
 BROKEN: list[tuple[Any, str]] = [
     ("{", "not JSON"),
     ("[]", "must hold an object"),
@@ -196,6 +207,18 @@ def test_a_damaged_table_names_its_line(tmp_path: Path) -> None:
         out.write_text(text)
         with pytest.raises(ConfigError, match=message):
             table.read(out)
+
+
+def test_rows_of_one_task_that_differ_are_refused(tmp_path: Path) -> None:
+    out = tmp_path / "tasks.jsonl"
+    table.write(load(put(tmp_path, GOOD)), out)
+    lines = out.read_text().splitlines()
+    row = json.loads(lines[3])
+    row["task"]["instruction"] = "Do something else"
+    lines[3] = json.dumps(row)
+    out.write_text("\n".join(lines) + "\n")
+    with pytest.raises(ConfigError, match=r"jsonl:4: task: is not the one of an earlier row of"):
+        table.read(out)
 
 
 def test_mistakes_end_with_exit_code_2(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,5 +1,6 @@
 """Parts of the recorder that need no desktop: places, the pack's files, trajectories' files."""
 
+import contextlib
 import json
 
 import numpy as np
@@ -11,16 +12,23 @@ pytest.importorskip("lxml", reason=needs.ONLINE)
 pytest.importorskip("starlette", reason=needs.ONLINE)
 
 from hijack_data.errors import HijackError, UnknownNameError
-from hijack_data.pack import AssetPack, picture_kinds
+from hijack_data.pack import FORMAT, VERSION, AssetPack, picture_kinds
 from hijack_data.types import Action
+from online_env.errors import DesktopError
+from online_env.recording import command, wallpapers
 from online_env.recording import stage as stages
-from online_env.recording import wallpapers
 from online_env.recording.assets import LARGE, SCENES, SIZES, record_assets
 from online_env.recording.looks import GOLDEN, LOOKS
 from online_env.recording.pack import Pack
 from online_env.recording.picture import ClickTarget, Picture
 from online_env.recording.scenes import parts
-from online_env.recording.trajectory import EpisodeRecording, RecordedView, save, target_of
+from online_env.recording.trajectory import (
+    EpisodeRecording,
+    RecordedView,
+    kept,
+    save,
+    target_of,
+)
 
 SCREEN = (600, 800)
 
@@ -163,6 +171,36 @@ def test_a_folder_that_is_no_pack_is_left_alone(tmp_path):
         Pack(tmp_path, {"menu"}, [SCREEN])
 
 
+@pytest.mark.parametrize("name", ["holiday.webp", "photo-800x600-1.webp", "menu-geany.webp"])
+def test_pictures_of_somebody_elses_are_never_removed(name, tmp_path):
+    (tmp_path / name).write_bytes(b"the only one")
+    with pytest.raises(HijackError, match=rf"holds '{name}', but no index.json: it is no asset"):
+        Pack(tmp_path, {"menu"}, [SCREEN])
+    (tmp_path / name).unlink()
+    pack = Pack(tmp_path, {"menu"}, [SCREEN])
+    pack.add(picture(), SCREEN)
+    pack.finish({})
+    (tmp_path / name).write_bytes(b"the only one")
+    Pack(tmp_path, {"menu"}, [SCREEN]).finish({})
+    assert {path.name for path in tmp_path.iterdir()} == {name, "index.json"}
+
+
+def test_what_a_recording_left_that_broke_off_is_removed(tmp_path):
+    (tmp_path / "window-60x40-1.webp").write_bytes(b"half")
+    pack = Pack(tmp_path, {"menu"}, [SCREEN])
+    pack.add(picture(), SCREEN)
+    pack.finish({})
+    assert {path.name for path in tmp_path.iterdir()} == {"menu-geany-60x40-1.webp", "index.json"}
+
+
+@pytest.mark.parametrize("entry", [{}, {"screen": 5}, {"screen": [1, 2], "kind": "menu"}])
+def test_an_index_that_lacks_something_is_refused(entry, tmp_path):
+    about = {"format": FORMAT, "version": VERSION, "pictures": [entry]}
+    (tmp_path / "index.json").write_text(json.dumps(about))
+    with pytest.raises(HijackError, match="cannot be read"):
+        Pack(tmp_path, {"menu"}, [SCREEN])
+
+
 def test_a_kind_that_does_not_exist_is_told_before_anything_starts(tmp_path):
     with pytest.raises(UnknownNameError, match="did you mean 'lock_screen'"):
         record_assets(tmp_path / "new", ["lock_screens"])
@@ -214,3 +252,46 @@ def test_trajectories_are_added_to_one_folder_and_can_be_read(tmp_path):
     (tmp_path / "trajectories.jsonl").write_text("no json\n")
     with pytest.raises(HijackError, match="cannot add a trajectory"):
         save(episode, tmp_path)
+
+
+def test_a_text_may_hold_what_some_take_for_the_end_of_a_line(tmp_path):
+    from pipelines.readers import get_reader
+
+    frame = np.zeros((60, 80, 3), np.uint8)
+    instruction = "Write\u2028this\x85down"
+    for _ in range(3):
+        episode = EpisodeRecording("note-0", instruction, ("mousepad",))
+        episode.add(RecordedView(frame, ()), Action("done"), "DONE")
+        save(episode, tmp_path)
+    found = list(get_reader("jsonl").read(tmp_path))
+    assert [t.instruction for t in found] == [instruction] * 3
+
+
+def test_what_a_person_did_is_kept_where_the_desktop_ends_before_them(tmp_path):
+    said = []
+    episode = EpisodeRecording("person", "Write it down.", ())
+
+    def act():
+        with kept(episode, tmp_path, said.append):
+            frame = np.zeros((60, 80, 3), np.uint8)
+            episode.add(RecordedView(frame, ()), Action("click", 5, 6), "pyautogui.click(5, 6)")
+            raise DesktopError("the desktop has ended")
+
+    with pytest.raises(DesktopError, match="has ended"):
+        act()
+    (line,) = (tmp_path / "trajectories.jsonl").read_text().splitlines()
+    assert json.loads(line)["trajectory_id"] == "person"
+    assert said == [f"person: 1 steps in {tmp_path}"]
+    with kept(EpisodeRecording("nothing", "", ()), tmp_path / "empty", said.append):
+        pass
+    assert len(said) == 1
+
+
+@pytest.mark.parametrize("options", [{"person": True, "instruction": "x"}, {"task": "write_note"}])
+def test_a_folder_that_takes_no_trajectory_is_told_before_anybody_acts(
+    options, tmp_path, monkeypatch
+):
+    (tmp_path / "trajectories.jsonl").write_text("no json\n")
+    monkeypatch.setattr(command, "_desktop", lambda _: contextlib.nullcontext(None))
+    with pytest.raises(HijackError, match="cannot add a trajectory"):
+        command.run(command.RecordOptions(output=tmp_path, **options))

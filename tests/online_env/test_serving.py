@@ -1,6 +1,7 @@
 """What a server lends and draws, and what a session does, on desktops that are none."""
 
 import threading
+from pathlib import Path
 
 import pytest
 
@@ -85,6 +86,27 @@ def test_a_client_that_leaves_in_mid_episode_frees_its_desktop():
         with pytest.raises(HijackError, match="this session was closed; connect again"):
             session.reset()
         assert b"hijack_episodes_broken_off_total 1.0" in service.metrics.text()
+
+
+def test_a_client_that_leaves_while_it_waits_takes_no_desktop():
+    with service_on(Desktops()) as service:
+        session, leaving = DesktopSession(service), DesktopSession(service)
+        session.reset()
+        refused = []
+
+        def wait():
+            with pytest.raises(HijackError, match="this session was closed"):
+                leaving.reset()
+            refused.append(True)
+
+        thread = threading.Thread(target=wait)
+        thread.start()
+        until(lambda: service.pool.counts().waiting == 1)
+        leaving.close()
+        session.close()
+        thread.join()
+        assert refused == [True]
+        assert (service.pool.counts().free, service.pool.counts().lent) == (1, 0)
 
 
 def test_a_reset_in_mid_episode_gives_up_the_episode():
@@ -290,6 +312,30 @@ def test_a_desktop_that_fails_when_it_is_put_back_is_replaced():
         until(lambda: service.pool.replaced == 1)
         until(lambda: service.pool.counts().free == 1)
         assert DesktopSession(service).reset().done is False
+
+
+@pytest.mark.parametrize("problem", [OSError(28, "No space left"), ValueError("a bug")])
+def test_a_desktop_is_replaced_whatever_kept_it_from_starting(problem, monkeypatch):
+    monkeypatch.setattr("online_env.serving.pool.STARTS", 0.01)
+    desktops = Desktops()
+    pool = pool_of(desktops)
+    pool.start()
+    desktops.problem, desktops.failures = problem, 2
+    pool.replace(pool.take())
+    until(lambda: pool.counts().free == 1)
+    pool.close()
+    assert (desktops.made, desktops.stages) == (2, [])
+
+
+def test_a_desktop_that_cannot_be_ended_is_replaced_all_the_same():
+    desktops = Desktops()
+    pool = pool_of(desktops)
+    pool.start()
+    seat = pool.take()
+    seat.stack.callback(Path("/proc/1").rmdir)
+    pool.replace(seat)
+    until(lambda: pool.counts().free == 1)
+    pool.close()
 
 
 def test_a_desktop_that_does_not_start_ends_the_others():

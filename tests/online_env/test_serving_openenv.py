@@ -85,6 +85,10 @@ def test_the_official_client_plays_an_episode():
         ('{"type": "reset", "data": {"task": "write_nots"}}', "EXECUTION_ERROR"),
         ('{"type": "reset", "data": {"corruption": "../x.py:X"}}', "EXECUTION_ERROR"),
         ('{"type": "reset", "data": {"split": "training", "index": 99}}', "EXECUTION_ERROR"),
+        (
+            '{"type": "reset", "data": {"task": "write_note", "split": "training", "index": 1}}',
+            "EXECUTION_ERROR",
+        ),
     ],
 )
 def test_a_malformed_message_leaves_the_episode_as_it_is(message, code):

@@ -2,8 +2,10 @@
 something is missing."""
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, cast
 
 import pytest
 from hypothesis import given
@@ -16,6 +18,7 @@ pytest.importorskip("jinja2", reason=needs.ONLINE)
 
 from hijack_data.errors import UnknownNameError
 from online_env import tasks
+from online_env.desktops import commands
 from online_env.desktops.protocol import RunResult
 from online_env.embedded.sites.hosts import forms
 from online_env.embedded.sites.state import SiteState
@@ -122,6 +125,60 @@ def test_the_form_needs_the_local_internet() -> None:
     machine = tasks.Machine(Picture(TREE), None)
     with pytest.raises(DesktopError, match="needs the local internet"):
         _ = machine.sites
+
+
+@dataclass
+class Answers:
+    """A desktop whose commands give these results, one after the other."""
+
+    results: list[RunResult]
+
+    def execute(self, argv: list[str], timeout: float = 60) -> RunResult:
+        return self.results.pop(0)
+
+
+YES, NO = (RunResult("success", returncode=code) for code in (0, 1))
+HOME = RunResult("success", "/home/user", returncode=0)
+BUSY = RunResult("error", "", "Command timed out after 60 seconds")
+
+
+def test_programs_have_ended_only_where_the_desktop_says_so() -> None:
+    desktop = Answers([YES, NO, NO])
+    commands.end(cast(Any, desktop), "one", "other")
+    assert desktop.results == []
+
+
+@pytest.mark.parametrize(
+    ("result", "problem"),
+    [
+        (RunResult("error", "", "'pkill' does not start"), "'pkill -TERM -x one' did not run"),
+        (BUSY, "did not run on the desktop: Command timed out"),
+        (RunResult("success", "", "out of memory", 3), "cannot end program 'one': .*of memory"),
+    ],
+)
+def test_a_desktop_that_cannot_end_programs_says_why(result: RunResult, problem: str) -> None:
+    with pytest.raises(DesktopError, match=problem):
+        commands.end(cast(Any, Answers([result])), "one")
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda machine: machine.read("note.txt"),
+        lambda machine: machine.text("note.txt"),
+        lambda machine: machine.exists("note.txt"),
+        lambda machine: machine.names("Documents"),
+        lambda machine: machine.check_installed(["mousepad"]),
+    ],
+)
+def test_a_desktop_that_cannot_tell_does_not_say_that_there_is_nothing(
+    ask: Callable[[tasks.Machine], object],
+) -> None:
+    """Otherwise a task that was done would be judged as one that was not."""
+    machine = tasks.Machine(cast(Any, Answers([HOME, BUSY])))
+    assert machine.home == "/home/user"
+    with pytest.raises(DesktopError, match="did not run on the desktop: Command timed out"):
+        ask(machine)
 
 
 def test_nodes_of_a_tree() -> None:

@@ -18,18 +18,19 @@ TASKS = ("write_note", "rename_file")
 
 
 class Desktops:
-    """Makes stages; those in `stages` are up. `failures` many do not start."""
+    """Makes stages; those in `stages` are up. `failures` many do not start, for `problem`."""
 
     def __init__(self):
         self.stages = []
         self.made = 0
         self.failures = 0
+        self.problem = DesktopError("no desktop today")
 
     @contextlib.contextmanager
     def make(self):
         if self.failures:
             self.failures -= 1
-            raise DesktopError("no desktop today")
+            raise self.problem
         self.made += 1
         stage = FakeStage(FakeDesktop())
         self.stages.append(stage)

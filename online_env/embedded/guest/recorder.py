@@ -66,12 +66,17 @@ class Recorder:
                 stderr=log,
                 start_new_session=True,
             )
+        process = self._process
         for _ in range(int(PATIENCE / 0.05)):
-            if self._process.returncode is not None:
+            if process.returncode is not None:
                 raise GuestError(f"ffmpeg ended at once: {self._log()}", 500)
             if self._video.exists() and self._video.stat().st_size:
                 return
             await asyncio.sleep(0.05)
+        self._process = None
+        os.killpg(process.pid, signal.SIGKILL)
+        await process.wait()
+        raise GuestError(f"ffmpeg did not begin to write within {PATIENCE:g} s: {self._log()}", 500)
 
     async def stop(self) -> Path:
         """End the recording and return the file, which `discard` removes.

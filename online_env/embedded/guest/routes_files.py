@@ -4,8 +4,8 @@ import mimetypes
 import os
 import shutil
 import tempfile
-import urllib.error
 import urllib.request
+from http.client import HTTPException
 from pathlib import Path
 from typing import BinaryIO, cast
 
@@ -150,8 +150,8 @@ def _download(url: str, path: str) -> int:
     for _ in range(DOWNLOAD_TRIES):
         try:
             return _fetch(url, path)
-        except (OSError, ValueError, urllib.error.URLError) as error:
-            problem = str(error)
+        except (OSError, ValueError, HTTPException) as error:  # a URLError is an OSError
+            problem = str(error) or type(error).__name__
     raise GuestError(f"Failed to download {url}. No retries left. Error: {problem}", FAILED)
 
 

@@ -119,13 +119,32 @@ def workshop(folder: Path) -> Iterator[Path]:
 
 
 def publish(fresh: Path, found: Manifest) -> Path:
-    """Give a complete image its place, unless it is there already. Returns that place."""
+    """Give a complete image its place, unless it is there already and whole.
+
+    Returns:
+        That place.
+
+    Raises:
+        DesktopImageError: What is there is damaged, and a desktop runs from it.
+    """
     final = fresh.parent / found.id
-    if not final.is_dir():
-        fresh.chmod(0o755)
-        os.sync()
-        fresh.rename(final)
+    if is_whole(final):
+        return final
+    if final.exists():
+        _check_unused(found.id, found.id)
+        _put_away(final)
+    fresh.chmod(0o755)
+    os.sync()
+    fresh.rename(final)
     return final
+
+
+def is_whole(folder: Path) -> bool:
+    """Whether there is an image at `folder`, with every file as its manifest says."""
+    try:
+        return folder.is_dir() and not verify(folder)
+    except (DesktopImageError, OSError):
+        return False
 
 
 def name_it(
@@ -293,7 +312,7 @@ def import_file(
     check_architecture(found, str(path))
     called = check_name(name or default_name(found.profiles))
     with writing(report) as folder:
-        if not (folder / found.id).is_dir():
+        if not is_whole(folder / found.id):
             check_room(folder, found.size)
             with workshop(folder) as fresh:
                 publish(fresh, archive.unpack(path, fresh))
@@ -331,19 +350,28 @@ def remove(name: str, report: Report) -> str:
     with writing(report) as folder:
         known = names()
         image = known.get(name) or resolve(name).name
-        users = [record["id"] for record in registry.records() if record.get("image") == image]
-        if users:
-            raise DesktopImageError(
-                f"image {name!r} is in use by {', '.join(users)}; end them first: hijack desktop"
-                f" down {users[0]}"
-            )
+        _check_unused(image, name)
         for other, target in known.items():
             if target == image:
                 (folder / _NAMES / other).unlink()
                 if other == _default():
                     make_default(HOST)
-        # By another name first: a removal that is interrupted leaves no half image.
-        gone = folder / f"{REMOVED}{image}"
-        (folder / image).rename(gone)
-        tree.remove(gone)
+        _put_away(folder / image)
     return image
+
+
+def _check_unused(image: str, name: str) -> None:
+    """Check that no desktop runs from the image with this id, which the error calls `name`."""
+    users = [record["id"] for record in registry.records() if record.get("image") == image]
+    if users:
+        raise DesktopImageError(
+            f"image {name!r} is in use by {', '.join(users)}; end them first: hijack desktop"
+            f" down {users[0]}"
+        )
+
+
+def _put_away(image: Path) -> None:
+    """Remove an image; by another name first, so that no half image is left by an interrupt."""
+    gone = image.with_name(f"{REMOVED}{image.name}")
+    image.rename(gone)
+    tree.remove(gone)

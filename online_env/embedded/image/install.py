@@ -6,6 +6,7 @@ import tempfile
 import urllib.error
 import urllib.request
 from collections.abc import Iterable
+from http.client import HTTPException
 from pathlib import Path
 
 from hijack_data.files import unwritable
@@ -118,6 +119,10 @@ def _fetched(url: str, report: Report) -> str:
             raise DesktopImageError(
                 f"{url}: cannot be fetched ({error.reason}); fetch it elsewhere, and give its file"
                 " with --image FILE"
+            ) from None
+        except HTTPException as error:
+            raise DesktopImageError(
+                f"{url}: cannot be fetched ({error or type(error).__name__}); try again"
             ) from None
         except OSError as error:
             raise unwritable(folder, error) from None

@@ -104,7 +104,7 @@ def parse(text: bytes, where: str) -> Manifest:
     """
     try:
         data: object = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise DesktopImageError(f"{where}: is not JSON ({error})") from None
     checked = check_versioned(
         data,

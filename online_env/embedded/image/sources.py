@@ -16,6 +16,7 @@ import urllib.request
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from http.client import HTTPException
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -257,8 +258,8 @@ def fetch(url: str, sha256: str | None = None) -> bytes:
                 raise DesktopImageError(f"{url}: {error.code} {error.reason}") from None
             problem = str(error)
             continue
-        except (OSError, ValueError) as error:
-            problem = str(error)
+        except (OSError, ValueError, HTTPException) as error:
+            problem = str(error) or type(error).__name__
             continue
         found = hashlib.sha256(data).hexdigest()
         if sha256 is None or found == sha256:

@@ -61,7 +61,7 @@ def parse(text: str, where: str) -> list[Entry]:
         try:
             entry = Entry(*json.loads(line))
             parts = entry.path.split("/")
-        except (ValueError, TypeError, AttributeError):
+        except (ValueError, TypeError, AttributeError, RecursionError):
             raise DesktopImageError(f"{where}:{number}: is no entry of a file") from None
         if entry.kind not in _KINDS.values() or {"", ".", ".."} & set(parts):
             raise DesktopImageError(f"{where}:{number}: {entry.path!r} cannot be in an image")

@@ -49,21 +49,28 @@ class Internet:
         ready, _, _ = select.select([output], [], [], max(0.0, self._deadline - time.monotonic()))
         line = output.readline() if ready else b""
         if not line or "http" not in json.loads(line):
-            tail = self._log.read_text(encoding="utf-8", errors="replace")[-800:].strip()
-            raise SetupError(
-                f"the local internet does not serve; the end of sites.log: {tail or '(empty)'}"
-            )
+            raise SetupError(f"the local internet does not serve; {self._tail()}")
 
     def look_after(self) -> None:
-        """Start it again where it has ended, a few times."""
-        if self._left and self._process.poll() is not None:
-            self._left -= 1
-            cast("IO[bytes]", self._process.stdout).close()
-            self._process = self._start()
+        """Start it again where it has ended, a few times.
+
+        Raises:
+            SetupError: It ends again and again: without it a desktop would seem to work.
+        """
+        if self._process.poll() is None:
+            return
+        if not self._left:
+            raise SetupError(f"the local internet ended {RESTARTS + 1} times; {self._tail()}")
+        self._left -= 1
+        cast("IO[bytes]", self._process.stdout).close()
+        self._process = self._start()
+
+    def _tail(self) -> str:
+        text = self._log.read_text(encoding="utf-8", errors="replace")[-800:].strip()
+        return f"the end of sites.log: {text or '(empty)'}"
 
     def close(self) -> None:
         """End it."""
-        self._left = 0
         self._process.kill()
         self._process.wait()
         cast("IO[bytes]", self._process.stdout).close()

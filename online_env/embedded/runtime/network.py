@@ -1,6 +1,6 @@
 """The network of one desktop: two namespaces and a cable (veth).
 
-    ah-<id>  eth0 10.77.0.2/24 --- web0 10.77.0.1/24  ah-<id>-web
+    ah-<id>  eth0 10.77.0.2/24 --- web0 10.77.0.1/24  ah-<id>.web
 
 There is no way to the machine or the real network. Over `eth0` the desktop reaches its local
 internet. Neither namespace has an address or an interface of the machine's: requests for the guest
@@ -19,6 +19,7 @@ from .plain import SetupError
 NETNS = Path("/run/netns")
 WEB_ADDRESS = "10.77.0.1"
 DESKTOP_ADDRESS = "10.77.0.2"
+_WEB = ".web"
 # For who enters the desktop's network: servers on low ports need no rights, nor does `ping`.
 _SETTINGS = {"ip_unprivileged_port_start": "0", "ping_group_range": "0 4294967294"}
 
@@ -29,8 +30,11 @@ def desktop_namespace(name: str) -> str:
 
 
 def web_namespace(name: str) -> str:
-    """The network namespace that its local internet lives in."""
-    return f"ah-{name}-web"
+    """The network namespace that its local internet lives in.
+
+    No desktop's name has a dot, so it is never that of another desktop.
+    """
+    return f"ah-{name}{_WEB}"
 
 
 def address(slot: int) -> str:
@@ -95,7 +99,7 @@ def leftovers(known: set[str]) -> list[str]:
     """Desktops (by name) that have a network namespace but are not in `known`."""
     with contextlib.suppress(FileNotFoundError):
         names = {
-            p.name.removeprefix("ah-").removesuffix("-web")
+            p.name.removeprefix("ah-").removesuffix(_WEB)
             for p in NETNS.iterdir()
             if p.name.startswith("ah-")
         }

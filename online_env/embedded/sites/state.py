@@ -53,12 +53,15 @@ class SiteState:
     def read(self, site: str) -> dict[str, Any]:
         """The stored state of `site`; empty if nothing was done there.
 
-        A file that cannot be read, or is damaged, is a `SiteStateError`.
+        A file that cannot be read, or is damaged, or a folder that is gone is a `SiteStateError`.
         """
         path = self.path(site)
         try:
             value = json.loads(path.read_bytes())
         except FileNotFoundError:
+            # The folder of a desktop goes with it: that nothing was done would be a guess.
+            if not self.folder.is_dir():
+                _refuse(path, "is gone with its folder; has the desktop ended?")
             return {}
         except OSError as error:
             _refuse(path, f"cannot be read: {error.strerror}", error)

@@ -121,4 +121,4 @@ def main() -> None:
     while (request := channel.receive()) is not None:
         with OutcomeHandler() as outcome:
             outcome.value = calls[request["call"]](*request.get("arguments", []))
-        channel.send(outcome.message())
+        channel.send({**outcome.message(), "number": request["number"]})

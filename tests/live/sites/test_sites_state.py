@@ -1,6 +1,7 @@
 """The state folder: whole writes, locks, damage."""
 
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -53,6 +54,15 @@ def test_damaged_state_is_reported(tmp_path: Path, damage: bytes) -> None:
     state.path("shop").write_bytes(damage)
     with pytest.raises(SiteStateError, match=re.escape(str(tmp_path))):
         state.read("shop")
+
+
+def test_a_folder_that_went_with_its_desktop_is_not_an_empty_one(tmp_path: Path) -> None:
+    state = SiteState(tmp_path / "sites")
+    with state.update("forms") as value:
+        value["a"] = 1
+    shutil.rmtree(tmp_path / "sites")
+    with pytest.raises(SiteStateError, match="has the desktop ended"):
+        state.read("forms")
 
 
 def test_unknown_sites_and_bad_folders_are_reported(tmp_path: Path) -> None:

@@ -27,18 +27,23 @@ def lock(screen: Screen, typed: bool) -> _Facts:
     """
     width, height = screen.size()
     top = _topmost(screen, width, height)
-    covers = False
-    if top is not None:
-        x1, y1, x2, y2 = top["box"]
-        # as lists are ordered: a window that begins left of the screen may begin anywhere above
-        covers = [x1, y1] <= [0, 0] and [x2, y2] >= [width, height]
     return {
         "top": top,
-        "covers": covers,
+        "covers": top is not None and covers(top["box"], width, height),
         "keyboard": _held(screen, "keyboard"),
         "pointer": _held(screen, "pointer"),
         "typed_reaches": typed and _typed_reaches(screen),
     }
+
+
+def covers(
+    box: list[int],
+    width: int,
+    height: int,
+) -> bool:
+    """Whether a window, `xyxy`, leaves nothing of a screen of this size to be seen."""
+    x1, y1, x2, y2 = box
+    return x1 <= 0 and y1 <= 0 and x2 >= width and y2 >= height
 
 
 def _topmost(
