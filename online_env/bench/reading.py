@@ -1,7 +1,6 @@
 """Reading a run: its head, the records that can be read, and the lines that cannot."""
 
 import json
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import prod
@@ -10,6 +9,7 @@ from typing import Any, TypeAlias, cast
 
 from hijack_data.errors import HijackError, shown
 from hijack_data.files import read_regular
+from hijack_data.runs.amounts import is_amount
 from hijack_data.runs.run_log import (
     EPISODE,
     EPISODES,
@@ -21,8 +21,7 @@ from hijack_data.runs.run_log import (
     VERSION,
     slug_of,
 )
-
-from .costs import is_amount
+from hijack_data.surrogates import has_half
 
 ResultRecord: TypeAlias = dict[str, Any]
 STATUSES = ("ok", "invalid", "error")
@@ -35,7 +34,6 @@ _FIELDS = {
     "seed": int,
     "status": str,
 }
-_HALF = re.compile("[\ud800-\udfff]")
 _AMOUNTS = ("attempt", "steps", "seconds", "malformed")  # where a record has them
 
 
@@ -215,7 +213,7 @@ def _parsed(line: bytes) -> ResultRecord:
         if record.get(key) is not None and not is_amount(record[key]):
             raise _DamagedError(f"{key} {shown(record[key])} is no number from 0 on")
     for key in ("agent", "task", "corruption"):
-        if _HALF.search(record[key]):
+        if has_half(record[key]):
             raise _DamagedError(f"field {key!r} holds half of a surrogate pair")
     _check_score(record)
     return {key: value for key, value in record.items() if key not in LINKS}

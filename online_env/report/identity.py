@@ -7,10 +7,10 @@ from typing import Any
 
 from hijack_data.corruption import get
 from hijack_data.errors import HijackError
+from hijack_data.runs.amounts import is_amount
 from hijack_data.runs.run_log import RUN, SCORE_RUN, digest_of
 
 from ..bench import scores
-from ..bench.costs import is_amount
 from ..bench.reading import Run, read_head
 from .model import YEAR_10000, RunIdentity
 

@@ -12,6 +12,7 @@ from typing import Any, TypeVar, cast, get_args, get_type_hints
 
 from hijack_data.errors import HijackError, shown
 from hijack_data.files import check_versioned
+from hijack_data.runs.amounts import MOST
 from hijack_data.runs.run_log import GIVEN_KINDS
 
 FORMAT = "agenthijack-report"
@@ -26,7 +27,6 @@ _SHARES = frozenset(
 )
 _CHANGES = frozenset({"delta", "delta_low", "delta_high"})
 YEAR_10000 = 253_402_300_800  # in seconds since 1970
-_MOST = 2**53
 _ROUNDED = 1e-9  # a mean may be past its end by so much
 _BESIDE = ("format", "version", "comparison", "paper")  # in the file, and not of the report itself
 
@@ -316,7 +316,7 @@ def _check_range(
     problem = ""
     if isinstance(value, int | float):
         low = -1 if key in _CHANGES else 0
-        high = 1 if key in _CHANGES | _SHARES else _MOST
+        high = 1 if key in _CHANGES | _SHARES else MOST
         if key == "created":
             high = YEAR_10000 - 1
         if not low - _ROUNDED <= value <= high + _ROUNDED:
@@ -351,7 +351,7 @@ def _value(
         return _made(hint, value, where)  # type: ignore[arg-type]
     expected = getattr(hint, "__origin__", hint)
     if expected is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(max(-2 * _MOST, min(value, 2 * _MOST)))  # out of range stays so
+        return float(max(-2 * MOST, min(value, 2 * MOST)))  # out of range stays so
     if isinstance(value, bool) or not isinstance(value, expected):
         name = getattr(expected, "__name__", expected)
         raise ReportError(f"{where}: must be {name}, got {shown(value)}; make the report again")
