@@ -66,9 +66,10 @@ def rows(
 def summaries(table: Sequence[ScoreRow]) -> list[ScoreRow]:
     """Return one row for each agent of a table that `rows` made.
 
-    `clean` is its clean success, `corrupted` the mean over its corruptions, `worst` the label and
-    `worst_success` the success of the one under which it does worst, `paper_average` the paper's
-    "Average", which includes the clean condition. A value that is missing is `None`.
+    `clean` is its clean success, `corrupted` the mean over its corruptions, `worst` the label of
+    the one under which it does worst (the first of `worst_labels`), `worst_success` the least
+    success, `paper_average` the paper's "Average", which includes the clean condition. A value that
+    is missing is `None`.
     """
     found: list[ScoreRow] = []
     for agent in dict.fromkeys(row["agent"] for row in table):
@@ -92,13 +93,28 @@ def means(success: Mapping[str, float | None]) -> dict[str, Any]:
     """
     known = {label: value for label, value in success.items() if value is not None}
     corrupted = {label: value for label, value in known.items() if label != CLEAN}
-    worst = min(corrupted, key=lambda label: corrupted[label], default=None)
     return {
         "clean": known.get(CLEAN),
         "corrupted": fmean(corrupted.values()) if corrupted else None,
-        "worst": worst,
-        "worst_success": corrupted[worst] if worst is not None else None,
+        "worst": next(iter(worst_labels(known)), None),
+        "worst_success": min(corrupted.values(), default=None),
     }
+
+
+def worst_labels(success: Mapping[str, float]) -> tuple[str, ...]:
+    """Return the labels of the corruptions under which an agent does worst.
+
+    None if no corruption is worse than another: the agent solves nothing at all, or as much under
+    each of several.
+
+    Args:
+        success: the mean score under each condition.
+    """
+    corrupted = {label: value for label, value in success.items() if label != CLEAN}
+    least = min(corrupted.values(), default=0.0)
+    worst = tuple(label for label, value in corrupted.items() if value == least)
+    are_alike = len(worst) == len(corrupted) > 1
+    return worst if any(success.values()) and not are_alike else ()
 
 
 def pairs(before: ScoreByCase, after: ScoreByCase) -> tuple[list[float], list[float], list[str]]:

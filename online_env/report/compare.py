@@ -207,24 +207,31 @@ def _notes(
     rows: Sequence[ComparedCell],
     chosen: Mapping[str, str],
 ) -> Iterator[str]:
-    for run, own, kept in (
-        (before, _agents(_scored(before)), chosen.keys()),
-        (after, _agents(_scored(after)), chosen.values()),
+    names = _names(before, after)
+    for run, name, kept in (
+        (before, names[0], chosen.keys()),
+        (after, names[1], chosen.values()),
     ):
-        left = [agent for agent in own if agent not in kept]
+        left = [agent for agent in _agents(_scored(run)) if agent not in kept]
         if left:
-            yield f"Only in {run.folder}: {', '.join(left)}."
+            yield f"Only in {name}: {', '.join(left)}."
     alone = [(row.only_before, row.only_after) for row in rows]
     first, second = (sum(counts) for counts in zip(*alone, strict=True))
     if first or second:
         yield (
-            f"Not compared: {first} cases that only {before.folder} has, {second} that only"
-            f" {after.folder} has."
+            f"Not compared: {first} cases that only {names[0]} has, {second} that only"
+            f" {names[1]} has."
         )
     other = difference(_setting(before), _setting(after))
     if other:
         yield f"The runs differ in their settings, too, first in this: {other}."
     yield from _unseen(rows)
+
+
+def _names(before: Run, after: Run) -> tuple[str, str]:
+    """Return what the runs are called in a report that is read elsewhere: not by their paths."""
+    first, second = (run.folder.resolve().name for run in (before, after))
+    return (first, second) if first != second else (f"{first} (before)", f"{second} (after)")
 
 
 def _setting(run: Run) -> dict[str, Any]:

@@ -1,10 +1,12 @@
 """Which run a report is about: what its head says, and how its conditions relate to the paper's."""
 
 import json
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Any
 
+from hijack_data.config.files import available
 from hijack_data.corruption import get
 from hijack_data.errors import HijackError
 from hijack_data.runs.amounts import is_amount
@@ -55,7 +57,7 @@ def identity_of(run: Run) -> RunIdentity:
     return RunIdentity(
         name=run.folder.resolve().name,
         kind=SCORE_RUN if run.is_scored else "bench",
-        source=str(config.get("source", "")),
+        source=_name_of(str(config.get("source", ""))),
         head_sha256=_head_digest(run),
         setting_sha256=_setting_digest(config),
         created=float(created) if is_amount(created) and created < YEAR_10000 else None,
@@ -124,6 +126,17 @@ def _changed(config: Mapping[str, Any]) -> Iterator[str]:
     for label, name, _ in _entries(config.get("corruptions")):
         if label in NINE and name == label and settings.get(label):
             yield label
+
+
+def _name_of(source: str) -> str:
+    """Return a source without the folders that it lies in, which are those of one machine.
+
+    A packaged configuration keeps its folder: `ablations/marks_number` is its name.
+    """
+    if source in available():
+        return source
+    last = re.split(r"[/\\]", source)[-1]
+    return "" if last in (".", "..") else last
 
 
 def _head(run: Run) -> Mapping[str, Any]:

@@ -15,6 +15,8 @@ from hijack_data.files import check_versioned
 from hijack_data.runs.amounts import MOST
 from hijack_data.runs.run_log import GIVEN_KINDS
 
+from ..bench.scores import worst_labels
+
 FORMAT = "agenthijack-report"
 VERSION = 2  # 1 did not say what agents were given, nor how conditions differ
 T = TypeVar("T")
@@ -42,7 +44,8 @@ class RunIdentity:
     Attributes:
         name: of the run's folder.
         kind: `bench` or `score`.
-        source: the configuration's file, or the dataset.
+        source: name of the configuration or of its file, or of the dataset's folder; no path,
+            which would mean nothing elsewhere.
         head_sha256: of `run.json`, as 64 hexadecimal digits; empty for a log without a head.
         setting_sha256: of what was played (tasks, conditions, seeds, steps, desktop, recovery
             policy ...), the agents apart: agents of runs with the same one may be ranked.
@@ -162,8 +165,9 @@ class AgentSummary:
         retention: share of its clean success that it keeps, over all cases that have both.
         retention_low: lower end of its interval.
         retention_high: upper end; `None`, too, if it is unbounded.
-        worst: the label under which it does worst.
-        worst_success: success there.
+        worst: the first label under which it does worst (`RunReport.worst_of` has all); `None` if
+            no corruption is worse than another.
+        worst_success: the least success under a corruption.
         nine: mean success over the paper's nine; `None` unless all nine are there.
         paper_average: the paper's "Average", over the nine and clean, ten columns; likewise.
         mce: mean ratio of its errors to those of the reference agent, over the corruptions that
@@ -249,6 +253,12 @@ class RunReport:
             if (cell.agent, cell.corruption) == (agent, label):
                 return cell
         return None
+
+    def worst_of(self, agent: str) -> tuple[str, ...]:
+        """The labels under which an agent does worst; none if none is worse than another."""
+        own = [cell for cell in self.cells if cell.agent == agent]
+        success = {cell.corruption: cell.success for cell in own if cell.success is not None}
+        return worst_labels(success)
 
     def to_data(self) -> dict[str, Any]:
         """Return the report as JSON data, with its format and version."""

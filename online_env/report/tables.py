@@ -11,7 +11,7 @@ from . import words
 from .ablations import ablations_of, level_table
 from .compare import ComparedCell, RunComparison
 from .document import ReportDocument
-from .model import AgentSummary, Cell
+from .model import Cell, RunReport
 from .paper import PaperTable
 
 CELL_HEADINGS = (
@@ -89,7 +89,7 @@ def as_csv(document: ReportDocument) -> str:
 def as_markdown(document: ReportDocument) -> str:
     """Return tables and notes as Markdown, such as for an issue or a model card."""
     report = document.report
-    parts = [f"## {_safe(report.run.name)}", markdown_table(*summary_table(report.summaries))]
+    parts = [f"## {_safe(report.run.name)}", markdown_table(*summary_table(report))]
     if document.comparison is not None:
         parts += _compared(document.comparison)
     else:
@@ -132,7 +132,7 @@ def cell_table(cells: Sequence[Cell]) -> tuple[Texts, list[Texts]]:
     ]
 
 
-def summary_table(rows: Sequence[AgentSummary]) -> tuple[Texts, list[Texts]]:
+def summary_table(report: RunReport) -> tuple[Texts, list[Texts]]:
     """Return headings and rows of the agents."""
     return SUMMARY_HEADINGS, [
         (
@@ -143,13 +143,13 @@ def summary_table(rows: Sequence[AgentSummary]) -> tuple[Texts, list[Texts]]:
             words.interval(row.corrupted_low, row.corrupted_high),
             words.percent(row.retention),
             words.kept(row.retention_low, row.retention_high),
-            f"{row.worst} {words.percent(row.worst_success)}" if row.worst else "",
+            words.worst(report.worst_of(row.agent), row.worst_success),
             words.percent(row.nine),
             words.percent(row.paper_average),
             words.percent(row.mce),
             words.percent(row.ceiling),
         )
-        for row in rows
+        for row in report.summaries
     ]
 
 

@@ -92,16 +92,24 @@ def show_report(report: RunReport, screen: Any) -> None:
     screen.print(_beside(report.cells))
     for row in report.summaries:
         if row.corrupted is not None:
-            screen.print(summary_line(row, report.reference), markup=False, soft_wrap=True)
+            worst = report.worst_of(row.agent)
+            line = summary_line(row, report.reference, worst)
+            screen.print(line, markup=False, soft_wrap=True)
 
 
-def summary_line(row: AgentSummary, reference: str = "") -> str:
-    """Return an agent over all its conditions, in words."""
+def summary_line(
+    row: AgentSummary,
+    reference: str = "",
+    worst: Sequence[str] = (),
+) -> str:
+    """Return an agent over all its conditions, in words; `worst` are its worst labels."""
     between = words.interval(row.corrupted_low, row.corrupted_high)
-    worst = f"worst {row.worst} {words.percent(row.worst_success)}"
     more = words.given(row.given)
     named = f"{row.agent} (given {more})" if more else row.agent
-    said = [f"{named}: corrupted {words.percent(row.corrupted)}", worst]
+    said = [
+        f"{named}: corrupted {words.percent(row.corrupted)}",
+        f"worst {words.worst(worst, row.worst_success)}",
+    ]
     if between:
         said.append(f"95 % of corrupted {between}")
     if row.retention is not None:

@@ -1,6 +1,6 @@
 """How values are written, alike in every format: percent, points, intervals, amounts."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 _GIVEN = {"task": "the task", "plan": "the plan"}
 
@@ -53,6 +53,13 @@ def count(value: int | None) -> str:
 def money(value: float | None) -> str:
     """Return USD with two digits, or nothing."""
     return "" if value is None else f"{value:.2f}"
+
+
+def worst(labels: Sequence[str], success: float | None) -> str:
+    """Return the worst conditions and the success there; `none` if none is worse than another."""
+    if success is None:
+        return ""
+    return f"{', '.join(labels)} {percent(success)}" if labels else "none"
 
 
 def given(kinds: Iterable[str] | None) -> str:

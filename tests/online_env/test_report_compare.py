@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import shutil
 
 import pytest
 
@@ -53,6 +54,17 @@ def test_cases_are_paired_by_task_corruption_and_seed(tmp_path):
     assert "3 cases that only" in found.notes[0]
     assert "differ in their settings, too, first in this: tasks was " in found.notes[1]
     assert "a: no difference is shown under clean (" in found.notes[2]
+
+
+def test_notes_name_runs_and_not_where_they_lie(tmp_path):
+    one = read_run(tmp_path / "old", [*scored("a", "clean", [1, 0]), *scored("b", "clean", [1])])
+    other = read_run(tmp_path / "new", scored("a", "clean", [1]))
+    notes = "\n".join(compare(one, other).notes)
+    assert "Only in old: b." in notes
+    assert "1 cases that only old has, 0 that only new has" in notes
+    assert str(tmp_path) not in notes
+    same = read_run(tmp_path / "deep" / "old", scored("a", "clean", [1]))
+    assert "Only in old (before): b." in compare(one, same).notes
 
 
 def test_intervals_are_those_of_paired_differences(tmp_path):
@@ -156,12 +168,62 @@ def test_an_episode_that_is_there_twice_has_no_rank(runs):
     assert ranks["strong"] == (None, said)
 
 
-def test_a_finished_report_counts_as_a_run(runs, capsys):
-    _, out, _ = hijack(capsys, "report", runs / "a", "--format", "json")
+def test_a_finished_report_counts_as_a_run(runs, capsys, tmp_path):
+    run_of(tmp_path / "elsewhere" / "a", whole("weak", SOLVED))
+    _, out, _ = hijack(capsys, "report", tmp_path / "elsewhere" / "a", "--format", "json")
     (runs / "mine.report.json").write_text(out)
     (board,) = rankings_of(read_all(runs))
     found = [(line.place, line.rank) for line in board.lines if line.row.agent == "weak"]
     assert found == [("a", 2), ("mine.report.json", 2)]  # alike, so they share the rank
+
+
+def test_a_run_and_its_own_report_count_once(runs, capsys):
+    _, out, _ = hijack(capsys, "report", runs / "deep" / "b", "--format", "json")
+    (runs / "b.report.json").write_text(out)
+    found = read_all(runs)
+    assert found.problems == ()
+    (board,) = rankings_of(found)
+    assert [(line.place, line.rank) for line in board.lines if line.rank] == [
+        ("b.report.json", 1),
+        ("a", 2),
+    ]
+
+
+def test_a_copy_from_while_the_run_went_on_is_named(runs):
+    shutil.copytree(runs / "deep" / "b", runs / "copy")
+    path = runs / "copy" / "records.jsonl"
+    path.write_bytes(b"".join(path.read_bytes().splitlines(keepends=True)[:60]))
+    found = read_all(runs)
+    assert [place for place, _ in found.reports] == ["a", "deep/b"]
+    assert found.problems == ("copy: is the run of deep/b, with other episodes",)
+
+
+def test_symbolic_links_are_followed_once_and_never_up(runs, tmp_path, capsys):
+    far = tmp_path / "far"
+    far.mkdir()
+    (runs / "deep" / "b").rename(far / "b")
+    (runs / "deep" / "linked").symlink_to(far / "b")
+    (runs / "again").symlink_to(far)
+    (runs / "itself").symlink_to(runs)
+    (runs / "a-too").symlink_to("a")
+    assert [place for place, _ in read_all(runs).reports] == ["a", "again/b"]
+    assert read_all(runs).problems == ()
+    (runs / "up").symlink_to(tmp_path)
+    (runs / "gone").symlink_to("nowhere")
+    (runs / "round").symlink_to("round")
+    words = ("report", runs, "--leaderboard", "-o", tmp_path / "board.html")
+    code, _, err = hijack(capsys, *words)
+    assert code == 1
+    assert "left out: gone: is a symbolic link to nowhere, which cannot be reached" in err
+    assert "left out: round: is a symbolic link to round, which cannot be reached" in err
+    assert f"left out: up: is a symbolic link to {tmp_path}, a folder above" in err
+    assert [place for place, _ in read_all(runs).reports] == ["a", "again/b"]
+
+
+def test_a_page_has_no_paths_of_this_machine(runs, tmp_path):
+    (runs / "bad").mkdir()
+    (runs / "bad" / "run.json").write_text("{")
+    assert str(tmp_path) not in leaderboard(read_all(runs))
 
 
 def test_the_page_names_what_was_left_out(runs, capsys, tmp_path):
