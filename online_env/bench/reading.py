@@ -100,7 +100,7 @@ class Run:
     def unplayed(self) -> tuple[str, ...]:
         """The ids in `episodes` that have no record; records of other cases do not fill them."""
         made = {str(record.get("id")) for record in self.records}
-        made |= {_first_id(record) for record in self.records}
+        made |= {first_id(record) for record in self.records}
         return tuple(name for name in self.episodes if name not in made)
 
 
@@ -189,6 +189,21 @@ def _episodes(folder: Path) -> Run:
     return run
 
 
+def read_record(path: Path) -> ResultRecord:
+    """Read the record in the folder of an episode.
+
+    Raises:
+        RunError: It cannot be read, or is none.
+    """
+    remedy = "remove the episode's folder to play it again"
+    try:
+        return _parsed(read_regular(path))
+    except OSError as error:
+        raise RunError(f"{path}: cannot be read ({error.strerror or error}); {remedy}") from None
+    except _DamagedError as error:
+        raise RunError(f"{path}: {error}; {remedy}") from None
+
+
 def _parsed(line: bytes) -> ResultRecord:
     """Return the record of a line; `_DamagedError` is raised for a line that is none.
 
@@ -242,7 +257,7 @@ def _check_new(
         raise _DamagedError(f"episode {shown(name)} is on line {first} already, which counts")
 
 
-def _first_id(record: ResultRecord) -> str:
+def first_id(record: ResultRecord) -> str:
     """Return the id of the first attempt at the episode of a record."""
     return slug_of(
         record["task"],

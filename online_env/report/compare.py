@@ -11,6 +11,7 @@ from ..extra import require
 from .build import identity_of
 from .model import ReportError, RunIdentity
 
+PACKAGE = "agenthijack"
 SHOWN = 0.05  # a p value below shows a difference
 _PLACES = ("source", "agents", "code")  # of a configuration: what two runs may well differ in
 _Cells: TypeAlias = Mapping[tuple[str, str], scores.ScoreByCase]
@@ -222,9 +223,18 @@ def _notes(
             f"Not compared: {first} cases that only {names[0]} has, {second} that only"
             f" {names[1]} has."
         )
-    other = difference(_setting(before), _setting(after))
+    settings = (_setting(before), _setting(after))
+    other = difference(*settings)
     if other:
-        yield f"The runs differ in their settings, too, first in this: {other}."
+        differing = [key for key in {**settings[0], **settings[1]} if _differs(key, *settings)]
+        listed = ", ".join(differing)
+        yield f"The runs differ in their settings, too ({listed}), first in this: {other}."
+    versions = [identity_of(run).versions.get(PACKAGE, "unknown") for run in (before, after)]
+    if versions[0] != versions[1]:
+        yield (
+            f"{names[0]} was made with {PACKAGE} {versions[0]}, {names[1]} with {versions[1]}:"
+            " tasks and corruptions may have changed."
+        )
     yield from _unseen(rows)
 
 
@@ -237,6 +247,14 @@ def _names(before: Run, after: Run) -> tuple[str, str]:
 def _setting(run: Run) -> dict[str, Any]:
     """Return the configuration without what two runs may well differ in."""
     return {key: value for key, value in run.config.items() if key not in _PLACES}
+
+
+def _differs(
+    key: str,
+    one: Mapping[str, Any],
+    other: Mapping[str, Any],
+) -> bool:
+    return one.get(key) != other.get(key)
 
 
 def _unseen(rows: Sequence[ComparedCell]) -> Iterator[str]:

@@ -150,7 +150,25 @@ def _head_digest(run: Run) -> str:
 
 def _setting_digest(config: Mapping[str, Any]) -> str:
     chosen = {key: config.get(key) for key in _SETTING}
+    code = _code_of_others(config)
+    if code:
+        chosen["code"] = code
     return digest_of(json.dumps(chosen, sort_keys=True).encode())
+
+
+def _code_of_others(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the SHA-256 of each file that a task or the provider is in, by name.
+
+    Two runs may have tasks of one name from files that differ.
+    """
+    listed = config.get("code")
+    if not isinstance(listed, dict):
+        return {}
+    agents = agents_of(config)
+    files = {name: file for name, file in listed.items() if name not in agents}
+    return {
+        name: file.get("sha256") if isinstance(file, dict) else file for name, file in files.items()
+    }
 
 
 def _case_of(record: Mapping[str, Any]) -> scores.PairKey:

@@ -15,6 +15,7 @@ from hijack_data.runs.run_log import EPISODES, RUN
 
 from . import words
 from .build import load_report
+from .compare import PACKAGE
 from .html import render
 from .model import AgentSummary, ReportError, RunIdentity, RunReport
 from .named import YARDSTICKS
@@ -245,7 +246,7 @@ def _board(group: Sequence[tuple[str, RunReport]]) -> Ranking:
             )
         )
     return Ranking(
-        title=_setting(first),
+        title=_setting([report for _, report in group]),
         labels=first.labels,
         lines=tuple(lines),
     )
@@ -260,6 +261,8 @@ def _key(row: AgentSummary) -> tuple[float, float]:
 
 def _unranked(report: RunReport, row: AgentSummary) -> str:
     """Return why an agent has no rank, or nothing."""
+    if not report.run.head_sha256:
+        return "a log without run.json, so its setting is not known"
     if row.given:
         return f"given {words.given(row.given)}"
     if row.agent in YARDSTICKS:
@@ -284,7 +287,8 @@ def _success(
     return cell.success if cell else None
 
 
-def _setting(report: RunReport) -> str:
+def _setting(reports: Sequence[RunReport]) -> str:
+    report = reports[0]
     run = report.run
     parts = [f"{run.tasks} tasks", f"{len(report.labels)} conditions", f"{len(run.seeds)} seeds"]
     if run.max_steps is not None:
@@ -295,4 +299,7 @@ def _setting(report: RunReport) -> str:
         parts.append(f"recovery policy {run.recovery}")
     if run.kind == "score":
         parts.insert(0, "offline steps")
+    versions = sorted({each.run.versions.get(PACKAGE, "unknown") for each in reports})
+    if len(versions) > 1:  # tasks and corruptions may have changed between them
+        parts.append(f"different versions of {PACKAGE}: {', '.join(versions)}")
     return ", ".join(parts)

@@ -56,6 +56,8 @@ COMPARED_HEADINGS = (
     "seen at 80 %",
 )
 _COUNTED = ("hidden",)  # of the parts: rows, not a share
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")  # what a formula may begin with
+_MARKUP = "\\`*_[]<>|&~$#"
 Texts = Sequence[str]
 
 
@@ -231,7 +233,7 @@ def _line(cells: Texts) -> str:
 
 def _safe(text: str) -> str:
     """Return text in which no character is Markdown's or HTML's."""
-    for character in "\\`*_[]<>|":
+    for character in _MARKUP:
         text = text.replace(character, f"\\{character}")
     return " ".join(text.split())
 
@@ -251,5 +253,10 @@ def _cents(share: float | None) -> str:
 
 
 def _plain(value: object) -> object:
-    """Return a value as it stands in a CSV; several are separated by spaces."""
+    """Return a value as it stands in a CSV; several are separated by spaces.
+
+    A name that a spreadsheet would run as a formula gets an apostrophe before it.
+    """
+    if isinstance(value, str):
+        return f"'{value}" if value.startswith(_FORMULA) else value
     return " ".join(map(str, value)) if isinstance(value, tuple) else value

@@ -135,7 +135,7 @@ def main_table(cells: Sequence[Cell], title: str | None = None) -> Table:
             words.interval(cell.ci_low, cell.ci_high),
             words.percent(cell.delta, "+"),
             words.interval(cell.delta_low, cell.delta_high, "+"),
-            "" if cell.p is None else f"{cell.p:.3f}",
+            words.p_value(cell.p),
             words.percent(cell.retention),
             str(cell.errors),
             str(cell.invalid),
@@ -197,9 +197,8 @@ def _show_recovery(
         counted.update({key: n for key, n in recovery.items() if isinstance(n, int)})
     policy = run.config.get("recovery", "unknown")
     asked = f"asked for {counted['requests']} times, {counted['false_alarms']} of them false alarms"
-    screen.print(
-        f"recovery policy: {policy} ({asked}, {counted['repaired']} repaired)", soft_wrap=True
-    )
+    said = f"recovery policy: {policy} ({asked}, {counted['repaired']} repaired)"
+    screen.print(said, markup=False, soft_wrap=True)
 
 
 def text(document: ReportDocument) -> str:
@@ -230,7 +229,7 @@ def show_document(document: ReportDocument, screen: Any) -> None:
 def show_comparison(comparison: RunComparison, screen: Any) -> None:
     """Print two runs beside each other, and what is not shared or not shown."""
     names = f"{comparison.before.name} before, {comparison.after.name} after"
-    screen.print(_plain_table(*compared_table(comparison.cells), title=names))
+    screen.print(_plain_table(*compared_table(comparison.cells), title=escape(names)))
     _print_lines(comparison.notes, screen)
 
 

@@ -7,7 +7,7 @@ _GIVEN = {"task": "the task", "plan": "the plan"}
 
 def percent(share: float | None, sign: str = "") -> str:
     """Return a share as percent with one digit, or nothing; `sign` may be `+`."""
-    return "" if share is None else f"{100 * share:{sign}.1f}"
+    return "" if share is None else f"{100 * share:{sign}z.1f}"
 
 
 def interval(
@@ -45,8 +45,8 @@ def count(value: int | None) -> str:
     if value is None:
         return ""
     for size, unit in ((10**9, "G"), (10**6, "M"), (10**3, "k")):
-        if value >= size:
-            return f"{value / size:.3g}{unit}"
+        if value >= 0.9995 * size:  # else it would be 1e+03 of the smaller unit
+            return f"{max(value / size, 1):.3g}{unit}"
     return str(value)
 
 

@@ -8,6 +8,7 @@ from click.testing import CliRunner
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 from hijack_data.errors import ConfigError, HijackError, ParameterError, UnknownNameError
+from hijack_data.runs.run_log import slug_of
 from online_env.agents.chat.request_log import RequestReplay
 from online_env.agents.scripted import Scripted, read_script
 from online_env.bench import costs, reading, records
@@ -117,6 +118,25 @@ def test_a_line_that_is_damaged_in_the_middle_is_never_dropped(run):
         resume(run)
     assert journal.read_bytes() == broken
     assert [damage.line for damage in records.read(run).damaged] == [1]
+
+
+@pytest.mark.parametrize("content", ["{", "[]", '{"task": "t"}', "\0"])
+def test_an_episode_without_a_line_whose_record_is_damaged(run, content):
+    """A copy that was made while the run went on may hold half of a file."""
+    path = run / reading.EPISODES / "x" / reading.EPISODE
+    path.parent.mkdir(parents=True)
+    path.write_text(content)
+    with pytest.raises(RunError, match="remove the episode's folder to play it again") as error:
+        resume(run)
+    assert str(error.value).startswith(f"{path}: ")
+
+
+def test_episodes_that_would_share_a_folder_are_refused(tmp_path):
+    """An id keeps nothing of a name in another script, so two agents would write one record."""
+    ids = [slug_of("t", "clean", 0, agent, 0) for agent in ("我的.py:代理", "你的.py:代理", "a")]
+    with pytest.raises(RunError, match=r"1 ids stand for several episodes.*rename one of them"):
+        records.create(tmp_path / "run", CONFIG, ids)
+    assert not (tmp_path / "run").exists()
 
 
 def test_a_run_that_another_process_plays(run):

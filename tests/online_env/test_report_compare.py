@@ -11,8 +11,10 @@ pytest.importorskip("statsmodels", reason="needs the extra [online]")
 
 from hijack_data.cli import main
 from online_env.bench import statistics
-from online_env.report import ReportError
+from online_env.bench.reading import Run, read
+from online_env.report import ReportError, build_report, formats
 from online_env.report.compare import compare
+from online_env.report.document import ReportDocument
 from online_env.report.leaderboard import leaderboard, rankings_of, read_all
 
 from support.reported import CONDITIONS, made, read_run, run_of, scored, whole
@@ -52,8 +54,24 @@ def test_cases_are_paired_by_task_corruption_and_seed(tmp_path):
     )
     assert (subtitle.n, subtitle.only_before, subtitle.p) == (0, 1, None)
     assert "3 cases that only" in found.notes[0]
-    assert "differ in their settings, too, first in this: tasks was " in found.notes[1]
+    said = "differ in their settings, too (tasks, corruptions), first in this: tasks was "
+    assert said in found.notes[1]
     assert "a: no difference is shown under clean (" in found.notes[2]
+
+
+def test_all_that_differs_between_two_runs_is_named(tmp_path):
+    one = read_run(tmp_path / "one", scored("a", "marks", [1, 0]), corruptions=["marks"])
+    louder = [{"marks": {"number": 99}}]
+    other = read_run(
+        tmp_path / "other", scored("a", "marks", [1, 0]), corruptions=louder, max_steps=50
+    )
+    (said, *_) = compare(one, other).notes
+    assert "differ in their settings, too (corruptions, max_steps), first in this" in said
+    head = tmp_path / "other" / "run.json"
+    data = json.loads(head.read_text())
+    head.write_text(json.dumps(data | {"versions": {**data["versions"], "agenthijack": "9.0"}}))
+    notes = compare(one, read(tmp_path / "other")).notes
+    assert "other with 9.0: tasks and corruptions may have changed." in "\n".join(notes)
 
 
 def test_notes_name_runs_and_not_where_they_lie(tmp_path):
@@ -238,6 +256,41 @@ def test_the_page_names_what_was_left_out(runs, capsys, tmp_path):
     assert "&lt;bad&gt;" in page
     assert "<bad>" not in page
     assert page.index("strong") < page.index("weak")
+
+
+def test_logs_without_a_head_are_not_ranked_against_each_other(tmp_path):
+    """Of neither is known what was played, so they only look alike."""
+    runs = tmp_path / "runs"
+    runs.mkdir()
+    for name, solved in (("easy", 10), ("hard", 3)):
+        log = Run(folder=tmp_path / name, records=whole(name, dict.fromkeys(CONDITIONS, solved)))
+        text = formats.write(ReportDocument(report=build_report(log)), "json")
+        (runs / f"{name}.report.json").write_text(text)
+    (board,) = rankings_of(read_all(runs))
+    said = "a log without run.json, so its setting is not known"
+    assert {(line.rank, line.why) for line in board.lines} == {(None, said)}
+
+
+def test_tasks_of_one_name_from_other_files_are_other_tasks(runs):
+    mine = {"my.py:Task": {"path": "/a/my.py", "sha256": "1" * 64}}
+    moved = {"my.py:Task": {"path": "/b/my.py", "sha256": "1" * 64}}
+    edited = {"my.py:Task": {"path": "/a/my.py", "sha256": "2" * 64}}
+    agent = {"x": {"path": "/a/x.py", "sha256": "3" * 64}}
+    for name, code in (("c", mine), ("d", moved), ("e", edited), ("f", agent)):
+        run_of(runs / name, whole("x", SOLVED), code=code)
+    boards = rankings_of(read_all(runs))
+    places = sorted(sorted({line.place for line in board.lines}) for board in boards)
+    assert places == [["a", "deep/b", "f"], ["c", "d"], ["e"]]
+
+
+def test_a_board_says_that_its_runs_are_of_different_versions(runs):
+    assert "different versions" not in rankings_of(read_all(runs))[0].title
+    head = runs / "a" / "run.json"
+    data = json.loads(head.read_text())
+    head.write_text(json.dumps(data | {"versions": {"agenthijack": "9.0"}}))
+    (board,) = rankings_of(read_all(runs))
+    assert "different versions of agenthijack: 0." in board.title
+    assert board.title.endswith(", 9.0")
 
 
 def test_a_folder_without_runs_is_refused(tmp_path, capsys):

@@ -442,3 +442,37 @@ def test_a_script_is_part_of_the_run(clicks, tmp_path, monkeypatch):
     with pytest.raises(RunError, match=r"code\.scripted\.settings\.sha256"):
         ScoreRun(settings_for(clicks, "scripted")).begin(out, resume=True)
     assert os.environ["AGENTHIJACK_SCRIPT"]
+
+
+def test_trajectories_of_any_script_have_records_of_their_own(agents, tmp_path):
+    """An id keeps a-z and digits: 任务一 and 任务二 would be one, and a record of it lost."""
+    names = ("任务一", "任务二", "a b", "a_b")
+    steps = [{"trajectory_id": name, **CLICKS[0]} for name in names]
+    folder = dataset(tmp_path, steps)
+    _, run = played(settings_for(folder, f"{agents}:Knows"), tmp_path / "run")
+    assert not run.damaged
+    assert not run.missing
+    assert {record["task"] for record in run.records} == set(names)
+    assert len(run.records) == 8
+    assert rebuild(tmp_path / "run").problems == []
+
+
+def test_names_that_one_id_stands_for_are_refused(agents, tmp_path):
+    folder = dataset(tmp_path, [{"trajectory_id": name, **CLICKS[0]} for name in ("a:b", "a_b")])
+    with pytest.raises(RunError, match="ids stand for several episodes, such as 'a_b_0000__clean"):
+        played(settings_for(folder, f"{agents}:Knows"), tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_corruption_of_which_no_row_is_left_is_refused(clicks, agents, tmp_path):
+    folder = shutil.copytree(clicks, tmp_path / "dataset")
+
+    def rename(labels):
+        labels[labels.index("resolution")] = "marks"
+
+    edit(folder, "corruption", rename)
+    chosen = Selection(corruptions=("marks",), limit=1)
+    assert ScoreRun(settings_for(folder, "fail", chosen=chosen)).cases.labels == ("clean", "marks")
+    chosen = Selection(corruptions=("marks", "resolution"), limit=1)
+    with pytest.raises(ParameterError, match=r"no row of 'resolution' is left.*the dataset has 1"):
+        ScoreRun(settings_for(folder, "fail", chosen=chosen))
