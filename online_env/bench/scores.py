@@ -250,5 +250,11 @@ def scored(cases: Cases) -> ScoreByCase:
     return {case: _score(record) for case, record in cases.items() if counts(record)}
 
 
+def partial(records: Iterable[ResultRecord]) -> int:
+    """Return how many episodes that count have a score that is neither 0 nor 1."""
+    counted = filter(counts, latest(records).values())
+    return sum(0 < _score(record) < 1 for record in counted)
+
+
 def _score(record: ResultRecord) -> float:
     return float(record["score"]) if record["status"] == "ok" else 0.0

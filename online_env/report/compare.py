@@ -10,6 +10,7 @@ from ..bench.records import difference
 from ..extra import require
 from .build import identity_of
 from .model import ReportError, RunIdentity
+from .notes import partial_note
 
 PACKAGE = "agenthijack"
 SHOWN = 0.05  # a p value below shows a difference
@@ -229,6 +230,7 @@ def _notes(
         differing = [key for key in {**settings[0], **settings[1]} if _differs(key, *settings)]
         listed = ", ".join(differing)
         yield f"The runs differ in their settings, too ({listed}), first in this: {other}."
+    yield from partial_note(scores.partial(before.records) + scores.partial(after.records))
     versions = [identity_of(run).versions.get(PACKAGE, "unknown") for run in (before, after)]
     if versions[0] != versions[1]:
         yield (

@@ -96,8 +96,9 @@ def as_markdown(document: ReportDocument) -> str:
         parts += _compared(document.comparison)
     else:
         parts.append(markdown_table(*cell_table(report.cells)))
-    if report.infeasible and document.comparison is None:
+    if report.feasible and document.comparison is None:
         parts += ["Feasible tasks:", markdown_table(*cell_table(report.feasible))]
+    if report.infeasible and document.comparison is None:
         parts += ["Infeasible tasks:", markdown_table(*cell_table(report.infeasible))]
     for ablation in ablations_of(report):
         table = markdown_table(*level_table(report, ablation))

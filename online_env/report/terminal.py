@@ -86,8 +86,9 @@ def show(run: Run, reference: str = "") -> None:
 def show_report(report: RunReport, screen: Any) -> None:
     """Print the tables of a report, and a line on each agent with corrupted episodes."""
     screen.print(main_table(report.cells))
-    if report.infeasible:
+    if report.feasible:
         screen.print(main_table(report.feasible, "feasible tasks"))
+    if report.infeasible:
         screen.print(main_table(report.infeasible, "infeasible tasks"))
     screen.print(_beside(report.cells))
     for row in report.summaries:

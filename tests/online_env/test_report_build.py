@@ -12,7 +12,14 @@ from scipy import stats
 from hijack_data.errors import UnknownNameError
 from online_env.bench import statistics
 from online_env.bench.reading import Run, RunError
-from online_env.report import ReportError, build_report, load_report, scores_by_name, terminal
+from online_env.report import (
+    ReportError,
+    build_report,
+    formats,
+    load_report,
+    scores_by_name,
+    terminal,
+)
 from online_env.report.document import ReportDocument
 from online_env.report.figures import success_panels
 from online_env.report.model import from_data
@@ -288,6 +295,34 @@ def test_an_empty_run_and_no_run_are_refused(tmp_path):
         load_report(tmp_path / "none")
     with pytest.raises(ReportError, match="is the head of a run"):
         load_report(tmp_path / "run" / "run.json")
+
+
+INVALID = {"status": "invalid", "score": None, "cause": "machine", "problem": "no proof"}
+
+
+def test_notes_say_what_numbers_do_not_mean(tmp_path):
+    def notes(name, found):
+        return "\n".join(build_report(read_run(tmp_path / name, found)).notes)
+
+    half = [*scored("a", "clean", [0.9, 0.9, 1]), *scored("a", "marks", [0.1, 0.1, 0])]
+    assert "4 scores are between 0 and 1: p takes them for not solved" in notes("half", half)
+    missed = [*scored("a", "clean", [1, 1]), *scored("b", "clean", [1])]
+    assert "under the same condition (clean: a 2, b 1)" in notes("missed", missed)
+    invalid = [record | INVALID for record in scored("a", "clean", [1, 1])]
+    unpaired = [*invalid, *scored("a", "marks", [1, 0])]
+    assert "No clean episode counts for a, so there is no delta" in notes("unpaired", unpaired)
+    whole = notes("whole", [*scored("a", "clean", [1, 0]), *scored("a", "marks", [1, 0])])
+    for words in ("between 0 and 1", "as many scores", "No clean episode"):
+        assert words not in whole
+
+
+def test_a_run_of_infeasible_tasks_alone_has_one_table_more(tmp_path):
+    found = [{**record, "infeasible": True} for record in scored("a", "clean", [1, 0])]
+    document = ReportDocument(report=build_report(read_run(tmp_path / "run", found)))
+    for format in ("terminal", "markdown", "html"):
+        text = formats.write(document, format).lower()
+        assert "infeasible tasks" in text
+        assert "feasible tasks" not in text.replace("infeasible tasks", "")
 
 
 def test_a_log_without_a_head_is_reported_too(tmp_path):
