@@ -231,6 +231,7 @@ def _parsed(line: bytes) -> ResultRecord:
         if has_half(record[key]):
             raise _DamagedError(f"field {key!r} holds half of a surrogate pair")
     _check_score(record)
+    _check_parts(record.get("parts"))
     return {key: value for key, value in record.items() if key not in LINKS}
 
 
@@ -266,6 +267,19 @@ def first_id(record: ResultRecord) -> str:
         record["agent"],
         0,
     )
+
+
+def _check_parts(parts: object) -> None:
+    """Check the parts of a step that was scored, if there are any.
+
+    Raises:
+        _DamagedError: They are not right or wrong by name.
+    """
+    if parts is None:
+        return
+    values = cast("dict[str, Any]", parts).values() if isinstance(parts, dict) else [parts]
+    if not all(isinstance(value, bool) for value in values):
+        raise _DamagedError(f"parts {shown(parts)} are not true or false by name")
 
 
 def _check_score(record: ResultRecord) -> None:

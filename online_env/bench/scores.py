@@ -242,7 +242,7 @@ def counts(record: ResultRecord) -> bool:
     if record["status"] != "error":
         return record["status"] == "ok"
     cause = record.get("cause", "agent")
-    return cause == "agent" or (cause == "machine" and record.get("attempt", 0) > 0)
+    return cause == "agent" or (cause == "machine" and (record.get("attempt") or 0) > 0)
 
 
 def scored(cases: Cases) -> ScoreByCase:

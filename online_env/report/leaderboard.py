@@ -223,7 +223,8 @@ def _is_report(name: str) -> bool:
 
 
 def _board(group: Sequence[tuple[str, RunReport]]) -> Ranking:
-    first = group[0][1]
+    # A run that was broken off has fewer tasks, seeds and conditions than it was to have.
+    fullest = min((report for _, report in group), key=lambda report: report.run.missing)
     rows = [(place, report, row) for place, report in group for row in report.summaries]
     rows.sort(key=lambda entry: _key(entry[2]), reverse=True)
     lines: list[Standing] = []
@@ -232,7 +233,7 @@ def _board(group: Sequence[tuple[str, RunReport]]) -> Ranking:
         why = _unranked(report, row)
         if not why:
             ranked.append(row.corrupted)
-        success = [_success(report, row.agent, label) for label in first.labels]
+        success = [_success(report, row.agent, label) for label in fullest.labels]
         lines.append(
             Standing(
                 rank=None if why else 1 + ranked.index(row.corrupted),
@@ -246,8 +247,8 @@ def _board(group: Sequence[tuple[str, RunReport]]) -> Ranking:
             )
         )
     return Ranking(
-        title=_setting([report for _, report in group]),
-        labels=first.labels,
+        title=_setting(fullest, [report for _, report in group]),
+        labels=fullest.labels,
         lines=tuple(lines),
     )
 
@@ -287,8 +288,8 @@ def _success(
     return cell.success if cell else None
 
 
-def _setting(reports: Sequence[RunReport]) -> str:
-    report = reports[0]
+def _setting(report: RunReport, reports: Sequence[RunReport]) -> str:
+    """Return a setting in words: as a report has it, and how all of them differ."""
     run = report.run
     parts = [f"{run.tasks} tasks", f"{len(report.labels)} conditions", f"{len(run.seeds)} seeds"]
     if run.max_steps is not None:

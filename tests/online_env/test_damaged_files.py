@@ -163,6 +163,8 @@ def test_a_run_that_another_process_plays(run):
         ({"malformed": "1"}, "malformed '1' is no number from 0 on"),
         ({"attempt": True}, "attempt True is no number from 0 on"),
         ({"agent": "\ud800"}, "field 'agent' holds half of a surrogate pair"),
+        ({"parts": {"type": "x"}}, "parts {'type': 'x'} are not true or false by name"),
+        ({"parts": 5}, "parts 5 are not true or false by name"),
         ({}, f"episode '{EPISODES[0]}' is on line 1 already, which counts"),
     ],
 )
@@ -178,6 +180,15 @@ def test_a_line_that_no_run_writes_is_left_out_and_named(run, changes, said):
     done = CliRunner().invoke(report, [str(run), "--format", "json"])
     assert done.exit_code == 1, "something is damaged"
     assert f"records.jsonl:2: skipped: {problem}" in done.stderr
+
+
+def test_an_attempt_that_is_not_known_is_the_first(run):
+    """A desktop that died once is no failure of the agent's."""
+    failed = {"id": "x", "task": "t", "status": "error", "cause": "machine", "attempt": None}
+    with (run / reading.RECORDS).open("a") as file:
+        file.write(json.dumps({**RECORD, **failed}) + "\n")
+    (cell,) = build_report(records.read(run)).cells
+    assert (cell.n, cell.invalid) == (1, 1)
 
 
 def test_what_an_agent_says_it_used_is_summed_only_if_it_can_be(run):
@@ -220,6 +231,22 @@ def test_a_head_that_no_run_writes(run, changes, said):
     assert isinstance(found.exception, RunError)
     assert str(run / reading.RUN) in str(found.exception)
     assert said in str(found.exception)
+
+
+@pytest.mark.parametrize(
+    "config",
+    [
+        {"question": ["x"], "unscored": "many", "unpaired": True},
+        {"agents": 5, "corruptions": 7},
+        {"agents": {"x": 1}, "corruptions": [5, None, ["x"]]},
+    ],
+)
+def test_a_scoring_run_whose_settings_are_of_the_wrong_kind_is_shown(run, config):
+    head_of(run, config={**CONFIG, "kind": "score", **config})
+    found = CliRunner().invoke(report, [str(run)])
+    assert found.exception is None or isinstance(found.exception, SystemExit)
+    assert "oracle" in found.stdout
+    assert "many" not in found.stdout
 
 
 @pytest.mark.parametrize("created", [10**400, 1e300, -1, True])

@@ -175,6 +175,18 @@ def test_what_lacks_episodes_has_no_rank(runs):
     assert ranks["strong"] == (1, "")
 
 
+def test_a_run_that_was_broken_off_hides_no_column_of_the_others(runs):
+    """It comes first, and has the clean condition of three tasks alone."""
+    path = runs / "a" / "records.jsonl"
+    path.write_bytes(b"".join(path.read_bytes().splitlines(keepends=True)[:3]))
+    (board,) = rankings_of(read_all(runs))
+    assert board.labels == CONDITIONS
+    assert board.title.startswith("10 tasks, 10 conditions, 1 seeds")
+    values = {line.row.agent: line.values for line in board.lines}
+    assert [bool(value) for value in values["weak"]] == [True] + [False] * 9
+    assert all(values["strong"])
+
+
 def test_an_episode_that_is_there_twice_has_no_rank(runs):
     path = runs / "deep" / "b" / "records.jsonl"
     lines = path.read_bytes().splitlines(keepends=True)
