@@ -179,6 +179,26 @@ def test_small_numbers_are_not_nothing(tmp_path):
     assert " 0.000 " not in formats.write(document, "terminal")
 
 
+def test_the_rows_of_a_finished_report_are_those_of_its_run(folder, capsys, tmp_path):
+    _, rows, _ = hijack(capsys, "report", folder, "--json")
+    path = tmp_path / "report.json"
+    hijack(capsys, "report", folder, "-o", path)
+    code, out, _ = hijack(capsys, "report", path, "--json")
+    assert (code, json.loads(out)) == (0, json.loads(rows))
+    code, _, err = hijack(capsys, "report", path, "--reference", "mine")
+    assert (code, "is a finished report, whose reference agent is ''" in err) == (2, True)
+
+
+def test_the_rows_of_a_comparison(folder, capsys):
+    code, out, _ = hijack(capsys, "report", folder, "--json", "--compare", folder)
+    rows = json.loads(out)
+    assert (code, len(rows)) == (0, 20)
+    assert {row["difference"] for row in rows} == {0}
+    words = ("--compare", folder, "--pair", "mine=mine", "--pair", "mine=recovering")
+    code, _, err = hijack(capsys, "report", folder, *words)
+    assert (code, "'mine' is compared with 'mine' already" in err) == (2, True)
+
+
 def test_model_index_needs_an_agent(tmp_path, capsys):
     run_of(tmp_path / "run", scored("oracle", "clean", [1]))
     code, _, err = hijack(capsys, "report", tmp_path / "run", "--format", "model-index")
@@ -303,6 +323,10 @@ def test_what_the_paper_does_not_have_is_left_out(tmp_path, capsys):
         (["--pair", "a=b"], "give the earlier one with --compare"),
         (["--leaderboard"], "say where the page goes"),
         (["--leaderboard", "--format", "csv"], "--leaderboard is a page"),
+        (["--leaderboard", "--paper"], "--leaderboard is a page without --paper"),
+        (["--leaderboard", "--json"], "--leaderboard is a page without --json"),
+        (["--json", "--paper"], "--json is a list of rows, without --paper; give --format json"),
+        (["--json", "--format", "csv"], "--json is a list of rows, without --format csv"),
     ],
 )
 def test_a_mistake_is_one_line_with_its_remedy(
