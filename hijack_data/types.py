@@ -50,6 +50,13 @@ ACTION_TYPES = (
     "fail",
     "other",
 )
+# Those that aim at a place; text and keys go where the focus is, and scrolling to what lies below.
+AIMING = frozenset(
+    [
+        *("click", "double_click", "triple_click", "right_click", "middle_click"),
+        *("move", "drag", "mouse_down", "mouse_up"),
+    ]
+)
 
 
 def size_text(size: Size) -> str:
@@ -287,6 +294,27 @@ class Action:
     def end(self) -> Point | None:
         """The point at which a drag ends, or `None`."""
         return None if self.x2 is None or self.y2 is None else (self.x2, self.y2)
+
+
+def in_box(box: Box, point: Point) -> bool:
+    """Return whether a pixel lies in a box; boxes are half-open."""
+    x1, y1, x2, y2 = box
+    return x1 <= point[0] < x2 and y1 <= point[1] < y2
+
+
+def check_aim(action: Action, box: Box | None) -> None:
+    """Check that a recorded action lies in its own target, if it aims at a point.
+
+    Raises:
+        ParameterError: it lies outside, so one of the two is wrong.
+    """
+    point = action.point
+    if box is None or point is None or action.type not in AIMING or in_box(box, point):
+        return
+    raise ParameterError(
+        f"the recorded {action.type} at {point} is outside its own target_box {list(box)} (x1, y1,"
+        " x2, y2; the pixel at x2 is outside): correct the one that is wrong"
+    )
 
 
 @dataclass(frozen=True)

@@ -391,16 +391,18 @@ def record(name: str | None, **options: Any) -> None:
 def view(name: str | None, port: int) -> None:
     """Show desktop NAME live in a browser, with mouse and keyboard; ends with Ctrl-C.
 
-    Nine buttons corrupt the desktop and undo that. If no desktop runs, one is started that ends
-    with this command.
+    Nine buttons corrupt the desktop and undo that. Without NAME it is the one that `hijack desktop
+    up` started; if there is none, or more than one, another is started that ends with this command.
+    Desktops of a running benchmark are shown by their name only.
     """
     from .embedded.buttons import Buttons
     from .embedded.registry import folder
-    from .embedded.running import attach
+    from .embedded.running import attach, left_running
     from .embedded.view import serve
 
-    lasting = name is not None or _any_runs()
-    with attach(name) if lasting else _own() as present:
+    left = left_running() if name is None else []
+    lasting = name is not None or len(left) == 1
+    with attach(name or left[0]["id"]) if lasting else _own() as present:
         buttons = Buttons(present, Ledger(folder(present.id)))
         serve(present.record, port, click.echo, lasting=lasting, buttons=buttons)
 
@@ -413,17 +415,15 @@ def _code(result: RunResult) -> int:
     return code if code > 0 else 128 - code
 
 
-def _any_runs() -> bool:
-    from .embedded import registry
-
-    return bool(registry.running())
-
-
 def _own() -> Any:
+    """Start a desktop for a page; its name says so, and no other desktop gets it again."""
+    from .embedded import registry
     from .embedded.desktop import EmbeddedDesktop
 
-    click.echo("no desktop runs: starting one")
-    return EmbeddedDesktop.up()
+    others = ", ".join(record["id"] for record in registry.running())
+    said = f"starting one beside {others} (hijack desktop view NAME shows one of those)"
+    click.echo(said if others else "no desktop runs: starting one")
+    return EmbeddedDesktop.up(name=f"view-{os.getpid()}")
 
 
 def _size(text: str) -> tuple[int, int]:

@@ -159,9 +159,15 @@ def _played(report: RunReport) -> str:
 def _table(report: RunReport) -> Iterator[str]:
     yield "| agent | over corruptions | keeps of clean | worst under |\n|---|---:|---:|---|"
     for row in report.summaries:
-        worst = f"`{row.worst}`, {_percent(row.worst_success)}" if row.worst else ""
+        worst = _worst(report.worst_of(row.agent), row.worst_success)
         yield f"| `{row.agent}` | {_percent(row.corrupted)} | {_percent(row.retention)} | {worst} |"
     yield ""
+
+
+def _worst(labels: tuple[str, ...], success: float | None) -> str:
+    if success is None or not labels:
+        return "" if success is None else "none"
+    return f"{', '.join(f'`{label}`' for label in labels)}, {_percent(success)}"
 
 
 def _percent(share: float | None) -> str:

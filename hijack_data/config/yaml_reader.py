@@ -17,6 +17,7 @@ from typing import Any, cast
 import yaml
 
 from ..errors import ConfigError
+from ..surrogates import has_half
 from .tree import (
     MAX_DEPTH,
     MAX_DIGITS,
@@ -263,7 +264,7 @@ class _Reader:
 
     def _scalar(self, event: Any, place: Position) -> ScalarNode:
         text = cast(str, event.value)
-        if any("\ud800" <= character <= "\udfff" for character in text):
+        if has_half(text):
             message = (
                 "a \\u escape holds half a character (a surrogate); write the character itself"
             )

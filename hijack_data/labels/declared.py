@@ -256,11 +256,11 @@ class Labels:
 
     def _places(self, sample: SampleDict, size: Size) -> list[Location]:
         if self.target is not None:
-            return self._places_at(self.target, sample, size)
+            return _only(self.target, self._places_at(self.target, sample, size))
         for key in ("target", "target_box", "action"):
             found = self._places_at(key, sample, size)
             if found:
-                return found
+                return _only(key, found)
         found: list[Location] = []
         for path in self._pointing():
             if path not in OWN:
@@ -309,6 +309,21 @@ class Labels:
 
 
 DRAGGING = ("drag", "mouseUp")  # pyautogui code without any of these functions is not a drag
+
+
+def _only(key: str, places: list[Location]) -> list[Location]:
+    """Return the place of a target.
+
+    Raises:
+        LabelError: it has several; whether one of them has to show, or all, nobody said.
+    """
+    if key in ("target", "target_box") and len(places) > 1:
+        raise LabelError(
+            f"the sample's entry {key!r} holds {len(places)} places, but a sample aims at one:"
+            f" leave that one in {key!r}, and declare the others under a name of their own, such"
+            " as labels={'others': 'xyxy'}"
+        )
+    return places
 
 
 def _first_end(places: list[Location]) -> tuple[float, ...] | None:

@@ -49,6 +49,8 @@ GIVEN_KINDS = ("task", "plan")  # the task with the machine; the task's plan in 
 REINIT = "REQUEST_REINIT"  # an agent's request for help, which does nothing on the screen
 
 _LONGEST = 200  # characters of an id, which is the name of a folder
+_FOREIGN = re.compile(r"[^\w.+-]+", re.ASCII)
+_USUAL = re.compile(r"[:/]")  # of names such as file.py:Class and trajectory/step
 
 
 def slug_of(
@@ -62,12 +64,30 @@ def slug_of(
     parts = [task, label, f"s{seed}", agent]
     if attempt:
         parts.append(f"a{attempt}")
-    cleaned = [re.sub(r"[^\w.+-]+", "_", part, flags=re.ASCII) or "_" for part in parts]
+    cleaned = [_FOREIGN.sub("_", part) or "_" for part in parts]
     slug = "__".join(cleaned).lstrip(".")
     if len(slug) <= _LONGEST:
         return slug
     digest = hashlib.blake2b(slug.encode(), digest_size=8).hexdigest()
     return f"{slug[: _LONGEST - 17]}-{digest}"
+
+
+def row_slug_of(
+    task: str,
+    variant: str,
+    label: str,
+    seed: int,
+    agent: str,
+) -> str:
+    """Return the id of a row that is scored: trajectory, step, condition, seed and agent.
+
+    Trajectories may be named in any script, of which an id keeps nothing: then a digest tells them
+    apart.
+    """
+    name = f"{task}/{variant}"
+    if _FOREIGN.search(_USUAL.sub("", name)):
+        name += f"-{hashlib.blake2b(name.encode(), digest_size=8).hexdigest()}"
+    return slug_of(name, label, seed, agent, 0)
 
 
 def digest_of(content: bytes) -> str:

@@ -2,20 +2,13 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, TypeGuard
+from typing import Any
+
+from hijack_data.runs.amounts import is_amount, is_count
 
 from ..errors import CostLimitError
 
 COUNTS = ("requests", "input_tokens", "output_tokens")
-_MOST = 2**53  # beyond this, floats are not exact integers, and no real count is so large
-
-
-def is_amount(value: object) -> TypeGuard[float]:
-    """Return whether a value is a number that can be summed: at least 0, finite, not absurd.
-
-    Agents report their own usage, so the value may be anything.
-    """
-    return isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value <= _MOST
 
 
 class Budget:
@@ -97,5 +90,4 @@ def _counted(made: Sequence[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
 
 def has_counts(usage: Mapping[str, Any]) -> bool:
     """Return whether the counts of requests and tokens are present, as integers."""
-    counts = [usage.get(key) for key in COUNTS]
-    return all(is_amount(count) and isinstance(count, int) for count in counts)
+    return all(is_count(usage.get(key)) for key in COUNTS)

@@ -58,7 +58,8 @@ class Arrival:
             unwritable: The file cannot be written.
         """
         place = PurePosixPath(name)
-        if place.parts[:1] not in [(known,) for known in _SENT] or ".." in place.parts:
+        is_inside = len(place.parts) > 1 and place.parts[0] in _SENT
+        if not is_inside or ".." in place.parts:
             raise ClusterError(f"a node sent the file {name!r}, which is none of an episode")
         path = self._run / place
         try:

@@ -14,13 +14,13 @@ from statistics import fmean
 from typing import Any, Literal, TypeAlias
 
 from hijack_data.errors import HijackError
+from hijack_data.runs.amounts import is_amount
 from hijack_data.runs.run_log import EPISODES, RUN
 
 from ..agents.makers import FileAgentMaker
 from ..agents.registry import AGENTS
 from ..tasks import sets
 from .config import Bench
-from .costs import is_amount
 from .jobs import Job
 from .reading import ResultRecord, read
 

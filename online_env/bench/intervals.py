@@ -8,6 +8,7 @@ All scores are success rates in 0..1.
 
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
+from math import isfinite
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -25,6 +26,7 @@ PairedScores: TypeAlias = tuple[Sequence[float], Sequence[float], Sequence[Hasha
 _Ratio: TypeAlias = tuple[Floats64, Floats64]
 
 LEVEL = 0.95
+NOISE = 1e-9  # values that differ by less are equal: sums of scores such as 0.1 are not exact
 BATCH = 100  # intervals computed at once
 
 
@@ -129,6 +131,9 @@ def retention_interval(
         level: the confidence level, between 0 and 1.
         seed: of the resampling.
 
+    If every task keeps the same share, a bootstrap interval would have no width. The interval then
+    rests on how many tasks have clean success, as in `mean_interval`.
+
     Returns:
         `None` if the agent has no clean success, since there is nothing to keep. The interval is
         unbounded above (`inf`) if resampled tasks may have no clean success.
@@ -147,20 +152,28 @@ def retention_intervals(
 ) -> list[Interval | None]:
     """Return `retention_interval` of each cell, which is faster for all cells at once."""
     shares: list[_Ratio] = []
+    counts: list[int] = []
     for clean, corrupted, tasks in cells:
         check_pairs(clean, corrupted)
         before, _ = _by_task(clean, tasks)
         after, _ = _by_task(corrupted, tasks)
         shares.append((after, before))
+        counts.append(len(tasks))
     known = [share for share in shares if share[1].sum() > 0]
     ends = iter(_bootstrap(known, level=level, seed=seed))
     found: list[Interval | None] = []
-    for after, before in shares:
+    for (after, before), cases in zip(shares, counts, strict=True):
         if before.sum() == 0:
             found.append(None)
             continue
         low, high = next(ends)
-        found.append(Interval(value=float(after.sum() / before.sum()), low=low, high=high))
+        value = float(after.sum() / before.sum())
+        if are_alike(after - value * before):
+            half = _unseen(int((before > 0).sum()), level)
+            low = max(0.0, value - half)
+            if isfinite(high):
+                high = min(value + half, cases / float(before.sum()))  # all of them solved
+        found.append(Interval(value=value, low=low, high=high))
     return found
 
 
@@ -192,7 +205,7 @@ def grand_mean_interval(
         for task in tasks:
             place.setdefault(task, len(place))
     sums, counts = _cells_by_task(cells, place)
-    if np.ptp(sums.sum(axis=1) / counts.sum(axis=1)) == 0:
+    if are_alike(sums.sum(axis=1) / counts.sum(axis=1)):
         half = _unseen(len(place), level)
         return Interval(value=value, low=max(0.0, value - half), high=min(1.0, value + half))
     above = resample(list(sums.T), seed)
@@ -211,6 +224,11 @@ def check_pairs(clean: Sequence[float], corrupted: Sequence[float]) -> None:
     if len(clean) != len(corrupted):
         counts = f"{len(clean)} clean and {len(corrupted)} corrupted scores"
         raise ParameterError(f"scores must come in pairs, got {counts}")
+
+
+def are_alike(values: Floats64) -> bool:
+    """Return whether values are equal but for rounding."""
+    return float(np.ptp(values)) <= NOISE
 
 
 def _by_task(scores: Sequence[float], tasks: Sequence[Hashable]) -> tuple[Floats64, Floats64]:
@@ -258,16 +276,16 @@ def _intervals(
     seed: int,
 ) -> list[Interval]:
     """Return the means over tasks with intervals, which have Wilson's width if all tasks agree."""
-    differing = [(sums, counts) for sums, counts in cells if np.ptp(sums / counts) > 0]
+    differing = [cell for cell in cells if not are_alike(cell[0] / cell[1])]
     ends = iter(_bootstrap(differing, level=level, seed=seed))
     found: list[Interval] = []
     for sums, counts in cells:
         value = float(sums.sum() / counts.sum())
-        if np.ptp(sums / counts) > 0:
-            low, high = next(ends)
-        else:
+        if are_alike(sums / counts):
             half = _unseen(len(sums), level)
             low, high = value - half, value + half
+        else:
+            low, high = next(ends)
         found.append(Interval(value=value, low=low, high=high))
     return found
 

@@ -65,8 +65,7 @@ def tree_of(run: Run, gates: Sequence[GateCase]) -> XmlElement:
     for record in scores.latest(run.records).values():
         by_agent.setdefault(str(record["agent"]), []).append(_episode(record))
     suites = [_suite(agent, cases) for agent, cases in by_agent.items()]
-    # The ids of a dataset's rows have another form.
-    lost = [] if run.is_scored else [_missing(name) for name in run.unplayed]
+    lost = [_missing(name) for name in run.unplayed]
     if lost:
         suites.append(_suite("missing", lost))
     if gates:

@@ -1,7 +1,6 @@
 """Reading a run: its head, the records that can be read, and the lines that cannot."""
 
 import json
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import prod
@@ -10,6 +9,7 @@ from typing import Any, TypeAlias, cast
 
 from hijack_data.errors import HijackError, shown
 from hijack_data.files import read_regular
+from hijack_data.runs.amounts import is_amount
 from hijack_data.runs.run_log import (
     EPISODE,
     EPISODES,
@@ -21,8 +21,7 @@ from hijack_data.runs.run_log import (
     VERSION,
     slug_of,
 )
-
-from .costs import is_amount
+from hijack_data.surrogates import has_half
 
 ResultRecord: TypeAlias = dict[str, Any]
 STATUSES = ("ok", "invalid", "error")
@@ -35,7 +34,6 @@ _FIELDS = {
     "seed": int,
     "status": str,
 }
-_HALF = re.compile("[\ud800-\udfff]")
 _AMOUNTS = ("attempt", "steps", "seconds", "malformed")  # checked in records that have them
 
 
@@ -102,7 +100,7 @@ class Run:
     def unplayed(self) -> tuple[str, ...]:
         """The ids in `episodes` without a record."""
         made = {str(record.get("id")) for record in self.records}
-        made |= {_first_id(record) for record in self.records}
+        made |= {first_id(record) for record in self.records}
         return tuple(name for name in self.episodes if name not in made)
 
 
@@ -191,6 +189,21 @@ def _episodes(folder: Path) -> Run:
     return run
 
 
+def read_record(path: Path) -> ResultRecord:
+    """Read the record in the folder of an episode.
+
+    Raises:
+        RunError: It cannot be read, or is none.
+    """
+    remedy = "remove the episode's folder to play it again"
+    try:
+        return _parsed(read_regular(path))
+    except OSError as error:
+        raise RunError(f"{path}: cannot be read ({error.strerror or error}); {remedy}") from None
+    except _DamagedError as error:
+        raise RunError(f"{path}: {error}; {remedy}") from None
+
+
 def _parsed(line: bytes) -> ResultRecord:
     """Return the record of a line.
 
@@ -215,9 +228,10 @@ def _parsed(line: bytes) -> ResultRecord:
         if record.get(key) is not None and not is_amount(record[key]):
             raise _DamagedError(f"{key} {shown(record[key])} is not a number of at least 0")
     for key in ("agent", "task", "corruption"):
-        if _HALF.search(record[key]):
+        if has_half(record[key]):
             raise _DamagedError(f"field {key!r} holds half of a surrogate pair")
     _check_score(record)
+    _check_parts(record.get("parts"))
     return {key: value for key, value in record.items() if key not in LINKS}
 
 
@@ -244,7 +258,7 @@ def _check_new(
         raise _DamagedError(f"episode {shown(name)} is on line {first} already, which counts")
 
 
-def _first_id(record: ResultRecord) -> str:
+def first_id(record: ResultRecord) -> str:
     """Return the id of the first attempt at the episode of a record."""
     return slug_of(
         record["task"],
@@ -253,6 +267,19 @@ def _first_id(record: ResultRecord) -> str:
         record["agent"],
         0,
     )
+
+
+def _check_parts(parts: object) -> None:
+    """Check the parts of a step that was scored, if there are any.
+
+    Raises:
+        _DamagedError: They are not right or wrong by name.
+    """
+    if parts is None:
+        return
+    values = cast("dict[str, Any]", parts).values() if isinstance(parts, dict) else [parts]
+    if not all(isinstance(value, bool) for value in values):
+        raise _DamagedError(f"parts {shown(parts)} are not true or false by name")
 
 
 def _check_score(record: ResultRecord) -> None:

@@ -12,6 +12,7 @@ import json
 import os
 import platform
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
@@ -28,11 +29,20 @@ from hijack_data.runs.run_log import (
     RUN,
     VERSION,
     digest_of,
-    slug_of,
 )
 
 from . import origin
-from .reading import MAX_LINE, Damage, ResultRecord, Run, RunError, read, read_head
+from .reading import (
+    MAX_LINE,
+    Damage,
+    ResultRecord,
+    Run,
+    RunError,
+    first_id,
+    read,
+    read_head,
+    read_record,
+)
 
 __all__ = [
     "Damage",
@@ -111,6 +121,7 @@ def create(
     Raises:
         unwritable: A file cannot be written; see `hijack_data.files`.
     """
+    _check_distinct(episodes)
     _check_empty(folder)
     held = hold(folder)
     try:
@@ -149,8 +160,9 @@ def resume(
     theirs. Arguments and result are those of `create`.
 
     Raises:
-        RunError: The run is another one (the message names the first difference), is damaged, was
-            made by an older version, or another process has the folder.
+        RunError: The run is another one (the message names the first difference), it or an episode
+            without a line is damaged, it was made by an older version, or another process has the
+            folder.
     """
     if not (folder / RUN).exists():
         return create(folder, config, episodes, made_by)
@@ -291,6 +303,21 @@ def _first(texts: Iterable[str]) -> str:
     return next((text for text in texts if text), "")
 
 
+def _check_distinct(episodes: Sequence[str]) -> None:
+    """Check that no two episodes have one id, which would be one folder and one record.
+
+    Raises:
+        RunError: two have.
+    """
+    twice = [name for name, count in Counter(episodes).items() if count > 1]
+    if twice:
+        raise RunError(
+            f"{len(twice)} ids stand for several episodes, such as {twice[0]!r}: their agents,"
+            " tasks or labels differ only in characters that an id lacks (all but a-z, A-Z, 0-9"
+            " and _ . + -); rename one of them"
+        )
+
+
 def _check_empty(folder: Path) -> None:
     try:
         holds = sorted(path.name for path in folder.iterdir()) if folder.exists() else []
@@ -350,20 +377,19 @@ def _adopt(
     never begun; otherwise two such ends would count as a failure of the agent.
     """
     known = {record.get("id") for record in run.records}
-    ended = (folder / EPISODES).glob(f"*/{EPISODE}")
+    ended = sorted((folder / EPISODES).glob(f"*/{EPISODE}"))
     left: list[ResultRecord] = []
     for path in ended:
         if path.parent.name in known:
             continue
-        record = cast("ResultRecord", json.loads(path.read_bytes()))
-        names = (record["task"], record["corruption"], record["seed"], record["agent"])
-        if slug_of(*names, 0) not in episodes:
+        record = read_record(path)
+        if first_id(record) not in episodes:
             continue
         if record["status"] == "error" and record.get("cause") != "agent":
             path.unlink()
         else:
             left.append(record)
-    append_all(folder, sorted(left, key=lambda record: record["attempt"]))
+    append_all(folder, sorted(left, key=lambda record: record.get("attempt", 0)))
 
 
 def _last_line(path: Path) -> bytes:

@@ -67,9 +67,10 @@ def rows(
 def summaries(table: Sequence[ScoreRow]) -> list[ScoreRow]:
     """Return one row for each agent of a table that `rows` made.
 
-    `clean` is its clean success, `corrupted` the mean over its corruptions, `worst` the label and
-    `worst_success` the success of its worst corruption, `paper_average` the paper's "Average",
-    which includes the clean condition. Missing values are `None`.
+    `clean` is its clean success, `corrupted` the mean over its corruptions, `worst` the label of
+    its worst corruption (the first of `worst_labels`), `worst_success` the success under it,
+    `paper_average` the paper's "Average", which includes the clean condition. Missing values are
+    `None`.
     """
     found: list[ScoreRow] = []
     for agent in dict.fromkeys(row["agent"] for row in table):
@@ -93,13 +94,28 @@ def means(success: Mapping[str, float | None]) -> dict[str, Any]:
     """
     known = {label: value for label, value in success.items() if value is not None}
     corrupted = {label: value for label, value in known.items() if label != CLEAN}
-    worst = min(corrupted, key=lambda label: corrupted[label], default=None)
     return {
         "clean": known.get(CLEAN),
         "corrupted": fmean(corrupted.values()) if corrupted else None,
-        "worst": worst,
-        "worst_success": corrupted[worst] if worst is not None else None,
+        "worst": next(iter(worst_labels(known)), None),
+        "worst_success": min(corrupted.values(), default=None),
     }
+
+
+def worst_labels(success: Mapping[str, float]) -> tuple[str, ...]:
+    """Return the labels of the corruptions under which an agent does worst.
+
+    None if no corruption is worse than another: the agent solves nothing at all, or as much under
+    each of several.
+
+    Args:
+        success: the mean score under each condition.
+    """
+    corrupted = {label: value for label, value in success.items() if label != CLEAN}
+    least = min(corrupted.values(), default=0.0)
+    worst = tuple(label for label, value in corrupted.items() if value == least)
+    are_alike = len(worst) == len(corrupted) > 1
+    return worst if any(success.values()) and not are_alike else ()
 
 
 def pairs(before: ScoreByCase, after: ScoreByCase) -> tuple[list[float], list[float], list[str]]:
@@ -227,12 +243,18 @@ def counts(record: ResultRecord) -> bool:
     if record["status"] != "error":
         return record["status"] == "ok"
     cause = record.get("cause", "agent")
-    return cause == "agent" or (cause == "machine" and record.get("attempt", 0) > 0)
+    return cause == "agent" or (cause == "machine" and (record.get("attempt") or 0) > 0)
 
 
 def scored(cases: Cases) -> ScoreByCase:
     """Return the score (0..1) of each case that counts for the agent; an error scores 0."""
     return {case: _score(record) for case, record in cases.items() if counts(record)}
+
+
+def partial(records: Iterable[ResultRecord]) -> int:
+    """Return how many episodes that count have a score that is neither 0 nor 1."""
+    counted = filter(counts, latest(records).values())
+    return sum(0 < _score(record) < 1 for record in counted)
 
 
 def _score(record: ResultRecord) -> float:

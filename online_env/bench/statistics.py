@@ -23,6 +23,7 @@ from .intervals import (
     Interval,
     PairedScores,
     Scores,
+    are_alike,
     check_pairs,
     difference_interval,
     difference_intervals,
@@ -101,9 +102,10 @@ def detectable_difference(
         ParameterError: there are no cases, or the three lists differ in length.
     """
     sums, counts = differences_by_task(clean, corrupted, tasks)
-    spread = float(np.std(sums / counts, ddof=1)) if len(sums) > 2 else 0.0
-    if spread == 0:
+    means = sums / counts
+    if len(means) < 3 or are_alike(means):
         return None
+    spread = float(np.std(means, ddof=1))
     return min(1.0, _detectable_effect(len(sums), power, level) * spread)
 
 

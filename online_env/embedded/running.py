@@ -33,6 +33,15 @@ def choose(name: str | None) -> dict[str, Any]:
     raise UnknownDesktopError(f"say which desktop{unknown}; there are: {known}{others}")
 
 
+def left_running() -> list[dict[str, Any]]:
+    """The records of the desktops that `hijack desktop up` started, oldest first.
+
+    Others belong to a process that uses them, such as a benchmark, and end with it.
+    """
+    ready = [record for record in registry.running() if record["state"] == "ready"]
+    return [record for record in ready if not record.get("controller")]
+
+
 def attach(name: str | None) -> EmbeddedDesktop:
     """A connection to `name`, or to the only desktop there is; errors as in `choose`."""
     record = choose(name)

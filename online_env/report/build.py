@@ -99,7 +99,8 @@ def build_report(run: Run, *, reference: str = "") -> RunReport:
         parts=tuple(_parts(run)),
         reference=reference,
     )
-    return RunReport(**{**vars(report), "notes": notes_of(report)})
+    partial = scores.partial(run.records)
+    return RunReport(**{**vars(report), "notes": notes_of(report, partial)})
 
 
 def cells_of(run: Run, chosen: Sequence[ResultRecord]) -> list[Cell]:

@@ -7,6 +7,7 @@ Exit codes: 0 done, 1 something of the run is missing, invalid, failed or damage
 import gc
 import json
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 
 import click
@@ -17,8 +18,9 @@ from hijack_data.files import write_atomic
 from ..bench import reading
 from ..bench.gate import ReleaseGate, gate_options
 from ..bench.reading import Run
+from ..bench.scores import COLUMNS
 from . import terminal
-from .build import build_report, read_report
+from .build import build_report, load_report
 from .compare import RunComparison, compare
 from .document import ReportDocument
 from .formats import FORMATS, TERMINAL, format_of, write
@@ -76,23 +78,39 @@ def report(
     """
     if (fail_under or junit) and (leaderboard or runs.is_file()):
         raise ReportError("--fail-under and --junit judge a run; give the folder of one")
+    given = {"--compare": other, "--pair": pairs, "--paper": paper, "--reference": reference}
+    beside = [name for name, value in given.items() if value]
+    if leaderboard and (beside or as_json):
+        raise ReportError(f"--leaderboard is a page without {(*beside, '--json')[0]}; leave it out")
+    if as_json and (paper or named):
+        option = "--paper" if paper else f"--format {named}"
+        raise ReportError(f"--json is a list of rows, without {option}; give --format json alone")
     if leaderboard:
         raise SystemExit(_leaderboard(runs, named, out))
     if pairs and other is None:
         raise ReportError("--pair names agents of two runs; give the earlier one with --compare")
     if runs.is_file():
-        _report_file(runs, named, out, other is not None, paper)
+        if other is not None:
+            raise ReportError(f"--compare: {runs} is a finished report; give the folders of runs")
+        found = load_report(runs, reference or "")
+        if as_json:
+            cells = [{name: getattr(cell, name) for name in COLUMNS} for cell in found.cells]
+            _put(json.dumps(cells, indent=1) + "\n", out)
+            return
+        _write(_document(found, None, paper), format_of(named, out), out)
         return
     run = _read(runs)
     gate = ReleaseGate.read(fail_under, junit, agents_of(run.config), [*conditions_of(run.config)])
-    if as_json:
-        rows = terminal.score_rows(run, run.records)
-        _put(json.dumps(rows, indent=1) + "\n", out)
-        raise SystemExit(_told(run, gate))
-    format = format_of(named, out)
     comparison = None
     if other is not None:
         comparison = compare(_read(other), run, _paired(pairs))
+    if as_json:
+        rows = terminal.score_rows(run, run.records)
+        if comparison is not None:
+            rows = [asdict(cell) for cell in comparison.cells]
+        _put(json.dumps(rows, indent=1) + "\n", out)
+        raise SystemExit(_told(run, gate))
+    format = format_of(named, out)
     if format == TERMINAL and out is None and comparison is None:
         terminal.show(run, reference or "")
         if paper:
@@ -130,23 +148,6 @@ def _told(run: Run, gate: ReleaseGate) -> int:
     if not gate.conclude(run):
         return 1
     return exit_code(run)
-
-
-def _report_file(
-    path: Path,
-    named: str | None,
-    out: Path | None,
-    compared: bool,
-    paper: bool,
-) -> None:
-    """Write a finished report in another format.
-
-    Raises:
-        ReportError: the file is none, or is to be compared.
-    """
-    if compared:
-        raise ReportError(f"--compare: {path} is a finished report; give the folders of the runs")
-    _write(_document(read_report(path), None, paper), format_of(named, out), out)
 
 
 def _document(
@@ -191,6 +192,11 @@ def _paired(pairs: tuple[str, ...]) -> Mapping[str, str] | None:
         first, _, second = pair.partition("=")
         if not first or not second:
             raise ReportError(f"--pair: {pair!r} is not OLD=NEW, two names of agents")
+        if first in found:
+            raise ReportError(
+                f"--pair: {first!r} is compared with {found[first]!r} already; compare it with"
+                f" {second!r} by a command of its own"
+            )
         found[first] = second
     return found or None
 

@@ -10,7 +10,9 @@ from ..bench.records import difference
 from ..extra import require
 from .build import identity_of
 from .model import ReportError, RunIdentity
+from .notes import partial_note
 
+PACKAGE = "agenthijack"
 SHOWN = 0.05  # p values below this show a difference
 # Fields of a configuration in which two compared runs may differ.
 _PLACES = ("source", "agents", "code")
@@ -208,29 +210,54 @@ def _notes(
     rows: Sequence[ComparedCell],
     chosen: Mapping[str, str],
 ) -> Iterator[str]:
-    for run, own, kept in (
-        (before, _agents(_scored(before)), chosen.keys()),
-        (after, _agents(_scored(after)), chosen.values()),
+    names = _names(before, after)
+    for run, name, kept in (
+        (before, names[0], chosen.keys()),
+        (after, names[1], chosen.values()),
     ):
-        left = [agent for agent in own if agent not in kept]
+        left = [agent for agent in _agents(_scored(run)) if agent not in kept]
         if left:
-            yield f"Only in {run.folder}: {', '.join(left)}."
+            yield f"Only in {name}: {', '.join(left)}."
     alone = [(row.only_before, row.only_after) for row in rows]
     first, second = (sum(counts) for counts in zip(*alone, strict=True))
     if first or second:
         yield (
-            f"Not compared: {first} cases that only {before.folder} has, {second} that only"
-            f" {after.folder} has."
+            f"Not compared: {first} cases that only {names[0]} has, {second} that only"
+            f" {names[1]} has."
         )
-    other = difference(_setting(before), _setting(after))
+    settings = (_setting(before), _setting(after))
+    other = difference(*settings)
     if other:
-        yield f"The runs differ in their settings, too, first in this: {other}."
+        differing = [key for key in {**settings[0], **settings[1]} if _differs(key, *settings)]
+        listed = ", ".join(differing)
+        yield f"The runs differ in their settings, too ({listed}), first in this: {other}."
+    yield from partial_note(scores.partial(before.records) + scores.partial(after.records))
+    versions = [identity_of(run).versions.get(PACKAGE, "unknown") for run in (before, after)]
+    if versions[0] != versions[1]:
+        yield (
+            f"{names[0]} was made with {PACKAGE} {versions[0]}, {names[1]} with {versions[1]}:"
+            " tasks and corruptions may have changed."
+        )
     yield from _unseen(rows)
+
+
+def _names(before: Run, after: Run) -> tuple[str, str]:
+    """Return what the runs are called in a report that is read elsewhere: not by their paths."""
+    first, second = (run.folder.resolve().name for run in (before, after))
+    return (first, second) if first != second else (f"{first} (before)", f"{second} (after)")
 
 
 def _setting(run: Run) -> dict[str, Any]:
     """Return the configuration without the fields in which compared runs may differ."""
     return {key: value for key, value in run.config.items() if key not in _PLACES}
+
+
+def _differs(
+    key: str,
+    one: Mapping[str, Any],
+    other: Mapping[str, Any],
+) -> bool:
+    return one.get(key) != other.get(key)
 
 
 def _unseen(rows: Sequence[ComparedCell]) -> Iterator[str]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from hijack_data.plan import CLEAN
 
+from ..bench.scores import worst_labels
 from . import words
 from .model import Cell, RunReport
 
@@ -103,11 +104,12 @@ def _panel(
     end: float,
 ) -> Panel:
     corrupted = [cell for cell in cells if cell.corruption != CLEAN]
-    worst = min(corrupted, key=lambda cell: cell.success or 0.0, default=None)
+    success = {cell.corruption: cell.success for cell in cells if cell.success is not None}
+    worst = worst_labels(success)
     bars: list[BarMark] = []
     for number, cell in enumerate(cells):
         kind = "clean" if cell.corruption == CLEAN else "other"
-        if cell is worst and len(corrupted) > 1:
+        if cell.corruption in worst and len(corrupted) > 1:
             kind = "worst"
         bars.append(draw(cell, kind, TOP + number * ROW + (ROW - _BAR) / 2, end))
     steps = [step / 100 for step in range(0, round(100 * end) + 1, 25)]

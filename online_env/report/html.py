@@ -50,7 +50,7 @@ def as_html(document: ReportDocument) -> str:
             (ablation, grouped_panel(report, ablation), level_table(report, ablation))
             for ablation in ablations_of(report)
         ],
-        summary=trimmed(*summary_table(report.summaries)),
+        summary=trimmed(*summary_table(report)),
         cells=trimmed(*cell_table(report.cells)),
         feasible=trimmed(*cell_table(report.feasible)),
         infeasible=trimmed(*cell_table(report.infeasible)),

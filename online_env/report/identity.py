@@ -1,16 +1,18 @@
 """The identity of a report's run: its head, and how its conditions relate to the paper's."""
 
 import json
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Any
 
+from hijack_data.config.files import available
 from hijack_data.corruption import get
 from hijack_data.errors import HijackError
+from hijack_data.runs.amounts import is_amount
 from hijack_data.runs.run_log import RUN, SCORE_RUN, digest_of
 
 from ..bench import scores
-from ..bench.costs import is_amount
 from ..bench.reading import Run, read_head
 from .model import YEAR_10000, RunIdentity
 
@@ -55,7 +57,7 @@ def identity_of(run: Run) -> RunIdentity:
     return RunIdentity(
         name=run.folder.resolve().name,
         kind=SCORE_RUN if run.is_scored else "bench",
-        source=str(config.get("source", "")),
+        source=_name_of(str(config.get("source", ""))),
         head_sha256=_head_digest(run),
         setting_sha256=_setting_digest(config),
         created=float(created) if is_amount(created) and created < YEAR_10000 else None,
@@ -126,6 +128,17 @@ def _changed(config: Mapping[str, Any]) -> Iterator[str]:
             yield label
 
 
+def _name_of(source: str) -> str:
+    """Return a source without the folders that it lies in, which are those of one machine.
+
+    A packaged configuration keeps its folder: `ablations/marks_number` is its name.
+    """
+    if source in available():
+        return source
+    last = re.split(r"[/\\]", source)[-1]
+    return "" if last in (".", "..") else last
+
+
 def _head(run: Run) -> Mapping[str, Any]:
     return read_head(run.folder) if (run.folder / RUN).exists() else {}
 
@@ -137,7 +150,25 @@ def _head_digest(run: Run) -> str:
 
 def _setting_digest(config: Mapping[str, Any]) -> str:
     chosen = {key: config.get(key) for key in _SETTING}
+    code = _code_of_others(config)
+    if code:
+        chosen["code"] = code
     return digest_of(json.dumps(chosen, sort_keys=True).encode())
+
+
+def _code_of_others(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the SHA-256 of each file that a task or the provider is in, by name.
+
+    Two runs may have tasks of one name from files that differ.
+    """
+    listed = config.get("code")
+    if not isinstance(listed, dict):
+        return {}
+    agents = agents_of(config)
+    files = {name: file for name, file in listed.items() if name not in agents}
+    return {
+        name: file.get("sha256") if isinstance(file, dict) else file for name, file in files.items()
+    }
 
 
 def _case_of(record: Mapping[str, Any]) -> scores.PairKey:

@@ -23,6 +23,8 @@ _SPECIAL = {
     "^": r"\textasciicircum{}",
     "<": r"\textless{}",
     ">": r"\textgreater{}",
+    "[": "{[}",  # after the end of a row it would be a length
+    "]": "{]}",
 }
 _Row = tuple[str, Sequence[float | None]]
 
@@ -35,6 +37,8 @@ def as_latex(document: ReportDocument) -> str:
         return _with_paper(document.paper)
     headings = [*report.labels, "corrupted", "retention"]
     caption = f"Success in percent, {_escape(report.run.name)}: {report.run.tasks} tasks."
+    if report.run.missing:
+        caption += f" {report.run.missing} of {report.run.planned} episodes are missing."
     body = _body(ours)
     return _table(headings, body, caption)
 
@@ -109,4 +113,6 @@ def _cell(value: float | None, digits: int) -> str:
 
 
 def _escape(text: str) -> str:
-    return "".join(_SPECIAL.get(character, character) for character in text)
+    """Return text in which nothing is a command; on one line, since an empty one ends a cell."""
+    line = " ".join(text.split())
+    return "".join(_SPECIAL.get(character, character) for character in line)

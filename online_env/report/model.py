@@ -12,7 +12,10 @@ from typing import Any, TypeVar, cast, get_args, get_type_hints
 
 from hijack_data.errors import HijackError, shown
 from hijack_data.files import check_versioned
+from hijack_data.runs.amounts import MOST
 from hijack_data.runs.run_log import GIVEN_KINDS
+
+from ..bench.scores import worst_labels
 
 FORMAT = "agenthijack-report"
 VERSION = 2  # version 1 lacked what agents were given, and how conditions differ
@@ -26,7 +29,6 @@ _SHARES = frozenset(
 )
 _CHANGES = frozenset({"delta", "delta_low", "delta_high"})
 YEAR_10000 = 253_402_300_800  # in seconds since 1970
-_MOST = 2**53
 _ROUNDED = 1e-9  # rounding tolerance: a mean may exceed its range by this much
 # Keys of the file that are not fields of the report.
 _BESIDE = ("format", "version", "comparison", "paper")
@@ -43,7 +45,8 @@ class RunIdentity:
     Attributes:
         name: of the run's folder.
         kind: `bench` or `score`.
-        source: the configuration's file, or the dataset.
+        source: name of the configuration or of its file, or of the dataset's folder; no path,
+            which would mean nothing elsewhere.
         head_sha256: of `run.json`, as 64 hexadecimal digits; empty for a log without a head.
         setting_sha256: of what was played (tasks, conditions, seeds, steps, desktop, recovery
             policy ...), the agents apart: agents of runs with the same one may be ranked.
@@ -163,8 +166,9 @@ class AgentSummary:
         retention: share of its clean success that it keeps, over all cases that have both.
         retention_low: lower end of its interval.
         retention_high: upper end; `None`, too, if it is unbounded.
-        worst: the label under which it does worst.
-        worst_success: success there.
+        worst: the first label under which it does worst (`RunReport.worst_of` has all); `None` if
+            no corruption is worse than another.
+        worst_success: the least success under a corruption.
         nine: mean success over the paper's nine; `None` unless all nine are there.
         paper_average: the paper's "Average", over the nine and clean, ten columns; likewise.
         mce: mean ratio of its errors to those of the reference agent, over the corruptions that
@@ -251,6 +255,12 @@ class RunReport:
                 return cell
         return None
 
+    def worst_of(self, agent: str) -> tuple[str, ...]:
+        """The labels under which an agent does worst; none if none is worse than another."""
+        own = [cell for cell in self.cells if cell.agent == agent]
+        success = {cell.corruption: cell.success for cell in own if cell.success is not None}
+        return worst_labels(success)
+
     def to_data(self) -> dict[str, Any]:
         """Return the report as JSON data, with its format and version."""
         return {"format": FORMAT, "version": VERSION, **asdict(self)}
@@ -317,7 +327,7 @@ def _check_range(
     problem = ""
     if isinstance(value, int | float):
         low = -1 if key in _CHANGES else 0
-        high = 1 if key in _CHANGES | _SHARES else _MOST
+        high = 1 if key in _CHANGES | _SHARES else MOST
         if key == "created":
             high = YEAR_10000 - 1
         if not low - _ROUNDED <= value <= high + _ROUNDED:
@@ -352,7 +362,7 @@ def _value(
         return _made(hint, value, where)  # type: ignore[arg-type]
     expected = getattr(hint, "__origin__", hint)
     if expected is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(max(-2 * _MOST, min(value, 2 * _MOST)))  # out of range stays so
+        return float(max(-2 * MOST, min(value, 2 * MOST)))  # out of range stays so
     if isinstance(value, bool) or not isinstance(value, expected):
         name = getattr(expected, "__name__", expected)
         raise ReportError(f"{where}: must be {name}, got {shown(value)}; make the report again")

@@ -105,6 +105,8 @@ def _arguments(report: RunReport) -> Iterator[tuple[str, Any]]:
         "seeds": len(run.seeds),
         "max_steps": run.max_steps,
         "recovery": run.recovery,
+        "missing_episodes": run.missing,
+        "damaged_records": run.damaged,
         "run_sha256": run.head_sha256,
     }
     yield from ((key, value) for key, value in found.items() if value)

@@ -9,12 +9,21 @@ from ..bench import scores
 from .model import RunReport
 
 
-def notes_of(report: RunReport) -> tuple[str, ...]:
-    """Return the notes on a report."""
-    return tuple(_notes(report))
+def notes_of(report: RunReport, partial: int = 0) -> tuple[str, ...]:
+    """Return the notes on a report, of whose scores `partial` are neither 0 nor 1."""
+    return tuple(_notes(report, partial))
 
 
-def _notes(report: RunReport) -> Iterator[str]:
+def partial_note(partial: int) -> Iterator[str]:
+    """Yield what the test makes of scores that are neither 0 nor 1, if there are any."""
+    if partial:
+        yield (
+            f"{partial} scores are between 0 and 1: p takes them for not solved, so it may miss a"
+            " difference that the intervals show."
+        )
+
+
+def _notes(report: RunReport, partial: int) -> Iterator[str]:
     run = report.run
     if run.missing:
         there = f"{run.planned - run.missing} of {run.planned} planned episodes are there"
@@ -25,6 +34,7 @@ def _notes(report: RunReport) -> Iterator[str]:
         yield "Without intervals and tests: scipy and statsmodels are not installed."
     if CLEAN not in {cell.corruption for cell in report.cells}:
         yield "The run has no clean condition, so there is no delta, no retention and no test."
+    yield from partial_note(partial)
     if run.early:
         yield (
             f"{run.early} episodes with a score ended before their corruption was due: they count"
@@ -44,11 +54,31 @@ def _on_agents(report: RunReport) -> Iterator[str]:
             "The paper's average needs the clean condition and all nine corruptions under their"
             " own names."
         )
+    yield from _on_cases(report)
     labels: dict[str, set[str]] = {}
     for cell in report.cells:
         labels.setdefault(cell.agent, set()).add(cell.corruption)
     if len(set(map(frozenset, labels.values()))) > 1:
         yield "The agents were not played under the same conditions: their means differ in kind."
+
+
+def _on_cases(report: RunReport) -> Iterator[str]:
+    """Yield who lacks clean episodes, and where agents were not scored on as many cases."""
+    lacking = [cell.agent for cell in report.cells if cell.corruption == CLEAN and not cell.n]
+    if lacking:
+        yield (
+            f"No clean episode counts for {', '.join(lacking)}, so there is no delta, no retention"
+            " and no test."
+        )
+    for label in report.labels:
+        own = {cell.agent: cell.n for cell in report.cells if cell.corruption == label}
+        if len(set(own.values())) > 1:
+            listed = ", ".join(f"{agent} {count}" for agent, count in own.items())
+            yield (
+                f"The agents do not have as many scores under the same condition ({label}:"
+                f" {listed}): their rates are over different cases."
+            )
+            return
 
 
 def _on_what_is_given(report: RunReport) -> Iterator[str]:

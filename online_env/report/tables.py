@@ -11,7 +11,7 @@ from . import words
 from .ablations import ablations_of, level_table
 from .compare import ComparedCell, RunComparison
 from .document import ReportDocument
-from .model import AgentSummary, Cell
+from .model import Cell, RunReport
 from .paper import PaperTable
 
 CELL_HEADINGS = (
@@ -56,6 +56,8 @@ COMPARED_HEADINGS = (
     "seen at 80 %",
 )
 _COUNTED = ("hidden",)  # columns of the parts that are counts, not shares
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")  # the characters that a formula may begin with
+_MARKUP = "\\`*_[]<>|&~$#"
 Texts = Sequence[str]
 
 
@@ -89,13 +91,14 @@ def as_csv(document: ReportDocument) -> str:
 def as_markdown(document: ReportDocument) -> str:
     """Return tables and notes as Markdown, such as for an issue or a model card."""
     report = document.report
-    parts = [f"## {_safe(report.run.name)}", markdown_table(*summary_table(report.summaries))]
+    parts = [f"## {_safe(report.run.name)}", markdown_table(*summary_table(report))]
     if document.comparison is not None:
         parts += _compared(document.comparison)
     else:
         parts.append(markdown_table(*cell_table(report.cells)))
-    if report.infeasible and document.comparison is None:
+    if report.feasible and document.comparison is None:
         parts += ["Feasible tasks:", markdown_table(*cell_table(report.feasible))]
+    if report.infeasible and document.comparison is None:
         parts += ["Infeasible tasks:", markdown_table(*cell_table(report.infeasible))]
     for ablation in ablations_of(report):
         table = markdown_table(*level_table(report, ablation))
@@ -132,7 +135,7 @@ def cell_table(cells: Sequence[Cell]) -> tuple[Texts, list[Texts]]:
     ]
 
 
-def summary_table(rows: Sequence[AgentSummary]) -> tuple[Texts, list[Texts]]:
+def summary_table(report: RunReport) -> tuple[Texts, list[Texts]]:
     """Return headings and rows of the agents."""
     return SUMMARY_HEADINGS, [
         (
@@ -143,13 +146,13 @@ def summary_table(rows: Sequence[AgentSummary]) -> tuple[Texts, list[Texts]]:
             words.interval(row.corrupted_low, row.corrupted_high),
             words.percent(row.retention),
             words.kept(row.retention_low, row.retention_high),
-            f"{row.worst} {words.percent(row.worst_success)}" if row.worst else "",
+            words.worst(report.worst_of(row.agent), row.worst_success),
             words.percent(row.nine),
             words.percent(row.paper_average),
             words.percent(row.mce),
             words.percent(row.ceiling),
         )
-        for row in rows
+        for row in report.summaries
     ]
 
 
@@ -231,7 +234,7 @@ def _line(cells: Texts) -> str:
 
 def _safe(text: str) -> str:
     """Return text with all characters escaped that are special in Markdown or HTML."""
-    for character in "\\`*_[]<>|":
+    for character in _MARKUP:
         text = text.replace(character, f"\\{character}")
     return " ".join(text.split())
 
@@ -251,5 +254,10 @@ def _cents(share: float | None) -> str:
 
 
 def _plain(value: object) -> object:
-    """Return a value in the form for CSV; several values are separated by spaces."""
+    """Return a value in the form for CSV; several values are separated by spaces.
+
+    A name that a spreadsheet would run as a formula gets an apostrophe before it.
+    """
+    if isinstance(value, str):
+        return f"'{value}" if value.startswith(_FORMULA) else value
     return " ".join(map(str, value)) if isinstance(value, tuple) else value

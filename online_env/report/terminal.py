@@ -86,22 +86,31 @@ def show(run: Run, reference: str = "") -> None:
 def show_report(report: RunReport, screen: Any) -> None:
     """Print the tables of a report, and a line on each agent with corrupted episodes."""
     screen.print(main_table(report.cells))
-    if report.infeasible:
+    if report.feasible:
         screen.print(main_table(report.feasible, "feasible tasks"))
+    if report.infeasible:
         screen.print(main_table(report.infeasible, "infeasible tasks"))
     screen.print(_beside(report.cells))
     for row in report.summaries:
         if row.corrupted is not None:
-            screen.print(summary_line(row, report.reference), markup=False, soft_wrap=True)
+            worst = report.worst_of(row.agent)
+            line = summary_line(row, report.reference, worst)
+            screen.print(line, markup=False, soft_wrap=True)
 
 
-def summary_line(row: AgentSummary, reference: str = "") -> str:
-    """Return an agent over all its conditions, in words."""
+def summary_line(
+    row: AgentSummary,
+    reference: str = "",
+    worst: Sequence[str] = (),
+) -> str:
+    """Return an agent over all its conditions, in words; `worst` are its worst labels."""
     between = words.interval(row.corrupted_low, row.corrupted_high)
-    worst = f"worst {row.worst} {words.percent(row.worst_success)}"
     more = words.given(row.given)
     named = f"{row.agent} (given {more})" if more else row.agent
-    said = [f"{named}: corrupted {words.percent(row.corrupted)}", worst]
+    said = [
+        f"{named}: corrupted {words.percent(row.corrupted)}",
+        f"worst {words.worst(worst, row.worst_success)}",
+    ]
     if between:
         said.append(f"95 % of corrupted {between}")
     if row.retention is not None:
@@ -127,7 +136,7 @@ def main_table(cells: Sequence[Cell], title: str | None = None) -> Table:
             words.interval(cell.ci_low, cell.ci_high),
             words.percent(cell.delta, "+"),
             words.interval(cell.delta_low, cell.delta_high, "+"),
-            "" if cell.p is None else f"{cell.p:.3f}",
+            words.p_value(cell.p),
             words.percent(cell.retention),
             str(cell.errors),
             str(cell.invalid),
@@ -189,9 +198,8 @@ def _show_recovery(
         counted.update({key: n for key, n in recovery.items() if isinstance(n, int)})
     policy = run.config.get("recovery", "unknown")
     asked = f"asked for {counted['requests']} times, {counted['false_alarms']} of them false alarms"
-    screen.print(
-        f"recovery policy: {policy} ({asked}, {counted['repaired']} repaired)", soft_wrap=True
-    )
+    said = f"recovery policy: {policy} ({asked}, {counted['repaired']} repaired)"
+    screen.print(said, markup=False, soft_wrap=True)
 
 
 def text(document: ReportDocument) -> str:
@@ -222,7 +230,7 @@ def show_document(document: ReportDocument, screen: Any) -> None:
 def show_comparison(comparison: RunComparison, screen: Any) -> None:
     """Print the comparison of two runs, and its notes."""
     names = f"{comparison.before.name} before, {comparison.after.name} after"
-    screen.print(_plain_table(*compared_table(comparison.cells), title=names))
+    screen.print(_plain_table(*compared_table(comparison.cells), title=escape(names)))
     _print_lines(comparison.notes, screen)
 
 

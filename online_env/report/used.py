@@ -4,7 +4,9 @@ from collections.abc import Iterable, Mapping
 from statistics import fmean
 from typing import Any
 
-from ..bench.costs import COUNTS, has_counts, is_amount
+from hijack_data.runs.amounts import is_amount
+
+from ..bench.costs import COUNTS, has_counts
 from ..bench.reading import ResultRecord
 from ..bench.scores import counts
 

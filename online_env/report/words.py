@@ -1,13 +1,13 @@
 """Format values in the same way everywhere: percent, points, intervals, amounts."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 _GIVEN = {"task": "the task", "plan": "the plan"}
 
 
 def percent(share: float | None, sign: str = "") -> str:
     """Return a share as percent with one digit, or nothing; `sign` may be `+`."""
-    return "" if share is None else f"{100 * share:{sign}.1f}"
+    return "" if share is None else f"{100 * share:{sign}z.1f}"
 
 
 def interval(
@@ -45,14 +45,21 @@ def count(value: int | None) -> str:
     if value is None:
         return ""
     for size, unit in ((10**9, "G"), (10**6, "M"), (10**3, "k")):
-        if value >= size:
-            return f"{value / size:.3g}{unit}"
+        if value >= 0.9995 * size:  # else it would be 1e+03 of the smaller unit
+            return f"{max(value / size, 1):.3g}{unit}"
     return str(value)
 
 
 def money(value: float | None) -> str:
     """Return USD with two digits; empty without a value."""
     return "" if value is None else f"{value:.2f}"
+
+
+def worst(labels: Sequence[str], success: float | None) -> str:
+    """Return the worst conditions and the success there; `none` if none is worse than another."""
+    if success is None:
+        return ""
+    return f"{', '.join(labels)} {percent(success)}" if labels else "none"
 
 
 def given(kinds: Iterable[str] | None) -> str:

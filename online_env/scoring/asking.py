@@ -14,7 +14,7 @@ from typing import Any, TypeAlias, cast
 from hijack_data.errors import HijackError
 from hijack_data.plan import CLEAN
 from hijack_data.runs.run_log import GIVEN, ROW, VERSION
-from hijack_data.types import Action, Box, UInt8Array
+from hijack_data.types import Action, Box, UInt8Array, check_aim
 
 from ..agents.apart import AgentError, Apart
 from ..agents.registry import make
@@ -107,10 +107,18 @@ class Asker:
         return found
 
     def _row(self, case: Case) -> RowData | DamagedRowError:
+        """Return a row, with what it asks for under `wanted` if steps are scored."""
         try:
-            return self._feed.row(case.number)
+            row = self._feed.row(case.number)
         except DamagedRowError as error:
             return error
+        if self._asking.question != "steps":
+            return row
+        try:
+            return {**row, "wanted": wanted_of(row)}
+        except HijackError as error:
+            remedy = "mend the recording and build the dataset again"
+            return DamagedRowError(f"{self._feed.folder}: row {case.row!r}: {error}; {remedy}")
 
     def _begin(self) -> None:
         """Let the agent forget the last row."""
@@ -179,7 +187,7 @@ class Asker:
         else:
             said, actions = answer
             size = row["screenshot"].shape[:2]
-            scored = _step(row, read_answer(said, actions, size), self._asking.near)
+            scored = _step(row["wanted"], read_answer(said, actions, size), self._asking.near)
         return self._record(case, row, seconds) | scored
 
     def _failed(
@@ -249,16 +257,24 @@ def failure(problem: str, where: Sequence[str] = ()) -> Scored:
 
 
 def wanted_of(row: RowData) -> WantedStep:
-    """Return what a row asks for."""
+    """Return what a row asks for.
+
+    Raises:
+        ParameterError: its action lies outside its own target, or its outline is none.
+    """
     given: dict[str, Any] = row["action"]
     keys = given["keys"]
     action = Action(**{**given, "keys": tuple(keys) if keys else None})
     scale = (1.0, 1.0) if row["corruption"] == CLEAN else scales_of(row)
+    box = _box(row["target_box"])
+    polygon = outline_of(row["extra"], scale)
+    if not polygon:
+        check_aim(action, box)
     return WantedStep(
         action=action,
         size=(row["height"], row["width"]),
-        box=_box(row["target_box"]),
-        polygon=outline_of(row["extra"], scale),
+        box=box,
+        polygon=polygon,
         scale=scale,
         helpless=row["reminder"] is not None,
     )
@@ -273,14 +289,10 @@ def _observation(row: RowData) -> dict[str, UInt8Array]:
 
 
 def _step(
-    row: RowData,
+    wanted: WantedStep,
     answer: StepAnswer,
     near: Distance,
 ) -> Scored:
-    try:
-        wanted = wanted_of(row)
-    except HijackError as error:
-        return {"status": "invalid", "problem": str(error)[:KEPT], "cause": "machine"}
     if answer.action is None:
         verdict = unanswered(wanted, answer.problem)
     else:

@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 
 from hijack_data.errors import ParameterError, suggest
 from hijack_data.plan import CLEAN
-from hijack_data.runs.run_log import slug_of
+from hijack_data.runs.run_log import row_slug_of
 
 from .feed import DatasetRows, ExportedRows, RowData, RowFeed, is_export
 from .onlookers import is_reminder
@@ -49,7 +49,7 @@ class Case:
 
     def id(self, agent: str) -> str:
         """The id of its record."""
-        return slug_of(f"{self.task}/{self.variant}", self.corruption, self.seed, agent, 0)
+        return row_slug_of(self.task, self.variant, self.corruption, self.seed, agent)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,6 +142,13 @@ def cases_of(
     _check_names("--split", (chosen.split,) if chosen.split else (), splits)
     if not found:
         raise ParameterError(f"no row is left to score ({unscored} have no action of a known type)")
+    left = {case.corruption for case in found}
+    for label in chosen.corruptions or ():
+        if label not in left:
+            raise ParameterError(
+                f"--corruptions: no row of {label!r} is left to score, though the dataset has"
+                f" {seen[label]}: see --split and --limit, or leave {label!r} out"
+            )
     return CaseList(
         cases=tuple(found),
         unscored=unscored,

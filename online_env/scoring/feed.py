@@ -35,6 +35,7 @@ class DamagedRowError(HijackError, ValueError):
 class RowFeed(Protocol):
     """Rows by number."""
 
+    folder: Path  # where they are, for messages
     content: str  # names what the rows are: 64 hexadecimal digits
 
     def heads(self) -> Iterator[tuple[str, RowData]]:
@@ -57,6 +58,7 @@ class DatasetRows:
         self._opening: Any = importlib.import_module("pipelines.dataset.opening")
         self._lazy: Any = importlib.import_module("pipelines.dataset.lazy")
         self._dataset: Any = self._opening.open_dataset(folder)
+        self.folder = folder
         self.content: str = self._dataset.fingerprint
         self._data: bytes | None = None  # of the picture that the rows of a step share
         self._base: UInt8Array | None = None
@@ -127,6 +129,7 @@ class ExportedRows:
             for file in self._files
         ]
         self._rows: Any = access.RowReader(folder, shards)
+        self.folder = folder
         self._pictures = pictures
         self._head = [*_EXPORT_HEAD, *(["reminder"] if table == "reminders" else [])]
         self.content = hashlib.sha256((folder / EXPORT).read_bytes()).hexdigest()

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 from hijack_data.actions.dialects.fields import key_names
 from hijack_data.errors import ParameterError
-from hijack_data.types import Action, Box, Point, Size
+from hijack_data.types import AIMING, Action, Box, Point, Size, in_box
 
 HELP = "reinit"  # the type of an answer that asks for help; no action of a recording has it
 UNSCORED = "other"  # a recorded action of no known type: nothing can be compared with it
@@ -191,12 +191,15 @@ def _same_type(wanted: WantedStep, got: Action) -> bool:
 
 
 def _counted(wanted: WantedStep) -> list[str]:
-    """Return the parts beside the type that the recorded action has."""
+    """Return the parts beside the type that the recorded action has.
+
+    Text and keys have no place, whatever box stands beside them.
+    """
     want = wanted.action
     names: list[str] = []
     if want.type == "scroll":
         return ["direction"] if want.amount else []
-    if want.point is not None or wanted.box is not None:
+    if want.type in AIMING and (want.point is not None or wanted.box is not None):
         names.append("place")
     if want.end is not None:
         names.append("end")
@@ -241,8 +244,7 @@ def _in_place(
         return inside(wanted.polygon, point)
     if wanted.box is None:
         return _is_near(wanted, wanted.action.point, point, near)
-    x1, y1, x2, y2 = wanted.box
-    return x1 <= point[0] < x2 and y1 <= point[1] < y2
+    return in_box(wanted.box, point)
 
 
 def _is_near(

@@ -3,7 +3,10 @@
 from collections.abc import Sequence
 from typing import Any
 
+from hijack_data.runs.amounts import is_count
+
 from ..bench.reading import Run
+from ..report.identity import agents_of, conditions_of
 from .parts import REMINDER_COLUMNS, STEP_COLUMNS, PartsRow, part_rows
 
 _COUNTED = ("hidden",)
@@ -12,22 +15,22 @@ _COUNTED = ("hidden",)
 def show_parts(run: Run, screen: Any) -> None:
     """Print the parts of a scoring run, and what of the dataset is not in it."""
     rows = _sorted(run, part_rows(run.records))
-    question = run.config.get("question", "steps")
+    question = str(run.config.get("question", "steps"))
     columns = {"steps": STEP_COLUMNS, "reminders": REMINDER_COLUMNS}.get(question, ())
     if columns:
         screen.print(_table(rows, columns))
-    unscored = run.config.get("unscored", 0)
-    if unscored:
+    unscored = run.config.get("unscored")
+    if is_count(unscored) and unscored:
         screen.print(f"{unscored} rows have an action of no known type and are not scored")
-    unpaired = run.config.get("unpaired", 0)
-    if unpaired:
+    unpaired = run.config.get("unpaired")
+    if is_count(unpaired) and unpaired:
         screen.print(f"{unpaired} corrupted rows have no clean one: they are not in the delta")
 
 
 def _sorted(run: Run, rows: Sequence[PartsRow]) -> list[PartsRow]:
     """Return the rows in the order of the configuration."""
-    agents = list(run.config.get("agents", ()))
-    labels = list(run.config.get("corruptions", ()))
+    agents = agents_of(run.config)
+    labels = list(conditions_of(run.config))
 
     def place(row: PartsRow) -> tuple[int, int]:
         label = row["corruption"]
@@ -55,7 +58,7 @@ def _table(rows: Sequence[PartsRow], columns: Sequence[str]) -> Any:
     for name in ("n", *columns):
         table.add_column(name.replace("_", " "), justify="right")
     for row in rows:
-        cells = [_cell(name, row[name]) for name in columns]
+        cells = [_cell(name, row.get(name)) for name in columns]
         table.add_row(escape(row["agent"]), escape(row["corruption"]), str(row["n"]), *cells)
     return table
 

@@ -14,7 +14,17 @@ from hijack_data.pack import AssetPack
 from hijack_data.plan import CLEAN, Plan
 from hijack_data.planner import Planner
 from hijack_data.safety import changed_pixels, target_visible
-from hijack_data.types import Action, Box, Scene, Step, Trajectory, UInt8Array, as_boxes, as_target
+from hijack_data.types import (
+    Action,
+    Box,
+    Scene,
+    Step,
+    Trajectory,
+    UInt8Array,
+    as_boxes,
+    as_target,
+    check_aim,
+)
 
 from ..dataset.columns import ACTION, BASE, VISIBLE
 from ..dataset.images import Base, decode, encode, touched
@@ -156,7 +166,7 @@ def sample_of(
         return Sample(trajectory, step, Base(image), scene)
     except ImageError as error:
         tally.reject(where, place, "image", error)
-    except ParameterError as error:  # the target has no area or is off the screen
+    except ParameterError as error:  # the target has no area, is off the screen or off the action
         tally.reject(where, place, "target_box", error)
     return None
 
@@ -230,6 +240,7 @@ def _scene(
     image: UInt8Array,
     settings: RowSettings,
 ) -> Scene:
+    check_aim(step.action, step.target_box)
     target = as_target(step.target_box or step.action.point)
     detects = not step.elements and settings.detect and _needs_scene(trajectory, step, settings)
     if detects:

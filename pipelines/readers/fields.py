@@ -11,6 +11,7 @@ from typing import Any, TypeAlias, cast
 from hijack_data.elements.labels import boxes_from_labels
 from hijack_data.errors import HijackError, suggest
 from hijack_data.platforms import as_platform
+from hijack_data.surrogates import has_half
 from hijack_data.types import (
     ACTION_TYPES,
     Action,
@@ -119,7 +120,7 @@ def text(
 
 def strings(value: object) -> tuple[str, ...]:
     """Return the strings of an optional list; other items, and unstorable strings, are left out."""
-    return tuple(name for name in listed(value) if isinstance(name, str) and is_storable(name))
+    return tuple(name for name in listed(value) if isinstance(name, str) and not has_half(name))
 
 
 def platform(value: object, field: str) -> Platform | None:
@@ -201,18 +202,9 @@ def storable(value: str, field: str) -> str:
     """
     if len(value) > MAX_TEXT:
         raise FieldError(field, f"has {len(value)} characters; the limit is {MAX_TEXT}")
-    if not is_storable(value):
+    if has_half(value):
         raise FieldError(field, "holds half of a surrogate pair, which is not text")
     return value
-
-
-def is_storable(value: str) -> bool:
-    """Return whether text can be encoded in UTF-8, unlike half of a surrogate pair."""
-    try:
-        value.encode()
-    except UnicodeEncodeError:
-        return False
-    return True
 
 
 def on_screen(

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
+from hijack_data.surrogates import has_half
 from hijack_data.types import Action, Size, Step, Trajectory
 
 from . import fields
@@ -187,7 +188,7 @@ def _metadata(value: object) -> JsonObject:
 
 def platform_of(value: object) -> str:
     """Return the domain of a platform's name: `web page`, or the name itself; `""` without one."""
-    if not isinstance(value, str) or not fields.is_storable(value):
+    if not isinstance(value, str) or has_half(value):
         return ""
     word = value.strip().lower()
     return "web page" if word in WEB else word

@@ -557,6 +557,8 @@ def test_a_dictionary_of_ours_as_action_is_a_target():
         ({"target": (5000, 10)}, "'target'.*outside the picture, whose width is 384"),
         ({"target": [0.1, 0.1, 0.3, 0.2]}, "'target'.*fractions"),
         ({"target": (5, 5, 5, 5)}, "without area"),
+        ({"target": [(5, 5, 50, 50), (60, 5, 90, 50)]}, "'target' holds 2 places.*leave that one"),
+        ({"target_box": [[5, 5, 50, 50], [60, 5, 90, 50]]}, "'target_box' holds 2 places"),
         ({"elements": [[0.1, 0.1, 0.3, 0.2]]}, "'elements'.*fractions"),
         (
             {

@@ -86,7 +86,7 @@ def test_view_starts_a_desktop_where_none_runs(embedded_machine, monkeypatch):
                 (record["id"], there.screenshot().shape, port, lasting, len(buttons.all()))
             )
 
-    monkeypatch.setattr(cli, "_any_runs", lambda: False)  # other tests have theirs
+    monkeypatch.setattr(registry, "running", list)  # other tests have theirs
     monkeypatch.setattr(view, "serve", look)
     done = CliRunner().invoke(cli.desktop, ["view", "--port", "7777"], catch_exceptions=False)
     assert "no desktop runs: starting one" in done.output

@@ -404,7 +404,9 @@ def test_what_arrived_of_a_lost_episode_goes(tmp_path):
     assert [path for path in (tmp_path / "run").rglob("*") if path.is_file()] == []
 
 
-@pytest.mark.parametrize("name", ["run.json", "episodes/../run.json", "/etc/passwd", ""])
+@pytest.mark.parametrize(
+    "name", ["run.json", "episodes/../run.json", "/etc/passwd", "", "episodes"]
+)
 def test_only_files_of_episodes_are_placed(name, tmp_path):
     with pytest.raises(ClusterError, match="none of an episode"):
         Arrival(tmp_path).put(name, b"")

@@ -22,6 +22,10 @@ PAPER = {
     ),
 }
 
+# The upper end of Wilson's interval for an event that was seen in none of n tasks.
+SQUARE = 1.959963984540054**2
+UNSEEN = {n: SQUARE / (n + SQUARE) for n in range(1, 11)}
+
 
 @pytest.mark.parametrize("agent", PAPER)
 def test_the_papers_average_includes_clean(agent):
@@ -101,6 +105,38 @@ def test_retention():
     assert found.value == pytest.approx(2 / 3)
     assert found.low <= found.value <= found.high
     assert s.retention_interval([0, 0], [1, 0], ["a", "b"]) is None
+
+
+@pytest.mark.parametrize(
+    ("clean", "corrupted", "value", "low", "high"),
+    [
+        ([1] * 10, [1] * 10, 1, 1 - UNSEEN[10], 1),  # more than all cannot be kept
+        ([1] * 10, [0] * 10, 0, 0, UNSEEN[10]),
+        ([1], [0], 0, 0, UNSEEN[1]),
+        ([0.5] * 10, [0.5] * 10, 1, 1 - UNSEEN[10], 1 + UNSEEN[10]),
+        ([1, 1, 1, 0], [1, 1, 1, 0], 1, 1 - UNSEEN[3], 4 / 3),  # the fourth says nothing
+        ([1, 0], [1, 0], 1, 1 - UNSEEN[1], math.inf),
+    ],
+)
+def test_keeping_the_same_share_of_every_task_is_not_certainty(clean, corrupted, value, low, high):
+    found = s.retention_interval(clean, corrupted, list(range(len(clean))))
+    assert found is not None
+    assert found.value == value
+    assert (found.low, found.high) == (pytest.approx(low), pytest.approx(high))
+
+
+def test_equal_scores_are_equal_in_spite_of_rounding():
+    """0.1 - 0.2, 0.3 - 0.4 and 0.9 - 1.0 differ in the last digit, and as tasks do not at all."""
+    clean, corrupted, tasks = [0.2, 0.4, 1.0], [0.1, 0.3, 0.9], list("abc")
+    assert len({after - before for before, after in zip(clean, corrupted, strict=True)}) > 1
+    found = s.difference_interval(clean, corrupted, tasks)
+    half = UNSEEN[3]
+    assert (found.low, found.high) == (pytest.approx(-0.1 - half), pytest.approx(-0.1 + half))
+    assert s.detectable_difference(clean, corrupted, tasks) is None
+    mean = s.mean_interval([0.1 + 0.2, 0.3, 0.3], tasks)
+    assert (mean.low, mean.high) == (0, pytest.approx(0.3 + half))
+    grand = s.grand_mean_interval([([0.1, 0.4], ["a", "b"]), ([0.5, 0.2], ["a", "b"])])
+    assert (grand.low, grand.high) == (0, pytest.approx(0.3 + UNSEEN[2]))
 
 
 def test_retention_is_unbounded_where_clean_success_is_rare():

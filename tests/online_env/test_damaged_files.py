@@ -8,6 +8,7 @@ from click.testing import CliRunner
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 from hijack_data.errors import ConfigError, HijackError, ParameterError, UnknownNameError
+from hijack_data.runs.run_log import slug_of
 from online_env.agents.chat.request_log import RequestReplay
 from online_env.agents.scripted import Scripted, read_script
 from online_env.bench import costs, reading, records
@@ -119,6 +120,25 @@ def test_a_line_that_is_damaged_in_the_middle_is_never_dropped(run):
     assert [damage.line for damage in records.read(run).damaged] == [1]
 
 
+@pytest.mark.parametrize("content", ["{", "[]", '{"task": "t"}', "\0"])
+def test_an_episode_without_a_line_whose_record_is_damaged(run, content):
+    """A copy that was made while the run went on may hold half of a file."""
+    path = run / reading.EPISODES / "x" / reading.EPISODE
+    path.parent.mkdir(parents=True)
+    path.write_text(content)
+    with pytest.raises(RunError, match="remove the episode's folder to play it again") as error:
+        resume(run)
+    assert str(error.value).startswith(f"{path}: ")
+
+
+def test_episodes_that_would_share_a_folder_are_refused(tmp_path):
+    """An id keeps nothing of a name in another script, so two agents would write one record."""
+    ids = [slug_of("t", "clean", 0, agent, 0) for agent in ("我的.py:代理", "你的.py:代理", "a")]
+    with pytest.raises(RunError, match=r"1 ids stand for several episodes.*rename one of them"):
+        records.create(tmp_path / "run", CONFIG, ids)
+    assert not (tmp_path / "run").exists()
+
+
 def test_a_run_that_another_process_plays(run):
     with (
         records.resume(run, CONFIG, EPISODES),
@@ -143,6 +163,8 @@ def test_a_run_that_another_process_plays(run):
         ({"malformed": "1"}, "malformed '1' is not a number of at least 0"),
         ({"attempt": True}, "attempt True is not a number of at least 0"),
         ({"agent": "\ud800"}, "field 'agent' holds half of a surrogate pair"),
+        ({"parts": {"type": "x"}}, "parts {'type': 'x'} are not true or false by name"),
+        ({"parts": 5}, "parts 5 are not true or false by name"),
         ({}, f"episode '{EPISODES[0]}' is on line 1 already, which counts"),
     ],
 )
@@ -158,6 +180,15 @@ def test_a_line_that_no_run_writes_is_left_out_and_named(run, changes, said):
     done = CliRunner().invoke(report, [str(run), "--format", "json"])
     assert done.exit_code == 1, "something is damaged"
     assert f"records.jsonl:2: skipped: {problem}" in done.stderr
+
+
+def test_an_attempt_that_is_not_known_is_the_first(run):
+    """A desktop that died once is no failure of the agent's."""
+    failed = {"id": "x", "task": "t", "status": "error", "cause": "machine", "attempt": None}
+    with (run / reading.RECORDS).open("a") as file:
+        file.write(json.dumps({**RECORD, **failed}) + "\n")
+    (cell,) = build_report(records.read(run)).cells
+    assert (cell.n, cell.invalid) == (1, 1)
 
 
 def test_what_an_agent_says_it_used_is_summed_only_if_it_can_be(run):
@@ -200,6 +231,22 @@ def test_a_head_that_no_run_writes(run, changes, said):
     assert isinstance(found.exception, RunError)
     assert str(run / reading.RUN) in str(found.exception)
     assert said in str(found.exception)
+
+
+@pytest.mark.parametrize(
+    "config",
+    [
+        {"question": ["x"], "unscored": "many", "unpaired": True},
+        {"agents": 5, "corruptions": 7},
+        {"agents": {"x": 1}, "corruptions": [5, None, ["x"]]},
+    ],
+)
+def test_a_scoring_run_whose_settings_are_of_the_wrong_kind_is_shown(run, config):
+    head_of(run, config={**CONFIG, "kind": "score", **config})
+    found = CliRunner().invoke(report, [str(run)])
+    assert found.exception is None or isinstance(found.exception, SystemExit)
+    assert "oracle" in found.stdout
+    assert "many" not in found.stdout
 
 
 @pytest.mark.parametrize("created", [10**400, 1e300, -1, True])

@@ -12,7 +12,16 @@ from scipy import stats
 from hijack_data.errors import UnknownNameError
 from online_env.bench import statistics
 from online_env.bench.reading import Run, RunError
-from online_env.report import ReportError, build_report, load_report, scores_by_name
+from online_env.report import (
+    ReportError,
+    build_report,
+    formats,
+    load_report,
+    scores_by_name,
+    terminal,
+)
+from online_env.report.document import ReportDocument
+from online_env.report.figures import success_panels
 from online_env.report.model import from_data
 
 from support.reported import CONDITIONS, made, read_run, run_of, scored, whole
@@ -66,6 +75,57 @@ def test_an_agent_over_the_ten_conditions(tmp_path):
     assert row.corrupted_low < row.corrupted < row.corrupted_high
     assert row.retention_low < row.retention < row.retention_high
     assert (row.steps, row.malformed) == (4, 0.25)
+
+
+@pytest.mark.parametrize(
+    ("solved", "worst", "least"),
+    [
+        ({"clean": 0, "marks": 0, "subtitle": 0}, (), 0.0),  # solves nothing
+        ({"marks": 0}, (), 0.0),  # nothing either
+        ({"clean": 10, "marks": 10, "subtitle": 10}, (), 1.0),  # alike
+        ({"clean": 10, "marks": 0, "subtitle": 0}, (), 0.0),
+        ({"clean": 10, "marks": 0}, ("marks",), 0.0),  # alone, and worse than clean
+        ({"clean": 10, "marks": 2, "subtitle": 2, "pop_ups": 3}, ("marks", "subtitle"), 0.2),
+        ({"clean": 4}, (), None),
+    ],
+)
+def test_the_worst_corruption_is_one_that_is_worse_than_another(solved, worst, least, tmp_path):
+    found = [
+        record
+        for label, count in solved.items()
+        for record in scored("a", label, [float(n < count) for n in range(10)])
+    ]
+    report = build_report(read_run(tmp_path / "run", found))
+    (row,) = report.summaries
+    assert report.worst_of("a") == worst
+    assert (row.worst, row.worst_success) == (worst[0] if worst else None, least)
+    said = terminal.text(ReportDocument(report=report))
+    if least is None:
+        assert "worst" not in said
+    elif not worst:
+        assert "a: corrupted" in said
+        assert ", worst none" in said
+    else:
+        assert f", worst {', '.join(worst)} {100 * least:.1f}" in said
+    (panel,) = success_panels(report)
+    marked = [bar.label for bar in panel.bars if bar.kind == "worst"]
+    assert marked == (list(worst) if len(solved) > 2 else [])
+
+
+@pytest.mark.parametrize(
+    ("source", "shown"),
+    [
+        ("/home/me/runs/mine.yaml", "mine.yaml"),
+        ("C:\\Users\\me\\mine.yaml", "mine.yaml"),
+        ("../mine.yaml", "mine.yaml"),
+        ("benchmark/embedded_small", "benchmark/embedded_small"),  # packaged, under this name
+        ("rows", "rows"),
+        ("..", ""),
+    ],
+)
+def test_a_source_means_the_same_on_any_machine(source, shown, tmp_path):
+    run = read_run(tmp_path / "run", scored("a", "clean", [1]), source=source)
+    assert build_report(run).run.source == shown
 
 
 def test_the_papers_means_need_all_nine_under_their_own_names(tmp_path):
@@ -235,6 +295,34 @@ def test_an_empty_run_and_no_run_are_refused(tmp_path):
         load_report(tmp_path / "none")
     with pytest.raises(ReportError, match="is the head of a run"):
         load_report(tmp_path / "run" / "run.json")
+
+
+INVALID = {"status": "invalid", "score": None, "cause": "machine", "problem": "no proof"}
+
+
+def test_notes_say_what_numbers_do_not_mean(tmp_path):
+    def notes(name, found):
+        return "\n".join(build_report(read_run(tmp_path / name, found)).notes)
+
+    half = [*scored("a", "clean", [0.9, 0.9, 1]), *scored("a", "marks", [0.1, 0.1, 0])]
+    assert "4 scores are between 0 and 1: p takes them for not solved" in notes("half", half)
+    missed = [*scored("a", "clean", [1, 1]), *scored("b", "clean", [1])]
+    assert "under the same condition (clean: a 2, b 1)" in notes("missed", missed)
+    invalid = [record | INVALID for record in scored("a", "clean", [1, 1])]
+    unpaired = [*invalid, *scored("a", "marks", [1, 0])]
+    assert "No clean episode counts for a, so there is no delta" in notes("unpaired", unpaired)
+    whole = notes("whole", [*scored("a", "clean", [1, 0]), *scored("a", "marks", [1, 0])])
+    for words in ("between 0 and 1", "as many scores", "No clean episode"):
+        assert words not in whole
+
+
+def test_a_run_of_infeasible_tasks_alone_has_one_table_more(tmp_path):
+    found = [{**record, "infeasible": True} for record in scored("a", "clean", [1, 0])]
+    document = ReportDocument(report=build_report(read_run(tmp_path / "run", found)))
+    for format in ("terminal", "markdown", "html"):
+        text = formats.write(document, format).lower()
+        assert "infeasible tasks" in text
+        assert "feasible tasks" not in text.replace("infeasible tasks", "")
 
 
 def test_a_log_without_a_head_is_reported_too(tmp_path):

@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import shutil
 
 import pytest
 
@@ -10,8 +11,10 @@ pytest.importorskip("statsmodels", reason="needs the extra [online]")
 
 from hijack_data.cli import main
 from online_env.bench import statistics
-from online_env.report import ReportError
+from online_env.bench.reading import Run, read
+from online_env.report import ReportError, build_report, formats
 from online_env.report.compare import compare
+from online_env.report.document import ReportDocument
 from online_env.report.leaderboard import leaderboard, rankings_of, read_all
 
 from support.reported import CONDITIONS, made, read_run, run_of, scored, whole
@@ -51,8 +54,35 @@ def test_cases_are_paired_by_task_corruption_and_seed(tmp_path):
     )
     assert (subtitle.n, subtitle.only_before, subtitle.p) == (0, 1, None)
     assert "3 cases that only" in found.notes[0]
-    assert "differ in their settings, too, first in this: tasks was " in found.notes[1]
+    said = "differ in their settings, too (tasks, corruptions), first in this: tasks was "
+    assert said in found.notes[1]
     assert "a: no difference is shown under clean (" in found.notes[2]
+
+
+def test_all_that_differs_between_two_runs_is_named(tmp_path):
+    one = read_run(tmp_path / "one", scored("a", "marks", [1, 0]), corruptions=["marks"])
+    louder = [{"marks": {"number": 99}}]
+    other = read_run(
+        tmp_path / "other", scored("a", "marks", [1, 0]), corruptions=louder, max_steps=50
+    )
+    (said, *_) = compare(one, other).notes
+    assert "differ in their settings, too (corruptions, max_steps), first in this" in said
+    head = tmp_path / "other" / "run.json"
+    data = json.loads(head.read_text())
+    head.write_text(json.dumps(data | {"versions": {**data["versions"], "agenthijack": "9.0"}}))
+    notes = compare(one, read(tmp_path / "other")).notes
+    assert "other with 9.0: tasks and corruptions may have changed." in "\n".join(notes)
+
+
+def test_notes_name_runs_and_not_where_they_lie(tmp_path):
+    one = read_run(tmp_path / "old", [*scored("a", "clean", [1, 0]), *scored("b", "clean", [1])])
+    other = read_run(tmp_path / "new", scored("a", "clean", [1]))
+    notes = "\n".join(compare(one, other).notes)
+    assert "Only in old: b." in notes
+    assert "1 cases that only old has, 0 that only new has" in notes
+    assert str(tmp_path) not in notes
+    same = read_run(tmp_path / "deep" / "old", scored("a", "clean", [1]))
+    assert "Only in old (before): b." in compare(one, same).notes
 
 
 def test_intervals_are_those_of_paired_differences(tmp_path):
@@ -145,6 +175,18 @@ def test_what_lacks_episodes_has_no_rank(runs):
     assert ranks["strong"] == (1, "")
 
 
+def test_a_run_that_was_broken_off_hides_no_column_of_the_others(runs):
+    """It comes first, and has the clean condition of three tasks alone."""
+    path = runs / "a" / "records.jsonl"
+    path.write_bytes(b"".join(path.read_bytes().splitlines(keepends=True)[:3]))
+    (board,) = rankings_of(read_all(runs))
+    assert board.labels == CONDITIONS
+    assert board.title.startswith("10 tasks, 10 conditions, 1 seeds")
+    values = {line.row.agent: line.values for line in board.lines}
+    assert [bool(value) for value in values["weak"]] == [True] + [False] * 9
+    assert all(values["strong"])
+
+
 def test_an_episode_that_is_there_twice_has_no_rank(runs):
     path = runs / "deep" / "b" / "records.jsonl"
     lines = path.read_bytes().splitlines(keepends=True)
@@ -156,12 +198,62 @@ def test_an_episode_that_is_there_twice_has_no_rank(runs):
     assert ranks["strong"] == (None, said)
 
 
-def test_a_finished_report_counts_as_a_run(runs, capsys):
-    _, out, _ = hijack(capsys, "report", runs / "a", "--format", "json")
+def test_a_finished_report_counts_as_a_run(runs, capsys, tmp_path):
+    run_of(tmp_path / "elsewhere" / "a", whole("weak", SOLVED))
+    _, out, _ = hijack(capsys, "report", tmp_path / "elsewhere" / "a", "--format", "json")
     (runs / "mine.report.json").write_text(out)
     (board,) = rankings_of(read_all(runs))
     found = [(line.place, line.rank) for line in board.lines if line.row.agent == "weak"]
     assert found == [("a", 2), ("mine.report.json", 2)]  # alike, so they share the rank
+
+
+def test_a_run_and_its_own_report_count_once(runs, capsys):
+    _, out, _ = hijack(capsys, "report", runs / "deep" / "b", "--format", "json")
+    (runs / "b.report.json").write_text(out)
+    found = read_all(runs)
+    assert found.problems == ()
+    (board,) = rankings_of(found)
+    assert [(line.place, line.rank) for line in board.lines if line.rank] == [
+        ("b.report.json", 1),
+        ("a", 2),
+    ]
+
+
+def test_a_copy_from_while_the_run_went_on_is_named(runs):
+    shutil.copytree(runs / "deep" / "b", runs / "copy")
+    path = runs / "copy" / "records.jsonl"
+    path.write_bytes(b"".join(path.read_bytes().splitlines(keepends=True)[:60]))
+    found = read_all(runs)
+    assert [place for place, _ in found.reports] == ["a", "deep/b"]
+    assert found.problems == ("copy: is the run of deep/b, with other episodes",)
+
+
+def test_symbolic_links_are_followed_once_and_never_up(runs, tmp_path, capsys):
+    far = tmp_path / "far"
+    far.mkdir()
+    (runs / "deep" / "b").rename(far / "b")
+    (runs / "deep" / "linked").symlink_to(far / "b")
+    (runs / "again").symlink_to(far)
+    (runs / "itself").symlink_to(runs)
+    (runs / "a-too").symlink_to("a")
+    assert [place for place, _ in read_all(runs).reports] == ["a", "again/b"]
+    assert read_all(runs).problems == ()
+    (runs / "up").symlink_to(tmp_path)
+    (runs / "gone").symlink_to("nowhere")
+    (runs / "round").symlink_to("round")
+    words = ("report", runs, "--leaderboard", "-o", tmp_path / "board.html")
+    code, _, err = hijack(capsys, *words)
+    assert code == 1
+    assert "left out: gone: is a symbolic link to nowhere, which cannot be reached" in err
+    assert "left out: round: is a symbolic link to round, which cannot be reached" in err
+    assert f"left out: up: is a symbolic link to {tmp_path}, a folder above" in err
+    assert [place for place, _ in read_all(runs).reports] == ["a", "again/b"]
+
+
+def test_a_page_has_no_paths_of_this_machine(runs, tmp_path):
+    (runs / "bad").mkdir()
+    (runs / "bad" / "run.json").write_text("{")
+    assert str(tmp_path) not in leaderboard(read_all(runs))
 
 
 def test_the_page_names_what_was_left_out(runs, capsys, tmp_path):
@@ -176,6 +268,41 @@ def test_the_page_names_what_was_left_out(runs, capsys, tmp_path):
     assert "&lt;bad&gt;" in page
     assert "<bad>" not in page
     assert page.index("strong") < page.index("weak")
+
+
+def test_logs_without_a_head_are_not_ranked_against_each_other(tmp_path):
+    """Of neither is known what was played, so they only look alike."""
+    runs = tmp_path / "runs"
+    runs.mkdir()
+    for name, solved in (("easy", 10), ("hard", 3)):
+        log = Run(folder=tmp_path / name, records=whole(name, dict.fromkeys(CONDITIONS, solved)))
+        text = formats.write(ReportDocument(report=build_report(log)), "json")
+        (runs / f"{name}.report.json").write_text(text)
+    (board,) = rankings_of(read_all(runs))
+    said = "a log without run.json, so its setting is not known"
+    assert {(line.rank, line.why) for line in board.lines} == {(None, said)}
+
+
+def test_tasks_of_one_name_from_other_files_are_other_tasks(runs):
+    mine = {"my.py:Task": {"path": "/a/my.py", "sha256": "1" * 64}}
+    moved = {"my.py:Task": {"path": "/b/my.py", "sha256": "1" * 64}}
+    edited = {"my.py:Task": {"path": "/a/my.py", "sha256": "2" * 64}}
+    agent = {"x": {"path": "/a/x.py", "sha256": "3" * 64}}
+    for name, code in (("c", mine), ("d", moved), ("e", edited), ("f", agent)):
+        run_of(runs / name, whole("x", SOLVED), code=code)
+    boards = rankings_of(read_all(runs))
+    places = sorted(sorted({line.place for line in board.lines}) for board in boards)
+    assert places == [["a", "deep/b", "f"], ["c", "d"], ["e"]]
+
+
+def test_a_board_says_that_its_runs_are_of_different_versions(runs):
+    assert "different versions" not in rankings_of(read_all(runs))[0].title
+    head = runs / "a" / "run.json"
+    data = json.loads(head.read_text())
+    head.write_text(json.dumps(data | {"versions": {"agenthijack": "9.0"}}))
+    (board,) = rankings_of(read_all(runs))
+    assert "different versions of agenthijack: 0." in board.title
+    assert board.title.endswith(", 9.0")
 
 
 def test_a_folder_without_runs_is_refused(tmp_path, capsys):

@@ -12,8 +12,9 @@ import yaml
 pytest.importorskip("statsmodels", reason="needs the extra [online]")
 
 from hijack_data.cli import main
-from online_env.bench import records, scores
-from online_env.report import build_report, formats
+from online_env.bench import reading, records, scores
+from online_env.report import build_report, formats, words
+from online_env.report.compare import compare
 from online_env.report.document import ReportDocument
 from online_env.report.paper import COLUMNS, paper_table
 
@@ -127,6 +128,75 @@ def test_model_index_is_what_the_hub_reads(folder, capsys):
     assert by["marks", "retention"] == 100
     assert by["all", "average"] == 49
     assert len(yaml.safe_load(out)["model-index"]) == 1  # recovering is no model
+
+
+def test_what_is_published_of_a_run_says_what_is_missing(tmp_path):
+    run = run_of(tmp_path / "run", whole("mine", dict.fromkeys(CONDITIONS, 5)))
+    whole_run = ReportDocument(report=build_report(reading.read(run)))
+    assert "missing" not in formats.write(whole_run, "latex")
+    assert "missing" not in formats.write(whole_run, "model-index")
+    path = run / "records.jsonl"
+    path.write_bytes(b"".join(path.read_bytes().splitlines(keepends=True)[:-3]))
+    cut = ReportDocument(report=build_report(reading.read(run)))
+    assert "10 tasks. 3 of 100 episodes are missing.}" in formats.write(cut, "latex")
+    card = yaml.safe_load(formats.write(cut, "model-index"))["model-index"][0]
+    assert card["results"][0]["dataset"]["args"]["missing_episodes"] == 3
+
+
+def test_names_are_no_formulas_and_no_commands(tmp_path):
+    names = ("=1+1", "@sum", "-2", "\tx", "[3pt]", "a&amp;b~~$x$#1", "two\n\nlines")
+    found = [record for name in names for record in scored(name, "clean", [1, 0])]
+    document = ReportDocument(report=build_report(read_run(tmp_path / "run", found)))
+    rows = list(csv.reader(io.StringIO(formats.write(document, "csv"))))[1:]
+    assert [row[0] for row in rows] == ["'=1+1", "'@sum", "'-2", "'\tx", *names[4:]]
+    assert not any(cell.startswith("'") for row in rows for cell in row[1:]), "numbers stay"
+    table = formats.write(document, "latex")
+    assert "\n{[}3pt{]} & " in table
+    assert "\ntwo lines & " in table
+    text = formats.write(document, "markdown")
+    assert r"| a\&amp;b\~\~\$x\$\#1 |" in text
+
+
+def test_the_name_of_a_folder_is_no_markup(tmp_path):
+    runs = [read_run(tmp_path / place / "x[bold]", scored("a", "clean", [1, 0])) for place in "ab"]
+    document = ReportDocument(report=build_report(runs[0]), comparison=compare(*runs))
+    assert "x[bold] before, x[bold] after" in formats.write(document, "terminal")
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [(999, "999"), (1000, "1k"), (999_499, "999k"), (999_500, "1M"), (999_999_999, "1G")],
+)
+def test_counts_as_people_read_them(value, shown):
+    assert words.count(value) == shown
+
+
+def test_small_numbers_are_not_nothing(tmp_path):
+    assert words.percent(-0.0001, "+") == "+0.0"
+    found = [*scored("a", "clean", [1.0] * 20), *scored("a", "marks", [0.0] * 20)]
+    document = ReportDocument(report=build_report(read_run(tmp_path / "run", found)))
+    assert " <0.001 " in formats.write(document, "terminal")
+    assert " 0.000 " not in formats.write(document, "terminal")
+
+
+def test_the_rows_of_a_finished_report_are_those_of_its_run(folder, capsys, tmp_path):
+    _, rows, _ = hijack(capsys, "report", folder, "--json")
+    path = tmp_path / "report.json"
+    hijack(capsys, "report", folder, "-o", path)
+    code, out, _ = hijack(capsys, "report", path, "--json")
+    assert (code, json.loads(out)) == (0, json.loads(rows))
+    code, _, err = hijack(capsys, "report", path, "--reference", "mine")
+    assert (code, "is a finished report, whose reference agent is ''" in err) == (2, True)
+
+
+def test_the_rows_of_a_comparison(folder, capsys):
+    code, out, _ = hijack(capsys, "report", folder, "--json", "--compare", folder)
+    rows = json.loads(out)
+    assert (code, len(rows)) == (0, 20)
+    assert {row["difference"] for row in rows} == {0}
+    words = ("--compare", folder, "--pair", "mine=mine", "--pair", "mine=recovering")
+    code, _, err = hijack(capsys, "report", folder, *words)
+    assert (code, "'mine' is compared with 'mine' already" in err) == (2, True)
 
 
 def test_model_index_needs_an_agent(tmp_path, capsys):
@@ -253,6 +323,10 @@ def test_what_the_paper_does_not_have_is_left_out(tmp_path, capsys):
         (["--pair", "a=b"], "give the earlier one with --compare"),
         (["--leaderboard"], "say where the page goes"),
         (["--leaderboard", "--format", "csv"], "--leaderboard is a page"),
+        (["--leaderboard", "--paper"], "--leaderboard is a page without --paper"),
+        (["--leaderboard", "--json"], "--leaderboard is a page without --json"),
+        (["--json", "--paper"], "--json is a list of rows, without --paper; give --format json"),
+        (["--json", "--format", "csv"], "--json is a list of rows, without --format csv"),
     ],
 )
 def test_a_mistake_is_one_line_with_its_remedy(

@@ -25,9 +25,10 @@ from online_env.scoring.parts import part_rows
 from online_env.scoring.rules import Distance
 from online_env.scoring.run import ScoreRun, ScoreSettings
 from online_env.scoring.workers import AgentStartError
+from pipelines import build
 from pipelines.proof.rebuild import rebuild
 
-from support.scoring import dataset, write_agents
+from support.scoring import dataset, record_steps, write_agents
 from support.waiting import until
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -61,6 +62,20 @@ def played(settings, out, resume=False):
 
 def by_row(run):
     return {record["row"]: record for record in run.records}
+
+
+def edit(folder, name, change):
+    """Change the values of a column of a dataset in place."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    (file,) = folder.rglob("*.parquet")
+    table = pq.read_table(file)
+    values = table.column(name).to_pylist()
+    change(values)
+    place = table.schema.get_field_index(name)
+    field = table.schema.field(place)
+    pq.write_table(table.set_column(place, field, pa.array(values, field.type)), file)
 
 
 def hijack(*words, **more):
@@ -312,24 +327,61 @@ def test_a_folder_that_is_no_dataset(tmp_path):
 
 
 def test_a_damaged_row_is_invalid_and_the_others_are_scored(clicks, agents, tmp_path):
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
     folder = shutil.copytree(clicks, tmp_path / "dataset")
-    (file,) = folder.rglob("*.parquet")
-    table = pq.read_table(file)
-    pictures = table.column("screenshot").to_pylist()
-    pictures[1]["bytes"] = pictures[1]["bytes"][:50]
-    place = table.schema.get_field_index("screenshot")
-    field = table.schema.field(place)
-    changed = table.set_column(place, field, pa.array(pictures, field.type))
-    pq.write_table(changed, file)
+
+    def cut(pictures):
+        pictures[1]["bytes"] = pictures[1]["bytes"][:50]
+
+    edit(folder, "screenshot", cut)
     _, run = played(settings_for(folder, f"{agents}:Knows"), tmp_path / "run")
     found = by_row(run)
     damaged = found.pop("t0/0000/resolution")
     assert (damaged["status"], damaged["cause"]) == ("invalid", "machine")
     assert {record["status"] for record in found.values()} == {"ok"}
     assert "invalid" in json.dumps(score_rows(run.records))
+
+
+def test_a_click_outside_its_own_target_is_no_step_to_score(clicks, agents, tmp_path):
+    folder = shutil.copytree(clicks, tmp_path / "dataset")
+
+    def push(boxes):
+        boxes[0] = [101, 40, 130, 60]  # the click is at 100, 50
+
+    edit(folder, "target_box", push)
+    _, run = played(settings_for(folder, f"{agents}:Knows"), tmp_path / "run")
+    found = by_row(run)
+    wrong = found.pop("t0/0000/clean")
+    assert (wrong["status"], wrong["cause"], wrong["score"]) == ("invalid", "machine", None)
+    assert wrong["problem"] == (
+        f"{folder}: row 't0/0000/clean': the recorded click at (100, 50) is outside its own"
+        " target_box [101, 40, 130, 60] (x1, y1, x2, y2; the pixel at x2 is outside): correct the"
+        " one that is wrong; mend the recording and build the dataset again"
+    )
+    assert {record["status"] for record in found.values()} == {"ok"}
+
+
+@pytest.mark.parametrize(
+    ("action", "kept"),
+    [
+        ({"type": "click", "x": 130, "y": 50}, False),
+        ({"type": "drag", "x": 89, "y": 50, "x2": 100, "y2": 50}, False),
+        ({"type": "drag", "x": 90, "y": 40, "x2": 300, "y2": 190}, True),
+        ({"type": "scroll", "x": 10, "y": 10, "amount": 3}, True),
+        ({"type": "type", "text": "hello"}, True),
+    ],
+)
+def test_a_build_leaves_out_steps_that_miss_their_own_target(action, kept, tmp_path):
+    record_steps(tmp_path / "source", [{}, {"action": action}])
+    out = tmp_path / "dataset"
+    report = build(tmp_path / "source", out, corruptions="resolution:scale=0.5", seed=7)
+    assert (report.rejected, report.exit_code) == ((0, 0) if kept else (1, 1))
+    if not kept:
+        (line,) = (out / "quarantine.jsonl").read_text().splitlines()
+        said = json.loads(line)
+        assert said["field"] == "target_box"
+        assert "1.png" in line
+        assert "t1, step 0" in line
+        assert "is outside its own target_box [90, 40, 130, 60]" in said["reason"]
 
 
 def test_the_command_and_the_report(clicks, agents, tmp_path):
@@ -390,3 +442,37 @@ def test_a_script_is_part_of_the_run(clicks, tmp_path, monkeypatch):
     with pytest.raises(RunError, match=r"code\.scripted\.settings\.sha256"):
         ScoreRun(settings_for(clicks, "scripted")).begin(out, resume=True)
     assert os.environ["AGENTHIJACK_SCRIPT"]
+
+
+def test_trajectories_of_any_script_have_records_of_their_own(agents, tmp_path):
+    """An id keeps a-z and digits: 任务一 and 任务二 would be one, and a record of it lost."""
+    names = ("任务一", "任务二", "a b", "a_b")
+    steps = [{"trajectory_id": name, **CLICKS[0]} for name in names]
+    folder = dataset(tmp_path, steps)
+    _, run = played(settings_for(folder, f"{agents}:Knows"), tmp_path / "run")
+    assert not run.damaged
+    assert not run.missing
+    assert {record["task"] for record in run.records} == set(names)
+    assert len(run.records) == 8
+    assert rebuild(tmp_path / "run").problems == []
+
+
+def test_names_that_one_id_stands_for_are_refused(agents, tmp_path):
+    folder = dataset(tmp_path, [{"trajectory_id": name, **CLICKS[0]} for name in ("a:b", "a_b")])
+    with pytest.raises(RunError, match="ids stand for several episodes, such as 'a_b_0000__clean"):
+        played(settings_for(folder, f"{agents}:Knows"), tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_corruption_of_which_no_row_is_left_is_refused(clicks, agents, tmp_path):
+    folder = shutil.copytree(clicks, tmp_path / "dataset")
+
+    def rename(labels):
+        labels[labels.index("resolution")] = "marks"
+
+    edit(folder, "corruption", rename)
+    chosen = Selection(corruptions=("marks",), limit=1)
+    assert ScoreRun(settings_for(folder, "fail", chosen=chosen)).cases.labels == ("clean", "marks")
+    chosen = Selection(corruptions=("marks", "resolution"), limit=1)
+    with pytest.raises(ParameterError, match=r"no row of 'resolution' is left.*the dataset has 1"):
+        ScoreRun(settings_for(folder, "fail", chosen=chosen))

@@ -89,6 +89,28 @@ def test_a_distance_is_written_as_it_is_read(text):
     assert str(Distance.parse(text)) == text
 
 
+@pytest.mark.parametrize(
+    "action",
+    [
+        Action("type", text="hello"),
+        Action("hotkey", keys=("ctrl", "s")),
+        Action("wait", amount=1),
+        Action("done"),
+    ],
+)
+def test_what_goes_where_the_focus_is_has_no_place_in_its_box(action):
+    """A text field may stand beside the text: typing has no point that could be inside."""
+    verdict = compare(wanted(action, box=(90, 190, 120, 210)), action)
+    assert verdict.right
+    assert "place" not in verdict.parts
+
+
+def test_a_click_without_a_point_counts_in_its_box():
+    here = wanted(Action("click"), box=(90, 190, 120, 210))
+    assert compare(here, CLICK).right
+    assert not compare(here, Action("click", 10, 10)).right
+
+
 def test_an_outline_wins_over_the_box():
     corner = wanted(CLICK, box=(0, 0, 200, 200), polygon=((0, 0), (200, 0), (0, 200)))
     assert compare(corner, Action("click", 10, 10)).right

@@ -3,7 +3,6 @@
 import base64
 import hashlib
 import json
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from hijack_data import png
+from hijack_data.surrogates import without_halves
 from hijack_data.types import Size, UInt8Array
 
 from .prompts import Prompt
 
 URL = "data:image/png;base64,"
-_HALF = re.compile("[\ud800-\udfff]")
 LEFT_OUT = "(An older screenshot, left out.)"
 
 
@@ -161,7 +160,7 @@ def wired(body: Any) -> Any:
     if isinstance(body, EmbeddedPicture):
         return f"{body.prefix}{body.picture.base64}"
     if isinstance(body, str):
-        return _HALF.sub("\N{REPLACEMENT CHARACTER}", body)
+        return without_halves(body)
     return _walked(body, wired)
 
 

@@ -25,6 +25,7 @@ from hijack_data.runs.run_log import (
     SCORE_RUN,
     VERSION,
     digest_of,
+    row_slug_of,
     slug_of,
 )
 from hijack_data.runs.run_planners import planners_of
@@ -238,15 +239,16 @@ def base_of(record: Mapping[str, Any]) -> str:
 def id_of(record: Mapping[str, Any]) -> str:
     """Return the id that a record must have."""
     task = str(record.get("task"))
-    if ROW in record:
-        task += f"/{record.get('task_seed')}"
-    return slug_of(
-        task,
-        str(record.get("corruption")),
-        record.get("seed", 0),
-        str(record.get("agent")),
-        record.get("attempt", 0),
-    )
+    label = str(record.get("corruption"))
+    seed = record.get("seed", 0)
+    agent = str(record.get("agent"))
+    attempt = record.get("attempt", 0)
+    if ROW not in record:
+        return slug_of(task, label, seed, agent, attempt)
+    variant = str(record.get("task_seed"))
+    before = slug_of(f"{task}/{variant}", label, seed, agent, attempt)
+    # Runs of earlier versions have ids without a digest.
+    return before if record.get("id") == before else row_slug_of(task, variant, label, seed, agent)
 
 
 def read_journal(folder: Path) -> Journal:

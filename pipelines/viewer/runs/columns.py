@@ -51,10 +51,12 @@ def _coded(values: list[str], first: list[str]) -> dict[str, Any]:
 
 
 def _listed(entries: object) -> list[str]:
-    """Return the names in a list of the configuration."""
+    """Return the labels in a list of the configuration: `marks`, or `{marks: {as: LABEL}}`."""
     found: list[str] = []
     for entry in listed(entries):
-        if isinstance(entry, dict):
-            entry = entry.get("id") or entry.get("name")
+        if isinstance(entry, dict) and len(entry) == 1:
+            ((entry, settings),) = entry.items()
+            if isinstance(settings, dict):
+                entry = settings.get("as", entry)
         found.append(word(entry))
     return found

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hijack_data.errors import shown
 from hijack_data.files import read_regular
 from hijack_data.runs.given import given_of, given_words
 from hijack_data.runs.run_log import (
@@ -145,6 +146,8 @@ def entry_of(record: Mapping[str, Any]) -> EpisodeEntry:
     usage = record.get("usage")
     used: Mapping[str, Any] = usage if isinstance(usage, dict) else {}
     note = record.get("problem") or record.get("reason") or ""
+    outcome = outcome_of(record)
+    has_score = record.get("status") == "ok" and outcome != UNREADABLE
     return EpisodeEntry(
         id=word(record.get("id")),
         agent=word(record.get("agent")),
@@ -152,8 +155,8 @@ def entry_of(record: Mapping[str, Any]) -> EpisodeEntry:
         corruption=word(record.get("corruption")),
         seed=seed,
         attempt=int(number(record.get("attempt")) or 0),
-        outcome=outcome_of(record),
-        score=number(record.get("score")),
+        outcome=outcome,
+        score=number(record.get("score")) if has_score else None,
         steps=_whole(record.get("steps")),
         seconds=number(record.get("seconds")),
         tokens=_tokens(used),
@@ -161,8 +164,8 @@ def entry_of(record: Mapping[str, Any]) -> EpisodeEntry:
         instruction=word(record.get("instruction")),
         note=word(note)[:NOTE],
         said=word(record.get("said"))[:SAID],
-        counts=_counts(record),
-        problem=_version_problem(record),
+        counts=outcome != UNREADABLE and _counts(record),
+        problem=_version_problem(record) or _score_problem(record, outcome),
         given=_given(record),
     )
 
@@ -175,9 +178,9 @@ def outcome_of(record: Mapping[str, Any]) -> str:
         return INVALID
     if status == "error":
         return AGENT_ERROR if record.get("cause", "agent") == "agent" else MACHINE_ERROR
-    if status != "ok" or score is None:
+    if status != "ok" or score is None or not 0 <= score <= 1:
         return UNREADABLE
-    if score >= 1:
+    if score == 1:
         return SUCCESS
     return PARTIAL if score > 0 else FAILURE
 
@@ -231,6 +234,15 @@ def _version_problem(record: Mapping[str, Any]) -> str:
     return f"was written by version {version!r} of the log; this library knows 1 to {VERSION}"
 
 
+def _score_problem(record: Mapping[str, Any], outcome: str) -> str:
+    """Return why a report leaves out an episode that can be read, or nothing."""
+    if outcome != UNREADABLE:
+        return ""
+    if record.get("status") == "ok":
+        return f"score {shown(record.get('score'))} is no number in 0..1"
+    return f"status {shown(record.get('status'))} is none of ok, invalid, error"
+
+
 def _lines(folder: Path) -> list[bytes] | None:
     """Return the lines of the journal; `None` if there is none."""
     try:
@@ -246,6 +258,7 @@ def _read_journal(
 ) -> None:
     """Add the entries of the journal; `before` is what its first line must name, if anything."""
     last: EpisodeEntry | None = None
+    known: dict[str, int] = {}  # the lines that episodes are on
     for place, line in enumerate(listing.lines, 1):
         if not line.strip():
             continue
@@ -259,7 +272,13 @@ def _read_journal(
             _check_link(record, before, last, listing.problems)
         before = None if before is None else line
         last = entry
-        if entry.id:
+        first = known.setdefault(entry.id, place) if entry.id else place
+        if first != place:
+            listing.problems.append(
+                f"line {place} of {RECORDS}: episode {entry.id} is on line {first} already, which"
+                " counts"
+            )
+        elif entry.id:
             entry.number = place
             listing.entries.append(entry)
         else:

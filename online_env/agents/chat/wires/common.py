@@ -5,13 +5,13 @@ from typing import Any
 
 from hijack_data import extras
 from hijack_data.errors import shown
+from hijack_data.runs.amounts import is_count
 
 from ....errors import EndpointError
 from ...settings import AgentSettings, ModelSettings
 
 EXTRA = "agents"
 RETRIES = "tenacity"
-_MOST = 2**53  # tokens; a larger count is treated as none
 NO_KEY = "none"  # the key sent to endpoints that need none, since the client insists on one
 MODULES = {
     "openai": "openai",
@@ -68,12 +68,7 @@ def tokens(usage: object, *names: str) -> int:
     """Return the sum of counts; missing or invalid counts are 0."""
     if not isinstance(usage, Mapping):
         return 0
-    whole = 0
-    for name in names:
-        count = usage.get(name)
-        if isinstance(count, int) and not isinstance(count, bool) and count <= _MOST:
-            whole += max(0, count)
-    return whole
+    return sum(filter(is_count, (usage.get(name) for name in names)))
 
 
 def texts(value: object) -> Iterator[str]:
