@@ -86,7 +86,8 @@ def diagnose(profiles: Iterable[str] = ("web",), image: str | None = None) -> li
 
     Args:
         profiles: the packages of others are not `required`.
-        image: of the desktop (see `EmbeddedDesktop.up`); with one, no packages are.
+        image: of the desktop (see `EmbeddedDesktop.up`); with one, the machine's packages do not
+            matter and are not listed.
     """
     wanted = {"core", *profiles}
     wanted |= set(packages.PROFILES) if packages.ALL in wanted else set()
@@ -94,7 +95,8 @@ def diagnose(profiles: Iterable[str] = ("web",), image: str | None = None) -> li
     if platform.system() != LINUX:
         return [_system(with_image)]
     checks = [_system(with_image), _root()]
-    checks += [_packages(name, name in wanted and not with_image) for name in packages.PROFILES]
+    if not with_image:
+        checks += [_packages(name, name in wanted) for name in packages.PROFILES]
     checks += [Finding(*finding) for finding in images.findings(image)]
     return [*checks, _modules(), _kernel(), _users(), _layer(), _limits(), _orphans()]
 

@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol, TypeAlias, cast
+from typing import Any, Literal, Protocol, SupportsFloat, TypeAlias, cast
 
 import gymnasium
 import torch
@@ -138,7 +138,7 @@ class Rollout:
         self.status = status
         self.problem = problem
 
-    def take_reward(self, reward: float) -> None:
+    def take_reward(self, reward: SupportsFloat) -> None:
         """Take the reward of a step; the highest one is the success.
 
         One that is not in 0..1 fails the rollout: it would be learned from as if it were a score.

@@ -70,7 +70,7 @@ def test_in_a_container_the_option_is_named(switches, monkeypatch):
     assert "docker run --privileged" in rootless.way_out(refused)
 
 
-def test_with_an_image_no_package_of_the_machine_is_required(monkeypatch):
+def test_with_an_image_the_packages_of_the_machine_do_not_matter(monkeypatch):
     monkeypatch.setattr(doctor.shutil, "which", lambda name: None)
     monkeypatch.setattr(doctor.packages.shutil, "which", lambda name: None)
     without = {found.name: found for found in doctor.diagnose(("core",), cache.HOST)}
@@ -79,7 +79,7 @@ def test_with_an_image_no_package_of_the_machine_is_required(monkeypatch):
     assert without["packages core"].required
     found = {found.name: found for found in doctor.diagnose(("core",), "never-made")}
     assert found["system"].ok
-    assert not found["packages core"].required
+    assert not [name for name in found if name.startswith("packages")]
     assert not found["image"].ok
     assert found["image"].required
     assert "no image 'never-made'" in found["image"].detail
