@@ -1,6 +1,6 @@
 """DA-GRPO beside GRPO on the toy desktop: makes docs/results/da_grpo.md and its plot.
 
-    python benchmarks/da_grpo.py [ARMS]        # such as grpo,da_grpo, or all
+    python benchmarks/da_grpo.py [ARMS] [--seeds N]       # such as grpo,da_grpo, or all
 
 Minutes for the two arms of the configuration. Runs are kept in runs/toy: an
 interrupted one goes on, and more arms are added to it.
@@ -18,14 +18,18 @@ from common import machine
 
 from pipelines.train.cli import PLOT, SUMMARY, TABLE
 from pipelines.train.toy import results
-from pipelines.train.toy.arms import ARMS
+from pipelines.train.toy.arms import ARMS, BASE, MAIN
 from pipelines.train.toy.experiment import run_replication
 from pipelines.train.toy.settings import load_replication
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "runs" / "toy"
 PAGE = ROOT / "docs" / "results" / "da_grpo.md"
-BEGIN, END = "<!-- made by benchmarks/da_grpo.py -->", "<!-- end -->"
+# The page has a block for the two arms alone, with many seeds, and one for all arms.
+TWO = "<!-- made by benchmarks/da_grpo.py -->"
+ALL = "<!-- made by benchmarks/da_grpo.py all -->"
+END = "<!-- end -->"
+DEFAULT = (BASE, MAIN)
 WORDS = {
     "visual": "under the corruptions that it trained with",
     "clean": "on clean screens",
@@ -37,13 +41,17 @@ def main() -> None:
     """Run what is missing, and write the page anew."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("arms", nargs="?", help="all, or some of " + ",".join(ARMS))
-    arms = parser.parse_args().arms
+    parser.add_argument("--seeds", type=int, help="another number than the configuration's")
+    options = parser.parse_args()
+    arms = options.arms
     replication = load_replication(ROOT / "configs" / "train" / "toy.yaml")
     if arms:
         names = list(ARMS) if arms == "all" else arms.split(",")
         if unknown := set(names) - set(ARMS):
             parser.error(f"no such arms: {', '.join(sorted(unknown))}; there are {', '.join(ARMS)}")
         replication = dataclasses.replace(replication, arms=tuple(names))
+    if options.seeds:
+        replication = dataclasses.replace(replication, seeds=options.seeds)
     before = time.monotonic()
     scores = run_replication(replication, FOLDER, say=print)
     minutes = (time.monotonic() - before) / 60
@@ -51,12 +59,15 @@ def main() -> None:
     tables = f"{results.table_of(summary)}\n\n{results.conditions_table(summary)}"
     (FOLDER / SUMMARY).write_text(json.dumps(summary, indent=1) + "\n")
     (FOLDER / TABLE).write_text(tables + "\n")
-    results.plot(summary, PAGE.with_suffix(".svg"))
     results.plot(summary, FOLDER / PLOT)
     print(f"{minutes:.1f} minutes of this call, on {machine()}")
-    head, _, rest = PAGE.read_text().partition(BEGIN)
+    is_whole = len(replication.arms) > len(DEFAULT)
+    picture = PAGE.with_name(f"{PAGE.stem}_arms.svg" if is_whole else f"{PAGE.stem}.svg")
+    results.plot(summary, picture)
+    begin = ALL if is_whole else TWO
+    head, _, rest = PAGE.read_text().partition(begin)
     _, _, tail = rest.partition(END)
-    made = f"{BEGIN}\n\n{sentences(summary)}\n\n{tables}\n\n![Gains](da_grpo.svg)\n\n{END}"
+    made = f"{begin}\n\n{sentences(summary)}\n\n{tables}\n\n![Gains]({picture.name})\n\n{END}"
     PAGE.write_text(head + made + tail)
 
 
