@@ -84,7 +84,13 @@ PROFILES: dict[str, tuple[str, ...]] = {
         "geany",
         "fonts-noto-cjk",
     ),
-    "media": ("gimp", "gtk2-engines-pixbuf", "vlc", "thunderbird"),
+    "media": (
+        "gimp",
+        "gtk2-engines-pixbuf",
+        "libgail-common",  # without it GIMP, which is of GTK 2, has no accessibility tree
+        "vlc",
+        "thunderbird",
+    ),
 }
 ALL = "all"
 PROFILE_NAMES = (*PROFILES, ALL)
