@@ -3,6 +3,7 @@
 import re
 import time
 
+from ...errors import DesktopTimeoutError
 from ..hand import BUTTONS, PAUSE, Hand, Name, Roles
 from ..tree import TreeNode
 
@@ -10,6 +11,8 @@ CHROME = "chrom"
 LINKS = ("link", *BUTTONS)
 _MENU_EDGE = 8  # px above the first item of a menu of the settings
 _MENU_ITEM = 36  # px
+_DOUBLE_CLICKS = 3
+_OPENING = 5.0  # s that a folder may take to open
 
 
 def visit(hand: Hand, address: str, title: str) -> None:
@@ -71,6 +74,22 @@ def pick(hand: Hand, button: Name, index: int) -> None:
     left, top, right, _ = menu.box or (0, 0, 0, 0)
     down = top + _MENU_EDGE + _MENU_ITEM // 2 + _MENU_ITEM * index
     hand.run(f"pyautogui.click({(left + right) // 2}, {down})")
+
+
+def open_folder(hand: Hand, folder: str) -> None:
+    """Open a folder of the bookmarks bar in Chromium's bookmark manager, which shows.
+
+    On a busy desktop the page may take a double click for two clicks, which only select the folder.
+    """
+    hand.click_on("tree-item", "Bookmarks bar")
+    for _ in range(_DOUBLE_CLICKS):
+        hand.double_click(hand.find("static", folder, CHROME))
+        deadline = time.monotonic() + _OPENING
+        while time.monotonic() < deadline:
+            if hand.see(BUTTONS, f"More actions for {folder}", CHROME) is None:
+                return
+            time.sleep(PAUSE)
+    raise DesktopTimeoutError(f"the folder {folder!r} of the bookmark manager does not open")
 
 
 def _at_rest(hand: Hand, node: TreeNode) -> TreeNode:

@@ -3,7 +3,7 @@
 from online_env.tasks import Task
 from online_env.tasks.kit import chromium
 from online_env.tasks.kit.links import PAGES, bar
-from online_env.tasks.kit.pages import enter, pick, visit
+from online_env.tasks.kit.pages import enter, open_folder, pick, visit
 
 NAMES = ("For the weekend", "To read", "Ask Tomas", "Good one", "Remember this", "For later")
 
@@ -41,9 +41,7 @@ class AddBookmark(Task):
 
     def oracle(self, hand):
         visit(hand, "chrome://bookmarks/", "Bookmarks")
-        hand.click_on("tree-item", "Bookmarks bar")
-        hand.double_click(hand.find("static", self.drawn.folder))
-        hand.gone("push-button", f"More actions for {self.drawn.folder}")
+        open_folder(hand, self.drawn.folder)
         if hand.see("push-button", f"More actions for {self.drawn.new}"):
             return
         pick(hand, "Organize", 1)

@@ -3,7 +3,7 @@
 from online_env.tasks import Task
 from online_env.tasks.kit import chromium
 from online_env.tasks.kit.links import bar
-from online_env.tasks.kit.pages import enter, pick, visit
+from online_env.tasks.kit.pages import enter, open_folder, pick, visit
 
 NAMES = ("Read on Sunday", "For Oda", "Look at this again", "Holiday", "Print this", "Best of all")
 
@@ -46,9 +46,7 @@ class RenameBookmark(Task):
 
     def oracle(self, hand):
         visit(hand, "chrome://bookmarks/", "Bookmarks")
-        hand.click_on("tree-item", "Bookmarks bar")
-        hand.double_click(hand.find("static", self.drawn.folder))
-        hand.find("push-button", "Organize")
+        open_folder(hand, self.drawn.folder)
         if hand.see("push-button", f"More actions for {self.drawn.new}"):
             return
         pick(hand, f"More actions for {self.drawn.old}", 0)
