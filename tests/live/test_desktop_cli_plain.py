@@ -70,7 +70,7 @@ def test_which_desktop_is_asked_in_words_of_a_shell(monkeypatch):
     states = {"a": "ready", "b": "ready", "left": "orphan"}
     monkeypatch.setattr(registry, "state", lambda record: states[record["id"]])
     monkeypatch.setattr(registry, "records", lambda: [{"id": "left"}])
-    assert not cli._any_runs()
+    assert not registry.running()
     assert running.choose("left")["id"] == "left"
     none = r"^say which desktop; there are: none \(hijack desktop up starts one\)"
     with pytest.raises(UnknownDesktopError, match=none):

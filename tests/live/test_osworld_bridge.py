@@ -381,7 +381,7 @@ class Stopped(Exception):
 def test_the_answer_of_a_call_that_was_interrupted_is_not_taken_for_the_next_ones(
     tmp_path: Path,
 ) -> None:
-    pytest.importorskip("requests")
+    pytest.importorskip("requests", reason=needs.HF)
     (tmp_path / "desktop_env").mkdir()
     (tmp_path / "desktop_env/desktop_env.py").write_text(PACKAGE)
     python = tmp_path / "python"
