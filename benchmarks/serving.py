@@ -1,7 +1,7 @@
 """Desktops behind `hijack serve`: what the server adds to a reset and a step, and what it leaks.
 
 `hijack desktop install` and the extra `serve` are needed. By default the same episodes are played in
-this process and through a server, in turn, with 1 and 2 sessions. `--soak MINUTES` lets sessions
+this process and through a server, in turn, with 1, 2 and 4 sessions. `--soak MINUTES` lets sessions
 play for so long, and reads the server's own metrics before and after.
 """
 
@@ -197,10 +197,10 @@ def compare(
     episodes: int,
     steps: int,
 ) -> str:
-    """Return the table of both ways, with 1 and 2 sessions."""
+    """Return the table of both ways, with 1, 2 and 4 sessions."""
     rows: list[list[str]] = []
     ratios: list[str] = []
-    for count in (1, 2):
+    for count in (1, 2, 4):
         here, there = Timings(), Timings()
         with closing(InProcess(count)) as inside, closing(ThroughServer(count, count)) as outside:
             for place in (inside, outside):
