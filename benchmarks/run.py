@@ -32,6 +32,7 @@ SCRIPTS = {
     "viewer_runs": "The page of runs",
     "pixel": "Reading by OCR: the agent pixel",
     "kills": "A benchmark that is killed",
+    "training_time": "Training with corruptions",
     "serving": "Desktops behind a server",
     "bench_rate": "What the runner of benchmarks costs",
 }
