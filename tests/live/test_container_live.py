@@ -82,7 +82,7 @@ def desktop(embedded_machine, tmp_path_factory):
 def _reached(process: "subprocess.Popen[bytes]", log: Path) -> HttpDesktop:
     from support.waiting import until
 
-    until(lambda: process.poll() is not None or "ready" in log.read_text(), "its start", 120)
+    until(lambda: process.poll() is not None or "ready" in log.read_text(), "its start")
     assert process.poll() is None, log.read_text()
     token = SECRET.replace(" ", "-")
     resetter = ContainerResetter(f"http://127.0.0.1:{PORT + 1}", token)

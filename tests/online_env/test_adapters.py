@@ -167,7 +167,7 @@ def loop_threads():
 
 
 def ended():
-    waiting.until(lambda: not loop_threads(), 10)
+    waiting.until(lambda: not loop_threads(), "the threads to end")
 
 
 def clicking(computer, instruction):

@@ -15,6 +15,7 @@ PATIENCE = 90.0
 def until(
     condition: Callable[[], Found],
     what: str = "it",
+    *,
     pause: float = 0.05,
 ) -> Found:
     """The first true value of `condition`; fails the test where none comes."""
