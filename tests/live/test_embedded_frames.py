@@ -51,7 +51,7 @@ def same(desktop):
         png = desktop.client._get("/screenshot").body
         return [picture] if (picture == np.asarray(Image.open(io.BytesIO(png)))).all() else []
 
-    return until(compared, "a screenshot that is what the memory holds", 0.3)[0]
+    return until(compared, "a screenshot that is what the memory holds", pause=0.3)[0]
 
 
 def whole(frames):

@@ -45,7 +45,7 @@ def named(
     def found():
         return [node for node in showing(desktop, tag) if part in node.get("name")]
 
-    return until(found, f"a {tag} {part!r}", 0.3)[0]
+    return until(found, f"a {tag} {part!r}", pause=0.3)[0]
 
 
 def press(desktop, node):

@@ -183,7 +183,7 @@ def test_one_desktop_meets_what_clients_and_machines_do():
         vanishing.kill()
         vanishing.wait()
         vanishing.stdout.close()
-        until(lambda: free(url) == 1, "a free desktop")
+        until(lambda: free(url) == 1, 30)
 
         with client(url) as silent, client(url) as other:
             silent.reset(corruption="clean")

@@ -68,7 +68,7 @@ def free_port() -> int:
 
 def wait_for(what: str, check: Callable[[], Any]) -> Any:
     """Poll `check` until it is true and return its value."""
-    return until(check, what, 0.02)
+    return until(check, what, pause=0.02)
 
 
 ST = "{https://accessibility.ubuntu.example.org/ns/state}"
