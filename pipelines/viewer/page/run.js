@@ -88,7 +88,9 @@ document.addEventListener("DOMContentLoaded", async () => {
   const drawKin = (n, step) => {
     const group = (label, all, name) => {
       if (all.length < 2) return "";
-      const links = all.slice(0, 60).map((other) => {
+      const { codes } = texts[name]; // numbered in the order of the configuration, whichever episode ended first
+      const ordered = all.sort((one, other) => codes[one] - codes[other] || one - other);
+      const links = ordered.slice(0, 60).map((other) => {
         const link = make("a", { href: toEpisode(other, { step, beside: "" }), class: outcomeClass(text("outcome", other)), title: ids[other] }, text(name, other) + (numbers.attempt[other] ? ` #${numbers.attempt[other] + 1}` : ""));
         if (other === n) link.setAttribute("aria-current", "true");
         return link;

@@ -15,7 +15,8 @@ from pipelines.viewer.runs.export import export_file
 
 from support.chromium import Browser
 from support.edited_runs import read_lines, write_lines
-from support.viewed_runs import HOSTILE, id_of
+from support.recorded import Straw
+from support.viewed_runs import HOSTILE, Cast, id_of, play_run
 from support.viewing import served
 
 ERRORS = ("Log.entryAdded", "Runtime.exceptionThrown", "Runtime.consoleAPICalled")
@@ -277,6 +278,27 @@ def test_two_agents_stand_beside_each_other_on_the_same_episode(
     browser.key("c", 67)
     browser.until("document.querySelectorAll('.view:not([hidden])').length", 1)
     assert browser.of(*ERRORS, *DIALOGS) == []
+
+
+class LastFirst(Cast):
+    """Plays its episodes in the opposite order, as desktops side by side may end them."""
+
+    @property
+    def jobs(self) -> list[Straw]:
+        return super().jobs[::-1]
+
+
+def test_conditions_and_agents_stand_in_the_order_of_the_run(
+    browser: Browser,
+    tmp_path: Path,
+) -> None:
+    with served(play_run(tmp_path / "run", LastFirst())) as server:
+        visit(browser, f"{server.url}#episode={MARKS}")
+        groups = "[...document.querySelectorAll('#kin div')]"
+        names = browser.js(
+            f"{groups}.map(g => [...g.querySelectorAll('a')].map(a => a.textContent))"
+        )
+    assert names == [["clean", "marks", "app_minimization"], ["pixel", "gpt-9"]]
 
 
 def test_only_the_rows_in_view_are_in_the_page(
