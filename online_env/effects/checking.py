@@ -11,13 +11,8 @@ from hijack_data.types import Scene
 
 from ..desktops.protocol import Desktop
 from ..errors import DesktopError, MissingCapabilityError
-from .base import find, kinds
+from .base import find
 from .conformance import OPEN, ParamsFor, Result, run_declared, run_live
-
-
-def kinds_of(module: str) -> list[str]:
-    """Return the effects whose classes a module defines and registers."""
-    return [kind for kind in kinds() if type(find(kind)).__module__ == module]
 
 
 def summary(kind: str) -> str:

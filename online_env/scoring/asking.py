@@ -27,7 +27,6 @@ from .outlines import outline_of
 from .rules import Distance, WantedStep, compare, unanswered
 
 KEPT = 2000  # characters of a text in a record
-POINTED = ("x", "y", "x2", "y2")
 Scored: TypeAlias = dict[str, Any]
 _Tell: TypeAlias = Callable[[], object]
 

@@ -17,7 +17,6 @@ from ..tree import TreeNode
 from .words import straight
 
 APP = "soffice"
-ODF = re.compile("Use ODF")
 OWN_FORMAT = re.compile("Use (?!ODF)")
 _MODIFIED = "Save All"  # the menu item can be used while a document has unsaved changes
 _TRIES = 3  # so many times the patience of a hand, for what LibreOffice has to load first

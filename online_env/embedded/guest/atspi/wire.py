@@ -230,10 +230,6 @@ class Wire:
         self.silent.clear()
         self._end = time.monotonic() + self._budget
 
-    def jeepney(self) -> DBusConnection:
-        """The connection, for single calls."""
-        return self._connection
-
     def close(self) -> None:
         """Close the connections."""
         self.keep(())
