@@ -6,7 +6,9 @@ intervals are in `intervals`, and are reached through this module, too.
 All scores are success rates in 0..1.
 """
 
-from collections.abc import Hashable, Mapping, Sequence
+import contextlib
+import gc
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from math import comb
 from typing import Any
@@ -79,8 +81,23 @@ def holm(p_values: Mapping[str, float]) -> dict[str, float]:
     """Return p values adjusted for testing several corruptions (Holm's step-down method)."""
     if not p_values:
         return {}
-    adjusted: Any = multipletests(list(p_values.values()), method="holm")[1]
+    with _little_to_collect():
+        adjusted: Any = multipletests(list(p_values.values()), method="holm")[1]
     return dict(zip(p_values, map(float, adjusted), strict=True))
+
+
+@contextlib.contextmanager
+def _little_to_collect() -> Iterator[None]:
+    """Spare what is in memory from the garbage collection that statsmodels runs for Holm's method.
+
+    It would look through every object of the process, a quarter of a second with torch loaded.
+    What somebody else had frozen is no longer frozen afterwards, which costs time alone.
+    """
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
 
 
 def detectable_difference(

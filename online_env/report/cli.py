@@ -4,7 +4,6 @@ Exit codes: 0 done, 1 something of the run is missing, invalid, failed or damage
 2 bad usage or a run that cannot be reported, 3 the disk is full or fails.
 """
 
-import gc
 import json
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -137,7 +136,6 @@ def _read(folder: Path) -> Run:
             f"{folder}: holds no episodes yet; hijack {command} ... --out {folder} --resume runs"
             " them"
         )
-    gc.freeze()  # records are no garbage, and statsmodels looks through all of them for some
     return run
 
 
