@@ -5,8 +5,10 @@ the password. It is never told what was disturbed, and it acts with pointer and 
 """
 
 import re
+import shlex
 import time
 from collections.abc import Callable, Iterable
+from pathlib import PurePath
 
 from hijack_data.runs.run_log import REINIT
 
@@ -60,6 +62,7 @@ class CarefulHand(Hand):
         self._start = start
         self._password = password
         self._asked = False
+        self._documents = {PurePath(word).name for word in shlex.split(start)[1:] if "/" in word}
         self._programs: set[str] = set()  # how the titles of the own windows end
         self._lost = 0.0  # when to look for a reason, by `time.monotonic`
 
@@ -103,7 +106,7 @@ class CarefulHand(Hand):
             return
         if self._start and not any(self._is_own_window(node) for node in present):
             self._start_again()
-        elif self._bring_back(present):
+        elif self._bring_back(present) or self._go_to_document(present):
             return
         elif self._is_offline(present):
             self._ask_for_help()
@@ -142,6 +145,26 @@ class CarefulHand(Hand):
                 self._until(self._shows)
                 return True
         return False
+
+    def _go_to_document(self, seen: list[TreeNode]) -> bool:
+        """Give the keyboard to the window of the task's document, if one beside it has it.
+
+        A program that was started once more has another window, which belongs to the task's
+        applications as well: only the titles tell the two apart.
+        """
+        frames = [node for node in seen if self._is_own_window(node) and node.role == "frame"]
+        others = [node for node in frames if not self._names_document(node)]
+        ours = [node for node in frames if self._names_document(node)]
+        if not ours or not any("active" in node.states for node in others):
+            return False
+        for node in seen:
+            if node.app == _PANEL and node.box and node.name == ours[0].name:
+                self._click_plainly(node)
+                return True
+        return False
+
+    def _names_document(self, window: TreeNode) -> bool:
+        return any(name in window.name for name in self._documents)
 
     def _shows(self, seen: list[TreeNode]) -> bool:
         return any(self._is_own_window(node) and node.box for node in seen)

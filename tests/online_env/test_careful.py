@@ -83,3 +83,28 @@ def test_what_the_hand_may_have_opened_itself_is_not_in_its_way(other: str, clos
     hand = careful.CarefulHand(desktop, ["vlc"], patience=0.3)
     hand.press("ctrl", "a")
     assert ("pyautogui.hotkey('alt', 'f4')" in desktop.ran) == closed
+
+
+@pytest.mark.parametrize(
+    ("active", "first"),
+    [
+        ("untitled - Geany", "pyautogui.click(140, 650)"),
+        ("tools.py - Geany", "pyautogui.press('escape')"),
+    ],
+)
+def test_the_keyboard_returns_to_the_documents_window(active: str, first: str) -> None:
+    windows = {"tools.py - Geany": 600, "untitled - Geany": 640}
+    frames = [
+        f'<frame name="{name}" {PLACE} st:active="{str(name == active).lower()}"/>'
+        for name in windows
+    ]
+    buttons = [
+        f'<toggle-button name="{name}" {PLACE.replace("200", str(top))}/>'
+        for name, top in windows.items()
+    ]
+    shown = tree("".join(frames), "".join(buttons)).replace('"vlc"', '"geany"')
+    desktop = Trees([shown, tree(SHOWN)])
+    hand = careful.CarefulHand(desktop, ["geany"], "geany /home/user/tools.py", patience=0.3)
+    with pytest.raises(DesktopTimeoutError):
+        hand.find("dialog")
+    assert desktop.ran[0] == first

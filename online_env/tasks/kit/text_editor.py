@@ -10,6 +10,7 @@ from pathlib import PurePosixPath
 
 from ..hand import Hand
 from ..machine import Machine
+from ..tree import TreeNode
 
 _UNDOS = 30
 
@@ -43,7 +44,7 @@ def bring(hand: Hand, path: str, app: str) -> None:
     if hand.see("frame", title(path), app) is None:
         hand.press("ctrl", "o")
         choose_to_open(hand, path, app)
-    hand.find("frame", title(path), app)
+    _keyboard_at(hand, path, app)
 
 
 def choose_to_open(hand: Hand, path: str, app: str) -> None:
@@ -81,25 +82,46 @@ def wait_for_text(hand: Hand, text: str, app: str) -> None:
     )
 
 
-def go_to_line(hand: Hand, number: int, app: str) -> None:
-    """Put the cursor at the start of a line; the first line has the number 1."""
+def _keyboard_at(hand: Hand, path: str, app: str) -> None:
+    """Wait until the window of a file has the keyboard."""
+    hand.find("frame", title(path), app, state="active")
+
+
+def go_to_line(
+    hand: Hand,
+    path: str,
+    number: int,
+    app: str,
+) -> None:
+    """Put the cursor at the start of a line; the first line has the number 1.
+
+    A dialog asks for the number, in Geany only if its window is too narrow for the field in the
+    toolbar.
+    """
+    _keyboard_at(hand, path, app)
     hand.press("ctrl", "l")
-    hand.find("dialog", re.compile("Go [Tt]o"), app)
-    hand.find(("spin-button", "text"), app=app, state="focused")
+    hand.wait(f"field for a line's number in {app}", lambda node: _is_focused_field(node, app))
     hand.replace(f"{number}\n")
     hand.gone("dialog", re.compile("Go [Tt]o"), app)
     if app == "mousepad":
         hand.press("home")  # it goes to the column where the cursor was
 
 
+def _is_focused_field(node: TreeNode, app: str) -> bool:
+    if app not in node.app.lower() or node.role not in {"spin-button", "text"}:
+        return False
+    return "focused" in node.states and "multi_line" not in node.states
+
+
 def rewrite_line(
     hand: Hand,
+    path: str,
     number: int,
     line: str,
     app: str,
 ) -> None:
     """Type a line in the place of another."""
-    go_to_line(hand, number, app)
+    go_to_line(hand, path, number, app)
     hand.press("end")
     hand.press("shift", "home")
     hand.type(line)

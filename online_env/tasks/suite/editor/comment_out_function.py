@@ -69,7 +69,7 @@ class CommentOutFunction(Task):
     def oracle(self, hand):
         drawn = self.drawn
         text_editor.begin(hand, drawn.path, joined(drawn.lines), APP)
-        text_editor.go_to_line(hand, drawn.start + 1, APP)
+        text_editor.go_to_line(hand, drawn.path, drawn.start + 1, APP)
         hand.press("home")
         for _ in range(drawn.start, drawn.end):
             hand.press("shift", "down")

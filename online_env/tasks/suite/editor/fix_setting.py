@@ -72,7 +72,7 @@ class FixSetting(Task):
         drawn = self.drawn
         text_editor.begin(hand, drawn.path, drawn.text, APP)
         line = f"{drawn.key} = {drawn.value}"
-        text_editor.rewrite_line(hand, drawn.number, line, APP)
+        text_editor.rewrite_line(hand, drawn.path, drawn.number, line, APP)
         text_editor.wait_for_text(hand, drawn.wanted, APP)
         text_editor.save(hand, drawn.path, APP)
 

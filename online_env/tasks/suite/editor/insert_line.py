@@ -59,7 +59,7 @@ class InsertLine(Task):
     def oracle(self, hand):
         drawn = self.drawn
         text_editor.begin(hand, drawn.path, drawn.text, APP)
-        text_editor.go_to_line(hand, drawn.number, APP)
+        text_editor.go_to_line(hand, drawn.path, drawn.number, APP)
         hand.press("end")
         hand.type(f"\n{drawn.line}")
         text_editor.wait_for_text(hand, drawn.wanted, APP)

@@ -76,7 +76,7 @@ class TickItems(Task):
         drawn = self.drawn
         text_editor.begin(hand, drawn.path, drawn.text, APP)
         for index in drawn.done:
-            text_editor.go_to_line(hand, index + 1, APP)
+            text_editor.go_to_line(hand, drawn.path, index + 1, APP)
             hand.press("right")
             hand.press("delete")
             hand.type("x")
