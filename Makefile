@@ -52,7 +52,7 @@ desktop: live  ## A live desktop in your browser, on any Linux (IMAGE=file or UR
 foreign: env  ## Desktops on hosts that are no Debian 12 (IMAGE=file of an image; root, mmdebstrap; five to ten minutes)
 	.ci/foreign_host $(IMAGE) $(SUITE)
 
-check: env  ## Lint, types and the quick tests, for the daily loop (three to four minutes on two cores)
+check: env  ## Lint, types and the quick tests, for the daily loop (two to three minutes on two cores)
 	@$(MAKE) --no-print-directory -j2 lint quick
 
 quick: env
