@@ -1,8 +1,8 @@
 """Reading a run: its head, the records that can be read, and the lines that cannot."""
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from math import prod
 from pathlib import Path
 from typing import Any, TypeAlias, cast
@@ -64,6 +64,7 @@ class Run:
         records: The readable records, in order.
         damaged: The lines that cannot be read.
         episodes: Ids of the first attempts at all planned cases.
+        left_out: Seeds of the run that were left out of it; see `with_first_seeds`.
     """
 
     folder: Path
@@ -71,6 +72,7 @@ class Run:
     records: list[ResultRecord] = field(default_factory=list[ResultRecord])
     damaged: list[Damage] = field(default_factory=list[Damage])
     episodes: tuple[str, ...] = ()
+    left_out: tuple[int, ...] = ()
 
     @property
     def is_scored(self) -> bool:
@@ -136,6 +138,48 @@ def read(folder: Path) -> Run:
         else:
             run.records.append(record)
     return run
+
+
+def with_first_seeds(run: Run, count: int) -> Run:
+    """Return a run without the seeds from `count` on, as if it had been meant to have no more.
+
+    A run that is played seed by seed so gives an even table before its last seed is complete.
+
+    Raises:
+        RunError: The run has no such seeds, or the seed of a planned episode cannot be told.
+    """
+    listed = run.config.get("seeds")
+    seeds = [seed for seed in listed if isinstance(seed, int)] if isinstance(listed, list) else []
+    kept = [seed for seed in seeds if seed < count]
+    if not kept:
+        found = f"its seeds are {', '.join(map(str, seeds))}" if seeds else "it has no seeds"
+        raise RunError(f"{run.folder}: has no seed below {count}; {found}")
+    return replace(
+        run,
+        config={**run.config, "seeds": kept},
+        records=[record for record in run.records if record["seed"] in kept],
+        episodes=tuple(name for name in run.episodes if _seed_in(name, seeds, run.folder) in kept),
+        left_out=tuple(seed for seed in seeds if seed not in kept),
+    )
+
+
+def _seed_in(
+    name: str,
+    seeds: Sequence[int],
+    folder: Path,
+) -> int:
+    """Return the seed in the id of an episode.
+
+    Raises:
+        RunError: There is none, or more than one.
+    """
+    found = [seed for seed in seeds if f"__s{seed}__" in name]
+    if len(found) != 1:
+        raise RunError(
+            f"{folder / RUN}: the seed of the episode {name} cannot be told from its id; report the"
+            " run with all seeds"
+        )
+    return found[0]
 
 
 def read_head(folder: Path) -> dict[str, Any]:

@@ -40,6 +40,12 @@ from .paper import beside_paper
     help="Write to a file, whose name tells the format unless --format does.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print a list of rows.")
+@click.option(
+    "--seeds",
+    type=click.IntRange(1),
+    metavar="N",
+    help="Leave out the seeds from N on, such as the last one of a run that goes on.",
+)
 @click.option("--reference", metavar="AGENT", help="Agent of the run that mCE refers to.")
 @click.option(
     "--compare",
@@ -63,6 +69,7 @@ def report(
     named: str | None,
     out: Path | None,
     as_json: bool,
+    seeds: int | None,
     reference: str | None,
     other: Path | None,
     pairs: tuple[str, ...],
@@ -88,6 +95,8 @@ def report(
         raise SystemExit(_leaderboard(runs, named, out))
     if pairs and other is None:
         raise ReportError("--pair names agents of two runs; give the earlier one with --compare")
+    if seeds and (leaderboard or runs.is_file()):
+        raise ReportError("--seeds chooses episodes of a run; give the folder of one")
     if runs.is_file():
         if other is not None:
             raise ReportError(f"--compare: {runs} is a finished report; give the folders of runs")
@@ -98,7 +107,7 @@ def report(
             return
         _write(_document(found, None, paper), format_of(named, out), out)
         return
-    run = _read(runs)
+    run = _read(runs, seeds)
     gate = ReleaseGate.read(fail_under, junit, agents_of(run.config), [*conditions_of(run.config)])
     comparison = None
     if other is not None:
@@ -120,13 +129,16 @@ def report(
     raise SystemExit(_told(run, gate))
 
 
-def _read(folder: Path) -> Run:
-    """Read a run that has episodes.
+def _read(folder: Path, seeds: int | None = None) -> Run:
+    """Read a run that has episodes, of all seeds or of the first ones.
 
     Raises:
         ReportError: it has none.
+        RunError: it has no such seeds.
     """
     run = reading.read(folder)
+    if seeds is not None:
+        run = reading.with_first_seeds(run, seeds)
     for damage in run.damaged:
         place = f"{folder / damage.file}:{damage.line}"
         click.echo(f"hijack: {place}: skipped: {damage.problem}", err=True)

@@ -74,6 +74,7 @@ def identity_of(run: Run) -> RunIdentity:
         missing=run.missing,
         damaged=len(run.damaged),
         early=0 if run.is_scored else scores.unreached(final, names),
+        left_out=run.left_out,
     )
 
 

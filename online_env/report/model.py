@@ -64,6 +64,7 @@ class RunIdentity:
         missing: of them, cases without a record.
         damaged: lines that could not be read.
         early: episodes with a score that ended before their corruption was due.
+        left_out: seeds that the report was told to leave out.
     """
 
     name: str
@@ -85,6 +86,7 @@ class RunIdentity:
     missing: int = 0
     damaged: int = 0
     early: int = 0
+    left_out: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

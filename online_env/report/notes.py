@@ -28,6 +28,9 @@ def _notes(report: RunReport, partial: int) -> Iterator[str]:
     if run.missing:
         there = f"{run.planned - run.missing} of {run.planned} planned episodes are there"
         yield f"{there}, {run.missing} are missing; hijack {run.kind} ... --resume runs them."
+    if run.left_out:
+        seeds = ", ".join(map(str, run.left_out))
+        yield f"The run has more seeds than this report, which leaves out: {seeds}."
     if run.damaged:
         yield f"{run.damaged} lines of the run cannot be read and are left out."
     if not scores.can_infer():

@@ -7,11 +7,13 @@ import pytest
 
 pytest.importorskip("statsmodels", reason="needs the extra [online]")
 
+from click.testing import CliRunner
 from scipy import stats
 
+from hijack_data.cli import hijack
 from hijack_data.errors import UnknownNameError
-from online_env.bench import statistics
-from online_env.bench.reading import Run, RunError
+from online_env.bench import records, statistics
+from online_env.bench.reading import Run, RunError, read, with_first_seeds
 from online_env.report import (
     ReportError,
     build_report,
@@ -329,6 +331,61 @@ def test_a_log_without_a_head_is_reported_too(tmp_path):
     run = Run(folder=tmp_path, records=scored("a", "clean", [1, 0]))
     report = build_report(run)
     assert (report.run.head_sha256, report.run.kind, report.cells[0].success) == ("", "bench", 0.5)
+
+
+# The first seeds of a run that goes on
+
+
+def going_on(folder):
+    """Write a run of three seeds, of whose last one only one agent was played."""
+    played = [*scored("a", "clean", [1, 0]), *scored("b", "clean", [1, 1])]
+    played += [*scored("a", "clean", [1, 1], 1), *scored("b", "clean", [0, 1], 1)]
+    played += scored("a", "clean", [0, 0], 2)
+    ids = [record["id"] for record in played] + ["t0-2__clean__s2__b", "t1-2__clean__s2__b"]
+    config = {"agents": ["a", "b"], "tasks": ["t0", "t1"], "corruptions": ["clean"]}
+    with records.create(folder, {**config, "seeds": [0, 1, 2]}, ids):
+        records.append_all(folder, played)
+    return folder
+
+
+def test_the_first_seeds_are_reported_as_if_there_were_no_more(tmp_path):
+    run = with_first_seeds(read(going_on(tmp_path / "run")), 2)
+    assert (run.planned, run.missing, run.left_out) == (8, 0, (2,))
+    report = build_report(run)
+    assert [(cell.agent, cell.n, cell.success) for cell in report.cells] == [
+        ("a", 4, 0.75),
+        ("b", 4, 0.75),
+    ]
+    assert report.run.seeds == (0, 1)
+    assert "The run has more seeds than this report, which leaves out: 2." in report.notes
+    assert from_data(report.to_data(), "here").run.left_out == (2,)
+
+
+def test_the_command_takes_the_first_seeds(tmp_path):
+    folder = str(going_on(tmp_path / "run"))
+    whole = CliRunner().invoke(hijack, ["report", folder])
+    assert (whole.exit_code, "2 are missing" in whole.output) == (1, True)
+    chosen = CliRunner().invoke(hijack, ["report", folder, "--seeds", "2"])
+    assert (chosen.exit_code, "missing" in chosen.output) == (0, False), chosen.output
+
+
+def test_seeds_that_a_run_does_not_have_are_refused(tmp_path):
+    later = read_run(tmp_path / "later", scored("a", "clean", [1], 3), seeds=[3, 4])
+    with pytest.raises(RunError, match="has no seed below 2; its seeds are 3, 4"):
+        with_first_seeds(later, 2)
+    with pytest.raises(RunError, match="it has no seeds"):
+        with_first_seeds(Run(folder=tmp_path, records=scored("a", "clean", [1])), 2)
+    odd = [made("__s1__", "t", seed=0), made("__s1__", "t", seed=1)]
+    with pytest.raises(RunError, match=r"the seed of the episode .* cannot be told"):
+        with_first_seeds(read_run(tmp_path / "odd", odd, seeds=[0, 1]), 1)
+
+
+def test_a_finished_report_has_no_seeds_to_choose(tmp_path):
+    run = read_run(tmp_path / "run", scored("a", "clean", [1, 0]))
+    path = tmp_path / "report.json"
+    path.write_text(json.dumps(build_report(run).to_data()))
+    refused = CliRunner().invoke(hijack, ["report", str(path), "--seeds", "1"])
+    assert "--seeds chooses episodes of a run" in str(refused.exception)
 
 
 # Scores by name
