@@ -63,12 +63,16 @@ def flag(
     name: str,
     default: bool = False,
 ) -> bool:
-    """A field that is true or false.
+    """A field that is true or false; OSWorld's tasks also write the text `"true"`.
+
+    OSWorld's server takes any text for true, even "false", so other texts are refused.
 
     Raises:
         GuestError: It is neither.
     """
     value = fields.get(name, default)
+    if value == "true":
+        return True
     if not isinstance(value, bool):
         raise GuestError(f"{name} must be true or false, got {value!r:.200}", BAD_REQUEST)
     return value

@@ -80,6 +80,7 @@ def test_unknown_routes_answer_in_json(
         b'{"command": []}',
         b'{"command": ["a\\u0000b"]}',
         b'{"command": "ls", "shell": "yes"}',
+        b'{"command": "ls", "shell": "false"}',
         b'{"command": ["ls"], "timeout": -1}',
         b'{"command": "\\"", "shell": false}',
         b'{"command": ["ls"], "timeout": ' + b"9" * 5000 + b"}",
@@ -120,6 +121,8 @@ def test_execute_answers_as_osworld_does(session):
         "/setup/execute", json={"command": "echo 'a b'", "shell": False}
     ).json()
     assert split["output"] == "a b\n"
+    texts = {"command": "echo $((1 + 1)); false || echo 3", "shell": "true"}  # as tasks have it
+    assert session.client.post("/setup/execute", json=texts).json()["output"] == "2\n3\n"
     assert session.execute(["ls", "~/Desktop"])["output"] == "readme.txt\n"
 
 

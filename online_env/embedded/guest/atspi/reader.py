@@ -9,7 +9,15 @@ from jeepney.io.blocking import open_dbus_connection
 
 from ....errors import DesktopError
 from . import methods as m
-from .states import DOCUMENT_WEB, EXTENDED, MANAGES_DESCENDANTS, SHOWING, TABLE
+from .states import (
+    DOCUMENT_WEB,
+    EXTENDED,
+    INVALID,
+    INVALID_NAME,
+    MANAGES_DESCENDANTS,
+    SHOWING,
+    TABLE,
+)
 from .wire import Reference, Wire
 
 # s of silence of one application: on a busy machine LibreOffice needs more than one for its cache
@@ -18,6 +26,7 @@ BUDGET = 8.0  # s for the whole tree
 MAX_NODES = 10_000
 MAX_CHILDREN = 1024  # of one node, as OSWorld's server
 MAX_DEPTH = 50
+_ASKED_FOR_ROLE = 3  # so many nodes of a role are asked for its name
 SPAN = 64  # rows and columns of a huge table that are looked at
 
 
@@ -333,18 +342,29 @@ class AtspiReader:
         """Give each node the name of its role.
 
         Names differ a little between toolkits: each application is asked once for each of its
-        roles.
+        roles. An object that is destroyed meanwhile answers "invalid", whatever it was: another
+        one of its role is asked then, and if there is none, the role is asked for at the next read.
         """
         nodes = list(nodes)
-        unknown: dict[tuple[str, int], Reference] = {}
+        unknown: dict[tuple[str, int], list[Reference]] = {}
         for node in nodes:
             key = (node.reference[0], node.role)
             if key not in self._role_names and node.role != EXTENDED:
-                unknown.setdefault(key, node.reference)
-        names = self.wire.ask([(reference, m.ROLE_NAME) for reference in unknown.values()])
+                unknown.setdefault(key, []).append(node.reference)
         if len(self._role_names) > MAX_NODES:
             self._role_names.clear()
-        self._role_names |= {key: name for key, name in zip(unknown, names, strict=True) if name}
+        for _ in range(_ASKED_FOR_ROLE):
+            answers = self.wire.ask([(rest[0], m.ROLE_NAME) for rest in unknown.values()])
+            for key, name in zip(unknown, answers, strict=True):
+                if name and (name != INVALID_NAME or key[1] == INVALID):
+                    self._role_names[key] = name
+            unknown = {
+                key: rest[1:]
+                for key, rest in unknown.items()
+                if key not in self._role_names and rest[1:]
+            }
+            if not unknown:
+                break
         special = [node for node in nodes if node.role == EXTENDED]
         answers = self.wire.ask([(node.reference, m.ROLE_NAME) for node in special])
         for node in nodes:

@@ -55,6 +55,8 @@ DESKTOP_ICON_STATES = sum(
     1 << STATES.index(name) for name in ("enabled", "selectable", "sensitive", "showing", "visible")
 )
 
+INVALID = 0
+INVALID_NAME = "invalid"
 ALERT = 2
 DIALOG = 16
 FILE_CHOOSER = 19
