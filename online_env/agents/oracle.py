@@ -231,4 +231,4 @@ class Recovering(Oracle):
                     raise
             if not task.infeasible and task.validate(machine).passed:
                 return
-            hand.put_right()
+            hand.begin_again()

@@ -13,11 +13,13 @@ from pathlib import PurePath
 from hijack_data.runs.run_log import REINIT
 
 from ..desktops.protocol import Desktop
-from .hand import PATIENCE, PAUSE, Hand
+from ..errors import DesktopTimeoutError
+from .hand import PATIENCE, PAUSE, Hand, title_click
 from .kit.apps import APPS
 from .tree import TreeNode
 
 PASSWORD = "password"
+_LEFT_OPEN = 3  # dialogs that one try may leave behind
 LOST = 2.0  # seconds without what is wanted, until the hand looks for a reason
 _PANEL = "xfce4-panel"
 _LOCKER = "mate-screensaver"
@@ -63,6 +65,7 @@ class CarefulHand(Hand):
         self._password = password
         self._asked = False
         self._documents = {PurePath(word).name for word in shlex.split(start)[1:] if "/" in word}
+        self._had_document = False  # whether a window of the document was ever there
         self._programs: set[str] = set()  # how the titles of the own windows end
         self._lost = 0.0  # when to look for a reason, by `time.monotonic`
 
@@ -71,6 +74,7 @@ class CarefulHand(Hand):
         seen = super().look()
         titles = [node.name for node in seen if node.box and self._is_own_window(node)]
         self._programs |= {_program(title) for title in titles if title}
+        self._had_document |= any(name in title for name in self._documents for title in titles)
         return seen
 
     def wait(
@@ -79,7 +83,12 @@ class CarefulHand(Hand):
         test: Callable[[TreeNode], bool],
         meanwhile: Callable[[], None] | None = None,
     ) -> TreeNode:
-        """Look until a node passes a test, and look for obstacles if none does."""
+        """Look until a node passes a test, and look for obstacles if none does.
+
+        Raises:
+            DesktopTimeoutError: No such node came in time, or the document had to be opened again:
+                what the oracle did in it is lost.
+        """
         self._lost = time.monotonic() + LOST
         return super().wait(what, test, meanwhile)
 
@@ -90,7 +99,10 @@ class CarefulHand(Hand):
     ) -> bool:
         if time.monotonic() <= self._lost:
             return super()._while_missing(seen, meanwhile)
-        self.put_right(seen)
+        if self.put_right(seen):
+            raise DesktopTimeoutError(
+                "the document was closed; it is open again, but without what was done in it"
+            )
         self._lost = time.monotonic() + LOST
         return False
 
@@ -99,19 +111,59 @@ class CarefulHand(Hand):
         self._clear(self.look())
         super().run(code)
 
-    def put_right(self, seen: list[TreeNode] | None = None) -> None:
-        """Look for a reason why things are not as expected, and do something about it."""
+    def put_right(self, seen: list[TreeNode] | None = None) -> bool:
+        """Look for a reason why things are not as expected, and do something about it.
+
+        Returns:
+            Whether the task's document had to be opened again, as it was saved last.
+        """
         present = self.look() if seen is None else seen
         if self._clear(present):
-            return
-        if self._start and not any(self._is_own_window(node) for node in present):
+            return False
+        has_window = any(self._is_own_window(node) for node in present)
+        if (self._start and not has_window) or self._is_closed(present):
             self._start_again()
-        elif self._bring_back(present) or self._go_to_document(present):
-            return
-        elif self._is_offline(present):
+            return self._had_document
+        if self._bring_back(present) or self._go_to_document(present):
+            return False
+        if self._is_offline(present):
             self._ask_for_help()
         else:
-            super().run("pyautogui.press('escape')")  # a menu or a dialog may be open
+            self._escape(present)  # a menu or a dialog may be open
+        return False
+
+    def begin_again(self) -> None:
+        """Put right what is in the way of another try: also what the last one left open.
+
+        A dialog, and a text being edited in it or under it, take an Escape each. A dialog may open
+        another one when it is left: LibreOffice's question of the format opens the one to save.
+        """
+        self.put_right()
+        for _ in range(_LEFT_OPEN):
+            time.sleep(LOST / 2)  # a dialog that follows another takes a moment
+            seen = self.look()
+            if not self._dialogs(seen):
+                return
+            self._escape(seen)  # the dialog
+            super().run("pyautogui.press('escape')")  # what it was about
+
+    def _escape(self, seen: list[TreeNode]) -> None:
+        """Leave the own dialog that shows, if any does, or else what has the keyboard."""
+        for dialog in self._dialogs(seen)[-1:]:
+            self._activate(dialog)
+        super().run("pyautogui.press('escape')")
+
+    def _dialogs(self, seen: list[TreeNode]) -> list[TreeNode]:
+        """Return the own dialogs that show beside an own frame; some tasks have a dialog alone.
+
+        A frame under a modal dialog may not say that it shows. An alert may be a part of a web
+        page; one that is modal is a window.
+        """
+        own = [node for node in seen if self._is_own_window(node)]
+        if not any(node.role == "frame" for node in own):
+            return []
+        shown = [node for node in own if node.role in _DIALOGS and node.box]
+        return [node for node in shown if node.role != "alert" or "modal" in node.states]
 
     def _clear(self, seen: list[TreeNode]) -> bool:
         """Unlock the screen, restore the windows, close what is foreign.
@@ -163,6 +215,14 @@ class CarefulHand(Hand):
                 return True
         return False
 
+    def _is_closed(self, seen: list[TreeNode]) -> bool:
+        """Return whether the task's document was closed, and its program shows without any."""
+        frames = [node for node in seen if self._is_own_window(node) and node.role == "frame"]
+        if any(self._names_document(node) for node in frames):
+            return False
+        bare = [node for node in frames if node.box and node.name == _program(node.name) != ""]
+        return self._had_document and bool(bare) and not self._dialogs(seen)
+
     def _names_document(self, window: TreeNode) -> bool:
         return any(name in window.name for name in self._documents)
 
@@ -207,11 +267,9 @@ class CarefulHand(Hand):
                 return
 
     def _activate(self, window: TreeNode) -> None:
-        """Click on the title bar of a window that does not have the keyboard."""
-        if "active" in window.states:
-            return
-        x1, y1, x2, _ = window.box or (0, 0, 0, 0)
-        super().run(f"pyautogui.click({(x1 + x2) // 2}, {y1 + 10})")
+        """Give the keyboard to a window; unlike `activate`, this looks for no obstacle first."""
+        if "active" not in window.states:
+            super().run(title_click(window))
 
     def _close(self, window: TreeNode) -> None:
         self._activate(window)

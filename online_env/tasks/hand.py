@@ -40,7 +40,11 @@ class Hand:
 
     def look(self) -> list[TreeNode]:
         """Return the nodes of the accessibility tree as it is now."""
-        return nodes(self._desktop.accessibility())
+        return nodes(self.tree())
+
+    def tree(self) -> str:
+        """Return the accessibility tree as it is now, as XML."""
+        return self._desktop.accessibility()
 
     def wait(
         self,
@@ -157,6 +161,11 @@ class Hand:
         """Click in the middle of a node."""
         x, y = node.centre
         self.run(f"pyautogui.click({x}, {y})")
+
+    def activate(self, window: TreeNode) -> None:
+        """Give the keyboard to a window, unless it has it."""
+        if "active" not in window.states:
+            self.run(title_click(window))
 
     def double_click(self, node: TreeNode) -> None:
         """Click twice in the middle of a node."""
@@ -283,6 +292,12 @@ class Hand:
             GiveUpError: Always.
         """
         raise GiveUpError(why)
+
+
+def title_click(window: TreeNode) -> str:
+    """Return pyautogui code that clicks at the top of a window, where nothing is to be hit."""
+    x1, y1, x2, _ = window.box or (0, 0, 0, 0)
+    return f"pyautogui.click({(x1 + x2) // 2}, {y1 + 10})"
 
 
 def fits(

@@ -144,17 +144,17 @@ def test_an_agent_that_samples_says_so(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("body", "problem"),
+    ("body", "timeout", "problem"),
     [
-        ("time.sleep(100)", "no answer within 3 s"),
-        ("os._exit(4)", r"died \(exit code 4\)"),
-        ("os.kill(os.getpid(), 9)", r"died \(exit code -9\)"),
-        ("sys.exit(0)", "SystemExit"),
+        ("time.sleep(100)", 6, "no answer within 6 s"),
+        ("os._exit(4)", 60, r"died \(exit code 4\)"),
+        ("os.kill(os.getpid(), 9)", 60, r"died \(exit code -9\)"),
+        ("sys.exit(0)", 60, "SystemExit"),
     ],
 )
-def test_an_agent_that_hangs_or_dies_gets_a_verdict(body, problem, tmp_path):
+def test_an_agent_that_hangs_or_dies_gets_a_verdict(body, timeout, problem, tmp_path):
     path = write(tmp_path, f"def predict(self, instruction, obs):\n    {body}\n")
-    found = list(checking.check(f"{path}:Case0", 3))
+    found = list(checking.check(f"{path}:Case0", timeout))
     assert found[0].ok
     assert re.search(problem, found[1].problem)
 

@@ -108,3 +108,60 @@ def test_the_keyboard_returns_to_the_documents_window(active: str, first: str) -
     with pytest.raises(DesktopTimeoutError):
         hand.find("dialog")
     assert desktop.ran[0] == first
+
+
+def office(windows: str) -> str:
+    return (
+        f'<desktop-frame xmlns:st="{SPACE}/state" xmlns:cp="{SPACE}/component" name="main">'
+        f'<application name="soffice">{windows}</application></desktop-frame>'
+    )
+
+
+ACTIVE = f'{PLACE} st:active="true" st:modal="true"'
+SHEET = f'<frame name="a.xlsx - LibreOffice Calc" {PLACE}/>'
+UNDER = '<frame name="a.xlsx - LibreOffice Calc"/>'  # a frame under a modal dialog says nothing
+QUESTION = f'{UNDER}<alert name="Question" {ACTIVE}/>'
+SAVE = f'{UNDER}<file-chooser name="Save" {ACTIVE}/>'
+FIND = f'{SHEET}<dialog name="Find and Replace" {PLACE}/>'
+EMPTY = f'<frame name="LibreOffice" {PLACE}/>'
+ESCAPE = "pyautogui.press('escape')"
+
+
+@pytest.mark.parametrize(
+    ("seen", "ran"),
+    [
+        ([SHEET], [ESCAPE]),  # a menu, or a text being edited, is not in the tree
+        ([QUESTION, SAVE, SAVE, SHEET], [ESCAPE] * 3),
+        ([FIND, FIND, SHEET], ["pyautogui.click(140, 210)", ESCAPE]),  # it had not the keyboard
+        ([f'<dialog name="Options" {PLACE}/>'] * 9, [ESCAPE]),  # it is all that the task has
+        ([f'{SHEET}<alert name="in a page" {PLACE}/>'] * 9, [ESCAPE]),
+    ],
+)
+def test_before_another_try_the_dialogs_of_the_last_one_are_left(
+    seen: list[str],
+    ran: list[str],
+) -> None:
+    desktop = Trees([office(windows) for windows in seen])
+    careful.CarefulHand(desktop, ["libreoffice_calc"], patience=0.3).begin_again()
+    assert desktop.ran == ran
+
+
+@pytest.mark.parametrize(("before", "again"), [(SHEET, True), (EMPTY, False)])
+def test_a_document_that_was_closed_is_opened_again(before: str, again: bool) -> None:
+    desktop = Trees([office(before), office(EMPTY)])
+    hand = careful.CarefulHand(
+        desktop, ["libreoffice_calc"], "soffice /home/user/a.xlsx", patience=0.3
+    )
+    hand.press("tab")
+    hand.put_right()
+    assert ("pyautogui.write('soffice /home/user/a.xlsx')" in desktop.ran) == again
+
+
+def test_what_was_begun_in_a_closed_document_is_begun_anew() -> None:
+    desktop = Trees([office(SHEET), office(EMPTY)])
+    hand = careful.CarefulHand(
+        desktop, ["libreoffice_calc"], "soffice /home/user/a.xlsx", patience=0.3
+    )
+    hand.press("tab")
+    with pytest.raises(DesktopTimeoutError, match="the document was closed; it is open again"):
+        hand.find("dialog")

@@ -19,6 +19,8 @@ EXPORT = "file-"  # the part of GIMP that has a window for the options of a form
 _NO_PICTURE = (OSError, SyntaxError, ValueError, Image.DecompressionBombError)
 _OPTIONS = re.compile("Export Image as")
 _ASKED = re.compile("Export Image as|Question")
+_CHANGED = re.compile(r"\*\[")  # how the title begins, as long as there is something to take back
+_CHANGES = 12  # so many changes are taken back at most
 _SLACK = 0.1  # mean difference of colour values, of 255: less than that of a dab of the brush
 
 
@@ -190,10 +192,21 @@ def gimp_command(hand: Hand, words: str) -> None:
 def leave_dialogs(hand: Hand) -> None:
     """Close dialogs of GIMP that an earlier try left open."""
     for _ in range(3):
-        seen = [node for node in hand.look() if node.role in ("dialog", "alert") and node.box]
-        if not any(GIMP in node.app or EXPORT in node.app for node in seen):
+        shown = [node for node in hand.look() if node.role in ("dialog", "alert") and node.box]
+        own = [node for node in shown if GIMP in node.app or EXPORT in node.app]
+        if not own:
             return
+        hand.activate(own[-1])
         hand.press("escape")
+
+
+def undo_all(hand: Hand) -> None:
+    """Take back what an earlier try, or an accident, changed in the open picture."""
+    leave_dialogs(hand)
+    for _ in range(_CHANGES):
+        if hand.see("frame", _CHANGED, GIMP) is None:
+            return
+        hand.press("ctrl", "z")
 
 
 def gimp_export(

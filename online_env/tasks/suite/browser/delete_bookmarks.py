@@ -47,9 +47,10 @@ class DeleteBookmarks(Task):
                 hand.gone("push-button", f"More actions for {name}")
 
     def plan(self):
-        steps = ['window "Chromium"', *told.visit("chrome://bookmarks/", "Search bookmarks")]
+        steps = ['window "Chromium"']
         for name, _ in self.going():
             steps += [
+                *told.visit("chrome://bookmarks/", "Search bookmarks"),
                 'click "Search bookmarks"',
                 "press ctrl+a",
                 f"type {quoted(name)}",

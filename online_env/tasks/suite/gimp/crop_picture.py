@@ -45,9 +45,7 @@ class CropPicture(pictures.PictureTask):
 
     def oracle(self, hand):
         drawn = self.drawn
-        width, height = drawn.size
-        if hand.see("frame", pictures.size_title(width, height), "gimp") is None:
-            hand.press("ctrl", "z")  # it was cut before
+        pictures.undo_all(hand)
         pictures.gimp_command(hand, "canvas size")
         hand.find("dialog", "Set Image Canvas Size", "gimp")
         pictures.set_canvas(hand, drawn.width, drawn.height, -drawn.left, -drawn.top)

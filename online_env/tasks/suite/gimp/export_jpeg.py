@@ -37,6 +37,7 @@ class ExportJpeg(pictures.PictureTask):
             yield f"{drawn.result} has not the quality {drawn.quality}"
 
     def oracle(self, hand):
+        pictures.undo_all(hand)
         pictures.gimp_export(hand, self.drawn.result, self.drawn.quality)
 
     def wrong(self):

@@ -33,9 +33,9 @@ class GreyPicture(pictures.PictureTask):
         yield from pictures.grey_problems(machine, self.drawn.result, self.picture())
 
     def oracle(self, hand):
-        if hand.see("frame", pictures.mode_title("Grayscale"), "gimp") is None:
-            pictures.gimp_command(hand, "grayscale")
-            hand.find("frame", pictures.mode_title("Grayscale"), "gimp")
+        pictures.undo_all(hand)
+        pictures.gimp_command(hand, "grayscale")
+        hand.find("frame", pictures.mode_title("Grayscale"), "gimp")
         pictures.gimp_export(hand, self.drawn.result)
 
     def wrong(self):

@@ -39,6 +39,7 @@ class ScalePicture(pictures.PictureTask):
 
     def oracle(self, hand):
         drawn = self.drawn
+        pictures.undo_all(hand)
         pictures.gimp_command(hand, "scale image")
         hand.find("dialog", "Scale Image", "gimp")
         hand.find("spin-button", app="gimp", state="focused")

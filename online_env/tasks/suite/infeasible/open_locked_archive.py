@@ -66,6 +66,7 @@ class OpenLockedArchive(Task):
             'window "Thunar"',
             f"double-click {quoted(self.drawn.archive)}",
             f"wait for {quoted(self.drawn.wanted)}",
+            'click "Action"',
             'click "Extract"',
             'wait for "Password:"',
             'click "Cancel"',
