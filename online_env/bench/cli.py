@@ -13,7 +13,7 @@ import click
 
 from hijack_data.cli import console
 from hijack_data.cli.options import conditions_option, desktops_option, new_run_options
-from hijack_data.errors import StorageError
+from hijack_data.errors import ParameterError, StorageError
 from hijack_data.locking import Lock
 from hijack_data.runs import seal
 
@@ -58,6 +58,12 @@ if TYPE_CHECKING:
 )
 @desktops_option
 @click.option(
+    "--osworld-files",
+    type=click.Path(exists=True, file_okay=False),
+    metavar="CACHE",
+    help="Files of OSWorld's tasks, as hijack prefetch fetches them.",
+)
+@click.option(
     "--engine",
     type=click.Choice(("local", "ray")),
     default="local",
@@ -98,6 +104,7 @@ def bench(
     corruptions: str | None,
     seeds: int | None,
     desktops: int | None,
+    osworld_files: str | None,
     engine: str,
     ray_address: str | None,
     resume: bool,
@@ -117,11 +124,10 @@ def bench(
     from .estimates import estimate, history_near
     from .jobs import jobs
     from .models import ModelOptions, prepare
-    from .pools import LOCAL, open_pool
-    from .providers import check_installed
+    from .pools import open_pool
     from .workers import default_desktops
 
-    chosen = override(load_bench(config), agent, tasks, corruptions, seeds)
+    chosen = override(load_bench(config), agent, tasks, corruptions, seeds, osworld_files)
     gate = ReleaseGate.read(fail_under, junit, chosen.agents, tuple(chosen.planners))
     models = ModelOptions(
         prompts=prompts,
@@ -141,8 +147,7 @@ def bench(
         raise click.UsageError("--out RUNS: say where the records go (or --dry-run)")
     if sign is not None:
         seal.check_key(sign)
-    if engine == LOCAL:  # each node checks itself
-        check_installed(chosen.provider, chosen.tasks)
+    _check_here(chosen, engine)
     setup = _setup(chosen, out, models)
     with (
         open_pool(engine, setup, len(listed), desktops, ray_address) as pool,
@@ -262,17 +267,37 @@ def _budget(out: Path, limit: float | None) -> costs.Budget | None:
     return costs.Budget(limit, records.read(out).records)
 
 
+def _check_here(chosen: "Bench", engine: str) -> None:
+    """Check that the run's tasks can be played on this machine; nodes of Ray check themselves.
+
+    Raises:
+        ParameterError: OSWorld's tasks are to be played elsewhere than on embedded desktops here.
+    """
+    from ..osworld.played import check_runnable, of_osworld
+    from .pools import LOCAL
+    from .providers import EMBEDDED, check_installed
+
+    listed = of_osworld(chosen.tasks)
+    if not listed:
+        if engine == LOCAL:
+            check_installed(chosen.provider, chosen.tasks)
+        return
+    if engine != LOCAL or chosen.provider != EMBEDDED:
+        raise ParameterError(
+            "OSWorld's tasks are played on the embedded desktops of this machine; leave out"
+            f" {'--engine ' + engine if engine != LOCAL else 'provider: ' + chosen.provider}"
+        )
+    check_runnable(listed, Path(chosen.osworld_files) if chosen.osworld_files else None)
+
+
 @contextlib.contextmanager
 def _here(chosen: "Bench", out: Path) -> "Iterator[LiveEpisodes]":
     """Play episodes in this process, where a debugger can follow the agent."""
-    from ..embedded.runtime import masks
-    from ..environment import SmallTasks
     from .episodes import LiveEpisodes
-    from .providers import PROVIDERS
+    from .workers import stage_of
 
-    masks.hide(out)
-    with PROVIDERS.get(chosen.provider)(chosen.size) as desktop:
-        yield LiveEpisodes(chosen, out, SmallTasks(desktop))
+    with stage_of(chosen, out) as stage:
+        yield LiveEpisodes(chosen, out, stage)
 
 
 def _setup(

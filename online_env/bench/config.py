@@ -36,7 +36,7 @@ from hijack_data.types import Size
 
 from ..agents.makers import FileAgentMaker
 from ..agents.registry import AGENTS
-from ..tasks import TASKS, sets
+from ..tasks import TASKS, Task, sets
 from .providers import EMBEDDED, PROVIDERS
 
 AnyRegistry: TypeAlias = Registry[Any]
@@ -60,7 +60,16 @@ RECOVERY = Parameter(
     "choice", "What a request of the agent for help leads to", choices=("none", "repair", "reset")
 )
 DESKTOP_KEYS = ("provider", "size")
-KEYS = ("desktop", "agents", "tasks", "corruptions", "seeds", *NUMBERS, "recovery")
+KEYS = (
+    "desktop",
+    "agents",
+    "tasks",
+    "corruptions",
+    "seeds",
+    *NUMBERS,
+    "recovery",
+    "osworld_files",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,6 +79,7 @@ class Bench:
     Args:
         source: the file, for messages.
         provider: name of the desktop's provider, in `providers.PROVIDERS`.
+        osworld_files: OSWorld's file cache, for tasks of OSWorld; "" if none needs files.
         size: `(height, width)` of the desktop in pixels.
         agents: names in `agents.AGENTS`.
         tasks: names in `online_env.tasks`.
@@ -84,6 +94,7 @@ class Bench:
 
     source: str = ""
     provider: str = EMBEDDED
+    osworld_files: str = ""
     size: Size = (1080, 1920)
     agents: tuple[str, ...] = ("oracle",)
     tasks: tuple[str, ...] = ()
@@ -121,6 +132,8 @@ class Bench:
             "agent_timeout": self.agent_timeout,
             "episode_timeout": self.episode_timeout,
         }
+        if self.osworld_files:
+            data["osworld_files"] = self.osworld_files
         code = dict(self._code())
         if code:
             data["code"] = code
@@ -137,9 +150,9 @@ class Bench:
     def _code(self) -> Iterator[tuple[str, dict[str, str]]]:
         """Yield the files of the agents, tasks and provider that do not come with this library."""
         for _, name, entry in self.foreign():
-            source = entry.source if isinstance(entry, FileAgentMaker) else source_of(entry)
+            source = entry.source if is_from_data(entry) else source_of(entry)
             if source is not None:
-                yield name, source
+                yield name, dict(source)
 
     def foreign(self) -> Iterator[tuple[AnyRegistry, str, Any]]:
         """Yield registry, name and class of agents, tasks and provider from outside the library."""
@@ -153,8 +166,22 @@ class Bench:
                 entry = registry.entries.get(name)
                 if entry is None:
                     continue
-                if isinstance(entry, FileAgentMaker) or not is_ours(entry):
+                if is_from_data(entry) or not is_ours(entry):
                     yield registry, name, entry
+
+
+def is_from_data(entry: Any) -> bool:
+    """Return whether an entry was made from an agent file, or from a task file of OSWorld.
+
+    Its `source` then has the path and the SHA-256 of the file.
+    """
+    if isinstance(entry, FileAgentMaker):
+        return True
+    if not isinstance(entry, type) or not issubclass(entry, Task):
+        return False
+    from ..osworld.played import OsworldFileTask
+
+    return issubclass(entry, OsworldFileTask)
 
 
 def everything() -> Planners:
@@ -185,6 +212,7 @@ def override(
     task: str | None = None,
     corruption: str | None = None,
     seeds: int | None = None,
+    osworld_files: str | None = None,
 ) -> Bench:
     """Return the benchmark with the values of the command line.
 
@@ -197,12 +225,15 @@ def override(
         task: the same for tasks, or the name of a set, such as `core`.
         corruption: labels and names of corruptions, or `all`.
         seeds: the number of seeds, which begin at 0.
+        osworld_files: OSWorld's file cache.
     """
+    if osworld_files is not None:
+        bench = replace(bench, osworld_files=osworld_files)
     if agent is not None:
         bench = replace(bench, agents=_registered("--agent", agent, AGENTS))
     if task is not None:
         is_set = task.strip() in sets.set_names()
-        chosen = sets.members(task.strip()) if is_set else _registered("--tasks", task, TASKS)
+        chosen = sets.members(task.strip()) if is_set else _tasks_named(task)
         bench = replace(bench, tasks=chosen)
     if corruption is not None:
         bench = replace(bench, corruptions=_planners(bench, corruption))
@@ -243,6 +274,28 @@ def _registered(
         except HijackError as error:
             raise type(error)(f"{option}: {error}") from error
     return _chosen(option, ",".join(names), registry.names(), registry.hint)
+
+
+def _tasks_named(text: str) -> tuple[str, ...]:
+    """Return the tasks that a text lists; a folder stands for the tasks of OSWorld in it."""
+    listed: list[str] = []
+    for name in _split(text):
+        listed += _files_in(name) if _is_folder(name) else [name]
+    return _registered("--tasks", ",".join(listed), TASKS)
+
+
+def _is_folder(name: object) -> bool:
+    """Return whether a name is that of a folder, and of no task: names of ours come first."""
+    if not isinstance(name, str) or name == ALL or name in TASKS.names():
+        return False
+    return os.path.isdir(name)
+
+
+def _files_in(folder: str) -> list[str]:
+    """Return the files of OSWorld's tasks in a folder."""
+    from ..osworld.played import files_in
+
+    return files_in(folder)
 
 
 def _split(text: str) -> list[str]:
@@ -301,6 +354,8 @@ class _Reader:
             return self._names(key, tree, AGENTS)
         if key == "tasks":
             return self._tasks(key, tree)
+        if key == "osworld_files":
+            return self._text(key, tree)
         if key == "seeds":
             return self._list(key, tree, "[0, 1, 2]", self._seed)
         if key == "corruptions":
@@ -310,6 +365,11 @@ class _Reader:
         if key in NUMBERS:
             return check(self._problems, NUMBERS[key], key, tree)
         return None
+
+    def _text(self, where: str, tree: ConfigNode) -> str | None:
+        if isinstance(tree, ScalarNode) and isinstance(tree.value, str):
+            return tree.value
+        return self._problems.add(tree.place, f"{where} must be a text, got {kind_of(tree)}")
 
     def _seed(self, where: str, tree: ConfigNode) -> Any:
         return check(self._problems, SEED, where, tree)
@@ -361,9 +421,14 @@ class _Reader:
         return self._list(key, tree, example, one)
 
     def _tasks(self, key: str, tree: ConfigNode) -> tuple[str, ...] | None:
-        """Return the tasks of a named set, or of a list."""
+        """Return the tasks of a named set, of a folder of OSWorld's, or of a list."""
         if isinstance(tree, ScalarNode) and tree.value in sets.set_names():
             return sets.members(str(tree.value))
+        if isinstance(tree, ScalarNode) and _is_folder(tree.value):
+            try:
+                return tuple(map(TASKS.find, _files_in(str(tree.value))))
+            except HijackError as error:
+                return self._problems.add(tree.place, f"{key}: {error}")
         return self._names(key, tree, TASKS)
 
     def _name(

@@ -15,7 +15,8 @@ from .. import tasks
 from ..agents.apart import AgentError, Apart
 from ..agents.base import Agent, Privileged
 from ..agents.registry import make
-from ..environment import CorruptedEnv, EvalSettings, SmallTasks
+from ..environment import CorruptedEnv, EvalSettings
+from ..environment.stage import TaskStage
 from ..errors import DesktopError, MissingCapabilityError
 from .config import Bench
 from .jobs import Job
@@ -87,7 +88,7 @@ class LiveEpisodes:
         self,
         bench: Bench,
         folder: Path,
-        stage: SmallTasks,
+        stage: TaskStage,
     ) -> None:
         self._bench = bench
         self._folder = folder

@@ -24,8 +24,9 @@ from hijack_data.loading import file_of, load_reference
 
 from ..agents.makers import FileAgentMaker
 from ..agents.registry import AGENTS
+from ..environment.stage import TaskStage
 from ..tasks import TASKS
-from .config import Bench
+from .config import Bench, is_from_data
 from .episodes import LiveEpisodes, lost
 from .jobs import Job
 from .models import ModelOptions, prepare
@@ -71,6 +72,8 @@ def references(bench: Bench) -> tuple[ForeignEntry, ...]:
         file = file_of(entry)
         if isinstance(entry, FileAgentMaker):
             found.append(ForeignEntry(registry.kind, name, name))
+        elif is_from_data(entry):
+            found.append(ForeignEntry(registry.kind, name, entry.source["path"]))
         else:
             place = entry.__module__ if file is None else file.path
             found.append(ForeignEntry(registry.kind, name, f"{place}:{entry.__qualname__}"))
@@ -243,15 +246,32 @@ def _serve(connection: Connection, setup: WorkerSetup) -> None:
 @contextmanager
 def live_episodes(setup: WorkerSetup) -> Generator[LiveEpisodes]:
     """Start a desktop in this process, and yield a function that plays episodes on it."""
-    from ..embedded.runtime import masks
-    from ..environment import SmallTasks
-
     load_references(setup.references)
     prepare(setup.bench.agents, setup.models, setup.folder)
-    masks.hide(setup.folder)
-    provider = PROVIDERS.get(setup.bench.provider)
-    with provider(setup.bench.size) as desktop:
-        yield LiveEpisodes(setup.bench, setup.folder, SmallTasks(desktop))
+    with stage_of(setup.bench, setup.folder) as stage:
+        yield LiveEpisodes(setup.bench, setup.folder, stage)
+
+
+@contextmanager
+def stage_of(bench: Bench, folder: Path) -> Generator[TaskStage]:
+    """Start a desktop in this process, and yield it with the tasks of a benchmark.
+
+    Args:
+        bench: The benchmark.
+        folder: The folder of the run, which the desktop must not see.
+    """
+    from ..embedded.runtime import masks
+    from ..environment import SmallTasks
+    from ..osworld.played import of_osworld, osworld_stage
+
+    masks.hide(folder)
+    if of_osworld(bench.tasks):
+        files = Path(bench.osworld_files) if bench.osworld_files else None
+        with osworld_stage(bench.size, files) as stage:
+            yield stage
+        return
+    with PROVIDERS.get(bench.provider)(bench.size) as desktop:
+        yield SmallTasks(desktop)
 
 
 def answer_calls(
@@ -271,8 +291,8 @@ def load_references(references: Iterable[ForeignEntry]) -> None:
     registries = {registry.kind: registry for registry in (AGENTS, TASKS, PROVIDERS)}
     for kind, name, reference in references:
         registry = registries[kind]
-        if name == reference:  # an agent file
-            registry.find(name)
+        if registry is not PROVIDERS and registry.is_reference(reference) and ":" not in reference:
+            registry.find(reference)  # an agent file, or a task file
         elif name not in registry.names():
             registry.add(load_reference(reference), name)
 

@@ -77,25 +77,24 @@ class Stage(Protocol):
         ...
 
 
-class SmallTasks:
-    """The tasks of `online_env.tasks` on a desktop.
-
-    Args:
-        desktop: A desktop, for example from `EmbeddedDesktop.up`; with `standby=True` resets are
-            fast.
-        task: The task of a `reset` that names none: a name, or a task with its own seed.
-    """
-
-    def __init__(self, desktop: Desktop, task: str | Task = "write_note") -> None:
-        self._desktop = desktop
-        self._default = task
-        self._task: Task | None = None
-        self._machine: Machine | None = None
+class TaskStage(Stage, Protocol):
+    """A stage whose tasks are known by name, for the agents that are given their task."""
 
     @property
-    def desktop(self) -> Desktop:
-        """The machine; the same object after each reset."""
-        return self._desktop
+    def task(self) -> Task:
+        """The task that is set up now."""
+        ...
+
+    @property
+    def machine(self) -> Machine:
+        """The desktop in the form that tasks use."""
+        ...
+
+
+class TaskHolder:
+    """Keeps the task that is set up now, for a stage."""
+
+    _task: Task | None = None
 
     @property
     def task(self) -> Task:
@@ -107,6 +106,26 @@ class SmallTasks:
         if self._task is None:
             raise DesktopError("no task is set up: call reset first")
         return self._task
+
+
+class SmallTasks(TaskHolder):
+    """The tasks of `online_env.tasks` on a desktop.
+
+    Args:
+        desktop: A desktop, for example from `EmbeddedDesktop.up`; with `standby=True` resets are
+            fast.
+        task: The task of a `reset` that names none: a name, or a task with its own seed.
+    """
+
+    def __init__(self, desktop: Desktop, task: str | Task = "write_note") -> None:
+        self._desktop = desktop
+        self._default = task
+        self._machine: Machine | None = None
+
+    @property
+    def desktop(self) -> Desktop:
+        """The machine; the same object after each reset."""
+        return self._desktop
 
     @property
     def machine(self) -> Machine:
@@ -173,6 +192,9 @@ class OsworldStage:
         env: `desktop_env.DesktopEnv`, or the result of `online_env.osworld.run.embedded_env`.
         password: The password of the guest's user, for sudo.
         capabilities: Capabilities of the guest in addition to those that are detected.
+
+    Attributes:
+        setup_errors: What OSWorld logged as errors while it set the present task up.
     """
 
     def __init__(
@@ -183,7 +205,7 @@ class OsworldStage:
     ) -> None:
         self.env = env
         self._desktop = _Guest(env, password, capabilities)
-        self._setup_errors: list[str] = []
+        self.setup_errors: list[str] = []
 
     @property
     def desktop(self) -> OsworldDesktop:
@@ -210,7 +232,7 @@ class OsworldStage:
         # OSWorld goes on where a step of its setup fails, and only logs that.
         logged = cast("Sequence[str]", getattr(self.env, "warnings", ()))
         errors = [line for line in logged if line.startswith("ERROR")]
-        self._setup_errors = [line for line in errors if RETRIED not in line]
+        self.setup_errors = [line for line in errors if RETRIED not in line]
         apps = tuple(normalize_app(app) for app in config.get("related_apps", ()))
         infeasible = config["evaluator"].get("func") == "infeasible"
         return Setting(config["id"], config["instruction"], apps, infeasible)
@@ -226,9 +248,9 @@ class OsworldStage:
         if last is not None:
             self.env.step(last, pause=0)
         reason = "OSWorld's evaluator"
-        if self._setup_errors:
-            reason += f"; the task's setup logged {len(self._setup_errors)} errors, the first:"
-            reason += f" {self._setup_errors[0]}"
+        if self.setup_errors:
+            reason += f"; the task's setup logged {len(self.setup_errors)} errors, the first:"
+            reason += f" {self.setup_errors[0]}"
         score = self._desktop.evaluate()
         # OSWorld takes what a guest that has died does not send for a file that is not there: a 0.
         self._desktop.screenshot()

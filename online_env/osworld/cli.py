@@ -11,6 +11,18 @@ from hijack_data.files import write_atomic
 from . import table, venv
 
 
+def _venv_option(text: str):
+    return click.option(
+        "--venv",
+        "folder",
+        metavar="DIR",
+        type=click.Path(path_type=Path),
+        default=venv.DEFAULT,
+        show_default=True,
+        help=text,
+    )
+
+
 @click.command()
 @click.argument("source", metavar="TASKS", type=click.Path(path_type=Path))
 @click.option(
@@ -104,15 +116,7 @@ def osworld() -> None:
     show_default=True,
     help="How many packages.",
 )
-@click.option(
-    "--venv",
-    "folder",
-    metavar="DIR",
-    type=click.Path(path_type=Path),
-    default=venv.DEFAULT,
-    show_default=True,
-    help="Where.",
-)
+@_venv_option("Where.")
 def setup(tier: str, folder: Path) -> None:
     """Make the Python environment that OSWorld runs in.
 
@@ -159,15 +163,7 @@ def setup(tier: str, folder: Path) -> None:
     type=click.Path(path_type=Path),
     help="OSWorld's file cache.",
 )
-@click.option(
-    "--venv",
-    "folder",
-    metavar="DIR",
-    type=click.Path(path_type=Path),
-    default=venv.DEFAULT,
-    show_default=True,
-    help="Where OSWorld's Python environment is.",
-)
+@_venv_option("Where OSWorld's Python environment is.")
 def selftest(
     source: Path,
     out: Path,
@@ -198,6 +194,49 @@ def selftest(
         write_atomic(markdown, results.as_markdown())
     click.echo(results.summary())
     return 0 if results.sound else 1
+
+
+@osworld.command()
+@click.argument("source", metavar="TASKS", type=click.Path(path_type=Path))
+@_venv_option("OSWorld's Python environment, whose packages are looked at if it is there.")
+@click.option("--json", "json_", is_flag=True, help="Print what each task needs.")
+@click.option(
+    "--working",
+    is_flag=True,
+    help="Print the files of the tasks that work here, as hijack bench --tasks takes them.",
+)
+def needs(
+    source: Path,
+    folder: Path,
+    json_: bool,
+    working: bool,
+) -> int:
+    """Say which tasks can run on the embedded desktop, and what the others lack.
+
+    Tasks are read, not run: files, packages, programs, sites and accounts that they name.
+    """
+    from . import needs as module
+    from .run import checker
+
+    chosen = table.read(source)
+    with checker(folder) as check:
+        found = module.needs_of_all(chosen, check)
+    if working:
+        works = {one.id for one in found if one.tested == module.WORKS}
+        click.echo(",".join(str(task.path) for task in chosen if task.id in works))
+        return 0
+    if json_:
+        rows = [{**vars(one), "can_be_met": one.can_be_met} for one in found]
+        click.echo(json.dumps({"revision": str(chosen.revision), "tasks": rows}, indent=1))
+        return 0
+    lines = [
+        f"{count:4}  {kinds:20}  {remedy}".rstrip()
+        for kinds, count, remedy in module.summary(found)
+    ]
+    if check is None:
+        lines.append(f"packages were not looked at: {folder} is not there; hijack osworld setup")
+    click.echo("\n".join([str(chosen.revision), *lines]))
+    return 0
 
 
 def _say(

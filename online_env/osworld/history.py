@@ -4,13 +4,14 @@ OSWorld's setup step `update_browse_history` downloads a file unless its cache h
 by the guest's browser has the schema that this browser expects.
 """
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from hijack_data.files import write_atomic
 
 from .env import OsworldEnv
 from .errors import OsworldError
-from .tasks import OsworldTask, TaskSet
+from .tasks import OsworldTask
 from .wanted import HISTORY_NAME
 
 PROFILE = "/tmp/agenthijack-history"
@@ -22,7 +23,7 @@ _MAKE = (
 
 def provide(
     env: OsworldEnv,
-    tasks: TaskSet,
+    tasks: Iterable[OsworldTask],
     cache: Path,
 ) -> None:
     """Put an empty history into `cache` for each task that needs one and has none.
@@ -30,7 +31,7 @@ def provide(
     Raises:
         OsworldError: The guest's browser makes none.
     """
-    targets = [cache / task.id / HISTORY_NAME for task in tasks if _needs_history(task)]
+    targets = [cache / task.id / HISTORY_NAME for task in tasks if is_made(task)]
     targets = [target for target in targets if not target.exists()]
     if not targets:
         return
@@ -45,6 +46,7 @@ def provide(
         write_atomic(target, data)
 
 
-def _needs_history(task: OsworldTask) -> bool:
+def is_made(task: OsworldTask) -> bool:
+    """Return whether the file of a task is the empty history, which is made and not fetched."""
     steps = task.config.get("config", [])
     return any(step["type"] == "update_browse_history" for step in steps)

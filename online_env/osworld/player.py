@@ -4,11 +4,11 @@ Everything goes through OSWorld's `step`, as an agent's actions do.
 """
 
 import time
+from typing import Any, Protocol
 
 from hijack_data.elements.nodes import AccessibleNode, nodes_from_tree
 from hijack_data.types import Point
 
-from .env import OsworldEnv
 from .errors import OsworldError
 
 PAUSE = 0.3
@@ -18,10 +18,23 @@ class PlayError(OsworldError):
     """A script did not find an element that it needs on the screen."""
 
 
+class PlayedEnv(Protocol):
+    """The part of OSWorld's environment that a script needs."""
+
+    @property
+    def controller(self) -> Any:
+        """It has `get_accessibility_tree`."""
+        ...
+
+    def step(self, action: str, pause: float) -> object:
+        """Take one action, then wait for `pause` seconds."""
+        ...
+
+
 class Player:
     """Keyboard, mouse, shell and accessibility tree of the guest."""
 
-    def __init__(self, env: OsworldEnv) -> None:
+    def __init__(self, env: PlayedEnv) -> None:
         self._env = env
 
     def do(self, code: str, pause: float = PAUSE) -> None:

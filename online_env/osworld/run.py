@@ -1,6 +1,7 @@
 """OSWorld's environment on the embedded desktop."""
 
 import contextlib
+import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from ..embedded.pool import Supply
 from ..embedded.runtime import network
 from . import history, venv
 from .env import Address, OsworldEnv, OSWorldSettings
+from .needs import PackageCheck
 from .selftest import Groups, Results, SelfTestRow, run_all
 from .tasks import TaskSet
 
@@ -109,6 +111,27 @@ def embedded_env(
             yield env
     finally:
         supply.close()
+
+
+@contextlib.contextmanager
+def checker(
+    folder: Path = venv.DEFAULT,
+) -> Iterator[PackageCheck | None]:
+    """Yield `OsworldEnv.check`, which needs no desktop; `None` if there is no environment.
+
+    Args:
+        folder: OSWorld's Python environment (`hijack osworld setup`).
+    """
+    if venv.tier_of(folder) is None:
+        yield None
+        return
+    with tempfile.TemporaryDirectory() as scratch:
+        settings = OSWorldSettings(Path(scratch, "cache"))
+        nowhere = Address("127.0.0.1")  # it is never called
+        log = Path(scratch, LOG)
+        env = OsworldEnv(venv.python_of(folder), lambda: nowhere, settings, log)
+        with contextlib.closing(env):
+            yield env.check
 
 
 def on_embedded(

@@ -85,6 +85,17 @@ def bing(player: Player) -> None:
     player.do("pyautogui.press(['down', 'enter'], interval=0.1)", pause=1.0)  # Make default
 
 
+def light_mode(player: Player) -> None:
+    """Chrome 93eabf48; the mode can be chosen once the browser does not follow the desktop."""
+    player.visit("chrome://settings/appearance")
+    player.find("Appearance")
+    if player.sees("Use Classic", "push-button"):
+        player.click("Use Classic", "push-button")
+    player.click("Mode", "combo-box")
+    player.type("Light")
+    player.press("enter", pause=1.0)
+
+
 def gimp_docks(player: Player) -> None:
     """GIMP d52d6308: Windows > Hide Docks, by its key."""
     player.find(_GIMP, timeout=60)
@@ -142,6 +153,7 @@ SOLUTIONS: dict[str, Solution] = {
     "44ee5668-ecd5-4366-a6ce-c1c9b8d4e938": Solution("windows", clear_youtube),
     "af630914-714e-4a24-a7bb-f9af687d3b91": Solution("windows", font_size),
     "bb5e4c0d-f964-439c-97b6-bdb9747de3f4": Solution("windows", bing),
+    "93eabf48-6a27-4cb6-b963-7d5fe1e0d3a9": Solution("windows", light_mode),
     "7767eef2-56a3-4cea-8c9f-48c070c7d65b": _gimprc('(theme "Light")'),
     "7b7617bd-57cc-468e-9c91-40c4ec2bcb3d": _gimprc("(undo-levels 100)"),
     "d52d6308-ec58-42b7-a2c9-de80e4837b2b": Solution("windows", gimp_docks),

@@ -120,6 +120,19 @@ def load(folder: Path) -> TaskSet:
     return TaskSet(revision, tuple(tasks))
 
 
+def load_file(path: Path) -> OsworldTask:
+    """Read one task from its file, `<domain>/<id>.json`.
+
+    Raises:
+        ConfigError: Lists every field that is wrong.
+    """
+    problems: list[str] = []
+    config = _parse(_read(path, problems), path, problems)
+    if config is None:
+        raise ConfigError(problems or [f"{path}: is empty; a task of OSWorld is an object"])
+    return OsworldTask(config["id"], path.resolve().parent.name, config, path)
+
+
 def _read(path: Path, problems: list[str]) -> bytes:
     try:
         return path.read_bytes()

@@ -36,6 +36,7 @@ __all__ = [
     "register",
 ]
 
+OSWORLD_SUFFIX = ".json"
 T = TypeVar("T", bound=Task)
 
 
@@ -54,7 +55,28 @@ def _problems(cls: Any, name: str) -> Iterator[str]:
         yield "name is empty"
 
 
-TASKS = Registry[type[Task]](
+class TaskRegistry(Registry[type[Task]]):
+    """Tasks by name; a task of OSWorld is found by its file."""
+
+    def find(self, text: str) -> str:
+        """Return the name of what a user asks for, as `Registry.find`.
+
+        A file of OSWorld is read, and its task is registered under its id. Mistakes in it are a
+        `ConfigError`.
+        """
+        if text in self.entries or not text.endswith(OSWORLD_SUFFIX):
+            return super().find(text)
+        from ..osworld.played import task_class  # it needs desktops, which need tasks
+
+        self.load()
+        return self.add(task_class(text))
+
+    def is_reference(self, text: str) -> bool:
+        """Return whether a text names a file or a module, and not a task."""
+        return text.endswith(OSWORLD_SUFFIX) or super().is_reference(text)
+
+
+TASKS = TaskRegistry(
     "task",
     "tasks",
     builtin=suite.listed(),

@@ -155,3 +155,9 @@ def osworld() -> Path:
     if venv.tier_of(place) is None:
         skip(f"OSWorld's environment is not in {place}", f"{HIJACK} osworld setup")
     return place
+
+
+def osworld_at_default() -> None:
+    """Skip where OSWorld's environment is not in its default folder, which `hijack bench` uses."""
+    if osworld() != venv.DEFAULT:
+        skip(f"OSWorld's environment is not in {venv.DEFAULT}", f"{HIJACK} osworld setup")

@@ -1,0 +1,96 @@
+"""The benchmark over tasks of OSWorld: its own setup and evaluator, our runner and corruptions."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from support import needs
+
+HIJACK = [sys.executable, "-m", "hijack_data.cli"]
+READ = {"type": "vm_command_line", "shell": True}
+YES = {"type": "rule", "rules": {"expected": "yes\n"}}
+
+
+def put(folder: Path, name: str, **more: Any) -> Path:
+    path = folder / "os" / f"{name}.json"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    content = {"id": name, "instruction": "x", "related_apps": ["os"], "config": [], **more}
+    path.write_text(json.dumps(content))
+    return path
+
+
+def judged_by(command: str) -> dict[str, Any]:
+    return {"func": "exact_match", "result": {**READ, "command": command}, "expected": YES}
+
+
+@pytest.fixture(scope="module")
+def records(embedded_machine: None, tmp_path_factory: pytest.TempPathFactory):
+    needs.osworld_at_default()
+    folder = tmp_path_factory.mktemp("osworld")
+    agent = folder / "waits.py"
+    agent.write_text(
+        "class Waits:\n"
+        "    def reset(self):\n        self.waited = 0\n"
+        "    def predict(self, instruction, obs):\n"
+        "        self.waited += 1\n"
+        "        last = 'FAIL' if 'impossible' in instruction else 'DONE'\n"
+        "        return '', ['WAIT' if self.waited < 6 else last]\n"
+    )
+    put(folder, "t-infeasible", instruction="the impossible", evaluator={"func": "infeasible"})
+    put(folder, "t-unsolved", evaluator=judged_by("echo no"))
+    put(
+        folder,
+        "t-solved",
+        evaluator=judged_by("test -e /tmp/made && echo yes"),
+        config=[
+            {"type": "execute", "parameters": {"command": "touch /tmp/made", "shell": "true"}},
+        ],
+    )
+    put(
+        folder,
+        "t-broken",
+        evaluator=judged_by("echo yes"),
+        config=[
+            {"type": "launch", "parameters": {"command": ["/no/such/program"]}},
+        ],
+    )
+    run = folder / "run"
+    words = ["embedded_small", "--tasks", folder, "--agent", f"{agent}:Waits"]
+    words += ["--corruptions", "clean,app_minimization,network_error", "--desktops", 1]
+    done = subprocess.run(
+        [*HIJACK, "bench", *map(str, words), "--out", str(run)],
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+    )
+    assert (run / "records.jsonl").exists(), done.stderr[-2000:]
+    lines = (run / "records.jsonl").read_text().splitlines()
+    return [json.loads(line) for line in lines]
+
+
+def of(records: list[dict[str, Any]], task: str) -> list[dict[str, Any]]:
+    return [record for record in records if record["task"] == task]
+
+
+@pytest.mark.parametrize(
+    ("task", "score"), [("t-infeasible", 1.0), ("t-unsolved", 0.0), ("t-solved", 1.0)]
+)
+def test_osworlds_evaluator_judges_each_condition(records, task, score) -> None:
+    found = {record["corruption"]: record for record in of(records, task)}
+    assert set(found) == {"clean", "app_minimization", "network_error"}
+    assert {record["status"] for record in found.values()} == {"ok"}
+    assert {record["score"] for record in found.values()} == {score}
+    for label in ("app_minimization", "network_error"):
+        assert found[label]["effects"][0]["record"]["probes"][0]["ok"] is True
+
+
+def test_a_setup_that_fails_is_invalid_and_no_zero(records) -> None:
+    found = of(records, "t-broken")
+    assert {record["status"] for record in found} == {"invalid"}
+    assert {record["score"] for record in found} == {None}
+    assert all("OSWorld's setup of t-broken failed" in record["problem"] for record in found)
