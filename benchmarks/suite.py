@@ -29,12 +29,13 @@ HEAD = "# What the oracle needed on two cores: medians over seeds; made by `pyth
 def play(
     desktops: int,
     seeds: int,
+    tasks: str,
     out: Path,
 ) -> float:
-    """Run the oracle over all tasks; return the seconds that it took."""
+    """Run the oracle over a set of tasks; return the seconds that it took."""
     chosen = ["--agent", "oracle", "--corruptions", "clean", "--seeds", str(seeds)]
     placed = ["--desktops", str(desktops), "--out", str(out)]
-    command = [sys.executable, "-m", "hijack_data.cli", "bench", "embedded", *chosen, *placed]
+    command = [sys.executable, "-m", "hijack_data.cli", "bench", tasks, *chosen, *placed]
     start = time.monotonic()
     subprocess.run(
         command,
@@ -87,6 +88,7 @@ def main() -> None:
     options = argparse.ArgumentParser()
     options.add_argument("--desktops", default="2", help="such as 1,2,4")
     options.add_argument("--seeds", type=int, default=3)
+    options.add_argument("--suite", default="embedded", help="the set of tasks")
     options.add_argument("--runs", type=Path, help="a run that was made before")
     options.add_argument("--write", action="store_true")
     given = options.parse_args()
@@ -99,7 +101,7 @@ def main() -> None:
         else:
             for count in map(int, given.desktops.split(",")):
                 folder = Path(scratch) / str(count)
-                seconds = play(count, given.seeds, folder)
+                seconds = play(count, given.seeds, given.suite, folder)
                 folders[str(count)] = folder
                 episodes = len(records.read(folder).records)
                 rate = 3600 * episodes / seconds

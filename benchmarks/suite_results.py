@@ -4,8 +4,8 @@
 
 Every finished episode of the given runs of `hijack bench embedded --agent oracle` (or
 `recovering`) is added to `docs/results/suite/AGENT.csv`, then the page is made from those files.
-The runs take hours, so they are made one corruption at a time; an episode that was played more
-than once counts as often as it was played.
+The runs take hours, so they are made one corruption at a time. Of the episodes of one task,
+corruption and seed the page counts the latest, which the latest code played; the files keep all.
 """
 
 import argparse
@@ -111,6 +111,14 @@ def cell(task: Task, corruption: str, scores: Sequence[float]) -> str:
     return f"{solved}/{len(scores)}"
 
 
+def latest(played: Iterable[Played]) -> list[Played]:
+    """Return the last episode of each task, corruption and seed."""
+    found: dict[tuple[str, str, int], Played] = {}
+    for one in sorted(played, key=lambda one: one.begun):
+        found[one.task, one.corruption, one.seed] = one
+    return list(found.values())
+
+
 def by_case(played: Iterable[Played]) -> dict[tuple[str, str], list[float]]:
     """Return the scores of each task under each corruption."""
     found: dict[tuple[str, str], list[float]] = defaultdict(list)
@@ -180,8 +188,9 @@ def page(agents: Mapping[str, Sequence[Played]]) -> str:
         " what is in the way, restores the window, logs in, waits and reloads. Its score is the"
         " ceiling that reports print beside every agent's.",
         "The desktops shared two cores with other work, at loads up to 50: some episodes were lost"
-        " to time-outs of the oracle. An episode that was lost is played again and counts as often"
-        " as it was played. One whose corruption could not be proved does not count.",
+        " to time-outs of the oracle. Of episodes with the same task, corruption and seed the last"
+        " one counts; the files in `docs/results/suite` have all of them, with the commit that"
+        " played each. An episode whose corruption could not be proved does not count.",
         "```sh no-run it takes hours\n"
         "hijack bench embedded --agent recovering --corruptions marks --out runs/recovering-marks\n"
         "python benchmarks/suite_results.py runs/recovering-marks\n```",
@@ -217,8 +226,9 @@ def main() -> None:
     agents = {agent: sorted(set(played)) for agent, played in agents.items() if played}
     for agent, played in agents.items():
         keep(agent, played)
-    write_atomic(RESULTS / "suite.md", page(agents).encode())
-    print(totals(agents, all_tasks()))
+    counted = {agent: latest(played) for agent, played in agents.items()}
+    write_atomic(RESULTS / "suite.md", page(counted).encode())
+    print(totals(counted, all_tasks()))
 
 
 if __name__ == "__main__":
