@@ -1,0 +1,114 @@
+"""The runs of agents without a model that docs/results publishes: plays them, and writes reports.
+
+    python benchmarks/published.py NAME [RUNS]
+
+plays what is missing of a run on the embedded desktop, then writes report.json and success.svg into
+docs/results/NAME. RUNS, by default runs/NAME, is kept: what was broken off goes on, and what is
+there is only reported again. With --report-only N nothing is played, and the first N seeds are
+reported. Rates are for two cores.
+
+    reference_agents    24 tasks, five agents, three seeds: 3,600 episodes, seven to eight hours
+    ablation_intensity  10 tasks, 13 conditions, pixel: 130 episodes, about 40 minutes
+    ablation_content    10 tasks, 12 conditions, pixel: 120 episodes
+    ablation_location   10 tasks, 10 conditions, pixel: 100 episodes
+    ablation_modules    10 tasks, 10 conditions, pixel and its onlookers: 400 episodes, many hours
+    osworld             the tasks of OSWorld (--osworld TASKS) that an oracle of ours does in windows
+"""
+
+import argparse
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from subprocess import CalledProcessError
+
+from common import hijack
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+
+from online_env.osworld.solutions import SOLUTIONS
+from online_env.osworld.tasks import load
+from online_env.report.build import read_report
+from online_env.report.model import RunReport
+
+ROOT = Path(__file__).resolve().parents[1]
+RESULTS = ROOT / "docs" / "results"
+AGENTS = "oracle,recovering,do_nothing,random,pixel"
+OSWORLD = "osworld"
+PLAYED = {
+    "reference_agents": ("embedded_core", "--agent", AGENTS, "--seeds", "3"),
+    "ablation_intensity": ("ablations/intensity", "--agent", "pixel"),
+    "ablation_content": ("ablations/content", "--agent", "pixel"),
+    "ablation_location": ("ablations/location", "--agent", "pixel"),
+    "ablation_modules": ("ablations/modules",),
+    OSWORLD: ("embedded_small", "--agent", "oracle,do_nothing"),
+}
+LEAST_DARK = 0.45  # from this success on, a cell is dark enough for white numbers
+
+
+def main() -> None:
+    """Play what is missing, and write report and figure."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("name", choices=PLAYED)
+    parser.add_argument("runs", nargs="?", type=Path)
+    parser.add_argument("--report-only", type=int, metavar="N")
+    parser.add_argument("--osworld", type=Path, metavar="TASKS")
+    parser.add_argument("--desktops", type=int)
+    options = parser.parse_args()
+    name: str = options.name
+    runs: Path = options.runs or ROOT / "runs" / name
+    if not options.report_only:
+        words = [*PLAYED[name]]
+        if name == OSWORLD:
+            words += ["--tasks", ",".join(in_windows(options.osworld))]
+        if options.desktops:
+            words += ["--desktops", str(options.desktops)]
+        play(words, runs)
+    result = RESULTS / name
+    result.mkdir(parents=True, exist_ok=True)
+    written = result / "report.json"
+    written.unlink(missing_ok=True)
+    chosen = ["--seeds", options.report_only] if options.report_only else []
+    with suppress(CalledProcessError):
+        hijack("report", runs, *chosen, "--out", written)
+    draw(read_report(written), result / "success.svg")
+
+
+def play(words: Sequence[str], runs: Path) -> None:
+    """Begin a run or go on with it.
+
+    The command ends with 1 if an episode could not be played; the report says so, too.
+    """
+    going_on = ["--resume"] if runs.exists() else []
+    with suppress(CalledProcessError):
+        hijack("bench", *words, "--out", runs, *going_on)
+
+
+def in_windows(folder: Path) -> list[str]:
+    """Return the files of OSWorld's tasks that a script of ours solves through windows."""
+    solved = {task for task, solution in SOLUTIONS.items() if solution.how == "windows"}
+    return [str(task.path) for task in load(folder) if task.id in solved]
+
+
+def draw(report: RunReport, path: Path) -> None:
+    """Write the success of each agent under each condition as an SVG."""
+    found = [[report.cell(agent, label) for label in report.labels] for agent in report.agents]
+    shares = [[0.0 if cell is None else cell.success or 0.0 for cell in row] for row in found]
+    with rc_context({"svg.hashsalt": "agenthijack", "svg.fonttype": "none"}):
+        figure = Figure(figsize=(9, 1.5 + 0.42 * len(report.agents)), layout="constrained")
+        axes = figure.subplots()
+        axes.imshow(shares, cmap="Blues", vmin=0, vmax=1.15, aspect="auto")
+        axes.set_xticks(range(len(report.labels)), report.labels, rotation=30, ha="right")
+        axes.set_yticks(range(len(report.agents)), report.agents)
+        axes.tick_params(length=0)
+        axes.spines[:].set_visible(False)
+        for row, values in enumerate(shares):
+            for column, share in enumerate(values):
+                colour = "white" if share >= LEAST_DARK else "black"
+                text = "–" if found[row][column] is None else f"{100 * share:.0f}"
+                axes.text(column, row, text, ha="center", va="center", color=colour)
+        axes.set_title("Tasks solved, in per cent", loc="left", fontsize="medium")
+        figure.savefig(path, format="svg", metadata={"Date": None})
+
+
+if __name__ == "__main__":
+    main()
