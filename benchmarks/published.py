@@ -3,9 +3,10 @@
     python benchmarks/published.py NAME [RUNS]
 
 plays what is missing of a run on the embedded desktop, then writes report.json and success.svg into
-docs/results/NAME. RUNS, by default runs/NAME, is kept: what was broken off goes on, and what is
-there is only reported again. With --report-only N nothing is played, and the first N seeds are
-reported. Rates are for two cores.
+docs/results/NAME, and the records of the episodes, without pictures, into docs/results/NAME/run. So
+a run can be spread over days and machines: RUNS, by default runs/NAME, begins with the records that
+are there. With --report-only N nothing is played, and the first N seeds are reported. Rates are for
+two cores.
 
     reference_agents    24 tasks, five agents, three seeds: 3,600 episodes, seven to eight hours
     ablation_intensity  10 tasks, 13 conditions, pixel: 130 episodes, about 40 minutes
@@ -16,6 +17,7 @@ reported. Rates are for two cores.
 """
 
 import argparse
+import shutil
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -42,6 +44,7 @@ PLAYED = {
     "ablation_modules": ("ablations/modules",),
     OSWORLD: ("embedded_small", "--agent", "oracle,do_nothing"),
 }
+RECORDED = ("run.json", "records.jsonl", "sessions.jsonl")  # what `hijack bench --resume` reads
 LEAST_DARK = 0.45  # from this success on, a cell is dark enough for white numbers
 
 
@@ -56,6 +59,9 @@ def main() -> None:
     options = parser.parse_args()
     name: str = options.name
     runs: Path = options.runs or ROOT / "runs" / name
+    result = RESULTS / name
+    if not runs.exists():
+        copy_records(result / "run", runs)
     if not options.report_only:
         words = [*PLAYED[name]]
         if name == OSWORLD:
@@ -63,14 +69,22 @@ def main() -> None:
         if options.desktops:
             words += ["--desktops", str(options.desktops)]
         play(words, runs)
-    result = RESULTS / name
     result.mkdir(parents=True, exist_ok=True)
+    copy_records(runs, result / "run")
     written = result / "report.json"
     written.unlink(missing_ok=True)
     chosen = ["--seeds", options.report_only] if options.report_only else []
     with suppress(CalledProcessError):
         hijack("report", runs, *chosen, "--out", written)
     draw(read_report(written), result / "success.svg")
+
+
+def copy_records(source: Path, target: Path) -> None:
+    """Copy what is known of a run, without its pictures."""
+    for name in RECORDED:
+        if (source / name).exists():
+            target.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(source / name, target / name)
 
 
 def play(words: Sequence[str], runs: Path) -> None:
