@@ -125,7 +125,9 @@ def write_pages() -> int:
     for problem in pictures.make(folder):
         print(f"left out: {problem}")
     shutil.copytree(ROOT / "docs" / "images", PAGES / "images")
-    shutil.copytree(results.RESULTS, PAGES / "results", ignore=shutil.ignore_patterns("*.md", "run"))
+    shutil.copytree(
+        results.RESULTS, PAGES / "results", ignore=shutil.ignore_patterns("*.md", "run")
+    )
     shutil.copytree(HERE / "theme", PAGES / "theme")
     texts = all_pages(folder)
     for name, text in (texts | results.files()).items():
