@@ -50,7 +50,7 @@ LEAST_DARK = 0.45  # from this success on, a cell is dark enough for white numbe
 
 def main() -> None:
     """Play what is missing, and write report and figure."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("name", choices=PLAYED)
     parser.add_argument("runs", nargs="?", type=Path)
     parser.add_argument("--report-only", type=int, metavar="N")
