@@ -67,8 +67,8 @@ def index(found: dict[str, RunReport]) -> str:
         " desktop, with intervals |",
         "| [Training on the real desktop](desktop_training.md) | a small network that learns from"
         " real screenshots, by imitation and with DA-GRPO |",
-        "| [Which tasks can be solved](suite.md) | oracles on all tasks of the suite; two"
-        " corruptions were played on all or most tasks |",
+        "| [Which tasks can be solved](suite.md) | oracles on the tasks of the suite,"
+        " clean and under each corruption |",
         "| [What goes wrong for pixel](pixel_failures.md) | failures of an agent without a model,"
         " looked at |",
         "| [Is the augmentation worth using?](../proof.md) | a small grounding network,"
