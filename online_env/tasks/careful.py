@@ -14,7 +14,7 @@ from hijack_data.runs.run_log import REINIT
 
 from ..desktops.protocol import Desktop
 from ..errors import DesktopTimeoutError
-from .hand import PATIENCE, PAUSE, Hand, title_click
+from .hand import MENU_ROLES, PATIENCE, PAUSE, Hand, title_click
 from .kit.apps import APPS
 from .tree import TreeNode
 
@@ -68,6 +68,7 @@ class CarefulHand(Hand):
         self._had_document = False  # whether a window of the document was ever there
         self._programs: set[str] = set()  # how the titles of the own windows end
         self._lost = 0.0  # when to look for a reason, by `time.monotonic`
+        self._is_on_panel = False  # whether the hand itself moved the pointer there
 
     def look(self) -> list[TreeNode]:
         """Return the nodes of the tree as it is now, and keep the titles of the own windows."""
@@ -111,6 +112,18 @@ class CarefulHand(Hand):
         self._clear(self.look())
         super().run(code)
 
+    def click(self, node: TreeNode) -> None:
+        """Click in the middle of a node, after what is plainly in the way was put right.
+
+        Raises:
+            DesktopTimeoutError: The node is part of a menu, which closed meanwhile; the tree may
+                still name it.
+        """
+        if self._clear(self.look()) and node.role in MENU_ROLES:
+            raise DesktopTimeoutError(f"the menu with {node.name!r} was closed by a disturbance")
+        super().click(node)
+        self._is_on_panel = False
+
     def put_right(self, seen: list[TreeNode] | None = None) -> bool:
         """Look for a reason why things are not as expected, and do something about it.
 
@@ -120,8 +133,7 @@ class CarefulHand(Hand):
         present = self.look() if seen is None else seen
         if self._clear(present):
             return False
-        has_window = any(self._is_own_window(node) for node in present)
-        if (self._start and not has_window) or self._is_closed(present):
+        if (self._start and self._has_no_window(present)) or self._is_closed(present):
             self._start_again()
             return self._had_document
         if self._bring_back(present) or self._go_to_document(present):
@@ -215,6 +227,16 @@ class CarefulHand(Hand):
                 return True
         return False
 
+    def _has_no_window(self, seen: list[TreeNode]) -> bool:
+        """Return whether no own window is open, now and a moment later.
+
+        A program that is busy, as while it opens a document, has none in the tree until it answers.
+        """
+        if any(self._is_own_window(node) for node in seen):
+            return False
+        time.sleep(LOST)
+        return not any(self._is_own_window(node) for node in self.look())
+
     def _is_closed(self, seen: list[TreeNode]) -> bool:
         """Return whether the task's document was closed, and its program shows without any."""
         frames = [node for node in seen if self._is_own_window(node) and node.role == "frame"]
@@ -296,8 +318,20 @@ class CarefulHand(Hand):
         time.sleep(LOST)
 
     def _click_plainly(self, node: TreeNode) -> None:
+        """Click on a button of the panel."""
         x, y = node.centre
         super().run(f"pyautogui.click({x}, {y})")
+        self._is_on_panel = True
+
+    def _scroll(self) -> None:
+        """Turn the wheel over the page, not over the panel where a window was restored."""
+        if self._is_on_panel:
+            shown = [node for node in self.look() if self._is_own_window(node) and node.box]
+            for window in shown[-1:]:
+                x, y = window.centre
+                super().run(f"pyautogui.moveTo({x}, {y})")
+                self._is_on_panel = False
+        super()._scroll()
 
     def _until(self, test: Callable[[list[TreeNode]], bool]) -> None:
         """Wait until a test of the tree passes, or for as long as the hand has patience."""

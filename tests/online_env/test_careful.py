@@ -165,3 +165,61 @@ def test_what_was_begun_in_a_closed_document_is_begun_anew() -> None:
     hand.press("tab")
     with pytest.raises(DesktopTimeoutError, match="the document was closed; it is open again"):
         hand.find("dialog")
+
+
+MINIMISED = '<frame name="song - VLC media player" st:iconified="true"/>'
+WINDOWS_BUTTON = BUTTON.replace("VLC media player", "song - VLC media player")
+
+
+def test_a_menu_that_a_disturbance_closed_is_not_clicked_on() -> None:
+    opened = tree(f'{SHOWN}<menu-item name="Quit" {PLACE}/>')
+    hidden = tree(f'{MINIMISED}<menu-item name="Quit" {PLACE}/>', WINDOWS_BUTTON)
+    desktop = Trees([opened])
+    hand = careful.CarefulHand(desktop, ["vlc"], patience=0.3)
+    item = hand.find("menu-item", "Quit")
+    desktop.trees = [hidden, tree(SHOWN)]
+    with pytest.raises(DesktopTimeoutError, match="the menu with 'Quit' was closed"):
+        hand.click(item)
+    assert desktop.ran == ["pyautogui.click(140, 250)"]  # the button of the panel, and no more
+
+
+def test_another_node_is_clicked_on_after_a_disturbance() -> None:
+    desktop = Trees([tree(f'{SHOWN}<push-button name="Play" {PLACE}/>')])
+    hand = careful.CarefulHand(desktop, ["vlc"], patience=0.3)
+    button = hand.find("push-button", "Play")
+    desktop.trees = [tree(MINIMISED, WINDOWS_BUTTON), tree(SHOWN)]
+    hand.click(button)
+    assert desktop.ran == ["pyautogui.click(140, 250)"] * 2
+
+
+@pytest.mark.parametrize(("hidden", "moves"), [(True, ["pyautogui.moveTo(140, 250)"]), (False, [])])
+def test_the_wheel_turns_over_the_window_that_was_restored(
+    hidden: bool,
+    moves: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(careful, "LOST", 5.0)  # nothing is looked for before the page was scrolled
+    wanted = tree(f'{SHOWN}<link name="below" {PLACE}/>')
+    first = tree(MINIMISED, WINDOWS_BUTTON) if hidden else tree(SHOWN)
+    actions = 3 if hidden else 1  # the panel, the key and the pointer; or the key alone
+    desktop = Trees([first, *[tree(SHOWN)] * actions, wanted])
+    hand = careful.CarefulHand(desktop, ["vlc"], patience=2)
+    hand.press("home")
+    hand.find("link", "below", scroll=True)
+    scrolled = desktop.ran.index("pyautogui.scroll(-2)")
+    assert desktop.ran[scrolled - len(moves) : scrolled] == moves
+
+
+@pytest.mark.parametrize(("later", "starts"), [(SHOWN, 0), ("", 1)])
+def test_a_program_is_started_again_only_if_its_window_stays_away(later: str, starts: int) -> None:
+    nothing = tree("").replace('<frame name=""/></application>', "</application>", 1)
+    looks = [nothing, tree(later) if later else nothing]
+
+    class Busy(Trees):
+        def accessibility(self) -> str:
+            return looks.pop(0) if len(looks) > 1 else looks[0]
+
+    desktop = Busy([])
+    hand = careful.CarefulHand(desktop, ["vlc"], "vlc /home/user/song.ogg", patience=0.1)
+    hand.put_right()
+    assert desktop.ran.count("pyautogui.hotkey('alt', 'f2')") == starts
