@@ -158,7 +158,9 @@ class Task(ABC):
         if gave_up and not self.infeasible:
             return Verdict(0.0, "the agent answered FAIL, but the task can be done")
         if self.infeasible and not gave_up:
-            return Verdict(0.0, f"the task cannot be done ({self.infeasible}): FAIL would have been right")
+            return Verdict(
+                0.0, f"the task cannot be done ({self.infeasible}): FAIL would have been right"
+            )
         found = list(self.problems(machine))
         found += machine.untouched_sites(but=self.sites)
         if found:
