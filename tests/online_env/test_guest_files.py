@@ -6,10 +6,14 @@ import stat
 
 import pytest
 
+from support import needs
+
+pytest.importorskip("starlette", reason=needs.ONLINE)
+
+from online_env.embedded.guest import files as guest_files
+
 from support.guests import at_home, guest_client, said
 from support.loopback import served
-
-from online_env.embedded.guest import files as guest_files  # isort: skip
 
 
 @pytest.fixture(scope="module")

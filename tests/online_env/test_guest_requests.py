@@ -8,11 +8,15 @@ from pathlib import Path
 
 import pytest
 
+from support import needs
+
+pytest.importorskip("starlette", reason=needs.ONLINE)
+
+from online_env.embedded.guest import commands, gate
+
 from support.guests import TOKEN, at_home, guest_client, httpx, said
 from support.processes import children
 from support.waiting import until
-
-from online_env.embedded.guest import commands, gate  # isort: skip
 
 
 @pytest.fixture(scope="module")
