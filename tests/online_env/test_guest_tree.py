@@ -19,6 +19,9 @@ from online_env.embedded.guest.atspi import icons, states
 from online_env.embedded.guest.atspi.reader import Application, AtspiNode
 from online_env.embedded.guest.atspi.visibility import VisibilityFilter, candidates
 
+from support.processes import comm
+from support.waiting import until
+
 SPACE = "{https://accessibility.ubuntu.example.org/ns/%s}%s"
 SHOWN = states.SHOWING | states.VISIBLE
 BUTTON = 43
@@ -135,6 +138,7 @@ def test_chromium_is_called_as_it_was_started(tmp_path):
         program = tmp_path / command
         program.symlink_to(shutil.which("sleep"))
         with subprocess.Popen([program, "60"]) as process:
+            until(lambda: comm(process.pid) == command)
             text = tree.to_xml([Application(node("Chromium"), process.pid)])
             process.kill()
         return ElementTree.fromstring(text)[0].get("name")
