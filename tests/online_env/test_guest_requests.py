@@ -1,5 +1,6 @@
 """What a guest server answers to requests that need no screen, over real HTTP on loopback."""
 
+import asyncio
 import json
 import os
 import socket
@@ -13,9 +14,10 @@ from support import needs
 pytest.importorskip("starlette", reason=needs.ONLINE)
 
 from online_env.embedded.guest import commands, gate
+from online_env.embedded.registry import process_start
 
 from support.guests import TOKEN, at_home, guest_client, httpx, said
-from support.processes import children
+from support.processes import children, cmdline
 from support.waiting import until
 
 
@@ -173,15 +175,22 @@ def test_commands_find_our_wrappers_and_nothing_of_the_server(guest):
     assert not {"PYTHONPATH", "VIRTUAL_ENV"} & set(found)
 
 
-def test_a_client_that_goes_away_ends_its_command(guest):
-    before = set(children(os.getpid()))
-    with pytest.raises(httpx.ReadTimeout):
-        guest.post(
-            "/run_bash_script",
-            json={"script": "sleep 4325 & sleep 4325", "timeout": 0.15},
-            timeout=0.05,
-        )
-    until(lambda: set(children(os.getpid())) <= before, "the end of what was started")
+def test_a_command_that_is_given_up_ends_with_all_that_it_started(home):
+    family = []
+
+    async def scenario():
+        runner = commands.Runner()
+        job = asyncio.create_task(runner.run(["sh", "-c", "sleep 4325 & sleep 4325"]))
+        while len(family) < 3:
+            await asyncio.sleep(0.01)
+            shells = [pid for pid in children(os.getpid()) if b"4325" in cmdline(pid)]
+            family[:] = [one for pid in shells for one in (pid, *children(pid))]
+        job.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await job
+
+    asyncio.run(scenario())
+    until(lambda: not any(process_start(pid) for pid in family), "their end")
 
 
 def test_what_takes_too_long_says_how_long_it_may_take(guest):

@@ -259,16 +259,18 @@ def test_the_bus_and_x_may_differ_by_a_few_pixels(off, seen):
 
 def test_items_of_a_menu_are_seen_in_a_popup_only():
     def shown(*surfaces):
-        item = node("item", (110, 10, 190, 30))
+        item = node("item", (110, 10, 290, 30))
         menu = node("menu", (10, 0, 50, 20), item, role=states.MENU)
         below = node("below", (110, 40, 190, 50))
-        return set(Screen([*surfaces, Surface(LEFT, LEFT)]).shown(window(LEFT, menu, below)))
+        return Screen([*surfaces, Surface(LEFT, LEFT)]).shown(window(LEFT, menu, below))
 
-    place = (100, 0, 200, 100)
-    assert shown() == {"w", "menu", "below"}
-    assert shown(Surface(place, place, popup=True)) == {"w", "menu", "item"}
-    assert shown(Surface(place, place, popup=True, pid=8)) == {"w", "menu"}
-    assert shown(Surface(place, place)) == {"w", "menu"}
+    place = (100, 0, 300, 100)
+    assert set(shown()) == {"w", "menu", "below"}
+    assert set(shown(Surface(place, place, popup=True))) == {"w", "menu", "item"}
+    # It reaches beyond the window that it belongs to.
+    assert shown(Surface(place, place, popup=True))["item"] == (110, 10, 290, 30)
+    assert set(shown(Surface(place, place, popup=True, pid=8))) == {"w", "menu"}
+    assert set(shown(Surface(place, place))) == {"w", "menu"}
 
 
 def test_a_plug_in_is_seen_in_the_panel_of_the_process_that_started_it():

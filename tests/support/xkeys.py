@@ -92,7 +92,7 @@ class Server:
         elif kind == X.ButtonRelease:
             self.down.remove(-detail)
         elif kind == X.KeyPress:
-            self.down.append(detail)
+            self.down = [*dict.fromkeys([*self.down, detail])]
             self._press(self.rows[detail - FIRST])
         else:
             self.down.remove(detail)
