@@ -52,6 +52,7 @@ for name in ("up", "work", "usr"):
 options = f"lowerdir=/usr,upperdir={place}/up,workdir={place}/work,userxattr"
 k.mount("overlay", f"{place}/usr", "overlay", 0, options)
 """
+_PATIENCE = 20.0  # s for a probe
 _REFUSED = "online_env.embedded.runtime.plain.SetupError: "
 # Whether users inside can have numbers of their own on the machine.
 _SHIFT_PROBE = """
@@ -152,11 +153,11 @@ def _kernel() -> Finding:
             command,
             capture_output=True,
             text=True,
-            timeout=20,
+            timeout=_PATIENCE,
             check=False,
         )
     except subprocess.TimeoutExpired:
-        return Finding("namespaces", False, "the probe did not end within 20 s")
+        return Finding("namespaces", False, f"the probe did not end within {_PATIENCE:g} s")
     finally:
         place.rmdir()
     if done.returncode == 0:
@@ -193,13 +194,17 @@ def _users() -> Finding:
     layer = home.layer_path()
     shown = [str(layer / "home")] if layer.is_dir() else []
     command = [sys.executable, "-I", "-S", "-c", _SHIFT_PROBE, str(PACKAGES), *shown]
-    done = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        timeout=20,
-        check=False,
-    )
+    try:
+        done = subprocess.run(
+            command,
+            capture_output=True,
+            text=True,
+            timeout=_PATIENCE,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        detail = f"the probe did not end within {_PATIENCE:g} s"
+        return Finding(name, False, detail, required=False)
     if done.returncode == 0:
         return Finding(name, True, "have numbers that nobody has on this machine")
     detail = (

@@ -4,6 +4,7 @@ Light on purpose: the first process of a desktop imports it.
 """
 
 import contextlib
+import itertools
 import json
 import os
 import re
@@ -27,6 +28,7 @@ PATIENCE = 20.0  # s for a process to end
 POLL = 0.005
 LONGEST = 20  # characters of a name
 _NAME = re.compile(r"[a-z0-9](?:[a-z0-9-]{0,18}[a-z0-9])?")
+_NEEDED = {"id", "slot", "state", "created"}  # in whatever record
 _STATE_FIELD, _START_FIELD = 0, 19  # of /proc/PID/stat, counted after the name
 
 Record = dict[str, Any]
@@ -104,10 +106,11 @@ def claim(
         )
     with locked():
         present = records()
+        slot = _free_slot({record["slot"] for record in present})
         name = _free_name(name, {record["id"] for record in present})
         record: Record = {
             "id": name,
-            "slot": _free_slot({record["slot"] for record in present}),
+            "slot": slot,
             "state": "starting",
             "keeper": list(keeper),
             "controller": list(controller) if controller else None,
@@ -120,7 +123,8 @@ def claim(
 
 def _free_name(name: str | None, present: set[str]) -> str:
     if name is None:
-        name = next(f"d{i}" for i in range(1, SLOTS) if not _is_taken(f"d{i}", present))
+        numbers = itertools.count(1)
+        name = next(f"d{i}" for i in numbers if not _is_taken(f"d{i}", present))
     elif _is_taken(name, present):
         raise SetupError(
             f"a desktop {name!r} is there already; end it with: hijack desktop down {name}"
@@ -160,9 +164,11 @@ def save(record: Record) -> None:
 def load(name: str) -> Record | None:
     """The record of a desktop, or `None`."""
     try:
-        return json.loads((folder(name) / RECORD).read_text(encoding="utf-8"))
+        found = json.loads((folder(name) / RECORD).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
+    is_record = isinstance(found, dict) and found.keys() >= _NEEDED
+    return found if is_record else None
 
 
 def records() -> list[Record]:

@@ -58,9 +58,11 @@ def argv_of(command: object, shell: bool) -> list[str]:
     if isinstance(command, str):
         words = [command] if shell else shlex.split(command)
     elif isinstance(command, list) and all(isinstance(word, str) for word in command):
-        words = [os.path.expanduser(word) if word.startswith("~/") else word for word in command]
+        words = list(command)
     else:
         raise ValueError(f"command must be a string or a list of strings, got {command!r:.200}")
+    if not (shell and isinstance(command, str)):  # there the shell does it
+        words = [os.path.expanduser(word) if word.startswith("~/") else word for word in words]
     if not words or not words[0]:
         raise ValueError("command is empty")
     if any("\0" in word for word in words):

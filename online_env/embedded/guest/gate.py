@@ -4,6 +4,7 @@ The checks are the token and the limit on its size; the answers are JSON.
 """
 
 import hmac
+import json
 from collections.abc import Mapping
 from typing import Any
 
@@ -24,6 +25,17 @@ TIMED_OUT = 504
 _CLOSE = {"Connection": "close"}
 
 
+class JsonAnswer(JSONResponse):
+    """JSON in which names of files that are no text stay escaped, as in OSWorld's answers."""
+
+    def render(self, content: Any) -> bytes:
+        """The body."""
+        try:
+            return super().render(content)
+        except UnicodeEncodeError:  # half of a surrogate pair
+            return json.dumps(content).encode()
+
+
 def problem(
     message: str,
     status: int,
@@ -35,7 +47,7 @@ def problem(
         "message": message,
         "error": message,
     }
-    return JSONResponse(body, status, dict(headers or {}))
+    return JsonAnswer(body, status, dict(headers or {}))
 
 
 class TooLargeError(GuestError):

@@ -18,6 +18,7 @@ from starlette.routing import Route
 from ...errors import GuestError
 from .fields import BAD_REQUEST, body_of, text
 from .files import FAILED, NOT_FOUND, chunks, expand, listing, open_file, save
+from .gate import JsonAnswer
 from .machine import GuestMachine
 
 DOWNLOAD_TRIES = 3
@@ -81,7 +82,7 @@ class Files:
         body = await body_of(request)
         path = expand(body.get("path"))
         tree = await run_in_threadpool(listing, path)
-        return JSONResponse({"directory_tree": tree})
+        return JsonAnswer({"directory_tree": tree})
 
     def desktop_path(self, _: Request) -> Response:
         """The folder whose files lie on the desktop.

@@ -13,10 +13,13 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
 
+from hijack_data.surrogates import without_halves
+
 from ...errors import DesktopError, DesktopTimeoutError, GuestError
 from .commands import TIMEOUT, CommandResult, argv_of
 from .fields import body_of, flag, number, text
 from .files import expand
+from .gate import JsonAnswer
 from .machine import GuestMachine
 from .windows import Window
 
@@ -61,9 +64,16 @@ class RunRoutes:
         return await self._machine.runner.run(argv, number(body, "timeout", TIMEOUT))
 
     async def execute_with_verification(self, request: Request) -> Response:
-        """Run a command, then wait until a window is there or another command succeeds."""
+        """Run a command, then wait until a window is there or another command succeeds.
+
+        Raises:
+            GuestError: What is to be verified is not an object.
+        """
         body = await body_of(request)
         wanted = body.get("verification") or {}
+        if not isinstance(wanted, dict):
+            raise GuestError(f"verification must be an object, got {wanted!r:.200}", 400)
+        wanted = cast("dict[str, Any]", wanted)
         patience = number(body, "max_wait_time", 10.0)
         pause = number(body, "check_interval", 1.0, 0.01)
         outcome = _success(await self._execute(body))
@@ -118,7 +128,8 @@ class RunRoutes:
         shell = flag(body, "shell")
         argv = argv_of(body.get("command"), shell)
         await self._machine.runner.launch(argv)
-        return PlainTextResponse(f"{' '.join(argv[2:] if shell else argv)} launched successfully")
+        started = without_halves(" ".join(argv[2:] if shell else argv))
+        return PlainTextResponse(f"{started} launched successfully")
 
     async def open_file(self, request: Request) -> Response:
         """Open a file with its application and wait for the window; a program's name starts it.
@@ -298,7 +309,7 @@ def _success(outcome: CommandResult) -> dict[str, Any]:
 
 
 def _script_error(output: str, status: int) -> Response:
-    return JSONResponse(
+    return JsonAnswer(
         {
             "status": "error",
             "output": output,

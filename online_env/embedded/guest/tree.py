@@ -35,7 +35,10 @@ RANK_FOCUSED = 4
 RANK_ACTIVE = 2
 RANK_SHOWING = 1
 _FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-_NOT_NAME = re.compile(r"[^\w.-]")
+# Of the letters of names, those that every edition of XML has: Expat knows no later ones, and to
+# Python "²" and "ª" are letters and digits, too. Latin, Greek, Cyrillic, Kana, Chinese, Korean.
+_LETTERS = "A-Za-zÀ-ÖØ-öø-ıΆΈ-ΊΌΎ-ΡΣ-ώЁ-ЌЎ-яё-ќў-ҁぁ-ゔァ-ヺ一-龥가-힣"
+_NOT_NAME = re.compile(f"[^{_LETTERS}0-9_.-]")
 _NOT_WRITTEN = str.maketrans("", "", "\ufffc\ufffd")  # objects inside a text, and broken letters
 _VALUES = {
     "value": "CurrentValue",

@@ -31,6 +31,11 @@ def host_of(header: str) -> str:
     )
 
 
+def day(text: str) -> date:
+    """The date at the start of `2026-03-04T09:12`."""
+    return date.fromisoformat(text[:10])
+
+
 def long_date(day: date) -> str:
     """`4 March 2026`."""
     return f"{day.day} {day:%B %Y}"

@@ -15,7 +15,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import BaseRoute
 
-from .names import TODAY, long_date, short_date
+from .names import TODAY, day, long_date, short_date
 from .state import SiteState, StorageFullError
 
 HERE = Path(__file__).parent
@@ -34,6 +34,7 @@ def _templates() -> Environment:
     )
     env.filters.update(
         money=money,
+        day=day,
         long_date=long_date,
         short_date=short_date,
     )

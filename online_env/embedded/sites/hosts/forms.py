@@ -86,9 +86,11 @@ def _problems(entry: Mapping[str, Any], agreed: bool) -> dict[str, str]:
 
 def _is_past_date(text: str) -> bool:
     try:
-        return date(1900, 1, 1) <= date.fromisoformat(text) < TODAY
+        day = date.fromisoformat(text)
     except ValueError:
         return False
+    # Python also reads 19900517 and 1990-W20-4, which nobody who looks at the state expects.
+    return day.isoformat() == text and date(1900, 1, 1) <= day < TODAY
 
 
 def _found(request: Request, kept: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:

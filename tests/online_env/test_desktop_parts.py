@@ -1,0 +1,261 @@
+"""What a desktop is made of on the machine: network, processes, limits, golden homes."""
+
+import os
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from support import needs
+
+pytest.importorskip("Xlib", reason=needs.ONLINE)
+
+from Xlib import xauth
+
+from online_env.embedded import doctor, home, registry
+from online_env.embedded.runtime import init, internet, kernel, limits, nest, network
+from online_env.embedded.runtime.plain import DesktopConfig, SetupError
+
+from support.waiting import until
+
+
+@pytest.fixture(autouse=True)
+def run(tmp_path, monkeypatch):
+    monkeypatch.setattr(registry, "RUN", tmp_path / "run")
+    (tmp_path / "run/d1/logs").mkdir(parents=True)
+    return tmp_path / "run"
+
+
+def order(**more):
+    return DesktopConfig(name="d1", screen=(8, 4), layer="", search_path=(), python="", **more)
+
+
+# The network and the local internet
+
+
+@pytest.fixture
+def ip(tmp_path, monkeypatch):
+    """An `ip` that writes down what it is asked, and fails where `broken` is in it."""
+    told = tmp_path / "told"
+    program = tmp_path / "ip"
+    program.write_text(
+        f'#!/bin/sh\nread -r all\n(printf "%s\\n" "$*" "$all"; cat) >> {told}\n'
+        'case "$*$all" in *broken*) echo "RTNETLINK: no" >&2; exit 2;; esac\n'
+    )
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    return told
+
+
+def test_a_desktop_gets_a_cable_to_its_internet_and_to_nothing_else(ip):
+    network.create("d1")
+    assert ip.read_text().splitlines() == [
+        "-batch -",
+        "netns add ah-d1",
+        "netns add ah-d1.web",
+        "-n ah-d1 -batch -",
+        "link set lo up",
+        "link add eth0 type veth peer name web0 netns ah-d1.web",
+        "addr add 10.77.0.2/24 dev eth0",
+        "link set eth0 up",
+        "route add default via 10.77.0.1",
+        "-n ah-d1.web -batch -",
+        "link set lo up",
+        "addr add 10.77.0.1/24 dev web0",
+        "link set web0 up",
+        "route add unreachable default",
+    ]
+
+
+def test_a_network_that_is_refused_is_told_in_the_words_of_ip(ip, tmp_path):
+    with pytest.raises(SetupError) as error:
+        network.create("broken")
+    assert str(error.value) == f"`{tmp_path}/ip -batch -` failed (2): RTNETLINK: no"
+
+
+@pytest.mark.parametrize(
+    ("script", "message"),
+    [
+        ("echo '{\"http\": 80}'; cat", None),
+        ("echo '{}'", "the local internet does not serve; the end of sites.log: (empty)"),
+        ("echo no port >&2", "the local internet does not serve; the end of sites.log: no port"),
+        ("exec sleep 60", "the local internet does not serve; the end of sites.log: (empty)"),
+    ],
+)
+def test_a_local_internet_that_does_not_serve_is_told(tmp_path, monkeypatch, script, message):
+    monkeypatch.setattr(internet.Internet, "_enter", lambda self: None)
+    python = tmp_path / "python"
+    python.write_text(f"#!/bin/sh\n{script}\n")
+    python.chmod(0o755)
+    patience = 0.1 if "sleep" in script else 60.0
+    given = DesktopConfig(
+        name="d1", screen=(8, 4), layer="", search_path=(), python=str(python), time_out=patience
+    )
+    sites = internet.Internet(given, "d1")
+    try:
+        if message is None:
+            sites.wait()
+            return
+        with pytest.raises(SetupError) as error:
+            sites.wait()
+        assert str(error.value) == message
+    finally:
+        sites.close()
+    assert sites._process.returncode is not None
+
+
+# Processes
+
+
+def test_clients_of_both_kinds_find_the_password_of_the_display(tmp_path):
+    """python-xlib looks for the name of this host, libX11 for any."""
+    path = tmp_path / "authority"
+    path.write_bytes(init._authority_entries())
+    entries = xauth.Xauthority(str(path)).entries
+    assert [entry[0] for entry in entries] == [256, 65535]
+    assert entries[0][1:4] == (os.uname().nodename.encode(), b"0", b"MIT-MAGIC-COOKIE-1")
+    assert entries[1][1:3] == (b"", b"")
+    assert len({entry[4] for entry in entries}) == 1
+    assert len(entries[0][4]) == 16
+    assert init._authority_entries() != path.read_bytes()
+
+
+def in_child(act):
+    """What `act` returns in a fork of this process, as words; it may keep descriptor 1."""
+    reader, writer = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.dup2(writer, 1)
+        os.write(1, " ".join(map(str, act())).encode())
+        os._exit(0)
+    os.close(writer)
+    with open(reader, encoding="ascii") as file:
+        text = file.read()
+    os.waitpid(child, 0)
+    return text.split()
+
+
+@pytest.mark.parametrize("kept", [{0, 1, 2}, {1, 7}, {0, 1, 2, 3, 9}])
+def test_a_guest_server_starts_with_the_descriptors_it_was_given_only(kept):
+    def left():
+        for number in range(12):
+            os.dup2(1, number)
+        nest.close_others(set(kept))
+        names = os.listdir("/proc/self/fd")
+        return [name for name in names if os.path.exists(f"/proc/self/fd/{name}")]
+
+    assert set(map(int, in_child(left))) == kept
+
+
+def test_a_process_that_is_renamed_shows_nothing_of_its_command():
+    def shown():
+        kernel.rename("a-name-of-20-letters")
+        line = Path("/proc/self/cmdline").read_bytes().strip(b"\0").decode()
+        return line, Path("/proc/self/comm").read_text()
+
+    assert in_child(shown) == ["a-name-of-20-letters", "a-name-of-20-le"]
+
+
+def test_another_kind_of_machine_is_named(monkeypatch):
+    monkeypatch.setattr(kernel.os, "uname", lambda: type("Uname", (), {"machine": "riscv64"}))
+    with pytest.raises(OSError) as error:
+        kernel.pivot_root()
+    assert str(error.value) == "no embedded desktops on riscv64: only on x86_64 and aarch64"
+
+
+@pytest.fixture
+def first_process(run):
+    logs = os.open(run / "d1/logs", os.O_RDONLY)
+    yield init.Init(order(time_out=0.05), run / "d1", "token", None, None, logs)
+    os.close(logs)
+
+
+def test_what_does_not_come_in_time_is_told_with_the_end_of_its_log(first_process, run):
+    reader, writer = os.pipe()
+    with pytest.raises(SetupError, match=r"^waited 0 s in vain for Xvfb to answer; it left no log"):
+        first_process._read(reader, "Xvfb", "Xvfb to answer")
+    (run / "d1/logs/Xvfb.log").write_text("x" * 900 + " no screens found\n")
+    with pytest.raises(SetupError) as error:
+        first_process._read(reader, "Xvfb", "Xvfb to answer")
+    end = ("x" * 900 + " no screens found\n")[-800:].strip()
+    assert str(error.value).endswith(f"for Xvfb to answer; the end of Xvfb.log: {end}")
+    os.write(writer, b"part ")
+    os.write(writer, b"of it\n")
+    first_process.deadline = time.monotonic() + 60
+    assert first_process._read(reader, "Xvfb", "") == "part of it\n"
+    for descriptor in (reader, writer):
+        os.close(descriptor)
+
+
+def test_a_program_that_ends_again_and_again_is_given_up(first_process, monkeypatch):
+    monkeypatch.setattr(init.time, "sleep", lambda seconds: None)
+    started = []
+    monkeypatch.setattr(first_process, "start", lambda name, argv: started.append(argv))
+    first_process.commands["xfwm4"] = ("xfwm4",)
+    for _ in range(init.RESTARTS):
+        first_process.running[5] = "xfwm4"
+        first_process._look_after(5, 9)
+    assert started == [("xfwm4",)] * init.RESTARTS
+    first_process.running[5] = "xfwm4"
+    with pytest.raises(SetupError, match=r"^xfwm4 ended 9 times within 60 s \(signal 9\); it left"):
+        first_process._look_after(5, 9)
+    first_process.deaths["xfwm4"] = [time.monotonic() - init.WINDOW - 1] * 20
+    first_process.running[5] = "xfwm4"
+    first_process._look_after(5, 256)  # what was long ago does not count
+    first_process._look_after(77, 0)  # a grandchild
+    first_process.running[6] = "Xvfb"
+    with pytest.raises(SetupError, match=r"^Xvfb ended \(exit code 1\), and with it the desktop"):
+        first_process._look_after(6, 256)
+
+
+# What the doctor finds
+
+
+def test_the_doctor_says_what_nothing_limits(tmp_path, monkeypatch):
+    monkeypatch.setattr(limits, "GROUPS", tmp_path)
+    nothing = doctor._limits()
+    assert (nothing.ok, nothing.required) == (False, False)
+    assert nothing.detail == "nothing limits the processes and the memory of a desktop as a whole"
+    (tmp_path / "cgroup.controllers").write_text("cpu pids\n")
+    assert doctor._limits().detail == (
+        "control groups limit the processes of a desktop;"
+        " nothing limits the memory of a desktop as a whole"
+    )
+    (tmp_path / "cgroup.controllers").write_text("memory pids\n")
+    assert doctor._limits().ok
+    assert doctor._limits().detail == (
+        "control groups limit the processes and the memory of a desktop"
+    )
+
+
+def test_a_probe_that_hangs_is_a_finding(monkeypatch):
+    monkeypatch.setattr(doctor, "_PATIENCE", 0.05)
+    for name in ("_PROBE", "_ROOTLESS_PROBE", "_SHIFT_PROBE"):
+        monkeypatch.setattr(doctor, name, "import time; time.sleep(60)")
+    monkeypatch.setattr(doctor.os, "geteuid", lambda: 0)
+    for found in (doctor._kernel(), doctor._users()):
+        assert (found.ok, found.detail) == (False, "the probe did not end within 0.05 s")
+
+
+def test_old_golden_homes_go_and_the_present_one_stays(tmp_path):
+    present = home.layer_path(tmp_path)
+    for name in (present.name, "layer-0123", "building-x", "images"):
+        (tmp_path / name / "home").mkdir(parents=True)
+    assert home.ensure_layer(tmp_path) == present
+    home.remove_old_layers(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {present.name, "images", "run"}
+
+
+def test_groups_that_are_busy_are_left_after_a_while(tmp_path, monkeypatch):
+    monkeypatch.setattr(limits, "GROUPS", tmp_path)
+    monkeypatch.setattr(limits, "PATIENCE", 0.1)
+    (tmp_path / "cgroup.controllers").write_text("memory pids\n")
+    busy = tmp_path / "agenthijack-d1"
+    (busy / "inner").mkdir(parents=True)
+    limits.leave_groups("d1")
+    assert busy.exists()
+    threading.Timer(0.05, (busy / "inner").rmdir).start()
+    monkeypatch.setattr(limits, "PATIENCE", 60.0)
+    limits.leave_groups("d1")
+    until(lambda: not busy.exists())
