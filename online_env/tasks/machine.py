@@ -297,6 +297,8 @@ def _kept(stored: Any) -> Any:
 def _allowed(path: str, patterns: Iterable[str]) -> bool:
     """Return whether a path is allowed to differ, or is a folder above what is."""
     for pattern in patterns:
-        if fnmatch.fnmatchcase(path, pattern) or pattern.startswith(f"{path}/"):
+        if path == pattern or fnmatch.fnmatchcase(path, pattern):  # `[` is no pattern in a name
+            return True
+        if pattern.startswith(f"{path}/"):
             return True
     return False
