@@ -1,4 +1,4 @@
-"""When a screen has settled, on a screen that follows a script and a clock that the test winds."""
+"""How long a screen is watched, on one that follows a script and a clock that the test winds."""
 
 from collections.abc import Callable
 
@@ -62,15 +62,6 @@ def test_a_still_screen_is_watched_for_the_quiet_time(monkeypatch: pytest.Monkey
     assert set(screen.calls) == {"shot"}
 
 
-def test_a_screen_that_moves_for_a_while_is_shown_as_it_stays(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    screen = Screen(lambda seconds: min(int(seconds / 0.2), 5), monkeypatch)  # until 1.0 s
-    found = screen.settled()
-    assert (number_of(found), found.in_time) == (5, True)
-    assert screen.passed >= 1.0 + RULE.quiet
-
-
 def test_a_screen_that_never_rests_is_taken_at_the_cap(monkeypatch: pytest.MonkeyPatch) -> None:
     screen = Screen(lambda seconds: int(seconds / 0.1), monkeypatch)
     found = screen.settled()
@@ -86,44 +77,12 @@ def test_another_size_is_another_screen(monkeypatch: pytest.MonkeyPatch) -> None
     assert screen.passed >= 0.2 + RULE.quiet
 
 
-@pytest.mark.parametrize("with_tree", [False, True])
-def test_without_a_cap_one_screenshot_is_taken_at_once(
-    monkeypatch: pytest.MonkeyPatch,
-    with_tree: bool,
-) -> None:
-    screen = Screen(lambda seconds: 1, monkeypatch)
-    found = screen.settled(with_tree, Settle(quiet=0, cap=0))
-    assert screen.calls == (["shot", "tree"] if with_tree else ["shot"])
-    assert found.in_time
-    assert found.tree == ("<tree of='1'/>" if with_tree else None)
-
-
 def test_the_tree_is_read_while_the_screen_is_watched(monkeypatch: pytest.MonkeyPatch) -> None:
     screen = Screen(lambda seconds: 1, monkeypatch)
     found = screen.settled(with_tree=True)
     assert (found.tree, found.tree_seconds) == ("<tree of='1'/>", TREE)
     assert screen.calls.count("tree") == 1
     assert screen.passed < RULE.quiet + TREE + 2 * (RULE.look + SHOT)
-
-
-def test_a_tree_of_a_screen_that_changed_after_it_is_read_again(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    screen = Screen(lambda seconds: 1 if seconds < 0.28 else 2, monkeypatch)
-    found = screen.settled(with_tree=True)
-    assert (found.tree, number_of(found)) == ("<tree of='2'/>", 2)
-    assert screen.calls.count("tree") == 2
-    assert found.tree_seconds == 2 * TREE
-
-
-def test_of_a_screen_that_never_rests_picture_and_tree_come_last_and_together(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    screen = Screen(lambda seconds: int(seconds / 0.1), monkeypatch)
-    found = screen.settled(with_tree=True)
-    assert not found.in_time
-    assert screen.calls[-2:] == ["tree", "shot"]
-    assert number_of(found) == int((screen.passed - SHOT) / 0.1)
 
 
 @pytest.mark.parametrize(
