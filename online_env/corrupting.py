@@ -153,7 +153,7 @@ class Ledger:
             return []
         listed = cast("list[Any]", data) if isinstance(data, list) else []
         entries = [cast("dict[str, Any]", entry) for entry in listed if isinstance(entry, dict)]
-        return [entry for entry in entries if entry.keys() >= _FIELDS]
+        return [entry for entry in entries if _is_whole(entry)]
 
     def add(self, corruption: str, records: list[dict[str, Any]]) -> dict[str, Any]:
         """Add what was just applied, and return its entry."""
@@ -177,6 +177,20 @@ class Ledger:
 
     def _write(self, entries: list[dict[str, Any]]) -> None:
         write_atomic(self._path, json.dumps(entries, indent=1))
+
+
+def _is_whole(entry: dict[str, Any]) -> bool:
+    """Return whether an entry of a ledger is as `add` writes it."""
+    if not entry.keys() >= _FIELDS:
+        return False
+    at, records = entry["at"], entry["records"]
+    if not isinstance(entry["corruption"], str) or not isinstance(at, (int, float)):
+        return False
+    named = isinstance(records, list) and all(
+        isinstance(record, dict) and isinstance(record.get("effect"), str)
+        for record in cast("list[dict[str, Any]]", records)
+    )
+    return named
 
 
 def refuse_twice(

@@ -175,7 +175,7 @@ class HttpDesktop:
         width = _length(reply.headers.get("x-width", ""))
         height = _length(reply.headers.get("x-height", ""))
         body = reply.body
-        if width * height * 3 != len(body) or not width:
+        if width * height * 3 != len(body) or not body:
             raise GuestError(
                 f"{self.url}/ah/frame sent {len(body)} bytes for a frame of {width}x{height}"
             )

@@ -47,6 +47,8 @@ def split_address(
     except ValueError:  # a port that is no number, half an IPv6 address
         raise problem from None
     is_server = parts.scheme in ("http", "https") and bool(parts.hostname) and port != 0
-    if not is_server or parts.path.strip("/") or parts.query:
+    # What is not sent, such as a name and a password, must not be left out in silence.
+    has_more = parts.path.strip("/") or parts.query or parts.fragment or "@" in parts.netloc
+    if not is_server or has_more:
         raise problem
     return parts

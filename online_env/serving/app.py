@@ -131,9 +131,16 @@ class AccessGuard:
             if hmac.compare_digest(given, self._expected):
                 return ""
             return "the token is missing or wrong: send the header Authorization: Bearer TOKEN"
-        host = urlsplit(f"//{found.get(b'host', b'').decode('latin-1')}").hostname or ""
-        if b"origin" in found or not is_loopback(host):
+        if b"origin" in found or not is_loopback(_host_of(found.get(b"host", b""))):
             return "without a token, only programs of this machine are answered, and no web page"
+        return ""
+
+
+def _host_of(header: bytes) -> str:
+    """Return the name or address in a header `Host`; "" if there is none."""
+    try:
+        return urlsplit(f"//{header.decode('latin-1')}").hostname or ""
+    except ValueError:  # half an IPv6 address
         return ""
 
 

@@ -7,6 +7,7 @@ oracle needs a desktop.
 import string
 import sys
 import tempfile
+import traceback
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from hijack_data.loading import LoadedFile
 
 from ..desktops.protocol import Desktop
 from ..embedded.sites.state import SiteState
-from ..errors import DesktopError
+from ..errors import DesktopError, MissingPackageError
 from . import TASKS
 from .base import Outcome, Task
 from .folder import FolderDesktop
@@ -52,7 +53,11 @@ def check(name: str, with_desktop: bool) -> Iterator[Result | str]:
     task_class = TASKS.get(name)
     judged = _first_problems(task_class)
     about = f"instruction, right and wrong results, collateral damage (seeds 0 to {SEEDS - 1})"
-    notes = (*shortcomings(task_class(0)), *unchecked(task_class(0)))
+    notes: tuple[str, ...] = ()
+    try:
+        notes = (*shortcomings(task_class(0)), *unchecked(task_class(0)))
+    except Exception as error:  # noqa: BLE001  (a task may raise anything)
+        judged = judged or f"another seed: {_raised(task_class, error)}"
     yield Result("judgement", about, judged, notes)
     if not with_desktop:
         yield "oracle, doing nothing and teardown on a desktop: left out (--no-desktop)"
@@ -60,31 +65,52 @@ def check(name: str, with_desktop: bool) -> Iterator[Result | str]:
     try:
         from ..embedded.desktop import EmbeddedDesktop
 
-        with EmbeddedDesktop.up() as desktop:
-            sites = SiteState(desktop.record["sites"])
-            yield from _played(task_class(0), desktop, sites)
+        desktop = EmbeddedDesktop.up()
     except DesktopError as error:
         yield f"oracle, doing nothing and teardown: no desktop on this machine: {error}"
+        return
+    with desktop:
+        yield from _played(task_class(0), desktop, SiteState(desktop.record["sites"]))
 
 
 def _first_problems(task_class: type[Task]) -> str:
     """Return what is wrong at the first seed at which something is; "" if nothing is."""
     for seed in range(SEEDS):
-        found = list(problems(task_class(seed)))
+        try:
+            found = list(problems(task_class(seed)))
+        except Exception as error:  # noqa: BLE001  (a task may raise anything)
+            found = [_raised(task_class, error)]
         if found:
             return f"seed {seed}: {'; '.join(found)}"
     return ""
+
+
+def _raised(task_class: type[Task], error: Exception) -> str:
+    """Return an error with the line of the task's file that led to it."""
+    own = getattr(sys.modules.get(task_class.__module__), "__file__", None)
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [frame.lineno for frame in frames if frame.filename == own]
+    where = f" ({Path(own).name}, line {lines[-1]})" if own and lines else ""
+    return f"{type(error).__name__}: {error}{where}"
 
 
 def _played(
     task: Task,
     desktop: Desktop,
     sites: SiteState,
-) -> Iterator[Result]:
+) -> Iterator[Result | str]:
     """Yield what happens on a desktop."""
     machine = Machine(desktop, sites)
     at_first = machine.snapshot().files
-    task.setup(machine)
+    try:
+        task.setup(machine)
+    except MissingPackageError as error:
+        yield f"oracle, doing nothing and teardown: {error}"
+        return
+    except Exception as error:  # noqa: BLE001  (a task may raise anything)
+        problem = _raised(type(task), error)
+        yield Result("setup", "the task is prepared on a desktop", problem)
+        return
     idle = task.validate(machine)
     problem = f"doing nothing is judged {idle.score:g}" if idle.score else ""
     yield Result("do_nothing", "doing nothing scores 0", problem)
@@ -102,8 +128,8 @@ def _solved(task: Task, machine: Machine) -> str:
         task.oracle(Hand(machine.desktop))
     except GiveUpError:
         answer = "FAIL"
-    except HijackError as error:
-        return f"{type(error).__name__}: {error}"
+    except Exception as error:  # noqa: BLE001  (a task may raise anything)
+        return _raised(type(task), error)
     verdict = task.validate(machine, answer)
     return "" if verdict.passed else verdict.reason
 
@@ -175,8 +201,12 @@ def _words(task: Task) -> Iterator[str]:
     """Yield what is wrong with the instruction."""
     keys = set(vars(task.drawn))
     for phrasing in task.phrasings:
-        used = {name for _, name, _, _ in string.Formatter().parse(phrasing) if name}
-        unknown = sorted(used - keys)
+        try:
+            used = {name for _, name, _, _ in string.Formatter().parse(phrasing)} - {None}
+        except ValueError as error:
+            yield f"the phrasing {phrasing!r}: {error} (a brace of the text is written twice)"
+            continue
+        unknown = sorted(f"{{{name}}}" for name in used - keys)
         if unknown:
             yield f"a phrasing uses {', '.join(unknown)}, which draw does not return"
     if len(set(task.phrasings)) < len(task.phrasings):

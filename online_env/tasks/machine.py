@@ -23,6 +23,8 @@ printf '\0'
 find . -mindepth 1 -name '.*' -prune -o -type f -print0 |
     xargs -0 -r sha256sum -z -- || [ $? = 123 ]"""
 
+_AT_ONCE = 400  # paths of one command, which may have 2 MiB of arguments
+
 
 @dataclass(frozen=True, kw_only=True)
 class Snapshot:
@@ -279,8 +281,9 @@ class Machine:
         if self._at_first is None:
             return
         added = self.snapshot().files.keys() - self._at_first.files.keys()
-        if added:
-            self.run("rm", "-rf", "--", *sorted(added))
+        whole = sorted(path for path in added if path.rpartition("/")[0] not in added)
+        for start in range(0, len(whole), _AT_ONCE):
+            self.run("rm", "-rf", "--", *whole[start : start + _AT_ONCE])
 
 
 def _kept(stored: Any) -> Any:
@@ -297,6 +300,8 @@ def _kept(stored: Any) -> Any:
 def _allowed(path: str, patterns: Iterable[str]) -> bool:
     """Return whether a path is allowed to differ, or is a folder above what is."""
     for pattern in patterns:
-        if fnmatch.fnmatchcase(path, pattern) or pattern.startswith(f"{path}/"):
+        if path == pattern or fnmatch.fnmatchcase(path, pattern):  # `[` is no pattern in a name
+            return True
+        if pattern.startswith(f"{path}/"):
             return True
     return False

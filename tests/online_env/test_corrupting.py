@@ -151,7 +151,28 @@ def test_without_a_record_the_machine_is_asked():
         undo_unrecorded(desktop, hj.Subtitle(font_size=12))
 
 
-@pytest.mark.parametrize("text", ["", "{", "{}", "[1, {}]", '[{"corruption": "x"}]', "[" * 5000])
+ENTRY = {"corruption": "marking", "at": 1.0, "records": [{"effect": "test_mark"}]}
+DAMAGES = (
+    {"at": "yesterday"},
+    {"corruption": 3},
+    {"records": 3},
+    {"records": ["x"]},
+    {"records": [{}]},
+)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "{",
+        "{}",
+        "[1, {}]",
+        '[{"corruption": "x"}]',
+        "[" * 5000,
+        *(json.dumps([ENTRY | damage]) for damage in DAMAGES),
+    ],
+)
 def test_a_damaged_ledger_counts_as_empty(
     ledger,
     tmp_path,
@@ -159,6 +180,7 @@ def test_a_damaged_ledger_counts_as_empty(
 ):
     (tmp_path / FILE).write_text(text)
     assert ledger.entries() == []
+    refuse_twice(FakeDesktop(), ByHand(), ledger, "d1")
     ledger.add("marking", [])
     assert [entry["corruption"] for entry in ledger.entries()] == ["marking"]
 

@@ -115,7 +115,8 @@ def test_what_is_no_web_server_is_an_error_with_its_address(noise):
 def test_an_address_that_is_none():
     wrong = ("file:///etc/passwd", "ftp://10.0.0.2", "http://", "http://10.0.0.2:5000x", "[::1")
     below = ("http://10.0.0.2:5000/desktop", "http://10.0.0.2/?guest=2", "10.0.0.2:99999")
-    for url in (*wrong, *below):
+    more = ("http://user:secret@10.0.0.2:5000", "user@10.0.0.2", "http://10.0.0.2#desktop")
+    for url in (*wrong, *below, *more):
         with pytest.raises(GuestError, match="is not the address of a guest"):
             HttpDesktop(url)
 

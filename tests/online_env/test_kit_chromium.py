@@ -94,3 +94,39 @@ def test_a_damaged_file_is_an_error_and_no_empty_one(machine: Machine, path, rea
     machine.write(path, "neither JSON nor a base" * 100)
     with pytest.raises(DesktopError, match=path):
         read(machine)
+
+
+def test_pages_within_pages_are_no_part_of_the_history(machine: Machine, tmp_path: Path) -> None:
+    chromium.write_history(machine, [("http://a.test/", "A"), ("http://ads.test/frame", "")])
+    with closing(sqlite3.connect(tmp_path / chromium.HISTORY)) as base:
+        base.execute("UPDATE urls SET hidden = 1 WHERE url LIKE '%frame'")
+        base.commit()
+    assert chromium.history(machine) == {"http://a.test/"}
+
+
+@pytest.mark.parametrize("root", ["other", "synced"])
+def test_a_bookmark_outside_the_bar_is_wrong(machine: Machine, root: str) -> None:
+    chromium.write_bookmarks(machine, BAR, **{root: [("Chess", "http://wiki.test/wiki/Chess")]})
+    (problem,) = chromium.wrong_bookmarks(machine, BAR)
+    assert problem.count("Chess") == 2
+
+
+def test_the_order_within_folders_does_not_count_and_the_folder_does(machine: Machine) -> None:
+    one, two, three = ((name, f"http://{name}.test/") for name in ("one", "two", "three"))
+    wanted: list[chromium.Bookmark] = [("Work", [one, ("Old", [two, three])])]
+    chromium.write_bookmarks(machine, [("Work", [("Old", [three, two]), one])])
+    assert list(chromium.wrong_bookmarks(machine, wanted)) == []
+    chromium.write_bookmarks(machine, [("Work", [one, two, ("Old", [three])])])
+    assert len(list(chromium.wrong_bookmarks(machine, wanted))) == 1
+    chromium.write_bookmarks(machine, [("Work", [one, one, ("Old", [two, three])])])
+    assert len(list(chromium.wrong_bookmarks(machine, wanted))) == 1
+
+
+def test_what_the_browser_writes_last_counts_where_the_time_is_over(
+    machine: Machine,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    machine.write(f"{chromium.PROFILE}/SingletonLock", "")
+    monkeypatch.setattr(chromium, "LAG", -1.0)
+    answers = iter([False, True])
+    assert chromium.settled(machine, lambda: next(answers))

@@ -126,6 +126,43 @@ def test_files_may_change_places(machine: Machine) -> None:
     assert not list(rearranged(machine, swap))
 
 
+def test_modes_of_what_was_moved_do_not_count_and_those_of_others_do(machine: Machine) -> None:
+    move_files(machine, [("in/a.txt", "out/a.txt")])
+    machine.run("chmod", "600", "out/a.txt")
+    assert not list(rearranged(machine, [("in/a.txt", "out/a.txt")]))
+    machine.run("chmod", "600", "in/sub/b.txt")
+    found = list(rearranged(machine, [("in/a.txt", "out/a.txt")]))
+    assert found == ["in/sub/b.txt was changed"]
+
+
+def test_a_link_in_the_place_of_a_file_is_not_the_file(machine: Machine) -> None:
+    machine.run("mkdir", "out")
+    machine.run("mv", "in/a.txt", "in/sub/a.txt")
+    machine.run("ln", "-s", "../in/sub/a.txt", "out/a.txt")
+    found = list(rearranged(machine, [("in/a.txt", "out/a.txt")]))
+    assert found == ["in/sub/a.txt was added", "out/a.txt is not the file that was in/a.txt"]
+
+
+@pytest.mark.parametrize("name", ["[1].txt", "a?.txt", "ü *.txt", "two\nlines.txt", " "])
+def test_a_name_with_any_signs_may_be_named(machine: Machine, name: str) -> None:
+    move_files(machine, [("in/a.txt", f"out/{name}")])
+    assert list(rearranged(machine, [("in/a.txt", f"out/{name}")])) == []
+    assert list(machine.untouched("in/a.txt")) == ["out was added", f"out/{name} was added"]
+
+
+def test_a_pattern_allows_what_is_below_it_and_the_folders_above(machine: Machine) -> None:
+    machine.write("new/deep/a.txt", "one\n")
+    machine.write("other/a.txt", "one\n")
+    assert list(machine.untouched("new/*")) == ["other was added", "other/a.txt was added"]
+    assert list(machine.untouched("new/deep/a.txt", "other/*.txt")) == []
+
+
+def test_what_is_hidden_is_not_looked_at(machine: Machine) -> None:
+    machine.write(".config/a.txt", "one\n")
+    machine.write("in/.hidden", "one\n")
+    assert list(machine.untouched()) == []
+
+
 def test_what_was_not_asked_for_is_told(machine: Machine) -> None:
     machine.write("more.txt", "")
     machine.write("folder", "a file")
@@ -191,3 +228,13 @@ def test_a_locked_archive_shows_its_files_and_gives_none() -> None:
         with pytest.raises((RuntimeError, zipfile.BadZipFile)):
             archive.read("a.txt", b"password")
     assert unpacked(data) is None
+
+
+def test_the_trash_names_a_file_by_the_place_that_it_had(machine: Machine) -> None:
+    throw_away(machine, "in/a b.txt", b"one")
+    machine.run("mkdir", "-p", ".local/share/Trash/files/folder")
+    machine.write(".local/share/Trash/info/folder.trashinfo", "[Trash Info]\nPath=/x\n")
+    machine.write(".local/share/Trash/files/a b.2.txt", b"two")
+    outside = "[Trash Info]\nPath=/srv/a%20b.txt\nDeletionDate=2024-05-06T07:08:09\n"
+    machine.write(".local/share/Trash/info/a b.2.txt.trashinfo", outside)
+    assert thrown_away(machine) == {"in/a b.txt": b"one", "/srv/a b.txt": b"two"}

@@ -1,5 +1,6 @@
 """What tasks need of the mailbox: mails that are put there, and the judgement of its state."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -188,3 +189,58 @@ def test_a_draft_may_only_go_where_that_was_asked(machine: Machine) -> None:
         ident = state["drafts"].pop()["id"]
     assert list(mail.problems(machine)) == ["a draft from before is gone or was changed"]
     assert list(mail.problems(machine, finished=[ident])) == []
+
+
+def test_the_letter_of_which_little_is_asked_takes_the_mail_that_fits_no_other(
+    machine: Machine,
+) -> None:
+    anything = mail.Letter(to=["oda@mail.test"])
+    mail.store(machine, ["oda@mail.test"], "Honey", "Two jars, please.")
+    mail.store(machine, ["oda@mail.test"], "Bees", "How are they?")
+    for letters in ([anything, LETTER], [LETTER, anything]):
+        assert list(mail.problems(machine, sent=letters)) == []
+    (problem,) = mail.problems(machine, sent=[LETTER, replace(anything, subject="Wax")])
+    assert problem == "the subject is 'Bees'"
+
+
+@pytest.mark.parametrize(
+    ("given", "due", "problem"),
+    [
+        ("Oda@Mail.test", "oda@mail.test", []),
+        ("oda@mail.test", "ODA@mail.test", []),
+        ("oda@mail.test.", "oda@mail.test", ["cc is oda@mail.test."]),
+        ("", "oda@mail.test", ["cc is empty"]),
+    ],
+)
+def test_who_gets_a_copy_is_told_in_any_letter_case(
+    machine: Machine,
+    given: str,
+    due: str,
+    problem: list[str],
+) -> None:
+    mail.store(machine, ["jun@mail.test"], "", "", cc=[given] if given else [])
+    letter = mail.Letter(to=["jun@mail.test"], cc=[due])
+    assert list(mail.problems(machine, sent=[letter])) == problem
+
+
+def test_a_mail_from_before_that_was_changed_is_named(machine: Machine) -> None:
+    with machine.sites.update("mail") as state:
+        state["sent"][0]["body"] = "It was never there."
+    assert list(mail.problems(machine)) == [
+        "a mail from before is gone or was changed",
+        "1 new mails, not 0",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("$96,50 or 96.5", {96.5}),
+        ("1 2 3", {1.0, 2.0, 3.0}),
+        ("v1.2.3", {1.2, 3.0}),
+        ("12.", {12.0}),
+        ("none", set()),
+    ],
+)
+def test_numbers_of_a_text(text: str, found: set[float]) -> None:
+    assert mail.numbers(text) == found

@@ -106,3 +106,28 @@ def test_a_dab_of_the_brush_is_seen(machine, drawing):
     ImageDraw.Draw(spotted).ellipse((40, 40, 60, 60), "black")
     machine.write("a.png", pictures.encoded(spotted))
     assert list(pictures.picture_problems(machine, "a.png", drawing)) != []
+
+
+@pytest.mark.parametrize(
+    ("opacity", "is_right"),
+    [(255, True), (0, False), (200, False)],
+)
+def test_what_cannot_be_seen_is_not_the_picture(machine, drawing, opacity, is_right):
+    faint = drawing.convert("RGBA")
+    faint.putalpha(opacity)
+    machine.write("a.png", pictures.encoded(faint))
+    assert (list(pictures.picture_problems(machine, "a.png", drawing)) == []) == is_right
+    grey = drawing.convert("LA")
+    grey.putalpha(opacity)
+    machine.write("b.png", pictures.encoded(grey))
+    assert (list(pictures.grey_problems(machine, "b.png", drawing)) == []) == is_right
+
+
+@pytest.mark.parametrize("mode", ["I;16", "P", "LA", "1"])
+def test_a_picture_of_an_unusual_mode_is_compared_all_the_same(machine, mode):
+    black = Image.new("L", (8, 8))
+    white = Image.new("RGB", (8, 8), "white")
+    machine.write("a.png", pictures.encoded(black.convert(mode)))
+    found = list(pictures.picture_problems(machine, "a.png", white))
+    assert found == ["a.png looks different: colours are off by 255.0 of 255"]
+    assert list(pictures.grey_problems(machine, "a.png", white)) == found

@@ -1,6 +1,7 @@
 """What tasks need of the shop: carts and orders that are put there, and the judgement of both."""
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -86,3 +87,32 @@ def test_an_order_too_many_is_wrong_and_one_from_before_stays(machine: Machine) 
     assert "an order from before was changed" in list(
         shop.problems(machine, cart={}, orders=wanted)
     )
+
+
+def test_how_an_address_was_typed_does_not_count(machine: Machine) -> None:
+    typed = {key: f" {value.upper()}  " for key, value in PERSON.items()}
+    shop.order(machine, LINES, typed)
+    wanted = {"lines": LINES, **PERSON}
+    assert list(shop.problems(machine, cart={}, orders=[wanted])) == []
+    other = {**wanted, "street": "Elsewhere 1"}
+    assert list(shop.problems(machine, cart={}, orders=[other])) == [
+        f"street of the order is {typed['street']!r}"
+    ]
+
+
+def test_what_is_no_part_of_an_order_is_a_present_or_a_message(machine: Machine) -> None:
+    shop.order(machine, LINES, PERSON, gift=True, message="Hello")
+    wanted = {"lines": LINES, "gift": True, "message": "hello"}
+    assert list(shop.problems(machine, cart={}, orders=[wanted])) == []
+    assert list(shop.problems(machine, cart={}, orders=[{"lines": LINES}])) == [
+        "gift of the order is True",
+        "message of the order is 'Hello'",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("weight", "grams"),
+    [({"Weight": "320 g"}, 320), ({"Weight": "1.5 kg"}, 1500), ({}, 0)],
+)
+def test_weights_are_compared_in_grams(weight: dict[str, str], grams: int) -> None:
+    assert shop.grams(SimpleNamespace(details=weight)) == grams

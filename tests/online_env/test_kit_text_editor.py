@@ -54,3 +54,18 @@ def test_titles_tell_which_file_is_shown_and_whether_it_is_saved(title, shown, s
     path = "Documents/a.txt"
     assert bool(text_editor.title(path).match(title)) == shown
     assert bool(text_editor.title(path, saved=True).match(title)) == saved
+
+
+def test_only_the_first_line_that_differs_is_told_and_not_all_of_it(machine):
+    machine.write("a.txt", "x" * 200 + "\ntoo\n\nfour\n")
+    assert list(text_editor.text_problems(machine, "a.txt", WANTED)) == [
+        f"line 1 of a.txt is {'x' * 80!r}, not 'one'"
+    ]
+
+
+def test_a_mark_of_the_byte_order_is_no_text_and_what_is_no_text_is_told(machine):
+    machine.write("a.txt", b"\xef\xbb\xbfone\n")
+    assert list(text_editor.text_problems(machine, "a.txt", "one\n")) == []
+    machine.write("a.txt", b"on\xff\n")
+    (problem,) = text_editor.text_problems(machine, "a.txt", "one\n")
+    assert problem == "line 1 of a.txt is 'on\ufffd', not 'one'"

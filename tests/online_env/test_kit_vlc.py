@@ -88,3 +88,21 @@ def test_no_file_and_no_playlist(machine):
     assert vlc.playlist(machine, "Music/a.xspf") is None
     machine.write("Music/a.xspf", "<playlist")
     assert vlc.playlist(machine, "Music/a.xspf") == []
+
+
+@pytest.mark.parametrize("key", ["qt-updates-notif", "metadata-network-access"])
+def test_a_setting_of_the_start_may_go_but_not_change(machine, key):
+    kept = [line for line in (machine.text(vlc._RC) or "").splitlines() if key not in line]
+    machine.write(vlc._RC, "\n".join(kept))
+    assert list(vlc.setting_problems(machine, {})) == []
+    vlc.store(machine, {key: "1"})
+    assert list(vlc.setting_problems(machine, {})) == [f"{key} was changed to 1"]
+
+
+def test_a_setting_that_is_commented_out_is_not_made(machine):
+    machine.write(vlc._RC, "[core]\n#snapshot-path=/home/user/Pictures/stills\naout=adummy\n")
+    assert vlc.settings(machine) == {"aout": "adummy"}
+    assert list(vlc.setting_problems(machine, WANTED)) == [
+        "snapshot-path is as VLC has it, not /home/user/Pictures/stills",
+        "qt-privacy-ask was changed to what VLC has",
+    ]

@@ -139,6 +139,9 @@ def test_a_web_page_does_not_get_in_without_a_token():
         assert get(f"{url}/schema", Origin="http://page.test")[0] == 403
         assert get(f"{url}/schema", Host="rebound.test")[0] == 403
         assert get(f"{url}/schema", Host="localhost:80")[0] == 200
+        assert get(f"{url}/schema", Host="[::1]:80")[0] == 200
+        for host in ("[::1", "127.0.0.1.page.test", ""):
+            assert get(f"{url}/schema", Host=host)[0] == 403
 
 
 def test_too_many_sessions_and_too_many_that_wait():

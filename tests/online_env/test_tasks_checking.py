@@ -119,7 +119,7 @@ def test_a_sound_task_has_no_problems():
         (Lenient, "the wrong result 'half' is judged 1, not 0"),
         (Stern, "the right result is judged 0, not 1: never good enough"),
         (Idle, "doing nothing is judged 1, not 0"),
-        (Unknown, "a phrasing uses words, which draw does not return"),
+        (Unknown, "a phrasing uses {words}, which draw does not return"),
         (Raises, "it cannot be judged in a folder: DesktopError: .*cat Documents/nothing"),
     ],
 )

@@ -1,6 +1,7 @@
 """Archives: made for a task, and read for its judgement."""
 
 import io
+import lzma
 import tarfile
 import zipfile
 import zlib
@@ -16,6 +17,7 @@ _DAMAGED = (
     zipfile.BadZipFile,
     tarfile.TarError,
     zlib.error,
+    lzma.LZMAError,
     ValueError,  # places that cannot be, names that are no text
     RuntimeError,  # a password, or a way of compression that Python lacks
     OSError,
@@ -74,11 +76,19 @@ def unpacked(data: bytes | None) -> dict[str, bytes] | None:
     if data is None:
         return None
     try:
-        if zipfile.is_zipfile(io.BytesIO(data)):
+        if _is_zip(data):
             return _from_zip(data)
         return _from_tar(data)
     except _DAMAGED:
         return None
+
+
+def _is_zip(data: bytes) -> bool:
+    """Return whether an archive is a ZIP one, and not a TAR one that ends with a ZIP file."""
+    stream = io.BytesIO(data)
+    if not zipfile.is_zipfile(stream):
+        return False
+    return data.startswith(b"PK") or not tarfile.is_tarfile(io.BytesIO(data))
 
 
 def _from_zip(data: bytes) -> dict[str, bytes]:

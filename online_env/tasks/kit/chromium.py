@@ -212,6 +212,8 @@ def _json(machine: Machine, path: str) -> dict[str, Any]:
         value = json.loads(data)
     except ValueError as error:
         raise DesktopError(f"{path} is not JSON: {error}") from None
+    if not isinstance(value, dict):
+        raise DesktopError(f"{path} holds {type(value).__name__} and no object")
     return cast("dict[str, Any]", value)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 from .office import OfficeTask, plain
 
 _WORD = "{http://schemas.openxmlformats.org/wordprocessingml/2006/main}"
+_NUMBERING = "http://schemas.openxmlformats.org/officeDocument/2006/relationships/numbering"
 _DEFAULTS = " defaults"  # no style has such an id
 _LINE = 240  # units in a line
 _COVER = "\0"  # stands for what is not bold
@@ -28,7 +29,7 @@ class ParagraphContent:
         marks: What else was given to parts of it, such as `i` (italic) or `u` (underlined).
         is_item: Whether it is an item of a list.
         marker: What stands before an item, such as `bullet` or `decimal`; "" if it is none.
-        spacing: Its line spacing in lines, that of its style included.
+        spacing: Its line spacing in lines, that of its style included; 0 if it is in points.
         alignment: Its alignment, such as `center`; "" if it is at the left, or its style says it.
     """
 
@@ -216,7 +217,8 @@ def _paragraph(found: Any, styles: Mapping[str, Any]) -> ParagraphContent:
 def _alignment(found: Any) -> str:
     element = found._element.find(f"{_WORD}pPr/{_WORD}jc")
     name = "" if element is None else element.get(f"{_WORD}val")
-    return "" if name in ("left", "start") else name  # python-docx knows no `start`
+    # LibreOffice's other docx says `start` and `end`, which python-docx does not know.
+    return {"left": "", "start": "", "end": "right"}.get(name, name)
 
 
 def _spacing(found: Any, styles: Mapping[str, Any]) -> float:
@@ -225,7 +227,8 @@ def _spacing(found: Any, styles: Mapping[str, Any]) -> float:
         spacing = element.find(f"{_WORD}pPr/{_WORD}spacing")
         line = None if spacing is None else spacing.get(f"{_WORD}line")
         if line is not None:
-            return round(int(line) / _LINE, 2)
+            is_in_points = spacing.get(f"{_WORD}lineRule") in ("exact", "atLeast")
+            return 0.0 if is_in_points else round(int(line) / _LINE, 2)
     return 1.0
 
 
@@ -246,8 +249,10 @@ def _marker(found: Any, styles: Mapping[str, Any]) -> str:
         number = element.find(f"{_WORD}pPr/{_WORD}numPr/{_WORD}numId")
         if number is None:
             continue
-        numbering = found.part.numbering_part.element
         wanted = number.get(f"{_WORD}val")
+        if not any(rel.reltype == _NUMBERING for rel in found.part.rels.values()):
+            return ""  # python-docx would try to make the list
+        numbering = found.part.numbering_part.element
         for entry in numbering.iter(f"{_WORD}num"):
             if entry.get(f"{_WORD}numId") == wanted:
                 abstract = entry.find(f"{_WORD}abstractNumId").get(f"{_WORD}val")

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import permutations
 from typing import Any, ClassVar, TypeAlias
 
 from ...embedded.sites.hosts import mail as site
@@ -232,11 +233,12 @@ def _written(
     if len(new) != len(wanted):
         yield f"{len(new)} new {kind}s, not {len(wanted)}"
         return
-    left = list(wanted)
-    for found in new:
-        best = min(left, key=lambda letter: len(list(letter.problems(found))))
-        left.remove(best)
-        yield from best.problems(found)
+    said = [[list(letter.problems(found)) for letter in wanted] for found in new]
+    # One mail may be as good as another for a letter of which little is asked.
+    orders = permutations(range(len(wanted)))
+    best = min(orders, key=lambda order: sum(len(said[n][m]) for n, m in enumerate(order)))
+    for place, letter in enumerate(best):
+        yield from said[place][letter]
 
 
 # On the screen

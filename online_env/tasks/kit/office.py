@@ -96,6 +96,10 @@ class OfficeTask(Task):
         if data is None or not zipfile.is_zipfile(io.BytesIO(data)):
             return None
         try:
+            self.load(data)
+        except Exception:  # noqa: BLE001  (the libraries stumble over damage in many ways)
+            return None
+        try:
             return self.content(data)
         except (KeyError, ValueError, SyntaxError, zipfile.BadZipFile):  # lxml's is a SyntaxError
             return None

@@ -101,10 +101,14 @@ def opened(machine: Machine, path: str) -> Image.Image | None:
 
 
 def difference(first: Image.Image, second: Image.Image) -> float:
-    """Return the mean difference of the colour values of two pictures of one size, 0 to 255."""
-    one = np.asarray(first.convert("RGB"), np.float32)
-    other = np.asarray(second.convert("RGB"), np.float32)
-    return float(np.abs(one - other).mean())
+    """Return the mean difference of the colour values of two pictures of one size, 0 to 255.
+
+    If their opacity differs more than that, its mean difference.
+    """
+    one = np.asarray(first.convert("RGBA"), np.float32)
+    other = np.asarray(second.convert("RGBA"), np.float32)
+    off = np.abs(one - other)
+    return float(max(off[..., :3].mean(), off[..., 3].mean()))
 
 
 def colorfulness(picture: Image.Image) -> int:

@@ -85,13 +85,13 @@ def sound(machine: Machine, path: str) -> Sound | None:
         return None
     try:
         with wave.open(io.BytesIO(data)) as file:
-            if file.getsampwidth() != 2:
+            if file.getsampwidth() != 2 or not file.getframerate():
                 return None
             frames = file.readframes(file.getnframes())
             whole = len(frames) - len(frames) % 2  # a file that was cut off may end within a sample
             samples = np.frombuffer(frames[:whole], "<i2")[:: file.getnchannels()]
             return Sound(file.getnchannels(), file.getframerate(), samples)
-    except (wave.Error, EOFError):
+    except (wave.Error, EOFError, RuntimeError):  # the last for chunks with impossible lengths
         return None
 
 

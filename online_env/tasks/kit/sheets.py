@@ -169,17 +169,18 @@ def changes(
     Args:
         now: The workbook as it is.
         before: The workbook as it was made.
-        but: Addresses of cells of the first sheet, or `sheet!address`, that may differ, and names
-            of sheets that may be there or differ.
+        but: Addresses of cells of the first sheet of `before`, or `sheet!address`, that may differ,
+            and names of sheets that may be there, at any place, or differ.
         frozen: Whether rows may be frozen.
     """
     kept = tuple(name for name in now.sheets if name not in but)
-    if kept != tuple(name for name in before.sheets if name not in but):
+    wanted = tuple(name for name in before.sheets if name not in but)
+    if kept != wanted:
         yield f"the sheets are {', '.join(now.sheets)}"
-    if now.sheets[:1] != before.sheets[:1]:
+    if kept[:1] != wanted[:1]:
         return
     for place in sorted({*now.cells, *before.cells}):
-        if not _is_excepted(place, now.sheets[0], but):
+        if not _is_excepted(place, before.sheets[0], but):
             yield from _difference(place, now.cells.get(place), before.cells.get(place))
     for name in (name for name in before.sheets if name in now.sheets and name not in but):
         if now.hidden.get(name) != before.hidden[name]:
@@ -297,11 +298,17 @@ def _holds(place: str, address: str) -> bool:
 
 def _array_formulas(sheet: Any) -> dict[str, str]:
     """Return the formulas that were entered for several cells at once, by each of the cells."""
+    from openpyxl.utils.cell import range_boundaries
+
     found: dict[str, str] = {}
     for address, area in sheet.array_formulae.items():
-        cells = sheet[area] if ":" in area else ((sheet[area],),)
-        for cell in (cell for row in cells for cell in row):
-            found[cell.coordinate] = sheet[address].value.text
+        text = found[address] = sheet[address].value.text
+        if ":" not in area:
+            continue
+        left, top, right, bottom = range_boundaries(area)
+        for (row, column), cell in sheet._cells.items():  # the area may be a whole column
+            if top <= row <= bottom and left <= column <= right:
+                found[cell.coordinate] = text
     return found
 
 

@@ -4,6 +4,7 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from pathlib import PurePosixPath
+from posixpath import normpath
 from urllib.parse import unquote, urlsplit
 
 from ..hand import Hand, Name
@@ -13,6 +14,7 @@ from ..tree import TreeNode
 VLC = "vlc"
 IDLE = "VLC media player"  # the title of the window while nothing is played
 _RC = ".config/vlc/vlcrc"
+_ADDRESS = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
 _FILE = re.compile(r".+\.\w{3}")
 _PICKER = re.compile("Select|Save|Open File")
 _XSPF = "{http://xspf.org/ns/0/}"
@@ -99,13 +101,16 @@ def _of_xspf(text: str) -> list[str]:
 
 def _plain(address: str) -> str:
     """Return a path in the place of the address of a file."""
-    parts = urlsplit(address)
+    try:
+        parts = urlsplit(address)
+    except ValueError:  # no address at all
+        return address
     return unquote(parts.path) if parts.scheme in ("file", "") else address
 
 
 def _place(folder: PurePosixPath, name: str) -> str:
     name = _plain(name) if name.startswith("file:") else name
-    return name if urlsplit(name).scheme else str(folder / name)
+    return name if _ADDRESS.match(name) else normpath(folder / name)
 
 
 # The windows

@@ -1,0 +1,142 @@
+"""A careful hand puts right what got in its way, on a desktop whose trees are written down."""
+
+import pytest
+
+from hijack_data.runs.run_log import REINIT
+from online_env.errors import DesktopTimeoutError
+from online_env.tasks import careful
+from online_env.tasks.careful import CarefulHand
+
+from support.trees import SPACE, Trees, node
+
+WINDOW = ("thunar", node("frame", "files - Thunar"))
+NOTHING = ("xfdesktop", node("frame", "Desktop"))
+F5, ESCAPE = "pyautogui.press('f5')", "pyautogui.press('escape')"
+
+
+def screen(*applications: tuple[str, str]) -> str:
+    """Return the tree of applications, each with its name and its nodes."""
+    shown = "".join(
+        f'<application name="{name}">{nodes}</application>' for name, nodes in applications
+    )
+    spaces = f'xmlns:st="{SPACE}/state" xmlns:cp="{SPACE}/component"'
+    return f"<desktop-frame {spaces}>{shown}</desktop-frame>"
+
+
+def hand_on(
+    *trees: str,
+    apps: tuple[str, ...] = ("thunar",),
+    start: str = "",
+    password: str = "it's",
+) -> tuple[CarefulHand, list[str]]:
+    """Return a hand, and the code that it runs."""
+    desktop = Trees(list(trees))
+    hand = CarefulHand(desktop, apps, start, password, patience=0.3)  # type: ignore[arg-type]
+    return hand, desktop.ran
+
+
+@pytest.fixture(autouse=True)
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(careful, "LOST", 0.0)
+    monkeypatch.setattr(careful, "PAUSE", 0.01)
+
+
+def test_a_locked_screen_is_unlocked_with_the_password_before_anything_is_done() -> None:
+    locked = screen(WINDOW, ("mate-screensaver", node("frame", "")))
+    hand, ran = hand_on(locked, locked, screen(WINDOW))
+    hand.press("ctrl", "s")
+    assert ran == [
+        "pyautogui.press('shift')",  # the screen is black until then
+        'pyautogui.write("it\'s\\n")',
+        "pyautogui.hotkey('ctrl', 's')",
+    ]
+
+
+def test_a_locker_that_does_not_show_locks_nothing() -> None:
+    hand, ran = hand_on(screen(WINDOW, ("mate-screensaver", '<frame name=""/>')))
+    hand.press("a")
+    assert ran == ["pyautogui.hotkey('a')"]
+
+
+def test_help_is_asked_for_once_where_the_network_is_gone() -> None:
+    page = ("Google Chrome", node("frame", "x - Chrome") + node("heading", "No internet"))
+    hand, ran = hand_on(screen(page), apps=("chrome",))
+    hand.put_right()
+    hand.put_right()
+    assert ran == [REINIT, F5, F5]
+    other = ("Google Chrome", node("frame", "x - Chrome") + node("heading", "About No internet"))
+    hand, ran = hand_on(screen(other), apps=("chrome",))
+    hand.put_right()
+    assert ran == [ESCAPE]  # a heading of a page that is there
+
+
+def test_an_application_that_is_gone_is_started_as_a_person_would() -> None:
+    finder = ("xfce4-appfinder", node("frame", "Application Finder"))
+    asked = screen(NOTHING, finder)
+    hand, ran = hand_on(screen(NOTHING), asked, asked, screen(WINDOW), start="thunar '/home/a b'")
+    assert hand.put_right() is False  # no document was lost
+    assert ran == [
+        "pyautogui.hotkey('alt', 'f2')",
+        "pyautogui.write(\"thunar '/home/a b'\")",
+        "pyautogui.press('enter')",
+    ]
+
+
+def test_what_cannot_be_started_is_not() -> None:
+    hand, ran = hand_on(screen(NOTHING))
+    assert hand.put_right() is False
+    assert ran == [ESCAPE]
+
+
+def panel(*names: str) -> tuple[str, str]:
+    places = enumerate(names)
+    return (
+        "xfce4-panel",
+        "".join(node("toggle-button", name, at=(100 * n, 700)) for n, name in places),
+    )
+
+
+def test_a_minimised_window_is_restored_and_its_dialog_gets_the_keyboard() -> None:
+    dialog = node("dialog", "Create New Folder", at=(200, 300))
+    hidden = '<frame name="files - Thunar" st:iconified="true"/>'
+    before = screen(("thunar", hidden), panel("other", "files - Thunar"))
+    after = screen(("thunar", node("frame", "files - Thunar", "active") + dialog))
+    hand, ran = hand_on(before, after, after)
+    hand.type("new")
+    assert ran == [
+        "pyautogui.click(140, 750)",
+        "pyautogui.click(240, 310)",
+        "pyautogui.write('new')",
+    ]
+
+
+def test_a_minimised_window_without_a_button_stays() -> None:
+    hidden = '<frame name="files - Thunar" st:iconified="true"/>'
+    hand, ran = hand_on(screen(("thunar", hidden), panel("other")))
+    hand.type("new")
+    assert ran == ["pyautogui.write('new')"]
+
+
+def test_a_foreign_window_gets_the_keyboard_and_is_closed() -> None:
+    foreign = ("galculator", node("frame", "Calculator"))
+    both = screen(WINDOW, foreign)
+    hand, ran = hand_on(both, both, screen(WINDOW))
+    hand.press("a")
+    assert ran == [
+        "pyautogui.click(140, 210)",
+        "pyautogui.hotkey('alt', 'f4')",
+        "pyautogui.hotkey('a')",
+    ]
+    hand, ran = hand_on(both, apps=())  # nothing is known of what belongs to the task
+    hand.press("a")
+    assert ran == ["pyautogui.hotkey('a')"]
+
+
+def test_what_is_in_sight_at_last_ends_the_search() -> None:
+    found = screen(("thunar", node("frame", "files - Thunar") + node("icon", "a.txt")))
+    hand, ran = hand_on(screen(WINDOW), found)
+    assert hand.find("icon", "a.txt").centre == (140, 250)
+    assert ran == [ESCAPE]  # what might have been open is closed
+    hand, ran = hand_on(screen(WINDOW))
+    with pytest.raises(DesktopTimeoutError, match=r"no icon b\.txt of any application came up"):
+        hand.find("icon", "b.txt")
