@@ -13,6 +13,7 @@ from online_env.bench import scores
 from online_env.report import ReportError, build_report, formats
 from online_env.report.compare import compare
 from online_env.report.document import ReportDocument
+from online_env.report.paper import beside_paper, paper_table
 
 from support.reported import CONDITIONS, made, read_run, run_of, scored, whole
 
@@ -264,6 +265,45 @@ def test_a_comparison_names_which_conditions_show_no_difference_and_which_do(tmp
     renamed = [{**record, "agent": "b", "id": f"b-{record['id']}"} for record in new]
     other = compare(read_run(tmp_path / "o", old), read_run(tmp_path / "n", renamed))
     assert any(note.startswith("a and b: no difference is shown") for note in other.notes)
+
+
+# Beside the paper
+
+LOSSES = "compare the losses, not the levels."
+
+
+def test_beside_the_papers_table_stands_what_ours_is(tmp_path):
+    found = [*scored("a", "clean", [1, 0]), *scored("a", "marks", [1, 1])]
+    entries = ["clean", {"marks": {"number": 3}}]
+    report = build_report(read_run(tmp_path / "run", found, corruptions=entries))
+    live = beside_paper(report)
+    assert live.notes[:2] == (
+        f"Ours: 2 tasks on the provider 'embedded'. Other tasks, so {LOSSES}",
+        "Not with the paper's parameters: marks.",
+    )
+    (*_, ours) = live.rows
+    assert (ours.ours, ours.success, ours.average) == (True, {"clean": 0.5, "marks": 1.0}, None)
+    nowhere = beside_paper(replace(report, run=replace(report.run, provider="", changed=())))
+    assert nowhere.notes[0] == f"Ours: 2 tasks. Other tasks, so {LOSSES}"
+    assert nowhere.notes[1:] == paper_table().notes
+    offline = beside_paper(replace(report, run=replace(report.run, kind="score")))
+    assert offline.notes[0] == (
+        "Ours are steps of recorded trajectories, scored one by one; the paper's are whole tasks."
+        f" {LOSSES.capitalize()}"
+    )
+
+
+def test_another_corruption_under_a_name_of_the_papers_is_no_column_of_it(tmp_path):
+    found = [*scored("a", "clean", [1]), *scored("a", "marks", [1]), *scored("b", "marks", [0])]
+    entries = ["clean", {"subtitle": {"as": "marks"}}]
+    report = build_report(read_run(tmp_path / "run", found, corruptions=entries))
+    assert [row.success for row in beside_paper(report).rows[-2:]] == [{"clean": 1.0}, {}]
+
+
+def test_our_average_beside_the_papers_is_over_its_ten_columns(tmp_path):
+    solved = {label: number for number, label in enumerate(CONDITIONS)}
+    report = build_report(read_run(tmp_path / "run", whole("a", solved)))
+    assert beside_paper(report).rows[-1].average == pytest.approx(0.45)
 
 
 # The block of a model card
