@@ -1,5 +1,6 @@
 """Options that commands share, so that each has the same name, meaning and help everywhere."""
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -23,6 +24,22 @@ class WholeSummaries(click.Group):
             formatter.write_dl(
                 [(name, self.summary(ctx, name)) for name in self.list_commands(ctx)]
             )
+
+
+class FiniteRange(click.FloatRange):
+    """A number in a range, which `nan` and `inf` are not: no JSON holds them, no limit is kept."""
+
+    def convert(
+        self,
+        value: Any,
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> float:
+        """Return the number, or end the command with a message."""
+        number = float(super().convert(value, param, ctx))
+        if not math.isfinite(number):
+            self.fail(f"{value!r} is not a finite number.", param, ctx)
+        return number
 
 
 class OutOption(click.Option):

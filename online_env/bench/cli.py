@@ -12,7 +12,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hijack_data.cli import console
-from hijack_data.cli.options import conditions_option, desktops_option, new_run_options
+from hijack_data.cli.options import (
+    FiniteRange,
+    conditions_option,
+    desktops_option,
+    new_run_options,
+)
 from hijack_data.errors import ParameterError, StorageError
 from hijack_data.locking import Lock
 from hijack_data.runs import seal
@@ -83,7 +88,7 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--max-cost",
-    type=click.FloatRange(0),
+    type=FiniteRange(0),
     metavar="USD",
     help="Begin no episode once the models have cost that much; --resume goes on.",
 )

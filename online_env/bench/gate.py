@@ -95,6 +95,8 @@ class GateVerdict:
             why = "no episode counts"
             if self.gate.score == "retention":
                 why = "no episode counts, or none succeeds clean"
+            elif self.gate.score == "ci_low" and not scores.can_infer():
+                why = "scipy and statsmodels are not installed"
             return f"{named} cannot be computed, {why}: {where} ({self.gate})"
         value = f"{self.value:.3f}"
         least = f"{self.gate.least:g}"

@@ -153,11 +153,19 @@ def other_code(head: Mapping[str, Any], now: Mapping[str, Any]) -> str:
         head: The content of its `run.json`.
         now: The present origin, from `describe`.
     """
-    was = (head.get("git") or {}).get("agenthijack") or {}
-    here = (now.get("git") or {}).get("agenthijack") or {}
-    if was.get("commit") == here.get("commit"):
+    was = _commit_of(head)
+    here = _commit_of(now)
+    if was == here:
         return ""
-    return f"was begun with commit {was.get('commit')} of agenthijack, this is {here.get('commit')}"
+    return f"was begun with commit {was} of agenthijack, this is {here}"
+
+
+def _commit_of(found: Mapping[str, Any]) -> object:
+    """Return the commit of this library in an origin; `None` if it has none."""
+    place: object = found
+    for key in ("git", "agenthijack", "commit"):
+        place = place.get(key) if isinstance(place, dict) else None
+    return place
 
 
 def add_session(

@@ -321,12 +321,15 @@ def _check_distinct(episodes: Sequence[str]) -> None:
 def _check_empty(folder: Path) -> None:
     try:
         holds = sorted(path.name for path in folder.iterdir()) if folder.exists() else []
+        has_records = RECORDS in holds and (folder / RECORDS).stat().st_size > 0
     except OSError as error:
         raise RunError(f"{folder}: cannot be read ({error.strerror or error})") from None
     if RUN in holds:
         advice = f"read it with: hijack report {folder}, go on with it by --resume, or give another"
         raise RunError(f"{folder}: holds a run already; {advice} --out")
     begun = {*_BEGUN, *fnmatch.filter(holds, _HALF_WRITTEN)}
+    if has_records:
+        begun.remove(RECORDS)  # of a run whose head is gone; a new run must not count them
     others = [name for name in holds if name not in begun]
     if others:
         listed = ", ".join(others[:3])
@@ -389,7 +392,7 @@ def _adopt(
             path.unlink()
         else:
             left.append(record)
-    append_all(folder, sorted(left, key=lambda record: record.get("attempt", 0)))
+    append_all(folder, sorted(left, key=lambda record: record.get("attempt") or 0))
 
 
 def _last_line(path: Path) -> bytes:

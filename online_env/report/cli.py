@@ -5,7 +5,7 @@ Exit codes: 0 done, 1 something of the run is missing, invalid, failed or damage
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -22,7 +22,7 @@ from . import terminal
 from .build import build_report, load_report
 from .compare import RunComparison, compare
 from .document import ReportDocument
-from .formats import FORMATS, TERMINAL, format_of, write
+from .formats import FORMATS, SHOWING, TERMINAL, check_shown, format_of, write
 from .identity import agents_of, conditions_of
 from .model import ReportError, RunReport
 from .outcome import exit_code, missing_line
@@ -84,6 +84,8 @@ def report(
     """
     if (fail_under or junit) and (leaderboard or runs.is_file()):
         raise ReportError("--fail-under and --junit judge a run; give the folder of one")
+    if seeds and (leaderboard or runs.is_file()):
+        raise ReportError("--seeds chooses episodes of a run; give the folder of one")
     given = {"--compare": other, "--pair": pairs, "--paper": paper, "--reference": reference}
     beside = [name for name, value in given.items() if value]
     if leaderboard and (beside or as_json):
@@ -95,8 +97,6 @@ def report(
         raise SystemExit(_leaderboard(runs, named, out))
     if pairs and other is None:
         raise ReportError("--pair names agents of two runs; give the earlier one with --compare")
-    if seeds and (leaderboard or runs.is_file()):
-        raise ReportError("--seeds chooses episodes of a run; give the folder of one")
     if runs.is_file():
         if other is not None:
             raise ReportError(f"--compare: {runs} is a finished report; give the folders of runs")
@@ -105,10 +105,11 @@ def report(
             cells = [{name: getattr(cell, name) for name in COLUMNS} for cell in found.cells]
             _put(json.dumps(cells, indent=1) + "\n", out)
             return
-        _write(_document(found, None, paper), format_of(named, out), out)
+        format = _format(named, out, beside)
+        _write(_document(found, None, paper), format, out)
         return
     run = _read(runs, seeds)
-    gate = ReleaseGate.read(fail_under, junit, agents_of(run.config), [*conditions_of(run.config)])
+    gate = ReleaseGate.read(fail_under, junit, *_agents_and_labels(run))
     comparison = None
     if other is not None:
         comparison = compare(_read(other), run, _paired(pairs))
@@ -118,7 +119,7 @@ def report(
             rows = [asdict(cell) for cell in comparison.cells]
         _put(json.dumps(rows, indent=1) + "\n", out)
         raise SystemExit(_told(run, gate))
-    format = format_of(named, out)
+    format = _format(named, out, beside)
     if format == TERMINAL and out is None and comparison is None:
         terminal.show(run, reference or "")
         if paper:
@@ -127,6 +128,19 @@ def report(
     document = _document(build_report(run, reference=reference or ""), comparison, paper)
     _write(document, format, out)
     raise SystemExit(_told(run, gate))
+
+
+def _format(
+    named: str | None,
+    out: Path | None,
+    beside: Sequence[str],
+) -> str:
+    """Return the format, which has to show what the options `beside` ask for."""
+    format = format_of(named, out)
+    for option in beside:
+        if option in SHOWING:
+            check_shown(option, format)
+    return format
 
 
 def _read(folder: Path, seeds: int | None = None) -> Run:
@@ -149,6 +163,13 @@ def _read(folder: Path, seeds: int | None = None) -> Run:
             " them"
         )
     return run
+
+
+def _agents_and_labels(run: Run) -> tuple[list[str], list[str]]:
+    """Return the agents and the conditions of a run; a log without a head has those it played."""
+    agents = [*agents_of(run.config), *(record["agent"] for record in run.records)]
+    labels = [*conditions_of(run.config), *(record["corruption"] for record in run.records)]
+    return list(dict.fromkeys(agents)), list(dict.fromkeys(labels))
 
 
 def _told(run: Run, gate: ReleaseGate) -> int:

@@ -38,6 +38,25 @@ SUFFIXES: Mapping[str, str] = MappingProxyType(
     }
 )
 
+# Formats that have a place for what an option asks for.
+SHOWING: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "--compare": (TERMINAL, "json", "csv", "markdown", "html"),
+        "--paper": (TERMINAL, "json", "latex", "markdown", "html"),
+    }
+)
+
+
+def check_shown(option: str, format: str) -> None:
+    """Check that a format shows what an option asks for, which would otherwise be lost in silence.
+
+    Raises:
+        ReportError: it does not.
+    """
+    if format not in SHOWING[option]:
+        known = ", ".join(SHOWING[option])
+        raise ReportError(f"{option} is not shown by the format {format}; give one of {known}")
+
 
 def format_of(named: str | None, out: Path | None) -> str:
     """Return the format with a name, or the format for the suffix of a file.

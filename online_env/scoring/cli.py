@@ -13,7 +13,7 @@ import click
 from rich.console import Console
 
 from hijack_data.cli import console
-from hijack_data.cli.options import new_run_options
+from hijack_data.cli.options import FiniteRange, new_run_options
 from hijack_data.errors import ParameterError
 
 from ..bench import records
@@ -62,7 +62,7 @@ from .run import TIMEOUT, ScoreRun, ScoreSettings
 )
 @click.option(
     "--timeout",
-    type=click.FloatRange(min=0.01),
+    type=FiniteRange(min=0.01),
     default=TIMEOUT,
     show_default=True,
     metavar="S",

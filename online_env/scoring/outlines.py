@@ -23,11 +23,14 @@ def outline_of(extra: str | None, scale: tuple[float, float]) -> Outline:
         scale: width and height of the picture over those of the recorded screen.
 
     Raises:
-        ParameterError: it is no list of at least three points.
+        ParameterError: it is no list of at least three points, or the column is not JSON.
     """
     if not extra or KEY not in extra:
         return ()
-    data: object = json.loads(extra)
+    try:
+        data: object = json.loads(extra)
+    except (ValueError, RecursionError) as error:
+        raise ParameterError(f"extra: is not JSON ({str(error)[:120]})") from None
     if not isinstance(data, dict) or KEY not in data:
         return ()
     corners: object = cast("dict[str, Any]", data)[KEY]
@@ -48,4 +51,7 @@ def _is_point(value: object) -> bool:
 def _is_finite(value: object) -> bool:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
-    return math.isfinite(value)
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # an integer beyond all floats
+        return False

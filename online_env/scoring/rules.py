@@ -295,9 +295,9 @@ def _plain_text(text: str) -> str:
 
 
 def _plain_keys(keys: Sequence[str]) -> tuple[frozenset[str], tuple[str, ...]]:
-    if not keys:
+    lower = [key.lower() for key in keys if key]  # an empty text names no key
+    if not lower:
         return frozenset(), ()
-    lower = [key.lower() for key in keys]
     names = [_SIDE.sub(r"\1", name) for name in key_names(lower, "keys")]
     held = frozenset(name for name in names if name in MODIFIERS)
     return held, tuple(name for name in names if name not in MODIFIERS)

@@ -188,8 +188,11 @@ def _write(
             tick(record)
             due = time.monotonic() - written > WRITTEN_AFTER
             if due or len(held) >= MOST_HELD:
-                records.append_all(out, held)
+                # Nothing is held any more if Ctrl-C comes while it is written: a record that was
+                # appended twice would damage the run.
+                batch = held
                 held = []
+                records.append_all(out, batch)
                 written = time.monotonic()
     finally:
         records.append_all(out, held)

@@ -1,0 +1,336 @@
+"""`hijack report` where little is there: logs without a head, formats that lack a place, notes."""
+
+import json
+from dataclasses import replace
+
+import pytest
+from lxml import etree
+
+pytest.importorskip("statsmodels", reason="needs the extra [online]")
+
+from hijack_data.cli import main
+from online_env.bench import scores
+from online_env.report import ReportError, build_report, formats
+from online_env.report.compare import compare
+from online_env.report.document import ReportDocument
+from online_env.report.paper import beside_paper, paper_table
+
+from support.reported import CONDITIONS, made, read_run, run_of, scored, whole
+
+
+def hijack(capsys, *words):
+    """Run a command in this process: exit code, output, errors."""
+    with pytest.raises(SystemExit) as ended:
+        main([str(word) for word in words])
+    said = capsys.readouterr()
+    return ended.value.code, said.out, said.err
+
+
+@pytest.fixture
+def log(tmp_path):
+    """Episodes that an environment logged by itself: clean 1.0, marks 0.25, no `run.json`."""
+    found = [*scored("mine", "clean", [1, 1, 1, 1]), *scored("mine", "marks", [1, 0, 0, 0])]
+    for record in found:
+        folder = tmp_path / "log" / "episodes" / record["id"]
+        folder.mkdir(parents=True)
+        (folder / "episode.json").write_text(json.dumps(record))
+    return tmp_path / "log"
+
+
+@pytest.fixture
+def two(tmp_path):
+    """The folders of two runs with the same cases."""
+    return [run_of(tmp_path / name, scored("a", "clean", [1, 0])) for name in ("old", "new")]
+
+
+# Gates
+
+
+@pytest.mark.parametrize(
+    ("gate", "said"),
+    [
+        ("average=0.9", "average of mine is 0.625, below 0.9"),
+        ("success.marks=0.3", "success.marks of mine is 0.250, below 0.3"),
+        ("retention=0.5", "retention of mine is 0.250, below 0.5"),
+        ("mine:worst=0.26", "worst of mine is 0.250, below 0.26"),
+    ],
+)
+def test_a_log_without_a_head_fails_a_gate_that_it_does_not_pass(gate, said, log, capsys):
+    """Nothing says which agents it was to have, so those that played are judged."""
+    code, _, err = hijack(capsys, "report", log, "--json", "--fail-under", gate)
+    assert (code, err) == (1, f"hijack: gate failed: {said}\n")
+
+
+def test_a_log_without_a_head_passes_a_gate_and_suggests_what_it_has(log, capsys, tmp_path):
+    words = ("report", log, "--json", "--junit", tmp_path / "gates.xml", "--fail-under")
+    code, _, err = hijack(capsys, *words, "success=1")
+    assert (code, err) == (0, "gate passed: success.clean of mine is 1.000, at least 1\n")
+    assert etree.parse(tmp_path / "gates.xml").getroot().get("tests") == "9"
+    code, _, err = hijack(capsys, *words, "success.mark=0")
+    assert (code, "the run has no condition 'mark'; did you mean 'marks'?" in err) == (2, True)
+    code, _, err = hijack(capsys, *words, "mind:success=0")
+    assert (code, "no agent 'mind'; did you mean 'mine'?" in err) == (2, True)
+
+
+def test_a_gate_on_an_interval_says_that_intervals_need_scipy(log, capsys, monkeypatch):
+    monkeypatch.setattr(scores, "can_infer", lambda: False)
+    code, _, err = hijack(capsys, "report", log, "--json", "--fail-under", "ci_low.marks=0")
+    assert code == 1
+    assert err == (
+        "hijack: gate failed: ci_low.marks of mine cannot be computed, scipy and statsmodels are"
+        " not installed: marks (mine:ci_low.marks=0)\n"
+    )
+
+
+def test_a_leaderboard_takes_no_seeds(tmp_path, capsys):
+    page = tmp_path / "board.html"
+    run_of(tmp_path / "runs" / "a", scored("a", "marks", [1, 0]))
+    words = ("report", tmp_path / "runs", "--leaderboard", "-o", page, "--seeds", "1")
+    code, out, err = hijack(capsys, *words)
+    said = "hijack: error: --seeds chooses episodes of a run; give the folder of one\n"
+    assert (code, out, err, page.exists()) == (2, "", said, False)
+
+
+# What a format has no place for
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (
+            ["--compare", "OLD", "--format", "latex"],
+            "--compare is not shown by the format latex; give one of terminal, json, csv, markdown,"
+            " html",
+        ),
+        (
+            ["--compare", "OLD", "-o", "card.yaml"],
+            "--compare is not shown by the format model-index; give one of terminal, json, csv,"
+            " markdown, html",
+        ),
+        (
+            ["--paper", "-o", "rows.csv"],
+            "--paper is not shown by the format csv; give one of terminal, json, latex, markdown,"
+            " html",
+        ),
+        (
+            ["--compare", "OLD", "--paper", "--format", "csv"],
+            "--paper is not shown by the format csv; give one of terminal, json, latex, markdown,"
+            " html",
+        ),
+    ],
+)
+def test_what_a_format_would_leave_out_in_silence_is_refused(words, said, two, capsys):
+    old, new = two
+    chosen = [old if word == "OLD" else word for word in words]
+    assert hijack(capsys, "report", new, *chosen) == (2, "", f"hijack: error: {said}\n")
+
+
+def test_a_finished_report_refuses_it_too(two, capsys, tmp_path):
+    path = tmp_path / "report.json"
+    hijack(capsys, "report", two[0], "-o", path)
+    code, out, err = hijack(capsys, "report", path, "--paper", "--format", "csv")
+    assert (code, out) == (2, "")
+    assert "--paper is not shown by the format csv" in err
+    code, out, _ = hijack(capsys, "report", path, "--paper", "--format", "markdown")
+    assert (code, "### Beside the paper" in out) == (0, True)
+
+
+@pytest.mark.parametrize("format", ["terminal", "json", "csv", "markdown", "html"])
+def test_formats_that_have_a_place_for_a_comparison_show_it(format, two, capsys):
+    old, new = two
+    code, out, _ = hijack(capsys, "report", new, "--compare", old, "--format", format)
+    assert code == 0
+    assert "old" in out or "only_before" in out
+
+
+@pytest.mark.parametrize("format", ["terminal", "json", "latex", "markdown", "html"])
+def test_formats_that_have_a_place_for_the_papers_table_show_it(format, two, capsys):
+    code, out, _ = hijack(capsys, "report", two[0], "--paper", "--format", format)
+    assert (code, "GPT-4o" in out) == (0, True)
+
+
+# Where it is written
+
+
+def test_a_file_in_a_folder_that_is_not_there_is_one_line(two, capsys, tmp_path):
+    path = tmp_path / "none" / "report.html"
+    code, out, err = hijack(capsys, "report", two[0], "-o", path)
+    assert (code, out) == (2, "")
+    assert err == f"hijack: error: {path}: cannot be written (No such file or directory)\n"
+
+
+def test_rows_go_to_a_file_and_a_run_that_is_refused_leaves_the_file_as_it_was(
+    two,
+    capsys,
+    tmp_path,
+):
+    path = tmp_path / "rows.json"
+    _, shown, _ = hijack(capsys, "report", two[0], "--json")
+    code, out, _ = hijack(capsys, "report", two[0], "--json", "-o", path)
+    assert (code, out) == (0, f"wrote {path}\n")
+    assert path.read_text() == shown
+    code, _, _ = hijack(capsys, "report", tmp_path / "no run", "--json", "-o", path)
+    assert (code, path.read_text()) == (2, shown)
+
+
+# Notes
+
+
+def notes_of(folder, found, **config):
+    return build_report(read_run(folder, found, **config)).notes
+
+
+def test_a_note_counts_episodes_that_ended_before_their_corruption_was_due(tmp_path):
+    """Only a corruption that acts on the machine can come too late, whatever its label is."""
+    early = [
+        made("a", "t0", "small", effects=[]),
+        made("a", "t1", "small", effects=[{"kind": "minimise"}]),
+        made("a", "t2", "small"),
+        made("a", "t3", "small", score=None, cause="agent", effects=[]),
+        made("a", "t0", "marks", effects=[]),
+        made("a", "t0", "clean", effects=[]),
+    ]
+    entries = ["clean", "marks", {"app_minimization": {"as": "small"}}]
+    said = "2 episodes with a score ended before their corruption was due: they count as they are."
+    assert said in notes_of(tmp_path / "early", early, corruptions=entries)
+    alike = [*early[1:2], *early[3:]]
+    notes = notes_of(tmp_path / "alike", alike, corruptions=entries)
+    assert not any("before their corruption" in note for note in notes)
+    offline = notes_of(tmp_path / "offline", early, corruptions=entries, kind="score")
+    assert not any("before their corruption" in note for note in offline)
+
+
+def test_a_note_says_that_agents_were_not_played_under_the_same_conditions(tmp_path):
+    said = "The agents were not played under the same conditions: their means differ in kind."
+    uneven = [made("a", "t0"), made("a", "t0", "marks"), made("b", "t0")]
+    assert said in notes_of(tmp_path / "uneven", uneven)
+    even = [*uneven, made("b", "t0", "marks")]
+    assert said not in notes_of(tmp_path / "even", even)
+
+
+def test_a_note_says_what_a_run_without_the_clean_condition_lacks(tmp_path):
+    said = "The run has no clean condition, so there is no delta, no retention and no test."
+    assert said in notes_of(tmp_path / "marks", [made("a", "t0", "marks")])
+    both = [made("a", "t0"), made("a", "t0", "marks")]
+    assert said not in notes_of(tmp_path / "both", both)
+
+
+def test_without_scipy_a_report_has_the_numbers_and_says_what_it_lacks(tmp_path, monkeypatch):
+    monkeypatch.setattr(scores, "can_infer", lambda: False)
+    found = [*scored("a", "clean", [1, 1]), *scored("a", "marks", [1, 0])]
+    report = build_report(read_run(tmp_path / "run", found))
+    said = "Without intervals and tests: scipy and statsmodels are not installed."
+    assert said in report.notes
+    cell = report.cell("a", "marks")
+    assert (cell.success, cell.delta, cell.retention) == (0.5, -0.5, 0.5)
+    lacking = ("ci_low", "ci_high", "delta_low", "delta_high", "p", "retention_low", "detectable")
+    assert {getattr(cell, name) for name in lacking} == {None}
+    assert cell.pass_hat == ()
+    (row,) = report.summaries
+    assert (row.clean, row.corrupted, row.retention, row.corrupted_low) == (1, 0.5, 0.5, None)
+    text = formats.write(ReportDocument(report=report), "terminal")
+    assert "a: corrupted 50.0, worst marks 50.0, retention 50.0" in text
+    assert "[" not in text
+
+
+def test_a_comparison_needs_episodes_in_both_runs(tmp_path):
+    there = read_run(tmp_path / "there", [made("a", "t0")])
+    empty = read_run(tmp_path / "empty", [])
+    for runs in ((there, empty), (empty, there)):
+        with pytest.raises(ReportError) as error:
+            compare(*runs)
+        said = f"{tmp_path / 'empty'}: holds no episodes yet, so there is nothing to pair"
+        assert str(error.value) == said
+
+
+def test_a_comparison_of_partial_scores_says_what_its_test_makes_of_them(tmp_path):
+    old = read_run(tmp_path / "old", scored("a", "clean", [0.5, 1]))
+    new = read_run(tmp_path / "new", scored("a", "clean", [0.25, 0.75]))
+    said = (
+        "3 scores are between 0 and 1: p takes them for not solved, so it may miss a difference"
+        " that the intervals show."
+    )
+    assert said in compare(old, new).notes
+
+
+def test_a_comparison_names_which_conditions_show_no_difference_and_which_do(tmp_path):
+    old = [*scored("a", "clean", [1.0] * 12), *scored("a", "marks", [1.0] * 12)]
+    new = [*scored("a", "clean", [0.0] * 12), *scored("a", "marks", [0.0] + [1.0] * 11)]
+    found = compare(read_run(tmp_path / "old", old), read_run(tmp_path / "new", new))
+    (note,) = (note for note in found.notes if "no difference is shown" in note)
+    detectable = found.cells[1].detectable
+    assert note.startswith(
+        f"a: no difference is shown under marks ({100 * detectable:.1f} points). In brackets"
+    )
+    renamed = [{**record, "agent": "b", "id": f"b-{record['id']}"} for record in new]
+    other = compare(read_run(tmp_path / "o", old), read_run(tmp_path / "n", renamed))
+    assert any(note.startswith("a and b: no difference is shown") for note in other.notes)
+
+
+# Beside the paper
+
+LOSSES = "compare the losses, not the levels."
+
+
+def test_beside_the_papers_table_stands_what_ours_is(tmp_path):
+    found = [*scored("a", "clean", [1, 0]), *scored("a", "marks", [1, 1])]
+    entries = ["clean", {"marks": {"number": 3}}]
+    report = build_report(read_run(tmp_path / "run", found, corruptions=entries))
+    live = beside_paper(report)
+    assert live.notes[:2] == (
+        f"Ours: 2 tasks on the provider 'embedded'. Other tasks, so {LOSSES}",
+        "Not with the paper's parameters: marks.",
+    )
+    (*_, ours) = live.rows
+    assert (ours.ours, ours.success, ours.average) == (True, {"clean": 0.5, "marks": 1.0}, None)
+    nowhere = beside_paper(replace(report, run=replace(report.run, provider="", changed=())))
+    assert nowhere.notes[0] == f"Ours: 2 tasks. Other tasks, so {LOSSES}"
+    assert nowhere.notes[1:] == paper_table().notes
+    offline = beside_paper(replace(report, run=replace(report.run, kind="score")))
+    assert offline.notes[0] == (
+        "Ours are steps of recorded trajectories, scored one by one; the paper's are whole tasks."
+        f" {LOSSES.capitalize()}"
+    )
+
+
+def test_another_corruption_under_a_name_of_the_papers_is_no_column_of_it(tmp_path):
+    found = [*scored("a", "clean", [1]), *scored("a", "marks", [1]), *scored("b", "marks", [0])]
+    entries = ["clean", {"subtitle": {"as": "marks"}}]
+    report = build_report(read_run(tmp_path / "run", found, corruptions=entries))
+    assert [row.success for row in beside_paper(report).rows[-2:]] == [{"clean": 1.0}, {}]
+
+
+def test_our_average_beside_the_papers_is_over_its_ten_columns(tmp_path):
+    solved = {label: number for number, label in enumerate(CONDITIONS)}
+    report = build_report(read_run(tmp_path / "run", whole("a", solved)))
+    assert beside_paper(report).rows[-1].average == pytest.approx(0.45)
+
+
+# The block of a model card
+
+
+def test_a_model_card_has_percent_with_two_digits_and_what_is_known(tmp_path):
+    found = [*scored("a", "clean", [1, 1, 0]), *scored("a", "marks", [1, 0, 0])]
+    report = build_report(read_run(tmp_path / "run", found, seeds=[0]))
+    text = formats.write(ReportDocument(report=report), "model-index")
+    assert "value: 66.67\n" in text  # clean success
+    assert "value: 33.33\n" in text  # that under marks
+    assert "value: 50.0\n" in text  # retention
+    assert "Average over clean and the nine" not in text, "not all nine were played"
+    named = [line.strip() for line in text.splitlines() if "name: AgentHijack (" in line]
+    assert named == [
+        "name: AgentHijack (3 live tasks), clean",
+        "name: AgentHijack (3 live tasks), corruption marks",
+        "name: AgentHijack (3 live tasks), all corruptions",
+    ]
+    offline = replace(report, run=replace(report.run, kind="score", provider="", damaged=2))
+    text = formats.write(ReportDocument(report=offline), "model-index")
+    assert "name: AgentHijack (offline steps), clean" in text
+    assert "provider:" not in text
+    assert "damaged_records: 2" in text
+
+
+def test_a_model_card_has_the_papers_average_where_all_ten_columns_are(tmp_path):
+    report = build_report(read_run(tmp_path / "run", whole("a", dict.fromkeys(CONDITIONS, 5))))
+    text = formats.write(ReportDocument(report=report), "model-index")
+    assert text.count("Average over clean and the nine, %") == 1
