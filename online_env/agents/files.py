@@ -30,6 +30,7 @@ from hijack_data.config.tree import (
 from hijack_data.config.yaml_reader import read_yaml
 from hijack_data.errors import ConfigError, suggest
 from hijack_data.params import Parameter
+from hijack_data.smart_resize import MAX_PIXELS, MIN_PIXELS
 
 from .chat import prompts
 from .settings import (
@@ -183,6 +184,8 @@ def _section(
             continue
         before = len(problems.found)
         value = check(problems, known[key], f"{prefix}{key}", item)
+        if isinstance(value, str) and not value.strip():
+            problems.add(item.place, f"{prefix}{key} must not be empty")
         if len(problems.found) == before:
             values[key] = value
     for key in needed:
@@ -217,6 +220,7 @@ class _AgentReader:
         values.pop("serve", None)
         model_values |= self._model_sections("", tree)
         self._check_parser(tree, values, model_values)
+        self._check_pixels(tree, values)
         self._check_prompt(tree, values)
         # A missing one has been noted as a problem.
         model = ModelSettings(**{"model": "", **model_values})
@@ -274,15 +278,14 @@ class _AgentReader:
 
     def _address(self, where: str, item: ConfigNode) -> str | None:
         value = item.value if isinstance(item, ScalarNode) else ""
-        parts = urlsplit(value if isinstance(value, str) else "")
-        if parts.scheme not in ("http", "https") or not parts.netloc or "@" in parts.netloc:
+        if not isinstance(value, str) or not _is_address(value):
             self._problems.add(
                 item.place,
                 f"{where} is an address such as http://127.0.0.1:8000/v1, without name and password"
                 " (keys come by api_key_env)",
             )
             return None
-        return str(value)
+        return value
 
     def _request(self, where: str, item: ConfigNode) -> dict[str, Any] | None:
         if isinstance(item, MappingNode):
@@ -322,6 +325,17 @@ class _AgentReader:
                 tree.keys["coordinates"],
                 "coordinates goes with parser: pyautogui; the other dialects define their own",
             )
+
+    def _check_pixels(self, tree: MappingNode, values: Mapping[str, Any]) -> None:
+        """Check that some size of a picture is within both limits."""
+        least = values.get("min_pixels", MIN_PIXELS)
+        most = values.get("max_pixels", MAX_PIXELS)
+        if least <= most:
+            return
+        given = "min_pixels" if "min_pixels" in values else "max_pixels"
+        self._problems.add(
+            tree.keys[given], f"min_pixels ({least}) must not be above max_pixels ({most})"
+        )
 
     def _check_prompt(self, tree: MappingNode, values: dict[str, Any]) -> None:
         folder = values.get("prompts")
@@ -381,6 +395,18 @@ class _AgentReader:
     def _beside(self, path: str) -> str:
         """Convert a path relative to the agent file to one relative to the current folder."""
         return os.path.join(os.path.dirname(self._name), os.path.expanduser(path))
+
+
+def _is_address(text: str) -> bool:
+    """Return whether a text is an address of a server, without name and password."""
+    try:
+        parts = urlsplit(text)
+        port = parts.port
+    except ValueError:  # brackets without an IPv6 address, or no port of 0 to 65535
+        return False
+    if parts.scheme not in ("http", "https") or port == 0:
+        return False
+    return bool(parts.hostname) and "@" not in parts.netloc
 
 
 def _onlooking(actor: ModelSettings, given: dict[str, Any]) -> ModelSettings:

@@ -135,10 +135,10 @@ class AgentSettings:
         return (self.model, self.onlooker.model)
 
     def check_keys(self, environ: Mapping[str, str]) -> None:
-        """Check that the environment has every key.
+        """Check that the environment has every key, and that it can be sent.
 
         Raises:
-            AgentSetupError: a key is missing.
+            AgentSetupError: a key is missing, or has a character that no request can carry.
         """
         for model in self.models:
             name = model.api_key_env
@@ -147,3 +147,18 @@ class AgentSettings:
                     f"{self.source}: {model.model} needs a key, and the environment variable"
                     f" {name} is not set; run: export {name}=..."
                 )
+            if name is not None and not can_be_sent(environ[name]):
+                raise AgentSetupError(f"{self.source}: {bad_key(name)}")
+
+
+def can_be_sent(key: str) -> bool:
+    """Return whether a request can carry a key in its header."""
+    return key.isascii() and key.isprintable() and key == key.strip()
+
+
+def bad_key(name: str) -> str:
+    """Return what to say about a key that cannot be sent, without the key."""
+    return (
+        f"the key in {name} has a space or a line break around it, or a character that is not"
+        f" ASCII; run: export {name}=..."
+    )

@@ -6,6 +6,7 @@ from pathlib import Path
 import click
 
 from hijack_data.cli.options import WholeSummaries
+from hijack_data.errors import ParameterError
 from hijack_data.files import write_atomic
 
 from . import table, venv
@@ -218,6 +219,11 @@ def needs(
     from . import needs as module
     from .run import checker
 
+    if working and source.is_file():
+        raise ParameterError(
+            f"--working: {source} is a table; hijack bench plays tasks by the files in OSWorld's"
+            " folder, so name that"
+        )
     chosen = table.read(source)
     with checker(folder) as check:
         found = module.needs_of_all(chosen, check)

@@ -158,9 +158,17 @@ def _sites(task: OsworldTask, fetched: set[str]) -> Iterator[str]:
         yield "where its setup installs software from"
     text = json.dumps([task.instruction, steps, list(_sources(task))], ensure_ascii=False)
     for address in _ADDRESS.findall(text):
-        host = urlsplit(address).hostname or ""
-        if address not in fetched and not _HERE.match(host):
+        host = _host(address)
+        if host and address not in fetched and not _HERE.match(host):
             yield host
+
+
+def _host(address: str) -> str:
+    """Return the host of an address; "" for what only looks like one: `http://[your-host]/`."""
+    try:
+        return urlsplit(address).hostname or ""
+    except ValueError:
+        return ""
 
 
 def summary(found: Iterable[TaskNeeds]) -> list[tuple[str, int, str]]:

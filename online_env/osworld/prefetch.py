@@ -176,7 +176,8 @@ class _Download:
             return
         try:
             source = self._same_address(item) or self._fetched(item.url)
-        except (HijackError, httpx.HTTPError, httpx.InvalidURL) as error:
+        # A host that has no name in DNS is a `UnicodeError`.
+        except (HijackError, httpx.HTTPError, httpx.InvalidURL, UnicodeError) as error:
             report.failed[item.path] = f"{item.url}: {error or type(error).__name__}"
             return
         target.parent.mkdir(parents=True, exist_ok=True)

@@ -206,12 +206,22 @@ def _bad_steps(steps: object, field: str) -> Iterator[str]:
         parameters = _object(step).get("parameters")
         if not isinstance(kind, str) or not isinstance(parameters, Mapping):
             yield f"{field}[{place}]: must be an object with `type` and `parameters`, got {step!r}"
+        elif kind == "download" and not _is_list_of_objects(_object(parameters).get("files", [])):
+            files = _object(parameters).get("files")
+            rule = "must be a list of objects with `url` and `path`"
+            yield f"{field}[{place}].parameters.files: {rule}, got {files!r}"
 
 
 def _is_list_of_texts(value: object) -> bool:
     if not isinstance(value, list):
         return False
     return all(isinstance(item, str) for item in cast(list[Any], value))
+
+
+def _is_list_of_objects(value: object) -> bool:
+    if not isinstance(value, list):
+        return False
+    return all(isinstance(item, Mapping) for item in cast(list[Any], value))
 
 
 def _as_list(value: object) -> list[Any]:

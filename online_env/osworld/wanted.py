@@ -4,9 +4,10 @@ import uuid
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import PurePosixPath
-from typing import Any, cast
+from typing import Any, TypeGuard, cast
 
 from hijack_data.errors import ConfigError
+from hijack_data.surrogates import has_half
 
 from .tasks import OsworldTask
 
@@ -16,6 +17,7 @@ HISTORY_URL = (
     "44ee5668-ecd5-4366-a6ce-c1c9b8d4e938/history_empty.sqlite?download=true"
 )
 HISTORY_NAME = "history_new.sqlite"
+LONGEST = 255  # bytes of a name in a folder
 
 
 @dataclass(frozen=True)
@@ -36,7 +38,7 @@ def wanted(task: OsworldTask) -> list[Wanted]:
     found: dict[Wanted, None] = {}
     for url, name, field in _pairs(task):
         place = f"{task.path}: {field}"
-        if not isinstance(url, str) or not url.startswith(("http://", "https://")):
+        if not _can_be_asked_for(url):
             rule = "the address must start with http:// or https://"
             problems.append(f"{place}: {rule}, got {url!r}")
         elif not _plain(name):
@@ -51,10 +53,17 @@ def wanted(task: OsworldTask) -> list[Wanted]:
     return list(found)
 
 
+def _can_be_asked_for(url: object) -> TypeGuard[str]:
+    is_text = isinstance(url, str) and not has_half(url)
+    return is_text and url.startswith(("http://", "https://"))
+
+
 def _plain(name: object) -> bool:
     if not isinstance(name, str) or not name or "\0" in name or "\\" in name:
         return False
     path = PurePosixPath(name)
+    if has_half(name) or any(len(part.encode()) > LONGEST for part in path.parts):
+        return False
     return not path.is_absolute() and ".." not in path.parts and bool(path.parts)
 
 
@@ -82,7 +91,7 @@ def _of_step(step: dict[str, Any], field: str) -> Iterator[tuple[Any, Any, str]]
         url = entry.get("url")
         path = entry.get("path")
         name = None
-        if isinstance(url, str) and isinstance(path, str):
+        if _can_be_asked_for(url) and isinstance(path, str):
             number = uuid.uuid5(uuid.NAMESPACE_URL, url)
             name = f"{number}_{path.rpartition('/')[2]}"
         yield url, name, f"{field}.parameters.files[{place}]"

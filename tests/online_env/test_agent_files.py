@@ -256,3 +256,84 @@ def test_a_key_that_is_not_set_is_named(monkeypatch):
     monkeypatch.delenv("OPENAI_API_KEY", raising=False)
     with pytest.raises(AgentSetupError, match="OPENAI_API_KEY is not set"):
         make("gpt-4o")
+
+
+# Values that no field checks alone
+
+
+@pytest.mark.parametrize(
+    ("line", "problem"),
+    [
+        ("base_url: 'http://[::1:8000/v1'", "1:11: base_url is an address such as http://127."),
+        ("base_url: 'http://[host]/v1'", "1:11: base_url is an address such as http://127."),
+        ("base_url: 'http://h:99999/v1'", "1:11: base_url is an address such as http://127."),
+        ("base_url: 'http://h:x/v1'", "1:11: base_url is an address such as http://127."),
+        ("base_url: 'http://:80/v1'", "1:11: base_url is an address such as http://127."),
+        ("min_pixels: 1000000\nmax_pixels: 1000", "1:1: min_pixels (1000000) must not be above"),
+        ("min_pixels: 67108864", "1:1: min_pixels (67108864) must not be above max_pixels (12845"),
+        ("max_pixels: 784", "1:1: min_pixels (3136) must not be above max_pixels (784)"),
+        ("serve: ' '", "1:8: serve must not be empty"),
+        ("onlooker: {model: ''}", "1:19: onlooker.model must not be empty"),
+    ],
+)
+def test_a_value_that_no_request_can_use(tmp_path, line, problem):
+    path = tmp_path / "a.yaml"
+    path.write_text(f"{line}\nmodel: m\nprompt: pyautogui\nparser: pyautogui\n")
+    (found,) = mistakes(path)
+    assert found.startswith(problem)
+
+
+@pytest.mark.parametrize("url", ["http://[::1]:8000/v1", "https://h", "http://h:65535/a?b=c"])
+def test_addresses_of_any_kind_of_host(tmp_path, url):
+    assert files.read_agent(str(file(tmp_path, f"'{url}'"))).model.base_url == url
+
+
+def test_an_error_that_has_nothing_to_say_is_refused(tmp_path):
+    (tmp_path / "e.yaml").write_text("errors: [{name: a, looks: b, say: ''}]")
+    with pytest.raises(ConfigError, match=r"e\.yaml:1:35: errors\[0\]\.say must not be empty"):
+        files.read_errors(str(tmp_path / "e.yaml"))
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"", "1:1: a prompt is a mapping of system, first, each to texts"),
+        (b"{}", "1:1: a prompt is a mapping of system, first, each to texts"),
+        (b"- first", "1:1: a prompt is a mapping of system, first, each to texts"),
+        (b"first: [a]", "1:8: first must be a text, got a list"),
+        (b"frist: a", "1:1: a prompt has no key 'frist'; did you mean 'first'?"),
+        (b"first: " + b"x" * 2**18, "1:1: larger than 262144 bytes; is it a prompt?"),
+    ],
+)
+def test_a_prompt_that_is_none(tmp_path, content, said):
+    (tmp_path / "p.yaml").write_bytes(content)
+    with pytest.raises(ConfigError) as caught:
+        prompts.read_prompt("p", (tmp_path,))
+    assert caught.value.problems == (f"{tmp_path / 'p.yaml'}:{said}",)
+
+
+def test_of_two_folders_the_first_has_the_prompt_and_the_rest_is_ours(tmp_path):
+    one, two = tmp_path / "one", tmp_path / "two"
+    for folder, names in ((one, ["mine"]), (two, ["mine", "theirs"])):
+        folder.mkdir()
+        for name in names:
+            (folder / f"{name}.yaml").write_text(f"first: {name} of {folder.name}\n")
+    chosen = (one, two)
+    assert prompts.read_prompt("mine", chosen).first == "mine of one"
+    assert prompts.read_prompt("theirs", chosen).first == "theirs of two"
+    assert prompts.read_prompt("pyautogui", chosen) == prompts.read_prompt("pyautogui")
+
+
+def test_the_digest_of_prompts_changes_with_names_and_with_texts(tmp_path):
+    def digest(**contents):
+        for path in tmp_path.iterdir():
+            path.unlink()
+        for name, content in contents.items():
+            (tmp_path / f"{name}.yaml").write_text(content)
+        (tmp_path / "notes.txt").write_text(str(contents))
+        return prompts.digest(tmp_path)
+
+    first = digest(a="x", b="y")
+    assert digest(b="y", a="x") == first
+    others = [digest(a="xy", b=""), digest(a="y", b="x"), digest(a="x"), digest(a="x", c="y")]
+    assert len({first, *others}) == 5

@@ -12,7 +12,7 @@ from hijack_data import extras
 from hijack_data.errors import shown
 
 from ...errors import AgentSetupError, EndpointError
-from ..settings import ModelSettings
+from ..settings import ModelSettings, bad_key, can_be_sent
 from .query import ModelQuery, Reply, digest_of, logged, wired
 from .request_log import RequestRecorder, answer_of
 from .usage import UsageMeter
@@ -220,7 +220,7 @@ def _key_of(settings: ModelSettings) -> str:
     """Return the key from the environment; empty if the endpoint wants none.
 
     Raises:
-        AgentSetupError: the key is not in the environment.
+        AgentSetupError: the key is not in the environment, or cannot be sent.
     """
     name = settings.api_key_env
     if name is None:
@@ -230,4 +230,6 @@ def _key_of(settings: ModelSettings) -> str:
         raise AgentSetupError(
             f"{settings.model} needs a key, and the environment variable {name} is not set"
         )
+    if not can_be_sent(key):
+        raise AgentSetupError(f"{settings.model}: {bad_key(name)}")
     return key

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from hijack_data.files import unwritable
+from hijack_data.runs.amounts import is_amount, is_count
 
 from ...errors import AgentSetupError, EndpointError, ReplayError
 from .query import digest_of, logged
@@ -159,13 +160,27 @@ def _lines(path: Path) -> list[dict[str, Any]]:
             continue
         try:
             line = json.loads(text)
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise ReplayError(f"{path}:{number}: is damaged ({error})") from None
         if not isinstance(line, dict) or not line.keys() >= _NEEDED:
             needed = ", ".join(sorted(_NEEDED))
             raise ReplayError(f"{path}:{number}: is damaged (it lacks one of {needed})")
+        wrong = _mistake(line)
+        if wrong:
+            raise ReplayError(f"{path}:{number}: is damaged ({wrong})")
         lines.append(line)
     return lines
+
+
+def _mistake(line: Mapping[str, Any]) -> str:
+    """Return what makes a line useless that has all its fields; "" if nothing does."""
+    if "problem" not in line and not isinstance(line.get("response"), dict):
+        return "it has neither a response, which is an object, nor a problem"
+    if not is_amount(line["seconds"]):
+        return f"seconds is no number from 0 on: {line['seconds']!r:.80}"
+    if not is_count(line["tries"]) or line["tries"] < 1:
+        return f"tries is no whole number from 1 on: {line['tries']!r:.80}"
+    return ""
 
 
 def _difference(

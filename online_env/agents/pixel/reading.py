@@ -124,6 +124,8 @@ class ScreenReader:
         Args:
             picture: uint8 RGB `[H, W, 3]`.
         """
+        if self._picture is not None and self._picture.shape != picture.shape:
+            self._lines = ()  # their places are those of another picture
         boxes = self._boxes(picture)
         if not boxes and self._picture is not None:
             return self._lines

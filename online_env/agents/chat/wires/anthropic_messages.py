@@ -13,7 +13,7 @@ from ..query import (
     ScreenPicture,
     messages,
 )
-from .common import items, load, sampled, texts, tokens
+from .common import items, label, load, sampled, texts, tokens
 
 # Needs no size and no beta header; its calls have the names of actions.
 TOOLSET = "computer_toolset_20260801"
@@ -64,6 +64,8 @@ class AnthropicMessages:
         blocks = items(answer.get("content"), "content")
         words = list(texts(blocks))
         uses = [block for block in blocks if block.get("type") == "tool_use"]
+        for use in uses:
+            label(use, "id")  # the next request has a result for each
         usage = answer.get("usage")
         return Reply(
             text="\n".join(words),

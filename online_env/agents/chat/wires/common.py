@@ -64,6 +64,18 @@ def items(value: object, what: str) -> list[Mapping[str, Any]]:
     return value
 
 
+def label(item: Mapping[str, Any], field: str) -> str:
+    """Return the name by which a later request refers to a part of an answer.
+
+    Raises:
+        EndpointError: the part has none.
+    """
+    value = item.get(field)
+    if not isinstance(value, str) or not value:
+        raise broken(f"has a part without {field}", dict(item))
+    return value
+
+
 def tokens(usage: object, *names: str) -> int:
     """Return the sum of counts; missing or invalid counts are 0."""
     if not isinstance(usage, Mapping):

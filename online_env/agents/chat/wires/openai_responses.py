@@ -5,7 +5,7 @@ from typing import Any
 
 from ...settings import ModelSettings
 from ..query import EmbeddedPicture, ModelQuery, Reply, ScreenPicture
-from .common import items, openai_client, sampled, texts, tokens
+from .common import items, label, openai_client, sampled, texts, tokens
 
 PREVIEW = "computer_use_preview"
 NAME = "computer"
@@ -60,7 +60,7 @@ class OpenAIResponses:
             text="\n".join(words),
             calls=tuple({"name": NAME, "arguments": action} for action in _actions(made)),
             raw={
-                "id": answer.get("id"),
+                "id": label(answer, "id"),
                 "calls": [_kept(call) for call in made],
             },
             read=tokens(usage, "input_tokens"),
@@ -80,8 +80,8 @@ def _actions(calls: list[Mapping[str, Any]]) -> Iterator[object]:
 
 
 def _kept(call: Mapping[str, Any]) -> dict[str, Any]:
-    checks = call.get("pending_safety_checks") or []
-    return {"call_id": call.get("call_id"), "checks": list(checks)}
+    checks = items(call.get("pending_safety_checks") or [], "pending_safety_checks")
+    return {"call_id": label(call, "call_id"), "checks": checks}
 
 
 def _tool(kind: str | None, picture: ScreenPicture) -> dict[str, Any]:
