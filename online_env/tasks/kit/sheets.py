@@ -305,7 +305,8 @@ def _array_formulas(sheet: Any) -> dict[str, str]:
         text = found[address] = sheet[address].value.text
         if ":" not in area:
             continue
-        left, top, right, bottom = range_boundaries(area)
+        bounds: Any = range_boundaries(area)
+        left, top, right, bottom = bounds
         for (row, column), cell in sheet._cells.items():  # the area may be a whole column
             if top <= row <= bottom and left <= column <= right:
                 found[cell.coordinate] = text
