@@ -90,8 +90,8 @@ def shown(records, **config):
 def test_the_table_of_parts_has_the_order_of_the_configuration_and_names_as_they_are():
     records = [
         step("t0", "x", agent="[b]", parts={"type": False}),
-        step("t0", "clean", agent="a", parts={"type": True}),
         step("t0", "clean", agent="[b]", parts={"type": True}),
+        step("t0", "clean", agent="a", parts={"type": True}),
     ]
     config = {"agents": ["a", "[b]"], "corruptions": ["clean", "x"], "question": "steps"}
     assert shown(records, **config) == [
