@@ -50,7 +50,9 @@ class Web:
 
     def links(self, url: str, begin: str, **query: Any) -> list[str]:
         """Where links that begin so lead, in their order, each once and without the beginning."""
-        found = re.findall(rf'href="{re.escape(html.escape(begin))}([^"]+)"', self.get(url, **query).text)
+        found = re.findall(
+            rf'href="{re.escape(html.escape(begin))}([^"]+)"', self.get(url, **query).text
+        )
         return list(dict.fromkeys(html.unescape(one) for one in found))
 
 
