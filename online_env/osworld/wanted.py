@@ -54,8 +54,9 @@ def wanted(task: OsworldTask) -> list[Wanted]:
 
 
 def _can_be_asked_for(url: object) -> TypeGuard[str]:
-    is_text = isinstance(url, str) and not has_half(url)
-    return is_text and url.startswith(("http://", "https://"))
+    if not isinstance(url, str) or has_half(url):
+        return False
+    return url.startswith(("http://", "https://"))
 
 
 def _plain(name: object) -> bool:

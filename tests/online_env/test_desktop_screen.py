@@ -16,6 +16,8 @@ from online_env.embedded.runtime import forward
 from online_env.embedded.runtime.framebuffer import DOOR
 from online_env.embedded.runtime.frames import Frames
 
+from support.waiting import until
+
 
 @pytest.fixture(autouse=True)
 def run(tmp_path, monkeypatch):
@@ -95,6 +97,7 @@ def test_the_screen_is_read_from_where_the_server_draws_it(frames, stride):
     assert np.array_equal(one.read(), raw[..., 2::-1])
     assert np.array_equal(one.read(), raw[:3, :6, 2::-1]), "a screen that has become smaller"
     assert one.read().flags.writeable
+    until(lambda: len(guest.copied) == 3, "the other side to hear of the third copy")
     assert (guest.callers, guest.copied) == (1, [True] * 3)
 
 
@@ -112,20 +115,22 @@ def test_the_pointer_is_blended_over_it_as_far_as_it_is_inside(frames):
     assert np.array_equal(image, wanted)
 
 
+# A description says until when the screen is held, so it is made when the test runs.
 @pytest.mark.parametrize(
     ("data", "screen", "message"),
     [
-        (memory(), frozen(9, 4), "the screen is 9x4, its memory 8x4"),
-        (memory(), frozen(8, 0), "the screen is 8x0, its memory 8x4"),
-        (memory(bits=16), frozen(), "the X server's memory is of another kind"),
-        (memory(masks=(0xFF, 0xFF00, 0xFF0000)), frozen(), "memory is of another kind"),
-        (memory()[:-1], frozen(), "the X server's memory is of another kind"),
-        (memory(), b"no screen", "9 bytes are no description of a screen"),
-        (memory(), frozen() + b"xxxx", "cannot reshape array"),
+        (memory(), lambda: frozen(9, 4), "the screen is 9x4, its memory 8x4"),
+        (memory(), lambda: frozen(8, 0), "the screen is 8x0, its memory 8x4"),
+        (memory(bits=16), frozen, "the X server's memory is of another kind"),
+        (memory(masks=(0xFF, 0xFF00, 0xFF0000)), frozen, "memory is of another kind"),
+        (memory()[:-1], frozen, "the X server's memory is of another kind"),
+        (memory(), lambda: b"no screen", "9 bytes are no description of a screen"),
+        (memory(), lambda: frozen() + b"xxxx", "cannot reshape array"),
     ],
+    ids=["wide", "flat", "bits", "masks", "short", "words", "long"],
 )
 def test_a_screen_that_is_none_is_refused(frames, data, screen, message):
-    one, _ = frames(data, screen)
+    one, _ = frames(data, screen())
     with pytest.raises(ValueError, match=message):
         one.read()
 

@@ -225,7 +225,9 @@ def _spacing(found: Any, styles: Mapping[str, Any]) -> float:
     """Return the line spacing, in lines, that a paragraph or its style has."""
     for element in (*_sources(found, styles), styles[_DEFAULTS]):
         spacing = element.find(f"{_WORD}pPr/{_WORD}spacing")
-        line = None if spacing is None else spacing.get(f"{_WORD}line")
+        if spacing is None:
+            continue
+        line = spacing.get(f"{_WORD}line")
         if line is not None:
             is_in_points = spacing.get(f"{_WORD}lineRule") in ("exact", "atLeast")
             return 0.0 if is_in_points else round(int(line) / _LINE, 2)
