@@ -8,6 +8,7 @@
 | `error` of the machine | errored, so that `--retry-on-error` runs it again |
 """
 
+import re
 from typing import Any
 
 from inspect_ai.model import ChatMessageAssistant, ChatMessageTool
@@ -19,6 +20,7 @@ from ..errors import DesktopError
 from .sessions import Session, in_thread
 
 SUBMIT = "submit"
+_FAIL = re.compile(rf"{FAIL}(?![\w-])", re.IGNORECASE)
 CORRUPTION = "corruption"  # the metadata by which scores are grouped
 
 
@@ -58,7 +60,12 @@ def _end(
     if cut_off:
         session.cut_off("a limit of Inspect's ended the episode before the agent took an action")
     else:
-        session.act(FAIL if said.strip().upper().startswith(FAIL) else DONE)
+        session.act(FAIL if gives_up(said) else DONE)
+
+
+def gives_up(answer: str) -> bool:
+    """Return whether an answer begins with the word `FAIL`, in any case, and not with "Failing"."""
+    return _FAIL.match(answer.strip()) is not None
 
 
 def was_cut_off(state: TaskState) -> bool:

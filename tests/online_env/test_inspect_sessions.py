@@ -20,7 +20,7 @@ from inspect_ai.tool import ToolCall
 from hijack_data.errors import HijackError
 from online_env.bench.config import Bench
 from online_env.errors import DesktopError
-from online_env.inspect.scoring import was_cut_off
+from online_env.inspect.scoring import gives_up, was_cut_off
 from online_env.inspect.sessions import Session, Sessions
 from online_env.inspect.tool import FWXGA, OVER, computer_tool, display_of
 
@@ -246,3 +246,19 @@ def test_a_model_was_cut_off_if_the_last_message_is_no_answer(last, cut):
 )
 def test_only_models_that_are_told_a_display_see_pictures_of_its_size(toolset, name, size):
     assert display_of(SimpleNamespace(computer_use_toolset=toolset), name) == size
+
+
+@pytest.mark.parametrize(
+    ("answer", "does"),
+    [
+        ("FAIL", True),
+        (" fail.\n", True),
+        ("Fail: there is no such file", True),
+        ("Failing tests are fixed now", False),
+        ("Fail-safe mode is on", False),
+        ("Done, nothing failed", False),
+        ("", False),
+    ],
+)
+def test_only_the_word_fail_gives_up(answer, does):
+    assert gives_up(answer) == does
