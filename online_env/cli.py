@@ -13,7 +13,7 @@ from typing import Any
 
 import click
 
-from hijack_data.cli.options import OutOption, WholeSummaries, seed_option
+from hijack_data.cli.options import FiniteRange, OutOption, WholeSummaries, seed_option
 from hijack_data.errors import ParameterError
 
 from .corrupting import Ledger, corrupt
@@ -324,7 +324,7 @@ def down(
 )
 @click.option(
     "--seconds",
-    type=click.FloatRange(0.1, 86400),
+    type=FiniteRange(0.1, 86400),
     metavar="S",
     help="Length of the video; until Ctrl-C, if not given.",
 )

@@ -11,6 +11,7 @@ import click
 import pytest
 
 from hijack_data.cli import COMMANDS, help_pages, hijack
+from hijack_data.cli.options import FiniteRange
 from hijack_data.cli.summaries import SECTIONS, SUMMARIES
 
 pytest.importorskip("gymnasium", reason="needs the extra [online]; make env")
@@ -52,6 +53,16 @@ def test_the_summaries_are_those_of_the_commands():
     }
     assert real == SUMMARIES
     assert sum(map(len, SECTIONS.values())) == len(SUMMARIES), "a command is in two sections"
+
+
+def test_no_number_in_a_range_is_nan_or_without_end():
+    numbers = [
+        (name, option.name, option.type)
+        for name, option in OPTIONS
+        if isinstance(option.type, click.FloatRange)
+    ]
+    assert [row for row in numbers if not isinstance(row[2], FiniteRange)] == []
+    assert len(numbers) > 4
 
 
 # Modules that take time; a help that imports one of them imports what it does not need.

@@ -18,6 +18,7 @@ from .. import corruption as registry
 from ..errors import PluginError
 from ..loading import SUFFIX, LoadedFile, run_file
 from . import console, machine
+from .options import FiniteRange
 from .plugin_rows import plugin_rows
 
 DoctorRow: TypeAlias = tuple[str, str, str, str]
@@ -32,7 +33,7 @@ DoctorRow: TypeAlias = tuple[str, str, str, str]
 )
 @click.option(
     "--timeout",
-    type=click.FloatRange(min=0.1),
+    type=FiniteRange(min=0.1),
     default=120.0,
     show_default=True,
     metavar="S",

@@ -9,7 +9,12 @@ from pathlib import Path
 import click
 
 from hijack_data import extras
-from hijack_data.cli.options import conditions_option, desktops_option, seed_option
+from hijack_data.cli.options import (
+    FiniteRange,
+    conditions_option,
+    desktops_option,
+    seed_option,
+)
 
 MODULES = ("openenv", "prometheus_client", "uvicorn", "gymnasium")
 
@@ -37,7 +42,7 @@ MODULES = ("openenv", "prometheus_client", "uvicorn", "gymnasium")
 )
 @click.option(
     "--clean",
-    type=click.FloatRange(0, 1),
+    type=FiniteRange(0, 1),
     metavar="P",
     help="Share of clean episodes.  [default: as likely as each of the others]",
 )
@@ -84,7 +89,7 @@ MODULES = ("openenv", "prometheus_client", "uvicorn", "gymnasium")
 )
 @click.option(
     "--wait",
-    type=click.FloatRange(0, 3600),
+    type=FiniteRange(0, 3600),
     default=45,
     show_default=True,
     metavar="SECONDS",
@@ -92,7 +97,7 @@ MODULES = ("openenv", "prometheus_client", "uvicorn", "gymnasium")
 )
 @click.option(
     "--lease",
-    type=click.FloatRange(1, 86_400),
+    type=FiniteRange(1, 86_400),
     default=600,
     show_default=True,
     metavar="SECONDS",
