@@ -75,6 +75,7 @@ class Answering(BaseHTTPRequestHandler):
     """Answers every request with the same words."""
 
     protocol_version = "HTTP/1.1"
+    wbufsize = 65536  # head and body in one packet: two would wait 40 ms for an acknowledgement
     lengths: ClassVar[list[int]] = []
 
     def log_message(self, format: str, *args: object) -> None:
