@@ -58,6 +58,8 @@ def main() -> None:
     parser.add_argument("--desktops", type=int)
     options = parser.parse_args()
     name: str = options.name
+    if name == OSWORLD and options.osworld is None and not options.report_only:
+        parser.error("osworld needs --osworld TASKS, the folder of OSWorld's tasks")
     runs: Path = options.runs or ROOT / "runs" / name
     result = RESULTS / name
     if not runs.exists():

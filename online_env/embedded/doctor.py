@@ -147,17 +147,9 @@ def _modules() -> Finding:
 def _kernel() -> Finding:
     place = Path(tempfile.mkdtemp(prefix="agenthijack-probe-"))
     try:
-        probe = _PROBE if os.geteuid() == 0 else _ROOTLESS_PROBE
-        command = [sys.executable, "-I", "-S", "-c", probe, str(PACKAGES), str(place)]
-        done = subprocess.run(
-            command,
-            capture_output=True,
-            text=True,
-            timeout=_PATIENCE,
-            check=False,
-        )
+        done = _probed(_PROBE if os.geteuid() == 0 else _ROOTLESS_PROBE, str(place))
     except subprocess.TimeoutExpired:
-        return Finding("namespaces", False, f"the probe did not end within {_PATIENCE:g} s")
+        return Finding("namespaces", False, _too_slow())
     finally:
         place.rmdir()
     if done.returncode == 0:
@@ -166,6 +158,25 @@ def _kernel() -> Finding:
     reason = reason.removeprefix(_REFUSED)
     way = rootless.way_out(reason)
     return Finding("namespaces", False, reason.removesuffix(f"; {way}"), way)
+
+
+def _probed(code: str, *words: str) -> "subprocess.CompletedProcess[str]":
+    """Run a probe in a process of its own.
+
+    Raises:
+        TimeoutExpired: It did not end in time.
+    """
+    return subprocess.run(
+        [sys.executable, "-I", "-S", "-c", code, str(PACKAGES), *words],
+        capture_output=True,
+        text=True,
+        timeout=_PATIENCE,
+        check=False,
+    )
+
+
+def _too_slow() -> str:
+    return f"the probe did not end within {_PATIENCE:g} s"
 
 
 def _layer() -> Finding:
@@ -193,18 +204,10 @@ def _users() -> Finding:
         return Finding(name, True, "the desktop's user is you, without rights outside")
     layer = home.layer_path()
     shown = [str(layer / "home")] if layer.is_dir() else []
-    command = [sys.executable, "-I", "-S", "-c", _SHIFT_PROBE, str(PACKAGES), *shown]
     try:
-        done = subprocess.run(
-            command,
-            capture_output=True,
-            text=True,
-            timeout=_PATIENCE,
-            check=False,
-        )
+        done = _probed(_SHIFT_PROBE, *shown)
     except subprocess.TimeoutExpired:
-        detail = f"the probe did not end within {_PATIENCE:g} s"
-        return Finding(name, False, detail, required=False)
+        return Finding(name, False, _too_slow(), required=False)
     if done.returncode == 0:
         return Finding(name, True, "have numbers that nobody has on this machine")
     detail = (

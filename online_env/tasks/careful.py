@@ -121,7 +121,7 @@ class CarefulHand(Hand):
         """
         if self._clear(self.look()) and node.role in MENU_ROLES:
             raise DesktopTimeoutError(f"the menu with {node.name!r} was closed by a disturbance")
-        super().click(node)
+        self._click_at(node)  # `run` would look once more
         self._is_on_panel = False
 
     def put_right(self, seen: list[TreeNode] | None = None) -> bool:
@@ -319,9 +319,12 @@ class CarefulHand(Hand):
 
     def _click_plainly(self, node: TreeNode) -> None:
         """Click on a button of the panel."""
+        self._click_at(node)
+        self._is_on_panel = True
+
+    def _click_at(self, node: TreeNode) -> None:
         x, y = node.centre
         super().run(f"pyautogui.click({x}, {y})")
-        self._is_on_panel = True
 
     def _scroll(self) -> None:
         """Turn the wheel over the page, not over the panel where a window was restored."""

@@ -1,14 +1,12 @@
 """A careful hand on a desktop whose trees are written down."""
 
-from dataclasses import dataclass, field
-
 import pytest
 
-from online_env.desktops.protocol import RunResult
 from online_env.errors import DesktopTimeoutError
 from online_env.tasks import careful
 
-SPACE = "https://accessibility.ubuntu.example.org/ns"
+from support.trees import SPACE, Trees
+
 PLACE = 'st:showing="true" st:visible="true" cp:screencoord="(100, 200)" cp:size="(80, 100)"'
 PANEL = PLACE.replace("(100, 200)", "(0, 700)")
 SHOWN = f'<frame name="song - VLC media player" {PLACE}/>'
@@ -23,21 +21,6 @@ def tree(window: str, button: str = BUTTON) -> str:
         f'<application name="xfce4-panel"><frame name="" {PANEL}/>{button}</application>'
         "</desktop-frame>"
     )
-
-
-@dataclass
-class Trees:
-    """A desktop that shows the next tree after each action, and the last one from then on."""
-
-    trees: list[str]
-    ran: list[str] = field(default_factory=list)
-
-    def accessibility(self) -> str:
-        return self.trees[min(len(self.ran), len(self.trees) - 1)]
-
-    def run(self, code: str) -> RunResult:
-        self.ran.append(code)
-        return RunResult("success", returncode=0)
 
 
 @pytest.fixture(autouse=True)
