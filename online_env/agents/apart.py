@@ -84,11 +84,14 @@ class Apart:
             raise AgentError(f"{type(self.agent).__name__} has no predict(instruction, obs)")
         answer = self.call(predict, instruction, obs)
         match answer:
-            case (str() as said, Sequence() as actions) if not isinstance(actions, str):
+            case (str(), str() | bytes() | bytearray()):  # sequences, but of no actions
+                pass
+            case (str() as said, Sequence() as actions):
                 return said, actions
             case _:
-                wanted = 'predict must return (text, [actions]), such as ("", ["DONE"])'
-                raise AgentError(f"{wanted}, got {self.call(repr, answer)[:200]}")
+                pass
+        wanted = 'predict must return (text, [actions]), such as ("", ["DONE"])'
+        raise AgentError(f"{wanted}, got {self.call(repr, answer)[:200]}")
 
     def call(self, function: _Function, *values: Any) -> Any:
         """Call a function in the agent's thread.

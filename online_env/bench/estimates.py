@@ -288,9 +288,10 @@ def _count(found: History, record: ResultRecord) -> None:
 
 def _sizes(folder: Path, records: Sequence[ResultRecord]) -> Iterator[float]:
     """Yield the disk space of a step of each episode, in bytes."""
-    for record in records:
-        place = folder / EPISODES / str(record.get("id"))
-        if not place.is_dir() or not isinstance(record.get("steps"), int):
+    known = {str(record.get("id")): record for record in records}  # a foreign id may be any path
+    for place in (folder / EPISODES).glob("*/"):
+        record = known.get(place.name)
+        if record is None or not isinstance(record.get("steps"), int):
             continue
         size = sum(path.stat().st_size for path in place.rglob("*") if path.is_file())
         yield size / (record["steps"] + 1)

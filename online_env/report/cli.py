@@ -90,8 +90,8 @@ def report(
     beside = [name for name, value in given.items() if value]
     if leaderboard and (beside or as_json):
         raise ReportError(f"--leaderboard is a page without {(*beside, '--json')[0]}; leave it out")
-    if as_json and (paper or named):
-        option = "--paper" if paper else f"--format {named}"
+    whole = {"--paper": paper, f"--format {named}": named, "--reference": reference}
+    for option in [name for name, value in whole.items() if value and as_json]:
         raise ReportError(f"--json is a list of rows, without {option}; give --format json alone")
     if leaderboard:
         raise SystemExit(_leaderboard(runs, named, out))

@@ -18,7 +18,7 @@ from .kit.apps import APPS, TaskApp, find_app
 # One entry a file, folder or link that is not hidden: kind, mode and path; then the digests. A file
 # that the user may not read, or that goes meanwhile, has none (and xargs ends with 123).
 _LIST = r"""cd "$HOME" || exit 1
-find . -mindepth 1 -name '.*' -prune -o -printf '%y %m\t%P\0'
+find . -mindepth 1 -name '.*' -prune -o -printf '%y %m %l\t%P\0'
 printf '\0'
 find . -mindepth 1 -name '.*' -prune -o -type f -print0 |
     xargs -0 -r sha256sum -z -- || [ $? = 123 ]"""
@@ -31,9 +31,9 @@ class Snapshot:
     """What a machine held at one time.
 
     Args:
-        files: By path relative to the home folder: kind, mode and digest, in one text. What is
-            hidden, or in a hidden folder, is left out. What is no file, or cannot be read, has no
-            digest.
+        files: By path relative to the home folder: kind, mode, where a link leads, and digest, in
+            one text. What is hidden, or in a hidden folder, is left out. What is no file, or
+            cannot be read, has no digest.
         sites: The stored state of each local site.
     """
 

@@ -201,7 +201,7 @@ class _StepReader:
 
 
 def _count(digits: str | None) -> int:
-    count = int(digits) if digits else 1
-    if not 1 <= count <= MOST:
-        raise PlanWordsError(f"{count} times is not 1 to {MOST}")
-    return count
+    shown = (digits or "1").lstrip("0") or "0"
+    if len(shown) > len(str(MOST)) or not 1 <= int(shown) <= MOST:
+        raise PlanWordsError(f"{shown[:20]} times is not 1 to {MOST}")
+    return int(shown)

@@ -106,6 +106,7 @@ def test_of_a_deep_error_the_innermost_frames_are_kept_and_none_of_ours():
     [
         (("", "DONE"), "('', 'DONE')"),
         (("", {"DONE"}), "('', {'DONE'})"),
+        (("", b"DONE"), "('', b'DONE')"),
         ((None, ["DONE"]), "(None, ['DONE'])"),
         (("", ["DONE"], 1), "('', ['DONE'], 1)"),
         ("ab", "'ab'"),

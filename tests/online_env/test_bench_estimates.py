@@ -87,6 +87,15 @@ def test_what_was_never_measured_is_a_limit_and_says_whose_time_is_not_in_it():
     assert estimate(own, listed * 1000, desktops=2).startswith("at most 3.6 h")
 
 
+def test_a_foreign_id_measures_no_folder_of_another_place(tmp_path):
+    write_run(tmp_path / "a", made(10.0, 4))
+    alone = history_near(tmp_path / "new").step_bytes
+    write_run(tmp_path / "b", {**made(10.0, 4, "marks"), "id": "../../a"})
+    (tmp_path / "a" / "frames" / "0000.png").unlink()  # what write_run made at that path
+    (tmp_path / "a" / "other").write_bytes(b"x" * 10**6)
+    assert history_near(tmp_path / "new").step_bytes == alone
+
+
 def test_earlier_runs_beside_the_new_one_count_most(tmp_path):
     write_run(tmp_path / "a", made(10.0, 4), made(30.0, 6, "marks"))
     write_run(tmp_path / "deep" / "b", made(20.0, 4), made(99.0, 9, status="invalid"))

@@ -133,6 +133,8 @@ def test_sources_of_the_machine_in_both_formats(tmp_path):
     (tmp_path / "sources.list.d/more.sources").write_text(
         "Types: deb\nURIs: https://two.test\nSuites: bookworm bookworm-updates\n"
         "Components: main\n\n"
+        "# the one below\nTypes: deb\nURIs:\n https://three.test\n# and\n https://four.test\n"
+        "suites: bookworm\nComponents:\n main contrib\n\n"
         "Types: deb\nEnabled: no\nURIs: https://no.test\nSuites: bookworm\nComponents: main\n"
     )
     (tmp_path / "sources.list.d/old.bak").write_text("deb https://bak.test bookworm main\n")
@@ -141,6 +143,8 @@ def test_sources_of_the_machine_in_both_formats(tmp_path):
         ("https://one.test/debian", "bookworm"),
         ("https://two.test", "bookworm"),
         ("https://two.test", "bookworm-updates"),
+        ("https://three.test", "bookworm"),
+        ("https://four.test", "bookworm"),
     ]
 
 

@@ -1,5 +1,6 @@
 """What the judges of text documents see, and what they forgive: one change at a time."""
 
+import io
 from collections.abc import Callable
 from functools import cache
 from typing import Any
@@ -13,9 +14,10 @@ pytest.importorskip("docx", reason=needs.ONLINE)
 
 from docx.enum.section import WD_ORIENT
 from docx.opc.constants import RELATIONSHIP_TYPE
-from docx.oxml import OxmlElement
-from docx.oxml.ns import qn
-from docx.shared import Pt
+from docx.oxml import OxmlElement, parse_xml
+from docx.oxml.ns import nsdecls, qn
+from docx.shared import Pt, RGBColor
+from PIL import Image
 
 from online_env.tasks.kit import documents
 from online_env.tasks.kit.office import dump
@@ -75,6 +77,13 @@ def first_of(made: Any) -> documents.ParagraphContent:
             "alignment",
             lambda made: setattr(made.paragraphs[2], "alignment", 1),
             "the alignment of paragraph 3 is 'center', not ''",
+        ),
+        (
+            "marker",
+            lambda made: setattr(
+                made.paragraphs[2]._p.get_or_add_pPr().get_or_add_numPr()._add_numId(), "val", 1
+            ),
+            "the marker of paragraph 3 is 'bullet', not ''",
         ),
         (
             "text",
@@ -152,6 +161,7 @@ def test_a_mark_counts_if_it_shows() -> None:
         ("i", {"val": "0"}, False),
         ("strike", {"val": "false"}, False),
         ("vertAlign", {"val": "baseline"}, False),
+        ("color", {"val": "auto"}, False),
     )
     made = documents.document("Title", ["text"] * len(cases))
     for paragraph, (mark, attributes, _) in zip(made.paragraphs[1:], cases, strict=True):
@@ -165,14 +175,39 @@ def test_a_mark_counts_if_it_shows() -> None:
     assert [paragraph.marks for paragraph in read] == wanted
 
 
+def test_size_and_colour_count_with_their_values() -> None:
+    made = made_text()
+    font = made.paragraphs[1].runs[0].font
+    font.size = Pt(14)
+    font.color.rgb = RGBColor(255, 0, 0)
+    assert first_of(made).marks == ("color FF0000", "sz 28")
+
+
+def test_pictures_count_once_though_a_file_holds_them_twice() -> None:
+    made = made_text()
+    run = made.paragraphs[1].runs[0]
+    picture = io.BytesIO()
+    Image.new("RGB", (8, 8)).save(picture, "PNG")
+    run.add_picture(picture)
+    run._r.append(parse_xml(f"<w:object {nsdecls('w')}/>"))
+    twice = (
+        '<mc:AlternateContent xmlns:mc="http://schemas.openxmlformats.org/markup-compatibility/2006"'
+        f" {nsdecls('w')}><mc:Choice><w:drawing/></mc:Choice>"
+        "<mc:Fallback><w:pict/></mc:Fallback></mc:AlternateContent>"
+    )
+    run._r.append(parse_xml(twice))
+    now = documents.read_text(dump(made))
+    assert now.pictures == 3
+    assert list(documents.text_changes(now, text_before())) == ["the pictures are 3, not 0"]
+
+
 def test_what_a_list_puts_before_its_items_is_read() -> None:
     made = made_text()
     for paragraph in made.paragraphs[1:]:
         paragraph.style = made.styles["List Number"]
     made.paragraphs[2]._p.get_or_add_pPr().get_or_add_numPr()._add_numId().val = 0
     _, item, taken_out = documents.read_text(dump(made)).paragraphs
-    assert (item.is_item, item.marker) == (True, "decimal")
-    assert (taken_out.is_item, taken_out.marker) == (False, "")
+    assert (item.marker, taken_out.marker) == ("decimal", "")
 
 
 def test_a_list_that_the_document_does_not_define_is_none() -> None:
@@ -181,7 +216,7 @@ def test_a_list_that_the_document_does_not_define_is_none() -> None:
     rels = made.part.rels
     for key in [key for key in rels if rels[key].reltype == RELATIONSHIP_TYPE.NUMBERING]:
         del rels[key]
-    assert first_of(made).is_item is False
+    assert first_of(made).marker == ""
 
 
 def test_what_comes_after_a_table_is_what_comes_after_the_last_one() -> None:

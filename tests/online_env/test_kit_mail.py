@@ -166,6 +166,35 @@ def test_a_word_is_not_found_within_another_or_a_quotation(machine: Machine) -> 
     assert list(mail.problems(machine, sent=[letter])) == ["'45' is missing"]
 
 
+@pytest.mark.parametrize(
+    ("body", "is_there"),
+    [
+        ("It is 45.", True),
+        ("It is 45, not 46.", True),
+        ("It is 45.50.", False),
+        ("It is 45,50.", False),
+        ("It is 1.45.", False),
+        ("It is 0,45.", False),
+        ("It was 7.45", False),
+    ],
+)
+def test_a_number_is_not_found_within_another(
+    machine: Machine,
+    body: str,
+    is_there: bool,
+) -> None:
+    mail.store(machine, ["oda@mail.test"], "", body)
+    letter = mail.Letter(to=["oda@mail.test"], holds=["45"])
+    found = list(mail.problems(machine, sent=[letter]))
+    assert found == ([] if is_there else ["'45' is missing"])
+
+
+def test_a_word_may_follow_a_number_and_a_dot(machine: Machine) -> None:
+    mail.store(machine, ["oda@mail.test"], "", "It is no.5.Mainz,7")
+    letter = mail.Letter(to=["oda@mail.test"], holds=["Mainz"])
+    assert list(mail.problems(machine, sent=[letter])) == []
+
+
 def test_drafts_are_judged_apart_from_mails(machine: Machine) -> None:
     mail.store(machine, ["oda@mail.test"], "Honey", "Two jars, please.", folder="drafts")
     assert list(mail.problems(machine, drafts=[LETTER])) == []

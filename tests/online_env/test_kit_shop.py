@@ -100,6 +100,13 @@ def test_how_an_address_was_typed_does_not_count(machine: Machine) -> None:
     ]
 
 
+def test_orders_may_be_placed_in_any_order(machine: Machine) -> None:
+    wanted = [{"lines": {"mug": 1}}, {"lines": {"kettle": 1}}]
+    shop.order(machine, {"kettle": 1}, PERSON)
+    shop.order(machine, {"mug": 1}, PERSON, gift=True)
+    assert list(shop.problems(machine, cart={}, orders=wanted)) == ["gift of the order is True"]
+
+
 def test_what_is_no_part_of_an_order_is_a_present_or_a_message(machine: Machine) -> None:
     shop.order(machine, LINES, PERSON, gift=True, message="Hello")
     wanted = {"lines": LINES, "gift": True, "message": "hello"}

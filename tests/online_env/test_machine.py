@@ -161,6 +161,17 @@ def test_a_file_that_became_another_thing_was_changed(
     assert list(machine.untouched()) == ["a.txt was changed"]
 
 
+def test_a_link_that_leads_elsewhere_was_changed(machine: Machine, home: Path) -> None:
+    for name in ("a.txt", "b.txt"):
+        machine.write(name, "one")
+    (home / "link").symlink_to("a.txt")
+    machine.remember()
+    assert list(machine.untouched()) == []
+    (home / "link").unlink()
+    (home / "link").symlink_to("b.txt")
+    assert list(machine.untouched()) == ["link was changed"]
+
+
 def test_a_file_that_was_only_touched_is_untouched(machine: Machine, home: Path) -> None:
     machine.write("a.txt", "one")
     machine.remember()

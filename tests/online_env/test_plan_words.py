@@ -61,6 +61,7 @@ def test_any_text_survives_its_quotation_marks(text):
         ("press", "press ctrl+s"),
         ("press entre", "did you mean 'enter'"),
         ("press tab 1000 times", "1000 times is not 1 to 100"),
+        ("press tab 000 times", "0 times is not 1 to 100"),
         ("scroll", 'scroll down to "Send"'),
         ("scroll down to", 'scroll down to "text"'),
         ("wait 3", "'3' is too much"),
@@ -73,6 +74,11 @@ def test_a_mistake_names_step_and_remedy(line, remedy):
     assert first.startswith(f"step 2, {line!r}: ")
     assert remedy in first
     assert second.startswith("step 4, 'also wrong': ")
+
+
+def test_a_number_that_python_does_not_read_is_too_large():
+    with pytest.raises(PlanWordsError, match=r": 9{20} times is not 1 to 100$"):
+        read_plan([f"press tab {'9' * 5000} times"])
 
 
 @pytest.mark.parametrize("name", sets.members("suite"))

@@ -327,6 +327,7 @@ def test_what_the_paper_does_not_have_is_left_out(tmp_path, capsys):
         (["--leaderboard", "--json"], "--leaderboard is a page without --json"),
         (["--json", "--paper"], "--json is a list of rows, without --paper; give --format json"),
         (["--json", "--format", "csv"], "--json is a list of rows, without --format csv"),
+        (["--json", "--reference", "oracle"], "--json is a list of rows, without --reference"),
     ],
 )
 def test_a_mistake_is_one_line_with_its_remedy(

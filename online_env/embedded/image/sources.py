@@ -16,6 +16,7 @@ import urllib.request
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from email import message_from_string
 from http.client import HTTPException
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -110,8 +111,9 @@ def _default_keyring() -> Path | None:
 def _stanzas(text: str) -> list[AptSource]:
     """Sources in the format deb822 (sources.list(5))."""
     found: list[AptSource] = []
-    for stanza in re.split(r"\n\s*\n", text):
-        fields = dict(re.findall(r"^([A-Za-z-]+):[ \t]*(.*)$", stanza, re.M))
+    said = re.sub(r"^#.*\n?", "", text, flags=re.M)
+    for stanza in re.split(r"\n\s*\n", said):
+        fields = message_from_string(stanza.strip("\n"))  # values may go on in indented lines
         is_off = fields.get("Enabled", "yes").strip().lower() in ("no", "false", "0")
         if is_off or "deb" not in fields.get("Types", "").split():
             continue

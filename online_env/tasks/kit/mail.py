@@ -3,7 +3,6 @@
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import permutations
 from typing import Any, ClassVar, TypeAlias
 
 from ...embedded.sites.hosts import mail as site
@@ -11,6 +10,7 @@ from ..base import Task
 from ..hand import Hand
 from ..machine import Machine
 from . import browser
+from .pairing import fewest_problems
 from .words import even
 
 INBOX = "http://mail.test/"
@@ -44,7 +44,7 @@ class Letter:
         last: What stands in the last line of what was written; `None` for any.
         passes_on: A text that must be in the body as a whole, quoted or not.
         holds: Words that must be in what was written, and above what is passed on; in any case,
-            and not as parts of others.
+            and not as parts of others: `45` is neither in `145` nor in `45.50`.
         lacks: Words that must not be in what was written.
         amounts: Numbers that must be in what was written, such as `96.5`.
     """
@@ -101,7 +101,10 @@ def numbers(text: str) -> set[float]:
 
 def _has(part: str, text: str) -> bool:
     """Return whether words are in an even text, in any case."""
-    return re.search(rf"(?<!\w){re.escape(even(part))}(?!\w)", text) is not None
+    wanted = even(part)
+    before = r"(?<!\w)" + (r"(?<!\d[.,])" if wanted[:1].isdigit() else "")
+    after = r"(?!\w)" + (r"(?![.,]\d)" if wanted[-1:].isdigit() else "")
+    return re.search(f"{before}{re.escape(wanted)}{after}", text) is not None
 
 
 # Behind the screen
@@ -234,11 +237,7 @@ def _written(
         yield f"{len(new)} new {kind}s, not {len(wanted)}"
         return
     said = [[list(letter.problems(found)) for letter in wanted] for found in new]
-    # One mail may be as good as another for a letter of which little is asked.
-    orders = permutations(range(len(wanted)))
-    best = min(orders, key=lambda order: sum(len(said[n][m]) for n, m in enumerate(order)))
-    for place, letter in enumerate(best):
-        yield from said[place][letter]
+    yield from fewest_problems(said)
 
 
 # On the screen

@@ -12,6 +12,7 @@ from ..base import Task
 from ..hand import BUTTONS, Hand
 from ..machine import Machine
 from . import browser
+from .pairing import fewest_problems
 from .words import FIRST_NAMES, LAST_NAMES, even, sample
 
 HOME = "http://shop.test/"
@@ -169,8 +170,8 @@ def problems(
     Args:
         machine: It knows the state from before.
         cart: The quantities that should be in the cart; `None` for those from before.
-        orders: What should have been ordered since: `lines` with quantities, and each field of
-            an order that matters. An order without `gift` and `message` has none of either.
+        orders: What should have been ordered since, in any order: `lines` with quantities, and
+            each field that matters. An order without `gift` and `message` has none of either.
     """
     before = machine.before.sites["shop"]
     now = machine.sites.read("shop")
@@ -185,8 +186,9 @@ def problems(
     if len(new) != len(orders):
         yield f"{len(new)} new orders, not {len(orders)}"
         return
-    for found, wanted in zip(new, orders, strict=True):
-        yield from _differences(found, {"gift": False, "message": "", **wanted})
+    plain = {"gift": False, "message": ""}
+    said = [[list(_differences(found, {**plain, **due})) for due in orders] for found in new]
+    yield from fewest_problems(said)
 
 
 def _differences(found: Mapping[str, Any], wanted: Mapping[str, Any]) -> Iterator[str]:

@@ -31,14 +31,12 @@ class ListItems(TextTask):
 
     def judge(self, now, before):
         wanted = [
-            replace(paragraph, is_item=paragraph.text in self.drawn.items)
+            replace(paragraph, marker="bullet" if paragraph.text in self.drawn.items else "")
             for paragraph in before.paragraphs
         ]
         yield from text_changes(now, replace(before, paragraphs=tuple(wanted)), {"style"})
         for paragraph, was in zip(now.paragraphs, before.paragraphs, strict=False):
-            if paragraph.is_item and paragraph.marker != "bullet":
-                yield f"{paragraph.text!r} has a {paragraph.marker}, not a bullet"
-            if not paragraph.is_item and paragraph.style != was.style:
+            if not paragraph.marker and paragraph.style != was.style:
                 yield f"{paragraph.text!r} has the style {paragraph.style}, not {was.style}"
 
     def oracle(self, hand):
