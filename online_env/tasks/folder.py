@@ -58,8 +58,15 @@ class FolderDesktop:
             raise GuestError(f"{path}: no such file", 404) from None
 
     def write_file(self, path: str, data: bytes) -> None:
-        """Write a file; its folder must exist."""
-        Path(path).write_bytes(data)
+        """Write a file.
+
+        Raises:
+            GuestError: Its folder does not exist.
+        """
+        try:
+            Path(path).write_bytes(data)
+        except FileNotFoundError:
+            raise GuestError(f"{path}: its folder does not exist", 404) from None
 
     def reset(self, task: TaskConfig | None = None) -> None:
         """Refuse.
