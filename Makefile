@@ -5,8 +5,12 @@ VENV := .venv
 BIN := $(VENV)/bin
 
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+# A test waits for other processes a third of its time, so there are three tests for two cores.
+WORKERS ?= $(shell $(PYTHON) -c 'import os; print(3 * (os.cpu_count() or 1) // 2)')
 # --dist worksteal: each process keeps neighbouring tests, so what a file sets up is made once
-TEST := $(BIN)/python -m pytest -q -n auto --dist worksteal
+TEST := $(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal
+# Each process has a desktop, for the tests of a file after each other. They share a machine: some are tried again.
+TEST_LIVE := $(BIN)/python -m pytest -q tests/live -n 3 --dist loadfile --reruns 2 --reruns-delay 2
 
 # Where it is set, each of the hundreds of processes that the tests start compiles all modules again.
 unexport PYTHONDONTWRITEBYTECODE
@@ -35,7 +39,7 @@ $(VENV)/.live: pyproject.toml | $(VENV)/.light
 	@touch $@
 
 $(VENV)/.ready: pyproject.toml | $(VENV)/.made
-	$(INSTALL) -e '.[all,dev]'
+	$(INSTALL) --no-compile -e '.[all,dev]'  # of 30,000 files a few thousand are ever imported
 	@touch $@ $(VENV)/.light $(VENV)/.live
 
 $(VENV)/.docs: pyproject.toml | $(VENV)/.light
@@ -60,7 +64,7 @@ quick: env
 
 test: env lint  ## Lint, check the types and run the whole suite
 	$(TEST) --ignore tests/live
-	$(BIN)/python -m pytest -q tests/live -n 2 --dist loadfile --reruns 2 --reruns-delay 2  # real desktops on a shared machine
+	$(TEST_LIVE)
 
 lint: env
 	$(BIN)/ruff check .
