@@ -20,6 +20,7 @@ from .tree import TreeNode
 
 PASSWORD = "password"
 _LEFT_OPEN = 3  # dialogs that one try may leave behind
+_CHANGES = 60  # that are taken back before another try
 LOST = 2.0  # seconds without what is wanted, until the hand looks for a reason
 _PANEL = "xfce4-panel"
 _LOCKER = "mate-screensaver"
@@ -145,7 +146,7 @@ class CarefulHand(Hand):
         return False
 
     def begin_again(self) -> None:
-        """Put right what is in the way of another try: also what the last one left open.
+        """Put right what is in the way of another try: also what the last one left open or changed.
 
         A dialog, and a text being edited in it or under it, take an Escape each. A dialog may open
         another one when it is left: LibreOffice's question of the format opens the one to save.
@@ -155,9 +156,25 @@ class CarefulHand(Hand):
             time.sleep(LOST / 2)  # a dialog that follows another takes a moment
             seen = self.look()
             if not self._dialogs(seen):
-                return
+                break
             self._escape(seen)  # the dialog
             super().run("pyautogui.press('escape')")  # what it was about
+        self._take_back()
+
+    def _take_back(self) -> None:
+        """Undo all that was done in the document, by an accident or by the last try."""
+        for _ in range(_CHANGES):
+            seen = self.look()
+            windows = [node for node in seen if self._is_own_window(node) and node.box]
+            if len(windows) != 1 or not any(self._is_undo(node) for node in seen):
+                return
+            super().run("pyautogui.hotkey('ctrl', 'z')")
+            time.sleep(PAUSE)
+
+    def _is_undo(self, node: TreeNode) -> bool:
+        """Return whether a node is a button to undo something, and there is something to undo."""
+        is_button = node.role == "push-button" and node.name == "Undo"
+        return is_button and self._is_own(node) and "sensitive" in node.states
 
     def _escape(self, seen: list[TreeNode]) -> None:
         """Leave the own dialog that shows, if any does, or else what has the keyboard."""

@@ -102,3 +102,22 @@ def test_a_locked_screen_shows_its_dialog_and_nothing_else(up):
     assert locked.undo().ok
     named(desktop, "menu", "File")
     assert not showing(desktop, "password-text")
+
+
+@needs.needs_apps("soffice")
+def test_office_content_is_where_it_is_drawn_also_before_the_first_click(up):
+    desktop = up(size=(720, 1280), apps=("writer",))
+    named(desktop, "toggle-button", "Bold")
+
+    def buttons():
+        kinds = ("push-button", "toggle-button", "document-text")
+        shown = [node for kind in kinds for node in showing(desktop, kind)]
+        return {(n.get("name"), n.get(f"{CP}size")): n.get(f"{CP}screencoord") for n in shown}
+
+    before = buttons()
+    desktop.run("pyautogui.click(640, 400)")  # LibreOffice then looks where its window is
+    after = until(buttons, "the tree", pause=0.3)
+    common = before.keys() & after.keys()
+    assert len(common) > 20
+    assert {key: before[key] for key in common} == {key: after[key] for key in common}
+    assert [node.get("name") for node in showing(desktop, "menu")].count("File") == 1

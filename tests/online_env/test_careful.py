@@ -129,6 +129,31 @@ def test_before_another_try_the_dialogs_of_the_last_one_are_left(
     assert desktop.ran == ran
 
 
+UNDO = f'<push-button name="Undo" {PLACE} st:sensitive="true"/>'
+DONE = f'<push-button name="Undo" {PLACE}/>'
+TAKE_BACK = "pyautogui.hotkey('ctrl', 'z')"
+
+
+@pytest.mark.parametrize(
+    ("seen", "times"),
+    [
+        ([f"{SHEET}{UNDO}"] * 4 + [f"{SHEET}{DONE}"], 3),
+        ([f"{SHEET}{DONE}"], 0),
+        ([f"{SHEET}{UNDO}"], 60),  # it never ends
+        ([f"{SHEET}{SHEET}{UNDO}"], 0),  # which of the two would take it back?
+    ],
+)
+def test_before_another_try_what_was_done_in_the_document_is_taken_back(
+    seen: list[str],
+    times: int,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(careful, "PAUSE", 0.0)
+    desktop = Trees([office(windows) for windows in seen])
+    careful.CarefulHand(desktop, ["libreoffice_calc"], patience=0.3).begin_again()
+    assert desktop.ran == [ESCAPE, *[TAKE_BACK] * times]
+
+
 @pytest.mark.parametrize(("before", "again"), [(SHEET, True), (EMPTY, False)])
 def test_a_document_that_was_closed_is_opened_again(before: str, again: bool) -> None:
     desktop = Trees([office(before), office(EMPTY)])

@@ -16,6 +16,7 @@ pytest.importorskip("Xlib", reason=needs.ONLINE)
 from hijack_data.elements import boxes_from_tree
 from online_env.embedded.guest import tree
 from online_env.embedded.guest.atspi import icons, states
+from online_env.embedded.guest.atspi.places import put_in_place
 from online_env.embedded.guest.atspi.reader import Application, AtspiNode
 from online_env.embedded.guest.atspi.visibility import VisibilityFilter, candidates
 
@@ -232,6 +233,49 @@ def test_boxes_are_cut_at_the_screen_and_at_what_scrolls():
         "table": (300, 100, 310, 110),
         "cell": (300, 105, 310, 190),
     }
+
+
+def office(late, bars=1):
+    """A window of LibreOffice; its root pane comes `late` pixels too high."""
+    field = node("field", (10, 270, 90, 290))  # the toolkit's own in LibreOffice's bar
+    around = node("around", (10, 270 - late, 90, 290 - late), field)
+    button = node("button", (100, 270 - late, 120, 290 - late))
+    bar = node("tool bar", (0, 268 - late, 200, 292 - late), around, button)
+    line = node("line", (20, 50 - late, 900, 400 - late))  # sticks out of what holds it
+    second = node("second", (0, 30 - late, 400, 50 - late), node("File", role=states.MENU))
+    second.role = states.MENU_BAR
+    pane = node("pane", (0, 30 - late, 400, 300 - late), second, bar, line, role=states.ROOT_PANE)
+    panel = node("panel", (0, 30, 400, 300), pane)
+    own = [node("bar", (0, 10, 400, 30), role=states.MENU_BAR)] * bars
+    return window(WHOLE, node("content", (0, 10, 400, 300), *own, panel))
+
+
+def places(root):
+    put_in_place(Application(root, 7))
+    return {one.name: one.box for one in tree.walk(root)}
+
+
+def test_what_a_root_pane_holds_is_where_the_pane_is_drawn():
+    assert places(office(late=20)) == places(office(late=0))
+    assert places(office(late=20))["button"] == (100, 270, 20, 20)
+    assert places(office(late=20))["field"] == (10, 270, 80, 20)
+
+
+def test_a_root_pane_of_another_size_than_its_parent_stays_where_it_is():
+    root = office(late=20)
+    (pane,) = [one for one in tree.walk(root) if one.name == "pane"]
+    pane.box = (0, 10, 400, 200)
+    assert places(root)["button"] == (100, 250, 20, 20)
+
+
+@pytest.mark.parametrize(("bars", "seen"), [(1, False), (0, True)])
+def test_the_second_menu_bar_of_a_window_is_not_drawn(bars, seen):
+    root = office(late=20, bars=bars)
+    put_in_place(Application(root, 7))
+    shown = {one.name for one in tree.walk(root) if one.states & states.SHOWING}
+    assert ({"second", "File"} <= shown) == seen
+    assert ("second" in shown) == seen
+    assert ("bar" in shown) == bool(bars)
 
 
 def test_two_windows_of_one_application_in_one_place_are_told_apart_by_title():

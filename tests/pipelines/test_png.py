@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from isal import isal_zlib
 from PIL import ExifTags, Image
@@ -17,6 +17,11 @@ from hijack_data.files import decode_image
 from hijack_data.kernels.cpu import jit
 from pipelines.dataset import png
 from pipelines.dataset.images import decode, encode
+
+
+@pytest.fixture(autouse=True)
+def compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(jit._state, "forgone", jit.START)
 
 
 def chunk(name: bytes, body: bytes) -> bytes:
@@ -58,7 +63,9 @@ def pillow(data: bytes) -> np.ndarray:
     return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))
 
 
-@settings(deadline=None)  # the first example waits for the compiler
+@settings(
+    deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)  # the first example waits for the compiler
 @given(
     st.integers(1, 12),
     st.integers(1, 9),
@@ -89,6 +96,25 @@ def test_the_kernel_is_the_function_that_was_compiled() -> None:
     with np.errstate(over="ignore"):
         png._unfilter(raw, out)
     assert np.array_equal(out, pillow(png_file(5, 6, raw.tobytes(), 6)))
+
+
+def test_the_first_pictures_are_left_to_pillow_until_numba_has_paid_for_itself(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pytest.importorskip("numba")
+    data = png_file(30, 20, filtered(30, 20, 3, 0, [4, 1]))
+    monkeypatch.setattr(jit._state, "forgone", jit.START - 2.5 * png.SAVES * 30 * 20)
+    found = [png.read(data, isal_zlib) is not None for _ in range(5)]
+    assert found == [False, False, False, True, True]
+    assert np.array_equal(decode(data, "x"), pillow(data))
+
+
+def test_what_needs_no_compiled_reader_waits_for_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(jit._state, "forgone", 0.0)
+    data = png_file(30, 20, filtered(30, 20, 3, 0, [2]))
+    found = png.read(data, isal_zlib)
+    assert found is not None
+    assert np.array_equal(found, pillow(data))
 
 
 def test_real_screenshots(shared_data: Path) -> None:

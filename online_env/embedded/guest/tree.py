@@ -9,6 +9,7 @@ from xml.sax.saxutils import escape, quoteattr
 from ...errors import DesktopError
 from .atspi import methods as m
 from .atspi.icons import add_icons
+from .atspi.places import put_in_place
 from .atspi.reader import MAX_DEPTH, Application, AtspiNode, AtspiReader
 from .atspi.states import ACTIVE, FOCUSED, SHOWING, STATES, TERMINAL, VISIBLE, WRITTEN
 from .atspi.visibility import VisibilityFilter, candidates
@@ -125,6 +126,7 @@ class AccessibilityTree:
             node.box = box
         visible = VisibilityFilter(list(surfaces), size)
         for application in applications:
+            put_in_place(application)
             add_icons(application, self._windows.workarea())
             visible.apply(application)
         _fill(reader, nodes)
