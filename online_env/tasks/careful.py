@@ -69,7 +69,7 @@ class CarefulHand(Hand):
         self._had_document = False  # whether a window of the document was ever there
         self._programs: set[str] = set()  # how the titles of the own windows end
         self._lost = 0.0  # when to look for a reason, by `time.monotonic`
-        self._is_on_panel = False  # whether the hand itself moved the pointer there
+        self._may_be_outside = False  # whether the pointer may be beside the own windows
 
     def look(self) -> list[TreeNode]:
         """Return the nodes of the tree as it is now, and keep the titles of the own windows."""
@@ -123,7 +123,7 @@ class CarefulHand(Hand):
         if self._clear(self.look()) and node.role in MENU_ROLES:
             raise DesktopTimeoutError(f"the menu with {node.name!r} was closed by a disturbance")
         self._click_at(node)  # `run` would look once more
-        self._is_on_panel = False
+        self._may_be_outside = False
 
     def put_right(self, seen: list[TreeNode] | None = None) -> bool:
         """Look for a reason why things are not as expected, and do something about it.
@@ -313,6 +313,9 @@ class CarefulHand(Hand):
     def _close(self, window: TreeNode) -> None:
         self._activate(window)
         super().run("pyautogui.hotkey('alt', 'f4')")
+        self._may_be_outside = (
+            True  # a window of another program may have made the own ones smaller
+        )
         self._until(lambda seen: not any(n.app == window.app and n.box for n in seen))
 
     def _start_again(self) -> None:
@@ -337,20 +340,20 @@ class CarefulHand(Hand):
     def _click_plainly(self, node: TreeNode) -> None:
         """Click on a button of the panel."""
         self._click_at(node)
-        self._is_on_panel = True
+        self._may_be_outside = True
 
     def _click_at(self, node: TreeNode) -> None:
         x, y = node.centre
         super().run(f"pyautogui.click({x}, {y})")
 
     def _scroll(self) -> None:
-        """Turn the wheel over the page, not over the panel where a window was restored."""
-        if self._is_on_panel:
+        """Turn the wheel over the page, not over the panel or what a closed window has left."""
+        if self._may_be_outside:
             shown = [node for node in self.look() if self._is_own_window(node) and node.box]
             for window in shown[-1:]:
                 x, y = window.centre
                 super().run(f"pyautogui.moveTo({x}, {y})")
-                self._is_on_panel = False
+                self._may_be_outside = False
         super()._scroll()
 
     def _until(self, test: Callable[[list[TreeNode]], bool]) -> None:

@@ -218,6 +218,24 @@ def test_the_wheel_turns_over_the_window_that_was_restored(
     assert desktop.ran[scrolled - len(moves) : scrolled] == moves
 
 
+def test_the_wheel_turns_over_the_window_that_a_foreign_one_had_made_smaller(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(careful, "LOST", 5.0)
+    foreign = tree(SHOWN).replace(
+        "</desktop-frame>",
+        f'<application name="geany"><frame name="untitled" {PLACE}/></application></desktop-frame>',
+    )
+    wanted = tree(f'{SHOWN}<link name="below" {PLACE}/>')
+    desktop = Trees([foreign, *[tree(SHOWN)] * 4, wanted])
+    hand = careful.CarefulHand(desktop, ["vlc"], patience=2)
+    hand.press("home")
+    hand.find("link", "below", scroll=True)
+    assert "pyautogui.hotkey('alt', 'f4')" in desktop.ran
+    scrolled = desktop.ran.index("pyautogui.scroll(-2)")
+    assert desktop.ran[scrolled - 1] == "pyautogui.moveTo(140, 250)"
+
+
 @pytest.mark.parametrize(("later", "starts"), [(SHOWN, 0), ("", 1)])
 def test_a_program_is_started_again_only_if_its_window_stays_away(later: str, starts: int) -> None:
     nothing = tree("").replace('<frame name=""/></application>', "</application>", 1)
