@@ -217,7 +217,7 @@ def menu(hand: Hand, *names: str) -> None:
 
 
 def _is_in_bar(node: TreeNode, name: str) -> bool:
-    # The tree has a second image of the menu bar, with texts, which lies over the tool bar.
+    # On a guest that is not ours, a second image of the menu bar, with texts, has boxes as well.
     is_menu = node.role == "menu" and node.name == name and APP in node.app
     return is_menu and node.box is not None and not node.text
 
