@@ -39,7 +39,7 @@ $(VENV)/.live: pyproject.toml | $(VENV)/.light
 	@touch $@
 
 $(VENV)/.ready: pyproject.toml | $(VENV)/.made
-	$(INSTALL) --no-compile -e '.[all,dev]'  # of 30,000 files a few thousand are ever imported
+	$(INSTALL) -e '.[all,dev]'
 	@touch $@ $(VENV)/.light $(VENV)/.live
 
 $(VENV)/.docs: pyproject.toml | $(VENV)/.light
