@@ -22,6 +22,7 @@ PASSWORD = "password"
 _LEFT_OPEN = 3  # dialogs that one try may leave behind
 _CHANGES = 60  # that are taken back before another try
 LOST = 2.0  # seconds without what is wanted, until the hand looks for a reason
+_PATIENT = 3  # looks for a reason before an Escape, which also stops a page that is loading
 _PANEL = "xfce4-panel"
 _LOCKER = "mate-screensaver"
 _FINDER = "xfce4-appfinder"  # what Alt+F2 opens: the hand may have done so
@@ -69,6 +70,7 @@ class CarefulHand(Hand):
         self._had_document = False  # whether a window of the document was ever there
         self._programs: set[str] = set()  # how the titles of the own windows end
         self._lost = 0.0  # when to look for a reason, by `time.monotonic`
+        self._missed = 0  # how often a reason was looked for since what is wanted is missing
         self._may_be_outside = False  # whether the pointer may be beside the own windows
 
     def look(self) -> list[TreeNode]:
@@ -92,6 +94,7 @@ class CarefulHand(Hand):
                 what the oracle did in it is lost.
         """
         self._lost = time.monotonic() + LOST
+        self._missed = 0
         return super().wait(what, test, meanwhile)
 
     def _while_missing(
@@ -101,7 +104,8 @@ class CarefulHand(Hand):
     ) -> bool:
         if time.monotonic() <= self._lost:
             return super()._while_missing(seen, meanwhile)
-        if self.put_right(seen):
+        self._missed += 1
+        if self.put_right(seen, escape=self._missed >= _PATIENT):
             raise DesktopTimeoutError(
                 "the document was closed; it is open again, but without what was done in it"
             )
@@ -125,8 +129,16 @@ class CarefulHand(Hand):
         self._click_at(node)  # `run` would look once more
         self._may_be_outside = False
 
-    def put_right(self, seen: list[TreeNode] | None = None) -> bool:
+    def put_right(
+        self,
+        seen: list[TreeNode] | None = None,
+        escape: bool = True,
+    ) -> bool:
         """Look for a reason why things are not as expected, and do something about it.
+
+        Args:
+            seen: The nodes of the tree; it is read if omitted.
+            escape: Whether to press Escape if there is no reason to be seen.
 
         Returns:
             Whether the task's document had to be opened again, as it was saved last.
@@ -141,7 +153,7 @@ class CarefulHand(Hand):
             return False
         if self._is_offline(present):
             self._ask_for_help()
-        else:
+        elif escape:
             self._escape(present)  # a menu or a dialog may be open
         return False
 

@@ -249,3 +249,21 @@ def test_a_program_is_started_again_only_if_its_window_stays_away(later: str, st
     hand = careful.CarefulHand(desktop, ["vlc"], "vlc /home/user/song.ogg", patience=0.1)
     hand.put_right()
     assert desktop.ran.count("pyautogui.hotkey('alt', 'f2')") == starts
+
+
+def test_a_page_has_time_to_load_before_an_escape_would_stop_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    hand = careful.CarefulHand(Trees([tree(SHOWN)]), ["vlc"], patience=3)
+    escapes: list[bool] = []
+
+    def put_right(_: object, escape: bool) -> bool:
+        escapes.append(escape)
+        return False
+
+    monkeypatch.setattr(hand, "put_right", put_right)
+    for _ in range(2):  # each thing that is waited for has that time
+        escapes.clear()
+        with pytest.raises(DesktopTimeoutError):
+            hand.find("link", "below")
+        assert escapes[:4] == [False, False, True, True]
