@@ -1,6 +1,7 @@
 """A desktop that dies, hangs or lies in the middle of an answer: a real server on a real socket."""
 
 import contextlib
+import http.client
 import io
 import socket
 import threading
@@ -36,9 +37,12 @@ class Guest:
                 self._answer(self._socket.accept()[0])
 
     def _answer(self, found: socket.socket) -> None:
-        with found:
-            line = found.recv(65536).split(b"\r\n")[0]
+        # What is left unread when a socket is closed resets the connection, the answer with it.
+        with found, found.makefile("rb") as request:
+            line = request.readline()
             self.asked.append(line.decode().rpartition(" ")[0])
+            length = http.client.parse_headers(request).get("Content-Length", "0")
+            request.read(int(length))
             found.sendall(self.answers.pop(0) if len(self.answers) > 1 else self.answers[0])
 
     def close(self) -> None:
