@@ -10,7 +10,7 @@ from ...errors import DesktopError
 from .atspi import methods as m
 from .atspi.icons import add_icons
 from .atspi.places import put_in_place
-from .atspi.reader import MAX_DEPTH, Application, AtspiNode, AtspiReader
+from .atspi.reader import MAX_DEPTH, Application, AtspiNode, AtspiReader, walk
 from .atspi.states import ACTIVE, FOCUSED, SHOWING, STATES, TERMINAL, VISIBLE, WRITTEN
 from .atspi.visibility import VisibilityFilter, candidates
 from .windows import Windows
@@ -183,17 +183,6 @@ def _has_text(node: AtspiNode) -> bool:
     if "Text" not in node.interfaces:
         return False
     return bool(node.states & SHOWING) or node.role in WRITTEN
-
-
-def walk(node: AtspiNode) -> list[AtspiNode]:
-    """A node and all below it, in order."""
-    found: list[AtspiNode] = []
-    stack = [node]
-    while stack:
-        node = stack.pop()
-        found.append(node)
-        stack += reversed(node.children)
-    return found
 
 
 def to_xml(applications: list[Application]) -> str:

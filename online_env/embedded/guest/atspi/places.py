@@ -2,8 +2,9 @@
 
 from hijack_data.types import Box
 
-from .reader import Application, AtspiNode
+from .reader import Application, AtspiNode, walk
 from .states import MENU_BAR, ROOT_PANE, SHOWING
+from .visibility import corners
 
 
 def put_in_place(application: Application) -> None:
@@ -18,7 +19,7 @@ def put_in_place(application: Application) -> None:
         application: Its nodes have their boxes.
     """
     for window in application.root.children:
-        for pane in [node for node in _below(window) if node.role == ROOT_PANE]:
+        for pane in [node for node in walk(window) if node.role == ROOT_PANE]:
             _fill_parent(pane)
             _hide_second_bar(pane, window)
 
@@ -30,7 +31,7 @@ def _fill_parent(pane: AtspiNode) -> None:
     x, y, *size = pane.box
     left, top, *room = pane.parent.box
     if size == room and (x, y) != (left, top):
-        _move(pane, (left - x, top - y), _corners(pane.parent))
+        _move(pane, (left - x, top - y), corners(pane.parent))
 
 
 def _move(
@@ -40,10 +41,10 @@ def _move(
 ) -> None:
     """Move a node and all below it, except for what lies in its parent only if it stays."""
     if node.box is not None:
-        stays = _corners(node)
+        stays = corners(node)
         x, y, width, height = node.box
         node.box = (x + by[0], y + by[1], width, height)
-        moved = _corners(node)
+        moved = corners(node)
         if _is_within(stays, room) and not _is_within(moved, room):
             node.box = (x, y, width, height)
             return
@@ -54,28 +55,13 @@ def _move(
 
 def _hide_second_bar(pane: AtspiNode, window: AtspiNode) -> None:
     """Take `showing` from the menu bar of a root pane, if its window has another one."""
-    inside = [node for node in _below(pane) if node.role == MENU_BAR]
-    bars = [node for node in _below(window) if node.role == MENU_BAR]
+    inside = [node for node in walk(pane) if node.role == MENU_BAR]
+    bars = [node for node in walk(window) if node.role == MENU_BAR]
     if len(bars) == len(inside):
         return
     for bar in inside:
-        for node in [bar, *_below(bar)]:
+        for node in walk(bar):
             node.states &= ~SHOWING
-
-
-def _below(node: AtspiNode) -> list[AtspiNode]:
-    found: list[AtspiNode] = []
-    stack = list(node.children)
-    while stack:
-        child = stack.pop()
-        found.append(child)
-        stack += child.children
-    return found
-
-
-def _corners(node: AtspiNode) -> Box:
-    x, y, width, height = node.box or (0, 0, 0, 0)
-    return x, y, x + width, y + height
 
 
 def _is_within(box: Box, room: Box) -> bool:

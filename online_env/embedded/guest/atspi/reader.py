@@ -79,6 +79,17 @@ class Application:
     pid: int
 
 
+def walk(node: AtspiNode) -> list[AtspiNode]:
+    """A node and all below it, in order."""
+    found: list[AtspiNode] = []
+    stack = [node]
+    while stack:
+        node = stack.pop()
+        found.append(node)
+        stack += reversed(node.children)
+    return found
+
+
 class AtspiReader:
     """A connection to the accessibility bus of the session at `bus`.
 

@@ -105,7 +105,7 @@ class VisibilityFilter:
             if node.box is not None:
                 if node.role in TOP_LEVEL:
                     surface = _window_of(node, mine, surface, is_told)
-                part = _common(_box(node), visit.clip)
+                part = _common(corners(node), visit.clip)
                 self._mark(node, part, surface, visit.in_menu, mine)
             below = self._clip_below(node, part, visit.clip)
             in_menu = visit.in_menu or node.role in MENUS
@@ -122,7 +122,7 @@ class VisibilityFilter:
         """Note which part of a node is seen."""
         if not self._is_seen(part, surface, in_menu, mine):
             node.states &= ~SHOWING
-        elif part != _box(node):
+        elif part != corners(node):
             x1, y1, x2, y2 = part
             node.box = (x1, y1, x2 - x1, y2 - y1)
 
@@ -179,7 +179,7 @@ def candidates(application: Application) -> list[AtspiNode]:
 def _has_known_window(application: Application, mine: list[SurfaceLike]) -> bool:
     """Whether one of an application's top nodes is a window on the screen."""
     for node in application.root.children:
-        if node.box is not None and _matching(mine, _box(node), node.name):
+        if node.box is not None and _matching(mine, corners(node), node.name):
             return True
     return False
 
@@ -191,14 +191,15 @@ def _window_of(
     is_told: bool,
 ) -> SurfaceLike | None:
     """The window that a top-level node is."""
-    found = _matching(mine, _box(node), node.name) or above
+    found = _matching(mine, corners(node), node.name) or above
     if found is None and is_told and not node.name:
         # Chromium keeps windows for suggestions ready and does not show them
         return _NOWHERE
     return found
 
 
-def _box(node: AtspiNode) -> Box:
+def corners(node: AtspiNode) -> Box:
+    """Return the box of a node as xyxy; an empty one at the origin if it has none."""
     x, y, width, height = node.box or (0, 0, 0, 0)
     return x, y, x + width, y + height
 
