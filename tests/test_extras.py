@@ -69,7 +69,7 @@ CODE_WITHOUT_ONLINE = {
     "from online_env import tasks": WORKS,
     "from online_env.osworld.prefetch import prefetch": LACKS,
     "from online_env.embedded import desktop; desktop.EmbeddedDesktop.up()": LACKS,
-    "from online_env.effects import elements as e; e.live_elements('<a/>', (9, 9), False)": WORKS,
+    "from online_env.effects import elements as e; e.live_elements('<a/>', (9, 9))": WORKS,
     "from online_env.desktops import http; http.HttpDesktop('http://127.0.0.1:9').close()": WORKS,
     "from pipelines import build, open_dataset, verify": WORKS,
     "import pathlib; from hijack_data.cli import demo;"

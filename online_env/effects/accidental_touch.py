@@ -116,23 +116,37 @@ class Touch(LiveEffect):
 def _look(guest: Guest, without_app: bool) -> _View:
     state = guest.x("state")
     frame = guest.desktop.screenshot()
-    found = live_elements(guest.desktop.accessibility(), guest.desktop.size, without_app)
-    elements = [element for element in found if _can_be_clicked(element, state)]
+    found = live_elements(guest.desktop.accessibility(), guest.desktop.size)
+    elements = [e for e in found if _can_be_clicked(e, state, without_app)]
     return _View(state, frame, elements)
 
 
-def _can_be_clicked(element: Element, state: Mapping[str, Any]) -> bool:
+def _can_be_clicked(
+    element: Element,
+    state: Mapping[str, Any],
+    without_app: bool,
+) -> bool:
     """Return whether an element is not hidden, and not behind a modal dialog.
 
     Guests also list the elements of minimised windows; at their places there is only the desktop or
-    a panel.
+    a panel. `without_app` leaves out what launches applications: panels, their menus and the
+    desktop, but not the dialogs of a panel, which are windows like any other.
     """
     window = window_at(element.centre, state)
+    if without_app and element.app.lower() in LAUNCHERS and not _is_own_window(window, element):
+        return False
     if window is None:
         return True
     if any(w["for"] == window["id"] and "modal" in w["states"] for w in state["windows"]):
         return False
     return window["type"] not in FIXED or element.app.lower() in LAUNCHERS
+
+
+def _is_own_window(window: Mapping[str, Any] | None, element: Element) -> bool:
+    """Return whether a window is an ordinary one of the application of an element."""
+    if window is None or window["type"] in FIXED:
+        return False
+    return window["class"].lower().startswith(f"{element.app.lower()}.")
 
 
 def _draw(

@@ -59,12 +59,11 @@ class Element:
 def live_elements(
     xml: str,
     size: Size,
-    without_app: bool,
 ) -> list[Element]:
     """Return the interactive elements of a tree, in its order; `size` is (H, W).
 
     If an application reports which of its elements are enabled or have actions, all others are left
-    out; with `without_app`, everything in panels and on the desktop is left out, too.
+    out.
 
     Raises:
         DesktopError: the text is not an accessibility tree.
@@ -73,10 +72,7 @@ def live_elements(
     try:
         nodes = nodes_from_tree(xml.encode("utf-8", "replace"))[1:]
         for _, group in groupby(nodes, key=lambda node: node.application_index):
-            members = list(group)
-            if without_app and members[0].application.lower() in LAUNCHERS:
-                continue
-            found += _elements_of(members, size)
+            found += _elements_of(list(group), size)
     except ElementsError as error:
         raise DesktopError(
             f"the accessibility tree of the desktop cannot be read: {error}"

@@ -244,7 +244,7 @@ class RecordingStage:
         tops = self.tops()
         tree = xml or self.desktop.accessibility()
         found: list[ClickTarget] = []
-        for element in live_elements(tree, self.desktop.size, without_app=False):
+        for element in live_elements(tree, self.desktop.size):
             if not _inside(element.centre, box) or not owner(at_point(tops, element.centre)):
                 continue
             target = ClickTarget(element.name, element.role, element.box)

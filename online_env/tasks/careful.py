@@ -38,6 +38,9 @@ _SYSTEM = (
 )
 _DIALOGS = ("dialog", "file-chooser", "alert")
 _WINDOWS = ("frame", *_DIALOGS)
+# An application whose tool bars keep the keyboard after a click: F6 takes it on to the next pane,
+# from which Escape leads back to the document.
+_KEEPS_KEYBOARD = "soffice"
 _OFFLINE = re.compile("No internet|This site can.t be reached|Your connection was interrupted")
 
 
@@ -68,6 +71,7 @@ class CarefulHand(Hand):
         self._asked = False
         self._documents = {PurePath(word).name for word in shlex.split(start)[1:] if "/" in word}
         self._had_document = False  # whether a window of the document was ever there
+        self._first = ""  # the application that had the keyboard when the task began
         self._programs: set[str] = set()  # how the titles of the own windows end
         self._lost = 0.0  # when to look for a reason, by `time.monotonic`
         self._missed = 0  # how often a reason was looked for since what is wanted is missing
@@ -78,6 +82,8 @@ class CarefulHand(Hand):
         seen = super().look()
         titles = [node.name for node in seen if node.box and self._is_own_window(node)]
         self._programs |= {_program(title) for title in titles if title}
+        active = [node.app for node in self._frames(seen) if "active" in node.states]
+        self._first = self._first or next(iter(active), "")
         self._had_document |= any(name in title for name in self._documents for title in titles)
         return seen
 
@@ -171,7 +177,36 @@ class CarefulHand(Hand):
                 break
             self._escape(seen)  # the dialog
             super().run("pyautogui.press('escape')")  # what it was about
+        self._leave_others()
+        self._go_to_first()
         self._take_back()
+
+    def _leave_others(self) -> None:
+        """Press Escape in the own windows that do not have the keyboard.
+
+        One may have a dialog that is not in the tree, as Chromium's to save a page.
+        """
+        seen = self.look()
+        for window in self._frames(seen):
+            if "active" not in window.states and self._bring_to_front(window, seen):
+                super().run("pyautogui.press('escape')")
+
+    def _go_to_first(self) -> None:
+        """Give the keyboard to the window that had it when the task began."""
+        seen = self.look()
+        for window in self._frames(seen):
+            if window.app == self._first and "active" not in window.states:
+                self._bring_to_front(window, seen)
+                return
+
+    def _bring_to_front(self, window: TreeNode, seen: list[TreeNode]) -> bool:
+        """Click on the button of a window in the panel; return whether there is one."""
+        for node in seen:
+            if node.app == _PANEL and node.box and node.name == window.name != "":
+                self._click_plainly(node)
+                time.sleep(LOST / 2)  # a panel takes a moment to bring a window to the front
+                return True
+        return False
 
     def _take_back(self) -> None:
         """Undo all that was done in the document, by an accident or by the last try."""
@@ -192,6 +227,8 @@ class CarefulHand(Hand):
         """Leave the own dialog that shows, if any does, or else what has the keyboard."""
         for dialog in self._dialogs(seen)[-1:]:
             self._activate(dialog)
+        if any(_has_tool(node) for node in seen):
+            super().run("pyautogui.press('f6')")
         super().run("pyautogui.press('escape')")
 
     def _dialogs(self, seen: list[TreeNode]) -> list[TreeNode]:
@@ -245,16 +282,12 @@ class CarefulHand(Hand):
         A program that was started once more has another window, which belongs to the task's
         applications as well: only the titles tell the two apart.
         """
-        frames = [node for node in seen if self._is_own_window(node) and node.role == "frame"]
+        frames = self._frames(seen)
         others = [node for node in frames if not self._names_document(node)]
         ours = [node for node in frames if self._names_document(node)]
         if not ours or not any("active" in node.states for node in others):
             return False
-        for node in seen:
-            if node.app == _PANEL and node.box and node.name == ours[0].name:
-                self._click_plainly(node)
-                return True
-        return False
+        return self._bring_to_front(ours[0], seen)
 
     def _has_no_window(self, seen: list[TreeNode]) -> bool:
         """Return whether no own window is open, now and a moment later.
@@ -268,11 +301,15 @@ class CarefulHand(Hand):
 
     def _is_closed(self, seen: list[TreeNode]) -> bool:
         """Return whether the task's document was closed, and its program shows without any."""
-        frames = [node for node in seen if self._is_own_window(node) and node.role == "frame"]
+        frames = self._frames(seen)
         if any(self._names_document(node) for node in frames):
             return False
         bare = [node for node in frames if node.box and node.name == _program(node.name) != ""]
         return self._had_document and bool(bare) and not self._dialogs(seen)
+
+    def _frames(self, seen: list[TreeNode]) -> list[TreeNode]:
+        """Return the own windows that are no dialogs."""
+        return [node for node in seen if self._is_own_window(node) and node.role == "frame"]
 
     def _names_document(self, window: TreeNode) -> bool:
         return any(name in window.name for name in self._documents)
@@ -375,6 +412,12 @@ class CarefulHand(Hand):
             if test(self.look()):
                 return
             time.sleep(PAUSE)
+
+
+def _has_tool(node: TreeNode) -> bool:
+    """Return whether a node is a button that keeps the keyboard of its application."""
+    is_focused = node.role == "push-button" and "focused" in node.states
+    return is_focused and node.app == _KEEPS_KEYBOARD
 
 
 def _is_minimised(window: TreeNode, seen: list[TreeNode]) -> bool:

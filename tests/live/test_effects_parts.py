@@ -9,6 +9,7 @@ import sys
 import threading
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -38,9 +39,9 @@ from online_env.effects import (
     resume,
     rules,
 )
-from online_env.effects.accidental_touch import _draw
+from online_env.effects.accidental_touch import _can_be_clicked, _draw
 from online_env.effects.apps import COMMANDS
-from online_env.effects.elements import live_elements
+from online_env.effects.elements import Element, live_elements
 from online_env.effects.guest import Guest, isolated
 from online_env.effects.multi_apps import _misplaced
 from online_env.embedded.guest import inside
@@ -451,7 +452,7 @@ def node(
     return f'<{role} name="{name}" st:showing="true" st:visible="true" {place} {extra}/>'
 
 
-def test_elements_keep_what_acts_and_leave_launchers_out():
+def test_elements_keep_what_acts():
     acts = 'st:enabled="true" act:click_desc=""'
     disabled = 'act:click_desc=""'
     links = (
@@ -464,17 +465,62 @@ def test_elements_keep_what_acts_and_leave_launchers_out():
     panel = (
         f'<application name="xfce4-panel">{node("push-button", "Menu", 130, acts)}</application>'
     )
-    xml = tree(browser, silent, panel)
-    all_of_them = [(e.app, e.name) for e in live_elements(xml, (100, 200), without_app=False)]
-    assert all_of_them == [("Google Chrome", "Go"), ("mousepad", "body"), ("xfce4-panel", "Menu")]
-    assert [e.name for e in live_elements(xml, (100, 200), without_app=True)] == ["Go", "body"]
-    assert live_elements(xml, (100, 200), without_app=True)[0].centre == (20, 10)
+    found = live_elements(tree(browser, silent, panel), (100, 200))
+    names = [(element.app, element.name) for element in found]
+    assert names == [("Google Chrome", "Go"), ("mousepad", "body"), ("xfce4-panel", "Menu")]
+    assert found[0].centre == (20, 10)
+
+
+def window(
+    name: str,
+    kind: str,
+    frame: list[int],
+    states: list[str] | None = None,
+) -> dict[str, Any]:
+    """Return a window as `xtool state` describes it."""
+    found = {"id": id(frame), "class": f"{name}.{name.title()}", "type": kind, "frame": frame}
+    return {**found, "mapped": True, "states": states or [], "for": 0}
+
+
+PANEL = window("xfce4-panel", "dock", [0, 80, 200, 100])
+DESKTOP = window("xfdesktop", "desktop", [0, 0, 200, 100])
+BROWSER = window("chromium", "normal", [0, 0, 200, 80])
+PREFERENCES = window("xfce4-panel", "dialog", [50, 10, 150, 70])
+
+
+@pytest.mark.parametrize(
+    ("app", "at", "windows", "with_launchers", "without"),
+    [
+        ("Google Chrome", (20, 20), [DESKTOP, BROWSER, PANEL], True, True),
+        ("Google Chrome", (20, 20), [DESKTOP, PANEL], False, False),  # it is minimised
+        ("mousepad", (20, 20), [], True, True),  # no window manager
+        ("xfce4-panel", (20, 90), [DESKTOP, BROWSER, PANEL], True, False),
+        ("xfdesktop", (20, 20), [DESKTOP, PANEL], True, False),
+        ("xfce4-panel", (20, 90), [], True, False),
+        # A menu of the panel is no managed window: what is behind it is at its place.
+        ("xfce4-panel", (20, 20), [DESKTOP, BROWSER, PANEL], True, False),
+        # A dialog of the panel is a window like any other: a task may be about it.
+        ("xfce4-panel", (60, 20), [DESKTOP, PANEL, PREFERENCES], True, True),
+    ],
+)
+def test_a_touch_leaves_launchers_out_but_not_their_dialogs(
+    app,
+    at,
+    windows,
+    with_launchers,
+    without,
+):
+    x, y = at
+    element = Element(app, "push-button", "it", (x - 2, y - 2, x + 2, y + 2))
+    state = {"windows": windows}
+    assert _can_be_clicked(element, state, without_app=False) == with_launchers
+    assert _can_be_clicked(element, state, without_app=True) == without
 
 
 @pytest.mark.parametrize("bad", ["", "<a", "no xml", "<a><b></a>"])
 def test_trees_that_are_none_are_refused(bad):
     with pytest.raises(DesktopError, match="cannot be read"):
-        live_elements(bad, (10, 10), without_app=True)
+        live_elements(bad, (10, 10))
 
 
 def test_draw_prefers_the_plan_then_the_stream():
@@ -482,7 +528,7 @@ def test_draw_prefers_the_plan_then_the_stream():
         "<application"
         f' name="a">{"".join(node("link", str(i), 25 * i) for i in range(6))}</application>'
     )
-    found = live_elements(xml, (100, 200), without_app=True)
+    found = live_elements(xml, (100, 200))
     assert _draw(found, [(0, 0, 3, 3), (52, 6, 72, 16)], Stream(1, "t")).name == "2"
     assert _draw([], [(52, 6, 72, 16)], Stream(1, "t")) is None
     drawn = {_draw(found, [], Stream(seed, "t")).name for seed in range(40)}
@@ -541,7 +587,7 @@ def test_a_window_behind_its_modal_dialog_is_not_touched():
         return {
             name
             for name, box in places.items()
-            if _can_be_clicked(Element("app", "push-button", name, box), state)
+            if _can_be_clicked(Element("app", "push-button", name, box), state, without_app=True)
         }
 
     assert seen(main, beside, dialog) == {"dialog", "beside"}

@@ -154,6 +154,59 @@ def test_before_another_try_what_was_done_in_the_document_is_taken_back(
     assert desktop.ran == [ESCAPE, *[TAKE_BACK] * times]
 
 
+def two_windows(front: str) -> str:
+    """Return a tree with a browser and an editor, of which one has the keyboard."""
+    shown = "".join(
+        f'<application name="{app}">'
+        f'<frame name="{title}" {PLACE} {"st:active" if front == app else "st:enabled"}="true"/>'
+        "</application>"
+        for app, title in (("Google Chrome", "Inbox"), ("mousepad", "Untitled"))
+    )
+    places = {"Inbox": (300, 1062), "Untitled": (500, 1062)}
+    buttons = "".join(
+        f'<toggle-button name="{title}" {PLACE.replace("(100, 200)", str(place))}/>'
+        for title, place in places.items()
+    )
+    return (
+        f'<desktop-frame xmlns:st="{SPACE}/state" xmlns:cp="{SPACE}/component" name="main">'
+        f'{shown}<application name="xfce4-panel">{buttons}</application></desktop-frame>'
+    )
+
+
+def test_before_another_try_every_window_gets_an_escape_and_the_first_one_the_keyboard() -> None:
+    browser, editor = two_windows("Google Chrome"), two_windows("mousepad")
+    desktop = Trees([browser, editor])
+    hand = careful.CarefulHand(desktop, ["chrome", "mousepad"], patience=0.3)
+    hand.type("a")
+    desktop.trees = [editor, editor, browser, browser, editor]
+    desktop.ran.clear()
+    hand.begin_again()
+    assert desktop.ran == [ESCAPE, "pyautogui.click(340, 1112)", ESCAPE]
+    desktop.trees = [editor]
+    desktop.ran.clear()
+    hand.begin_again()
+    assert desktop.ran == [
+        ESCAPE,
+        "pyautogui.click(340, 1112)",
+        ESCAPE,
+        "pyautogui.click(340, 1112)",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("app", "ran"),
+    [
+        ("soffice", ["pyautogui.press('f6')", ESCAPE]),
+        ("geany", [ESCAPE]),
+    ],
+)
+def test_a_tool_of_libreoffice_does_not_keep_the_keyboard(app: str, ran: list[str]) -> None:
+    tool = f'<push-button name="Text Box" {PLACE} st:focused="true"/>'
+    desktop = Trees([office(f"{SHEET}{tool}").replace('"soffice"', f'"{app}"')])
+    careful.CarefulHand(desktop, ["libreoffice_calc", "geany"], patience=0.3).put_right()
+    assert desktop.ran == ran
+
+
 @pytest.mark.parametrize(("before", "again"), [(SHEET, True), (EMPTY, False)])
 def test_a_document_that_was_closed_is_opened_again(before: str, again: bool) -> None:
     desktop = Trees([office(before), office(EMPTY)])
