@@ -14,11 +14,12 @@ from hijack_data.runs.run_log import REINIT
 
 from ..desktops.protocol import Desktop
 from ..errors import DesktopTimeoutError
-from .hand import MENU_ROLES, PATIENCE, PAUSE, Hand, title_click
+from .hand import BUTTONS, ENTRIES, MENU_ROLES, PATIENCE, PAUSE, Hand, title_click
 from .kit.apps import APPS
 from .tree import TreeNode
 
 PASSWORD = "password"
+FIELDS = (*ENTRIES, "combo-box")
 _LEFT_OPEN = 3  # dialogs that one try may leave behind
 _CHANGES = 60  # that are taken back before another try
 LOST = 2.0  # seconds without what is wanted, until the hand looks for a reason
@@ -135,6 +136,23 @@ class CarefulHand(Hand):
         self._click_at(node)  # `run` would look once more
         self._may_be_outside = False
 
+    def replace(self, text: str) -> None:
+        """Type a text in the place of what the focused field holds; type it again if it is wrong.
+
+        A click on a suggestion, say, may have put something else into the field meanwhile.
+        """
+        super().replace(text)
+        if any(self._is_wrong(node, text) for node in self.look()):
+            super().replace(text)
+
+    def _is_wrong(self, node: TreeNode, text: str) -> bool:
+        """Return whether a node is the focused field, and holds something else than a text.
+
+        A field may complete what is typed, and a line feed may have left it.
+        """
+        is_field = node.role in FIELDS and "focused" in node.states and self._is_own(node)
+        return is_field and node.text != "" and "\n" not in text and not node.text.startswith(text)
+
     def put_right(
         self,
         seen: list[TreeNode] | None = None,
@@ -217,6 +235,20 @@ class CarefulHand(Hand):
                 return
             super().run("pyautogui.hotkey('ctrl', 'z')")
             time.sleep(PAUSE)
+            if not self._agree():
+                return
+
+    def _agree(self) -> bool:
+        """Agree to delete what is taken back, if asked; return whether nothing else is asked."""
+        seen = self.look()
+        if not self._dialogs(seen):
+            return True
+        for node in seen:
+            if node.role in BUTTONS and node.name == "Delete" and self._is_own(node) and node.box:
+                self._click_at(node)
+                time.sleep(PAUSE)
+                return True
+        return False
 
     def _is_undo(self, node: TreeNode) -> bool:
         """Return whether a node is a button to undo something, and there is something to undo."""

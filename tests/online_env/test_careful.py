@@ -207,6 +207,55 @@ def test_a_tool_of_libreoffice_does_not_keep_the_keyboard(app: str, ran: list[st
     assert desktop.ran == ran
 
 
+FOLDER = f'<frame name="Downloads - Thunar" {PLACE}/>'
+QUESTION_DELETE = f'{FOLDER}<dialog name="Attention" {ACTIVE}/>'
+DELETE = f'<push-button name="Delete" {PLACE.replace("(100, 200)", "(300, 300)")}/>'
+
+
+@pytest.mark.parametrize(
+    ("question", "ran"),
+    [
+        (QUESTION_DELETE + DELETE, [ESCAPE, TAKE_BACK, "pyautogui.click(340, 350)"]),
+        (QUESTION_DELETE, [ESCAPE, TAKE_BACK]),  # nobody knows what it asks
+    ],
+)
+def test_what_is_taken_back_may_be_deleted_and_nothing_else_is_agreed_to(
+    question: str,
+    ran: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(careful, "PAUSE", 0.0)
+    shown = [f"{FOLDER}{UNDO}", f"{FOLDER}{UNDO}", question, f"{FOLDER}{DONE}"]
+    desktop = Trees([office(windows).replace("soffice", "thunar") for windows in shown])
+    careful.CarefulHand(desktop, ["thunar"], patience=0.3).begin_again()
+    assert desktop.ran == ran
+
+
+def field(text: str, *, role: str = "entry", focused: bool = True) -> str:
+    state = "focused" if focused else "enabled"
+    return office(f'{SHEET}<{role} name="To" {PLACE} st:{state}="true">{text}</{role}>')
+
+
+@pytest.mark.parametrize(
+    ("then", "typed", "times"),
+    [
+        (field("jun@mail.test"), "jun@mail.test", 1),
+        (field("jun@mail.test, Jun"), "jun@mail.test", 1),  # it was completed
+        (field("desk@forms.testjun@mail.test"), "jun@mail.test", 2),
+        (field("desk@forms.testjun@mail.test", role="combo-box"), "jun@mail.test", 2),
+        (field("desk@forms.test", focused=False), "jun@mail.test", 1),
+        (field("desk@forms.test", role="label"), "jun@mail.test", 1),
+        (field(""), "jun@mail.test", 1),  # what it holds is not in the tree
+        (field("next"), "jun@mail.test\n", 1),  # the field was left
+    ],
+)
+def test_a_field_that_got_something_else_is_filled_again(then: str, typed: str, times: int) -> None:
+    desktop = Trees([then])
+    careful.CarefulHand(desktop, ["libreoffice_calc"], patience=0.3).replace(typed)
+    filled = ["pyautogui.hotkey('ctrl', 'a')", f"pyautogui.write({typed!r})"]
+    assert desktop.ran == filled * times
+
+
 @pytest.mark.parametrize(("before", "again"), [(SHEET, True), (EMPTY, False)])
 def test_a_document_that_was_closed_is_opened_again(before: str, again: bool) -> None:
     desktop = Trees([office(before), office(EMPTY)])
