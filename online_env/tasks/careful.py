@@ -137,21 +137,23 @@ class CarefulHand(Hand):
         self._may_be_outside = False
 
     def replace(self, text: str) -> None:
-        """Type a text in the place of what the focused field holds; type it again if it is wrong.
+        """Type a text in the place of what the focused field holds; do it again if it is wrong.
 
-        A click on a suggestion, say, may have put something else into the field meanwhile.
+        A touch may have gone to another field meanwhile, or have put something else into this one.
         """
+        before = [node for node in self.look() if self._is_focused_field(node)]
         super().replace(text)
-        if any(self._is_wrong(node, text) for node in self.look()):
-            super().replace(text)
+        if not before or "\n" in text:  # the line feed may have left the field
+            return
+        for field in self.look():
+            if _is_same(field, before[0]) and _is_wrong(field, text):
+                if "focused" not in field.states:
+                    self._click_at(field)
+                super().replace(text)
+                return
 
-    def _is_wrong(self, node: TreeNode, text: str) -> bool:
-        """Return whether a node is the focused field, and holds something else than a text.
-
-        A field may complete what is typed, and a line feed may have left it.
-        """
-        is_field = node.role in FIELDS and "focused" in node.states and self._is_own(node)
-        return is_field and node.text != "" and "\n" not in text and not node.text.startswith(text)
+    def _is_focused_field(self, node: TreeNode) -> bool:
+        return node.role in FIELDS and "focused" in node.states and self._is_own(node)
 
     def put_right(
         self,
@@ -444,6 +446,21 @@ class CarefulHand(Hand):
             if test(self.look()):
                 return
             time.sleep(PAUSE)
+
+
+def _is_same(one: TreeNode, other: TreeNode) -> bool:
+    """Return whether two nodes, of two looks, are the same field."""
+    return (one.app, one.role, one.name) == (other.app, other.role, other.name)
+
+
+def _is_wrong(field: TreeNode, text: str) -> bool:
+    """Return whether a field does not hold a text, or its completion.
+
+    Some fields do not tell what they hold.
+    """
+    if field.box is None or field.text.startswith(text):
+        return False
+    return field.text != "" or "focused" not in field.states
 
 
 def _has_tool(node: TreeNode) -> bool:

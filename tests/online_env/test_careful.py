@@ -231,29 +231,55 @@ def test_what_is_taken_back_may_be_deleted_and_nothing_else_is_agreed_to(
     assert desktop.ran == ran
 
 
-def field(text: str, *, role: str = "entry", focused: bool = True) -> str:
-    state = "focused" if focused else "enabled"
-    return office(f'{SHEET}<{role} name="To" {PLACE} st:{state}="true">{text}</{role}>')
+TO, ADDRESS = "(300, 300)", "(500, 500)"
+
+
+def fields(to: str, focused: str = "To", role: str = "entry") -> str:
+    """Return a tree with two fields, of which one has the keyboard."""
+    shown = "".join(
+        f'<{role} name="{name}" {PLACE.replace("(100, 200)", place)}'
+        f' st:{"focused" if name == focused else "enabled"}="true">{text}</{role}>'
+        for name, place, text in (("To", TO, to), ("Address", ADDRESS, "shop.test"))
+    )
+    return office(SHEET + shown)
+
+
+INTO_TO = "pyautogui.click(340, 350)"
 
 
 @pytest.mark.parametrize(
-    ("then", "typed", "times"),
+    ("then", "typed", "again"),
     [
-        (field("jun@mail.test"), "jun@mail.test", 1),
-        (field("jun@mail.test, Jun"), "jun@mail.test", 1),  # it was completed
-        (field("desk@forms.testjun@mail.test"), "jun@mail.test", 2),
-        (field("desk@forms.testjun@mail.test", role="combo-box"), "jun@mail.test", 2),
-        (field("desk@forms.test", focused=False), "jun@mail.test", 1),
-        (field("desk@forms.test", role="label"), "jun@mail.test", 1),
-        (field(""), "jun@mail.test", 1),  # what it holds is not in the tree
-        (field("next"), "jun@mail.test\n", 1),  # the field was left
+        (fields("jun@mail.test"), "jun@mail.test", []),
+        (fields("jun@mail.test, Jun"), "jun@mail.test", []),  # it was completed
+        (fields("desk@mail.testjun@mail.test"), "jun@mail.test", [""]),
+        (fields("desk@mail.testjun@mail.test", role="combo-box"), "jun@mail.test", [""]),
+        (fields(""), "jun@mail.test", []),  # what it holds is not in the tree
+        (fields("", "Address"), "jun@mail.test", [INTO_TO, ""]),
+        (fields("a", "Address"), "jun@mail.test", [INTO_TO, ""]),
+        (fields("jun@mail.test", "Address"), "jun@mail.test", []),
+        (fields("a", "Address"), "jun@mail.test\n", []),  # the field was left
+        (fields("a", role="label"), "jun@mail.test", []),
+        (office(SHEET), "jun@mail.test", []),
     ],
 )
-def test_a_field_that_got_something_else_is_filled_again(then: str, typed: str, times: int) -> None:
-    desktop = Trees([then])
+def test_a_field_that_got_something_else_is_filled_again(
+    then: str,
+    typed: str,
+    again: list[str],
+) -> None:
+    role = "combo-box" if "combo-box" in then else "entry"
+    desktop = Trees([fields("a", role=role), then])
     careful.CarefulHand(desktop, ["libreoffice_calc"], patience=0.3).replace(typed)
     filled = ["pyautogui.hotkey('ctrl', 'a')", f"pyautogui.write({typed!r})"]
-    assert desktop.ran == filled * times
+    assert desktop.ran == filled + [code for part in again for code in ([part] if part else filled)]
+
+
+@pytest.mark.parametrize("focused", ["", "Sheet"])
+def test_without_a_focused_field_a_text_is_typed_once(focused: str) -> None:
+    desktop = Trees([fields("a", focused)])
+    careful.CarefulHand(desktop, ["libreoffice_calc"], patience=0.3).replace("b")
+    assert len(desktop.ran) == 2
 
 
 @pytest.mark.parametrize(("before", "again"), [(SHEET, True), (EMPTY, False)])
