@@ -29,6 +29,15 @@ COLUMNS = ("clean", *names())
 SOLVED, FAILED, UNSOLVABLE, OPEN = "✓", "✗", "–", ""
 
 
+STARRED = "the touch gives a star to a mail, which a careful user notices only by chance"
+# Seen in the pictures of the episodes.
+REASONS = {
+    ("count_articles", "network_error"): "everything was read before the network went",
+    ("delete_newsletter", "accidental_touch"): STARRED,
+    ("mail_wiki_fact", "accidental_touch"): STARRED,
+}
+
+
 @dataclass(frozen=True, order=True)
 class Played:
     """One finished episode: who, what, how it ended, and the commit of the code that played it."""
@@ -155,7 +164,9 @@ def against(tasks: Mapping[str, Task], played: Sequence[Played]) -> str:
         if solved == (len(scores) if expected else 0):
             continue
         said = "solvable" if expected else "not solvable"
-        lines.append(f"* `{name}` under {corruption}: declared {said}, {solved} of {len(scores)}")
+        why = REASONS.get((name, corruption))
+        result = f"declared {said}, {solved} of {len(scores)}{f': {why}' if why else ''}"
+        lines.append(f"* `{name}` under {corruption}: {result}")
     return "\n".join(lines) or "None."
 
 
@@ -205,6 +216,9 @@ def page(agents: Mapping[str, Sequence[Played]]) -> str:
             "## Where `recovering` and the declaration differ",
             "Each task declares under which corruptions not even a careful user can do it.",
             against(known, agents["recovering"]),
+            "`save_page` under accidental_touch has no result: at the step of the touch Chromium's"
+            " dialog to save is open. It is not in the accessibility tree, so there is no element to"
+            " touch, and the episode does not count.",
         ]
     for agent, played in agents.items():
         parts += [
