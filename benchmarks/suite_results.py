@@ -36,6 +36,11 @@ REASONS = {
     ("delete_newsletter", "accidental_touch"): STARRED,
     ("mail_wiki_fact", "accidental_touch"): STARRED,
 }
+UNPROVED = {
+    ("save_page", "accidental_touch"): "at the step of the touch Chromium's dialog to save is open."
+    " It is not in the accessibility tree, so there is no element to touch, and the episode does"
+    " not count",
+}
 
 
 @dataclass(frozen=True, order=True)
@@ -156,7 +161,8 @@ def totals(agents: Mapping[str, Sequence[Played]], tasks: Mapping[str, Task]) ->
 def against(tasks: Mapping[str, Task], played: Sequence[Played]) -> str:
     """Return where the careful user's result differs from what the task's author declared."""
     lines: list[str] = []
-    for (name, corruption), scores in sorted(by_case(played).items()):
+    cases = by_case(played)
+    for (name, corruption), scores in sorted(cases.items()):
         if name not in tasks:
             continue
         expected = corruption not in tasks[name].unsolvable
@@ -167,6 +173,9 @@ def against(tasks: Mapping[str, Task], played: Sequence[Played]) -> str:
         why = REASONS.get((name, corruption))
         result = f"declared {said}, {solved} of {len(scores)}{f': {why}' if why else ''}"
         lines.append(f"* `{name}` under {corruption}: {result}")
+    for (name, corruption), why in UNPROVED.items():
+        if (name, corruption) not in cases:
+            lines.append(f"* `{name}` under {corruption}: no result: {why}")
     return "\n".join(lines) or "None."
 
 
@@ -216,9 +225,6 @@ def page(agents: Mapping[str, Sequence[Played]]) -> str:
             "## Where `recovering` and the declaration differ",
             "Each task declares under which corruptions not even a careful user can do it.",
             against(known, agents["recovering"]),
-            "`save_page` under accidental_touch has no result: at the step of the touch Chromium's"
-            " dialog to save is open. It is not in the accessibility tree, so there is no element to"
-            " touch, and the episode does not count.",
         ]
     for agent, played in agents.items():
         parts += [

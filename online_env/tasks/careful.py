@@ -19,7 +19,7 @@ from .kit.apps import APPS
 from .tree import TreeNode
 
 PASSWORD = "password"
-FIELDS = (*ENTRIES, "combo-box")
+_FIELDS = (*ENTRIES, "combo-box")
 _LEFT_OPEN = 3  # dialogs that one try may leave behind
 _CHANGES = 60  # that are taken back before another try
 LOST = 2.0  # seconds without what is wanted, until the hand looks for a reason
@@ -153,7 +153,7 @@ class CarefulHand(Hand):
                 return
 
     def _is_focused_field(self, node: TreeNode) -> bool:
-        return node.role in FIELDS and "focused" in node.states and self._is_own(node)
+        return node.role in _FIELDS and "focused" in node.states and self._is_own(node)
 
     def put_right(
         self,
@@ -221,12 +221,12 @@ class CarefulHand(Hand):
 
     def _bring_to_front(self, window: TreeNode, seen: list[TreeNode]) -> bool:
         """Click on the button of a window in the panel; return whether there is one."""
-        for node in seen:
-            if node.app == _PANEL and node.box and node.name == window.name != "":
-                self._click_plainly(node)
-                time.sleep(LOST / 2)  # a panel takes a moment to bring a window to the front
-                return True
-        return False
+        button = _panel_button(window, seen)
+        if button is None or not window.name:
+            return False
+        self._click_plainly(button)
+        time.sleep(LOST / 2)  # a panel takes a moment to bring a window to the front
+        return True
 
     def _take_back(self) -> None:
         """Undo all that was done in the document, by an accident or by the last try."""
@@ -373,13 +373,13 @@ class CarefulHand(Hand):
 
         A second click would minimise the window again, so this waits until it is there.
         """
-        for node in seen:
-            if node.app == _PANEL and node.box and node.name == window.name:
-                self._click_plainly(node)
-                self._until(lambda later: not _is_minimised(window, later))
-                self._return_to_dialog()
-                return True
-        return False
+        button = _panel_button(window, seen)
+        if button is None:
+            return False
+        self._click_plainly(button)
+        self._until(lambda later: not _is_minimised(window, later))
+        self._return_to_dialog()
+        return True
 
     def _return_to_dialog(self) -> None:
         """Give the keyboard back to a dialog: its window was restored, and has it now."""
@@ -446,6 +446,12 @@ class CarefulHand(Hand):
             if test(self.look()):
                 return
             time.sleep(PAUSE)
+
+
+def _panel_button(window: TreeNode, seen: list[TreeNode]) -> TreeNode | None:
+    """Return the button of the panel with the name of a window."""
+    buttons = (node for node in seen if node.app == _PANEL and node.box)
+    return next((node for node in buttons if node.name == window.name), None)
 
 
 def _is_same(one: TreeNode, other: TreeNode) -> bool:
