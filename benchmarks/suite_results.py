@@ -36,11 +36,6 @@ REASONS = {
     ("delete_newsletter", "accidental_touch"): STARRED,
     ("mail_wiki_fact", "accidental_touch"): STARRED,
 }
-UNPROVED = {
-    ("save_page", "accidental_touch"): "at the step of the touch Chromium's dialog to save is open."
-    " It is not in the accessibility tree, so there is no element to touch, and the episode does"
-    " not count",
-}
 
 
 @dataclass(frozen=True, order=True)
@@ -173,9 +168,6 @@ def against(tasks: Mapping[str, Task], played: Sequence[Played]) -> str:
         why = REASONS.get((name, corruption))
         result = f"declared {said}, {solved} of {len(scores)}{f': {why}' if why else ''}"
         lines.append(f"* `{name}` under {corruption}: {result}")
-    for (name, corruption), why in UNPROVED.items():
-        if (name, corruption) not in cases:
-            lines.append(f"* `{name}` under {corruption}: no result: {why}")
     return "\n".join(lines) or "None."
 
 

@@ -73,7 +73,12 @@ PROFILES: dict[str, tuple[str, ...]] = {
         "curl",
         "ffmpeg",
     ),
-    "web": ("chromium",),
+    "web": (
+        "chromium",
+        # With them Chromium's dialogs for files are in the accessibility tree; its own are not.
+        "xdg-desktop-portal",
+        "xdg-desktop-portal-gtk",
+    ),
     # Noto CJK is 55 MB to fetch and 89 MB on disk, so it comes with the documents that may need it;
     # core has WenQuanYi, which is 1.6 MB to fetch and has the letters of all three languages.
     "office": (

@@ -66,7 +66,8 @@ class CarefulHand(Hand):
         patience: float = PATIENCE,
     ) -> None:
         super().__init__(desktop, patience)
-        self._own = [APPS[name].tree for name in apps if name in APPS]
+        known = [APPS[name] for name in apps if name in APPS]
+        self._own = [name for app in known for name in (app.tree, app.helper) if name]
         self._start = start
         self._password = password
         self._asked = False
@@ -145,12 +146,12 @@ class CarefulHand(Hand):
         super().replace(text)
         if not before or "\n" in text:  # the line feed may have left the field
             return
-        for field in self.look():
-            if _is_same(field, before[0]) and _is_wrong(field, text):
-                if "focused" not in field.states:
-                    self._click_at(field)
-                super().replace(text)
-                return
+        field = _same_field(before[0], self.look())
+        if field is None or not _is_wrong(field, text):
+            return
+        if "focused" not in field.states:
+            self._click_at(field)
+        super().replace(text)
 
     def _is_focused_field(self, node: TreeNode) -> bool:
         return node.role in _FIELDS and "focused" in node.states and self._is_own(node)
@@ -204,7 +205,7 @@ class CarefulHand(Hand):
     def _leave_others(self) -> None:
         """Press Escape in the own windows that do not have the keyboard.
 
-        One may have a dialog that is not in the tree, as Chromium's to save a page.
+        One may have a menu or a dialog that is not in the tree.
         """
         seen = self.look()
         for window in self._frames(seen):
@@ -454,9 +455,16 @@ def _panel_button(window: TreeNode, seen: list[TreeNode]) -> TreeNode | None:
     return next((node for node in buttons if node.name == window.name), None)
 
 
-def _is_same(one: TreeNode, other: TreeNode) -> bool:
-    """Return whether two nodes, of two looks, are the same field."""
-    return (one.app, one.role, one.name) == (other.app, other.role, other.name)
+def _same_field(field: TreeNode, seen: list[TreeNode]) -> TreeNode | None:
+    """Return a field of an earlier look as it is now; `None` if it cannot be told which it is.
+
+    Many fields have no name, so of several it is the one in the same place.
+    """
+    known = (field.app, field.role, field.name)
+    found = [node for node in seen if (node.app, node.role, node.name) == known]
+    if len(found) > 1:
+        found = [node for node in found if node.box == field.box]
+    return found[0] if len(found) == 1 else None
 
 
 def _is_wrong(field: TreeNode, text: str) -> bool:

@@ -275,6 +275,39 @@ def test_a_field_that_got_something_else_is_filled_again(
     assert desktop.ran == filled + [code for part in again for code in ([part] if part else filled)]
 
 
+def unnamed(windows: str) -> str:
+    return windows.replace('name="To"', 'name=""').replace('name="Address"', 'name=""')
+
+
+@pytest.mark.parametrize(
+    ("then", "again"),
+    [
+        (fields("jun@mail.test"), False),
+        (fields("a"), True),
+        (fields("a").replace(TO, "(310, 300)"), False),  # it moved: which is it?
+    ],
+)
+def test_of_fields_without_a_name_it_is_the_one_in_the_same_place(then: str, again: bool) -> None:
+    desktop = Trees([unnamed(fields("", "To")), unnamed(then)])
+    careful.CarefulHand(desktop, ["libreoffice_calc"], patience=0.3).replace("jun@mail.test")
+    assert len(desktop.ran) == (4 if again else 2)
+    assert not any("click" in code for code in desktop.ran)
+
+
+def test_the_dialogs_of_a_helper_belong_to_the_application() -> None:
+    dialog = f'<file-chooser name="Save" {PLACE}/>'
+    helper = f'<application name="xdg-desktop-portal-gtk">{dialog}</application>'
+    window = f'<application name="Chromium"><frame name="News" {PLACE}/></application>{helper}'
+    shown = (
+        f'<desktop-frame xmlns:st="{SPACE}/state" xmlns:cp="{SPACE}/component" name="main">'
+        f"{window}</desktop-frame>"
+    )
+    for apps, closed in ((["chrome"], False), (["thunar"], True)):
+        desktop = Trees([shown])
+        careful.CarefulHand(desktop, apps, patience=0.3).type("x")
+        assert ("pyautogui.hotkey('alt', 'f4')" in desktop.ran) == closed
+
+
 @pytest.mark.parametrize("focused", ["", "Sheet"])
 def test_without_a_focused_field_a_text_is_typed_once(focused: str) -> None:
     desktop = Trees([fields("a", focused)])

@@ -15,6 +15,8 @@ class TaskApp:
         argv: The program and its first arguments.
         processes: The names of its processes.
         tree: A part of its name in the accessibility tree, in any case.
+        helper: The same of another process that shows some of its dialogs; "" if it shows all
+            of them itself.
         ready: The roles of nodes that are there once it can be used.
         profile: The profile of `hijack desktop install` that has it.
         patience: Seconds that it may take to start.
@@ -23,6 +25,7 @@ class TaskApp:
     argv: tuple[str, ...]
     processes: tuple[str, ...]
     tree: str
+    helper: str = ""
     ready: tuple[str, ...] = ("frame",)
     profile: str = "core"
     patience: float = 30.0
@@ -57,6 +60,7 @@ APPS: dict[str, TaskApp] = {
         argv=("google-chrome",),
         processes=("chrome", "chromium"),
         tree="chrom",
+        helper="xdg-desktop-portal",  # to open and save files
         ready=("frame", "document-web"),
         profile="web",
         patience=30.0,
@@ -108,16 +112,9 @@ APPS: dict[str, TaskApp] = {
         argv=("gimp", "--no-splash"),
         processes=("gimp", "gimp-2.10"),
         tree="gimp",
+        helper="file-",  # such as `file-png`, for the options of a format
         profile="media",
         patience=120.0,
-    ),
-    # The windows for the options of a format belong to processes such as `file-png`.
-    "gimp_export": TaskApp(
-        argv=("gimp",),
-        processes=(),
-        tree="file-",
-        ready=("dialog",),
-        profile="media",
     ),
     "vlc": TaskApp(
         argv=("vlc", "--no-qt-privacy-ask", "--no-video-title-show"),

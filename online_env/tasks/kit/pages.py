@@ -100,35 +100,3 @@ def _at_rest(hand: Hand, node: TreeNode) -> TreeNode:
         if again.box == node.box:
             return again
         node = again
-
-
-def give_path(hand: Hand, path: str) -> None:
-    """Type a path into Chromium's dialog for saving, which is opening, and press its button.
-
-    The tree has nothing of the dialog, but the window below it is no longer the active one.
-
-    Raises:
-        DesktopTimeoutError: The dialog does not open or does not close.
-    """
-    hand.wait("window below a dialog", lambda node: _is_window(node) and not _is_active(node))
-    time.sleep(5 * PAUSE)  # the dialog has the keyboard before its field has
-    hand.replace(hand.path(path))
-    hand.wait("active window", _is_back, meanwhile=lambda: _confirm(hand))
-
-
-def _confirm(hand: Hand) -> None:
-    time.sleep(10 * PAUSE)  # the dialog completes what was typed
-    hand.press("alt", "s")  # Enter was not enough
-    time.sleep(10 * PAUSE)
-
-
-def _is_back(node: TreeNode) -> bool:
-    return _is_window(node) and _is_active(node)
-
-
-def _is_window(node: TreeNode) -> bool:
-    return node.role == "frame" and CHROME in node.app.lower()
-
-
-def _is_active(node: TreeNode) -> bool:
-    return "active" in node.states

@@ -31,7 +31,7 @@ class PictureTask(Task):
     """
 
     domain = "gimp"
-    apps = ("gimp", "gimp_export")
+    apps = ("gimp",)
 
     def prepare(self, machine: Machine) -> None:
         """Put the picture in place."""

@@ -2,8 +2,9 @@
 
 from online_env.embedded.sites.library import articles, plain
 from online_env.tasks import Task
+from online_env.tasks.kit.apps import APPS
 from online_env.tasks.kit.articles import address
-from online_env.tasks.kit.pages import give_path, visit
+from online_env.tasks.kit.pages import visit
 from online_env.tasks.kit.words import TOPICS
 
 FOLDERS = ("Documents", "Desktop", "Downloads")
@@ -51,7 +52,7 @@ class SavePage(Task):
         visit(hand, self.drawn.url, f"{self.drawn.title} - Openfolio")
         hand.find("heading", self.drawn.title)
         hand.press("ctrl", "s")
-        give_path(hand, self.drawn.path)
+        hand.choose_file(self.drawn.path, "Save", APPS["chrome"].helper)
 
     def wrong(self):
         path = self.drawn.path
