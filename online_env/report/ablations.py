@@ -52,24 +52,39 @@ def ablations_of(report: RunReport) -> tuple[Ablation, ...]:
 
 
 def level_table(report: RunReport, ablation: Ablation) -> tuple[Texts, list[Texts]]:
-    """Return headings and rows of an ablation: a line per level, two columns per agent."""
+    """Return headings and rows of an ablation: a line per level, two columns per agent.
+
+    If episodes ended before their corruption was due, a third column has how many did not: a level
+    that comes late looks harmless where it rarely comes at all.
+    """
+    with_early = any(
+        cell.early
+        for agent, _ in ablation.series
+        for label, _ in ablation.levels
+        if (cell := report.cell(agent, label)) is not None
+    )
     headings = ["level"]
     for _, name in ablation.series:
         headings += [f"{name}, %", "95 %"]
+        if with_early:
+            headings.append("disturbed")
     rows: list[Texts] = []
     for label, level in ablation.levels:
         row = [level]
         for agent, _ in ablation.series:
-            cell = report.cell(agent, label)
-            row += _shown(cell)
+            row += _shown(report.cell(agent, label), with_early)
         rows.append(row)
     return headings, rows
 
 
-def _shown(cell: Cell | None) -> list[str]:
+def _shown(cell: Cell | None, with_early: bool) -> list[str]:
     if cell is None:
-        return ["", ""]
-    return [words.percent(cell.success), words.interval(cell.ci_low, cell.ci_high)]
+        return [""] * (3 if with_early else 2)
+    shown = [words.percent(cell.success), words.interval(cell.ci_low, cell.ci_high)]
+    if with_early:
+        disturbed = "" if cell.corruption == CLEAN else f"{cell.n - cell.early} of {cell.n}"
+        shown.append(disturbed)
+    return shown
 
 
 def _of_parameters(report: RunReport) -> Iterator[Ablation]:

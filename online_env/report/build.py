@@ -107,6 +107,7 @@ def cells_of(run: Run, chosen: Sequence[ResultRecord]) -> list[Cell]:
     """Return a cell for each agent and condition in some records of a run."""
     found = scores.by_cell(chosen)
     scored = {key: scores.scored(cases) for key, cases in found.items()}
+    names = {} if run.is_scored else conditions_of(run.config)
     rows = scores.rows(chosen, agents_of(run.config), list(conditions_of(run.config)))
     top = {row["corruption"]: row["success"] for row in rows if row["agent"] == CEILING}
     inferred = _inferred(rows, scored)
@@ -118,6 +119,7 @@ def cells_of(run: Run, chosen: Sequence[ResultRecord]) -> list[Cell]:
             tasks=len(set(scores.task_names(scored[row["agent"], row["corruption"]]))),
             pass_hat=_pass_hat(run, scored[row["agent"], row["corruption"]]),
             ceiling=top.get(row["corruption"]),
+            early=scores.unreached(found[row["agent"], row["corruption"]].values(), names),
         )
         for row in rows
     ]

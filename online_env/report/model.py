@@ -18,7 +18,8 @@ from hijack_data.runs.run_log import GIVEN_KINDS
 from ..bench.scores import worst_labels
 
 FORMAT = "agenthijack-report"
-VERSION = 2  # version 1 lacked what agents were given, and how conditions differ
+# Version 1 lacked what agents were given, and how conditions differ; version 2 `early` of cells.
+VERSION = 3
 T = TypeVar("T")
 _SHARES = frozenset(
     [
@@ -63,7 +64,7 @@ class RunIdentity:
         planned: cases that were to be run.
         missing: of them, cases without a record.
         damaged: lines that could not be read.
-        early: episodes with a score that ended before their corruption was due.
+        early: episodes with a score that ended before their corruption was due, in all cells.
         left_out: seeds that the report was told to leave out.
     """
 
@@ -121,6 +122,7 @@ class Cell:
         usd: what they cost.
         errors: episodes of `n` without a score.
         invalid: episodes that say nothing about the agent, and are not in `n`.
+        early: episodes of `n` with a score that ended before the corruption was due.
     """
 
     agent: str
@@ -149,6 +151,7 @@ class Cell:
     usd: float | None = None
     errors: int = 0
     invalid: int = 0
+    early: int = 0
 
 
 @dataclass(frozen=True, kw_only=True)

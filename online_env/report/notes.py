@@ -41,12 +41,22 @@ def _notes(report: RunReport, partial: int) -> Iterator[str]:
     if run.early:
         yield (
             f"{run.early} episodes with a score ended before their corruption was due: they count"
-            " as they are."
+            f" as they are{_where_early(report)}."
         )
     if run.changed:
         listed = ", ".join(run.changed)
         yield f"Not with the paper's parameters: {listed}."
     yield from _on_agents(report)
+
+
+def _where_early(report: RunReport) -> str:
+    """Return the cells whose episodes ended early, in brackets; reports of version 2 have none."""
+    listed = [
+        f"{cell.agent} under {cell.corruption} {cell.early} of {cell.n}"
+        for cell in report.cells
+        if cell.early
+    ]
+    return f" ({', '.join(listed)})" if listed else ""
 
 
 def _on_agents(report: RunReport) -> Iterator[str]:

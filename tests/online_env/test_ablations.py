@@ -131,6 +131,40 @@ def test_the_levels_of_a_run_that_was_configured_by_a_file_are_told(tmp_path):
     ]
 
 
+TOUCHES = [
+    CLEAN,
+    {"accidental_touch": {"as": "touch_3", "step": 3}},
+    {"accidental_touch": {"as": "touch_12", "step": 12}},
+    "resolution",
+]
+
+
+def test_levels_that_come_late_say_how_often_they_came(tmp_path):
+    touched = {"touch_3": 10, "touch_12": 4}
+    found = [
+        made(
+            "one",
+            f"t{number}",
+            label,
+            effects=[{"step": 3}] if number < touched.get(label, 0) else [],
+        )
+        for label in (CLEAN, "touch_3", "touch_12", "resolution")
+        for number in range(10)
+    ]
+    report = build_report(read_run(tmp_path / "run", found, corruptions=TOUCHES))
+    (touches,) = ablations_of(report)
+    headings, rows = level_table(report, touches)
+    assert headings == ["level", "one, %", "95 %", "disturbed"]
+    assert [(row[0], row[3]) for row in rows] == [
+        (CLEAN, ""),
+        ("touch 3", "10 of 10"),
+        ("touch 12", "4 of 10"),
+    ]
+    page = formats.write(ReportDocument(report=report), "html")
+    assert "disturbed" in page
+    assert "4 of 10" in page
+
+
 def test_agents_without_a_module_are_an_ablation(tmp_path):
     levels = {agent: {CLEAN: 9, "marks": 5} for agent in MODULES["pixel_onlooker"]}
     report = reported(tmp_path, [CLEAN, "marks"], levels)

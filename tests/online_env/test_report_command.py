@@ -191,7 +191,10 @@ def test_a_note_counts_episodes_that_ended_before_their_corruption_was_due(tmp_p
         made("a", "t0", "clean", effects=[]),
     ]
     entries = ["clean", "marks", {"app_minimization": {"as": "small"}}]
-    said = "2 episodes with a score ended before their corruption was due: they count as they are."
+    said = (
+        "2 episodes with a score ended before their corruption was due: they count as they are"
+        " (a under small 2 of 4)."
+    )
     assert said in notes_of(tmp_path / "early", early, corruptions=entries)
     alike = [*early[1:2], *early[3:]]
     notes = notes_of(tmp_path / "alike", alike, corruptions=entries)
