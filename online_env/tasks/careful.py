@@ -5,17 +5,23 @@ the password. It is never told what was disturbed, and it acts with pointer and 
 """
 
 import re
-import shlex
 import time
 from collections.abc import Callable, Iterable
-from pathlib import PurePath
 
 from hijack_data.runs.run_log import REINIT
 
 from ..desktops.protocol import Desktop
 from ..errors import DesktopTimeoutError
 from .hand import BUTTONS, ENTRIES, MENU_ROLES, PATIENCE, PAUSE, Hand, title_click
-from .kit.apps import APPS
+from .own_windows import (
+    DIALOGS,
+    LOCKER,
+    PANEL,
+    OwnWindows,
+    is_minimised,
+    panel_button,
+    program_of,
+)
 from .tree import TreeNode
 
 PASSWORD = "password"
@@ -24,21 +30,6 @@ _LEFT_OPEN = 3  # dialogs that one try may leave behind
 _CHANGES = 60  # that are taken back before another try
 LOST = 2.0  # seconds without what is wanted, until the hand looks for a reason
 _PATIENT = 3  # looks for a reason before an Escape, which also stops a page that is loading
-_PANEL = "xfce4-panel"
-_LOCKER = "mate-screensaver"
-_FINDER = "xfce4-appfinder"  # what Alt+F2 opens: the hand may have done so
-_SYSTEM = (
-    _PANEL,
-    _LOCKER,
-    _FINDER,
-    "xfdesktop",
-    "xfsettingsd",
-    "xfwm4",
-    "wrapper",
-    "xfce4-notifyd",
-)
-_DIALOGS = ("dialog", "file-chooser", "alert")
-_WINDOWS = ("frame", *_DIALOGS)
 # An application whose tool bars keep the keyboard after a click: F6 takes it on to the next pane,
 # from which Escape leads back to the document.
 _KEEPS_KEYBOARD = "soffice"
@@ -66,12 +57,10 @@ class CarefulHand(Hand):
         patience: float = PATIENCE,
     ) -> None:
         super().__init__(desktop, patience)
-        known = [APPS[name] for name in apps if name in APPS]
-        self._own = [name for app in known for name in (app.tree, app.helper) if name]
+        self._own = OwnWindows(apps, start)
         self._start = start
         self._password = password
         self._asked = False
-        self._documents = {PurePath(word).name for word in shlex.split(start)[1:] if "/" in word}
         self._had_document = False  # whether a window of the document was ever there
         self._first = ""  # the application that had the keyboard when the task began
         self._programs: set[str] = set()  # how the titles of the own windows end
@@ -82,11 +71,11 @@ class CarefulHand(Hand):
     def look(self) -> list[TreeNode]:
         """Return the nodes of the tree as it is now, and keep the titles of the own windows."""
         seen = super().look()
-        titles = [node.name for node in seen if node.box and self._is_own_window(node)]
-        self._programs |= {_program(title) for title in titles if title}
-        active = [node.app for node in self._frames(seen) if "active" in node.states]
+        shown = self._own.shown(seen)
+        self._programs |= {program_of(node.name) for node in shown if node.name}
+        active = [node.app for node in self._own.frames(seen) if "active" in node.states]
         self._first = self._first or next(iter(active), "")
-        self._had_document |= any(name in title for name in self._documents for title in titles)
+        self._had_document |= any(map(self._own.names_document, shown))
         return seen
 
     def wait(
@@ -154,7 +143,7 @@ class CarefulHand(Hand):
         super().replace(text)
 
     def _is_focused_field(self, node: TreeNode) -> bool:
-        return node.role in _FIELDS and "focused" in node.states and self._is_own(node)
+        return node.role in _FIELDS and "focused" in node.states and self._own.has(node)
 
     def put_right(
         self,
@@ -194,7 +183,7 @@ class CarefulHand(Hand):
         for _ in range(_LEFT_OPEN):
             time.sleep(LOST / 2)  # a dialog that follows another takes a moment
             seen = self.look()
-            if not self._dialogs(seen):
+            if not self._own.dialogs(seen):
                 break
             self._escape(seen)  # the dialog
             super().run("pyautogui.press('escape')")  # what it was about
@@ -208,21 +197,21 @@ class CarefulHand(Hand):
         One may have a menu or a dialog that is not in the tree.
         """
         seen = self.look()
-        for window in self._frames(seen):
+        for window in self._own.frames(seen):
             if "active" not in window.states and self._bring_to_front(window, seen):
                 super().run("pyautogui.press('escape')")
 
     def _go_to_first(self) -> None:
         """Give the keyboard to the window that had it when the task began."""
         seen = self.look()
-        for window in self._frames(seen):
+        for window in self._own.frames(seen):
             if window.app == self._first and "active" not in window.states:
                 self._bring_to_front(window, seen)
                 return
 
     def _bring_to_front(self, window: TreeNode, seen: list[TreeNode]) -> bool:
         """Click on the button of a window in the panel; return whether there is one."""
-        button = _panel_button(window, seen)
+        button = panel_button(window, seen)
         if button is None or not window.name:
             return False
         self._click_plainly(button)
@@ -233,8 +222,7 @@ class CarefulHand(Hand):
         """Undo all that was done in the document, by an accident or by the last try."""
         for _ in range(_CHANGES):
             seen = self.look()
-            windows = [node for node in seen if self._is_own_window(node) and node.box]
-            if len(windows) != 1 or not any(self._is_undo(node) for node in seen):
+            if len(self._own.shown(seen)) != 1 or not any(self._is_undo(node) for node in seen):
                 return
             super().run("pyautogui.hotkey('ctrl', 'z')")
             time.sleep(PAUSE)
@@ -244,10 +232,10 @@ class CarefulHand(Hand):
     def _agree(self) -> bool:
         """Agree to delete what is taken back, if asked; return whether nothing else is asked."""
         seen = self.look()
-        if not self._dialogs(seen):
+        if not self._own.dialogs(seen):
             return True
         for node in seen:
-            if node.role in BUTTONS and node.name == "Delete" and self._is_own(node) and node.box:
+            if node.role in BUTTONS and node.name == "Delete" and self._own.has(node) and node.box:
                 self._click_at(node)
                 time.sleep(PAUSE)
                 return True
@@ -256,41 +244,28 @@ class CarefulHand(Hand):
     def _is_undo(self, node: TreeNode) -> bool:
         """Return whether a node is a button to undo something, and there is something to undo."""
         is_button = node.role == "push-button" and node.name == "Undo"
-        return is_button and self._is_own(node) and "sensitive" in node.states
+        return is_button and self._own.has(node) and "sensitive" in node.states
 
     def _escape(self, seen: list[TreeNode]) -> None:
         """Leave the own dialog that shows, if any does, or else what has the keyboard."""
-        for dialog in self._dialogs(seen)[-1:]:
+        for dialog in self._own.dialogs(seen)[-1:]:
             self._activate(dialog)
         if any(_has_tool(node) for node in seen):
             super().run("pyautogui.press('f6')")
         super().run("pyautogui.press('escape')")
-
-    def _dialogs(self, seen: list[TreeNode]) -> list[TreeNode]:
-        """Return the own dialogs that show beside an own frame; some tasks have a dialog alone.
-
-        A frame under a modal dialog may not say that it shows. An alert may be a part of a web
-        page; one that is modal is a window.
-        """
-        own = [node for node in seen if self._is_own_window(node)]
-        if not any(node.role == "frame" for node in own):
-            return []
-        shown = [node for node in own if node.role in _DIALOGS and node.box]
-        return [node for node in shown if node.role != "alert" or "modal" in node.states]
 
     def _clear(self, seen: list[TreeNode]) -> bool:
         """Unlock the screen, restore the windows, close what is foreign.
 
         Returns whether there was something to do.
         """
-        if any(node.app == _LOCKER and node.role == "frame" and node.box for node in seen):
+        if any(node.app == LOCKER and node.role == "frame" and node.box for node in seen):
             self._unlock()
             return True
-        own = [node for node in seen if self._is_own_window(node)]
-        minimised = [node for node in own if "iconified" in node.states]
+        minimised = [node for node in self._own.windows(seen) if "iconified" in node.states]
         if minimised and self._restore(minimised[0], seen):
             return True
-        foreign = [node for node in seen if self._is_foreign(node)]
+        foreign = [node for node in seen if self._own.is_foreign(node)]
         if foreign:
             self._close(foreign[0])
             return True
@@ -302,12 +277,12 @@ class CarefulHand(Hand):
         Applications on Qt neither say that they are minimised, nor keep the names of their windows
         then. The buttons of the panel have them.
         """
-        if any(node.box for node in seen if self._is_own_window(node)):
+        if self._own.shown(seen):
             return False
         for node in reversed(seen):  # the button of a dialog comes after that of its window
-            if node.app == _PANEL and node.box and _program(node.name) in self._programs:
+            if node.app == PANEL and node.box and program_of(node.name) in self._programs:
                 self._click_plainly(node)
-                self._until(self._shows)
+                self._until(self._own.shown)
                 return True
         return False
 
@@ -317,9 +292,9 @@ class CarefulHand(Hand):
         A program that was started once more has another window, which belongs to the task's
         applications as well: only the titles tell the two apart.
         """
-        frames = self._frames(seen)
-        others = [node for node in frames if not self._names_document(node)]
-        ours = [node for node in frames if self._names_document(node)]
+        frames = self._own.frames(seen)
+        others = [node for node in frames if not self._own.names_document(node)]
+        ours = [node for node in frames if self._own.names_document(node)]
         if not ours or not any("active" in node.states for node in others):
             return False
         return self._bring_to_front(ours[0], seen)
@@ -329,63 +304,42 @@ class CarefulHand(Hand):
 
         A program that is busy, as while it opens a document, has none in the tree until it answers.
         """
-        if any(self._is_own_window(node) for node in seen):
+        if self._own.windows(seen):
             return False
         time.sleep(LOST)
-        return not any(self._is_own_window(node) for node in self.look())
+        return not self._own.windows(self.look())
 
     def _is_closed(self, seen: list[TreeNode]) -> bool:
         """Return whether the task's document was closed, and its program shows without any."""
-        frames = self._frames(seen)
-        if any(self._names_document(node) for node in frames):
+        frames = self._own.frames(seen)
+        if any(self._own.names_document(node) for node in frames):
             return False
-        bare = [node for node in frames if node.box and node.name == _program(node.name) != ""]
-        return self._had_document and bool(bare) and not self._dialogs(seen)
-
-    def _frames(self, seen: list[TreeNode]) -> list[TreeNode]:
-        """Return the own windows that are no dialogs."""
-        return [node for node in seen if self._is_own_window(node) and node.role == "frame"]
-
-    def _names_document(self, window: TreeNode) -> bool:
-        return any(name in window.name for name in self._documents)
-
-    def _shows(self, seen: list[TreeNode]) -> bool:
-        return any(self._is_own_window(node) and node.box for node in seen)
-
-    def _is_own_window(self, node: TreeNode) -> bool:
-        return node.role in _WINDOWS and self._is_own(node)
-
-    def _is_own(self, node: TreeNode) -> bool:
-        return any(name in node.app.lower() for name in self._own)
-
-    def _is_foreign(self, node: TreeNode) -> bool:
-        if node.role not in _WINDOWS or node.box is None or self._is_own(node):
-            return False
-        return bool(self._own) and not node.app.lower().startswith(_SYSTEM)
+        bare = [node for node in frames if node.box and node.name == program_of(node.name) != ""]
+        return self._had_document and bool(bare) and not self._own.dialogs(seen)
 
     def _unlock(self) -> None:
         super().run("pyautogui.press('shift')")  # the screen is black until a key is pressed
         time.sleep(LOST / 2)
         super().run(f"pyautogui.write({self._password + chr(10)!r})")
-        self._until(lambda seen: not any(n.app == _LOCKER and n.box for n in seen))
+        self._until(lambda seen: not any(n.app == LOCKER and n.box for n in seen))
 
     def _restore(self, window: TreeNode, seen: list[TreeNode]) -> bool:
         """Click on the button of a window in the panel; return whether there is one.
 
         A second click would minimise the window again, so this waits until it is there.
         """
-        button = _panel_button(window, seen)
+        button = panel_button(window, seen)
         if button is None:
             return False
         self._click_plainly(button)
-        self._until(lambda later: not _is_minimised(window, later))
+        self._until(lambda later: not is_minimised(window, later))
         self._return_to_dialog()
         return True
 
     def _return_to_dialog(self) -> None:
         """Give the keyboard back to a dialog: its window was restored, and has it now."""
         for node in self.look():
-            if self._is_own(node) and node.role in _DIALOGS and node.box:
+            if self._own.has(node) and node.role in DIALOGS and node.box:
                 self._activate(node)
                 return
 
@@ -408,7 +362,7 @@ class CarefulHand(Hand):
         super().run(f"pyautogui.write({self._start!r})")
         time.sleep(LOST / 2)  # the finder takes a text over a moment after it was typed
         super().run("pyautogui.press('enter')")
-        self._until(lambda seen: any(self._is_own_window(node) and node.box for node in seen))
+        self._until(self._own.shown)
 
     def _is_offline(self, seen: list[TreeNode]) -> bool:
         return any(node.role == "heading" and _OFFLINE.match(node.name) for node in seen)
@@ -433,26 +387,19 @@ class CarefulHand(Hand):
     def _scroll(self) -> None:
         """Turn the wheel over the page, not over the panel or what a closed window has left."""
         if self._may_be_outside:
-            shown = [node for node in self.look() if self._is_own_window(node) and node.box]
-            for window in shown[-1:]:
+            for window in self._own.shown(self.look())[-1:]:
                 x, y = window.centre
                 super().run(f"pyautogui.moveTo({x}, {y})")
                 self._may_be_outside = False
         super()._scroll()
 
-    def _until(self, test: Callable[[list[TreeNode]], bool]) -> None:
+    def _until(self, test: Callable[[list[TreeNode]], object]) -> None:
         """Wait until a test of the tree passes, or for as long as the hand has patience."""
         deadline = time.monotonic() + self._patience
         while time.monotonic() < deadline:
             if test(self.look()):
                 return
             time.sleep(PAUSE)
-
-
-def _panel_button(window: TreeNode, seen: list[TreeNode]) -> TreeNode | None:
-    """Return the button of the panel with the name of a window."""
-    buttons = (node for node in seen if node.app == _PANEL and node.box)
-    return next((node for node in buttons if node.name == window.name), None)
 
 
 def _same_field(field: TreeNode, seen: list[TreeNode]) -> TreeNode | None:
@@ -481,16 +428,3 @@ def _has_tool(node: TreeNode) -> bool:
     """Return whether a node is a button that keeps the keyboard of its application."""
     is_focused = node.role == "push-button" and "focused" in node.states
     return is_focused and node.app == _KEEPS_KEYBOARD
-
-
-def _is_minimised(window: TreeNode, seen: list[TreeNode]) -> bool:
-    """Return whether a window of that application and name is minimised."""
-    return any(
-        node.app == window.app and node.name == window.name and "iconified" in node.states
-        for node in seen
-    )
-
-
-def _program(title: str) -> str:
-    """Return what a title ends with: most windows name a document, then their program."""
-    return title.rpartition(" - ")[2]
