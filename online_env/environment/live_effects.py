@@ -181,6 +181,31 @@ class EpisodeEffects:
             live.fresh = False
         return ""
 
+    def repeat(self, script: Script) -> str:
+        """Apply the effect that `confirm` found gone once more, with the same draws.
+
+        What an agent's action sets off may come late: a dialog that opens after the windows were
+        minimised is no doing of the agent's.
+
+        Returns:
+            Why it fails again, or "".
+        """
+        if self._failed is None:
+            return ""
+        effect, step = self._failed
+        self._failed = None
+        for live in self._live:
+            if live.active and (live.applied.effect, live.step) == (effect, step):
+                live.undo()
+        try:
+            problem = self._prove(effect, script, step)
+            self._skip_covered()
+        except DesktopError as error:
+            problem = f"{type(error).__name__}: {error}"
+        if problem:
+            self._failed = effect, step
+        return problem
+
     def confirm_lasting(self) -> str:
         """At the end, probe again the effects that no agent can lift.
 

@@ -77,7 +77,16 @@ class Observer:
             start = time.monotonic()
             plan = self.script.plan(step, boxes)
         # The effects are probed before the picture and again after it, so it shows them.
-        problem = problem or self._effects.confirm()
+        gone = "" if problem else self._effects.confirm()
+        if gone:
+            problem = self._effects.repeat(self.script)
+            seconds["effects"] = seconds.get("effects", 0.0) + since(start)
+            settled, boxes = self.settle(step, seconds)
+            start = time.monotonic()
+            plan = self.script.plan(step, boxes)
+            problem = problem or self._effects.confirm()
+        if gone and problem:
+            problem = f"{gone}; applied once more: {problem}"
         clean = settled.frame
         seen: UInt8Array = apply(plan, clean) if plan.ops else clean
         frames = {} if self._log is None else self._log.frames(step, clean, seen)

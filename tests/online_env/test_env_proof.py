@@ -77,9 +77,38 @@ def test_what_is_gone_later_is_the_agents_doing_unless_a_fresh_desktop_shows_the
     tried = [("write", 4)] * (2 if action == CLICK else 1)
     assert stage.resets == tried, "the control has the same task"
     assert stage.desktop.state == set()
-    assert len(env.record["effects"]) == 1, "the control is no part of the episode"
+    applied = 1 if when == "before the probe" else 2  # what was gone is applied once more
+    assert len(env.record["effects"]) == applied, "the control is no part of the episode"
     (row,) = rows([env.record])
     assert (row["n"], row["success"]) == ((1, 0.0) if status == "error" else (0, None))
+
+
+@pytest.mark.parametrize("step", [-1, 0, 1])
+def test_what_comes_late_once_is_covered_by_applying_the_effect_again(step):
+    """Such as a dialog that opens after the windows were minimised."""
+    env, stage = make(corruption=Marking(step))
+    lifted: list[bool] = []
+
+    def lift_once():
+        if "marked" in stage.desktop.state and not lifted:
+            lifted.append(True)
+            stage.desktop.state.clear()
+
+    if step == 1:
+        env.reset(seed=0)
+    stage.desktop.faulty = True
+    stage.desktop.on["screenshot"] = lift_once
+    if step == 1:
+        env.step(CLICK)
+    else:
+        env.reset(seed=0)
+    assert "marked" in stage.desktop.state
+    env.step("DONE")
+    assert env.record["status"] == "ok"
+    first, second = (effect["record"] for effect in env.record["effects"])
+    assert [probe["ok"] for probe in first["probes"]] == [True, False]
+    assert first["undone"]
+    assert [probe["ok"] for probe in second["probes"]] == [True, True]
 
 
 @pytest.mark.parametrize("policy", ["none", "repair"])
