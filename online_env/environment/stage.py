@@ -4,6 +4,7 @@
 with OSWorld's interface.
 """
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +26,9 @@ from ..tasks.machine import Machine
 WORDS = ("WAIT", "DONE", "FAIL")
 # What OSWorld logs of a browser that is still starting; if it never answers, that is raised.
 RETRIED = "Failed to connect, retrying"
+# Seconds between the last action and the evaluation, as in OSWorld's own runs: applications write
+# late, and evaluators read their files. Chromium may take ten seconds for its settings.
+LATE_FILES = 20.0
 
 
 @dataclass(frozen=True)
@@ -192,6 +196,8 @@ class OsworldStage:
         env: `desktop_env.DesktopEnv`, or the result of `online_env.osworld.run.embedded_env`.
         password: The password of the guest's user, for sudo.
         capabilities: Capabilities of the guest in addition to those that are detected.
+        late_files: Seconds to wait before a feasible task is evaluated, for what applications have
+            not written yet; by default as long as OSWorld's own runs wait.
 
     Attributes:
         setup_errors: What OSWorld logged as errors while it set the present task up.
@@ -202,8 +208,11 @@ class OsworldStage:
         env: OsworldLike,
         password: str | None = "password",
         capabilities: Sequence[Capability] = (),
+        late_files: float = LATE_FILES,
     ) -> None:
         self.env = env
+        self._late_files = late_files
+        self._infeasible = False
         self._desktop = _Guest(env, password, capabilities)
         self.setup_errors: list[str] = []
 
@@ -234,11 +243,11 @@ class OsworldStage:
         errors = [line for line in logged if line.startswith("ERROR")]
         self.setup_errors = [line for line in errors if RETRIED not in line]
         apps = tuple(normalize_app(app) for app in config.get("related_apps", ()))
-        infeasible = config["evaluator"].get("func") == "infeasible"
-        return Setting(config["id"], config["instruction"], apps, infeasible)
+        self._infeasible = config["evaluator"].get("func") == "infeasible"
+        return Setting(config["id"], config["instruction"], apps, self._infeasible)
 
     def evaluate(self, history: Sequence[str]) -> Verdict:
-        """Return OSWorld's own score; the reason says if its setup logged an error.
+        """Return OSWorld's own score, after a wait; the reason says if its setup logged an error.
 
         A guest that does not answer any more is a `GuestError`.
         """
@@ -251,6 +260,8 @@ class OsworldStage:
         if self.setup_errors:
             reason += f"; the task's setup logged {len(self.setup_errors)} errors, the first:"
             reason += f" {self.setup_errors[0]}"
+        if not self._infeasible:  # else it is judged by the last action alone
+            time.sleep(self._late_files)
         score = self._desktop.evaluate()
         # OSWorld takes what a guest that has died does not send for a file that is not there: a 0.
         self._desktop.screenshot()

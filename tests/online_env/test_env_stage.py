@@ -10,6 +10,7 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 from hijack_data.errors import ConfigError, ParameterTypeError, UnknownNameError
 from online_env.environment import CorruptedEnv, OsworldStage, SmallTasks
+from online_env.environment import stage as stage_module
 from online_env.errors import DesktopError, MissingCapabilityError
 from online_env.osworld.tasks import OsworldTask
 
@@ -81,6 +82,22 @@ def test_an_osworld_task_sets_the_scene(wrap):
     assert (
         not OsworldStage(Env()).reset({**TASK, "evaluator": {"func": "exact_match"}}, 0).infeasible
     )
+
+
+@pytest.mark.parametrize(
+    ("func", "waits"), [("infeasible", []), ("exact_match", [stage_module.LATE_FILES])]
+)
+def test_what_applications_write_late_is_waited_for(func, waits, monkeypatch):
+    slept = []
+    monkeypatch.setattr(stage_module.time, "sleep", slept.append)
+    stage = OsworldStage(Env())
+    stage.reset({**TASK, "evaluator": {"func": func}}, 0)
+    stage.evaluate(["DONE"])
+    assert slept == waits
+    stage = OsworldStage(Env(), late_files=3)
+    stage.reset({**TASK, "evaluator": {"func": func}}, 0)
+    stage.evaluate(["DONE"])
+    assert slept == waits + [3] * len(waits)
 
 
 @pytest.mark.parametrize(
