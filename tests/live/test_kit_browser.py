@@ -7,6 +7,7 @@ import pytest
 
 from online_env.tasks import Hand, Machine
 from online_env.tasks.kit import browser
+from online_env.tasks.kit.apps import APPS
 
 REGISTER = "http://forms.test/register"
 
@@ -35,6 +36,18 @@ def test_a_form_is_filled_wherever_the_browser_was_before(
     browser.push(hand, "Send registration", "Course registration")
     hand.find("static", re.compile("Please correct"))
     browser.follow(hand, "House rules", re.compile("House rules"))
+
+
+def test_the_dialog_to_save_a_page_is_in_the_tree(
+    browser_machine: None,
+    embedded_desktop: Any,
+) -> None:
+    machine = Machine(embedded_desktop)
+    hand = Hand(embedded_desktop)
+    machine.open("chrome", "http://forms.test/")
+    hand.press("ctrl", "s")
+    hand.choose_file("Music/courses.html", "Save", APPS["chrome"].helper)
+    hand.wait("the file", lambda _: machine.text("Music/courses.html") is not None)
 
 
 @pytest.mark.parametrize(
