@@ -12,6 +12,7 @@ from hijack_data.types import Point
 from .errors import OsworldError
 
 PAUSE = 0.3
+_VISITS = 2
 
 
 class PlayError(OsworldError):
@@ -108,11 +109,17 @@ class Player:
         self.do(f"pyautogui.click({x}, {y})")
 
     def visit(self, address: str) -> None:
-        """Go to an address in the browser that has the focus."""
-        self.find("Address and search bar", "entry", 30)
-        self.press("ctrl", "l")
-        self.type(address)
-        self.press("enter", pause=1.0)
+        """Go to an address in the browser that has the focus.
+
+        A browser that has just started may search for what is typed; then it is typed once more.
+        """
+        for _ in range(_VISITS):
+            self.find("Address and search bar", "entry", 30)
+            self.press("ctrl", "l")
+            self.type(address)
+            self.press("enter", pause=1.0)
+            if not self.sees(f"{address} - Lumen Search", "frame", timeout=0):
+                return
 
     def _wait(
         self,

@@ -213,6 +213,15 @@ def test_the_player_clicks_in_the_row_of_a_name():
     assert env.actions == ["pyautogui.click(100, 53)"]
 
 
+def test_the_player_types_an_address_again_that_was_searched_for():
+    bar = ("entry", "Address and search bar", 0, 0)
+    searched = tree(bar, ("frame", "chrome://settings - Lumen Search - Chromium", 0, 0))
+    there = tree(bar, ("frame", "Settings - Chromium", 0, 0))
+    env = Env(trees=[tree(bar), searched, searched, there])
+    Player(env).visit("chrome://settings")
+    assert env.actions.count("pyautogui.write('chrome://settings')") == 2
+
+
 def test_the_player_types_presses_and_runs_commands():
     env = Env(trees=[tree(("entry", "Address and search bar", 0, 0))])
     player = Player(env)
