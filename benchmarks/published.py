@@ -5,7 +5,7 @@
 plays what is missing of a run on the embedded desktop, then writes report.json and success.svg into
 docs/results/NAME, and the records of the episodes, without pictures, into docs/results/NAME/run. So
 a run can be spread over days and machines: RUNS, by default runs/NAME, begins with the records that
-are there. With --report-only N nothing is played, and the first N seeds are reported. Rates are for
+are there. Those of OSWorld's tasks stay in RUNS, since they hold its instructions. With --report-only N nothing is played, and the first N seeds are reported. Rates are for
 two cores.
 
     reference_agents    24 tasks, five agents, three seeds: 3,600 episodes, seven to eight hours
@@ -13,7 +13,8 @@ two cores.
     ablation_content    10 tasks, 12 conditions, pixel: 120 episodes
     ablation_location   10 tasks, 10 conditions, pixel: 100 episodes
     ablation_modules    10 tasks, 10 conditions, pixel and its onlookers: 400 episodes, many hours
-    osworld             the tasks of OSWorld (--osworld TASKS) that an oracle of ours does in windows
+    osworld             10 tasks of OSWorld (--osworld TASKS) that an oracle of ours does in windows,
+                        two agents: 200 episodes, about 40 minutes
 """
 
 import argparse
@@ -72,7 +73,8 @@ def main() -> None:
             words += ["--desktops", str(options.desktops)]
         play(words, runs)
     result.mkdir(parents=True, exist_ok=True)
-    copy_records(runs, result / "run")
+    if name != OSWORLD:
+        copy_records(runs, result / "run")
     written = result / "report.json"
     written.unlink(missing_ok=True)
     chosen = ["--seeds", options.report_only] if options.report_only else []
