@@ -5,8 +5,8 @@
 plays what is missing of a run on the embedded desktop, then writes report.json and success.svg into
 docs/results/NAME, and the records of the episodes, without pictures, into docs/results/NAME/run. So
 a run can be spread over days and machines: RUNS, by default runs/NAME, begins with the records that
-are there. Those of OSWorld's tasks stay in RUNS, since they hold its instructions. With --report-only N nothing is played, and the first N seeds are reported. Rates are for
-two cores.
+are there. Those of OSWorld's tasks stay in RUNS, since they hold its instructions. With
+--report-only N nothing is played, and the first N seeds are reported. Rates are for two cores.
 
     reference_agents    24 tasks, five agents, three seeds: 3,600 episodes, seven to eight hours
     ablation_intensity  10 tasks, 13 conditions, pixel: 130 episodes, about 40 minutes

@@ -156,8 +156,7 @@ def totals(agents: Mapping[str, Sequence[Played]], tasks: Mapping[str, Task]) ->
 def against(tasks: Mapping[str, Task], played: Sequence[Played]) -> str:
     """Return where the careful user's result differs from what the task's author declared."""
     lines: list[str] = []
-    cases = by_case(played)
-    for (name, corruption), scores in sorted(cases.items()):
+    for (name, corruption), scores in sorted(by_case(played).items()):
         if name not in tasks:
             continue
         expected = corruption not in tasks[name].unsolvable

@@ -12,13 +12,20 @@ from online_env.tasks.kit.apps import APPS
 REGISTER = "http://forms.test/register"
 
 
-def test_a_form_is_filled_wherever_the_browser_was_before(
-    browser_machine: None,
-    embedded_desktop: Any,
-) -> None:
-    machine = Machine(embedded_desktop)
-    hand = Hand(embedded_desktop)
-    machine.open("chrome", "http://forms.test/")
+@pytest.fixture
+def machine(browser_machine: None, embedded_desktop: Any) -> Machine:
+    """A desktop with the browser on a page with links."""
+    found = Machine(embedded_desktop)
+    found.open("chrome", "http://forms.test/")
+    return found
+
+
+@pytest.fixture
+def hand(machine: Machine) -> Hand:
+    return Hand(machine.desktop)
+
+
+def test_a_form_is_filled_wherever_the_browser_was_before(hand: Hand) -> None:
     assert any(node.role == "link" for node in browser.page(hand))  # no blank window
     browser.begin(hand, REGISTER, "Course registration")
     for _ in range(2):  # what is filled in already is replaced
@@ -38,13 +45,7 @@ def test_a_form_is_filled_wherever_the_browser_was_before(
     browser.follow(hand, "House rules", re.compile("House rules"))
 
 
-def test_the_dialog_to_save_a_page_is_in_the_tree(
-    browser_machine: None,
-    embedded_desktop: Any,
-) -> None:
-    machine = Machine(embedded_desktop)
-    hand = Hand(embedded_desktop)
-    machine.open("chrome", "http://forms.test/")
+def test_the_dialog_to_save_a_page_is_in_the_tree(machine: Machine, hand: Hand) -> None:
     hand.press("ctrl", "s")
     hand.choose_file("Music/courses.html", "Save", APPS["chrome"].helper)
     hand.wait("the file", lambda _: machine.text("Music/courses.html") is not None)
