@@ -54,7 +54,7 @@ def prepare(
         AgentSetupError: a key, a price or a log is missing, or an option applies to no agent.
     """
     if out is not None:
-        _check_ready(agents)
+        _make_ready(agents, out)
     makers = file_makers(AGENTS.get(name) for name in agents)
     if options.given and not makers:
         raise AgentSetupError(f"{options.given[0]} is for agents of files, and there is none")
@@ -70,12 +70,19 @@ def prepare(
             maker.settings.check_keys(os.environ)
 
 
-def _check_ready(agents: Sequence[str]) -> None:
-    """Call the agents' `check_ready` before the run, so that they report what they lack."""
+def _make_ready(agents: Sequence[str], out: Path) -> None:
+    """Call the agents' `check_ready`, so that they report what they lack, and `share_in`.
+
+    With the latter they may share files of the run among its processes.
+    """
     for name in agents:
-        check_ready = getattr(AGENTS.get(name), "check_ready", None)
+        agent = AGENTS.get(name)
+        check_ready = getattr(agent, "check_ready", None)
         if check_ready is not None:
             check_ready()
+        share_in = getattr(agent, "share_in", None)
+        if share_in is not None:
+            share_in(out)
 
 
 def begin(agent: str, episode: str) -> None:

@@ -1,7 +1,9 @@
 """The agents `pixel` and `pixel_onlooker`, with real OCR on pictures of a real desktop."""
 
 import inspect
+import multiprocessing
 import sys
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -54,6 +56,19 @@ def offline() -> np.ndarray:
 
 def renaming(number: int) -> np.ndarray:
     return picture(f"examples/recordings/images/rename-{number:02d}.png", (700, 440, 1240, 640))
+
+
+def sharing(folder: Path) -> TextCache:
+    """A cache as another process of a run has it."""
+    cache = TextCache()
+    cache.share_in(folder)
+    return cache
+
+
+def read_together(folder: Path) -> tuple[tuple[TextLine, ...], int]:
+    """The lines of a picture, and how often this process called the OCR for them."""
+    reader = ScreenReader(sharing(folder))
+    return reader.read(renaming(5)), reader.counts.calls
 
 
 def line(
@@ -163,13 +178,40 @@ def test_no_line_that_stays_is_cut():
 
 def test_the_cache_forgets_what_was_not_asked_for(monkeypatch):
     read = []
-    monkeypatch.setattr(reading, "_read", lambda part: read.append(part[0, 0, 0]) or ())
+    monkeypatch.setattr(reading, "_read", lambda part: read.append(part[0, 0, 0]) or [])
     counts = reading.ReadingCounts()
     cache = TextCache(2)
     for number in (1, 2, 1, 3, 1, 2):
         cache.read(np.full((4, 4, 3), number, np.uint8), counts)
     assert read == [1, 2, 3, 2]
     assert (counts.calls, counts.kept) == (4, 2)
+
+
+def test_processes_that_need_the_same_text_read_it_once(tmp_path):
+    with ProcessPoolExecutor(3, multiprocessing.get_context("spawn")) as processes:
+        found = list(processes.map(read_together, [tmp_path / "texts"] * 3))
+    lines = [of_one for of_one, _ in found]
+    assert lines[0] == lines[1] == lines[2] == ScreenReader(TextCache()).read(renaming(5))
+    assert sorted(calls for _, calls in found) == [0, 0, 1]
+
+
+def test_a_text_that_was_cut_off_is_read_again(tmp_path):
+    expected = ScreenReader(sharing(tmp_path)).read(renaming(5))
+    (file,) = tmp_path.iterdir()
+    whole = file.read_text()
+    file.write_text(whole[:-20])
+    for calls in (1, 0):
+        reader = ScreenReader(sharing(tmp_path))
+        assert reader.read(renaming(5)) == expected
+        assert (reader.counts.calls, reader.counts.kept) == (calls, 1 - calls)
+    assert file.read_text() == whole
+
+
+def test_a_folder_that_cannot_be_written_changes_nothing(tmp_path):
+    (tmp_path / "file").touch()
+    reader = ScreenReader(sharing(tmp_path / "file" / "texts"))
+    assert reader.read(renaming(5)) == ScreenReader(TextCache()).read(renaming(5))
+    assert reader.counts.calls == 1
 
 
 # The agents

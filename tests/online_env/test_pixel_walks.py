@@ -35,7 +35,7 @@ def screens(monkeypatch):
     texts = []
 
     def read(part):
-        return tuple(texts[int(part[0, 0, 0])])
+        return [(line.text, line.box) for line in texts[int(part[0, 0, 0])]]
 
     def show(*lines):
         texts.append(lines)

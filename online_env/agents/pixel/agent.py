@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 from hijack_data import extras
@@ -9,9 +10,10 @@ from hijack_data.types import UInt8Array
 
 from ...tasks.plan_words import ToldStep, read_plan
 from ..base import DONE, Observation
-from .reading import ScreenReader
+from .reading import SHARED, ScreenReader
 from .walking import PlanWalk, Walked
 
+TEXTS = "texts"  # in the folder of a run
 NO_PLAN = "Nobody told me how to do this."
 
 
@@ -37,6 +39,11 @@ class Pixel:
     def check_ready(cls) -> None:
         """Check that text can be read; `MissingDependencyError` has the command that adds it."""
         extras.require("the agent pixel", "ocr", ("rapidocr", "onnxruntime", "cv2"))
+
+    @classmethod
+    def share_in(cls, folder: Path) -> None:
+        """Share the text that is read with the other processes of a run, in its folder."""
+        SHARED.share_in(folder / TEXTS)
 
     def reset(self) -> None:
         """Forget the episode and its plan."""

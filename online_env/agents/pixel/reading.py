@@ -8,6 +8,9 @@ import hashlib
 import time
 from collections import OrderedDict
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from importlib import metadata
+from pathlib import Path
 
 import numpy as np
 
@@ -15,6 +18,7 @@ from hijack_data.elements.ocr import MAX_RATIO, boxes_from_ocr
 from hijack_data.types import Box, Size, UInt8Array
 
 from .changes import changed_boxes, merged, touch
+from .text_files import Found, TextFiles
 
 MARGIN = 16  # px around what is read, as the detector wants some background
 WHOLE = 0.6  # of the picture: from there on it is read as one
@@ -48,7 +52,7 @@ class ReadingCounts:
     Args:
         pictures: Pictures that were read.
         calls: Calls of the OCR.
-        kept: Parts whose text was in the cache.
+        kept: Parts whose text was known, to this process or to another one of the run.
         pixels: Pixels that went through the OCR.
         seconds: Time of the calls.
     """
@@ -69,26 +73,42 @@ class TextCache:
 
     def __init__(self, size: int = KEPT) -> None:
         self._size = size
-        self._lines: OrderedDict[bytes, tuple[TextLine, ...]] = OrderedDict()
+        self._lines: OrderedDict[str, tuple[TextLine, ...]] = OrderedDict()
+        self._files: TextFiles | None = None
+
+    def share_in(self, folder: Path) -> None:
+        """Share what is read with other processes, through the files of a folder."""
+        self._files = TextFiles(folder)
 
     def read(self, part: UInt8Array, counts: ReadingCounts) -> tuple[TextLine, ...]:
         """Return the lines of a part, in its own pixels, and count what that cost."""
-        digest = hashlib.blake2b(repr(part.shape).encode(), digest_size=16)
-        digest.update(np.ascontiguousarray(part).data)
-        key = digest.digest()
+        key = _digest(part)
         known = self._lines.get(key)
         if known is not None:
             self._lines.move_to_end(key)
             counts.kept += 1
             return known
-        start = time.perf_counter()
-        found = _read(part)
-        counts.seconds += time.perf_counter() - start
-        counts.calls += 1
-        counts.pixels += part.shape[0] * part.shape[1]
+        found = tuple(TextLine(text=text, box=box) for text, box in self._read(key, part, counts))
         self._lines[key] = found
         while len(self._lines) > self._size:
             self._lines.popitem(last=False)
+        return found
+
+    def _read(self, key: str, part: UInt8Array, counts: ReadingCounts) -> Found:
+        """Return what another process has read, or read it."""
+
+        def read() -> Found:
+            start = time.perf_counter()
+            found = _read(part)
+            counts.seconds += time.perf_counter() - start
+            counts.calls += 1
+            counts.pixels += part.shape[0] * part.shape[1]
+            return found
+
+        if self._files is None:
+            return read()
+        found, known = self._files.read(key, read)
+        counts.kept += known
         return found
 
 
@@ -198,10 +218,22 @@ def _padded(box: Box, size: Size) -> Box:
     )
 
 
-def _read(part: UInt8Array) -> tuple[TextLine, ...]:
+def _read(part: UInt8Array) -> Found:
     found = boxes_from_ocr(part)
-    lines: list[TextLine] = []
+    lines: Found = []
     for (x1, y1, x2, y2), text in zip(found.boxes.tolist(), found.names, strict=True):
         if text.strip():
-            lines.append(TextLine(text=text.strip(), box=(x1, y1, x2, y2)))
-    return tuple(lines)
+            lines.append((text.strip(), (x1, y1, x2, y2)))
+    return lines
+
+
+def _digest(part: UInt8Array) -> str:
+    """Return a name for the pixels of a part and for the OCR that reads them."""
+    digest = hashlib.blake2b(repr((part.shape, _ocr())).encode(), digest_size=16)
+    digest.update(np.ascontiguousarray(part).data)
+    return digest.hexdigest()
+
+
+@lru_cache(maxsize=1)
+def _ocr() -> tuple[str, ...]:
+    return tuple(metadata.version(package) for package in ("rapidocr", "onnxruntime"))

@@ -1,0 +1,64 @@
+"""The text that was read of pictures, in a folder that the processes of a run share.
+
+Each part of a picture has a file, named by its pixels. Its lock makes sure that a part is read
+once, and that a process that needs it at the same time waits for the one that reads it: agents that
+are compared play the same episode side by side, and see the same screens.
+"""
+
+import json
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import TypeAlias
+
+from hijack_data.locking import lock
+from hijack_data.types import Box
+
+Found: TypeAlias = list[tuple[str, Box]]  # the text of each line, and its box
+
+
+class TextFiles:
+    """A folder of text that was read.
+
+    Args:
+        folder: Its path; it is made with the first text.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def read(self, key: str, read: Callable[[], Found]) -> tuple[Found, bool]:
+        """Return the lines of a part, and whether they were known.
+
+        A folder that cannot be used costs time, and changes nothing else.
+
+        Args:
+            key: The digest of its pixels, in hexadecimal digits.
+            read: Reads the part, if no process has.
+        """
+        path = self._folder / f"{key}.json"
+        known = _known(path)
+        if known is not None:
+            return known, True
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            held = lock(path, wait=True)
+        except OSError:
+            return read(), False
+        with held:
+            known = _known(path)
+            if known is not None:
+                return known, True
+            found = read()
+            with suppress(OSError):
+                path.write_text(json.dumps(found))
+            return found, False
+
+
+def _known(path: Path) -> Found | None:
+    """Return the content of a file; `None` while it is being written, or if that was cut off."""
+    try:
+        lines = json.loads(path.read_text())
+    except (OSError, ValueError):
+        return None
+    return [(text, (x1, y1, x2, y2)) for text, (x1, y1, x2, y2) in lines]
