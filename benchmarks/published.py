@@ -12,7 +12,7 @@ are there. Those of OSWorld's tasks stay in RUNS, since they hold its instructio
     ablation_intensity  10 tasks, 13 conditions, pixel: 130 episodes, about 40 minutes
     ablation_content    10 tasks, 12 conditions, pixel: 120 episodes
     ablation_location   10 tasks, 10 conditions, pixel: 100 episodes
-    ablation_modules    10 tasks, 10 conditions, pixel and its onlookers: 400 episodes, many hours
+    ablation_modules    10 tasks, 10 conditions, pixel and its onlookers: 400 episodes, about an hour
     osworld             10 tasks of OSWorld (--osworld TASKS) that an oracle of ours does in windows,
                         two agents: 200 episodes, about 40 minutes
 """
