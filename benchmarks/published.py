@@ -8,7 +8,8 @@ a run can be spread over days and machines: RUNS, by default runs/NAME, begins w
 are there. Those of OSWorld's tasks stay in RUNS, since they hold its instructions. With
 --report-only N nothing is played, and the first N seeds are reported. Rates are for two cores.
 
-    reference_agents    24 tasks, five agents, three seeds: 3,600 episodes, seven to eight hours
+    reference_agents    24 tasks, six agents, three seeds: 4,320 episodes, about ten hours
+    all_tasks           132 tasks, pixel: 1,320 episodes, about three hours
     ablation_intensity  10 tasks, 13 conditions, pixel: 130 episodes, about 40 minutes
     ablation_content    10 tasks, 12 conditions, pixel: 120 episodes
     ablation_location   10 tasks, 10 conditions, pixel: 100 episodes
@@ -35,10 +36,11 @@ from online_env.report.model import RunReport
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "docs" / "results"
-AGENTS = "oracle,recovering,do_nothing,random,pixel"
+AGENTS = "oracle,recovering,do_nothing,random,pixel,pixel_onlooker"
 OSWORLD = "osworld"
 PLAYED = {
     "reference_agents": ("embedded_core", "--agent", AGENTS, "--seeds", "3"),
+    "all_tasks": ("embedded", "--agent", "pixel"),
     "ablation_intensity": ("ablations/intensity", "--agent", "pixel"),
     "ablation_content": ("ablations/content", "--agent", "pixel"),
     "ablation_location": ("ablations/location", "--agent", "pixel"),

@@ -18,7 +18,7 @@ from hijack_data.elements.ocr import MAX_RATIO, boxes_from_ocr
 from hijack_data.types import Box, Size, UInt8Array
 
 from .changes import changed_boxes, merged, touch
-from .text_files import Found, TextFiles
+from .text_files import TextLines, TextFiles
 
 MARGIN = 16  # px around what is read, as the detector wants some background
 WHOLE = 0.6  # of the picture: from there on it is read as one
@@ -94,10 +94,10 @@ class TextCache:
             self._lines.popitem(last=False)
         return found
 
-    def _read(self, key: str, part: UInt8Array, counts: ReadingCounts) -> Found:
+    def _read(self, key: str, part: UInt8Array, counts: ReadingCounts) -> TextLines:
         """Return what another process has read, or read it."""
 
-        def read() -> Found:
+        def read() -> TextLines:
             start = time.perf_counter()
             found = _read(part)
             counts.seconds += time.perf_counter() - start
@@ -218,9 +218,9 @@ def _padded(box: Box, size: Size) -> Box:
     )
 
 
-def _read(part: UInt8Array) -> Found:
+def _read(part: UInt8Array) -> TextLines:
     found = boxes_from_ocr(part)
-    lines: Found = []
+    lines: TextLines = []
     for (x1, y1, x2, y2), text in zip(found.boxes.tolist(), found.names, strict=True):
         if text.strip():
             lines.append((text.strip(), (x1, y1, x2, y2)))

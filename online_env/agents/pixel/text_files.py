@@ -14,7 +14,7 @@ from typing import TypeAlias
 from hijack_data.locking import lock
 from hijack_data.types import Box
 
-Found: TypeAlias = list[tuple[str, Box]]  # the text of each line, and its box
+TextLines: TypeAlias = list[tuple[str, Box]]  # the text of each line, and its box
 
 
 class TextFiles:
@@ -27,7 +27,7 @@ class TextFiles:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
 
-    def read(self, key: str, read: Callable[[], Found]) -> tuple[Found, bool]:
+    def read(self, key: str, read: Callable[[], TextLines]) -> tuple[TextLines, bool]:
         """Return the lines of a part, and whether they were known.
 
         A folder that cannot be used costs time, and changes nothing else.
@@ -55,7 +55,7 @@ class TextFiles:
             return found, False
 
 
-def _known(path: Path) -> Found | None:
+def _known(path: Path) -> TextLines | None:
     """Return the content of a file; `None` while it is being written, or if that was cut off."""
     try:
         lines = json.loads(path.read_text())
