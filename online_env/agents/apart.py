@@ -15,6 +15,7 @@ from typing import Any, TypeAlias
 from .base import Agent, Observation
 
 FRAMES = 30  # the number of innermost frames that are kept of a traceback
+_TEXTS = (str, bytes, bytearray)  # sequences, but of no actions
 _Function: TypeAlias = Callable[..., Any]
 _Call: TypeAlias = tuple[_Function, tuple[Any, ...]]
 _Answer: TypeAlias = tuple[Any, BaseException | None]
@@ -84,14 +85,11 @@ class Apart:
             raise AgentError(f"{type(self.agent).__name__} has no predict(instruction, obs)")
         answer = self.call(predict, instruction, obs)
         match answer:
-            case (str(), str() | bytes() | bytearray()):  # sequences, but of no actions
-                pass
-            case (str() as said, Sequence() as actions):
+            case (str() as said, Sequence() as actions) if not isinstance(actions, _TEXTS):
                 return said, actions
             case _:
-                pass
-        wanted = 'predict must return (text, [actions]), such as ("", ["DONE"])'
-        raise AgentError(f"{wanted}, got {self.call(repr, answer)[:200]}")
+                wanted = 'predict must return (text, [actions]), such as ("", ["DONE"])'
+                raise AgentError(f"{wanted}, got {self.call(repr, answer)[:200]}")
 
     def call(self, function: _Function, *values: Any) -> Any:
         """Call a function in the agent's thread.
