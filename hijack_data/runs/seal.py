@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import HijackError, MissingDependencyError
-from ..files import write_atomic
+from ..files import read_regular, write_atomic
 from .run_log import EPISODE, EPISODES, RECORDS, RUN, SEAL, SIGNATURE, digest_of
 
 NAMESPACE = "agenthijack-run"  # signatures made for another purpose do not count
@@ -71,8 +71,8 @@ def problems(folder: Path, key: str | None) -> Iterator[str]:
             yield f"{SEAL}: is missing: the run is not signed"
         return
     try:
-        sealed: object = json.loads((folder / SEAL).read_bytes())
-    except (OSError, ValueError) as error:
+        sealed: object = json.loads(read_regular(folder / SEAL))
+    except (OSError, ValueError, RecursionError) as error:
         yield f"{SEAL}: cannot be read ({error})"
         return
     if sealed != contents(folder):
@@ -81,8 +81,14 @@ def problems(folder: Path, key: str | None) -> Iterator[str]:
 
 
 def signer(folder: Path) -> str:
-    """Return the fingerprint of the signing key, as `ssh-keygen` prints it; empty without one."""
-    found = _run(["-Y", "check-novalidate", "-n", NAMESPACE], folder)
+    """Return the fingerprint of the signing key, as `ssh-keygen` prints it; empty without one.
+
+    It is empty, too, if the seal cannot be read: `problems` then says so.
+    """
+    try:
+        found = _run(["-Y", "check-novalidate", "-n", NAMESPACE], folder)
+    except OSError:
+        return ""
     return found.stdout.split()[-1] if found.returncode == 0 else ""
 
 
@@ -126,8 +132,12 @@ def _sign(path: Path, key: str) -> None:
 
 
 def _run(command: Sequence[str], folder: Path) -> "subprocess.CompletedProcess[str]":
-    """Run an `ssh-keygen` query about the signature of a seal."""
-    content = (folder / SEAL).read_text(errors="replace")
+    """Run an `ssh-keygen` query about the signature of a seal.
+
+    Raises:
+        OSError: the seal cannot be read.
+    """
+    content = read_regular(folder / SEAL).decode(errors="replace")
     return _ssh_keygen([*command, "-s", str(folder / SIGNATURE)], content)
 
 
@@ -149,4 +159,4 @@ def _ssh_keygen(command: Sequence[str], said: str = "") -> "subprocess.Completed
 
 
 def _digest(path: Path) -> str | None:
-    return digest_of(path.read_bytes()) if path.exists() else None
+    return digest_of(path.read_bytes()) if path.is_file() else None

@@ -184,6 +184,45 @@ def test_an_edit_is_found(name, run):
     assert report.exit_code == 1
 
 
+def seal_is_a_folder(run):
+    (run / "seal.json").mkdir()
+
+
+@pytest.mark.parametrize(
+    ("tamper", "problem"),
+    [
+        (record(attempt="x"), "records.jsonl: line 2: attempt: must be a whole number, got 'x'"),
+        (record(attempt=None), "records.jsonl: line 2: attempt: must be a whole number, got None"),
+        (record(id="a" * 5000), "records.jsonl: line 2: id: must be the name of a folder, got"),
+        (record(id="../x"), "records.jsonl: line 2: id: must be the name of a folder, got '../x'"),
+        (record(id=[]), "records.jsonl: line 2: id: must be a string, got []"),
+        (
+            head(lambda data: data["config"].update(retries="x")),
+            "run.json: config.retries: must be a whole number, got 'x'",
+        ),
+        (
+            head(lambda data: data["config"].update(agents=3)),
+            "run.json: config.agents: must be a list, got 3",
+        ),
+        (
+            head(lambda data: data["config"].update(seeds=None)),
+            "run.json: config.seeds: must be a list, got None",
+        ),
+        (head(lambda data: data.update(config=[])), "run.json: config: must be an object, got []"),
+        (
+            head(lambda data: data.update(episodes=[{}])),
+            "run.json: episodes: must be a list of ids, got [{}]",
+        ),
+        (step(1, said={}), "said must be a string, got {}"),
+        (seal_is_a_folder, "seal.json: cannot be read ("),
+    ],
+)
+def test_a_field_of_the_wrong_kind_is_named(tamper, problem, run):
+    tamper(run)
+    report = rebuild(run)
+    assert any(problem in found for found in report.problems), report.problems
+
+
 def test_a_second_attempt_that_was_removed_is_missed(run):
     """What is invalid is run again: where that is not there, it was taken out."""
     both(

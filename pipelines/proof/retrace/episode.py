@@ -248,8 +248,9 @@ def _counted(seen: Seen) -> dict[str, Any]:
     if _version(seen.record) >= CHAINED:
         found["said"] = ""
         for line in seen.lines:
-            if line.get("said") is not None:
-                found["said"] = line["said"][:SAID]
+            said = line.get("said")
+            if isinstance(said, str):
+                found["said"] = said[:SAID]
         found["ended"] = _ended(seen, taken)
     return found
 

@@ -31,11 +31,13 @@ from hijack_data.runs.run_log import (
 from hijack_data.runs.run_planners import planners_of
 
 from ...readers import fields
-from ...readers.fields import FieldError
+from ...readers.fields import FieldError, FieldTypeError
 from ...readers.files import parse, parse_file
 
+LISTED = ("agents", "tasks", "seeds", "corruptions")  # of a configuration
 # In version 1, only the journal had this field, and not the episode.
 SAID_LATER = frozenset({"said"})
+NAME_BYTES = 255  # of a folder, at most
 
 
 @dataclass
@@ -205,8 +207,7 @@ class Journal:
 
     def _planned_number(self) -> int:
         """Return the number of episodes that the configuration asks for."""
-        lists = ("agents", "tasks", "seeds", "corruptions")
-        return prod(len(self.config.get(key) or ()) for key in lists)
+        return prod(len(self.config.get(key, ())) for key in LISTED)
 
 
 def given_problems(record: Mapping[str, Any]) -> Iterator[str]:
@@ -273,11 +274,49 @@ def _read_head(journal: Journal) -> None:
     version = head.get("version")
     if not isinstance(version, int) or version > VERSION:
         raise FieldError("version", f"{version!r} is newer than this library reads")
+    _check_head(head)
     journal.head = head
     journal.exists = True
     journal.oldest = version
     if "corruptions" in journal.config:
         journal.planners = planners_of(journal.config["corruptions"])
+
+
+def _check_head(head: Mapping[str, Any]) -> None:
+    """Check the kinds of the fields that records are compared with.
+
+    Raises:
+        FieldError: One of them is of another kind.
+    """
+    config = fields.mapping(head.get("config", {}), "config")
+    for key in LISTED:
+        if not isinstance(config.get(key, []), list):
+            raise FieldTypeError(f"config.{key}", "a list", config[key])
+    if not _is_whole(config.get("retries", 0)):
+        raise FieldTypeError("config.retries", "a whole number", config["retries"])
+    episodes = head.get("episodes")
+    if episodes is None:
+        return
+    if not isinstance(episodes, list) or not all(isinstance(name, str) for name in episodes):
+        raise FieldTypeError("episodes", "a list of ids", episodes)
+
+
+def _check_record(record: Mapping[str, Any]) -> None:
+    """Check the fields that say which episode a line of `records.jsonl` is about.
+
+    Raises:
+        FieldError: One of them is of another kind, or missing.
+    """
+    name = fields.text(record, "id")
+    if len(name.encode()) > NAME_BYTES or "/" in name or "\0" in name:
+        raise FieldTypeError("id", "the name of a folder", name)
+    if not _is_whole(record.get("attempt", 0)):
+        raise FieldTypeError("attempt", "a whole number", record["attempt"])
+
+
+def _is_whole(value: object) -> bool:
+    """Return whether a value is a number of times."""
+    return isinstance(value, int) and not isinstance(value, bool) and value >= 0
 
 
 def _read_records(journal: Journal) -> None:
@@ -294,6 +333,7 @@ def _read_records(journal: Journal) -> None:
             continue
         try:
             record = fields.mapping(parse(line), "")
+            _check_record(record)
         except FieldError as error:
             journal.found.append(f"{RECORDS}: line {number}: {error}")
             continue

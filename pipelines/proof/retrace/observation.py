@@ -101,6 +101,9 @@ def check_observation(
     seen.problems += _plan_problems(line, logged, plan)
     seen.problems += _picture_problems(folder, line, clean, plan, key.hashed)
     seen.problems += _action_problems(line, plan, key.allow_code)
+    said = line.get("said")
+    if said is not None and not isinstance(said, str):
+        seen.problems.append(f"said must be a string, got {fields.shown(said)}")
     return seen
 
 
