@@ -11,7 +11,7 @@ import click
 from hijack_data.cli import console
 from hijack_data.cli.options import seed_option
 from hijack_data.config.options import LABEL_POLICIES
-from hijack_data.files import write_atomic
+from hijack_data.files import unwritable, write_atomic
 from hijack_data.platforms import PLATFORMS
 from hijack_data.runs import seal
 
@@ -321,7 +321,10 @@ def verify(
 def sign(runs: Path, key: str) -> None:
     """Sign a run for its recipients, after verifying it: hijack sign RUNS --key KEY."""
     seal.check_key(key)
-    (runs / seal.SEAL).unlink(missing_ok=True)
+    try:
+        (runs / seal.SEAL).unlink(missing_ok=True)
+    except OSError as error:
+        raise unwritable(runs / seal.SEAL, error) from None
     report = rebuild(runs)
     if not report.ok or not report.chained:
         click.echo("\n".join([*report.lines(), "not signed: a run must be whole, and chained"]))

@@ -4,6 +4,7 @@ Exit codes: 0 done, 1 finished but something failed or is invalid, 2 bad usage o
 3 the disk is full or fails.
 """
 
+import errno
 import importlib
 import importlib.util
 import io
@@ -185,6 +186,11 @@ def main(argv: list[str] | None = None) -> None:
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(1)
+    except OSError as error:
+        if error.errno != errno.ENOSPC or error.filename is not None:
+            raise
+        sys.stdout = io.StringIO()  # what is left in the old one is not tried again
+        fail(f"the output cannot be written ({error.strerror}); free some space", FULL)
     sys.exit(code if isinstance(code, int) else 0)
 
 

@@ -4,6 +4,7 @@
 
     RUN/run.json                    what was to be run; `episodes` lists the ids of all episodes
     RUN/records.jsonl               one record a line, as the episodes ended
+    RUN/sessions.jsonl              one line for each time that the run was resumed
     RUN/seal.json, seal.json.sig    what the run consists of, and a signature, if it was signed
     RUN/lock                        held by the process that writes the run
     RUN/episodes/<id>/episode.json  the record, written last
@@ -34,6 +35,7 @@ GIVING = 3  # the first version whose records say what their agent was given
 RUN = "run.json"
 RECORDS = "records.jsonl"
 EPISODES = "episodes"
+SESSIONS = "sessions.jsonl"
 LOCK = "lock"
 EPISODE = "episode.json"
 STEPS = "steps.jsonl"

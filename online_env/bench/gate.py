@@ -15,6 +15,7 @@ import click
 
 from hijack_data.errors import HijackError, ParameterError, UnknownNameError, some_of, suggest
 from hijack_data.plan import CLEAN
+from hijack_data.runs.own_files import refuse_own_file
 
 from ..report.named import YARDSTICKS
 from . import junit, scores
@@ -346,6 +347,7 @@ def _check_writable(path: Path) -> None:
     """
     if path.is_dir():
         raise HijackError(f"--junit {path}: is a folder; name a file")
+    refuse_own_file(path, "--junit")
     place = path.absolute().parent
     while not place.exists():
         place = place.parent

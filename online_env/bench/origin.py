@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from hijack_data.files import unwritable
+from hijack_data.runs.run_log import SESSIONS
 
 RunOrigin: TypeAlias = dict[str, Any]
-SESSIONS = "sessions.jsonl"
 GIT_PATIENCE = 10.0  # s
 _GROUP_LIMIT = Path("/sys/fs/cgroup/memory.max")
 _GROUP_USE = Path("/sys/fs/cgroup/memory.current")

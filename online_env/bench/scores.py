@@ -177,6 +177,14 @@ def by_cell(records: Iterable[ResultRecord]) -> dict[tuple[str, str], Cases]:
     return found
 
 
+def attempts_by_cell(records: Iterable[ResultRecord]) -> dict[tuple[str, str], list[ResultRecord]]:
+    """Return all attempts, by agent and corruption: those that were repeated were paid for, too."""
+    found: dict[tuple[str, str], list[ResultRecord]] = {}
+    for record in records:
+        found.setdefault((record["agent"], record["corruption"]), []).append(record)
+    return found
+
+
 def unreached(records: Iterable[ResultRecord], corruptions: Mapping[str, str]) -> int:
     """Return how many episodes with a score ended before their corruption acted on the machine.
 
@@ -229,8 +237,15 @@ def can_infer() -> bool:
 
 
 def task_names(cases: Iterable[PairKey]) -> list[str]:
-    """Return the task of each case, without the seed of its variant."""
-    return [task.removesuffix(f"-{task_seed}") for task, task_seed, _ in cases]
+    """Return the task of each case, without the seed of its variant.
+
+    In a run of `hijack score` the second part of a case is the text of a step, and the first one
+    the name of a recording, which stays whole.
+    """
+    found: list[str] = []
+    for task, variant, _ in cases:
+        found.append(task.removesuffix(f"-{variant}") if isinstance(variant, int) else task)
+    return found
 
 
 def counts(record: ResultRecord) -> bool:

@@ -106,6 +106,7 @@ def build_report(run: Run, *, reference: str = "") -> RunReport:
 def cells_of(run: Run, chosen: Sequence[ResultRecord]) -> list[Cell]:
     """Return a cell for each agent and condition in some records of a run."""
     found = scores.by_cell(chosen)
+    attempts = scores.attempts_by_cell(chosen)
     scored = {key: scores.scored(cases) for key, cases in found.items()}
     names = {} if run.is_scored else conditions_of(run.config)
     rows = scores.rows(chosen, agents_of(run.config), list(conditions_of(run.config)))
@@ -115,7 +116,10 @@ def cells_of(run: Run, chosen: Sequence[ResultRecord]) -> list[Cell]:
         Cell(
             **row,
             **inferred.get((row["agent"], row["corruption"]), {}),
-            **used.means(found[row["agent"], row["corruption"]].values()),
+            **used.means(
+                found[row["agent"], row["corruption"]].values(),
+                attempts[row["agent"], row["corruption"]],
+            ),
             tasks=len(set(scores.task_names(scored[row["agent"], row["corruption"]]))),
             pass_hat=_pass_hat(run, scored[row["agent"], row["corruption"]]),
             ceiling=top.get(row["corruption"]),
@@ -170,6 +174,7 @@ def _summaries(
     reference: str,
 ) -> list[AgentSummary]:
     found = scores.by_cell(run.records)
+    attempts = scores.attempts_by_cell(run.records)
     scored = {key: scores.scored(cases) for key, cases in found.items()}
     by_agent: dict[str, dict[str, Cell]] = {}
     for cell in cells:
@@ -184,7 +189,10 @@ def _summaries(
             **_means(own, identity),
             **_retained(agent, own, scored),
             **_intervals(agent, own, scored),
-            **used.means(r for label in own for r in found[agent, label].values()),
+            **used.means(
+                [record for label in own for record in found[agent, label].values()],
+                [record for label in own for record in attempts[agent, label]],
+            ),
             mce=_mce(own, by_agent.get(reference, {})),
         )
         for agent, own in by_agent.items()

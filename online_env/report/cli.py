@@ -13,6 +13,7 @@ import click
 
 from hijack_data.cli import console
 from hijack_data.files import write_atomic
+from hijack_data.runs.own_files import refuse_own_file
 
 from ..bench import reading
 from ..bench.gate import ReleaseGate, gate_options
@@ -84,6 +85,8 @@ def report(
     """
     if (fail_under or junit) and (leaderboard or runs.is_file()):
         raise ReportError("--fail-under and --junit judge a run; give the folder of one")
+    if junit and out and junit.resolve() == out.resolve():
+        raise ReportError(f"--junit {junit}: is the file of --out, too; give another name")
     if seeds and (leaderboard or runs.is_file()):
         raise ReportError("--seeds chooses episodes of a run; give the folder of one")
     given = {"--compare": other, "--pair": pairs, "--paper": paper, "--reference": reference}
@@ -208,6 +211,7 @@ def _put(text: str, out: Path | None) -> None:
     if out is None:
         click.echo(text, nl=False)
         return
+    refuse_own_file(out, "--out")
     write_atomic(out, text)
     click.echo(f"wrote {out}")
 

@@ -42,6 +42,7 @@ SUFFIXES: Mapping[str, str] = MappingProxyType(
 SHOWING: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "--compare": (TERMINAL, "json", "csv", "markdown", "html"),
+        "--reference": (TERMINAL, "json", "markdown", "html"),
         "--paper": (TERMINAL, "json", "latex", "markdown", "html"),
     }
 )

@@ -11,15 +11,18 @@ from ..bench.reading import ResultRecord
 from ..bench.scores import counts
 
 
-def means(records: Iterable[ResultRecord]) -> dict[str, Any]:
+def means(last: Iterable[ResultRecord], every: Iterable[ResultRecord]) -> dict[str, Any]:
     """Return the usage fields of a cell, by name.
 
     Steps, seconds and malformed actions cover the episodes that count for the agent. Tokens and
-    money cover all episodes, since all were paid for; they are known only if every episode with
+    money cover all attempts, since all were paid for; they are known only if every episode with
     counts has them.
+
+    Args:
+        last: The last attempt at each case.
+        every: All attempts.
     """
-    every = list(records)
-    counted = [record for record in every if counts(record)]
+    counted = [record for record in last if counts(record)]
     steps = [record["steps"] for record in counted if is_amount(record.get("steps"))]
     seconds = [record["seconds"] for record in counted if is_amount(record.get("seconds"))]
     broken = [record["malformed"] for record in counted if is_amount(record.get("malformed"))]

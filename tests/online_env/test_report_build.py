@@ -12,7 +12,7 @@ from scipy import stats
 
 from hijack_data.cli import hijack
 from hijack_data.errors import UnknownNameError
-from online_env.bench import records, statistics
+from online_env.bench import records, scores, statistics
 from online_env.bench.reading import Run, RunError, read, with_first_seeds
 from online_env.report import (
     ReportError,
@@ -421,3 +421,22 @@ def test_of_two_agents_the_greater_error_counts(tmp_path):
     ]
     named = scores_by_name(build_report(read_run(tmp_path / "run", found)))
     assert (named["errors"], named["malformed"], named["clean"]) == (1, 0.75, 0)
+
+
+def test_an_attempt_that_was_repeated_was_paid_for(tmp_path):
+    usage = {"requests": 1, "input_tokens": 10, "output_tokens": 1, "usd": 1.0}
+    first = made("mine", "t0", status="invalid", score=0.0, usage=usage)
+    again = made("mine", "t0", attempt=1, usage=usage)
+    again["id"] += "__a1"
+    report = build_report(read_run(tmp_path / "run", [first, again]))
+    (cell,) = report.cells
+    (summary,) = report.summaries
+    assert (cell.n, cell.requests, cell.usd) == (1, 2, 2.0)
+    assert (summary.requests, summary.usd) == (2, 2.0)
+
+
+def test_the_tasks_of_a_scoring_run_are_its_recordings():
+    """Though the name of a recording may end like the number of a step."""
+    cases = [("task-0001", "0000", 7), ("task-0001", "0001", 7), ("task-0002", "0002", 7)]
+    assert scores.task_names(cases) == ["task-0001", "task-0001", "task-0002"]
+    assert scores.task_names([("write_note-0", 0, 0), ("write_note-1", 1, 1)]) == ["write_note"] * 2

@@ -113,6 +113,11 @@ def test_a_leaderboard_takes_no_seeds(tmp_path, capsys):
             " html",
         ),
         (
+            ["--reference", "mine", "--format", "csv"],
+            "--reference is not shown by the format csv; give one of terminal, json, markdown,"
+            " html",
+        ),
+        (
             ["--compare", "OLD", "--paper", "--format", "csv"],
             "--paper is not shown by the format csv; give one of terminal, json, latex, markdown,"
             " html",
@@ -337,3 +342,37 @@ def test_a_model_card_has_the_papers_average_where_all_ten_columns_are(tmp_path)
     report = build_report(read_run(tmp_path / "run", whole("a", dict.fromkeys(CONDITIONS, 5))))
     text = formats.write(ReportDocument(report=report), "model-index")
     assert text.count("Average over clean and the nine, %") == 1
+
+
+# Files of the run itself
+
+
+@pytest.mark.parametrize(
+    ("option", "name"),
+    [
+        ("--out", "run.json"),
+        ("--out", "records.jsonl"),
+        ("--junit", "records.jsonl"),
+        ("--out", "sessions.jsonl"),
+    ],
+)
+def test_no_output_replaces_a_file_of_the_run(option, name, two, capsys):
+    path = two[0] / name
+    before = path.read_bytes() if path.exists() else None
+    code, out, err = hijack(capsys, "report", two[0], "--format", "json", option, path)
+    problem = f"{option} {path}: is a file of the run itself; give another name"
+    assert (code, out, err) == (2, "", f"hijack: error: {problem}\n")
+    assert (path.read_bytes() if path.exists() else None) == before
+
+
+def test_a_file_with_such_a_name_elsewhere_is_written(two, capsys, tmp_path):
+    path = tmp_path / "run.json"
+    assert hijack(capsys, "report", two[0], "-o", path)[0] == 0
+    assert path.exists()
+
+
+def test_report_and_gates_have_a_file_each(two, capsys, tmp_path):
+    path = tmp_path / "both.html"
+    code, _, err = hijack(capsys, "report", two[0], "-o", path, "--junit", path)
+    assert (code, path.exists()) == (2, False)
+    assert "is the file of --out, too" in err

@@ -13,6 +13,7 @@ from hijack_data.errors import HijackError, ParameterError
 from hijack_data.files import write_atomic
 from hijack_data.gallery.embed import embed, scale_for
 from hijack_data.gallery.markup import Html, script_json, source_hash
+from hijack_data.runs.own_files import refuse_own_file
 
 from ..page_files import RUN_SCRIPTS, page_file, run_page
 from .columns import columns
@@ -35,12 +36,16 @@ def export_file(
 
     Raises:
         ParameterError: no episode matches.
+        HijackError: the file is one of the run itself.
         unwritable: the file cannot be written; see `hijack_data.files`.
     """
+    refuse_own_file(path, "--export")
+    if not source.entries:
+        raise ParameterError("--export: the run has no episodes yet")
     chosen = list(chosen_by(source, patterns))
     if not chosen:
         shown = ", ".join(patterns)
-        example = source.entries[0].id if source.entries else "none here"
+        example = source.entries[0].id
         raise ParameterError(
             f"--episode {shown}: no episode has such an id; ids look like {example}"
         )
