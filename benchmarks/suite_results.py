@@ -200,7 +200,7 @@ def page(agents: Mapping[str, Sequence[Played]]) -> str:
         " ceiling that reports print beside every agent's.",
         "Both read the accessibility tree and never the picture, so corruptions of the picture do"
         " not reach them: pop_ups, resolution, marks and subtitle were played on the tasks of `core`"
-        " alone, to see that this is so.",
+        " and on `replace_word`, to see that this is so.",
         "The desktops shared two cores with other work, at loads up to 50: some episodes were lost"
         " to time-outs of the oracle. Of episodes with the same task, corruption and seed the last"
         " one counts; the files in `docs/results/suite` have all of them, with the commit that"

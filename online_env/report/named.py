@@ -6,7 +6,17 @@ from types import MappingProxyType
 from .model import AgentSummary, Cell, RunReport
 
 # Agents whose scores describe tasks and desktops rather than the agent.
-YARDSTICKS = ("oracle", "recovering", "do_nothing", "random", "fail")
+YARDSTICKS = (
+    "oracle",
+    "recovering",
+    "do_nothing",
+    "random",
+    "fail",
+    "pixel",
+    "pixel_onlooker",
+    "pixel_onlooker_no_check",
+    "pixel_onlooker_no_summaries",
+)
 # Of an agent; for those in LOWER, less is better.
 SUMMARY = (
     "clean",

@@ -18,7 +18,7 @@ from hijack_data.elements.ocr import MAX_RATIO, boxes_from_ocr
 from hijack_data.types import Box, Size, UInt8Array
 
 from .changes import changed_boxes, merged, touch
-from .text_files import TextLines, TextFiles
+from .text_files import TextFiles, TextLines
 
 MARGIN = 16  # px around what is read, as the detector wants some background
 WHOLE = 0.6  # of the picture: from there on it is read as one
