@@ -142,11 +142,15 @@ def bench(
     prepare(chosen.agents, models, None if dry_run else out)
     listed = jobs(chosen)
     if dry_run:
-        at_once = min(desktops or default_desktops(), len(listed))
-        for job in listed:
+        left = listed if out is None else _left(chosen, listed, out, resume)
+        if not left:
+            click.echo(f"{out}: all {len(listed)} episodes are there")
+            return
+        at_once = min(desktops or default_desktops(), len(left))
+        for job in left:
             click.echo(str(job))
-        expected = estimate(chosen, listed, at_once, history_near(out))
-        click.echo(f"{len(listed)} episodes on {at_once} desktops, {expected}")
+        expected = estimate(chosen, left, at_once, history_near(out))
+        click.echo(f"{len(left)} episodes on {at_once} desktops, {expected}")
         return
     if out is None:
         raise click.UsageError("--out RUNS: say where the records go (or --dry-run)")
@@ -164,6 +168,27 @@ def bench(
     if sign is not None:
         seal.sign(out, sign)
     raise SystemExit(code)
+
+
+def _left(
+    chosen: "Bench",
+    listed: "Sequence[Job]",
+    out: Path,
+    resume: bool,
+) -> "Sequence[Job]":
+    """Return what a run in a folder would still play.
+
+    Raises:
+        RunError: The run would be refused.
+    """
+    from .jobs import attempts
+    from .runner import needs_attempt
+
+    ids = [job.id for job in listed]
+    if not records.check_folder(out, chosen.to_data(), ids, goes_on=resume):
+        return listed
+    earlier = attempts(listed, records.read(out).records)
+    return [job for job in listed if needs_attempt(earlier[job], chosen.retries)]
 
 
 def _begun(

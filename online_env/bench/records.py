@@ -98,6 +98,30 @@ def begin(
     return held
 
 
+def check_folder(
+    folder: Path,
+    config: Mapping[str, Any],
+    episodes: Sequence[str],
+    *,
+    goes_on: bool,
+) -> bool:
+    """Check that a run could begin or continue in a folder; nothing is changed.
+
+    Arguments as for `begin`.
+
+    Returns:
+        Whether it would continue.
+
+    Raises:
+        RunError: The folder is not empty, or holds another run.
+    """
+    if goes_on and (folder / RUN).exists():
+        _check_same(folder, config, episodes)
+        return True
+    _check_empty(folder)
+    return False
+
+
 def create(
     folder: Path,
     config: Mapping[str, Any],

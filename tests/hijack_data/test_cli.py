@@ -447,3 +447,17 @@ def test_what_a_terminal_cannot_show_is_printed_as_an_escape(monkeypatch):
         cli.main(["--help"])
     print("half a pair: \ud83d", flush=True)
     assert printed.buffer.getvalue().endswith(b"half a pair: \\ud83d\n")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full, which Linux has")
+def test_a_full_disk_behind_the_output_is_one_line():
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "hijack_data.cli", "list"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    said = "hijack: error: the output cannot be written (No space left on device); free some space"
+    assert (done.returncode, done.stderr.strip()) == (3, said)

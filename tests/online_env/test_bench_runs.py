@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 from online_env.bench import costs, reading, records, runner, scores
-from online_env.bench.jobs import Job
+from online_env.bench.config import load_bench, override
+from online_env.bench.jobs import Job, jobs
 from online_env.bench.records import RunError
 from online_env.errors import CostLimitError
 
@@ -335,6 +336,32 @@ def test_bench_dry_run_and_refusals(tmp_path):
     assert (done.returncode, "holds a run already" in done.stderr) == (2, True)
     done = hijack("bench", "embedded_smal", "--dry-run")
     assert (done.returncode, "did you mean 'embedded_small'" in done.stderr) == (2, True)
+
+
+def test_a_dry_run_says_what_is_left_in_its_folder(tmp_path):
+    """And refuses what the run itself would refuse; it changes nothing."""
+    words = ["embedded_small", "--agent", "oracle", "--corruptions", "clean,marks"]
+    chosen = override(load_bench("embedded_small"), agent="oracle", corruption="clean,marks")
+    listed = jobs(chosen)
+    run = tmp_path / "run"
+    records.create(run, chosen.to_data(), [job.id for job in listed]).release()
+    first = listed[0]
+    agent, task, label, seed = first.key
+    made = {"id": first.id, "agent": agent, "task": task, "task_seed": seed, "seed": seed}
+    ended = {"corruption": label, "attempt": 0, "status": "ok", "score": 1.0}
+    records.append(run, {**made, **ended})
+    before = sorted((path, path.read_bytes()) for path in run.rglob("*") if path.is_file())
+    done = hijack("bench", *words, "--out", run, "--dry-run")
+    assert (done.returncode, "holds a run already" in done.stderr) == (2, True)
+    done = hijack("bench", *words, "--out", run, "--dry-run", "--resume")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1].startswith("19 episodes on ")
+    done = hijack("bench", *words, "--seeds", 2, "--out", run, "--dry-run", "--resume")
+    assert (done.returncode, "is another run: seeds" in done.stderr) == (2, True)
+    done = hijack("bench", *words, "--out", tmp_path / "new", "--dry-run", "--resume")
+    assert done.stdout.splitlines()[-1].startswith("20 episodes on ")
+    assert not (tmp_path / "new").exists()
+    assert sorted((path, path.read_bytes()) for path in run.rglob("*") if path.is_file()) == before
 
 
 # The runner
