@@ -32,15 +32,19 @@ _Row = tuple[str, Sequence[float | None]]
 def as_latex(document: ReportDocument) -> str:
     """Return one `table*`, which needs the package booktabs."""
     report = document.report
-    ours = [_own(report, row) for row in report.summaries]
     if document.paper is not None:
-        return _with_paper(document.paper)
+        return _with_paper(document.paper, report)
+    ours = [_own(report, row) for row in report.summaries]
     headings = [*report.labels, "corrupted", "retention"]
     caption = f"Success in percent, {_escape(report.run.name)}: {report.run.tasks} tasks."
-    if report.run.missing:
-        caption += f" {report.run.missing} of {report.run.planned} episodes are missing."
-    body = _body(ours)
-    return _table(headings, body, caption)
+    return _table(headings, _body(ours), caption + _missing(report))
+
+
+def _missing(report: RunReport) -> str:
+    """Return the sentence that ends the caption of an unfinished run; empty for a finished one."""
+    if not report.run.missing:
+        return ""
+    return f" {report.run.missing} of {report.run.planned} episodes are missing."
 
 
 def _own(report: RunReport, row: AgentSummary) -> _Row:
@@ -48,21 +52,31 @@ def _own(report: RunReport, row: AgentSummary) -> _Row:
     for label in report.labels:
         cell = report.cell(row.agent, label)
         values.append(cell.success if cell else None)
+    return _named(row), [*values, row.corrupted, row.retention]
+
+
+def _named(row: AgentSummary) -> str:
+    """Return the name of an agent, with what it was given that others are not."""
     more = words.given(row.given)
-    named = f"{row.agent} (given {more})" if more else row.agent
-    return named, [*values, row.corrupted, row.retention]
+    return f"{row.agent} (given {more})" if more else row.agent
 
 
-def _with_paper(paper: PaperTable) -> str:
-    theirs = [_of_paper(row, paper.columns) for row in paper.rows if not row.ours]
-    ours = [_of_paper(row, paper.columns) for row in paper.rows if row.ours]
+def _with_paper(paper: PaperTable, report: RunReport) -> str:
+    names = {row.agent: _named(row) for row in report.summaries}
+    theirs = [_of_paper(row, row.agent, paper.columns) for row in paper.rows if not row.ours]
+    ours = [
+        _of_paper(row, names.get(row.agent, row.agent), paper.columns)
+        for row in paper.rows
+        if row.ours
+    ]
     body = [*_body(theirs, 2), r"\midrule", *_body(ours, 2)]
     caption = "Success in percent. Above the line: the paper, as printed; below it: ours."
-    return _table([*paper.columns, "average"], body, caption)
+    notes = [f"% {' '.join(note.split())}\n" for note in paper.notes]
+    return "".join(notes) + _table([*paper.columns, "average"], body, caption + _missing(report))
 
 
-def _of_paper(row: PaperRow, columns: Sequence[str]) -> _Row:
-    return row.agent, [*(row.success.get(label) for label in columns), row.average]
+def _of_paper(row: PaperRow, name: str, columns: Sequence[str]) -> _Row:
+    return name, [*(row.success.get(label) for label in columns), row.average]
 
 
 def _body(rows: Sequence[_Row], digits: int = 1) -> list[str]:

@@ -115,6 +115,22 @@ def test_latex_with_the_paper_has_both_tables(folder, capsys):
     paper, ours = out.split(r"\midrule")[1:]
     assert "GPT-4o & 5.38 & 1.44" in paper
     assert "mine & 80.00 & 40.00" in ours
+    assert out.startswith("% Ours: 10 tasks")
+
+
+def test_latex_with_the_paper_says_what_agents_were_given_and_what_is_missing(tmp_path, capsys):
+    found = scored("mine", "clean", [1, 0])
+    folder = run_of(
+        tmp_path / "run",
+        [record | {"given": ["plan"]} for record in found],
+        tasks=["t0", "t1", "t2"],
+    )
+    (folder / "run.json").write_text(
+        (folder / "run.json").read_text().replace('"episodes": [', '"episodes": ["more", ')
+    )
+    _, out, _ = hijack(capsys, "report", folder, "--format", "latex", "--paper")
+    assert "mine (given the plan) & 50.00" in out
+    assert "1 of 3 episodes are missing." in out
 
 
 def test_model_index_is_what_the_hub_reads(folder, capsys):
