@@ -27,6 +27,7 @@ Since version 3 a record states what its agent was given in addition to instruct
 
 import hashlib
 import re
+from pathlib import Path
 
 FORMAT = "agenthijack-run"
 VERSION = 3
@@ -95,3 +96,8 @@ def row_slug_of(
 def digest_of(content: bytes) -> str:
     """Return the SHA-256 of a file, or of a line without its end, as 64 hexadecimal digits."""
     return hashlib.sha256(content).hexdigest()
+
+
+def digest_of_file(path: Path) -> str | None:
+    """Return the SHA-256 of a file; `None` if there is none, or something else in its place."""
+    return digest_of(path.read_bytes()) if path.is_file() else None

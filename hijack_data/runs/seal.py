@@ -14,7 +14,7 @@ from typing import Any
 
 from ..errors import HijackError, MissingDependencyError
 from ..files import read_regular, write_atomic
-from .run_log import EPISODE, EPISODES, RECORDS, RUN, SEAL, SIGNATURE, digest_of
+from .run_log import EPISODE, EPISODES, RECORDS, RUN, SEAL, SIGNATURE, digest_of_file
 
 NAMESPACE = "agenthijack-run"  # signatures made for another purpose do not count
 FORMAT = "agenthijack-seal"
@@ -55,9 +55,9 @@ def contents(folder: Path) -> dict[str, Any]:
     return {
         "format": FORMAT,
         "version": VERSION,
-        "run": _digest(folder / RUN),
-        "records": _digest(folder / RECORDS),
-        "episodes": {path.parent.name: _digest(path) for path in episodes},
+        "run": digest_of_file(folder / RUN),
+        "records": digest_of_file(folder / RECORDS),
+        "episodes": {path.parent.name: digest_of_file(path) for path in episodes},
     }
 
 
@@ -156,7 +156,3 @@ def _ssh_keygen(command: Sequence[str], said: str = "") -> "subprocess.Completed
         raise MissingDependencyError(f"{needed}: apt install openssh-client") from None
     except subprocess.TimeoutExpired:
         raise SealError(f"ssh-keygen did not answer within {_PATIENCE:g} s") from None
-
-
-def _digest(path: Path) -> str | None:
-    return digest_of(path.read_bytes()) if path.is_file() else None

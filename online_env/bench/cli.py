@@ -182,13 +182,21 @@ def _left(
         RunError: The run would be refused.
     """
     from .jobs import attempts
-    from .runner import needs_attempt
 
     ids = [job.id for job in listed]
     if not records.check_folder(out, chosen.to_data(), ids, goes_on=resume):
         return listed
-    earlier = attempts(listed, records.read(out).records)
-    return [job for job in listed if needs_attempt(earlier[job], chosen.retries)]
+    return _due(chosen, attempts(listed, records.read(out).records))
+
+
+def _due(
+    chosen: "Bench",
+    earlier: "Mapping[Job, Sequence[records.ResultRecord]]",
+) -> "list[Job]":
+    """Return the jobs that need another attempt, given the earlier ones of each."""
+    from .runner import needs_attempt
+
+    return [job for job, made in earlier.items() if needs_attempt(made, chosen.retries)]
 
 
 def _begun(
@@ -217,10 +225,9 @@ def _run(
 ) -> int:
     from .estimates import estimate, history_near
     from .jobs import attempts
-    from .runner import needs_attempt
 
     earlier = attempts(listed, records.read(out).records)
-    left = [job for job in listed if needs_attempt(earlier[job], chosen.retries)]
+    left = _due(chosen, earlier)
     screen = console()
     expected = ""
     if left:

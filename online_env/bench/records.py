@@ -29,6 +29,7 @@ from hijack_data.runs.run_log import (
     RUN,
     VERSION,
     digest_of,
+    digest_of_file,
 )
 
 from . import origin
@@ -291,7 +292,7 @@ def _chained(
 ) -> bytes:
     """Return the line of a record, which names the SHA-256 of the line before it."""
     episode = folder / EPISODES / str(record.get("id")) / EPISODE
-    digest = digest_of(episode.read_bytes()) if episode.exists() else None
+    digest = digest_of_file(episode)
     links = {"previous": digest_of(before), "episode_sha256": digest}
     line = json.dumps({**record, **links}, ensure_ascii=False, allow_nan=False)
     return line.encode("utf-8", "backslashreplace")

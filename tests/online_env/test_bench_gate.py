@@ -180,6 +180,8 @@ def test_a_gate_is_for_each_agent_or_for_one():
     two = ("a", "my.py:Mine", "do_nothing")
     both = gate_of("worst=0.5", agents=two).gates
     assert [gate.agent for gate in both] == ["a", "my.py:Mine"]  # nobody releases do_nothing
+    beside = gate_of("worst=0.5", agents=("my.py:Mine", "pixel", "pixel_onlooker")).gates
+    assert [gate.agent for gate in beside] == ["my.py:Mine"]
     yardsticks = gate_of("worst=0.5", agents=("oracle", "do_nothing")).gates
     assert [gate.agent for gate in yardsticks] == ["oracle", "do_nothing"]
     (mine,) = gate_of("my.py:Mine:success.marks=0.25", agents=AGENTS).gates

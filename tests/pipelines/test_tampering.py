@@ -12,6 +12,7 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 pytest.importorskip("isal", reason="needs the extra [hf]")
 
 from hijack_data.cli import hijack
+from hijack_data.errors import HijackError
 from hijack_data.runs import seal
 from hijack_data.runs.run_log import digest_of
 from pipelines.proof.rebuild import rebuild
@@ -298,6 +299,12 @@ def keys(tmp_path_factory):
 
 def command(*words):
     return CliRunner().invoke(hijack, [str(word) for word in words], catch_exceptions=False)
+
+
+def test_signing_says_that_the_seal_cannot_be_replaced(run, keys):
+    seal_is_a_folder(run)
+    with pytest.raises(HijackError, match=r"seal.json: cannot be written \(Is a directory\)"):
+        command("sign", run, "--key", keys[0])
 
 
 def test_who_writes_all_hashes_anew_is_found_by_the_signature_alone(run, keys):

@@ -25,6 +25,7 @@ from hijack_data.runs.run_log import (
     SCORE_RUN,
     VERSION,
     digest_of,
+    digest_of_file,
     row_slug_of,
     slug_of,
 )
@@ -120,7 +121,7 @@ class Journal:
         yield from self._missing()
 
     def _broken_links(self) -> Iterator[str]:
-        before = self._digest(RUN)
+        before = digest_of_file(self.folder / RUN)
         name = RUN
         pairs = zip(self.lines, self.records, strict=True)
         for number, (line, record) in enumerate(pairs, 1):
@@ -130,12 +131,8 @@ class Journal:
             before = digest_of(line)
             name = here
             path = f"{EPISODES}/{record.get('id')}/{EPISODE}"
-            if record.get("episode_sha256") != self._digest(path):
+            if record.get("episode_sha256") != digest_of_file(self.folder / path):
                 yield f"{RECORDS}: {here}: {path} is not what it was (episode_sha256)"
-
-    def _digest(self, name: str) -> str | None:
-        path = self.folder / name
-        return digest_of(path.read_bytes()) if path.is_file() else None
 
     def _record(self, record: Mapping[str, Any]) -> Iterator[str]:
         """Yield the differences of one record from the configuration and from its episode."""
