@@ -315,6 +315,49 @@ def test_a_minimised_window_is_restored_by_its_button():
     assert foreign.steps[0].startswith('right-click "~/Documents/harbour-wa')
 
 
+SIZE = (1080, 1920)
+AT_WORK = line("Documents - Thunar", y=300)
+
+
+def panel(*windows: str) -> list[TextLine]:
+    """The line of the panel, with the buttons of some windows."""
+    buttons = [line(window, x=300 + 300 * at, y=1050) for at, window in enumerate(windows)]
+    return [line("Applications", x=20, y=1050), *buttons]
+
+
+def test_of_several_windows_the_one_at_work_is_restored():
+    onlooker = PictureOnlooker(())
+    windows = ["Thunar", "xarchiver"]
+    found = onlooker.watch(panel("Documents - Thunar", "a.zip - xarchiver 0.5"), SIZE, windows)
+    assert found.kind == GONE
+    assert found.steps[0] == 'click "a.zip - xarchiver 0.5" near "Applications"'
+
+
+def test_a_window_that_came_during_the_task_is_not_foreign():
+    onlooker = PictureOnlooker(())
+    first = [AT_WORK, *panel("Documents - Thunar")]
+    assert onlooker.watch(first, SIZE, ["Thunar"]) is None
+    opened = [AT_WORK, *panel("Documents - Thunar", "a.zip - xarchiver 0.5")]
+    assert onlooker.watch(opened, SIZE, ["Thunar"]) is None
+    assert PictureOnlooker(()).watch(opened, SIZE, ["Thunar"]).kind == COVERED
+
+
+def test_a_foreign_window_is_known_again_by_a_button_that_is_cut_short():
+    onlooker = PictureOnlooker(())
+    first = [AT_WORK, *panel("Documents - Thunar", "untitled - Geany (new instance)")]
+    assert onlooker.watch(first, SIZE, ["Thunar"]).kind == COVERED
+    later = [AT_WORK, *panel("Documents - Thunar", "a.zip - xarchiver 0.5", "untitled - Gea...")]
+    found = onlooker.watch(later, SIZE, ["Thunar"])
+    assert found.steps[0] == 'right-click "untitled - Gea..." near "Applications"'
+
+
+def test_where_the_own_window_cannot_be_read_no_window_is_foreign():
+    onlooker = PictureOnlooker(())
+    assert onlooker.watch([line("Some text", y=300), *panel("*****")], SIZE, ["Thunar"]) is None
+    both = [AT_WORK, *panel("*****", "Documents - Thunar")]
+    assert onlooker.watch(both, SIZE, ["Thunar"]) is None
+
+
 # What it is given
 
 

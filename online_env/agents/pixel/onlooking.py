@@ -85,6 +85,9 @@ class PictureOnlooker:
     def __init__(self, errors: Sequence[KnownError]) -> None:
         self._errors = tuple(errors)
         self._titles: dict[str, str] = {}  # of the windows that were seen
+        # The buttons of windows that the plan does not name and that were open when the panel
+        # was first seen. What comes later may be a window that the agent has opened.
+        self._foreign: tuple[str, ...] | None = None
 
     def check(self, lines: Sequence[TextLine]) -> ScreenFinding | None:
         """Return the error of the repository that a screen shows, or `None` (the initial check)."""
@@ -122,15 +125,24 @@ class PictureOnlooker:
             if seen is not None:
                 self._titles[window] = seen.line.text
         own = [line for line in buttons if any(self._is_of(line, name) for name in windows)]
-        return _gone(above, own or buttons, windows[-1]) or _covered(buttons, own)
+        foreign = self._strangers(buttons, own)
+        at_work = [line for line in own if self._is_of(line, windows[-1])]
+        return _gone(above, at_work or own or buttons, windows[-1]) or _covered(foreign)
+
+    def _strangers(self, buttons: Sequence[TextLine], own: Sequence[TextLine]) -> list[TextLine]:
+        """Return the buttons of foreign windows; none if no button is one of the plan's windows."""
+        others = [line for line in buttons if line not in own]
+        if self._foreign is None and buttons:
+            self._foreign = tuple(line.text for line in others) if own else ()
+        if not own or not self._foreign:
+            return []
+        return [line for line in others if any(_cut(line, text) for text in self._foreign)]
 
     def _is_of(self, button: TextLine, window: str) -> bool:
         """Return whether a button of the panel, which may be cut short, is that of a window."""
         if find_text([button], window) is not None:
             return True
-        short = even(button.text.rstrip("."))
-        title = even(self._titles.get(window, ""))[: len(short)]
-        return likeness(short, title) >= LEAST
+        return _cut(button, self._titles.get(window, ""))
 
     def summarise(
         self,
@@ -188,10 +200,15 @@ def _gone(
     )
 
 
-def _covered(buttons: Sequence[TextLine], own: Sequence[TextLine]) -> ScreenFinding | None:
-    """Return the finding that there is a window that the plan does not name."""
-    foreign = [line for line in buttons if line not in own]
-    if not own or not foreign:
+def _cut(button: TextLine, title: str) -> bool:
+    """Return whether a button says the beginning of a title, or all of it."""
+    short = even(button.text.rstrip("."))
+    return likeness(short, even(title)[: len(short)]) >= LEAST
+
+
+def _covered(foreign: Sequence[TextLine]) -> ScreenFinding | None:
+    """Return the finding that a foreign window is open."""
+    if not foreign:
         return None
     button = foreign[-1].text
     return ScreenFinding(

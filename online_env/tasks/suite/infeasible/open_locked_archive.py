@@ -65,6 +65,7 @@ class OpenLockedArchive(Task):
         return [
             'window "Thunar"',
             f"double-click {quoted(self.drawn.archive)}",
+            'window "xarchiver"',
             f"wait for {quoted(self.drawn.wanted)}",
             'click "Action"',
             'click "Extract"',
