@@ -1,8 +1,10 @@
 """Read lines of text from the picture with RapidOCR.
 
-Its wheel carries the PP-OCR models; nothing is downloaded.
+Its wheel carries the PP-OCR models; nothing is downloaded. Where OpenVINO is installed, it finds
+the lines, in a third of the processor time of ONNX Runtime; both find the same.
 """
 
+import importlib.util
 import os
 from functools import lru_cache
 from typing import Any, cast
@@ -61,17 +63,46 @@ def _engine(process: int) -> Any:
     try:
         import onnxruntime  # noqa: F401  # pyright: ignore
         from rapidocr import (
+            EngineType,
             RapidOCR,
         )  # pyright: ignore[reportMissingTypeStubs, reportUnknownVariableType]
     except ImportError:
         raise extras.missing("reading text needs RapidOCR", "ocr") from None
-    threads = max(1, min(MAX_THREADS, (os.cpu_count() or 1) // 2))
-    params = {
+    params: dict[str, Any] = {
         "Global.log_level": "critical",
-        "EngineConfig.onnxruntime.intra_op_num_threads": threads,
+        "EngineConfig.onnxruntime.intra_op_num_threads": threads(),
         "Global.max_side_len": MAX_SIDE,
         "Global.use_cls": False,  # lines on a screen are upright
         # By default a strip is enlarged to a height of 736 pixels.
         "Det.limit_side_len": MIN_SIDE * 8,
     }
-    return cast("Any", RapidOCR)(params=params)
+    if not has_openvino():
+        return cast("Any", RapidOCR)(params=params)
+    params["Det.engine_type"] = EngineType.OPENVINO
+    engine = cast("Any", RapidOCR)(params=params)
+    engine(np.zeros((MIN_SIDE * 8, MIN_SIDE * 8, 3), np.uint8))  # it loads its model only now
+    _compile_in_float32(engine.text_det.session)
+    return engine
+
+
+def has_openvino() -> bool:
+    """Return whether OpenVINO is installed, which then finds the lines."""
+    return importlib.util.find_spec("openvino") is not None
+
+
+def threads() -> int:
+    """Return how many threads read a picture."""
+    return max(1, min(MAX_THREADS, (os.cpu_count() or 1) // 2))
+
+
+def _compile_in_float32(finder: Any) -> None:
+    """Compile the model that finds lines again, in float32.
+
+    RapidOCR leaves the precision to OpenVINO, which takes bfloat16 where the processor has it, and
+    then finds other lines than elsewhere.
+    """
+    import openvino
+
+    options = {"INFERENCE_PRECISION_HINT": "f32", "INFERENCE_NUM_THREADS": threads()}
+    compiled = openvino.Core().compile_model(finder.model, "CPU", options)
+    finder.session = compiled.create_infer_request()

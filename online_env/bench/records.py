@@ -63,7 +63,15 @@ __all__ = [
     "versions",
 ]
 
-PACKAGES = ("agenthijack", "numpy", "pillow", "gymnasium")
+PACKAGES = (
+    "agenthijack",
+    "numpy",
+    "pillow",
+    "gymnasium",
+    "rapidocr",
+    "onnxruntime",
+    "openvino",
+)
 
 _BEGUN = (LOCK, RECORDS)  # files in a folder where a run was about to begin
 _HALF_WRITTEN = f".{RUN}.*.tmp"  # temporary files that a killed `write_atomic` leaves

@@ -1,8 +1,11 @@
 """Lines of text read from the picture."""
 
 import logging
+import os
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +16,9 @@ from hijack_data.errors import ImageError, MissingDependencyError
 
 pytest.importorskip("rapidocr", reason="needs the extra 'ocr'")
 
-FONT = Path(__file__).resolve().parents[2] / "hijack_data" / "fonts" / "DejaVuSans.ttf"
+ROOT = Path(__file__).resolve().parents[2]
+FONT = ROOT / "hijack_data" / "fonts" / "DejaVuSans.ttf"
+SCREEN = ROOT / "examples" / "recordings" / "images" / "rename-03.png"
 
 
 def page() -> tuple[np.ndarray, dict[str, tuple[float, float, float, float]]]:
@@ -79,3 +84,36 @@ def test_without_rapidocr(monkeypatch: pytest.MonkeyPatch, module: str) -> None:
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(MissingDependencyError, match=r"pip install .*\[ocr\]'"):
         boxes_from_ocr(page()[0])
+
+
+@pytest.fixture
+def engines(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[bool], Any]]:
+    """Loads the models, with or without OpenVINO."""
+    pytest.importorskip("openvino", reason="needs the extra 'openvino'")
+
+    def load(has: bool) -> Any:
+        monkeypatch.setattr(ocr, "has_openvino", lambda: has)
+        ocr._engine.cache_clear()
+        return ocr._engine(os.getpid())
+
+    yield load
+    ocr._engine.cache_clear()
+
+
+def test_openvino_finds_the_lines_that_onnx_runtime_finds(engines: Callable[[bool], Any]) -> None:
+    screen = np.asarray(Image.open(SCREEN).convert("RGB"))[:600, 600:1400]
+    engines(True)
+    found = boxes_from_ocr(screen)
+    engines(False)
+    other = boxes_from_ocr(screen)
+    assert len(found.names) > 10
+    assert found.names == other.names
+    assert found.boxes.tolist() == other.boxes.tolist()
+
+
+def test_openvino_computes_in_float32_on_every_processor(engines: Callable[[bool], Any]) -> None:
+    openvino = pytest.importorskip("openvino")
+    finder = engines(True).text_det.session
+    compiled = finder.session.get_compiled_model()
+    assert compiled.get_property("INFERENCE_PRECISION_HINT") == openvino.Type.f32
+    assert compiled.get_property("INFERENCE_NUM_THREADS") == ocr.threads()
