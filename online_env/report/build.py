@@ -17,7 +17,7 @@ from ..bench.reading import ResultRecord, Run
 from . import used
 from .identity import NINE, agents_of, conditions_of, has_all_nine, identity_of
 from .model import AgentSummary, Cell, ReportError, RunIdentity, RunReport, from_data
-from .notes import notes_of
+from .notes import notes_of, recovery_note
 
 CEILING = "recovering"  # the agent that acts like a careful user
 _Key: TypeAlias = tuple[str, str]
@@ -99,8 +99,8 @@ def build_report(run: Run, *, reference: str = "") -> RunReport:
         parts=tuple(_parts(run)),
         reference=reference,
     )
-    partial = scores.partial(run.records)
-    return RunReport(**{**vars(report), "notes": notes_of(report, partial)})
+    notes = (*recovery_note(run), *notes_of(report, scores.partial(run.records)))
+    return RunReport(**{**vars(report), "notes": notes})
 
 
 def cells_of(run: Run, chosen: Sequence[ResultRecord]) -> list[Cell]:

@@ -37,14 +37,16 @@ def as_latex(document: ReportDocument) -> str:
     ours = [_own(report, row) for row in report.summaries]
     headings = [*report.labels, "corrupted", "retention"]
     caption = f"Success in percent, {_escape(report.run.name)}: {report.run.tasks} tasks."
-    return _table(headings, _body(ours), caption + _missing(report))
+    return _table(headings, _body(ours), caption + _circumstances(report))
 
 
-def _missing(report: RunReport) -> str:
-    """Return the sentence that ends the caption of an unfinished run; empty for a finished one."""
-    if not report.run.missing:
-        return ""
-    return f" {report.run.missing} of {report.run.planned} episodes are missing."
+def _circumstances(report: RunReport) -> str:
+    """Return the sentences that end the caption: the recovery policy, and what is missing."""
+    run = report.run
+    said = f" Recovery policy: {_escape(run.recovery)}." if run.recovery else ""
+    if run.missing:
+        said += f" {run.missing} of {run.planned} episodes are missing."
+    return said
 
 
 def _own(report: RunReport, row: AgentSummary) -> _Row:
@@ -72,7 +74,9 @@ def _with_paper(paper: PaperTable, report: RunReport) -> str:
     body = [*_body(theirs, 2), r"\midrule", *_body(ours, 2)]
     caption = "Success in percent. Above the line: the paper, as printed; below it: ours."
     notes = [f"% {' '.join(note.split())}\n" for note in paper.notes]
-    return "".join(notes) + _table([*paper.columns, "average"], body, caption + _missing(report))
+    return "".join(notes) + _table(
+        [*paper.columns, "average"], body, caption + _circumstances(report)
+    )
 
 
 def _of_paper(row: PaperRow, name: str, columns: Sequence[str]) -> _Row:

@@ -1,17 +1,39 @@
 """Sentences that a reader of a report has to know in addition to its numbers."""
 
+from collections import Counter
 from collections.abc import Iterator
 
 from hijack_data.plan import CLEAN
 from hijack_data.runs.given import given_words
 
 from ..bench import scores
+from ..bench.reading import Run
 from .model import RunReport
 
 
 def notes_of(report: RunReport, partial: int = 0) -> tuple[str, ...]:
     """Return the notes on a report, of whose scores `partial` are neither 0 nor 1."""
     return tuple(_notes(report, partial))
+
+
+def recovery_note(run: Run) -> Iterator[str]:
+    """Yield the recovery policy of a live run, and who asked for it; nothing for a scoring run."""
+    if run.is_scored:
+        return
+    counted: dict[str, Counter[str]] = {}
+    for record in scores.latest(run.records).values():
+        found = record.get("recovery")
+        if isinstance(found, dict):
+            own = counted.setdefault(record["agent"], Counter())
+            own.update({key: n for key, n in found.items() if isinstance(n, int)})
+    asked = [
+        f"{agent} asked {own['requests']} times to be re-initialised ({own['false_alarms']} false"
+        f" alarms), and {own['repaired']} were repaired"
+        for agent, own in counted.items()
+        if own["requests"]
+    ]
+    said = "; ".join(asked) or "no agent asked to be re-initialised"
+    yield f"Recovery policy {run.config.get('recovery', 'unknown')}: {said}."
 
 
 def partial_note(partial: int) -> Iterator[str]:
@@ -67,12 +89,29 @@ def _on_agents(report: RunReport) -> Iterator[str]:
             "The paper's average needs the clean condition and all nine corruptions under their"
             " own names."
         )
+    yield from _on_reference(report)
     yield from _on_cases(report)
     labels: dict[str, set[str]] = {}
     for cell in report.cells:
         labels.setdefault(cell.agent, set()).add(cell.corruption)
     if len(set(map(frozenset, labels.values()))) > 1:
         yield "The agents were not played under the same conditions: their means differ in kind."
+
+
+def _on_reference(report: RunReport) -> Iterator[str]:
+    """Yield why there is no mCE, where one was asked for."""
+    if not report.reference or any(row.mce is not None for row in report.summaries):
+        return
+    flawless = [
+        cell.corruption
+        for cell in report.cells
+        if cell.agent == report.reference and cell.corruption != CLEAN and cell.success == 1
+    ]
+    if flawless:
+        yield (
+            f"There is no mCE: the reference agent {report.reference} never fails under"
+            f" {', '.join(flawless)}, and an error has no ratio to 0."
+        )
 
 
 def _on_cases(report: RunReport) -> Iterator[str]:

@@ -1,7 +1,6 @@
 """The report on a terminal: tables, a line about each agent, and the problems."""
 
 import importlib
-from collections import Counter
 from collections.abc import Sequence
 from io import StringIO
 from typing import Any
@@ -71,8 +70,6 @@ def show(run: Run, reference: str = "") -> None:
     final = list(scores.latest(run.records).values())
     if run.is_scored:
         importlib.import_module("online_env.scoring.tables").show_parts(run, screen)
-    else:
-        _show_recovery(run, final, screen)
     used = costs.usage_line(run.records)
     if used:
         screen.print(used, soft_wrap=True)
@@ -183,23 +180,6 @@ def _table(headings: Sequence[str], title: str | None = None) -> Table:
     for name in headings:
         table.add_column(name, justify="right", no_wrap=True)
     return table
-
-
-def _show_recovery(
-    run: Run,
-    final: Sequence[ResultRecord],
-    screen: Any,
-) -> None:
-    counted: Counter[str] = Counter()
-    for record in final:
-        recovery = record.get("recovery")
-        if not isinstance(recovery, dict):
-            continue
-        counted.update({key: n for key, n in recovery.items() if isinstance(n, int)})
-    policy = run.config.get("recovery", "unknown")
-    asked = f"asked for {counted['requests']} times, {counted['false_alarms']} of them false alarms"
-    said = f"recovery policy: {policy} ({asked}, {counted['repaired']} repaired)"
-    screen.print(said, markup=False, soft_wrap=True)
 
 
 def text(document: ReportDocument) -> str:

@@ -274,7 +274,7 @@ def test_report_as_json_and_as_a_table(folder):
     assert [row["corruption"] for row in rows] == ["clean", "few"]
     table = hijack("report", folder)
     assert table.returncode == 0
-    assert "recovery policy: none" in table.stdout
+    assert "Recovery policy none: no agent asked" in table.stdout
     few = table.stdout.split("few")[1].split()
     assert few[:4] == ["2", "50.0", "[0.0,", "100.0]"]
     assert few[4:9] == ["-50.0", "[-100.0,", "+0.0]", "1.000", "50.0"]

@@ -133,6 +133,45 @@ def test_latex_with_the_paper_says_what_agents_were_given_and_what_is_missing(tm
     assert "1 of 3 episodes are missing." in out
 
 
+def test_every_form_says_who_asked_for_recovery(tmp_path, capsys):
+    asked = {"policy": "repair", "requests": 2, "false_alarms": 1, "repaired": 1}
+    records = [
+        *(record | {"recovery": asked} for record in scored("mine", "marks", [1, 0])),
+        *(
+            record | {"recovery": asked | {"requests": 0}}
+            for record in scored("calm", "marks", [1, 0])
+        ),
+    ]
+    folder = run_of(tmp_path / "run", records, recovery="repair")
+    said = (
+        "Recovery policy repair: mine asked 4 times to be re-initialised (2 false alarms), and 2"
+        " were repaired."
+    )
+    for form in ("terminal", "json", "markdown", "html"):
+        words = () if form == "terminal" else ("--format", form)
+        _, out, _ = hijack(capsys, "report", folder, *words)
+        assert said in " ".join(out.split()), form
+    _, out, _ = hijack(capsys, "report", folder, "--format", "latex")
+    assert "Recovery policy: repair." in out
+
+
+@pytest.mark.parametrize("form", ["terminal", "markdown", "html"])
+def test_every_form_says_why_there_is_no_mce(tmp_path, capsys, form):
+    records = [
+        *scored("mine", "marks", [1, 0]),
+        *scored("perfect", "marks", [1, 1]),
+        *scored("perfect", "subtitle", [1, 0]),
+    ]
+    folder = run_of(tmp_path / "run", records)
+    words = () if form == "terminal" else ("--format", form)
+    _, out, _ = hijack(capsys, "report", folder, "--reference", "perfect", *words)
+    out = " ".join(out.split())
+    assert "There is no mCE: the reference agent perfect never fails under marks," in out
+    assert "mCE is the mean" not in out
+    _, out, _ = hijack(capsys, "report", folder, "--reference", "mine", *words)
+    assert "There is no mCE" not in out
+
+
 def test_model_index_is_what_the_hub_reads(folder, capsys):
     hub = pytest.importorskip("huggingface_hub.repocard_data")
     code, out, _ = hijack(capsys, "report", folder, "--format", "model-index")
@@ -154,7 +193,9 @@ def test_what_is_published_of_a_run_says_what_is_missing(tmp_path):
     path = run / "records.jsonl"
     path.write_bytes(b"".join(path.read_bytes().splitlines(keepends=True)[:-3]))
     cut = ReportDocument(report=build_report(reading.read(run)))
-    assert "10 tasks. 3 of 100 episodes are missing.}" in formats.write(cut, "latex")
+    assert "10 tasks. Recovery policy: none. 3 of 100 episodes are missing.}" in formats.write(
+        cut, "latex"
+    )
     card = yaml.safe_load(formats.write(cut, "model-index"))["model-index"][0]
     assert card["results"][0]["dataset"]["args"]["missing_episodes"] == 3
 
