@@ -30,6 +30,8 @@ class RebuildReport(Findings):
         problems: the differences, each with the file and the step; empty if everything is
             identical.
         episodes: number of episodes that were checked.
+        answers: number of records of a run of `hijack score`, which has no episodes; `None` for a
+            run of `hijack bench`.
         steps: number of observations that were computed again.
         disturbed: number of those whose picture the plan changes.
         unfinished: number of episodes that were interrupted, and are not checked.
@@ -39,6 +41,7 @@ class RebuildReport(Findings):
     """
 
     episodes: int = 0
+    answers: int | None = None
     steps: int = 0
     disturbed: int = 0
     unfinished: int = 0
@@ -48,15 +51,23 @@ class RebuildReport(Findings):
 
     def lines(self) -> list[str]:
         """The report as lines of text."""
-        state = "all identical" if self.ok else f"{len(self.problems)} problem(s)"
-        left = f", {self.unfinished} unfinished" if self.unfinished else ""
-        seen = f"{self.steps} observations, {self.disturbed} of them disturbed"
-        head = f"{self.folder}: {self.episodes} episodes{left}, {seen}, made again: {state}"
-        lines = [head, *self.listed()]
+        lines = [f"{self.folder}: {self._checked()}", *self.listed()]
         if self.signer:
             lines.append(f"  signed by {self.signer}")
         lines += [f"  not proved: {text}" for text in self.unproved]
         return lines
+
+
+    def _checked(self) -> str:
+        """Return what was checked, and the outcome."""
+        failed = f"{len(self.problems)} problem(s)"
+        if self.answers is not None:
+            state = "nothing differs" if self.ok else failed
+            return f"{self.answers} answers to rows of a dataset: {state}"
+        state = "all identical" if self.ok else failed
+        left = f", {self.unfinished} unfinished" if self.unfinished else ""
+        seen = f"{self.steps} observations, {self.disturbed} of them disturbed"
+        return f"{self.episodes} episodes{left}, {seen}, made again: {state}"
 
 
 def is_run(folder: str | os.PathLike[str]) -> bool:
@@ -92,6 +103,8 @@ def rebuild(run: str | os.PathLike[str], key: str | None = None) -> RebuildRepor
         for folder in _folders(path):
             _add_episode(report, journal, folder, f"{EPISODES}/{folder.name}")
         _add_run(report, journal, path, key)
+    if journal.is_scored:
+        report.answers = len(journal.records)
     report.chained = journal.oldest >= CHAINED
     report.unproved = list(_unproved(report, journal, alone))
     return report

@@ -409,6 +409,8 @@ def test_verify_finds_what_was_edited(clicks, tmp_path):
     assert whole.ok
     assert whole.chained
     assert any("hijack score makes them again" in text for text in whole.unproved)
+    answers = len((out / "records.jsonl").read_text().splitlines())
+    assert whole.lines()[0] == f"{out}: {answers} answers to rows of a dataset: nothing differs"
     path = out / "records.jsonl"
     kept = path.read_text()
     path.write_text(kept.replace('"score": 0.0', '"score": 1.0', 1))

@@ -1,6 +1,7 @@
 """`rebuild`: what an agent saw is made again from the log, and whatever differs is found."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +17,11 @@ from hijack_data.cli import hijack
 from online_env.environment import CorruptedEnv
 from pipelines.errors import SourceError
 from pipelines.proof.rebuild import is_run, rebuild
+from pipelines.readers.survey import survey
 
 from support.live import AT_ONCE, FakeDesktop, FakeStage
 
+PUBLISHED = Path(__file__).resolve().parents[2] / "docs" / "results" / "ablation_modules" / "run"
 CASES = {
     "clean": None,
     "pop_ups": hj.PopUps(width=420, height=260),
@@ -146,6 +149,15 @@ def test_what_is_no_run_is_refused(tmp_path):
     assert not is_run(tmp_path)
     with pytest.raises(SourceError, match="neither a run"):
         rebuild(tmp_path)
+
+
+def test_records_without_the_folder_of_episodes_are_one_problem(tmp_path):
+    shutil.copytree(PUBLISHED, tmp_path / "run")
+    report = rebuild(tmp_path / "run")
+    (problem,) = report.problems
+    assert problem.startswith("episodes: is not there, so no record can be compared")
+    with pytest.raises(SourceError, match="is a run without the folder episodes"):
+        survey(tmp_path / "run")
 
 
 def test_hijack_verify_checks_runs_too(tmp_path):
