@@ -57,7 +57,6 @@ class RebuildReport(Findings):
         lines += [f"  not proved: {text}" for text in self.unproved]
         return lines
 
-
     def _checked(self) -> str:
         """Return what was checked, and the outcome."""
         failed = f"{len(self.problems)} problem(s)"
