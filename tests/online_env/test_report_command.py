@@ -157,11 +157,19 @@ def test_formats_that_have_a_place_for_the_papers_table_show_it(format, two, cap
 # Where it is written
 
 
-def test_a_file_in_a_folder_that_is_not_there_is_one_line(two, capsys, tmp_path):
-    path = tmp_path / "none" / "report.html"
+def test_a_folder_that_is_not_there_is_made_with_the_file(two, capsys, tmp_path):
+    path = tmp_path / "none" / "yet" / "report.html"
+    code, out, _ = hijack(capsys, "report", two[0], "-o", path)
+    assert (code, out) == (0, f"wrote {path}\n")
+    assert path.is_file()
+
+
+def test_a_file_where_no_folder_can_be_made_is_one_line(two, capsys, tmp_path):
+    (tmp_path / "file").touch()
+    path = tmp_path / "file" / "report.html"
     code, out, err = hijack(capsys, "report", two[0], "-o", path)
     assert (code, out) == (2, "")
-    assert err == f"hijack: error: {path}: cannot be written (No such file or directory)\n"
+    assert err == f"hijack: error: {path}: cannot be written (File exists)\n"
 
 
 def test_rows_go_to_a_file_and_a_run_that_is_refused_leaves_the_file_as_it_was(
