@@ -29,8 +29,8 @@ _PLACES = (
     ("Bologna", "Italy", "Via Zamboni {}", "40{:03d}"),
     ("Graz", "Austria", "Herrengasse {}", "8{:03d}"),
 )
-_ADDRESS = ("name", "email", "street", "postcode", "city", "country")
-NOBODY: Mapping[str, str] = dict.fromkeys(_ADDRESS, "nobody")
+ADDRESS = ("name", "email", "street", "postcode", "city", "country")
+NOBODY: Mapping[str, str] = dict.fromkeys(ADDRESS, "nobody")
 _LABELS = {
     "name": "Full name",
     "email": "E-mail",
@@ -144,7 +144,7 @@ def order(
     sum_cents = sum(line["cents"] for line in bought)
     with machine.sites.update("shop") as state:
         orders = state.setdefault("orders", [])
-        placed = {key: person[key] for key in _ADDRESS} | {
+        placed = {key: person[key] for key in ADDRESS} | {
             "delivery": delivery,
             "payment": payment,
             "message": message,

@@ -1,9 +1,10 @@
 """Bookmark a page in one of the folders of the bookmarks bar."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import chromium
+from online_env.tasks.kit import chromium, told
 from online_env.tasks.kit.links import PAGES, bar
 from online_env.tasks.kit.pages import enter, open_folder, pick, visit
+from online_env.tasks.plan_words import quoted
 
 NAMES = ("For the weekend", "To read", "Ask Tomas", "Good one", "Remember this", "For later")
 
@@ -49,6 +50,20 @@ class AddBookmark(Task):
         enter(hand, "URL", self.drawn.url)
         hand.button("Save")
         hand.find("push-button", f"More actions for {self.drawn.new}")
+
+    def plan(self):
+        return [
+            'window "Chromium"',
+            *told.visit(self.drawn.url, "http"),
+            "press ctrl+d",
+            'wait for "Done"',
+            "press ctrl+a",
+            f"type {quoted(self.drawn.new)}",
+            'click right of "Folder"',
+            f"click {quoted(self.drawn.folder)}",
+            'click "Done"',
+            "wait",
+        ]
 
     def wrong(self):
         write, drawn = chromium.write_bookmarks, self.drawn

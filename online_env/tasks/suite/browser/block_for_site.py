@@ -3,9 +3,10 @@
 import re
 
 from online_env.tasks import Task
-from online_env.tasks.kit import chromium
+from online_env.tasks.kit import chromium, told
 from online_env.tasks.kit.pages import enter, visit
 from online_env.tasks.kit.words import sample
+from online_env.tasks.plan_words import quoted
 
 # What is blocked, the page of the settings, the beginning of its title, and the stored name.
 KINDS = (
@@ -68,6 +69,18 @@ class BlockForSite(Task):
         enter(hand, "Site", drawn.host)
         hand.button("Add")
         hand.find("static", re.compile(rf"(http://)?{re.escape(drawn.host)}"))
+
+    def plan(self):
+        return [
+            'window "Chromium"',
+            *told.visit(f"chrome://settings/content/{self.drawn.kind}", self.drawn.title),
+            'scroll down to "Not allowed to"',
+            'click "Add" near "Not allowed to"',
+            'wait for "Add a site"',
+            f"type {quoted(self.drawn.host)}",
+            'click "Add" near "Cancel"',
+            "wait",
+        ]
 
     def wrong(self):
         kind, host, other = self.drawn.kind, self.drawn.host, self.drawn.other

@@ -4,8 +4,9 @@ import math
 import re
 
 from online_env.tasks import Task
-from online_env.tasks.kit import chromium
+from online_env.tasks.kit import chromium, told
 from online_env.tasks.kit.pages import visit
+from online_env.tasks.plan_words import quoted
 
 SIZE = "webkit.webprefs.default_font_size"
 SIZES = {"Very small": 9, "Small": 12, "Large": 20, "Very large": 24}
@@ -51,6 +52,17 @@ class EnlargeText(Task):
             hand.click_on("combo-box", name, app="chrom", scroll=True)
             hand.click_on("menu-item", re.compile(rf"\s*{option}\s*$"), app="chrom")
             hand.gone("menu-item", app="chrom")
+
+    def plan(self):
+        return [
+            'window "Chromium"',
+            *told.visit("chrome://settings/appearance", "Page zoom"),
+            'click "Medium (Recommended)"',
+            f"click {quoted(self.drawn.size)}",
+            'click "100%" near "Page zoom"',
+            f"click {quoted(f'{self.drawn.zoom}%')}",
+            "wait",
+        ]
 
     def wrong(self):
         def put(size, zoom):

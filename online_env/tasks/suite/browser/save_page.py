@@ -2,10 +2,12 @@
 
 from online_env.embedded.sites.library import articles, plain
 from online_env.tasks import Task
+from online_env.tasks.kit import told
 from online_env.tasks.kit.apps import APPS
 from online_env.tasks.kit.articles import address
 from online_env.tasks.kit.pages import visit
 from online_env.tasks.kit.words import TOPICS
+from online_env.tasks.plan_words import quoted
 
 FOLDERS = ("Documents", "Desktop", "Downloads")
 
@@ -53,6 +55,18 @@ class SavePage(Task):
         hand.find("heading", self.drawn.title)
         hand.press("ctrl", "s")
         hand.choose_file(self.drawn.path, "Save", APPS["chrome"].helper)
+
+    def plan(self):
+        return [
+            'window "Chromium"',
+            *told.visit(self.drawn.url, self.drawn.title),
+            "press ctrl+s",
+            'wait for "Cancel"',
+            "press ctrl+a",
+            f"type {quoted(f'/home/user/{self.drawn.path}')}",
+            "press enter",
+            "wait",
+        ]
 
     def wrong(self):
         path = self.drawn.path

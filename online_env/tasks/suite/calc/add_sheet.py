@@ -1,8 +1,10 @@
 """Add a sheet with a name after the others, and write in it."""
 
+from online_env.tasks.kit import told
 from online_env.tasks.kit.office import menu, save
 from online_env.tasks.kit.sheets import SheetTask, book, changes, enter, show_sheet
 from online_env.tasks.kit.words import CITIES, MONTHS, sample
+from online_env.tasks.plan_words import quoted
 
 
 class AddSheet(SheetTask):
@@ -55,6 +57,20 @@ class AddSheet(SheetTask):
         show_sheet(hand, self.drawn.new)
         enter(hand, "A1", self.drawn.text)
         save(hand)
+
+    def plan(self):
+        return [
+            told.CALC,
+            'click "Sheet" near "Data"',
+            'click "Insert Sheet at End"',
+            'wait for "Append Sheet"',
+            "press ctrl+a",
+            f"type {quoted(self.drawn.new)}",
+            "press enter",
+            "wait",
+            *told.enter_in_cell("A1", self.drawn.text),
+            *told.SAVE_XLSX,
+        ]
 
     def wrong(self):
         new, text = self.drawn.new, self.drawn.text

@@ -1,5 +1,6 @@
 """Put the average of some rows into a cell."""
 
+from online_env.tasks.kit import told
 from online_env.tasks.kit.office import save
 from online_env.tasks.kit.sheets import SheetTask, book, changes, enter
 from online_env.tasks.kit.words import FIRST_NAMES, LAST_NAMES
@@ -53,6 +54,13 @@ class AverageMatching(SheetTask):
     def oracle(self, hand):
         enter(hand, self.drawn.cell, self.drawn.formula)
         save(hand)
+
+    def plan(self):
+        return [
+            told.CALC,
+            *told.enter_in_cell(self.drawn.cell, self.drawn.formula),
+            *told.SAVE_XLSX,
+        ]
 
     def wrong(self):
         cell, average = self.drawn.cell, self.drawn.average

@@ -4,9 +4,11 @@ import csv
 import io
 import re
 
+from online_env.tasks.kit import told
 from online_env.tasks.kit.office import keep_format
 from online_env.tasks.kit.sheets import SheetTask, book, changes
 from online_env.tasks.kit.words import CITIES, FIRST_NAMES, LAST_NAMES, TOPICS
+from online_env.tasks.plan_words import quoted
 
 HEADER = ("Name", "City", "Members", "Fee")
 NUMBER = re.compile(r"[0-9]+(\.[0-9]+)?")
@@ -75,6 +77,20 @@ class ExportCsv(SheetTask):
         hand.button("OK", app="soffice")
         hand.gone("dialog", app="soffice")
         hand.find("frame", f"{self.drawn.name}.csv - LibreOffice Calc", app="soffice")
+
+    def plan(self):
+        return [
+            told.CALC,
+            "press ctrl+shift+s",
+            'wait for "Cancel"',
+            "press ctrl+a",
+            f"type {quoted(f'/home/user/{self.drawn.csv}')}",
+            "press enter",
+            'click "Use Text CSV"',
+            'wait for "Export Text File"',
+            'click "OK"',
+            "wait",
+        ]
 
     def wrong(self):
         return {

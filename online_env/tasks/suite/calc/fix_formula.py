@@ -1,5 +1,6 @@
 """Find the one wrong formula of a column and put it right."""
 
+from online_env.tasks.kit import told
 from online_env.tasks.kit.office import save
 from online_env.tasks.kit.sheets import (
     SheetTask,
@@ -73,6 +74,14 @@ class FixFormula(SheetTask):
         number = self.drawn.wrong
         enter(hand, self.drawn.cell, f"=B{number}*C{number}")
         save(hand)
+
+    def plan(self):
+        number = self.drawn.wrong
+        return [
+            told.CALC,
+            *told.enter_in_cell(self.drawn.cell, f"=B{number}*C{number}"),
+            *told.SAVE_XLSX,
+        ]
 
     def wrong(self):
         number = self.drawn.wrong

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from online_env.tasks.kit import told
 from online_env.tasks.kit.office import save
 from online_env.tasks.kit.sheets import SheetTask, book, changes, go_to
 from online_env.tasks.kit.words import CITIES, sample
@@ -52,6 +53,15 @@ class FormatPercent(SheetTask):
         go_to(hand, f"{cells[0]}:{cells[-1]}")
         hand.press("ctrl", "shift", "5")
         save(hand)
+
+    def plan(self):
+        cells = self.cells()
+        return [
+            told.CALC,
+            *told.go_to_cell(f"{cells[0]}:{cells[-1]}"),
+            "press ctrl+shift+5",
+            *told.SAVE_XLSX,
+        ]
 
     def wrong(self):
         cells = self.cells()

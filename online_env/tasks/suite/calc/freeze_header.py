@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from online_env.tasks.kit import told
 from online_env.tasks.kit.office import menu, save
 from online_env.tasks.kit.sheets import SheetTask, book, changes, go_to
 from online_env.tasks.kit.words import FIRST_NAMES, LAST_NAMES, MONTHS
@@ -46,6 +47,15 @@ class FreezeHeader(SheetTask):
         if hand.see("toggle-button", "Freeze Rows and Columns", "soffice", "checked") is None:
             menu(hand, "View", "Freeze Rows and Columns")
         save(hand)
+
+    def plan(self):
+        return [
+            told.CALC,
+            *told.go_to_cell(PARTS[self.drawn.part]),
+            'click "View"',
+            'click "Freeze Rows and Columns"',
+            *told.SAVE_XLSX,
+        ]
 
     def wrong(self):
         wanted = PARTS[self.drawn.part]

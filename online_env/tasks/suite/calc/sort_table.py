@@ -1,8 +1,10 @@
 """Sort the rows of a table by a column."""
 
+from online_env.tasks.kit import told
 from online_env.tasks.kit.office import dump, menu, save
 from online_env.tasks.kit.sheets import SheetTask, book, changes, go_to, read_book
 from online_env.tasks.kit.words import CITIES, GOODS, sample, shuffled
+from online_env.tasks.plan_words import quoted
 
 HEADER = ("Article", "Made in", "Pieces", "Price")
 LETTERS = "ABCD"
@@ -57,6 +59,16 @@ class SortTable(SheetTask):
         go_to(hand, f"{self.drawn.letter}1")
         menu(hand, "Data", "Sort Ascending" if self.drawn.rising else "Sort Descending")
         save(hand)
+
+    def plan(self):
+        way = "Ascending" if self.drawn.rising else "Descending"
+        return [
+            told.CALC,
+            *told.go_to_cell(f"{self.drawn.letter}1"),
+            'click "Data" near "Tools"',
+            f"click {quoted(f'Sort {way}')}",
+            *told.SAVE_XLSX,
+        ]
 
     def wrong(self):
         wanted, rows = self.drawn.wanted, self.drawn.rows

@@ -1,5 +1,6 @@
 """Put the total of a column into a cell."""
 
+from online_env.tasks.kit import told
 from online_env.tasks.kit.office import save
 from online_env.tasks.kit.sheets import SheetTask, book, changes, enter, is_number
 from online_env.tasks.kit.words import FIRST_NAMES, sample
@@ -54,6 +55,13 @@ class SumColumn(SheetTask):
     def oracle(self, hand):
         enter(hand, self.drawn.cell, self.drawn.formula)
         save(hand)
+
+    def plan(self):
+        return [
+            told.CALC,
+            *told.enter_in_cell(self.drawn.cell, self.drawn.formula),
+            *told.SAVE_XLSX,
+        ]
 
     def wrong(self):
         cell, total = self.drawn.cell, self.drawn.total

@@ -4,6 +4,7 @@ import re
 
 from online_env.tasks import Task
 from online_env.tasks.kit import desktop_settings
+from online_env.tasks.plan_words import quoted
 
 APP = "xfce4-appearance-settings"
 ICONS = {
@@ -43,6 +44,16 @@ class ChooseIcons(Task):
             desktop_settings.choose_tab(hand, tab, APP)
             hand.click_on("table-cell", re.compile(rf"{name}\n"), APP)
             hand.find("table-cell", re.compile(rf"{name}\n"), APP, "selected")
+
+    def plan(self):
+        steps = ['window "Appearance"']
+        for tab, name in (("Style", self.drawn.style), ("Icons", self.drawn.icons)):
+            steps += [
+                f"click {quoted(tab)}",
+                f"scroll down to {quoted(name)}",
+                f"click {quoted(name)}",
+            ]
+        return [*steps, "wait"]
 
     def wrong(self):
         icons, style = self.drawn.wanted.values()

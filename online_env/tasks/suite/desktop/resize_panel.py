@@ -2,6 +2,7 @@
 
 from online_env.tasks import Task
 from online_env.tasks.kit import desktop_settings
+from online_env.tasks.plan_words import quoted
 
 APP = "xfce4-panel"
 PANEL = "panels/panel-1"
@@ -34,6 +35,21 @@ class ResizePanel(Task):
         desktop_settings.set_number(hand, "Number of rows:", self.drawn.rows, APP)
         hand.button("Close", APP)
         hand.gone("dialog", "Panel Preferences", APP)
+
+    def plan(self):
+        return [
+            'window "Panel"',
+            'double-click right of "Row size (pixels):"',
+            "press ctrl+a",
+            f"type {quoted(str(self.drawn.size))}",
+            "press tab",
+            'double-click right of "Number of rows:"',
+            "press ctrl+a",
+            f"type {quoted(str(self.drawn.rows))}",
+            "press tab",
+            'click "Close"',
+            "wait",
+        ]
 
     def wrong(self):
         size, rows = self.drawn.size, self.drawn.rows

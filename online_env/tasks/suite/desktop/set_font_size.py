@@ -4,6 +4,7 @@ import re
 
 from online_env.tasks import Task
 from online_env.tasks.kit import desktop_settings
+from online_env.tasks.plan_words import quoted
 
 APP = "xfce4-appearance-settings"
 FONTS = {
@@ -50,6 +51,19 @@ class SetFontSize(Task):
         desktop_settings.set_number(hand, "Size", self.drawn.size, APP)
         hand.button("Select", APP)
         hand.gone("dialog", re.compile("Select a"), APP)
+
+    def plan(self):
+        return [
+            'window "Appearance"',
+            'click "Fonts"',
+            f"click {quoted(TEN[self.drawn.key])}",
+            'double-click right of "Size"',
+            "press ctrl+a",
+            f"type {quoted(str(self.drawn.size))}",
+            "press tab",
+            'click "Select" near "Cancel"',
+            "wait",
+        ]
 
     def wrong(self):
         key = self.drawn.key

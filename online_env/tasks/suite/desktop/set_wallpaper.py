@@ -4,6 +4,7 @@ from hijack_data.rng import Stream
 from online_env.tasks import Task
 from online_env.tasks.kit import desktop_settings, pictures
 from online_env.tasks.kit.words import CITIES, sample
+from online_env.tasks.plan_words import quoted
 
 ITEMS = ("table-cell", "list-item")
 PLACE = "backdrop/screen0/monitorscreen/workspace0/last-image"
@@ -51,6 +52,14 @@ class SetWallpaper(Task):
         item = hand.find(ITEMS, self.drawn.file, app="thunar")
         hand.context_menu(item, "Set as wallpaper", app="thunar")
         hand.gone("menu-item", "Set as wallpaper", app="thunar")
+
+    def plan(self):
+        return [
+            'window "Thunar"',
+            f"right-click {quoted(self.drawn.file)}",
+            'click "Set as wallpaper"',
+            "wait",
+        ]
 
     def wrong(self):
         place = self.drawn.place

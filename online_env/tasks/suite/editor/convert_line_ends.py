@@ -5,6 +5,7 @@ import re
 from online_env.tasks import Task
 from online_env.tasks.kit import text_editor
 from online_env.tasks.kit.words import CITIES, GOODS, LAST_NAMES, sample
+from online_env.tasks.plan_words import quoted
 
 APP = "mousepad"
 KINDS = ("export", "stock", "list", "orders")
@@ -67,6 +68,17 @@ class ConvertLineEnds(Task):
         hand.menu("Document", re.compile("Line Ending"), ITEMS[self.drawn.system], app=APP)
         hand.gone("menu-item", re.compile("Unix"), APP)
         text_editor.save(hand, self.drawn.path, APP)
+
+    def plan(self):
+        item = {"Windows": "DOS / Windows", "Unix": "Unix (LF)"}[self.drawn.system]
+        return [
+            'window "Mousepad"',
+            'click "Document"',
+            'click "Line Ending"',
+            f"click {quoted(item)}",
+            "press ctrl+s",
+            "wait",
+        ]
 
     def wrong(self):
         path, lines = self.drawn.path, self.drawn.lines

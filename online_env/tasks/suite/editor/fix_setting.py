@@ -5,6 +5,7 @@ import re
 from online_env.tasks import Task
 from online_env.tasks.kit import text_editor
 from online_env.tasks.kit.words import sample, shuffled
+from online_env.tasks.plan_words import quoted
 
 APP = "geany"
 SECTIONS = ("mail", "backup", "printer", "archive", "proxy", "camera")
@@ -75,6 +76,19 @@ class FixSetting(Task):
         text_editor.rewrite_line(hand, drawn.path, drawn.number, line, APP)
         text_editor.wait_for_text(hand, drawn.wanted, APP)
         text_editor.save(hand, drawn.path, APP)
+
+    def plan(self):
+        drawn = self.drawn
+        return [
+            'window "Geany"',
+            "press ctrl+home",
+            f"press down {drawn.number - 1} times",
+            "press home",
+            "press shift+end",
+            f"type {quoted(f'{drawn.key} = {drawn.value}')}",
+            "press ctrl+s",
+            "wait",
+        ]
 
     def wrong(self):
         path, text, wanted = self.drawn.path, self.drawn.text, self.drawn.wanted

@@ -3,6 +3,7 @@
 from online_env.tasks import Task
 from online_env.tasks.kit import text_editor
 from online_env.tasks.kit.words import FIRST_NAMES, GOODS, sample
+from online_env.tasks.plan_words import quoted
 
 APP = "mousepad"
 PLACES = ("Kitchen", "Workshop", "Cellar", "Attic", "Garage", "Office")
@@ -64,6 +65,17 @@ class InsertLine(Task):
         hand.type(f"\n{drawn.line}")
         text_editor.wait_for_text(hand, drawn.wanted, APP)
         text_editor.save(hand, drawn.path, APP)
+
+    def plan(self):
+        return [
+            'window "Mousepad"',
+            "press ctrl+home",
+            f"press down {self.drawn.number - 1} times",
+            "press end",
+            f"type {quoted(chr(10) + self.drawn.line)}",
+            "press ctrl+s",
+            "wait",
+        ]
 
     def wrong(self):
         path, text = self.drawn.path, self.drawn.text

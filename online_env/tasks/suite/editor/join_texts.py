@@ -1,8 +1,9 @@
 """Join two text files into a third, in Mousepad."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import text_editor
+from online_env.tasks.kit import text_editor, told
 from online_env.tasks.kit.words import CITIES, LAST_NAMES, sample
+from online_env.tasks.plan_words import quoted
 
 APP = "mousepad"
 KINDS = ("guests", "members", "readers", "drivers", "helpers")
@@ -69,6 +70,26 @@ class JoinTexts(Task):
         hand.press("ctrl", "shift", "s")
         hand.choose_file(self.drawn.path, "Save", APP)
         hand.find("frame", text_editor.title(self.drawn.path, saved=True), APP)
+
+    def plan(self):
+        first, second = self.drawn.texts
+        return [
+            'window "Mousepad"',
+            *told.open_in_editor(f"Documents/{self.drawn.second}"),
+            f"wait for {quoted(second.splitlines()[0])}",
+            "press ctrl+a",
+            "press ctrl+c",
+            *told.open_in_editor(f"Documents/{self.drawn.first}"),
+            f"wait for {quoted(first.splitlines()[0])}",
+            "press ctrl+end",
+            "press ctrl+v",
+            "press ctrl+shift+s",
+            'wait for "Cancel"',
+            "press ctrl+a",
+            f"type {quoted(f'/home/user/{self.drawn.path}')}",
+            "press enter",
+            "wait",
+        ]
 
     def wrong(self):
         path = self.drawn.path

@@ -3,7 +3,9 @@
 import re
 
 from online_env.tasks import Task
+from online_env.tasks.kit import told
 from online_env.tasks.kit.words import sample
+from online_env.tasks.plan_words import quoted
 
 TOPICS = ("shopping", "meeting", "travel", "garden", "reading", "repairs")
 LINES = (
@@ -53,6 +55,13 @@ class WriteNote(Task):
         hand.press("ctrl", "s")
         hand.choose_file(self.drawn.path, "Save", app="mousepad")
         hand.find("frame", re.compile(f"[^*]*{self.drawn.file}"))
+
+    def plan(self):
+        return [
+            'window "Mousepad"',
+            f"type {quoted(self.drawn.text)}",
+            *told.save_as(self.drawn.path),
+        ]
 
     def wrong(self):
         path, text = self.drawn.path, self.drawn.text

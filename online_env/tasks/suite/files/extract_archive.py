@@ -1,10 +1,11 @@
 """Unpack an archive of the Downloads folder, and put what was in it where it belongs."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import thunar
+from online_env.tasks.kit import thunar, told
 from online_env.tasks.kit.archives import make_zip
 from online_env.tasks.kit.files import sample_file
 from online_env.tasks.kit.words import CITIES, TOPICS, sample
+from online_env.tasks.plan_words import quoted
 
 TARGETS = ("Documents", "Pictures", "Desktop")
 
@@ -63,6 +64,19 @@ class ExtractArchive(Task):
             hand.context_menu(archive, "Extract Here", app="thunar")
             hand.find(thunar.ROWS, drawn.folder, app="thunar")
         thunar.move(hand, [drawn.folder], drawn.target)
+
+    def plan(self):
+        drawn = self.drawn
+        return [
+            'window "Thunar"',
+            f"right-click {quoted(drawn.archive)}",
+            'click "Extract Here"',
+            f"click {quoted(drawn.folder)}",
+            "press ctrl+x",
+            *told.go(drawn.target),
+            "press ctrl+v",
+            f"wait for {quoted(drawn.folder)}",
+        ]
 
     def wrong(self):
         target, archive = self.drawn.target, f"Downloads/{self.drawn.archive}"

@@ -1,7 +1,7 @@
 """Move all that came from one company into a folder of its own."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import thunar
+from online_env.tasks.kit import thunar, told
 from online_env.tasks.kit.files import move_files, rearranged, sample_file
 from online_env.tasks.kit.words import sample, shuffled
 
@@ -53,6 +53,16 @@ class FileInvoices(Task):
         thunar.make_folder(hand, company)
         thunar.go(hand, "Documents/Inbox")
         thunar.move(hand, self.drawn.files[company], f"Documents/{company}")
+
+    def plan(self):
+        company = self.drawn.company
+        return [
+            'window "Thunar"',
+            *told.go("Documents"),
+            *told.make_folder(company),
+            *told.go("Documents/Inbox"),
+            *told.move(self.drawn.files[company], f"Documents/{company}"),
+        ]
 
     def wrong(self):
         moves = self.moves(self.drawn.company)

@@ -1,7 +1,7 @@
 """Make a folder for a project, with folders in it."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import thunar
+from online_env.tasks.kit import thunar, told
 from online_env.tasks.kit.files import rearranged
 from online_env.tasks.kit.words import CITIES, sample
 
@@ -57,6 +57,20 @@ class MakeFolderTree(Task):
         thunar.enter(hand, drawn.b)
         for name in (drawn.year, drawn.next):
             thunar.make_folder(hand, str(name))
+
+    def plan(self):
+        drawn = self.drawn
+        steps = [
+            'window "Thunar"',
+            *told.make_folder(drawn.top),
+            *told.go(f"Documents/{drawn.top}"),
+        ]
+        for name in (drawn.a, drawn.b, drawn.c):
+            steps += told.make_folder(name)
+        steps += told.go(f"Documents/{drawn.top}/{drawn.b}")
+        for name in (drawn.year, drawn.next):
+            steps += told.make_folder(str(name))
+        return steps
 
     def wrong(self):
         drawn = self.drawn

@@ -3,10 +3,11 @@
 from pathlib import PurePosixPath
 
 from online_env.tasks import Task
-from online_env.tasks.kit import thunar
+from online_env.tasks.kit import thunar, told
 from online_env.tasks.kit.archives import make_zip, unpacked
 from online_env.tasks.kit.files import sample_file
 from online_env.tasks.kit.words import LAST_NAMES, TOPICS, sample, shuffled
+from online_env.tasks.plan_words import quoted
 
 NAMES = tuple(name for name in LAST_NAMES if name.isascii() and name.isalpha())
 LOOKS = 5
@@ -86,6 +87,23 @@ class MakeZip(Task):
         for _ in range(LOOKS):
             if thunar.present(hand, self.drawn.archive):
                 return
+
+    def plan(self):
+        drawn = self.drawn
+        return [
+            'window "Thunar"',
+            *told.choose(drawn.packed),
+            f"right-click {quoted(drawn.packed[-1])}",
+            'click "Create Archive"',
+            'wait for "Archive type:"',
+            "press ctrl+a",
+            f"type {quoted(drawn.archive)}",
+            'click below "Archive type:"',
+            "press end",
+            'click "zip"',
+            'click "Create" near "Cancel"',
+            f"wait for {quoted(drawn.archive)}",
+        ]
 
     def wrong(self):
         path, names = self.drawn.path, self.drawn.packed

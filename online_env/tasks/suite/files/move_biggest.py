@@ -1,7 +1,7 @@
 """Find the biggest file of a folder, and move it away."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import thunar
+from online_env.tasks.kit import thunar, told
 from online_env.tasks.kit.files import move_files, rearranged
 from online_env.tasks.kit.words import CITIES, TOPICS, sample, shuffled
 
@@ -56,6 +56,12 @@ class MoveBiggest(Task):
         hand.click_on("table-column-header", "Size", app="thunar")
         thunar.reload(hand)
         thunar.move(hand, [self.drawn.biggest], self.drawn.target)
+
+    def plan(self):
+        return [
+            'window "Thunar"',
+            *told.move([self.drawn.biggest], self.drawn.target),
+        ]
 
     def wrong(self):
         biggest, second = self.move(self.drawn.biggest), self.move(self.drawn.second)

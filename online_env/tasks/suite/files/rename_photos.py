@@ -3,7 +3,7 @@
 import re
 
 from online_env.tasks import Task
-from online_env.tasks.kit import thunar
+from online_env.tasks.kit import thunar, told
 from online_env.tasks.kit.files import move_files, rearranged, sample_file
 from online_env.tasks.kit.words import CITIES
 
@@ -62,6 +62,12 @@ class RenamePhotos(Task):
         thunar.go(hand, self.drawn.place)
         for old, new in self.drawn.pairs:
             thunar.rename(hand, old, new)
+
+    def plan(self):
+        steps = ['window "Thunar"']
+        for old, new in self.drawn.pairs:
+            steps += told.rename(old, new)
+        return steps
 
     def wrong(self):
         pairs = self.drawn.pairs

@@ -1,7 +1,7 @@
 """Sort a full Downloads folder by kind of file."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import thunar
+from online_env.tasks.kit import thunar, told
 from online_env.tasks.kit.files import move_files, rearranged, sample_file
 from online_env.tasks.kit.words import CITIES, GOODS, TOPICS, sample, shuffled
 
@@ -68,6 +68,16 @@ class SortDownloads(Task):
             thunar.enter(hand, folder)
             thunar.paste(hand, *left)
             thunar.up(hand, PLACE)
+
+    def plan(self):
+        steps = ['window "Thunar"']
+        for folder, names in self.drawn.files.items():
+            steps += [
+                *told.make_folder(folder),
+                *told.move(names, f"{PLACE}/{folder}"),
+                *told.go(PLACE),
+            ]
+        return steps
 
     def wrong(self):
         moves = list(self.moves())

@@ -5,6 +5,7 @@ from online_env.tasks.kit import thunar
 from online_env.tasks.kit.files import sample_file
 from online_env.tasks.kit.trash import take_out, throw_away, thrown_away
 from online_env.tasks.kit.words import TOPICS, sample
+from online_env.tasks.plan_words import quoted
 
 FOLDERS = ("Club", "Choir", "Allotment", "Parish")
 
@@ -72,6 +73,18 @@ class TrashAndRestore(Task):
         thunar.as_list(hand)
         hand.context_menu(hand.find(thunar.ROWS, back, app="thunar"), "Restore", app="thunar")
         hand.gone(thunar.ROWS, back, app="thunar")
+
+    def plan(self):
+        return [
+            'window "Thunar"',
+            f"click {quoted(self.drawn.out)}",
+            "press delete",
+            "wait",
+            'click "Trash" near "Places"',
+            f"right-click {quoted(self.drawn.back)}",
+            'click "Restore"',
+            "wait",
+        ]
 
     def wrong(self):
         place, out, back = self.drawn.place, self.drawn.out, self.drawn.back

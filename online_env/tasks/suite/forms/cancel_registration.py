@@ -2,8 +2,9 @@
 
 from online_env.embedded.sites.hosts.forms import FIRST_NUMBER
 from online_env.tasks import Task
-from online_env.tasks.kit import registrations
+from online_env.tasks.kit import registrations, told
 from online_env.tasks.kit.pages import enter, follow, visit
+from online_env.tasks.plan_words import quoted
 
 
 class CancelRegistration(Task):
@@ -59,6 +60,18 @@ class CancelRegistration(Task):
         follow(hand, "Cancel it", f"Cancel registration {self.drawn.number}")
         follow(hand, "Cancel the registration", f"Registration {self.drawn.number}")
         hand.find("heading", "Registration cancelled")
+
+    def plan(self):
+        number = self.drawn.number
+        return [
+            'window "Chromium"',
+            *told.find_registration(number, self.drawn.email),
+            'scroll down to "Cancel it"',
+            'click "Cancel it"',
+            f"wait for {quoted(f'Cancel registration {number}')}",
+            'click "Cancel the registration"',
+            'wait for "Registration cancelled"',
+        ]
 
     def wrong(self):
         def cancel(machine, *numbers):

@@ -2,10 +2,11 @@
 
 from online_env.embedded.sites.hosts.forms import FIRST_NUMBER, content
 from online_env.tasks import Task
-from online_env.tasks.kit import registrations
+from online_env.tasks.kit import registrations, told
 from online_env.tasks.kit.browser import select
 from online_env.tasks.kit.pages import enter, follow, tick, visit
 from online_env.tasks.kit.words import sample
+from online_env.tasks.plan_words import quoted
 
 
 class ChangeRegistration(Task):
@@ -66,6 +67,21 @@ class ChangeRegistration(Task):
         tick(hand, "radio-button", self.drawn.level)
         follow(hand, "Save changes")
         hand.find("heading", "You are registered")
+
+    def plan(self):
+        return [
+            'window "Chromium"',
+            *told.find_registration(self.drawn.number, self.drawn.email),
+            'scroll down to "Cancel it"',
+            'click "Change it" near "Cancel it"',
+            f"wait for {quoted(f'Change registration {self.drawn.number}')}",
+            'click "Course"',
+            f"type {quoted(self.drawn.course)}",
+            f"click {quoted(self.drawn.level)}",
+            'scroll down to "Save changes"',
+            'click "Save changes"',
+            'wait for "You are registered"',
+        ]
 
     def wrong(self):
         drawn, store = self.drawn, registrations.store

@@ -5,6 +5,7 @@ from online_env.tasks import Task
 from online_env.tasks.kit.browser import select
 from online_env.tasks.kit.pages import enter, follow, tick, visit
 from online_env.tasks.kit.registrations import SITE, course, differences
+from online_env.tasks.plan_words import quoted
 
 COMMENTS = (
     "The room was too cold, but the soup made up for it.",
@@ -70,6 +71,23 @@ class GiveFeedback(Task):
         if self.drawn.wanted["quote"]:
             tick(hand, "check-box", "You may quote me")
         follow(hand, "Send feedback", "Thank you")
+
+    def plan(self):
+        quote = ['click "You may quote me"'] if self.drawn.wanted["quote"] else []
+        return [
+            'window "Chromium"',
+            'click "Feedback"',
+            'wait for "Course feedback"',
+            'click "Choose a course"',
+            f"type {quoted(self.drawn.title)}",
+            "press enter",
+            f"click {quoted(self.drawn.label)}",
+            'click "Comment"',
+            f"type {quoted(self.drawn.comment)}",
+            *quote,
+            'click "Send feedback"',
+            'wait for "Thank you"',
+        ]
 
     def wrong(self):
         wanted = self.drawn.wanted

@@ -2,7 +2,7 @@
 
 from online_env.embedded.sites.hosts.forms import content
 from online_env.tasks import Task
-from online_env.tasks.kit import registrations
+from online_env.tasks.kit import registrations, told
 from online_env.tasks.kit.notes import read_file
 from online_env.tasks.kit.pages import visit
 from online_env.tasks.kit.words import sample, shuffled
@@ -74,6 +74,14 @@ class RegisterFreeEvening(Task):
         hand.find("heading", "Courses this spring")
         visit(hand, ADDRESS, "Course registration")
         registrations.fill_in(hand, self.drawn.wanted)
+
+    def plan(self):
+        return [
+            'window "Chromium"',
+            *told.visit(f"file:///home/user/{self.drawn.path}", self.drawn.lines[0]),
+            *told.visit(ADDRESS, "Full name"),
+            *told.register(self.drawn.wanted),
+        ]
 
     def wrong(self):
         wanted, store = self.drawn.wanted, registrations.store

@@ -1,7 +1,7 @@
 """Register the person whose details are in a text file on the desktop."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import registrations
+from online_env.tasks.kit import registrations, told
 from online_env.tasks.kit.notes import read_file
 from online_env.tasks.kit.pages import visit
 from online_env.tasks.kit.words import shuffled
@@ -58,6 +58,14 @@ class RegisterFromFile(Task):
         read_file(hand, f"Desktop/{self.drawn.file}")
         visit(hand, ADDRESS, "Course registration")
         registrations.fill_in(hand, self.drawn.wanted)
+
+    def plan(self):
+        return [
+            'window "Chromium"',
+            *told.visit(f"file:///home/user/Desktop/{self.drawn.file}", self.drawn.lines[0]),
+            *told.visit(ADDRESS, "Full name"),
+            *told.register(self.drawn.wanted),
+        ]
 
     def wrong(self):
         wanted, store = self.drawn.wanted, registrations.store

@@ -2,6 +2,7 @@
 
 from online_env.tasks.kit import pictures
 from online_env.tasks.kit.words import GOODS
+from online_env.tasks.plan_words import quoted
 
 
 class ExportJpeg(pictures.PictureTask):
@@ -39,6 +40,22 @@ class ExportJpeg(pictures.PictureTask):
     def oracle(self, hand):
         pictures.undo_all(hand)
         pictures.gimp_export(hand, self.drawn.result, self.drawn.quality)
+
+    def plan(self):
+        return [
+            'window "GIMP"',
+            "press ctrl+shift+e",
+            'wait for "Export Image"',
+            "press ctrl+a",
+            f"type {quoted(self.drawn.new)}",
+            "press enter",
+            'double-click right of "Quality:"',
+            "press ctrl+a",
+            f"type {quoted(str(self.drawn.quality))}",
+            "press tab",
+            'click "Export"',
+            "wait",
+        ]
 
     def wrong(self):
         path, result, picture = self.drawn.path, self.drawn.result, self.picture()

@@ -2,7 +2,7 @@
 
 from PIL import Image, ImageChops
 
-from online_env.tasks.kit import pictures
+from online_env.tasks.kit import pictures, told
 from online_env.tasks.kit.words import CITIES
 
 
@@ -37,6 +37,12 @@ class GreyPicture(pictures.PictureTask):
         pictures.gimp_command(hand, "grayscale")
         hand.find("frame", pictures.mode_title("Grayscale"), "gimp")
         pictures.gimp_export(hand, self.drawn.result)
+
+    def plan(self):
+        return [
+            *told.command_of_gimp("grayscale"),
+            *told.export_from_gimp(self.drawn.new),
+        ]
 
     def wrong(self):
         path, result, picture = self.drawn.path, self.drawn.result, self.picture()

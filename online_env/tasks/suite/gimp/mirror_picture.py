@@ -2,9 +2,8 @@
 
 from PIL import Image, ImageDraw
 
-from online_env.tasks.kit import pictures
+from online_env.tasks.kit import pictures, told
 from online_env.tasks.kit.words import FIRST_NAMES
-from online_env.tasks.plan_words import quoted
 
 WAYS = {
     "Mirror it, so that left and right change places": (
@@ -60,21 +59,8 @@ class MirrorPicture(pictures.PictureTask):
 
     def plan(self):
         return [
-            'window "GIMP"',
-            "press /",
-            "wait",
-            f"type {quoted(self.drawn.command)}",
-            "wait",
-            "press enter",
-            "wait",
-            "press ctrl+shift+e",
-            'wait for "Export Image"',
-            "press ctrl+a",
-            f"type {quoted(self.drawn.new)}",
-            "press enter",
-            'wait for "Export Image as PNG"',
-            "press enter",
-            "wait",
+            *told.command_of_gimp(self.drawn.command),
+            *told.export_from_gimp(self.drawn.new),
         ]
 
     def wrong(self):

@@ -2,8 +2,9 @@
 
 from PIL import Image
 
-from online_env.tasks.kit import pictures
+from online_env.tasks.kit import pictures, told
 from online_env.tasks.kit.words import CITIES
+from online_env.tasks.plan_words import quoted
 
 
 class ScalePicture(pictures.PictureTask):
@@ -48,6 +49,18 @@ class ScalePicture(pictures.PictureTask):
         hand.button("Scale", "gimp")
         hand.gone("dialog", "Scale Image", "gimp")
         pictures.gimp_export(hand, drawn.result)
+
+    def plan(self):
+        return [
+            *told.command_of_gimp("scale image"),
+            'wait for "Image Size"',
+            "press ctrl+a",
+            f"type {quoted(str(self.drawn.width))}",
+            "press tab",
+            'click "Scale" near "Cancel"',
+            "wait",
+            *told.export_from_gimp(self.drawn.new),
+        ]
 
     def wrong(self):
         drawn = self.drawn

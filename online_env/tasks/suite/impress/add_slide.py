@@ -1,5 +1,6 @@
 """Add a slide with a title after a given one."""
 
+from online_env.tasks.kit import told
 from online_env.tasks.kit.office import menu, save
 from online_env.tasks.kit.slides import (
     SlideContent,
@@ -12,6 +13,7 @@ from online_env.tasks.kit.slides import (
     write_in,
 )
 from online_env.tasks.kit.talks import talk
+from online_env.tasks.plan_words import quoted
 
 
 class AddSlide(SlideTask):
@@ -50,6 +52,19 @@ class AddSlide(SlideTask):
             menu(hand, "Slide", "New Slide")
             write_in(hand, "Click to add Title", self.drawn.title)
         save(hand)
+
+    def plan(self):
+        return [
+            told.IMPRESS,
+            f"press pagedown {self.drawn.index} times",
+            "wait",
+            "press ctrl+m",
+            'double-click "Click to add Title"',
+            "wait",
+            f"type {quoted(self.drawn.title)}",
+            "press esc 2 times",
+            *told.SAVE_PPTX,
+        ]
 
     def wrong(self):
         title, place = self.drawn.title, self.drawn.index + 1

@@ -1,5 +1,6 @@
 """Delete a slide."""
 
+from online_env.tasks.kit import told
 from online_env.tasks.kit.office import menu, save
 from online_env.tasks.kit.slides import (
     SlideTask,
@@ -43,6 +44,17 @@ class DeleteSlide(SlideTask):
             menu(hand, "Slide", "Delete Slide")
             hand.gone("panel", self.drawn.title, app="soffice")
         save(hand)
+
+    def plan(self):
+        return [
+            told.IMPRESS,
+            f"press pagedown {self.drawn.index} times",
+            "wait",
+            'click "Slide" near "Tools"',
+            'click "Delete Slide"',
+            "wait",
+            *told.SAVE_PPTX,
+        ]
 
     def wrong(self):
         index = self.drawn.index

@@ -1,5 +1,6 @@
 """Move a slide to the end, or to the start."""
 
+from online_env.tasks.kit import told
 from online_env.tasks.kit.office import menu, save
 from online_env.tasks.kit.slides import (
     SlideTask,
@@ -9,6 +10,7 @@ from online_env.tasks.kit.slides import (
     slide_changes,
 )
 from online_env.tasks.kit.talks import talk
+from online_env.tasks.plan_words import quoted
 
 
 class MoveSlide(SlideTask):
@@ -54,6 +56,19 @@ class MoveSlide(SlideTask):
         show_slide(hand, self.drawn.index + 1, self.drawn.title, of=count)
         menu(hand, "Slide", "Move", "Slide to Start" if is_first else "Slide to End")
         save(hand)
+
+    def plan(self):
+        end = {"first": "Start", "last": "End"}[self.drawn.order]
+        return [
+            told.IMPRESS,
+            f"press pagedown {self.drawn.index} times",
+            "wait",
+            'click "Slide" near "Tools"',
+            'click "Move"',
+            f"click {quoted(f'Slide to {end}')}",
+            "wait",
+            *told.SAVE_PPTX,
+        ]
 
     def wrong(self):
         wanted = self.wanted()

@@ -2,11 +2,11 @@
 
 from dataclasses import replace
 
+from online_env.tasks.kit import told
 from online_env.tasks.kit.office import replace_all, save
 from online_env.tasks.kit.slides import SlideTask, presentation, slide_changes
 from online_env.tasks.kit.talks import talk
 from online_env.tasks.kit.words import CITIES
-from online_env.tasks.plan_words import quoted
 
 
 class ReplaceOnSlides(SlideTask):
@@ -51,22 +51,9 @@ class ReplaceOnSlides(SlideTask):
 
     def plan(self):
         return [
-            'window "LibreOffice Impress"',
-            "press ctrl+h",
-            'wait for "Replace All"',
-            "press ctrl+a",
-            f"type {quoted(self.drawn.old)}",
-            'click right of "Replace:"',
-            "press ctrl+a",
-            f"type {quoted(self.drawn.new)}",
-            'click "Replace All"',
-            "wait",
-            'click "Close"',
-            "wait",
-            "wait",
-            "press ctrl+s",
-            'click "Use PowerPoint 2007-365"',
-            "wait",
+            told.IMPRESS,
+            *told.replace_in_office(self.drawn.old, self.drawn.new),
+            *told.SAVE_PPTX,
         ]
 
     def wrong(self):

@@ -3,6 +3,7 @@
 from online_env.tasks import Task
 from online_env.tasks.kit import browser, mail
 from online_env.tasks.kit.words import FIRST_NAMES, LAST_NAMES, TOPICS, sample
+from online_env.tasks.plan_words import quoted
 
 
 class AnswerMissingMail(Task):
@@ -55,6 +56,16 @@ class AnswerMissingMail(Task):
         mail.search(hand, self.drawn.who)
         hand.find("static", "Nothing here.", app=browser.APP)
         hand.give_up(f"{self.drawn.who} has written no mail")
+
+    def plan(self):
+        return [
+            'window "Chromium"',
+            'click "Search mail"',
+            f"type {quoted(self.drawn.who)}",
+            "press enter",
+            'wait for "Nothing here."',
+            f"give up {quoted(f'{self.drawn.who} has written no mail')}",
+        ]
 
     def wrong(self):
         subject = f"Re: The {self.drawn.topic}"

@@ -4,6 +4,7 @@ import re
 
 from online_env.tasks import Task
 from online_env.tasks.kit.words import CITIES, GOODS, TOPICS, sample
+from online_env.tasks.plan_words import quoted
 
 APP = "mousepad"
 FORMATS = ("bold", "italic", "red", "underlined")
@@ -51,6 +52,18 @@ class BoldHeading(Task):
             hand.press("escape")
             hand.gone("menu-item", re.compile("Select All|Word Wrap"), APP)
         hand.give_up(f"the editor writes plain text, which cannot be {self.drawn.look}")
+
+    def plan(self):
+        return [
+            'window "Mousepad"',
+            'click "Edit"',
+            'wait for "Select All"',
+            "press esc",
+            'click "Document"',
+            'wait for "Word Wrap"',
+            "press esc",
+            f"give up {quoted(f'the editor writes plain text, which cannot be {self.drawn.look}')}",
+        ]
 
     def wrong(self):
         path = f"Documents/{self.drawn.file}"

@@ -4,6 +4,7 @@ from online_env.tasks import Task
 from online_env.tasks.kit import thunar
 from online_env.tasks.kit.files import sample_file
 from online_env.tasks.kit.words import CITIES, TOPICS, sample
+from online_env.tasks.plan_words import quoted
 
 STICKS = ("KINGSTON", "SANDISK", "INTENSO", "TRANSCEND")
 
@@ -47,6 +48,14 @@ class CopyToStick(Task):
         hand.find(thunar.ROWS, "File System", app="thunar")
         if not thunar.present(hand, self.drawn.stick):
             hand.give_up(f"no stick {self.drawn.stick} is plugged in")
+
+    def plan(self):
+        return [
+            'window "Thunar"',
+            'click "Computer"',
+            'wait for "File System"',
+            f"give up {quoted(f'no stick {self.drawn.stick} is plugged in')}",
+        ]
 
     def wrong(self):
         place, stick = self.drawn.place, self.drawn.stick

@@ -1,7 +1,7 @@
 """Limit the time for a site in Chromium's settings, where there is no such thing."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import chromium
+from online_env.tasks.kit import chromium, told
 from online_env.tasks.kit.pages import visit
 
 SITES = ("news.test", "shop.test", "wiki.test", "mail.test", "search.test")
@@ -39,6 +39,14 @@ class LimitScreenTime(Task):
         visit(hand, "chrome://settings/performance", "Settings - Performance")
         visit(hand, "chrome://settings/privacy", "Settings - Privacy")
         hand.give_up("the settings have no limits of time")
+
+    def plan(self):
+        return [
+            'window "Chromium"',
+            *told.visit("chrome://settings/performance", "Memory"),
+            *told.visit("chrome://settings/privacy", "Privacy and security"),
+            'give up "the settings have no limits of time"',
+        ]
 
     def wrong(self):
         def block(kind):

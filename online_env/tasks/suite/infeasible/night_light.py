@@ -33,6 +33,18 @@ class NightLight(Task):
         hand.gone("label", "Hardware", APP)
         hand.give_up("the settings find neither a night light nor a blue light filter")
 
+    def plan(self):
+        return [
+            'window "Settings"',
+            "press ctrl+f",
+            'type "night"',
+            "wait",
+            "press ctrl+a",
+            'type "blue light"',
+            "wait",
+            'give up "the settings find neither a night light nor a blue light filter"',
+        ]
+
     def wrong(self):
         return {
             "a script": lambda m: m.write("Desktop/night.sh", "xgamma -bgamma 0.7\n"),

@@ -2,6 +2,7 @@
 
 from online_env.tasks import Task
 from online_env.tasks.kit import browser, shop
+from online_env.tasks.plan_words import quoted
 
 WAYS = ("credit card", "direct debit", "a gift voucher", "instalments", "cryptocurrency")
 
@@ -48,6 +49,14 @@ class PayByMethod(Task):
         browser.follow(hand, "Go to checkout", "Checkout")
         hand.find("radio-button", "Cash on delivery", app=browser.APP, scroll=True)
         hand.give_up(f"the shop does not take {self.drawn.way}")
+
+    def plan(self):
+        return [
+            'window "Chromium"',
+            'click "Go to checkout"',
+            'scroll down to "Cash on delivery"',
+            f"give up {quoted(f'the shop does not take {self.drawn.way}')}",
+        ]
 
     def wrong(self):
         cart, person = self.drawn.cart, self.drawn.person

@@ -4,6 +4,7 @@ from online_env.tasks import Task
 from online_env.tasks.kit import thunar
 from online_env.tasks.kit.files import sample_file
 from online_env.tasks.kit.words import TOPICS, sample
+from online_env.tasks.plan_words import quoted
 
 FOLDERS = ("Council", "Tenants", "Orchestra", "Workshop")
 
@@ -54,6 +55,15 @@ class RenameMissing(Task):
         found += thunar.present(hand, self.drawn.old)
         if not found:
             hand.give_up(f"there is no {self.drawn.old}, neither in the folder nor in the trash")
+
+    def plan(self):
+        said = f"there is no {self.drawn.old}, neither in the folder nor in the trash"
+        return [
+            'window "Thunar"',
+            'click "Trash" near "Places"',
+            "wait",
+            f"give up {quoted(said)}",
+        ]
 
     def wrong(self):
         place, new, names = self.drawn.place, self.drawn.new, self.drawn.names

@@ -3,6 +3,7 @@
 from online_env.tasks import Task
 from online_env.tasks.kit.files import sample_file
 from online_env.tasks.kit.words import CITIES, sample
+from online_env.tasks.plan_words import quoted
 
 PANEL = "xfce4-panel"
 PROGRAMS = {
@@ -59,6 +60,16 @@ class UsePhotoshop(Task):
         hand.gone("menu", "Graphics", app=PANEL)
         if found is None:
             hand.give_up(f"{self.drawn.program} is not among the applications")
+
+    def plan(self):
+        return [
+            'window "Thunar"',
+            'click "Applications"',
+            'click "Graphics"',
+            'wait for "Ristretto"',
+            "press esc 2 times",
+            f"give up {quoted(f'{self.drawn.program} is not among the applications')}",
+        ]
 
     def wrong(self):
         picture, target = f"Pictures/{self.drawn.picture}", f"Pictures/{self.drawn.target}"

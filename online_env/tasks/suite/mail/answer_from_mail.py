@@ -1,7 +1,8 @@
 """Answer a question with a fact that stands in another mail."""
 
-from online_env.tasks.kit import browser, mail
+from online_env.tasks.kit import browser, mail, told
 from online_env.tasks.kit.words import FIRST_NAMES, sample
+from online_env.tasks.plan_words import quoted
 
 QUESTIONS = (
     ("the code of the bicycle shed", "The code of the bicycle shed", 4000, 9999),
@@ -82,6 +83,20 @@ class AnswerFromMail(mail.MailTask):
         browser.follow(hand, "Reply")
         mail.compose(hand, text=f"It is {self.drawn.new}. Robin")
         mail.send(hand)
+
+    def plan(self):
+        drawn = self.drawn
+        return [
+            'window "Chromium"',
+            *told.search_mail(drawn.subject),
+            f"click {quoted(drawn.teller)} near {quoted(drawn.subject)}",
+            f"wait for {quoted(f'it is {drawn.new}')}",
+            'click "Inbox"',
+            'click "A question"',
+            'click "Reply"',
+            *told.compose(text=f"It is {drawn.new}. Robin"),
+            *told.SEND,
+        ]
 
     def wrong(self):
         to, subject, old, new = (

@@ -1,7 +1,8 @@
 """Answer a mail with a sentence that is given."""
 
-from online_env.tasks.kit import browser, mail
+from online_env.tasks.kit import browser, mail, told
 from online_env.tasks.kit.words import FIRST_NAMES, sample
+from online_env.tasks.plan_words import quoted
 
 EVENTS = ("Supper", "A walk on the dunes", "Cards", "Rehearsal", "The quiz night", "A film")
 DAYS = ("Monday", "Tuesday", "Wednesday", "Friday", "Saturday", "Sunday")
@@ -66,6 +67,15 @@ class AnswerInvitation(mail.MailTask):
         browser.follow(hand, "Reply")
         mail.compose(hand, text=self.drawn.answer)
         mail.send(hand)
+
+    def plan(self):
+        return [
+            'window "Chromium"',
+            f"click {quoted(self.drawn.chosen['subject'])}",
+            'click "Reply"',
+            *told.compose(text=self.drawn.answer),
+            *told.SEND,
+        ]
 
     def wrong(self):
         to, subject, answer = self.drawn.to, self.drawn.subject, self.drawn.answer

@@ -2,6 +2,7 @@
 
 from online_env.tasks.kit import browser, mail
 from online_env.tasks.kit.words import FIRST_NAMES, LAST_NAMES, TOPICS, sample, shuffled
+from online_env.tasks.plan_words import quoted
 
 
 class ArchiveSender(mail.MailTask):
@@ -50,6 +51,16 @@ class ArchiveSender(mail.MailTask):
             if mail.lists(hand, self.drawn.who, subject):
                 mail.open_mail(hand, self.drawn.who, subject)
                 browser.push(hand, "Archive", "Inbox")
+
+    def plan(self):
+        steps = ['window "Chromium"']
+        for subject in self.drawn.subjects:
+            steps += [
+                f"click {quoted(subject)}",
+                'click "Archive" near "Back"',
+                'wait for "Inbox"',
+            ]
+        return steps
 
     def wrong(self):
         chosen, others = self.drawn.chosen, self.drawn.others

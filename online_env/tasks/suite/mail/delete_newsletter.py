@@ -1,7 +1,8 @@
 """Delete the old issues of a newsletter, and keep the newest."""
 
-from online_env.tasks.kit import browser, mail
+from online_env.tasks.kit import browser, mail, told
 from online_env.tasks.kit.words import CITIES, sample
+from online_env.tasks.plan_words import quoted
 
 NAMES = ("The {city} Gardener", "Sails of {city}", "{city} by Train", "Cooking in {city}")
 
@@ -49,6 +50,14 @@ class DeleteNewsletter(mail.MailTask):
             if mail.lists(hand, self.drawn.title, subject):
                 mail.open_mail(hand, self.drawn.title, subject)
                 browser.push(hand, "Delete", "Inbox")
+
+    def plan(self):
+        steps = ['window "Chromium"']
+        for subject in self.drawn.subjects:
+            steps += told.search_mail(subject)
+            steps += [f"click {quoted(subject)} near {quoted(self.drawn.title)}", "wait"]
+            steps += ['click "Delete" near "Back"', "wait"]
+        return steps
 
     def wrong(self):
         return {

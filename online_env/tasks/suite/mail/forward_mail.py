@@ -1,7 +1,8 @@
 """Forward a mail with a line of one's own."""
 
-from online_env.tasks.kit import browser, mail
+from online_env.tasks.kit import browser, mail, told
 from online_env.tasks.kit.words import FIRST_NAMES, TOPICS, sample
+from online_env.tasks.plan_words import quoted
 
 LINES = (
     "Can you take this over, please?",
@@ -66,6 +67,15 @@ class ForwardMail(mail.MailTask):
         browser.follow(hand, "Forward")
         mail.compose(hand, to=self.drawn.to, text=self.drawn.line)
         mail.send(hand)
+
+    def plan(self):
+        return [
+            'window "Chromium"',
+            f"click {quoted(self.drawn.subject)}",
+            'click "Forward"',
+            *told.compose(to=self.drawn.to, text=self.drawn.line),
+            *told.SEND,
+        ]
 
     def wrong(self):
         to, line, body = self.drawn.to, self.drawn.line, self.drawn.body

@@ -1,7 +1,8 @@
 """Find an old mail by its words, and mark it as unread."""
 
-from online_env.tasks.kit import browser, mail
+from online_env.tasks.kit import browser, mail, told
 from online_env.tasks.kit.words import CITIES, FIRST_NAMES, GOODS, MONTHS, sample
+from online_env.tasks.plan_words import quoted
 
 
 class MarkFoundUnread(mail.MailTask):
@@ -55,6 +56,16 @@ class MarkFoundUnread(mail.MailTask):
         mail.search(hand, f"{self.drawn.thing} from {self.drawn.city}")
         mail.open_mail(hand, self.drawn.who, "From the market")
         browser.push(hand, "Mark as unread", "Inbox")
+
+    def plan(self):
+        drawn = self.drawn
+        return [
+            'window "Chromium"',
+            *told.search_mail(f"{drawn.thing} from {drawn.city}"),
+            f"click {quoted(drawn.who)}",
+            'click "Mark as unread"',
+            'wait for "Inbox"',
+        ]
 
     def wrong(self):
         ident, other = self.drawn.ident, self.drawn.other

@@ -1,6 +1,6 @@
 """Write a mail, and keep it as a draft."""
 
-from online_env.tasks.kit import browser, mail
+from online_env.tasks.kit import browser, mail, told
 from online_env.tasks.kit.words import CITIES, MONTHS, TOPICS
 
 PEOPLE = ("ilse@mail.test", "piet@mail.test", "jun@mail.test", "adaeze@mail.test")
@@ -40,6 +40,16 @@ class SaveDraft(mail.MailTask):
         drawn = self.drawn
         mail.compose(hand, to=drawn.to, subject=drawn.subject, text=drawn.text)
         mail.save_draft(hand)
+
+    def plan(self):
+        drawn = self.drawn
+        return [
+            'window "Chromium"',
+            'click "Compose"',
+            *told.compose(to=drawn.to, subject=drawn.subject, text=drawn.text),
+            'click "Save draft"',
+            "wait",
+        ]
 
     def wrong(self):
         to, subject, text = self.drawn.to, self.drawn.subject, self.drawn.text

@@ -2,6 +2,7 @@
 
 from online_env.tasks.kit import browser, mail
 from online_env.tasks.kit.words import FIRST_NAMES, TOPICS, sample
+from online_env.tasks.plan_words import quoted
 
 
 class SwapStars(mail.MailTask):
@@ -57,6 +58,13 @@ class SwapStars(mail.MailTask):
         if hand.see("push-button", f"Star {self.drawn.old}") is None:
             browser.push(hand, star)
             hand.gone("push-button", star, app=browser.APP)
+
+    def plan(self):
+        steps = ['window "Chromium"']
+        for subject in (self.drawn.new, self.drawn.old):
+            steps += [f"click {quoted(subject)}", 'click "star" near "Mark as unread"']
+            steps += ["wait", 'click "Inbox"', 'wait for "messages"']
+        return steps
 
     def wrong(self):
         return {

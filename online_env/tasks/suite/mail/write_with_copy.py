@@ -1,6 +1,6 @@
 """Write to somebody, with copies to two others."""
 
-from online_env.tasks.kit import browser, mail
+from online_env.tasks.kit import browser, mail, told
 from online_env.tasks.kit.words import MONTHS, TOPICS, sample
 
 PEOPLE = {
@@ -59,6 +59,20 @@ class WriteWithCopy(mail.MailTask):
         copies = f"{drawn.cc0}, {drawn.cc1}"
         mail.compose(hand, to=drawn.to, cc=copies, subject=drawn.subject, text=drawn.text)
         mail.send(hand)
+
+    def plan(self):
+        drawn = self.drawn
+        return [
+            'window "Chromium"',
+            'click "Compose"',
+            *told.compose(
+                to=drawn.to,
+                cc=f"{drawn.cc0}, {drawn.cc1}",
+                subject=drawn.subject,
+                text=drawn.text,
+            ),
+            *told.SEND,
+        ]
 
     def wrong(self):
         d = self.drawn

@@ -6,8 +6,10 @@ from online_env.embedded.sites.hosts.news import SECTIONS
 from online_env.embedded.sites.library import articles
 from online_env.embedded.sites.names import long_date
 from online_env.tasks import Task
+from online_env.tasks.kit import told
 from online_env.tasks.kit.notes import take_note, unlike
 from online_env.tasks.kit.pages import arrived, follow, visit
+from online_env.tasks.plan_words import quoted
 
 DAYS = ("2026-03-02", "2026-03-03", "2026-03-04")
 
@@ -63,6 +65,12 @@ class CollectHeadlines(Task):
                 follow(hand, section)
                 arrived(hand, section)
         take_note(hand, self.drawn.path, "\n".join(self.drawn.titles))
+
+    def plan(self):
+        steps = ['window "Chromium"']
+        for section in [self.drawn.section] if self.drawn.section else SECTIONS:
+            steps += [f"click {quoted(section)}", "wait"]
+        return [*steps, *told.take_note(self.drawn.path, "\n".join(self.drawn.titles))]
 
     def wrong(self):
         path, titles = self.drawn.path, self.drawn.titles

@@ -1,9 +1,10 @@
 """Correct a mistake in an article of the wiki."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import articles
+from online_env.tasks.kit import articles, told
 from online_env.tasks.kit.pages import arrived, enter, follow, visit
 from online_env.tasks.kit.words import even
+from online_env.tasks.plan_words import quoted
 
 MISTAKES = (
     ("Chess", "64 squares", ("46 squares", "81 squares", "100 squares")),
@@ -74,6 +75,22 @@ class CorrectArticle(Task):
         enter(hand, "What did you change?", self.drawn.summary)
         follow(hand, "Save changes")
         arrived(hand, f"{self.drawn.title} - Openfolio")
+
+    def plan(self):
+        title = self.drawn.title
+        return [
+            'window "Chromium"',
+            *told.visit(articles.address(title), title),
+            'click "Edit" near "Read"',
+            'wait for "Editing"',
+            'click below "Text"',
+            "press ctrl+a",
+            f"type {quoted(self.drawn.wanted)}",
+            "press tab",
+            f"type {quoted(self.drawn.summary)}",
+            "press enter",
+            "wait",
+        ]
 
     def wrong(self):
         def save(title, body, summary):

@@ -4,6 +4,7 @@ from collections import Counter
 
 from online_env.embedded.sites.library import articles
 from online_env.tasks import Task
+from online_env.tasks.kit import told
 from online_env.tasks.kit.notes import take_note, unlike
 from online_env.tasks.kit.pages import follow, visit
 from online_env.tasks.kit.words import sample
@@ -56,6 +57,12 @@ class CountArticles(Task):
             else:
                 hand.find("heading", name, scroll=True)
         take_note(hand, self.drawn.path, str(self.drawn.total))
+
+    def plan(self):
+        return [
+            'window "Chromium"',
+            *told.take_note(self.drawn.path, str(self.drawn.total)),
+        ]
 
     def wrong(self):
         path, drawn = self.drawn.path, self.drawn

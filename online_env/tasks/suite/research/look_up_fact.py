@@ -2,9 +2,11 @@
 
 from online_env.embedded.sites.library import articles
 from online_env.tasks import Task
+from online_env.tasks.kit import told
 from online_env.tasks.kit.articles import address
 from online_env.tasks.kit.notes import take_note, unlike
 from online_env.tasks.kit.pages import arrived, enter, visit
+from online_env.tasks.plan_words import quoted
 
 
 class LookUpFact(Task):
@@ -43,6 +45,16 @@ class LookUpFact(Task):
         arrived(hand, f"{self.drawn.title} - Openfolio")
         hand.find("static", self.drawn.answer, scroll=True)
         take_note(hand, self.drawn.path, self.drawn.answer)
+
+    def plan(self):
+        return [
+            'window "Chromium"',
+            'click "Search Openfolio"',
+            f"type {quoted(self.drawn.title)}",
+            "press enter",
+            f"scroll down to {quoted(self.drawn.answer)}",
+            *told.take_note(self.drawn.path, self.drawn.answer),
+        ]
 
     def wrong(self):
         path, answer = self.drawn.path, self.drawn.answer

@@ -2,9 +2,10 @@
 
 from online_env.embedded.sites.library import articles as shipped
 from online_env.tasks import Task
-from online_env.tasks.kit import articles
+from online_env.tasks.kit import articles, told
 from online_env.tasks.kit.notes import take_note, unlike
 from online_env.tasks.kit.words import FIRST_NAMES, LAST_NAMES, sample
+from online_env.tasks.plan_words import quoted
 
 COMMENTS = (
     "Spelling",
@@ -75,6 +76,14 @@ class NameEditor(Task):
         articles.open_history(hand, self.drawn.title)
         hand.find(("static", "section", "list-item"), self.drawn.comment, scroll=True)
         take_note(hand, self.drawn.path, f"{self.drawn.by}\n{self.drawn.when}")
+
+    def plan(self):
+        return [
+            'window "Chromium"',
+            *told.visit(articles.address(self.drawn.title, "history"), "First version"),
+            f"wait for {quoted(self.drawn.comment)}",
+            *told.take_note(self.drawn.path, f"{self.drawn.by}\n{self.drawn.when}"),
+        ]
 
     def wrong(self):
         path, by, when, last = self.drawn.path, self.drawn.by, self.drawn.when, self.drawn.last

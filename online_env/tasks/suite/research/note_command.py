@@ -3,8 +3,10 @@
 import re
 
 from online_env.tasks import Task
+from online_env.tasks.kit import told
 from online_env.tasks.kit.notes import take_note, unlike
 from online_env.tasks.kit.pages import arrived, enter, follow, visit
+from online_env.tasks.plan_words import quoted
 
 # What somebody needs, the page that has it, and the command.
 COMMANDS = (
@@ -63,6 +65,18 @@ class NoteCommand(Task):
             ("static", "section"), re.compile(f".*{re.escape(self.drawn.command)}"), scroll=True
         )
         take_note(hand, self.drawn.path, self.drawn.command)
+
+    def plan(self):
+        page = self.drawn.page
+        return [
+            'window "Chromium"',
+            'click "Search the documentation"',
+            f"type {quoted(page)}",
+            "press enter",
+            f"click {quoted(page)} near {quoted('pages for')}",
+            f"scroll down to {quoted(self.drawn.command)}",
+            *told.take_note(self.drawn.path, self.drawn.command),
+        ]
 
     def wrong(self):
         path, command = self.drawn.path, self.drawn.command

@@ -3,8 +3,10 @@
 import re
 
 from online_env.tasks import Task
+from online_env.tasks.kit import told
 from online_env.tasks.kit.notes import plain, take_note, unlike
 from online_env.tasks.kit.pages import arrived, enter, follow, visit
+from online_env.tasks.plan_words import quoted
 
 # What somebody looks for, words to search for, the title of the page, and its address.
 PAGES = (
@@ -94,6 +96,16 @@ class SaveAddress(Task):
         title = re.compile(re.escape(self.drawn.title))
         follow(hand, title, self.drawn.title)
         take_note(hand, self.drawn.path, f"http://{self.drawn.address}")
+
+    def plan(self):
+        return [
+            'window "Chromium"',
+            f"type {quoted(self.drawn.words)}",
+            "press enter",
+            f"click {quoted(self.drawn.title)}",
+            f"wait for {quoted(self.drawn.address)}",
+            *told.take_note(self.drawn.path, f"http://{self.drawn.address}"),
+        ]
 
     def wrong(self):
         path, address = self.drawn.path, self.drawn.address

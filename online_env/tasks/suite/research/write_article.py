@@ -1,8 +1,9 @@
 """Write a new article of the wiki."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import articles
+from online_env.tasks.kit import articles, told
 from online_env.tasks.kit.pages import arrived, enter, follow, visit
+from online_env.tasks.plan_words import quoted
 
 PLACES = ("Gull Rock", "Sorrel Hill", "Weir Street", "Quay Row", "Otter Creek", "Bell Island")
 THINGS = ("lighthouse", "foot bridge", "bakery", "observatory", "ferry pier", "water mill")
@@ -59,6 +60,21 @@ class WriteArticle(Task):
         enter(hand, "Text", self.drawn.text)
         follow(hand, "Save changes")
         arrived(hand, f"{title} - Openfolio")
+
+    def plan(self):
+        title = self.drawn.title
+        return [
+            'window "Chromium"',
+            *told.visit(articles.address(title), "Write it"),
+            'click "Write it"',
+            'wait for "Editing"',
+            'click below "Text"',
+            "press ctrl+a",
+            f"type {quoted(self.drawn.text)}",
+            'scroll down to "Save changes"',
+            'click "Save changes"',
+            "wait",
+        ]
 
     def wrong(self):
         title, text = self.drawn.title, self.drawn.text

@@ -1,6 +1,6 @@
 """Find the cheapest product of a category with a minimum rating, and put some into the cart."""
 
-from online_env.tasks.kit import browser, shop
+from online_env.tasks.kit import browser, shop, told
 
 
 class BuyCheapestRated(shop.ShopTask):
@@ -45,6 +45,12 @@ class BuyCheapestRated(shop.ShopTask):
         browser.push(hand, "Apply", self.drawn.label)
         shop.open_product(hand, self.drawn.chosen.name)
         shop.add(hand, self.drawn.count)
+
+    def plan(self):
+        return [
+            'window "Chromium"',
+            *told.put_into_cart(self.drawn.chosen, self.drawn.count),
+        ]
 
     def wrong(self):
         chosen, count = self.drawn.chosen.id, self.drawn.count

@@ -1,6 +1,7 @@
 """Change how many of two products are in the cart."""
 
 from online_env.tasks.kit import browser, shop
+from online_env.tasks.plan_words import quoted
 
 
 class ChangeQuantities(shop.ShopTask):
@@ -45,6 +46,17 @@ class ChangeQuantities(shop.ShopTask):
         browser.begin(hand, shop.CART, "Your cart")
         for ident, name in zip(self.drawn.ids[:2], self.drawn.names, strict=False):
             shop.change(hand, name, self.drawn.wanted[ident])
+
+    def plan(self):
+        steps = ['window "Chromium"']
+        for ident, name in zip(self.drawn.ids[:2], self.drawn.names, strict=False):
+            steps += [
+                f'click "Quantity" near {quoted(name)}',
+                f"type {quoted(str(self.drawn.wanted[ident]))}",
+                f'click "Update" near {quoted(name)}',
+                "wait",
+            ]
+        return steps
 
     def wrong(self):
         a, b, c = self.drawn.ids

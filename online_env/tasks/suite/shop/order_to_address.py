@@ -1,6 +1,6 @@
 """Order two products in given quantities to an address."""
 
-from online_env.tasks.kit import browser, shop
+from online_env.tasks.kit import browser, shop, told
 from online_env.tasks.kit.words import sample
 
 
@@ -54,6 +54,16 @@ class OrderToAddress(shop.ShopTask):
             shop.open_product(hand, name)
             shop.add(hand, count)
         shop.check_out(hand, drawn.person, delivery=drawn.delivery, payment=drawn.payment)
+
+    def plan(self):
+        drawn = self.drawn
+        steps = ['window "Chromium"']
+        for ident, count in drawn.lines.items():
+            steps += told.put_into_cart(shop.product(ident), count)
+        return [
+            *steps,
+            *told.check_out(drawn.person, delivery=drawn.delivery, payment=drawn.payment),
+        ]
 
     def wrong(self):
         drawn = self.drawn

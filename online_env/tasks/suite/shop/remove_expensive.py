@@ -1,6 +1,7 @@
 """Take what costs more than a limit out of the cart."""
 
 from online_env.tasks.kit import browser, shop
+from online_env.tasks.plan_words import quoted
 
 
 class RemoveExpensive(shop.ShopTask):
@@ -44,6 +45,12 @@ class RemoveExpensive(shop.ShopTask):
         """What the cart holds without some products."""
         gone = {p.id for p in products}
         return {ident: n for ident, n in self.drawn.had.items() if ident not in gone}
+
+    def plan(self):
+        steps = ['window "Chromium"']
+        for product in self.drawn.dear:
+            steps += [f'click "Remove" near {quoted(product.name)}', "wait"]
+        return steps
 
     def wrong(self):
         first, second = self.drawn.dear

@@ -1,6 +1,6 @@
 """Put the same things into the cart again as in an earlier order."""
 
-from online_env.tasks.kit import browser, shop
+from online_env.tasks.kit import browser, shop, told
 
 
 class RepeatOrder(shop.ShopTask):
@@ -52,6 +52,12 @@ class RepeatOrder(shop.ShopTask):
             browser.follow(hand, "All", "All products")
             shop.open_product(hand, name)
             shop.add(hand, count)
+
+    def plan(self):
+        steps = ['window "Chromium"']
+        for ident, count in self.drawn.wanted.items():
+            steps += told.put_into_cart(shop.product(ident), count)
+        return steps
 
     def wrong(self):
         wanted = self.drawn.wanted

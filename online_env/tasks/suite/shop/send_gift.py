@@ -1,6 +1,6 @@
 """Send a wrapped present with a card."""
 
-from online_env.tasks.kit import browser, shop
+from online_env.tasks.kit import browser, shop, told
 
 CARDS = (
     "Happy birthday, {first}! See you in {month}.",
@@ -61,6 +61,14 @@ class SendGift(shop.ShopTask):
         """Store the order, with changes."""
         how = {"delivery": "express", "gift": True, "message": self.drawn.card, **changed}
         shop.order(machine, {self.drawn.id: how.pop("count", 1)}, self.drawn.person, **how)
+
+    def plan(self):
+        drawn = self.drawn
+        return [
+            'window "Chromium"',
+            *told.put_into_cart(shop.product(drawn.id), 1),
+            *told.check_out(drawn.person, delivery="express", message=drawn.card),
+        ]
 
     def wrong(self):
         return {

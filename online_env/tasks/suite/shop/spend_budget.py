@@ -1,6 +1,6 @@
 """Buy as many pieces of a product as a budget allows."""
 
-from online_env.tasks.kit import browser, shop
+from online_env.tasks.kit import browser, shop, told
 from online_env.tasks.kit.words import sample
 
 
@@ -35,6 +35,12 @@ class SpendBudget(shop.ShopTask):
         browser.follow(hand, label, label)
         shop.open_product(hand, self.drawn.product)
         shop.add(hand, self.drawn.count)
+
+    def plan(self):
+        return [
+            'window "Chromium"',
+            *told.put_into_cart(self.drawn.chosen, self.drawn.count),
+        ]
 
     def wrong(self):
         ident, count = self.drawn.chosen.id, self.drawn.count

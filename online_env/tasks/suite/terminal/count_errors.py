@@ -1,7 +1,7 @@
 """Count the lines of a log that report an error, and save the number."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import shell
+from online_env.tasks.kit import shell, told
 from online_env.tasks.kit.words import GOODS
 
 SERVICES = ("printer", "mailer", "backup", "webshop", "heating")
@@ -59,6 +59,10 @@ class CountErrors(Task):
         shell.command(hand, f"head -5 {self.drawn.path}")
         shell.command(hand, f"grep -c ERROR {self.drawn.path} > Documents/{self.drawn.answer}")
         shell.command(hand, f"cat Documents/{self.drawn.answer}")
+
+    def plan(self):
+        path, answer = self.drawn.path, f"Documents/{self.drawn.answer}"
+        return told.run(f"grep -c ERROR {path} > {answer}", f"cat {answer}")
 
     def wrong(self):
         lines = self.drawn.lines

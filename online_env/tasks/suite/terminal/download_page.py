@@ -3,7 +3,7 @@
 import asyncio
 
 from online_env.tasks import Task
-from online_env.tasks.kit import shell
+from online_env.tasks.kit import shell, told
 
 SLUGS = (
     "concepts",
@@ -59,6 +59,17 @@ class DownloadPage(Task):
         shell.command(hand, f"mkdir -p ~/Documents/{self.drawn.folder}")
         shell.command(hand, f"curl -o ~/{path} http://{HOST}/{self.drawn.slug}")
         shell.command(hand, f"head -5 ~/{path}")
+
+    def plan(self):
+        path = f"~/{self.path}"
+        return [
+            *told.run(
+                f"mkdir -p ~/Documents/{self.drawn.folder}",
+                f"curl -o {path} http://{HOST}/{self.drawn.slug}",
+            ),
+            "wait",
+            *told.run(f"head -5 {path}"),
+        ]
 
     def wrong(self):
         slug, other, path = self.drawn.slug, self.drawn.other, self.path

@@ -1,7 +1,7 @@
 """Find the folder that takes the most room on the disk."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import shell
+from online_env.tasks.kit import shell, told
 from online_env.tasks.kit.words import CITIES, sample, shuffled
 
 KILO = 1024
@@ -52,6 +52,13 @@ class FindBigFolder(Task):
         shell.command(hand, f"cd ~/Documents/{self.drawn.place}")
         shell.command(hand, "du -sk * | sort -n")
         shell.command(hand, f"echo {self.drawn.biggest} > ../{self.drawn.answer}")
+
+    def plan(self):
+        return told.run(
+            f"cd ~/Documents/{self.drawn.place}",
+            "du -sk * | sort -n",
+            f"echo {self.drawn.biggest} > ../{self.drawn.answer}",
+        )
 
     def wrong(self):
         biggest, second = self.drawn.biggest, self.drawn.second

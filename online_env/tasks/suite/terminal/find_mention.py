@@ -1,7 +1,7 @@
 """Find the one letter that mentions a number, and copy it."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import shell
+from online_env.tasks.kit import shell, told
 from online_env.tasks.kit.files import move_files, rearranged
 from online_env.tasks.kit.words import CITIES, TOPICS, sample
 
@@ -50,6 +50,12 @@ class FindMention(Task):
     def oracle(self, hand):
         shell.command(hand, f"grep -rw {self.drawn.number} Documents/Letters")
         shell.command(hand, f"cp '{self.drawn.wanted}' Desktop/")
+
+    def plan(self):
+        return told.run(
+            f"grep -rw {self.drawn.number} Documents/Letters",
+            f"cp '{self.drawn.wanted}' Desktop/",
+        )
 
     def wrong(self):
         wanted, similar = self.copy(self.drawn.wanted), self.copy(self.drawn.similar)

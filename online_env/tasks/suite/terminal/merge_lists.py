@@ -1,7 +1,7 @@
 """Merge lists of guests into one that is sorted and names everybody once."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import shell
+from online_env.tasks.kit import shell, told
 from online_env.tasks.kit.words import FIRST_NAMES, LAST_NAMES, shuffled
 
 FIRST = tuple(name for name in FIRST_NAMES if name.isascii())
@@ -62,6 +62,13 @@ class MergeLists(Task):
         shell.command(hand, f"cd ~/'{self.drawn.place}'")
         shell.command(hand, f"sort -u {' '.join(self.drawn.lists)} > {new}")
         shell.command(hand, f"cat {new}")
+
+    def plan(self):
+        return told.run(
+            f"cd ~/'{self.drawn.place}'",
+            f"sort -u {' '.join(self.drawn.lists)} > {self.drawn.all}",
+            f"cat {self.drawn.all}",
+        )
 
     def wrong(self):
         path, lists = self.drawn.path, self.drawn.lists

@@ -5,7 +5,7 @@ import io
 import tarfile
 
 from online_env.tasks import Task
-from online_env.tasks.kit import shell
+from online_env.tasks.kit import shell, told
 from online_env.tasks.kit.archives import unpacked
 from online_env.tasks.kit.words import TOPICS, sample
 
@@ -64,6 +64,14 @@ class PackFolder(Task):
         shell.command(hand, f"find {folder} -type f")
         shell.command(hand, f"tar -czf {archive} --exclude='*{self.drawn.ending}' {folder}")
         shell.command(hand, f"tar -tzf {archive}")
+
+    def plan(self):
+        folder, archive = self.drawn.folder, self.drawn.archive
+        return told.run(
+            "cd ~/Documents",
+            f"tar -czf {archive} --exclude='*{self.drawn.ending}' {folder}",
+            f"tar -tzf {archive}",
+        )
 
     def wrong(self):
         kept, left = self.drawn.kept, self.drawn.left

@@ -1,7 +1,7 @@
 """Replace a name in all files of one kind, in a folder with subfolders."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import shell
+from online_env.tasks.kit import shell, told
 from online_env.tasks.kit.text_editor import text_problems
 from online_env.tasks.kit.words import TOPICS, sample
 
@@ -61,6 +61,15 @@ class ReplaceInFiles(Task):
         change = f"sed -i 's/\\b{old}\\b/{new}/g' {{}} +"
         shell.command(hand, f"find . -name '*{self.drawn.ending}' -exec {change}")
         shell.command(hand, f"grep -rn {old} .")
+
+    def plan(self):
+        old, new = self.drawn.old, self.drawn.new
+        change = f"sed -i 's/\\b{old}\\b/{new}/g' {{}} +"
+        return told.run(
+            f"cd ~/Documents/{self.drawn.folder}",
+            f"find . -name '*{self.drawn.ending}' -exec {change}",
+            f"grep -rn {old} .",
+        )
 
     def wrong(self):
         paths, other = self.drawn.paths, self.drawn.other

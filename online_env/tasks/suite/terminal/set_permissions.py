@@ -1,7 +1,7 @@
 """Make scripts executable, and keep a secret from others."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import shell
+from online_env.tasks.kit import shell, told
 from online_env.tasks.kit.files import content, mode
 from online_env.tasks.kit.words import GOODS, sample
 
@@ -68,6 +68,14 @@ class SetPermissions(Task):
         shell.command(hand, "chmod +x *.sh")
         shell.command(hand, f"chmod 600 {self.drawn.secret}")
         shell.command(hand, "ls -l")
+
+    def plan(self):
+        return told.run(
+            f"cd ~/{self.drawn.place}",
+            "chmod +x *.sh",
+            f"chmod 600 {self.drawn.secret}",
+            "ls -l",
+        )
 
     def wrong(self):
         scripts, key = self.drawn.scripts, self.drawn.key

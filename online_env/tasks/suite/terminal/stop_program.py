@@ -3,7 +3,7 @@
 import time
 
 from online_env.tasks import Task
-from online_env.tasks.kit import shell
+from online_env.tasks.kit import shell, told
 from online_env.tasks.kit.words import sample
 
 NAMES = ("indexer", "syncer", "thumbs", "mailcheck", "rotator", "scanner")
@@ -51,6 +51,9 @@ class StopProgram(Task):
         shell.command(hand, "ps -ef | grep Tools")
         shell.command(hand, f"pkill -x {name}")
         shell.command(hand, "ps -ef | grep Tools")
+
+    def plan(self):
+        return told.run(f"pkill -x {self.drawn.name}", "ps -ef | grep Tools")
 
     def wrong(self):
         names = self.drawn.names

@@ -2,11 +2,13 @@
 
 from dataclasses import replace
 
+from online_env.tasks.kit import told
 from online_env.tasks.kit.office import dump, open_document, replace_all, save
 from online_env.tasks.kit.sheets import book, read_cells
 from online_env.tasks.kit.slides import SlideTask, presentation, slide_changes
 from online_env.tasks.kit.talks import talk
 from online_env.tasks.kit.words import FIRST_NAMES, LAST_NAMES, sample
+from online_env.tasks.plan_words import quoted
 
 BLANK = "(winner)"
 
@@ -68,6 +70,17 @@ class BestOnSlide(SlideTask):
         hand.find("document-presentation", app="soffice")
         replace_all(hand, BLANK, best)
         save(hand)
+
+    def plan(self):
+        return [
+            told.IMPRESS,
+            *told.open_in_office(self.drawn.sheet, "Contest"),
+            f"wait for {quoted(self.drawn.winner)}",
+            "press ctrl+w",
+            told.IMPRESS,
+            *told.replace_in_office(BLANK, self.drawn.winner),
+            *told.SAVE_PPTX,
+        ]
 
     def wrong(self):
         winner, second = self.drawn.winner, self.drawn.second

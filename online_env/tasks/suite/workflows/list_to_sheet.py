@@ -1,5 +1,6 @@
 """Copy the lines of a text file into a sheet."""
 
+from online_env.tasks.kit import told
 from online_env.tasks.kit.office import plain, save
 from online_env.tasks.kit.sheets import SheetTask, book, changes, go_to
 from online_env.tasks.kit.words import FIRST_NAMES, GOODS, LAST_NAMES, sample
@@ -77,6 +78,13 @@ class ListToSheet(SheetTask):
             go_to(hand, f"A{number}")
             hand.type(f"{name}\t{thing}\n")
         save(hand)
+
+    def plan(self):
+        steps = [told.CALC]
+        for number, (name, thing) in enumerate(self.drawn.rows, 2):
+            steps += told.enter_in_cell(f"A{number}", name)
+            steps += told.enter_in_cell(f"B{number}", thing)
+        return [*steps, *told.SAVE_XLSX]
 
     def wrong(self):
         cells = self.cells()

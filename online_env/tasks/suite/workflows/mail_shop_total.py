@@ -1,7 +1,7 @@
 """Look up two prices in the shop, and mail what it comes to."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import browser, mail, shop
+from online_env.tasks.kit import browser, mail, shop, told
 from online_env.tasks.kit.words import FIRST_NAMES
 
 
@@ -64,6 +64,15 @@ class MailShopTotal(Task):
         browser.follow(hand, "Reply")
         mail.compose(hand, text=f"That would be ${self.drawn.total}.")
         mail.send(hand)
+
+    def plan(self):
+        return [
+            'window "Chromium"',
+            'click "What does it cost?"',
+            'click "Reply"',
+            *told.compose(text=f"That would be ${self.drawn.total}."),
+            *told.SEND,
+        ]
 
     def wrong(self):
         to, subject = ["asker@mail.test"], "Re: What does it cost?"

@@ -1,8 +1,9 @@
 """Answer a question in a mail with a fact from the encyclopedia."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import browser, mail
+from online_env.tasks.kit import browser, mail, told
 from online_env.tasks.kit.words import FIRST_NAMES
+from online_env.tasks.plan_words import quoted
 
 FACTS = (
     ("in which town the printing press was invented", "Printing press", "Mainz"),
@@ -78,6 +79,18 @@ class MailWikiFact(Task):
         browser.follow(hand, "Reply")
         mail.compose(hand, text=f"Yes: {drawn.fact}.")
         mail.send(hand)
+
+    def plan(self):
+        drawn = self.drawn
+        return [
+            'window "Chromium"',
+            *told.visit(f"http://wiki.test/wiki/{drawn.title.replace(' ', '_')}", drawn.title),
+            *told.visit(mail.INBOX, drawn.subject),
+            f"click {quoted(drawn.subject)}",
+            'click "Reply"',
+            *told.compose(text=f"Yes: {drawn.fact}."),
+            *told.SEND,
+        ]
 
     def wrong(self):
         to, subject, fact = ["quiz@mail.test"], f"Re: {self.drawn.subject}", self.drawn.fact

@@ -1,8 +1,9 @@
 """Order the cart to an address that stands in a text file."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import browser, panel, shop
+from online_env.tasks.kit import browser, panel, shop, told
 from online_env.tasks.kit.words import TOPICS
+from online_env.tasks.plan_words import quoted
 
 
 class OrderToNotedAddress(Task):
@@ -64,6 +65,17 @@ class OrderToNotedAddress(Task):
         """Store an order for somebody, with changes."""
         how = {"delivery": self.drawn.delivery, "payment": self.drawn.payment, **changed}
         shop.order(machine, how.pop("cart", self.drawn.cart), person, **how)
+
+    def plan(self):
+        drawn = self.drawn
+        return [
+            'window "Mousepad"',
+            f"wait for {quoted(drawn.who)}",
+            'click "Your cart" near "Applications"',
+            'window "Chromium"',
+            *told.visit(shop.CART, "Your cart"),
+            *told.check_out(drawn.person, delivery=drawn.delivery, payment=drawn.payment),
+        ]
 
     def wrong(self):
         person = self.drawn.person

@@ -1,8 +1,9 @@
 """Write the prices of a mail and their sum into a text file."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import browser, mail, notes
+from online_env.tasks.kit import browser, mail, notes, told
 from online_env.tasks.kit.words import FIRST_NAMES, GOODS, TOPICS, sample
+from online_env.tasks.plan_words import quoted
 
 
 class SumMailedPrices(Task):
@@ -74,6 +75,14 @@ class SumMailedPrices(Task):
     def text(self, total):
         """The file with a total."""
         return "\n".join([*self.drawn.listed, f"Total: ${total}"])
+
+    def plan(self):
+        return [
+            'window "Chromium"',
+            f"click {quoted(self.drawn.who)}",
+            f"wait for {quoted(self.drawn.listed[0])}",
+            *told.take_note(self.path, self.text(self.drawn.total)),
+        ]
 
     def wrong(self):
         total = self.drawn.total

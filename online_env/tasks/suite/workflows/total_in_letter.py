@@ -2,10 +2,12 @@
 
 import re
 
+from online_env.tasks.kit import told
 from online_env.tasks.kit.documents import TextTask, changed, document, paragraph_of, text_changes
 from online_env.tasks.kit.office import dump, open_document, replace_all, save
 from online_env.tasks.kit.sheets import book, go_to, read_cells
 from online_env.tasks.kit.words import FIRST_NAMES, GOODS, LAST_NAMES, MONTHS, sample
+from online_env.tasks.plan_words import quoted
 
 BLANK = "[SUM]"
 
@@ -84,6 +86,18 @@ class TotalInLetter(TextTask):
         hand.find("document-text", app="soffice")
         replace_all(hand, BLANK, total)
         save(hand)
+
+    def plan(self):
+        return [
+            told.WRITER,
+            *told.open_in_office(self.drawn.bill, "Bill"),
+            *told.go_to_cell(f"B2:B{len(self.drawn.rows) + 1}"),
+            f"wait for {quoted(f'Sum: {self.drawn.total}')}",
+            "press ctrl+w",
+            told.WRITER,
+            *told.replace_in_office(BLANK, str(self.drawn.total)),
+            *told.SAVE_DOCX,
+        ]
 
     def wrong(self):
         total, last = self.drawn.total, self.drawn.rows[-1][1]

@@ -1,5 +1,6 @@
 """Make some words of a sentence bold."""
 
+from online_env.tasks.kit import told
 from online_env.tasks.kit.documents import TextTask, changed, document, paragraph_of, text_changes
 from online_env.tasks.kit.office import find_text, save
 from online_env.tasks.kit.prose import report
@@ -42,6 +43,14 @@ class BoldTerm(TextTask):
             hand.press("ctrl", "b")
         hand.find("toggle-button", "Bold", app="soffice", state="checked")
         save(hand)
+
+    def plan(self):
+        return [
+            told.WRITER,
+            *told.find_in_writer(self.drawn.term),
+            "press ctrl+b",
+            *told.SAVE_DOCX,
+        ]
 
     def wrong(self):
         sentence, term = self.drawn.sentence, self.drawn.term

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from online_env.tasks.kit import told
 from online_env.tasks.kit.documents import TextTask, document, remove_paragraph, text_changes
 from online_env.tasks.kit.office import find_text, save
 from online_env.tasks.kit.prose import report
@@ -42,6 +43,12 @@ class DeleteParagraph(TextTask):
                 hand.press("delete")  # the text, and then the line feed
                 hand.press("delete")
         save(hand)
+
+    def plan(self):
+        steps = [told.WRITER]
+        for text in (self.drawn.line, self.drawn.body):
+            steps += [*told.find_in_writer(text), "press delete 2 times"]
+        return [*steps, *told.SAVE_DOCX]
 
     def wrong(self):
         line, body = self.drawn.line, self.drawn.body

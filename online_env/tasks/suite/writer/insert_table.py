@@ -2,9 +2,11 @@
 
 from dataclasses import replace
 
+from online_env.tasks.kit import told
 from online_env.tasks.kit.documents import TextTask, document, text_changes
 from online_env.tasks.kit.office import save
 from online_env.tasks.kit.prose import report
+from online_env.tasks.plan_words import quoted
 
 
 class InsertTable(TextTask):
@@ -58,6 +60,25 @@ class InsertTable(TextTask):
             hand.gone("dialog", app="soffice")
             hand.type(self.drawn.head)
         save(hand)
+
+    def plan(self):
+        return [
+            told.WRITER,
+            "press ctrl+end",
+            "press enter",
+            "press ctrl+f12",
+            'wait for "Insert Table"',
+            "press tab",
+            "press ctrl+a",
+            f"type {quoted(str(self.drawn.columns))}",
+            "press tab",
+            "press ctrl+a",
+            f"type {quoted(str(self.drawn.rows))}",
+            'click "Insert" near "Cancel"',
+            "wait",
+            f"type {quoted(self.drawn.head)}",
+            *told.SAVE_DOCX,
+        ]
 
     def wrong(self):
         rows, columns = self.drawn.rows, self.drawn.columns

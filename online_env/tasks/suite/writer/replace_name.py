@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from online_env.tasks.kit import told
 from online_env.tasks.kit.documents import TextTask, document, text_changes
 from online_env.tasks.kit.office import replace_all, save
 from online_env.tasks.kit.prose import report
@@ -42,6 +43,13 @@ class ReplaceName(TextTask):
     def oracle(self, hand):
         replace_all(hand, self.drawn.person, self.drawn.new)
         save(hand)
+
+    def plan(self):
+        return [
+            told.WRITER,
+            *told.replace_in_office(self.drawn.person, self.drawn.new),
+            *told.SAVE_DOCX,
+        ]
 
     def wrong(self):
         old, new = self.drawn.person, self.drawn.new

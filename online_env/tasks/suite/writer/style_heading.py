@@ -1,5 +1,6 @@
 """Give a line the style of a heading."""
 
+from online_env.tasks.kit import told
 from online_env.tasks.kit.documents import TextTask, changed, document, paragraph_of, text_changes
 from online_env.tasks.kit.office import find_text, save
 from online_env.tasks.kit.prose import report
@@ -39,6 +40,14 @@ class StyleHeading(TextTask):
         hand.press("ctrl", str(self.drawn.level))
         hand.find("heading", app="soffice")
         save(hand)
+
+    def plan(self):
+        return [
+            told.WRITER,
+            *told.find_in_writer(self.drawn.line),
+            f"press ctrl+{self.drawn.level}",
+            *told.SAVE_DOCX,
+        ]
 
     def wrong(self):
         other = next(line for line in self.drawn.paragraphs if line != self.drawn.line)

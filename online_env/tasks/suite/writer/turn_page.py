@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from online_env.tasks.kit import told
 from online_env.tasks.kit.documents import TextTask, document, text_changes
 from online_env.tasks.kit.office import menu, save
 from online_env.tasks.kit.prose import report
@@ -41,6 +42,18 @@ class TurnPage(TextTask):
         hand.button("OK", app="soffice")
         hand.gone("dialog", app="soffice")
         save(hand)
+
+    def plan(self):
+        return [
+            told.WRITER,
+            'click "Format"',
+            'click "Page Style..."',
+            'click "Page" near "Organizer"',
+            'click "Landscape"',
+            'click "OK" near "Cancel"',
+            "wait",
+            *told.SAVE_DOCX,
+        ]
 
     def wrong(self):
         first = self.drawn.paragraphs[0]

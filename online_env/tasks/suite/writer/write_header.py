@@ -2,10 +2,12 @@
 
 from dataclasses import replace
 
+from online_env.tasks.kit import told
 from online_env.tasks.kit.documents import TextTask, document, text_changes
 from online_env.tasks.kit.office import menu, save
 from online_env.tasks.kit.prose import report
 from online_env.tasks.kit.words import GOODS
+from online_env.tasks.plan_words import quoted
 
 CLUBS = ("Rowing Club", "Hill Walkers", "Library Friends", "Repair Circle", "Choir")
 
@@ -40,6 +42,18 @@ class WriteHeader(TextTask):
             menu(hand, "Insert", "Header and Footer", kind, "Default Page Style")
             hand.type(self.drawn.text)
         save(hand)
+
+    def plan(self):
+        return [
+            told.WRITER,
+            'click "Insert"',
+            'click "Header and Footer"',
+            f"click {quoted(self.drawn.kind.capitalize())}",
+            'click "Default Page Style"',
+            "wait",
+            f"type {quoted(self.drawn.text)}",
+            *told.SAVE_DOCX,
+        ]
 
     def wrong(self):
         kind, text = self.drawn.kind, self.drawn.text
