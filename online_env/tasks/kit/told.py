@@ -172,6 +172,7 @@ def open_in_office(path: str, shown: str) -> list[str]:
         f"type {quoted(f'/home/user/{path}')}",
         "press enter",
         f"wait for {quoted(shown)}",
+        "wait",  # keys that come at once go to the document before
     ]
 
 
@@ -230,7 +231,7 @@ def compose(
 
 def put_into_cart(product: SimpleNamespace, count: int) -> list[str]:
     """Tell how to put a product of the shop into the cart."""
-    quantity = ['click below "Quantity"', f"type {quoted(str(count))}", "press enter"]
+    quantity = ['click "Quantity"', f"type {quoted(str(count))}"]
     return [
         *visit(f"http://shop.test/product/{product.id}", "Quantity"),
         *(quantity if count > 1 else ()),

@@ -54,7 +54,7 @@ class AddBookmark(Task):
     def plan(self):
         return [
             'window "Chromium"',
-            *told.visit(self.drawn.url, "http"),
+            *told.visit(self.drawn.url, self.drawn.url.removeprefix("http://")),
             "press ctrl+d",
             'wait for "Done"',
             "press ctrl+a",

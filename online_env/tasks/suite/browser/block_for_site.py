@@ -77,6 +77,7 @@ class BlockForSite(Task):
             'scroll down to "Not allowed to"',
             'click "Add" near "Not allowed to"',
             'wait for "Add a site"',
+            'click "example.com"',
             f"type {quoted(self.drawn.host)}",
             'click "Add" near "Cancel"',
             "wait",

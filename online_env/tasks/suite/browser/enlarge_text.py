@@ -56,9 +56,10 @@ class EnlargeText(Task):
     def plan(self):
         return [
             'window "Chromium"',
-            *told.visit("chrome://settings/appearance", "Page zoom"),
+            *told.visit("chrome://settings/appearance", "Font size"),
             'click "Medium (Recommended)"',
             f"click {quoted(self.drawn.size)}",
+            'scroll down to "Page zoom"',
             'click "100%" near "Page zoom"',
             f"click {quoted(f'{self.drawn.zoom}%')}",
             "wait",

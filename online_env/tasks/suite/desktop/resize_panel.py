@@ -39,11 +39,11 @@ class ResizePanel(Task):
     def plan(self):
         return [
             'window "Panel"',
-            'double-click right of "Row size (pixels):"',
+            'double-click "36" near "Row size (pixels):"',
             "press ctrl+a",
             f"type {quoted(str(self.drawn.size))}",
             "press tab",
-            'double-click right of "Number of rows:"',
+            'double-click "1" near "Number of rows:"',
             "press ctrl+a",
             f"type {quoted(str(self.drawn.rows))}",
             "press tab",

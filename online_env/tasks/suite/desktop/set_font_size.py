@@ -57,7 +57,7 @@ class SetFontSize(Task):
             'window "Appearance"',
             'click "Fonts"',
             f"click {quoted(TEN[self.drawn.key])}",
-            'double-click right of "Size"',
+            'double-click "10" near "Size"',
             "press ctrl+a",
             f"type {quoted(str(self.drawn.size))}",
             "press tab",

@@ -49,7 +49,7 @@ class ExportJpeg(pictures.PictureTask):
             "press ctrl+a",
             f"type {quoted(self.drawn.new)}",
             "press enter",
-            'double-click right of "Quality:"',
+            'double-click "90" near "Quality:"',
             "press ctrl+a",
             f"type {quoted(str(self.drawn.quality))}",
             "press tab",

@@ -50,7 +50,7 @@ class DeleteSlide(SlideTask):
             told.IMPRESS,
             f"press pagedown {self.drawn.index} times",
             "wait",
-            'click "Slide" near "Tools"',
+            'click "Slide" near "Format"',
             'click "Delete Slide"',
             "wait",
             *told.SAVE_PPTX,

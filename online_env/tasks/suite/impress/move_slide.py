@@ -63,7 +63,7 @@ class MoveSlide(SlideTask):
             told.IMPRESS,
             f"press pagedown {self.drawn.index} times",
             "wait",
-            'click "Slide" near "Tools"',
+            'click "Slide" near "Format"',
             'click "Move"',
             f"click {quoted(f'Slide to {end}')}",
             "wait",

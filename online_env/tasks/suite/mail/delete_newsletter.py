@@ -54,9 +54,13 @@ class DeleteNewsletter(mail.MailTask):
     def plan(self):
         steps = ['window "Chromium"']
         for subject in self.drawn.subjects:
-            steps += told.search_mail(subject)
-            steps += [f"click {quoted(subject)} near {quoted(self.drawn.title)}", "wait"]
-            steps += ['click "Delete" near "Back"', "wait"]
+            number = subject.rpartition(" ")[2]
+            steps += [
+                *told.search_mail(subject),
+                f"click {quoted(f'this is issue {number}')}",
+                'click "Delete" near "Back"',
+                "wait",
+            ]
         return steps
 
     def wrong(self):

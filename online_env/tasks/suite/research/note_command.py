@@ -67,13 +67,9 @@ class NoteCommand(Task):
         take_note(hand, self.drawn.path, self.drawn.command)
 
     def plan(self):
-        page = self.drawn.page
         return [
             'window "Chromium"',
-            'click "Search the documentation"',
-            f"type {quoted(page)}",
-            "press enter",
-            f"click {quoted(page)} near {quoted('pages for')}",
+            f"click {quoted(self.drawn.page)}",
             f"scroll down to {quoted(self.drawn.command)}",
             *told.take_note(self.drawn.path, self.drawn.command),
         ]
