@@ -31,6 +31,7 @@ SCRIPTS = {
     "reports": "Reports",
     "viewer_runs": "The page of runs",
     "pixel": "Reading by OCR: the agent pixel",
+    "ocr_engines": "OCR: who finds the lines",
     "chat_agent": "Agents of models, beside their endpoint",
     "kills": "A benchmark that is killed",
     "training_time": "Training with corruptions",
