@@ -4,7 +4,6 @@ Its wheel carries the PP-OCR models; nothing is downloaded. Where OpenVINO is in
 the lines, in a third of the processor time of ONNX Runtime; both find the same.
 """
 
-import importlib.util
 import os
 from functools import lru_cache
 from typing import Any, cast
@@ -87,7 +86,7 @@ def _engine(process: int) -> Any:
 
 def has_openvino() -> bool:
     """Return whether OpenVINO is installed, which then finds the lines."""
-    return importlib.util.find_spec("openvino") is not None
+    return not extras.lacking(("openvino",))
 
 
 def threads() -> int:

@@ -87,6 +87,16 @@ def move(names: Sequence[str], folder: str) -> list[str]:
     ]
 
 
+def name_file(path: str) -> list[str]:
+    """Tell how to name a file, relative to the home folder, in the dialog that opens."""
+    return [
+        'wait for "Cancel"',
+        "press ctrl+a",
+        f"type {quoted(f'/home/user/{path}')}",
+        "press enter",
+    ]
+
+
 def open_in_editor(path: str) -> list[str]:
     """Tell how to open a file, given relative to the home folder, in the editor that shows."""
     return [
@@ -102,10 +112,7 @@ def save_as(path: str) -> list[str]:
     """Tell how to save what has no file yet; the path is relative to the home folder."""
     return [
         "press ctrl+s",
-        'wait for "Cancel"',
-        "press ctrl+a",
-        f"type {quoted(f'/home/user/{path}')}",
-        "press enter",
+        *name_file(path),
         f"wait for {quoted(path.rpartition('/')[2])}",
     ]
 
@@ -167,10 +174,7 @@ def open_in_office(path: str, shown: str) -> list[str]:
     """Tell how to open another document, relative to the home folder, and what to see then."""
     return [
         "press ctrl+o",
-        'wait for "Cancel"',
-        "press ctrl+a",
-        f"type {quoted(f'/home/user/{path}')}",
-        "press enter",
+        *name_file(path),
         f"wait for {quoted(shown)}",
         "wait",  # keys that come at once go to the document before
     ]

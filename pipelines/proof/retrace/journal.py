@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -83,11 +84,15 @@ class Journal:
         found = self.head.get("version", VERSION)
         return found if isinstance(found, int) else VERSION
 
-    @property
+    @cached_property
     def lacks_episodes(self) -> bool:
-        """Whether there are records of episodes, but no folder of any."""
-        played = any(record.get("steps") for record in self.records)
-        return played and not self.is_scored and not (self.folder / EPISODES).is_dir()
+        """Whether there are records of episodes, but no folder of any; for a journal that is read.
+
+        It is asked for each record, so it is looked up once.
+        """
+        if self.is_scored or (self.folder / EPISODES).is_dir():
+            return False
+        return any(record.get("steps") for record in self.records)
 
     def note(self, folder: Path, record: Mapping[str, Any]) -> None:
         """Add the record of an episode."""

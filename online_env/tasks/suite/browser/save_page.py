@@ -7,7 +7,6 @@ from online_env.tasks.kit.apps import APPS
 from online_env.tasks.kit.articles import address
 from online_env.tasks.kit.pages import visit
 from online_env.tasks.kit.words import TOPICS
-from online_env.tasks.plan_words import quoted
 
 FOLDERS = ("Documents", "Desktop", "Downloads")
 
@@ -61,10 +60,7 @@ class SavePage(Task):
             'window "Chromium"',
             *told.visit(self.drawn.url, self.drawn.title),
             "press ctrl+s",
-            'wait for "Cancel"',
-            "press ctrl+a",
-            f"type {quoted(f'/home/user/{self.drawn.path}')}",
-            "press enter",
+            *told.name_file(self.drawn.path),
             "wait",
         ]
 

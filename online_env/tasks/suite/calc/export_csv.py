@@ -8,7 +8,6 @@ from online_env.tasks.kit import told
 from online_env.tasks.kit.office import keep_format
 from online_env.tasks.kit.sheets import SheetTask, book, changes
 from online_env.tasks.kit.words import CITIES, FIRST_NAMES, LAST_NAMES, TOPICS
-from online_env.tasks.plan_words import quoted
 
 HEADER = ("Name", "City", "Members", "Fee")
 NUMBER = re.compile(r"[0-9]+(\.[0-9]+)?")
@@ -82,10 +81,7 @@ class ExportCsv(SheetTask):
         return [
             told.CALC,
             "press ctrl+shift+s",
-            'wait for "Cancel"',
-            "press ctrl+a",
-            f"type {quoted(f'/home/user/{self.drawn.csv}')}",
-            "press enter",
+            *told.name_file(self.drawn.csv),
             'click "Use Text CSV"',
             'wait for "Export Text File"',
             'click "OK"',

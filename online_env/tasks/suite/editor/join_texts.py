@@ -84,10 +84,7 @@ class JoinTexts(Task):
             "press ctrl+end",
             "press ctrl+v",
             "press ctrl+shift+s",
-            'wait for "Cancel"',
-            "press ctrl+a",
-            f"type {quoted(f'/home/user/{self.drawn.path}')}",
-            "press enter",
+            *told.name_file(self.drawn.path),
             "wait",
         ]
 

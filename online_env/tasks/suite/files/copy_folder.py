@@ -1,7 +1,7 @@
 """Copy a folder with all that is in it, under another name."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import thunar
+from online_env.tasks.kit import thunar, told
 from online_env.tasks.kit.files import below, rearranged, sample_file
 from online_env.tasks.kit.words import MONTHS, TOPICS, sample
 from online_env.tasks.plan_words import quoted
@@ -67,21 +67,14 @@ class CopyFolder(Task):
             thunar.rename(hand, project, self.drawn.copy)
 
     def plan(self):
-        project = quoted(self.drawn.project)
         return [
             'window "Thunar"',
-            f"click {project}",
+            f"click {quoted(self.drawn.project)}",
             "press ctrl+c",
             'double-click "Backups"',
             f"wait for {quoted(f'{self.drawn.project} (old)')}",
             "press ctrl+v",
-            f"click {project}",
-            "press f2",
-            "wait",
-            "press ctrl+a",
-            f"type {quoted(self.drawn.copy)}",
-            "press enter",
-            f"wait for {quoted(self.drawn.copy)}",
+            *told.rename(self.drawn.project, self.drawn.copy),
         ]
 
     def wrong(self):

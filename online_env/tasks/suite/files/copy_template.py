@@ -1,7 +1,7 @@
 """Start three documents from one template."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import thunar
+from online_env.tasks.kit import thunar, told
 from online_env.tasks.kit.files import move_files, rearranged, sample_file
 from online_env.tasks.kit.words import LAST_NAMES, sample
 from online_env.tasks.plan_words import quoted
@@ -82,13 +82,7 @@ class CopyTemplate(Task):
         for name in (drawn.a, drawn.b, drawn.c):
             steps += [
                 "press ctrl+v",
-                f"click {quoted(drawn.template)}",
-                "press f2",
-                "wait",
-                "press ctrl+a",
-                f"type {quoted(name)}",
-                "press enter",
-                f"wait for {quoted(name)}",
+                *told.rename(drawn.template, name),
             ]
         return steps
 

@@ -1,8 +1,8 @@
 """Rename a file in the file manager."""
 
 from online_env.tasks import Task
+from online_env.tasks.kit import told
 from online_env.tasks.kit.words import TOPICS, sample
-from online_env.tasks.plan_words import quoted
 
 FOLDERS = ("Reports", "Invoices", "Letters", "Drafts")
 ITEMS = ("table-cell", "list-item")
@@ -57,13 +57,7 @@ class RenameFile(Task):
     def plan(self):
         return [
             'window "Thunar"',
-            f"click {quoted(self.drawn.old)}",
-            "press f2",
-            "wait",
-            "press ctrl+a",
-            f"type {quoted(self.drawn.new)}",
-            "press enter",
-            f"wait for {quoted(self.drawn.new)}",
+            *told.rename(self.drawn.old, self.drawn.new),
         ]
 
     def wrong(self):
