@@ -135,7 +135,7 @@ def draw(report: RunReport, path: Path) -> None:
                 colour = "white" if share >= LEAST_DARK else "black"
                 text = "–" if found[row][column] is None else f"{100 * share:.0f}"
                 axes.text(column, row, text, ha="center", va="center", color=colour)
-        axes.set_title("Tasks solved, in per cent", loc="left", fontsize="medium")
+        axes.set_title("Tasks solved, in percent", loc="left", fontsize="medium")
         figure.savefig(path, format="svg", metadata={"Date": None})
 
 

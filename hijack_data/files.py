@@ -243,6 +243,18 @@ def unwritable(path: str | os.PathLike[str], error: OSError) -> HijackError:
     return kind(f"{path}: cannot be written ({error.strerror or error})")
 
 
+def make_folder(folder: Path) -> None:
+    """Create a folder and those that it lies in, unless they are there.
+
+    Raises:
+        HijackError: it cannot be created, as `unwritable` says.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritable(folder, error) from None
+
+
 def open_regular(path: Path) -> BinaryIO:
     """Open an untrusted file for reading.
 

@@ -223,6 +223,11 @@ def test_a_report_is_all_that_a_result_needs(tmp_path: Path):
     assert "![p](two_agents/p.svg) [q](q.md#r) [h](https://h/)" in own
     assert own.count('<figure class="chart">') == 2
     assert "| `good` | 90.0 % | 100.0 % |" in own
+    (place / "about.md").write_text("# Two agents without a model\n\n" + about)
+    pages = results.pages(place.parent)
+    assert "[Two agents without a model](two_agents.md) |" in pages["results/index.md"]
+    assert pages["results/two_agents.md"].count("\n# ") == 0
+    assert pages["results/two_agents.md"].startswith("# Two agents without a model\n\nMade for a")
     board = pages["results/leaderboard.md"]
     assert re.search(r"\| 1 \| `good` \| 90.0 % \|.*\n\| 2 \| `bad` \| 20.0 % \|", board)
     files = results.files(place.parent)

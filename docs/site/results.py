@@ -1,7 +1,7 @@
 """Results of this repository: `docs/results/NAME/report.json` is all that a page of its own needs.
 
 The file is what `hijack report RUNS -o report.json` writes. An `about.md` beside it stands before
-its figures. The leaderboard is that of `hijack report docs/results --leaderboard`.
+its figures; its heading, if it has one, is the title. The leaderboard is that of `hijack report docs/results --leaderboard`.
 """
 
 import os
@@ -23,6 +23,7 @@ RESULTS = ROOT / "docs" / "results"
 REPORT = "report.json"
 FULL = "report.html"
 BOARD = "board.html"
+_HEADING = re.compile(r"# (.+)\n\n")
 _LINK = re.compile(r"\]\((?!#|[a-z]+:)([^)\s]+)\)")
 
 
@@ -31,7 +32,7 @@ def pages(folder: Path = RESULTS) -> dict[str, str]:
     found = reports(folder)
     made = {f"results/{name}.md": of_report(name, report, folder) for name, report in found.items()}
     made["results/leaderboard.md"] = board(folder, found)
-    made["results/index.md"] = index(found)
+    made["results/index.md"] = index(found, folder)
     return made
 
 
@@ -55,7 +56,7 @@ def reports(folder: Path) -> dict[str, RunReport]:
     return {path.parent.name: read_report(path) for path in sorted(folder.glob(f"*/{REPORT}"))}
 
 
-def index(found: dict[str, RunReport]) -> str:
+def index(found: dict[str, RunReport], folder: Path) -> str:
     """The list of all results."""
     lines = [
         "# Results\n",
@@ -78,7 +79,8 @@ def index(found: dict[str, RunReport]) -> str:
     ]
     for name, report in found.items():
         agents = ", ".join(f"`{agent}`" for agent in report.agents)
-        lines.append(f"| [{titled(name)}]({name}.md) | {_played(report)}: {agents} |")
+        title, _ = introduction(name, folder)
+        lines.append(f"| [{title}]({name}.md) | {_played(report)}: {agents} |")
     lines += [
         "",
         "[The leaderboard](leaderboard.md) ranks the agents of the runs above that played the same"
@@ -87,9 +89,17 @@ def index(found: dict[str, RunReport]) -> str:
     return "\n".join(lines)
 
 
-def titled(name: str) -> str:
-    """The title of a result, from the name of its folder."""
-    return name.replace("_", " ").replace("-", " ").capitalize()
+def introduction(name: str, folder: Path) -> tuple[str, str]:
+    """The title of a result and the text below it.
+
+    Without a heading in `about.md`, the title comes from the name of the folder.
+    """
+    about = folder / name / "about.md"
+    text = about.read_text(encoding="utf-8") if about.is_file() else ""
+    heading = _HEADING.match(text)
+    if heading:
+        return heading[1], text[heading.end() :]
+    return name.replace("_", " ").replace("-", " ").capitalize(), text
 
 
 def of_report(
@@ -98,10 +108,10 @@ def of_report(
     folder: Path,
 ) -> str:
     """The page of one report."""
-    about = folder / name / "about.md"
-    lines = [f"# {titled(name)}\n"]
-    if about.is_file():
-        lines.append(_a_folder_up(plain_fences(about.read_text(encoding="utf-8")), name))
+    title, text = introduction(name, folder)
+    lines = [f"# {title}\n"]
+    if text:
+        lines.append(_a_folder_up(plain_fences(text), name))
     lines.append(f"{_played(report)}.\n")
     lines += _table(report)
     lines += [_bars(report, row) for row in report.summaries]

@@ -11,7 +11,7 @@ from .. import extras
 from .._apply import apply
 from ..corruption import get
 from ..errors import HijackError, MissingDependencyError
-from ..files import encode_png, load_image, write_atomic
+from ..files import encode_png, load_image, make_folder, write_atomic
 from ..gallery import contact_sheet
 from . import hijack
 from .pictures import make_scene
@@ -60,7 +60,7 @@ def demo(out: Path, desktop: bool) -> None:
     """
     screens = [recordings() / "images" / name for name in SCREENS]
     made = [out / "before_after.png", out / "gallery.html"]
-    out.mkdir(parents=True, exist_ok=True)
+    make_folder(out)
     command("apply", screens[1], "pop_ups", "-o", out / "pop_ups.png", "--seed", 3)
     before_and_after(screens[0], made[0])
     command("gallery", *screens, "-o", made[1])

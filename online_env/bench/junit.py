@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from hijack_data.files import unwritable, write_atomic
+from hijack_data.files import make_folder, write_atomic
 from hijack_data.runs.run_log import ROW
 
 from . import scores
@@ -50,10 +50,7 @@ def write(
     Raises:
         HijackError: The file cannot be written.
     """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise unwritable(path, error) from None
+    make_folder(path.parent)
     root = tree_of(run, gates)
     ElementTree.indent(root, " ")
     write_atomic(path, ElementTree.tostring(root, encoding="utf-8", xml_declaration=True))

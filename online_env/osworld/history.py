@@ -7,7 +7,7 @@ by the guest's browser has the schema that this browser expects.
 from collections.abc import Iterable
 from pathlib import Path
 
-from hijack_data.files import write_atomic
+from hijack_data.files import make_folder, write_atomic
 
 from .env import OsworldEnv
 from .errors import OsworldError
@@ -42,7 +42,7 @@ def provide(
             "the desktop's browser made no history file; is it installed? (hijack desktop install)"
         )
     for target in targets:
-        target.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(target.parent)
         write_atomic(target, data)
 
 

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.errors import ConfigError, HijackError
-from hijack_data.files import replace_atomic, write_atomic
+from hijack_data.files import make_folder, replace_atomic, write_atomic
 from hijack_data.locking import Lock, LockedError, lock
 
 from .. import extra
@@ -180,7 +180,7 @@ class _Download:
         except (HijackError, httpx.HTTPError, httpx.InvalidURL, UnicodeError) as error:
             report.failed[item.path] = f"{item.url}: {error or type(error).__name__}"
             return
-        target.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(target.parent)
         # A copy, never a hard link: OSWorld opens files of its cache for writing.
         replace_atomic(target, lambda path: shutil.copyfile(source, path))
         size = target.stat().st_size

@@ -12,7 +12,7 @@ from pathlib import Path
 import click
 
 from hijack_data.cli import console
-from hijack_data.files import unwritable, write_atomic
+from hijack_data.files import make_folder, write_atomic
 from hijack_data.runs.own_files import refuse_own_file
 
 from ..bench import reading
@@ -212,10 +212,7 @@ def _put(text: str, out: Path | None) -> None:
         click.echo(text, nl=False)
         return
     refuse_own_file(out, "--out")
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise unwritable(out, error) from None
+    make_folder(out.parent)
     write_atomic(out, text)
     click.echo(f"wrote {out}")
 

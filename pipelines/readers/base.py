@@ -53,7 +53,9 @@ class Reader(Protocol):
     - `adopts = True`: a file that no format takes goes to this reader if its neighbour does (same
       folder and suffix, or same name), and this reader rejects it with a reason;
     - `beside(file) -> bool`: whether it reads this file in addition to its own records;
-    - `fallback = True`: it is asked about a whole source, and only if no reader takes a file.
+    - `fallback = True`: it is asked about a whole source, and only if no reader takes a file;
+    - `refusal(source) -> str`: why it cannot read a source that is of its format but lacks a part,
+      and what to do; `""` for any other source. It is asked only if no reader takes the source.
     """
 
     name: str

@@ -53,6 +53,15 @@ class Runs(FolderReader):
         """Return whether a file describes a run or an episode."""
         return file.name in (EPISODE, RECORDS, RUN)
 
+    def refusal(self, source: Path) -> str:
+        """Return why a run without episodes cannot be read; `""` if `source` is none."""
+        if not (source / RUN).is_file() or (source / EPISODES).is_dir():
+            return ""
+        return (
+            f"is a run without the folder {EPISODES}, which has the screens (a run of hijack score"
+            " has none); give the folder where hijack bench played it"
+        )
+
     def episode(self, file: Path, root: Path) -> Iterator[Trajectory | Rejected]:
         """Yield the trajectory of one episode, and everything rejected of it."""
         return _Episode(root, file).read()

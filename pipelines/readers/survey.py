@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from hijack_data.runs.run_log import EPISODES, RUN
 from hijack_data.types import Trajectory
 
 from ..errors import SourceError
@@ -178,11 +177,10 @@ def _fallback(
     for reader in _readers(fallback=True):
         if reader.detect(source):
             return {reader.name: source}
-    if (source / RUN).is_file() and not (source / EPISODES).is_dir():
-        raise SourceError(
-            f"{source}: is a run without the folder {EPISODES}, which has the screens (a run of"
-            " hijack score has none); give the folder where hijack bench played it"
-        )
+    for reader in _readers(fallback=False):
+        refusal = getattr(reader, "refusal", None)
+        if refusal is not None and (why := refusal(source)):
+            raise SourceError(f"{source}: {why}")
     if _is_empty(source):
         raise SourceError(f"{source}: is empty; {_known_formats()}")
     examples = ", ".join(_examples(root, left, refused))

@@ -13,7 +13,7 @@ from typing import Any
 
 import torch
 
-from hijack_data.files import replace_atomic, unwritable
+from hijack_data.files import make_folder, replace_atomic, unwritable
 
 from .errors import TrainError
 from .replay import read_tensors
@@ -33,10 +33,7 @@ class TrainJournal:
     """
 
     def __init__(self, folder: Path) -> None:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise unwritable(folder, error) from None
+        make_folder(folder)
         self.folder = folder
 
     def rollouts(self, rows: Sequence[Mapping[str, Any]]) -> None:

@@ -8,7 +8,7 @@ import pytest
 from hijack_data.errors import ParameterError
 from online_env.bench import statistics as s
 
-# Paper, main table: Clean, then the nine corruptions, then the printed "Average"; in per cent.
+# Paper, main table: Clean, then the nine corruptions, then the printed "Average"; in percent.
 PAPER = {
     "GPT-4o": ((5.38, 1.44, 4.82, 2.56, 3.66, 3.68, 3.12, 4.82, 4.24, 3.25), 3.69),
     "Claude-3.7-Sonnet": ((4.23, 1.41, 2.54, 2.82, 2.54, 1.97, 2.54, 2.25, 1.69, 2.54), 2.45),

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
-from hijack_data.files import unwritable
+from hijack_data.files import make_folder, unwritable
 from hijack_data.runs.amounts import is_amount, is_count
 
 from ...errors import AgentSetupError, EndpointError, ReplayError
@@ -65,8 +65,8 @@ class RequestLog(NoRecorder):
     def __init__(self, path: Path, secrets: tuple[str, ...] = ()) -> None:
         self._path = path
         self._secrets = tuple(secret for secret in secrets if secret)
+        make_folder(path.parent)
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(b"")
         except OSError as error:
             raise unwritable(path, error) from None

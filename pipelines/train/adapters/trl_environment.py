@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Protocol, TypeAlias
 
 from hijack_data.errors import ParameterError
-from hijack_data.files import unwritable
+from hijack_data.files import make_folder, unwritable
 from hijack_data.rng import Stream
 
 from ..errors import TrainError
@@ -327,9 +327,6 @@ def _log_of(
 ) -> Path | None:
     if folder is None:
         return None
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise unwritable(folder, error) from None
+    make_folder(folder)
     stem, _, ending = ROLLOUTS.partition(".")
     return folder / (ROLLOUTS if processes == 1 else f"{stem}-{rank}.{ending}")

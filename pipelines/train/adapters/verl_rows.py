@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.errors import ParameterError
-from hijack_data.files import replace_atomic
+from hijack_data.files import make_folder, replace_atomic
 
 from ...dataset.columns import Kind, pyarrow, schema_of
 from ..split import check_split
@@ -93,6 +93,6 @@ def _write(
         )
     pa = pyarrow()
     table = pa.Table.from_pylist(rows, schema=schema_of(_KINDS))
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(path.parent)
     replace_atomic(path, lambda place: pa.parquet.write_table(table, place))
     return len(rows)

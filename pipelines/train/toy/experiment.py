@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import torch
 
 import hijack_data as hj
-from hijack_data.files import read_versioned_json, replace_atomic, write_atomic
+from hijack_data.files import make_folder, read_versioned_json, replace_atomic, write_atomic
 from hijack_data.plan import CLEAN
 from hijack_data.planner import Planner
 
@@ -182,7 +182,7 @@ def _started(job: ToyJob) -> tuple[ToyNetwork, dict[str, Any]]:
         "policy": network.state_dict(),
     }
     path = _start_path(job)
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(path.parent)
     replace_atomic(path, lambda place: torch.save(data, place))
     return network, {"rollouts": 0}
 
@@ -248,7 +248,7 @@ def _claim(replication: Replication, folder: Path) -> None:
                 f"{folder}: holds a replication with other {', '.join(differs)}; give another --out"
             )
         return
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     plan = {"format": _PLAN_FORMAT, "version": VERSION, "replication": given}
     write_atomic(path, json.dumps(plan, indent=1) + "\n")
 

@@ -52,7 +52,7 @@ def summarise(replication: Replication, scores: ScoreTable) -> dict[str, Any]:
     `gain_visual`, `gain_clean` and `gain_heldout` are DA-GRPO's success minus GRPO's, in
     percentage points, on unseen tasks: under the corruptions that DA-GRPO trained with, clean, and
     under those that no run trained with. `arms` compares each arm with GRPO and with DA-GRPO, and
-    `success` holds the mean success in per cent.
+    `success` holds the mean success in percent.
 
     Args:
         replication: what was compared.
@@ -173,7 +173,7 @@ def _means(
     rates: Mapping[str, float],
     parts: Mapping[str, Sequence[str]],
 ) -> dict[str, float]:
-    """Return the success in per cent of each group and each condition."""
+    """Return the success in percent of each group and each condition."""
     each = {label: 100 * rate for label, rate in rates.items()}
     groups = {
         name: float(np.mean([each[label] for label in labels])) for name, labels in parts.items()
