@@ -204,30 +204,31 @@ def check_versioned(
     *,
     format: str,
     version: int,
-    where: str,
     what: str,
+    where: str = "",
     error: type[HijackError] = HijackError,
 ) -> dict[str, Any]:
     """Check the fields `format` and `version` of JSON data, and return the data.
 
-    The arguments are those of `read_versioned_json`; `where` begins the messages.
+    The arguments are those of `read_versioned_json`; `where`, if given, begins the messages.
 
     Raises:
         HijackError: of the class `error`, if the data are not an object, have another format, or a
             version outside 1 to `version`.
     """
     found = cast("dict[str, Any]", data) if isinstance(data, dict) else {}
+    begin = f"{where}: " if where else ""
     if found.get("format") != format:
-        raise error(f"{where}: not {what} (field 'format' must be {format!r})")
+        raise error(f"{begin}not {what} (field 'format' must be {format!r})")
     number = found.get("version")
     if isinstance(number, bool) or not isinstance(number, int) or number < 1:
         raise error(
-            f"{where}: version {shown(number)} is not a version; it must be an integer,"
+            f"{begin}version {shown(number)} is not a version; it must be an integer,"
             f" 1 to {version}"
         )
     if number > version:
         raise error(
-            f"{where}: version {number} is newer than this library reads ({version}); upgrade"
+            f"{begin}version {number} is newer than this library reads ({version}); upgrade"
             " agenthijack"
         )
     return found

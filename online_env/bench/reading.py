@@ -10,15 +10,14 @@ from typing import Any, TypeAlias, cast
 from hijack_data.errors import HijackError, shown
 from hijack_data.files import read_regular
 from hijack_data.runs.amounts import is_amount
+from hijack_data.runs.run_head import check_head
 from hijack_data.runs.run_log import (
     EPISODE,
     EPISODES,
-    FORMAT,
     LINKS,
     RECORDS,
     RUN,
     SCORE_RUN,
-    VERSION,
     slug_of,
 )
 from hijack_data.surrogates import has_half
@@ -199,22 +198,10 @@ def read_head(folder: Path) -> dict[str, Any]:
         ) from None
     except (ValueError, RecursionError) as error:
         raise RunError(f"{path}: is not JSON ({str(error)[:200]})") from None
-    head = cast("dict[str, Any]", data) if isinstance(data, dict) else {}
-    if head.get("format") != FORMAT:
-        raise RunError(f"{path}: is not the head of a run (field 'format' must be {FORMAT!r})")
-    version = head.get("version")
-    if not isinstance(version, int) or version > VERSION:
-        problem = f"version {version!r} is newer than this library reads"
-        raise RunError(f"{path}: {problem}; upgrade agenthijack")
-    if isinstance(version, bool) or version < 1:
-        raise RunError(f"{path}: version {version!r} is none; versions begin with 1")
-    for key in ("config", "versions"):
-        if not isinstance(head.get(key, {}), dict):
-            raise RunError(f"{path}: field {key!r} is not an object")
-    listed = head.get("episodes") or []
-    if not isinstance(listed, list) or not all(isinstance(name, str) for name in listed):
-        raise RunError(f"{path}: field 'episodes' is not a list of ids")
-    return head
+    try:
+        return check_head(data)
+    except HijackError as error:
+        raise RunError(f"{path}: {error}") from None
 
 
 def _episodes(folder: Path) -> Run:

@@ -11,11 +11,11 @@ from typing import Any
 from hijack_data.errors import HijackError
 from hijack_data.files import read_regular
 from hijack_data.planner import Planner
+from hijack_data.runs.run_head import check_head
 from hijack_data.runs.run_log import (
     CHAINED,
     EPISODE,
     EPISODES,
-    FORMAT,
     GIVEN,
     GIVEN_KINDS,
     GIVING,
@@ -285,37 +285,26 @@ def read_journal(folder: Path) -> Journal:
 
 
 def _read_head(journal: Journal) -> None:
-    head = parse_file(journal.folder / RUN)
-    if head.get("format") != FORMAT:
-        raise FieldError("format", f"must be {FORMAT!r}, got {fields.shown(head.get('format'))}")
-    version = head.get("version")
-    if not isinstance(version, int) or version > VERSION:
-        raise FieldError("version", f"{version!r} is newer than this library reads")
-    _check_head(head)
+    head = check_head(parse_file(journal.folder / RUN))
+    _check_config(head.get("config", {}))
     journal.head = head
     journal.exists = True
-    journal.oldest = version
+    journal.oldest = head["version"]
     if "corruptions" in journal.config:
         journal.planners = planners_of(journal.config["corruptions"])
 
 
-def _check_head(head: Mapping[str, Any]) -> None:
+def _check_config(config: Mapping[str, Any]) -> None:
     """Check the kinds of the fields that records are compared with.
 
     Raises:
         FieldError: One of them is of another kind.
     """
-    config = fields.mapping(head.get("config", {}), "config")
     for key in LISTED:
         if not isinstance(config.get(key, []), list):
             raise FieldTypeError(f"config.{key}", "a list", config[key])
     if not _is_whole(config.get("retries", 0)):
         raise FieldTypeError("config.retries", "a whole number", config["retries"])
-    episodes = head.get("episodes")
-    if episodes is None:
-        return
-    if not isinstance(episodes, list) or not all(isinstance(name, str) for name in episodes):
-        raise FieldTypeError("episodes", "a list of ids", episodes)
 
 
 def _check_record(record: Mapping[str, Any]) -> None:

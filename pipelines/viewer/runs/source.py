@@ -6,7 +6,8 @@ from typing import Any, cast
 
 from hijack_data.cache import Cache
 from hijack_data.errors import HijackError
-from hijack_data.runs.run_log import EPISODES, FORMAT, RUN, SCORE_RUN, VERSION
+from hijack_data.runs.run_head import check_head
+from hijack_data.runs.run_log import EPISODES, RUN, SCORE_RUN
 from hijack_data.types import UInt8Array
 
 from ...dataset.images import encode
@@ -197,26 +198,14 @@ class RunSource:
         path = self.folder / RUN
         if not path.exists():
             return b""
-        problem = ""
         try:
-            self.head = parse_file(path)
-            content = path.read_bytes()
-        except FieldError as error:
-            problem = str(error)
-            content = b""
+            self.head = check_head(parse_file(path))
+            return path.read_bytes()
         except OSError as error:
             problem = f"cannot be read ({error.strerror or error})"
-            content = b""
-        version = self.head.get("version")
-        if not problem and self.head.get("format") != FORMAT:
-            raise DatasetError(
-                f"{path}: not the log of a run of ours (field 'format' must be {FORMAT!r})"
-            )
-        if not problem and (not isinstance(version, int) or version > VERSION):
-            problem = f"version {version!r} is newer than this library reads ({VERSION})"
-        if problem and not (self.folder / EPISODES).is_dir():
+        except HijackError as error:
+            problem = str(error)
+        if not (self.folder / EPISODES).is_dir():
             raise DatasetError(f"{path}: {problem}")
-        if problem:
-            content = b""
-            self.problems.append(f"{RUN}: {problem}; episodes are shown as far as they can be read")
-        return content
+        self.problems.append(f"{RUN}: {problem}; episodes are shown as far as they can be read")
+        return b""

@@ -1,0 +1,28 @@
+"""Checks of `run.json`, the head of a run, before anything in it is used."""
+
+from typing import Any
+
+from ..errors import HijackError, shown
+from ..files import check_versioned
+from .run_log import FORMAT, VERSION
+
+
+def check_head(data: object) -> dict[str, Any]:
+    """Return the content of `run.json` if it is the head of a run that this library reads.
+
+    `config` and `versions` are objects in it, if they are there, and `episodes` is a list of ids or
+    `null`.
+
+    Raises:
+        HijackError: It is not; the message names the field, but not the file.
+    """
+    head = check_versioned(data, format=FORMAT, version=VERSION, what="the head of a run")
+    for key in ("config", "versions"):
+        if not isinstance(head.get(key, {}), dict):
+            raise HijackError(f"{key}: must be an object, got {shown(head[key])}")
+    listed = head.get("episodes")
+    if listed is None:
+        return head
+    if not isinstance(listed, list) or not all(isinstance(name, str) for name in listed):
+        raise HijackError(f"episodes: must be a list of ids, got {shown(listed)}")
+    return head
