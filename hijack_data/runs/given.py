@@ -17,7 +17,7 @@ _BEFORE: Mapping[str, tuple[str, ...]] = {
     "pixel": ("plan",),
     "pixel_onlooker": ("plan",),
     "pixel_onlooker_no_check": ("plan",),
-    "pixel_onlooker_no_summaries": ("plan",),
+    "pixel_onlooker_no_summary": ("plan",),
     "do_nothing": (),
     "random": (),
     "fail": (),

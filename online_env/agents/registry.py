@@ -107,7 +107,7 @@ AGENTS = AgentRegistry(
         "pixel": "online_env.agents.pixel.agent:Pixel",
         "pixel_onlooker": "online_env.agents.pixel.onlooked:PixelOnlooker",
         "pixel_onlooker_no_check": "online_env.agents.pixel.onlooked:NoCheck",
-        "pixel_onlooker_no_summaries": "online_env.agents.pixel.onlooked:NoSummaries",
+        "pixel_onlooker_no_summary": "online_env.agents.pixel.onlooked:NoSummary",
     },
     problems=_problems,
 )

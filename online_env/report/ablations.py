@@ -17,14 +17,14 @@ MODULES: Mapping[str, Mapping[str, str]] = {
     "pixel_onlooker": {
         "pixel": "no onlooker",
         "pixel_onlooker_no_check": "no check",
-        "pixel_onlooker_no_summaries": "no summaries",
+        "pixel_onlooker_no_summary": "no summary",
         "pixel_onlooker": "all modules",
     },
     "agenthijack-agent": {
         "agenthijack-agent-no-rl": "no RL",
         "agenthijack-agent-no-onlooker": "no onlooker",
         "agenthijack-agent-no-check": "no check",
-        "agenthijack-agent-no-summary": "no summaries",
+        "agenthijack-agent-no-summary": "no summary",
         "agenthijack-agent": "all modules",
     },
 }

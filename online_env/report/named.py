@@ -15,7 +15,7 @@ YARDSTICKS = (
     "pixel",
     "pixel_onlooker",
     "pixel_onlooker_no_check",
-    "pixel_onlooker_no_summaries",
+    "pixel_onlooker_no_summary",
 )
 # Of an agent; for those in LOWER, less is better.
 SUMMARY = (

@@ -247,7 +247,7 @@ def test_a_text_that_does_not_come_is_waited_for_then_the_agent_ends():
 def test_only_the_plan_says_that_a_task_cannot_be_done():
     found = play(make("pixel"), ['click "Copy"', 'give up "no"'], *[with_menu()] * 2)
     assert [actions[0] for _, actions in found][1] == "FAIL"
-    agent = make("pixel_onlooker_no_summaries")
+    agent = make("pixel_onlooker_no_summary")
     lost = play(agent, ['click "Trash"', 'give up "no"'], *[with_menu()] * 3)
     assert lost[-1][1] == ["DONE"]
 
@@ -278,7 +278,7 @@ def test_each_module_can_be_left_out():
     plan = ["press f2", 'click "Copy"']
     unchecked = play(make("pixel_onlooker_no_check"), plan, locked())
     assert unchecked[0][1] == ["pyautogui.write('password')"], "the summaries notice it, too"
-    blind = make("pixel_onlooker_no_summaries")
+    blind = make("pixel_onlooker_no_summary")
     found = play(blind, plan, with_menu(), locked())
     assert found[1][1] == ["WAIT"]
     assert blind.summaries == []

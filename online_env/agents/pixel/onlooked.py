@@ -2,7 +2,7 @@
 
 It is the paper's AgentHijack-Agent (section 5) without a model: an initial check with a request to
 re-initialise, and a summary of each step, from which it learns of disturbances. Each of the two
-modules can be left out: `NoCheck`, `NoSummaries`.
+modules can be left out: `NoCheck`, `NoSummary`.
 """
 
 from collections.abc import Sequence
@@ -147,7 +147,7 @@ class NoCheck(PixelOnlooker):
     checks = False
 
 
-class NoSummaries(PixelOnlooker):
+class NoSummary(PixelOnlooker):
     """`pixel_onlooker` without summaries: it does not notice what happens during the task."""
 
     summarises = False
