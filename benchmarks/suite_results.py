@@ -205,7 +205,7 @@ def page(agents: Mapping[str, Sequence[Played]]) -> str:
         " to time-outs of the oracle. Of episodes with the same task, corruption and seed the last"
         " one counts; the files in `docs/results/suite` have all of them, with the commit that"
         " played each. An episode whose corruption could not be proved does not count.",
-        "```sh no-run it takes hours\n"
+        "```sh no-run it takes half an hour\n"
         "hijack bench embedded --agent recovering --corruptions marks --out runs/recovering-marks\n"
         "python benchmarks/suite_results.py runs/recovering-marks\n```",
         "## Solved of played episodes",
