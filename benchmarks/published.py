@@ -71,7 +71,7 @@ def main() -> None:
         copy_records(result / "run", runs)
     if not options.report_only:
         words = [*PLAYED[name]]
-        if name == OSWORLD:
+        if name == OSWORLD and options.osworld:
             words += ["--tasks", ",".join(in_windows(options.osworld))]
         if name == ALL_TASKS:
             words += ["--tasks", ",".join(planned())]

@@ -14,6 +14,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
+from typing import Any
 
 from common import table
 
@@ -89,7 +90,7 @@ def kept(agent: str) -> list[Played]:
         ]
 
 
-def _typed(value: str, kind: object) -> str | int | float:
+def _typed(value: str, kind: object) -> Any:
     if kind is int:
         return int(value)
     return float(value) if kind is float else value

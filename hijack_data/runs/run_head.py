@@ -1,6 +1,6 @@
 """Checks of `run.json`, the head of a run, before anything in it is used."""
 
-from typing import Any
+from typing import Any, cast
 
 from ..errors import HijackError, shown
 from ..files import check_versioned
@@ -21,8 +21,12 @@ def check_head(data: object) -> dict[str, Any]:
         if not isinstance(head.get(key, {}), dict):
             raise HijackError(f"{key}: must be an object, got {shown(head[key])}")
     listed = head.get("episodes")
-    if listed is None:
-        return head
-    if not isinstance(listed, list) or not all(isinstance(name, str) for name in listed):
+    if listed is not None and not _is_list_of_ids(listed):
         raise HijackError(f"episodes: must be a list of ids, got {shown(listed)}")
     return head
+
+
+def _is_list_of_ids(found: Any) -> bool:
+    return isinstance(found, list) and all(
+        isinstance(name, str) for name in cast("list[Any]", found)
+    )
