@@ -80,7 +80,7 @@ def _engine(process: int) -> Any:
     params["Det.engine_type"] = EngineType.OPENVINO
     engine = cast("Any", RapidOCR)(params=params)
     engine(np.zeros((MIN_SIDE * 8, MIN_SIDE * 8, 3), np.uint8))  # it loads its model only now
-    _compile_in_float32(engine.text_det.session)
+    _compile(engine.text_det.session)
     return engine
 
 
@@ -94,14 +94,19 @@ def threads() -> int:
     return max(1, min(MAX_THREADS, (os.cpu_count() or 1) // 2))
 
 
-def _compile_in_float32(finder: Any) -> None:
-    """Compile the model that finds lines again, in float32.
+def _compile(finder: Any) -> None:
+    """Compile the model that finds lines again: RapidOCR leaves two things to OpenVINO.
 
-    RapidOCR leaves the precision to OpenVINO, which takes bfloat16 where the processor has it, and
-    then finds other lines than elsewhere.
+    It would compute in bfloat16 where the processor has it, and find other lines than elsewhere.
+    And it would keep what it prepares for each size of a picture, some 4 MB, so the memory would
+    grow with every new size.
     """
     import openvino
 
-    options = {"INFERENCE_PRECISION_HINT": "f32", "INFERENCE_NUM_THREADS": threads()}
+    options = {
+        "INFERENCE_PRECISION_HINT": "f32",
+        "INFERENCE_NUM_THREADS": threads(),
+        "CPU_RUNTIME_CACHE_CAPACITY": 0,
+    }
     compiled = openvino.Core().compile_model(finder.model, "CPU", options)
     finder.session = compiled.create_infer_request()

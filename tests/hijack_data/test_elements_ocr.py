@@ -3,7 +3,7 @@
 import logging
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -117,3 +117,18 @@ def test_openvino_computes_in_float32_on_every_processor(engines: Callable[[bool
     compiled = finder.session.get_compiled_model()
     assert compiled.get_property("INFERENCE_PRECISION_HINT") == openvino.Type.f32
     assert compiled.get_property("INFERENCE_NUM_THREADS") == ocr.threads()
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="needs /proc")
+def test_openvino_keeps_nothing_of_each_size_of_a_picture(engines: Callable[[bool], Any]) -> None:
+    """Left to itself it keeps 4 MB of each, and a run reads thousands of parts of screens."""
+    request = engines(True).text_det.session.session
+
+    def read(sizes: Iterable[tuple[int, int]]) -> int:
+        for height, width in sizes:
+            request.infer([np.zeros((1, 3, height, width), np.float32)])
+        return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+    some = [(height, width) for height in (96, 160, 224) for width in range(96, 608, 32)]
+    before = read([(256, 640), some[0]])
+    assert read(some) - before < 60e6
