@@ -202,6 +202,9 @@ def page(agents: Mapping[str, Sequence[Played]]) -> str:
         "Both read the accessibility tree and never the picture, so corruptions of the picture do"
         " not reach them: pop_ups, resolution, marks and subtitle were played on the tasks of `core`"
         " and on `replace_word`, to see that this is so.",
+        "Seed 0 has all tasks, seed 1 the 24 of `core` (so 156 episodes, or 49 of the picture's). On"
+        " clean desktops `oracle` played all tasks with three seeds. Single episodes were added"
+        " later.",
         "The desktops shared two cores with other work, at loads up to 50: some episodes were lost"
         " to time-outs of the oracle. Of episodes with the same task, corruption and seed the last"
         " one counts; the files in `docs/results/suite` have all of them, with the commit that"
