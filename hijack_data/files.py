@@ -244,8 +244,12 @@ def unwritable(path: str | os.PathLike[str], error: OSError) -> HijackError:
     return kind(f"{path}: cannot be written ({error.strerror or error})")
 
 
-def make_folder(folder: Path) -> None:
+def make_folder(folder: Path, file: Path | None = None) -> None:
     """Create a folder and those that it lies in, unless they are there.
+
+    Args:
+        folder: the folder.
+        file: a file that will be written into it, which the error then names.
 
     Raises:
         HijackError: it cannot be created, as `unwritable` says.
@@ -253,7 +257,7 @@ def make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise unwritable(folder, error) from None
+        raise unwritable(file or folder, error) from None
 
 
 def open_regular(path: Path) -> BinaryIO:

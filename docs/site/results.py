@@ -1,7 +1,8 @@
 """Results of this repository: `docs/results/NAME/report.json` is all that a page of its own needs.
 
 The file is what `hijack report RUNS -o report.json` writes. An `about.md` beside it stands before
-its figures; its heading, if it has one, is the title. The leaderboard is that of `hijack report docs/results --leaderboard`.
+its figures; its heading, if it has one, is the title. The leaderboard is that of
+`hijack report docs/results --leaderboard`.
 """
 
 import os

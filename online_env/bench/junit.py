@@ -50,7 +50,7 @@ def write(
     Raises:
         HijackError: The file cannot be written.
     """
-    make_folder(path.parent)
+    make_folder(path.parent, path)
     root = tree_of(run, gates)
     ElementTree.indent(root, " ")
     write_atomic(path, ElementTree.tostring(root, encoding="utf-8", xml_declaration=True))

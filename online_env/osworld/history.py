@@ -42,7 +42,7 @@ def provide(
             "the desktop's browser made no history file; is it installed? (hijack desktop install)"
         )
     for target in targets:
-        make_folder(target.parent)
+        make_folder(target.parent, target)
         write_atomic(target, data)
 
 

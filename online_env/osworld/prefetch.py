@@ -180,7 +180,7 @@ class _Download:
         except (HijackError, httpx.HTTPError, httpx.InvalidURL, UnicodeError) as error:
             report.failed[item.path] = f"{item.url}: {error or type(error).__name__}"
             return
-        make_folder(target.parent)
+        make_folder(target.parent, target)
         # A copy, never a hard link: OSWorld opens files of its cache for writing.
         replace_atomic(target, lambda path: shutil.copyfile(source, path))
         size = target.stat().st_size

@@ -212,7 +212,7 @@ def _put(text: str, out: Path | None) -> None:
         click.echo(text, nl=False)
         return
     refuse_own_file(out, "--out")
-    make_folder(out.parent)
+    make_folder(out.parent, out)
     write_atomic(out, text)
     click.echo(f"wrote {out}")
 

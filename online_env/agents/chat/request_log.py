@@ -65,7 +65,7 @@ class RequestLog(NoRecorder):
     def __init__(self, path: Path, secrets: tuple[str, ...] = ()) -> None:
         self._path = path
         self._secrets = tuple(secret for secret in secrets if secret)
-        make_folder(path.parent)
+        make_folder(path.parent, path)
         try:
             path.write_bytes(b"")
         except OSError as error:

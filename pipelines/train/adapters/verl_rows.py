@@ -93,6 +93,6 @@ def _write(
         )
     pa = pyarrow()
     table = pa.Table.from_pylist(rows, schema=schema_of(_KINDS))
-    make_folder(path.parent)
+    make_folder(path.parent, path)
     replace_atomic(path, lambda place: pa.parquet.write_table(table, place))
     return len(rows)

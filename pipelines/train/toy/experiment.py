@@ -182,7 +182,7 @@ def _started(job: ToyJob) -> tuple[ToyNetwork, dict[str, Any]]:
         "policy": network.state_dict(),
     }
     path = _start_path(job)
-    make_folder(path.parent)
+    make_folder(path.parent, path)
     replace_atomic(path, lambda place: torch.save(data, place))
     return network, {"rollouts": 0}
 
