@@ -7,7 +7,7 @@ from typing import Any, cast
 from hijack_data.cache import Cache
 from hijack_data.errors import HijackError
 from hijack_data.runs.run_head import check_head
-from hijack_data.runs.run_log import EPISODES, RUN, SCORE_RUN
+from hijack_data.runs.run_log import EPISODES, FORMAT, RUN, SCORE_RUN
 from hijack_data.types import UInt8Array
 
 from ...dataset.images import encode
@@ -193,14 +193,21 @@ class RunSource:
         """Read `run.json`, and return its bytes; a log without a benchmark has none.
 
         Raises:
-            DatasetError: it is not a head of a run, and there are no episodes beside it.
+            DatasetError: it is of another program, or it is damaged and there are no episodes.
         """
         path = self.folder / RUN
         if not path.exists():
             return b""
         try:
-            self.head = check_head(parse_file(path))
+            found = parse_file(path)
+            if found.get("format") != FORMAT:  # another program's, whatever lies beside it
+                raise DatasetError(
+                    f"{path}: not the log of a run of ours (field 'format' must be {FORMAT!r})"
+                )
+            self.head = check_head(found)
             return path.read_bytes()
+        except DatasetError:
+            raise
         except OSError as error:
             problem = f"cannot be read ({error.strerror or error})"
         except HijackError as error:

@@ -110,6 +110,12 @@ def test_a_head_of_another_version_leaves_the_episodes(harmed: Path, head: str) 
     assert all(len(source.episode(number)["steps"]) > 2 for number in range(12))
 
 
+def test_the_run_of_another_program_is_refused(harmed: Path) -> None:
+    (harmed / "run.json").write_text('{"format": "another", "version": 1}')
+    with pytest.raises(HijackError, match="not the log of a run of ours"):
+        RunSource(harmed)
+
+
 def test_an_episode_without_a_folder_shows_its_record(harmed: Path) -> None:
     home(harmed).rename(harmed / "elsewhere")
     source = open_source(harmed)
