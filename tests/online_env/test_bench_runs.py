@@ -134,9 +134,9 @@ def test_damaged_lines_are_named_and_skipped(folder):
     [
         (None, "is not the folder of a run"),
         ("{", "is not JSON"),
-        ("[]", "is not the head of a run"),
+        ("[]", "not the head of a run"),
         ('{"format": "agenthijack-run", "version": 4}', "newer"),
-        ('{"format": "agenthijack-run", "version": 1, "config": 3}', "'config' is not an object"),
+        ('{"format": "agenthijack-run", "version": 1, "config": 3}', "config: must be an object"),
     ],
 )
 def test_what_is_no_run_is_refused(
