@@ -6,10 +6,9 @@ from io import StringIO
 from typing import Any
 
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 from hijack_data.cli import console
+from hijack_data.cli.tables import FigureTable, grouped
 
 from ..bench import costs, scores
 from ..bench.progress import shorten
@@ -25,26 +24,19 @@ from .paper import PaperTable
 from .tables import compared_table, paper_rows
 
 _MAIN = (
-    "n",
-    "success",
-    "95 %",
-    "delta",
-    "95 %",
-    "p",
-    "retention",
-    "errors",
-    "invalid",
+    ("n",),
+    ("success", "95 %"),
+    ("delta", "95 %", "p"),
+    ("retention",),
+    ("errors", "invalid"),
 )
 _BESIDE = (
-    "ceiling",
-    "pass^k",
-    "seen at 80 %",
-    "malformed",
-    "steps",
-    "seconds",
-    "tokens in",
-    "out",
-    "USD",
+    ("ceiling",),
+    ("pass^k",),
+    ("seen at 80 %",),
+    ("malformed",),
+    ("steps", "seconds"),
+    ("tokens in", "out", "USD"),
 )
 
 
@@ -84,10 +76,10 @@ def show_report(report: RunReport, screen: Any) -> None:
     """Print the tables of a report, and a line on each agent with corrupted episodes."""
     screen.print(main_table(report.cells))
     if report.feasible:
-        screen.print(main_table(report.feasible, "feasible tasks"))
+        screen.print("", main_table(report.feasible, "feasible tasks"), sep="\n")
     if report.infeasible:
-        screen.print(main_table(report.infeasible, "infeasible tasks"))
-    screen.print(_beside(report.cells))
+        screen.print("", main_table(report.infeasible, "infeasible tasks"), sep="\n")
+    screen.print("", _beside(report.cells), "", sep="\n")
     for row in report.summaries:
         if row.corrupted is not None:
             worst = report.worst_of(row.agent)
@@ -121,35 +113,30 @@ def summary_line(
     return ", ".join(said)
 
 
-def main_table(cells: Sequence[Cell], title: str | None = None) -> Table:
+def main_table(cells: Sequence[Cell], title: str | None = None) -> FigureTable:
     """Return success, difference to clean and retention of some cells."""
-    table = _table(_MAIN, title)
-    for cell in cells:
-        table.add_row(
-            escape(cell.agent),
-            escape(cell.corruption),
-            str(cell.n),
-            words.percent(cell.success),
-            words.interval(cell.ci_low, cell.ci_high),
-            words.percent(cell.delta, "+"),
-            words.interval(cell.delta_low, cell.delta_high, "+"),
-            words.p_value(cell.p),
-            words.percent(cell.retention),
-            str(cell.errors),
-            str(cell.invalid),
-        )
-    return table
+    rows = [(cell.agent, cell.corruption, *_main_row(cell)) for cell in cells]
+    return FigureTable("corruption", _MAIN, grouped(rows), title)
 
 
-def _beside(cells: Sequence[Cell]) -> Table:
-    """Return a table of the other results; columns without a value are left out."""
-    rows = [_beside_row(cell) for cell in cells]
-    used = [place for place in range(len(_BESIDE)) if any(row[place] for row in rows)]
-    table = _table([_BESIDE[place] for place in used], "beside it")
-    for cell, row in zip(cells, rows, strict=True):
-        values = [row[place] for place in used]
-        table.add_row(escape(cell.agent), escape(cell.corruption), *values)
-    return table
+def _main_row(cell: Cell) -> list[str]:
+    return [
+        str(cell.n),
+        words.percent(cell.success),
+        words.interval(cell.ci_low, cell.ci_high),
+        words.percent(cell.delta, "+"),
+        words.interval(cell.delta_low, cell.delta_high, "+"),
+        words.p_value(cell.p),
+        words.percent(cell.retention),
+        str(cell.errors),
+        str(cell.invalid),
+    ]
+
+
+def _beside(cells: Sequence[Cell]) -> FigureTable:
+    """Return ceiling, power and costs of some cells."""
+    rows = [(cell.agent, cell.corruption, *_beside_row(cell)) for cell in cells]
+    return FigureTable("corruption", _BESIDE, grouped(rows), "beside it")
 
 
 def _beside_row(cell: Cell) -> list[str]:
@@ -165,21 +152,6 @@ def _beside_row(cell: Cell) -> list[str]:
         words.count(cell.output_tokens),
         words.money(cell.usd),
     ]
-
-
-def _table(headings: Sequence[str], title: str | None = None) -> Table:
-    table = Table(
-        box=None,
-        header_style="bold",
-        pad_edge=False,
-        title=title,
-        title_justify="left",
-    )
-    table.add_column("agent", overflow="fold")
-    table.add_column("corruption", no_wrap=True)
-    for name in headings:
-        table.add_column(name, justify="right", no_wrap=True)
-    return table
 
 
 def text(document: ReportDocument) -> str:
@@ -209,37 +181,19 @@ def show_document(document: ReportDocument, screen: Any) -> None:
 
 def show_comparison(comparison: RunComparison, screen: Any) -> None:
     """Print the comparison of two runs, and its notes."""
-    names = f"{comparison.before.name} before, {comparison.after.name} after"
-    screen.print(_plain_table(*compared_table(comparison.cells), title=escape(names)))
+    (_, label, n, before, after, *difference, seen), rows = compared_table(comparison.cells)
+    blocks = [(n,), (before, after), difference, (seen,)]
+    title = f"{comparison.before.name} before, {comparison.after.name} after"
+    screen.print(FigureTable(label, blocks, grouped(rows), title))
     _print_lines(comparison.notes, screen)
 
 
 def show_paper(paper: PaperTable, screen: Any) -> None:
-    """Print the paper's table with ours below it; columns are cut to the width of the screen."""
-    headings, rows = paper_rows(paper)
-    short = [name.replace("_", " ") for name in headings]
-    screen.print(_plain_table(short, rows, title="the paper's table, and ours below it"))
+    """Print the paper's table with ours below it."""
+    (label, *headings), rows = paper_rows(paper)
+    blocks = [(name,) for name in headings]
+    screen.print(FigureTable(label, blocks, rows, "the paper's table, and ours below it"))
     _print_lines([paper.source + ".", *paper.notes], screen)
-
-
-def _plain_table(
-    headings: Sequence[str],
-    rows: Sequence[Sequence[str]],
-    title: str,
-) -> Table:
-    table = Table(
-        box=None,
-        header_style="bold",
-        pad_edge=False,
-        title=title,
-        title_justify="left",
-    )
-    for name in headings:
-        is_text = name in ("agent", "corruption")
-        table.add_column(name, justify="left" if is_text else "right")
-    for row in rows:
-        table.add_row(*map(escape, row))
-    return table
 
 
 def _print_lines(lines: Sequence[str], screen: Any) -> None:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+from hijack_data.cli.tables import FigureTable, grouped
 from hijack_data.runs.amounts import is_count
 
 from ..bench.reading import Run
@@ -18,7 +19,7 @@ def show_parts(run: Run, screen: Any) -> None:
     question = str(run.config.get("question", "steps"))
     columns = {"steps": STEP_COLUMNS, "reminders": REMINDER_COLUMNS}.get(question, ())
     if columns:
-        screen.print(_table(rows, columns))
+        screen.print("", _table(rows, columns), "", sep="\n")
     unscored = run.config.get("unscored")
     if is_count(unscored) and unscored:
         screen.print(f"{unscored} rows have an action of no known type and are not scored")
@@ -42,25 +43,14 @@ def _sorted(run: Run, rows: Sequence[PartsRow]) -> list[PartsRow]:
     return sorted(rows, key=place)
 
 
-def _table(rows: Sequence[PartsRow], columns: Sequence[str]) -> Any:
-    from rich.markup import escape
-    from rich.table import Table
+def _table(rows: Sequence[PartsRow], columns: Sequence[str]) -> FigureTable:
+    blocks = [(name.replace("_", " "),) for name in ("n", *columns)]
+    shown = [(row["agent"], row["corruption"], *_figures(row, columns)) for row in rows]
+    return FigureTable("corruption", blocks, grouped(shown), "right, in percent")
 
-    table = Table(
-        box=None,
-        header_style="bold",
-        pad_edge=False,
-        title="right, in percent",
-        title_justify="left",
-    )
-    for name in ("agent", "corruption"):
-        table.add_column(name)
-    for name in ("n", *columns):
-        table.add_column(name.replace("_", " "), justify="right")
-    for row in rows:
-        cells = [_cell(name, row.get(name)) for name in columns]
-        table.add_row(escape(row["agent"]), escape(row["corruption"]), str(row["n"]), *cells)
-    return table
+
+def _figures(row: PartsRow, columns: Sequence[str]) -> list[str]:
+    return [str(row["n"]), *(_cell(name, row.get(name)) for name in columns)]
 
 
 def _cell(name: str, value: float | None) -> str:

@@ -160,19 +160,27 @@ class Stats:
     def tables(self) -> list[Any]:
         """Return the figures for a terminal: text and `rich` tables."""
         from rich.markup import escape
-        from rich.table import Table
 
-        names = ("rows", "changed", "severity", "fidelity", "source")
-        rows = Table("corruption", *map(_right, names))
-        shown = Table("target shows", *map(_right, (*BINS, "no target")))
+        from hijack_data.cli.tables import FigureTable
+
+        rows: list[list[str]] = []
+        shown: list[list[str]] = []
         for label, found in self.labels.items():
             data = found.to_data()
-            listed = (_listed(data[name]) for name in ("severity", "fidelity", "source"))
-            rows.add_row(escape(label), str(found.rows), changed_text(data), *listed)
-            visible = map(str, found.visible)
-            shown.add_row(escape(label), *visible, str(data["without_target"]))
+            listed = [_listed(data[name]) for name in ("severity", "fidelity", "source")]
+            rows.append([label, str(found.rows), changed_text(data), *listed])
+            shown.append([label, *map(str, found.visible), str(data["without_target"])])
         head, *more = map(escape, self.lines())
-        return [head, rows, shown, *more]
+        names = [(name,) for name in ("rows", "changed", "severity", "fidelity", "source")]
+        bins = [(name,) for name in (*BINS, "no target")]
+        return [
+            head,
+            "",
+            FigureTable("corruption", names, rows),
+            "",
+            FigureTable("target shows", bins, shown),
+            *more,
+        ]
 
 
 def stats(folder: str | os.PathLike[str]) -> Stats:
@@ -222,12 +230,6 @@ def _rows(file: Path) -> Iterator[dict[str, Any]]:
                 yield from batch.to_pylist()
     except (pa.ArrowException, OSError, KeyError) as error:
         raise DatasetError(f"{file}: cannot be read ({error}); hijack verify says more") from None
-
-
-def _right(name: str) -> Any:
-    from rich.table import Column
-
-    return Column(name, justify="right")
 
 
 def _listed(counts: dict[str, int]) -> str:

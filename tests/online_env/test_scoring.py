@@ -393,7 +393,7 @@ def test_the_command_and_the_report(clicks, agents, tmp_path):
     assert "right, in percent" in done.stdout
     shown = hijack("report", out)
     assert shown.returncode == 0, shown.stderr
-    assert shown.stdout.splitlines()[0].split()[:4] == ["agent", "corruption", "n", "success"]
+    assert shown.stdout.splitlines()[0].split()[:3] == ["corruption", "n", "success"]
     assert "ecovery policy" not in shown.stdout
     rows = json.loads(hijack("report", out, "--json").stdout)
     assert [row["success"] for row in rows] == [0.5, 0.5, 0, 0]

@@ -95,11 +95,15 @@ def test_the_table_of_parts_has_the_order_of_the_configuration_and_names_as_they
     ]
     config = {"agents": ["a", "[b]"], "corruptions": ["clean", "x"], "question": "steps"}
     assert shown(records, **config) == [
+        "",
         "right, in percent",
-        "agent corruption n type place end text keys direction malformed hidden",
-        "a clean 1 100.0 0.0 0",
-        "[b] clean 1 100.0 0.0 0",
-        "[b] x 1 0.0 0.0 0",
+        "corruption n type malformed hidden",
+        "a",
+        "clean 1 100.0 0.0 0",
+        "[b]",
+        "clean 1 100.0 0.0 0",
+        "x 1 0.0 0.0 0",
+        "",
     ]
 
 

@@ -1,0 +1,100 @@
+"""Tables of figures for a terminal: what a narrow screen has no room for follows in a table below.
+
+`rich` would cut cells short, and a figure without its last digits is another figure.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+from rich.cells import cell_len
+from rich.markup import escape
+from rich.table import Table
+
+_GAP = 2  # columns of the screen between two columns of a table
+_INDENT = "  "
+
+
+class FigureTable:
+    """A table with a column of labels and columns of figures, as a `rich` renderable.
+
+    Columns in which no row has a figure are left out.
+
+    Args:
+        label: the heading of the labels.
+        blocks: the headings of the figures. Those of one block stay in one table, side by side.
+        rows: a label and its figures, as texts; or a label alone, which is a heading of its own.
+        title: what stands above the table; none if None.
+    """
+
+    def __init__(
+        self,
+        label: str,
+        blocks: Iterable[Sequence[str]],
+        rows: Iterable[Sequence[str]],
+        title: str | None = None,
+    ) -> None:
+        self._rows = [tuple(row) for row in rows]
+        self._headings = [label]
+        self._blocks: list[list[int]] = []  # places of headings and figures
+        for block in blocks:
+            first = len(self._headings)
+            self._headings += block
+            self._blocks.append([*filter(self._has_figures, range(first, first + len(block)))])
+        self._title = title
+
+    def _has_figures(self, place: int) -> bool:
+        return not self._rows or any(row[place:] and row[place] for row in self._rows)
+
+    def __rich_console__(self, console: Any, options: Any) -> Iterator[Any]:
+        """Yield as many tables as the width of the screen asks for."""
+        if self._title is not None:
+            yield escape(self._title)
+        widths = [
+            max(cell_len(row[place]) for row in (self._headings, *self._rows) if row[place:])
+            for place in range(len(self._headings))
+        ]
+        widths[0] = min(widths[0], options.max_width // 2)
+        for number, places in enumerate(self._parts(widths, options.max_width)):
+            if number:
+                yield ""
+            yield self._part(widths[0], places)
+
+    def _parts(self, widths: Sequence[int], room: int) -> list[list[int]]:
+        """Return the places of the columns in each of the tables."""
+        parts: list[list[int]] = [[]]
+        used = widths[0]
+        for places in self._blocks:
+            needed = sum(_GAP + widths[place] for place in places)
+            if parts[-1] and used + needed > room:
+                parts.append([])
+                used = widths[0]
+            parts[-1] += places
+            used += needed
+        return parts
+
+    def _part(self, label_width: int, places: Sequence[int]) -> Table:
+        table = Table(
+            box=None,
+            header_style="bold",
+            pad_edge=False,
+            padding=(0, _GAP, 0, 0),
+        )
+        table.add_column(self._headings[0], overflow="fold", width=label_width)
+        for place in places:
+            table.add_column(escape(self._headings[place]), justify="right", no_wrap=True)
+        for row in self._rows:
+            table.add_row(*(escape(row[place]) for place in (0, *places) if row[place:]))
+        return table
+
+
+def grouped(rows: Iterable[Sequence[str]]) -> Iterator[Sequence[str]]:
+    """Yield rows without their first column, each new value of which is a row of its own before.
+
+    So the names of agents, which may be long, need no column.
+    """
+    above: str | None = None
+    for name, label, *figures in rows:
+        if name != above:
+            yield (name,)
+            above = name
+        yield (_INDENT + label, *figures)
