@@ -10,7 +10,7 @@ from hijack_data.errors import ParameterTypeError
 from hijack_data.paths import PathLike
 from hijack_data.types import Trajectory
 
-from .errors import SourceError
+from .errors import DatasetError, SourceError
 from .knowledge import LIST, Knowledge, knowledge_of
 from .readers import Rejected, Survey, existing, get_reader, names, survey
 from .readers.choices import NO_CHOICES, ReaderOptions, with_choices
@@ -61,13 +61,15 @@ class Sources:
         errors of `apps` and `platform`.
 
         Raises:
-            SourceError: a source is given twice, or has no known format, see `readers.survey`.
+            SourceError: a source is given twice, is a dataset that was built, or has no known
+                format, see `readers.survey`.
         """
         several = _listed(source)
         paths = tuple(existing(os.path.abspath(existing(path))) for path in several)
         for path in paths:
             if paths.count(path) > 1:
                 raise SourceError(f"{path}: is given twice")
+            _refuse_dataset(path)
         given = tuple(published(path) for path in several)
         told = tuple(knowledge_of(path, apps, platform) for path in paths)
         surveys = tuple(survey(path, format) for path in paths)
@@ -191,6 +193,22 @@ class Sources:
             if sum(path.parts[-length:] == end for path in self.paths) == 1:
                 return "/".join(end)
         return own.name
+
+
+def _refuse_dataset(path: Path) -> None:
+    """Raise `SourceError` if a folder is a dataset of ours, whose rows are corrupted already."""
+    from .dataset.manifest import MANIFEST, read_manifest
+
+    if not (path / MANIFEST).is_file():
+        return
+    try:
+        read_manifest(path)
+    except DatasetError:  # another program's file of this name
+        return
+    raise SourceError(
+        f"{path}: is a dataset that hijack build wrote, not recordings; hijack stats and hijack"
+        " view show what it holds, and a build takes the recordings that it was built from"
+    )
 
 
 def published(path: PathLike) -> str:

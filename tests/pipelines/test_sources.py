@@ -342,3 +342,18 @@ def test_the_real_folders_are_read_whole(shared_data: Path) -> None:
         "screenagent": 119,
         "webvoyager": 9,
     }
+
+
+def test_a_dataset_that_was_built_is_no_source(recording: Any, tmp_path: Path) -> None:
+    built = tmp_path / "built"
+    source = recording(trajectories=1, steps=1)
+    build(source, built, corruptions=HALF, seed=1)
+    for sources in ([built], [source, built]):
+        with pytest.raises(SourceError, match="built: is a dataset that hijack build wrote"):
+            build(sources, tmp_path / "again", corruptions=HALF, seed=1)
+    assert not (tmp_path / "again").exists()
+    (source / "manifest.json").write_text('{"format": "of another program"}')
+    assert build(source, tmp_path / "other", corruptions=HALF, seed=1).rows == {
+        "clean": 1,
+        "half": 1,
+    }
