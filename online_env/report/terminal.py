@@ -136,7 +136,7 @@ def _main_row(cell: Cell) -> list[str]:
 def _beside(cells: Sequence[Cell]) -> FigureTable:
     """Return ceiling, power and costs of some cells."""
     rows = [(cell.agent, cell.corruption, *_beside_row(cell)) for cell in cells]
-    return FigureTable("corruption", _BESIDE, grouped(rows), "beside it")
+    return FigureTable("corruption", _BESIDE, grouped(rows), "further results")
 
 
 def _beside_row(cell: Cell) -> list[str]:
