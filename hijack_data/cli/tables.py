@@ -33,26 +33,24 @@ class FigureTable:
         rows: Iterable[Sequence[str]],
         title: str | None = None,
     ) -> None:
-        self._rows = [tuple(row) for row in rows]
         self._headings = [label]
-        self._blocks: list[list[int]] = []  # places of headings and figures
+        self._blocks: list[list[int]] = []  # places in a row
         for block in blocks:
             first = len(self._headings)
             self._headings += block
-            self._blocks.append([*filter(self._has_figures, range(first, first + len(block)))])
+            self._blocks.append(list(range(first, first + len(block))))
+        self._rows = [
+            [row[place] if place < len(row) else "" for place in range(len(self._headings))]
+            for row in rows
+        ]
         self._title = title
-
-    def _has_figures(self, place: int) -> bool:
-        return not self._rows or any(row[place:] and row[place] for row in self._rows)
 
     def __rich_console__(self, console: Any, options: Any) -> Iterator[Any]:
         """Yield as many tables as the width of the screen asks for."""
         if self._title is not None:
             yield escape(self._title)
-        widths = [
-            max(cell_len(row[place]) for row in (self._headings, *self._rows) if row[place:])
-            for place in range(len(self._headings))
-        ]
+        lines = [self._headings, *self._rows]
+        widths = [max(map(cell_len, column)) for column in zip(*lines, strict=True)]
         widths[0] = min(widths[0], options.max_width // 2)
         for number, places in enumerate(self._parts(widths, options.max_width)):
             if number:
@@ -63,7 +61,8 @@ class FigureTable:
         """Return the places of the columns in each of the tables."""
         parts: list[list[int]] = [[]]
         used = widths[0]
-        for places in self._blocks:
+        for block in self._blocks:
+            places = [place for place in block if self._has_figures(place)]
             needed = sum(_GAP + widths[place] for place in places)
             if parts[-1] and used + needed > room:
                 parts.append([])
@@ -72,6 +71,9 @@ class FigureTable:
             used += needed
         return parts
 
+    def _has_figures(self, place: int) -> bool:
+        return not self._rows or any(row[place] for row in self._rows)
+
     def _part(self, label_width: int, places: Sequence[int]) -> Table:
         table = Table(
             box=None,
@@ -79,11 +81,11 @@ class FigureTable:
             pad_edge=False,
             padding=(0, _GAP, 0, 0),
         )
-        table.add_column(self._headings[0], overflow="fold", width=label_width)
+        table.add_column(escape(self._headings[0]), overflow="fold", width=label_width)
         for place in places:
             table.add_column(escape(self._headings[place]), justify="right", no_wrap=True)
         for row in self._rows:
-            table.add_row(*(escape(row[place]) for place in (0, *places) if row[place:]))
+            table.add_row(*(escape(row[place]) for place in (0, *places)))
         return table
 
 
