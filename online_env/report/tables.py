@@ -118,13 +118,7 @@ def cell_table(cells: Sequence[Cell]) -> tuple[Texts, list[Texts]]:
         (
             cell.agent,
             cell.corruption,
-            str(cell.n),
-            words.percent(cell.success),
-            words.interval(cell.ci_low, cell.ci_high),
-            words.percent(cell.delta, "+"),
-            words.interval(cell.delta_low, cell.delta_high, "+"),
-            words.p_value(cell.p),
-            words.percent(cell.retention),
+            *main_figures(cell),
             words.percent(cell.ceiling),
             words.percent(cell.malformed),
             words.number(cell.steps),
@@ -132,6 +126,19 @@ def cell_table(cells: Sequence[Cell]) -> tuple[Texts, list[Texts]]:
             str(cell.invalid),
         )
         for cell in cells
+    ]
+
+
+def main_figures(cell: Cell) -> list[str]:
+    """Return n, success, the difference to clean with its p, and retention; with intervals."""
+    return [
+        str(cell.n),
+        words.percent(cell.success),
+        words.interval(cell.ci_low, cell.ci_high),
+        words.percent(cell.delta, "+"),
+        words.interval(cell.delta_low, cell.delta_high, "+"),
+        words.p_value(cell.p),
+        words.percent(cell.retention),
     ]
 
 

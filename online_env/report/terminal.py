@@ -21,7 +21,7 @@ from .identity import agents_of, conditions_of
 from .model import AgentSummary, Cell, RunReport
 from .outcome import missing_line
 from .paper import PaperTable
-from .tables import compared_table, paper_rows
+from .tables import compared_table, main_figures, paper_rows
 
 _MAIN = (
     ("n",),
@@ -115,22 +115,17 @@ def summary_line(
 
 def main_table(cells: Sequence[Cell], title: str | None = None) -> FigureTable:
     """Return success, difference to clean and retention of some cells."""
-    rows = [(cell.agent, cell.corruption, *_main_row(cell)) for cell in cells]
-    return FigureTable("corruption", _MAIN, grouped(rows), title)
-
-
-def _main_row(cell: Cell) -> list[str]:
-    return [
-        str(cell.n),
-        words.percent(cell.success),
-        words.interval(cell.ci_low, cell.ci_high),
-        words.percent(cell.delta, "+"),
-        words.interval(cell.delta_low, cell.delta_high, "+"),
-        words.p_value(cell.p),
-        words.percent(cell.retention),
-        str(cell.errors),
-        str(cell.invalid),
+    rows = [
+        (
+            cell.agent,
+            cell.corruption,
+            *main_figures(cell),
+            str(cell.errors),
+            str(cell.invalid),
+        )
+        for cell in cells
     ]
+    return FigureTable("corruption", _MAIN, grouped(rows), title)
 
 
 def _beside(cells: Sequence[Cell]) -> FigureTable:
