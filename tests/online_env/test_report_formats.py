@@ -73,9 +73,9 @@ def test_the_terminal_shows_what_there_is(folder, capsys):
     assert "average with clean, as in the paper 49.0" in out
     assert "mCE 544.4 (against recovering)" in out
     assert "The paper prints 3.69 as the average of GPT-4o; its columns give 3.697." in out
-    beside = out.split("beside it")[1].split("pop_ups")[1].split()
-    assert beside[0] == "90.0"  # the ceiling
-    headings = out.split("beside it")[1].splitlines()[1]
+    further = out.split("further results")[1].split("pop_ups")[1].split()
+    assert further[0] == "90.0"  # the ceiling
+    headings = out.split("further results")[1].splitlines()[1]
     assert "pass^k" not in headings  # one seed
     assert "USD" not in headings  # no model
 
