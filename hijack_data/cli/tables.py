@@ -21,7 +21,7 @@ class FigureTable:
 
     Args:
         label: the heading of the labels.
-        blocks: the headings of the figures. Those of one block stay in one table, side by side.
+        blocks: the headings of the figures. Several in one block stay in one table, side by side.
         rows: a label and its figures, as texts; or a label alone, which is a heading of its own.
         title: what stands above the table; none if None.
     """
@@ -29,7 +29,7 @@ class FigureTable:
     def __init__(
         self,
         label: str,
-        blocks: Iterable[Sequence[str]],
+        blocks: Iterable[str | Sequence[str]],
         rows: Iterable[Sequence[str]],
         title: str | None = None,
     ) -> None:
@@ -37,8 +37,8 @@ class FigureTable:
         self._blocks: list[list[int]] = []  # places in a row
         for block in blocks:
             first = len(self._headings)
-            self._headings += block
-            self._blocks.append(list(range(first, first + len(block))))
+            self._headings += [block] if isinstance(block, str) else block
+            self._blocks.append(list(range(first, len(self._headings))))
         self._rows = [
             [row[place] if place < len(row) else "" for place in range(len(self._headings))]
             for row in rows
@@ -83,7 +83,7 @@ class FigureTable:
         )
         table.add_column(escape(self._headings[0]), overflow="fold", width=label_width)
         for place in places:
-            table.add_column(escape(self._headings[place]), justify="right", no_wrap=True)
+            table.add_column(escape(self._headings[place]), justify="right", overflow="fold")
         for row in self._rows:
             table.add_row(*(escape(row[place]) for place in (0, *places)))
         return table

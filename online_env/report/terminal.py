@@ -24,17 +24,17 @@ from .paper import PaperTable
 from .tables import compared_table, main_figures, paper_rows
 
 _MAIN = (
-    ("n",),
+    "n",
     ("success", "95 %"),
     ("delta", "95 %", "p"),
-    ("retention",),
+    "retention",
     ("errors", "invalid"),
 )
 _BESIDE = (
-    ("ceiling",),
-    ("pass^k",),
-    ("seen at 80 %",),
-    ("malformed",),
+    "ceiling",
+    "pass^k",
+    "seen at 80 %",
+    "malformed",
     ("steps", "seconds"),
     ("tokens in", "out", "USD"),
 )
@@ -177,7 +177,7 @@ def show_document(document: ReportDocument, screen: Any) -> None:
 def show_comparison(comparison: RunComparison, screen: Any) -> None:
     """Print the comparison of two runs, and its notes."""
     (_, label, n, before, after, *difference, seen), rows = compared_table(comparison.cells)
-    blocks = [(n,), (before, after), difference, (seen,)]
+    blocks = [n, (before, after), difference, seen]
     title = f"{comparison.before.name} before, {comparison.after.name} after"
     screen.print(FigureTable(label, blocks, grouped(rows), title))
     _print_lines(comparison.notes, screen)
@@ -186,8 +186,7 @@ def show_comparison(comparison: RunComparison, screen: Any) -> None:
 def show_paper(paper: PaperTable, screen: Any) -> None:
     """Print the paper's table with ours below it."""
     (label, *headings), rows = paper_rows(paper)
-    blocks = [(name,) for name in headings]
-    screen.print(FigureTable(label, blocks, rows, "the paper's table, and ours below it"))
+    screen.print(FigureTable(label, headings, rows, "the paper's table, and ours below it"))
     _print_lines([paper.source + ".", *paper.notes], screen)
 
 

@@ -44,9 +44,9 @@ def _sorted(run: Run, rows: Sequence[PartsRow]) -> list[PartsRow]:
 
 
 def _table(rows: Sequence[PartsRow], columns: Sequence[str]) -> FigureTable:
-    blocks = [(name.replace("_", " "),) for name in ("n", *columns)]
+    headings = [name.replace("_", " ") for name in ("n", *columns)]
     shown = [(row["agent"], row["corruption"], *_figures(row, columns)) for row in rows]
-    return FigureTable("corruption", blocks, grouped(shown), "right, in percent")
+    return FigureTable("corruption", headings, grouped(shown), "right, in percent")
 
 
 def _figures(row: PartsRow, columns: Sequence[str]) -> list[str]:

@@ -171,14 +171,13 @@ class Stats:
             rows.append([label, str(found.rows), changed_text(data), *listed])
             shown.append([label, *map(str, found.visible), str(data["without_target"])])
         head, *more = map(escape, self.lines())
-        names = [(name,) for name in ("rows", "changed", "severity", "fidelity", "source")]
-        bins = [(name,) for name in (*BINS, "no target")]
+        names = ("rows", "changed", "severity", "fidelity", "source")
         return [
             head,
             "",
             FigureTable("corruption", names, rows),
             "",
-            FigureTable("target shows", bins, shown),
+            FigureTable("target shows", (*BINS, "no target"), shown),
             *more,
         ]
 

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from hijack_data.cli.tables import FigureTable, grouped
 
-BLOCKS = [("n",), ("success", "95 %"), ("delta", "95 %", "p"), ("retention",)]
+BLOCKS = ["n", ("success", "95 %"), ("delta", "95 %", "p"), "retention"]
 ROWS = [
     ("a.py:Mine[1]", "clean", "24", "95.8", "[87.5, 100.0]", "", "", "", "100.0"),
     (
@@ -82,3 +82,11 @@ def test_a_long_label_is_folded_not_cut():
     name = "x" * 90
     text = printed(table([(name, *ROWS[0][1:])]), 80)
     assert "".join(re.findall("x+", text)) == name * text.count("corruption")
+
+
+@pytest.mark.parametrize("width", [24, 40])
+def test_a_figure_wider_than_the_screen_is_folded_not_cut(width):
+    long = "".join(map(chr, range(65, 123)))
+    text = printed(FigureTable("label", ["figure"], [("x", long)]), width)
+    folded = "".join(line.split()[-1] for line in text.splitlines()[1:])
+    assert folded.removeprefix("x") == long

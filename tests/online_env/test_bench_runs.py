@@ -134,9 +134,12 @@ def test_damaged_lines_are_named_and_skipped(folder):
     [
         (None, "is not the folder of a run"),
         ("{", "is not JSON"),
-        ("[]", "not the head of a run"),
+        ("[]", r"not the head of a run \(field 'format' must be 'agenthijack-run'\)"),
         ('{"format": "agenthijack-run", "version": 4}', "newer"),
-        ('{"format": "agenthijack-run", "version": 1, "config": 3}', "config: must be an object"),
+        (
+            '{"format": "agenthijack-run", "version": 1, "config": 3}',
+            "config: must be an object, got 3",
+        ),
     ],
 )
 def test_what_is_no_run_is_refused(

@@ -407,7 +407,7 @@ def test_an_empty_run_and_another_version_are_refused(tmp_path, capsys):
     (tmp_path / "new").mkdir()
     (tmp_path / "new" / "run.json").write_text('{"format": "agenthijack-run", "version": 99}')
     code, _, err = hijack(capsys, "report", tmp_path / "new", "-o", tmp_path / "r.html")
-    assert (code, "is newer than this library reads (3); upgrade" in err) == (2, True)
+    assert (code, "version 99 is newer than this library reads (3); upgrade" in err) == (2, True)
     (tmp_path / "r.json").write_text('{"format": "agenthijack-report", "version": 99}')
     code, _, err = hijack(capsys, "report", tmp_path / "r.json")
     assert (code, "upgrade agenthijack" in err) == (2, True)
