@@ -10,7 +10,7 @@ from hijack_data.errors import ParameterTypeError
 from hijack_data.paths import PathLike
 from hijack_data.types import Trajectory
 
-from .errors import DatasetError, SourceError
+from .errors import SourceError
 from .knowledge import LIST, Knowledge, knowledge_of
 from .readers import Rejected, Survey, existing, get_reader, names, survey
 from .readers.choices import NO_CHOICES, ReaderOptions, with_choices
@@ -197,18 +197,13 @@ class Sources:
 
 def _refuse_dataset(path: Path) -> None:
     """Raise `SourceError` if a folder is a dataset of ours, whose rows are corrupted already."""
-    from .dataset.manifest import MANIFEST, read_manifest
+    from .building.folder import holds_build
 
-    if not (path / MANIFEST).is_file():
-        return
-    try:
-        read_manifest(path)
-    except DatasetError:  # another program's file of this name
-        return
-    raise SourceError(
-        f"{path}: is a dataset that hijack build wrote, not recordings; hijack stats and hijack"
-        " view show what it holds, and a build takes the recordings that it was built from"
-    )
+    if holds_build(path):
+        raise SourceError(
+            f"{path}: is a dataset that hijack build wrote, not recordings; hijack stats and hijack"
+            " view show what it holds, and a build takes the recordings that it was built from"
+        )
 
 
 def published(path: PathLike) -> str:

@@ -15,7 +15,7 @@ from typing import Any
 from hijack_data.files import write_atomic
 from hijack_data.locking import Lock, LockedError, lock
 
-from ..dataset.manifest import MANIFEST, read_manifest
+from ..dataset.manifest import FORMAT, MANIFEST, read_manifest
 from ..dataset.shard import ShardRecord, file_sha256, record_from
 from ..errors import OVERWRITE, RESUME, BuildError, DatasetError
 from .shards import DATA, ShardTask, inputs_of
@@ -23,6 +23,8 @@ from .splits import NAMES
 
 STATE = ".build"
 PARAMETERS = "parameters.json"
+# A manifest names its format at its beginning.
+HEAD_BYTES = 200
 # The files of a finished dataset other than its shards and its manifest.
 BESIDE = ("README.md", "config.yaml", "quarantine.jsonl")
 
@@ -36,6 +38,17 @@ def parameters_in(path: Path) -> dict[str, Any]:
     except (OSError, ValueError):  # `opened` will report what is wrong
         return {}
     return found if isinstance(found, dict) else {}
+
+
+def holds_build(path: Path) -> bool:
+    """Return whether a folder is a dataset of ours, also an unfinished, newer or damaged one."""
+    if (path / STATE / PARAMETERS).is_file():
+        return True
+    try:
+        with (path / MANIFEST).open("rb") as manifest:
+            return FORMAT.encode() in manifest.read(HEAD_BYTES)
+    except OSError:  # there is none
+        return False
 
 
 class OutFolder:

@@ -352,6 +352,32 @@ def test_a_dataset_that_was_built_is_no_source(recording: Any, tmp_path: Path) -
         with pytest.raises(SourceError, match="built: is a dataset that hijack build wrote"):
             build(sources, tmp_path / "again", corruptions=HALF, seed=1)
     assert not (tmp_path / "again").exists()
+
+
+@pytest.mark.parametrize("state", ["newer", "cut off", "unfinished"])
+def test_a_dataset_that_cannot_be_read_is_no_source(
+    recording: Any, tmp_path: Path, state: str
+) -> None:
+    built = tmp_path / "built"
+    build(recording(trajectories=1, steps=1), built, corruptions=HALF, seed=1)
+    manifest = built / "manifest.json"
+    text = manifest.read_text()
+    if state == "newer":
+        manifest.write_text(text.replace('"version": 1', '"version": 9', 1))
+    if state == "cut off":
+        manifest.write_text(text[: len(text) // 2])
+    if state == "unfinished":
+        manifest.unlink()
+        (built / ".build").mkdir()
+        (built / ".build" / "parameters.json").write_text("{}")
+    with pytest.raises(SourceError, match="built: is a dataset that hijack build wrote"):
+        build(built, tmp_path / "again", corruptions=HALF, seed=1)
+
+
+def test_a_manifest_of_another_program_is_no_dataset_of_ours(
+    recording: Any, tmp_path: Path
+) -> None:
+    source = recording(trajectories=1, steps=1)
     (source / "manifest.json").write_text('{"format": "of another program"}')
     assert build(source, tmp_path / "other", corruptions=HALF, seed=1).rows == {
         "clean": 1,
