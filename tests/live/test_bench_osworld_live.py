@@ -31,14 +31,12 @@ def judged_by(command: str) -> dict[str, Any]:
 def records(embedded_machine: None, tmp_path_factory: pytest.TempPathFactory):
     needs.osworld_at_default()
     folder = tmp_path_factory.mktemp("osworld")
-    agent = folder / "waits.py"
+    agent = folder / "ends.py"
     agent.write_text(
-        "class Waits:\n"
-        "    def reset(self):\n        self.waited = 0\n"
+        "class Ends:\n"
+        "    def reset(self):\n        pass\n"
         "    def predict(self, instruction, obs):\n"
-        "        self.waited += 1\n"
-        "        last = 'FAIL' if 'impossible' in instruction else 'DONE'\n"
-        "        return '', ['WAIT' if self.waited < 6 else last]\n"
+        "        return '', ['FAIL' if 'impossible' in instruction else 'DONE']\n"
     )
     put(folder, "t-infeasible", instruction="the impossible", evaluator={"func": "infeasible"})
     put(folder, "t-unsolved", evaluator=judged_by("echo no"))
@@ -59,8 +57,8 @@ def records(embedded_machine: None, tmp_path_factory: pytest.TempPathFactory):
         ],
     )
     run = folder / "run"
-    words = ["embedded_small", "--tasks", folder, "--agent", f"{agent}:Waits"]
-    words += ["--corruptions", "clean,app_minimization,network_error", "--desktops", 1]
+    words = ["embedded_small", "--tasks", folder, "--agent", f"{agent}:Ends"]
+    words += ["--corruptions", "clean,network_error", "--desktops", 1]
     done = subprocess.run(
         [*HIJACK, "bench", *map(str, words), "--out", str(run)],
         capture_output=True,
@@ -82,11 +80,10 @@ def of(records: list[dict[str, Any]], task: str) -> list[dict[str, Any]]:
 )
 def test_osworlds_evaluator_judges_each_condition(records, task, score) -> None:
     found = {record["corruption"]: record for record in of(records, task)}
-    assert set(found) == {"clean", "app_minimization", "network_error"}
+    assert set(found) == {"clean", "network_error"}
     assert {record["status"] for record in found.values()} == {"ok"}
     assert {record["score"] for record in found.values()} == {score}
-    for label in ("app_minimization", "network_error"):
-        assert found[label]["effects"][0]["record"]["probes"][0]["ok"] is True
+    assert found["network_error"]["effects"][0]["record"]["probes"][0]["ok"] is True
 
 
 def test_a_setup_that_fails_is_invalid_and_no_zero(records) -> None:
