@@ -58,7 +58,7 @@ def records(embedded_machine: None, tmp_path_factory: pytest.TempPathFactory):
     )
     run = folder / "run"
     words = ["embedded_small", "--tasks", folder, "--agent", f"{agent}:Ends"]
-    words += ["--corruptions", "clean,network_error", "--desktops", 1]
+    words += ["--corruptions", "clean,network_error", "--desktops", 2]
     done = subprocess.run(
         [*HIJACK, "bench", *map(str, words), "--out", str(run)],
         capture_output=True,
