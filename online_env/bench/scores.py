@@ -31,6 +31,8 @@ COLUMNS = (
 PairKey: TypeAlias = tuple[str, Any, int]
 Cases: TypeAlias = dict[PairKey, ResultRecord]
 ScoreByCase: TypeAlias = dict[PairKey, float]
+# The two scores and the task of each case.
+PairedCases: TypeAlias = tuple[list[float], list[float], list[str]]
 
 
 def rows(
@@ -118,7 +120,7 @@ def worst_labels(success: Mapping[str, float]) -> tuple[str, ...]:
     return worst if any(success.values()) and not are_alike else ()
 
 
-def pairs(before: ScoreByCase, after: ScoreByCase) -> tuple[list[float], list[float], list[str]]:
+def pairs(before: ScoreByCase, after: ScoreByCase) -> PairedCases:
     """Return the two scores and the task of each case that has both, in the order of `after`."""
     both = [case for case in after if case in before]
     return (
@@ -154,7 +156,7 @@ def _infer(table: Sequence[ScoreRow], scores: Mapping[tuple[str, str], ScoreByCa
 def _with_clean(
     row: ScoreRow,
     scores: Mapping[tuple[str, str], ScoreByCase],
-) -> tuple[list[float], list[float], list[str]]:
+) -> PairedCases:
     agent = row["agent"]
     return pairs(scores.get((agent, CLEAN), {}), scores[agent, row["corruption"]])
 

@@ -47,6 +47,7 @@ __all__ = [
     "grand_mean_interval",
     "holm",
     "mcnemar",
+    "mcnemar_by_task",
     "mean_corruption_error",
     "mean_interval",
     "mean_intervals",
@@ -62,8 +63,7 @@ def mcnemar(clean: Sequence[float], corrupted: Sequence[float]) -> float:
 
     A case counts as solved if its score is 1. Only cases that differ between the two conditions
     enter; under the null hypothesis either direction has probability 1/2. The test assumes
-    independent cases, so several seeds of one task make it optimistic: read it together with the
-    clustered interval.
+    independent cases, so several seeds of one task make it optimistic: see `mcnemar_by_task`.
 
     Raises:
         ParameterError: the two lists differ in length.
@@ -75,6 +75,34 @@ def mcnemar(clean: Sequence[float], corrupted: Sequence[float]) -> float:
     if lost + won == 0:
         return 1.0
     return float(stats.binomtest(lost, lost + won, 0.5).pvalue)
+
+
+def mcnemar_by_task(
+    clean: Sequence[float], corrupted: Sequence[float], tasks: Sequence[Hashable]
+) -> float:
+    """Return the two-sided p value of the exact sign-flip test, in which each task is one case.
+
+    A case counts as solved if its score is 1. Under the null hypothesis the two conditions of a
+    task, with all its cases, can be exchanged: the sum of its differences has either sign with
+    probability 1/2. With one case a task this is McNemar's exact test; with several it does not
+    take them for independent.
+
+    Raises:
+        ParameterError: there are no cases, or the three lists differ in length.
+    """
+    before = [float(score == 1.0) for score in clean]
+    after = [float(score == 1.0) for score in corrupted]
+    sums, _ = differences_by_task(before, after, tasks)
+    sizes = np.abs(sums).astype(np.int64)
+    # Of each total that some signs give, from the least one: each task moves it up or down.
+    chances = np.ones(1)
+    for size in sizes[sizes > 0]:
+        moved = np.zeros(len(chances) + 2 * size)
+        moved[: len(chances)] += chances / 2
+        moved[2 * size :] += chances / 2
+        chances = moved
+    totals = np.arange(-sizes.sum(), sizes.sum() + 1)
+    return min(1.0, float(chances[np.abs(totals) >= abs(sums.sum())].sum()))
 
 
 def holm(p_values: Mapping[str, float]) -> dict[str, float]:

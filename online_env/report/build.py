@@ -15,6 +15,7 @@ from hijack_data.runs.run_log import GIVEN_KINDS, RUN
 from ..bench import reading, scores
 from ..bench.reading import ResultRecord, Run
 from . import used
+from .by_task import by_task_note
 from .identity import NINE, agents_of, conditions_of, has_all_nine, identity_of
 from .model import AgentSummary, Cell, ReportError, RunIdentity, RunReport, from_data
 from .notes import notes_of, recovery_note
@@ -99,7 +100,11 @@ def build_report(run: Run, *, reference: str = "") -> RunReport:
         parts=tuple(_parts(run)),
         reference=reference,
     )
-    notes = (*recovery_note(run), *notes_of(report, scores.partial(run.records)))
+    notes = (
+        *recovery_note(run),
+        *notes_of(report, scores.partial(run.records)),
+        *by_task_note(_compared(run), run.is_scored),
+    )
     return RunReport(**{**vars(report), "notes": notes})
 
 
@@ -148,6 +153,16 @@ def _inferred(
         }
         for key, cell, interval in zip(keys, cells, kept, strict=True)
     }
+
+
+def _compared(run: Run) -> dict[str, dict[str, scores.PairedCases]]:
+    """Return the cases that an agent has clean and under a corruption, by agent and corruption."""
+    scored = {key: scores.scored(cases) for key, cases in scores.by_cell(run.records).items()}
+    found: dict[str, dict[str, scores.PairedCases]] = {}
+    for (agent, label), cell in scored.items():
+        if label != CLEAN and (agent, CLEAN) in scored:
+            found.setdefault(agent, {})[label] = scores.pairs(scored[agent, CLEAN], cell)
+    return found
 
 
 def _pass_hat(run: Run, scored: Mapping[scores.PairKey, float]) -> tuple[float, ...]:

@@ -8,12 +8,13 @@ from ..bench import scores
 from ..bench.reading import Run
 from ..bench.records import difference
 from ..extra import require
+from . import words
 from .build import identity_of
+from .by_task import by_task_note
 from .model import ReportError, RunIdentity
 from .notes import partial_note
 
 PACKAGE = "agenthijack"
-SHOWN = 0.05  # p values below this show a difference
 # Fields of a configuration in which two compared runs may differ.
 _PLACES = ("source", "agents", "code")
 _Cells: TypeAlias = Mapping[tuple[str, str], scores.ScoreByCase]
@@ -108,7 +109,13 @@ def compare(
         before=identity_of(before),
         after=identity_of(after),
         cells=tuple(rows),
-        notes=tuple(_notes(before, after, rows, chosen)),
+        notes=(
+            *_notes(before, after, rows, chosen),
+            *by_task_note(
+                {_who(*names): _paired(names, there, here) for names in chosen.items()},
+                after.is_scored,
+            ),
+        ),
     )
 
 
@@ -179,6 +186,20 @@ def _rows(
         )
         for label, row in made.items()
     ]
+
+
+def _paired(
+    names: tuple[str, str],
+    there: _Cells,
+    here: _Cells,
+) -> dict[str, scores.PairedCases]:
+    """Return the cases that two agents share, by condition."""
+    first, second = names
+    return {
+        label: scores.pairs(cell, here[second, label])
+        for (agent, label), cell in there.items()
+        if agent == first and (second, label) in here
+    }
 
 
 def _row(old: scores.ScoreByCase, new: scores.ScoreByCase) -> dict[str, Any]:
@@ -264,13 +285,16 @@ def _unseen(rows: Sequence[ComparedCell]) -> Iterator[str]:
     """Yield the conditions without a significant difference, and the detectable size of one."""
     hidden: dict[tuple[str, str], list[str]] = {}
     for row in rows:
-        if row.p is None or row.p < SHOWN:
+        if row.p is None or row.p < words.SHOWN:
             continue
         points = f" ({100 * row.detectable:.1f} points)" if row.detectable else ""
         hidden.setdefault((row.before, row.after), []).append(f"{row.corruption}{points}")
     for (before, after), labels in hidden.items():
-        who = after if before == after else f"{before} and {after}"
         yield (
-            f"{who}: no difference is shown under {', '.join(labels)}. In brackets is the true"
-            " difference that as many tasks would show with a probability of 80 %."
+            f"{_who(before, after)}: no difference is shown under {', '.join(labels)}. In brackets"
+            " is the true difference that as many tasks would show with a probability of 80 %."
         )
+
+
+def _who(before: str, after: str) -> str:
+    return after if before == after else f"{before} and {after}"

@@ -30,7 +30,6 @@ from .tables import (
 )
 
 PAGE = Path(__file__).parent / "page"
-SHOWN = 0.05  # p values below this are marked
 
 
 def as_html(document: ReportDocument) -> str:
@@ -119,7 +118,7 @@ def _shown(
         "value": words.percent(cell.success),
         "delta": words.percent(cell.delta, "+") if label != CLEAN else "",
         "share": round(100 * cell.success),
-        "lost": cell.p is not None and cell.p < SHOWN,
+        "lost": cell.p is not None and cell.p < words.SHOWN,
         "title": f"{agent}, {label}: {words.percent(cell.success)} % {between}, n {cell.n}",
     }
 

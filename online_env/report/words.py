@@ -2,6 +2,8 @@
 
 from collections.abc import Iterable, Sequence
 
+# p values below this show a difference.
+SHOWN = 0.05
 _GIVEN = {"task": "the task", "plan": "the plan"}
 
 

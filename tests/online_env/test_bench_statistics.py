@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.stats import permutation_test
 
 from hijack_data.errors import ParameterError
 from online_env.bench import statistics as s
@@ -164,7 +165,38 @@ def test_mcnemars_exact_test(
     assert s.mcnemar(clean, corrupted) == pytest.approx(p)
 
 
+@pytest.mark.parametrize(("lost", "won"), [(0, 0), (5, 0), (8, 1), (3, 3), (40, 22)])
+def test_by_task_is_mcnemars_test_where_each_task_has_one_case(lost, won):
+    clean = [1] * lost + [0] * won + [1, 1, 0]
+    corrupted = [0] * lost + [1] * won + [1, 1, 0]
+    found = s.mcnemar_by_task(clean, corrupted, range(len(clean)))
+    assert found == pytest.approx(s.mcnemar(clean, corrupted))
+
+
+@pytest.mark.parametrize("seeds", [1, 2, 5])
+def test_by_task_seeds_that_end_alike_prove_no_more_than_one(seeds):
+    clean, corrupted, tasks = [1] * 6 + [0, 1], [0] * 6 + [1, 1], list("abcdefgh")
+    found = s.mcnemar_by_task(clean * seeds, corrupted * seeds, tasks * seeds)
+    assert found == pytest.approx(s.mcnemar(clean, corrupted))
+    assert (s.mcnemar(clean * seeds, corrupted * seeds) < found) == (seeds > 1)
+
+
+def test_by_task_is_the_permutation_test_of_scipy():
+    rng = np.random.default_rng(3)
+    tasks = [f"t{number % 9}" for number in range(31)]  # three or four seeds of each
+    for _ in range(20):
+        clean, corrupted = rng.random((2, 31)) < [[0.7], [0.5]]
+        sums = np.zeros(9)
+        np.add.at(sums, np.arange(31) % 9, corrupted.astype(int) - clean.astype(int))
+        wanted = permutation_test(
+            (sums,), np.sum, permutation_type="samples", n_resamples=np.inf
+        ).pvalue
+        found = s.mcnemar_by_task(clean.astype(float), corrupted.astype(float), tasks)
+        assert found == pytest.approx(wanted)
+
+
 def test_a_partial_score_is_not_a_success():
+    assert s.mcnemar_by_task([1] * 6, [0.5] * 6, range(6)) == s.mcnemar([1] * 6, [0] * 6)
     assert s.mcnemar([1] * 6, [0.5] * 6) == s.mcnemar([1] * 6, [0] * 6)
 
 

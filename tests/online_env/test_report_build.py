@@ -302,6 +302,28 @@ def test_an_empty_run_and_no_run_are_refused(tmp_path):
 INVALID = {"status": "invalid", "score": None, "cause": "machine", "problem": "no proof"}
 
 
+def alike(agent, corruption, scores, seeds):
+    """The same scores with each of several seeds."""
+    return [record for seed in range(seeds) for record in scored(agent, corruption, scores, seed)]
+
+
+def test_a_note_names_what_only_the_number_of_seeds_makes_significant(tmp_path):
+    def note(seeds, lost):
+        found = [*alike("a", "clean", [1] * 8, seeds), *alike("b", "clean", [1] * 8, seeds)]
+        found += alike("a", "marks", [0] * lost + [1] * (8 - lost), seeds)
+        notes = build_report(read_run(tmp_path / f"{seeds}-{lost}", found)).notes
+        return [said for said in notes if said.startswith("p takes the seeds of a task for")]
+
+    assert note(1, 4) == []
+    assert note(2, 8)[0].endswith(
+        "With each task as one case, the same differences are significant."
+    )
+    (said,) = note(2, 4)
+    assert said.endswith(
+        "these differences are not significant: a under marks (p 0.125 instead of 0.008)."
+    )
+
+
 def test_notes_say_what_numbers_do_not_mean(tmp_path):
     def notes(name, found):
         return "\n".join(build_report(read_run(tmp_path / name, found)).notes)

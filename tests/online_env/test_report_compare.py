@@ -96,6 +96,20 @@ def test_intervals_are_those_of_paired_differences(tmp_path):
     assert cell.p == statistics.mcnemar(old, new)
 
 
+def test_a_note_names_what_only_the_number_of_seeds_makes_significant(tmp_path):
+    def run(name, agent, scores):
+        found = [*scored(agent, "marks", scores), *scored(agent, "marks", scores, seed=1)]
+        return read_run(tmp_path / name, found)
+
+    old, new = run("old", "a", [1, 1, 1, 1, 0]), run("new", "b", [0, 0, 0, 0, 0])
+    assert any(
+        said.endswith("not significant: a and b under marks (p 0.125 instead of 0.008).")
+        for said in compare(old, new).notes
+    )
+    single = read_run(tmp_path / "single", scored("a", "marks", [1, 1, 1, 1, 0]))
+    assert "With each task" not in "\n".join(compare(single, new).notes)
+
+
 def test_which_agents_are_compared(tmp_path):
     one = read_run(tmp_path / "one", scored("a", "clean", [1, 0]))
     other = read_run(tmp_path / "other", scored("b", "clean", [1, 1]))
