@@ -15,7 +15,7 @@ from hijack_data.runs.run_log import GIVEN_KINDS, RUN
 from ..bench import reading, scores
 from ..bench.reading import ResultRecord, Run
 from . import used
-from .by_task import by_task_note
+from .by_task import Compared, by_task_note
 from .identity import NINE, agents_of, conditions_of, has_all_nine, identity_of
 from .model import AgentSummary, Cell, ReportError, RunIdentity, RunReport, from_data
 from .notes import notes_of, recovery_note
@@ -103,7 +103,7 @@ def build_report(run: Run, *, reference: str = "") -> RunReport:
     notes = (
         *recovery_note(run),
         *notes_of(report, scores.partial(run.records)),
-        *by_task_note(_compared(run), run.is_scored),
+        *by_task_note(_compared(run, cells), run.is_scored),
     )
     return RunReport(**{**vars(report), "notes": notes})
 
@@ -155,13 +155,14 @@ def _inferred(
     }
 
 
-def _compared(run: Run) -> dict[str, dict[str, scores.PairedCases]]:
-    """Return the cases that an agent has clean and under a corruption, by agent and corruption."""
+def _compared(run: Run, cells: Sequence[Cell]) -> dict[str, dict[str, Compared]]:
+    """Return the comparisons with clean that have a p value, by agent and corruption."""
     scored = {key: scores.scored(cases) for key, cases in scores.by_cell(run.records).items()}
-    found: dict[str, dict[str, scores.PairedCases]] = {}
-    for (agent, label), cell in scored.items():
-        if label != CLEAN and (agent, CLEAN) in scored:
-            found.setdefault(agent, {})[label] = scores.pairs(scored[agent, CLEAN], cell)
+    found: dict[str, dict[str, Compared]] = {}
+    for cell in cells:
+        if cell.p is not None:
+            cases = scores.pairs(scored[cell.agent, CLEAN], scored[cell.agent, cell.corruption])
+            found.setdefault(cell.agent, {})[cell.corruption] = Compared(cell.p, cases)
     return found
 
 

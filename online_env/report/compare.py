@@ -10,7 +10,7 @@ from ..bench.records import difference
 from ..extra import require
 from . import words
 from .build import identity_of
-from .by_task import by_task_note
+from .by_task import Compared, by_task_note
 from .model import ReportError, RunIdentity
 from .notes import partial_note
 
@@ -111,10 +111,7 @@ def compare(
         cells=tuple(rows),
         notes=(
             *_notes(before, after, rows, chosen),
-            *by_task_note(
-                {_who(*names): _paired(names, there, here) for names in chosen.items()},
-                after.is_scored,
-            ),
+            *by_task_note(_compared(rows, there, here), after.is_scored),
         ),
     )
 
@@ -188,18 +185,19 @@ def _rows(
     ]
 
 
-def _paired(
-    names: tuple[str, str],
+def _compared(
+    rows: Sequence[ComparedCell],
     there: _Cells,
     here: _Cells,
-) -> dict[str, scores.PairedCases]:
-    """Return the cases that two agents share, by condition."""
-    first, second = names
-    return {
-        label: scores.pairs(cell, here[second, label])
-        for (agent, label), cell in there.items()
-        if agent == first and (second, label) in here
-    }
+) -> dict[str, dict[str, Compared]]:
+    """Return the comparisons that have a p value, by agents and condition."""
+    found: dict[str, dict[str, Compared]] = {}
+    for row in rows:
+        if row.p is not None:
+            label = row.corruption
+            cases = scores.pairs(there[row.before, label], here[row.after, label])
+            found.setdefault(_who(row.before, row.after), {})[label] = Compared(row.p, cases)
+    return found
 
 
 def _row(old: scores.ScoreByCase, new: scores.ScoreByCase) -> dict[str, Any]:

@@ -19,10 +19,10 @@ def test_no_two_tasks_have_one_name() -> None:
     assert len(files) == len(NAMES)
 
 
-@pytest.mark.parametrize(("seed", "name"), [(n % 3, name) for n, name in enumerate(NAMES)])
-def test_a_task_judges_results_as_it_should(seed: int, name: str) -> None:
-    """With one of three seeds, since the words that a seed changes are shared by many tasks."""
-    assert list(checking.problems(get(name, seed))) == []
+@pytest.mark.parametrize("name", NAMES)
+def test_a_task_judges_results_as_it_should(name: str) -> None:
+    for seed in range(2):
+        assert list(checking.problems(get(name, seed))) == []
 
 
 @pytest.mark.parametrize("name", NAMES)
