@@ -323,15 +323,7 @@ def _judged(
 
 def _over_all(gate: ScoreGate, made: Sequence[ResultRecord]) -> float | None:
     """Return the retention or the difference over all cases played both clean and corrupted."""
-    cells = scores.by_cell(record for record in made if record["agent"] == gate.agent)
-    by_label = {label: scores.scored(cases) for (_, label), cases in cells.items()}
-    clean = by_label.pop(CLEAN, {})
-    there: list[float] = []
-    here: list[float] = []
-    for own in by_label.values():
-        before, after, _ = scores.pairs(clean, own)
-        there += before
-        here += after
+    there, here, _ = scores.pairs_of(gate.agent, scores.grouped(made).scored)
     if gate.score == "retention":
         return sum(here) / sum(there) if sum(there) else None
     return (sum(here) - sum(there)) / len(here) if here else None

@@ -3,7 +3,7 @@
 import importlib.util
 from collections.abc import Iterable, Mapping, Sequence
 from statistics import fmean
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from hijack_data.corruption import find, names
 from hijack_data.plan import CLEAN
@@ -26,6 +26,8 @@ COLUMNS = (
     "errors",
     "invalid",
 )
+# Agent and corruption.
+CellKey: TypeAlias = tuple[str, str]
 # The key of paired episodes: the task, the seed of its variant and the seed of the corruption's
 # draws.
 PairKey: TypeAlias = tuple[str, Any, int]
@@ -33,6 +35,20 @@ Cases: TypeAlias = dict[PairKey, ResultRecord]
 ScoreByCase: TypeAlias = dict[PairKey, float]
 # The two scores and the task of each case.
 PairedCases: TypeAlias = tuple[list[float], list[float], list[str]]
+
+
+class GroupedRecords(NamedTuple):
+    """The records of a run by agent and corruption.
+
+    Attributes:
+        last: the last attempt at each case.
+        attempts: all attempts; those that were repeated were paid for, too.
+        scored: the score of each case that counts for the agent.
+    """
+
+    last: dict[CellKey, Cases]
+    attempts: dict[CellKey, list[ResultRecord]]
+    scored: dict[CellKey, ScoreByCase]
 
 
 def rows(
@@ -55,14 +71,21 @@ def rows(
         agents: names in the order of the rows; others follow in the order of their records.
         corruptions: labels in the order of the rows, likewise.
     """
-    found = by_cell(records)
-    agent_order = _order([*agents, *(agent for agent, _ in found)])
-    label_order = _order([*corruptions, *(label for _, label in found)])
-    keys = sorted(found, key=lambda key: (agent_order[key[0]], label_order[key[1]]))
-    scores = {key: scored(cases) for key, cases in found.items()}
-    made = [_row(*key, found[key], scores) for key in keys]
+    return grouped_rows(grouped(records), agents, corruptions)
+
+
+def grouped_rows(
+    groups: GroupedRecords,
+    agents: Sequence[str] = (),
+    corruptions: Sequence[str] = (),
+) -> list[ScoreRow]:
+    """Return the rows that `rows` describes, of records that `grouped` has grouped."""
+    agent_order = _order([*agents, *(agent for agent, _ in groups.last)])
+    label_order = _order([*corruptions, *(label for _, label in groups.last)])
+    keys = sorted(groups.last, key=lambda key: (agent_order[key[0]], label_order[key[1]]))
+    made = [_row(*key, groups.last[key], groups.scored) for key in keys]
     if can_infer():
-        _infer(made, scores)
+        _infer(made, groups.scored)
     return made
 
 
@@ -130,7 +153,23 @@ def pairs(before: ScoreByCase, after: ScoreByCase) -> PairedCases:
     )
 
 
-def _infer(table: Sequence[ScoreRow], scores: Mapping[tuple[str, str], ScoreByCase]) -> None:
+def pairs_of(agent: str, scores: Mapping[CellKey, ScoreByCase]) -> PairedCases:
+    """Return the cases of `pairs` of clean and each corruption of an agent, after each other."""
+    clean = scores.get((agent, CLEAN), {})
+    there: list[float] = []
+    here: list[float] = []
+    tasks: list[str] = []
+    for (name, label), own in scores.items():
+        if name != agent or label == CLEAN:
+            continue
+        before, after, of_tasks = pairs(clean, own)
+        there += before
+        here += after
+        tasks += of_tasks
+    return there, here, tasks
+
+
+def _infer(table: Sequence[ScoreRow], scores: Mapping[CellKey, ScoreByCase]) -> None:
     """Add intervals and tests to rows, in place; the p values are adjusted for each agent."""
     from . import statistics  # scipy takes a second to load
 
@@ -155,7 +194,7 @@ def _infer(table: Sequence[ScoreRow], scores: Mapping[tuple[str, str], ScoreByCa
 
 def _with_clean(
     row: ScoreRow,
-    scores: Mapping[tuple[str, str], ScoreByCase],
+    scores: Mapping[CellKey, ScoreByCase],
 ) -> PairedCases:
     agent = row["agent"]
     return pairs(scores.get((agent, CLEAN), {}), scores[agent, row["corruption"]])
@@ -171,20 +210,16 @@ def latest(records: Iterable[ResultRecord]) -> dict[tuple[str, str, str, Any, in
     }
 
 
-def by_cell(records: Iterable[ResultRecord]) -> dict[tuple[str, str], Cases]:
-    """Return the last attempt at each case, by agent and corruption."""
-    found: dict[tuple[str, str], Cases] = {}
-    for (agent, corruption, task, task_seed, seed), record in latest(records).items():
-        found.setdefault((agent, corruption), {})[task, task_seed, seed] = record
-    return found
-
-
-def attempts_by_cell(records: Iterable[ResultRecord]) -> dict[tuple[str, str], list[ResultRecord]]:
-    """Return all attempts, by agent and corruption: those that were repeated were paid for, too."""
-    found: dict[tuple[str, str], list[ResultRecord]] = {}
+def grouped(records: Iterable[ResultRecord]) -> GroupedRecords:
+    """Return the records of a run by agent and corruption."""
+    attempts: dict[CellKey, list[ResultRecord]] = {}
+    last: dict[CellKey, Cases] = {}
     for record in records:
-        found.setdefault((record["agent"], record["corruption"]), []).append(record)
-    return found
+        cell = record["agent"], record["corruption"]
+        case = record["task"], record.get("task_seed"), record["seed"]
+        attempts.setdefault(cell, []).append(record)
+        last.setdefault(cell, {})[case] = record
+    return GroupedRecords(last, attempts, {cell: scored(cases) for cell, cases in last.items()})
 
 
 def unreached(records: Iterable[ResultRecord], corruptions: Mapping[str, str]) -> int:
@@ -210,7 +245,7 @@ def _row(
     agent: str,
     label: str,
     cases: Cases,
-    scores: Mapping[tuple[str, str], ScoreByCase],
+    scores: Mapping[CellKey, ScoreByCase],
 ) -> ScoreRow:
     own = scores[agent, label]
     base = scores.get((agent, CLEAN), {}) if label != CLEAN else {}

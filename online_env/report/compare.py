@@ -17,7 +17,7 @@ from .notes import partial_note
 PACKAGE = "agenthijack"
 # Fields of a configuration in which two compared runs may differ.
 _PLACES = ("source", "agents", "code")
-_Cells: TypeAlias = Mapping[tuple[str, str], scores.ScoreByCase]
+_Cells: TypeAlias = Mapping[scores.CellKey, scores.ScoreByCase]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,9 +96,9 @@ def compare(
     for run in (before, after):
         if not run.records:
             raise ReportError(f"{run.folder}: holds no episodes yet, so there is nothing to pair")
-    there = _scored(before)
-    here = _scored(after)
-    chosen = _chosen(before, after, _agents(there), _agents(here), pairs)
+    there = scores.grouped(before.records).scored
+    here = scores.grouped(after.records).scored
+    chosen = _chosen(before, after, _agents(before), _agents(after), pairs)
     rows = [row for names in chosen.items() for row in _rows(names, there, here)]
     if not any(row.n for row in rows):
         raise ReportError(
@@ -116,13 +116,8 @@ def compare(
     )
 
 
-def _scored(run: Run) -> _Cells:
-    found = scores.by_cell(run.records)
-    return {key: scores.scored(cases) for key, cases in found.items()}
-
-
-def _agents(cells: _Cells) -> list[str]:
-    return list(dict.fromkeys(agent for agent, _ in cells))
+def _agents(run: Run) -> list[str]:
+    return list(dict.fromkeys(record["agent"] for record in run.records))
 
 
 def _chosen(
@@ -234,7 +229,7 @@ def _notes(
         (before, names[0], chosen.keys()),
         (after, names[1], chosen.values()),
     ):
-        left = [agent for agent in _agents(_scored(run)) if agent not in kept]
+        left = [agent for agent in _agents(run) if agent not in kept]
         if left:
             yield f"Only in {name}: {', '.join(left)}."
     alone = [(row.only_before, row.only_after) for row in rows]

@@ -1,0 +1,113 @@
+"""The cells of a report: one for each agent and condition."""
+
+from collections.abc import Hashable, Mapping, Sequence
+from math import isfinite
+
+from hijack_data.plan import CLEAN
+
+from ..bench import scores
+from ..bench.reading import ResultRecord, Run
+from . import used
+from .by_task import Compared
+from .identity import agents_of, conditions_of
+from .model import Cell
+
+CEILING = "recovering"  # the agent that acts like a careful user
+
+
+def cells_of(run: Run, groups: scores.GroupedRecords) -> list[Cell]:
+    """Return a cell for each agent and condition in the records of a run, or in some of them."""
+    names = {} if run.is_scored else conditions_of(run.config)
+    order = agents_of(run.config), list(conditions_of(run.config))
+    rows = scores.grouped_rows(groups, *order)
+    top = {row["corruption"]: row["success"] for row in rows if row["agent"] == CEILING}
+    inferred = _inferred(rows, groups)
+    found: list[Cell] = []
+    for row in rows:
+        key = row["agent"], row["corruption"]
+        last = list(groups.last[key].values())
+        scored = groups.scored[key]
+        found.append(
+            Cell(
+                **row,
+                **inferred.get(key, {}),
+                **used.means(last, groups.attempts[key]),
+                tasks=len(set(scores.task_names(scored))),
+                pass_hat=_pass_hat(run, scored),
+                ceiling=top.get(row["corruption"]),
+                early=scores.unreached(last, names),
+            )
+        )
+    return found
+
+
+def feasible_and_not(run: Run) -> tuple[list[Cell], list[Cell]]:
+    """Return the cells of feasible and of infeasible tasks; no cells if all tasks are feasible."""
+    apart: tuple[list[ResultRecord], list[ResultRecord]] = [], []
+    for record in run.records:
+        apart[bool(record.get("infeasible"))].append(record)
+    feasible, infeasible = apart
+    if not infeasible:
+        return [], []
+    return cells_of(run, scores.grouped(feasible)), cells_of(run, scores.grouped(infeasible))
+
+
+def compared(
+    cells: Sequence[Cell],
+    groups: scores.GroupedRecords,
+) -> dict[str, dict[str, Compared]]:
+    """Return the comparisons with clean that have a p value, by agent and corruption."""
+    found: dict[str, dict[str, Compared]] = {}
+    for cell in cells:
+        if cell.p is not None:
+            cases = _with_clean((cell.agent, cell.corruption), groups)
+            found.setdefault(cell.agent, {})[cell.corruption] = Compared(cell.p, cases)
+    return found
+
+
+def finite(value: float) -> float | None:
+    """Return the end of an interval, or `None` if it is infinite."""
+    return value if isfinite(value) else None
+
+
+def _with_clean(key: scores.CellKey, groups: scores.GroupedRecords) -> scores.PairedCases:
+    return scores.pairs(groups.scored[key[0], CLEAN], groups.scored[key])
+
+
+def _inferred(
+    rows: Sequence[scores.ScoreRow],
+    groups: scores.GroupedRecords,
+) -> dict[scores.CellKey, dict[str, float | None]]:
+    """Return the intervals of the retention, and the detectable differences, by cell."""
+    keys = [(row["agent"], row["corruption"]) for row in rows if row["delta"] is not None]
+    if not keys or not scores.can_infer():
+        return {}
+    from ..bench import statistics
+
+    cells = [_with_clean(key, groups) for key in keys]
+    kept = statistics.retention_intervals(cells)
+    return {
+        key: {
+            "retention_low": interval.low if interval else None,
+            "retention_high": finite(interval.high) if interval else None,
+            "detectable": statistics.detectable_difference(*cell),
+        }
+        for key, cell, interval in zip(keys, cells, kept, strict=True)
+    }
+
+
+def _pass_hat(run: Run, scored: Mapping[scores.PairKey, float]) -> tuple[float, ...]:
+    """Return pass^k for k = 1 up to the number of seeds that every task has.
+
+    The rows of a dataset are steps, not repetitions of a task, so a scoring run has none.
+    """
+    if run.is_scored or not scored or not scores.can_infer():
+        return ()
+    from ..bench.statistics import pass_hat_k
+
+    solved: dict[Hashable, list[bool]] = {}
+    for name, score in zip(scores.task_names(scored), scored.values(), strict=True):
+        solved.setdefault(name, []).append(score == 1.0)
+    seeds = min(map(len, solved.values()))
+    found = [pass_hat_k(solved, k) for k in range(1, seeds + 1)]
+    return tuple(value for value in found if value is not None)
