@@ -3,10 +3,11 @@
     python benchmarks/published.py NAME [RUNS]
 
 plays what is missing of a run on the embedded desktop, then writes report.json and success.svg into
-docs/results/NAME, and the records of the episodes, without pictures, into docs/results/NAME/run. So
-a run can be spread over days and machines: RUNS, by default runs/NAME, begins with the records that
-are there. Those of OSWorld's tasks stay in RUNS, since they hold its instructions. With
---report-only N nothing is played, and the first N seeds are reported. Rates are for two cores.
+docs/results/NAME, the records of the episodes, without pictures, into docs/results/NAME/run, and
+the table of differences into an about.md that has a place for it. So a run can be spread over days
+and machines: RUNS, by default runs/NAME, begins with the records that are there. Those of OSWorld's
+tasks stay in RUNS, since they hold its instructions. With --report-only N nothing is played, and
+the first N seeds are reported. Rates are for two cores.
 
     reference_agents    24 tasks, six agents, three seeds: 4,320 episodes, about ten hours
     all_tasks           the 122 tasks with a plan in words, pixel: 1,220 episodes, about three hours
@@ -25,11 +26,13 @@ from contextlib import suppress
 from pathlib import Path
 from subprocess import CalledProcessError
 
+import published_table
 from common import hijack
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from online_env import tasks
+from online_env.bench import reading
 from online_env.osworld.solutions import SOLUTIONS
 from online_env.osworld.tasks import load
 from online_env.report.build import read_report
@@ -87,10 +90,18 @@ def main() -> None:
     with suppress(CalledProcessError):
         hijack("report", runs, *chosen, "--out", written)
     draw(read_report(written), result / "success.svg")
+    page = result / "about.md"
+    if name in published_table.AGENTS and page.exists():
+        run = reading.read(runs)
+        if options.report_only:
+            run = reading.with_first_seeds(run, options.report_only)
+        published_table.rewrite(page, run, published_table.AGENTS[name])
 
 
 def copy_records(source: Path, target: Path) -> None:
     """Copy what is known of a run, without its pictures."""
+    if source.resolve() == target.resolve():
+        return
     for name in RECORDED:
         if (source / name).exists():
             target.mkdir(parents=True, exist_ok=True)

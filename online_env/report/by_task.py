@@ -35,12 +35,21 @@ def by_task_note(agents: Mapping[str, Mapping[str, Compared]], is_scored: bool) 
     yield f"{said}, the same differences are significant."
 
 
-def _lost(agent: str, rows: Mapping[str, Compared]) -> Iterator[str]:
-    """Yield the conditions in which an agent's difference is significant as reported alone."""
+def p_by_task(rows: Mapping[str, Compared]) -> dict[str, float]:
+    """Return the p value of each condition of an agent with each task as one case (Holm).
+
+    Args:
+        rows: all comparisons of the agent, by condition.
+    """
     from ..bench import statistics
 
     tests = {label: statistics.mcnemar_by_task(*row.cases) for label, row in rows.items()}
-    for label, by_task in statistics.holm(tests).items():
+    return statistics.holm(tests)
+
+
+def _lost(agent: str, rows: Mapping[str, Compared]) -> Iterator[str]:
+    """Yield the conditions in which an agent's difference is significant as reported alone."""
+    for label, by_task in p_by_task(rows).items():
         p = rows[label].p
         if p < words.SHOWN <= by_task:
             values = f"p {words.p_value(by_task)} instead of {words.p_value(p)}"

@@ -1,0 +1,63 @@
+"""What docs/results publishes of a run is what the records beside it give."""
+
+import importlib
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from online_env.bench import reading
+from online_env.bench.reading import Run
+from online_env.report.build import build_report, read_report
+
+ROOT = Path(__file__).resolve().parents[1]
+RESULTS = ROOT / "docs" / "results"
+REMEDY = "write it anew: python benchmarks/published.py NAME --report-only SEEDS"
+WITH_RECORDS = sorted(path.parent.name for path in RESULTS.glob("*/run"))
+
+
+@pytest.fixture
+def published_table(monkeypatch):
+    """The script that makes the tables of the pages."""
+    monkeypatch.syspath_prepend(ROOT / "benchmarks")
+    return importlib.import_module("published_table")
+
+
+def published_run(name: str) -> Run:
+    """The records of a result, of the seeds that its report has."""
+    report = read_report(RESULTS / name / "report.json")
+    run = reading.read(RESULTS / name / "run")
+    return reading.with_first_seeds(run, len(report.run.seeds))
+
+
+@pytest.mark.parametrize("name", WITH_RECORDS)
+def test_a_report_is_that_of_its_records(name):
+    found = read_report(RESULTS / name / "report.json")
+    made = build_report(published_run(name))
+    assert replace(made, run=replace(made.run, name=name)) == found, REMEDY
+
+
+def test_the_tables_of_pages_are_those_of_the_records(published_table):
+    tabled = [name for name in WITH_RECORDS if name in published_table.AGENTS]
+    assert "reference_agents" in tabled
+    for name in tabled:
+        page = (RESULTS / name / "about.md").read_text(encoding="utf-8")
+        written = page.partition(published_table.BEGIN)[2].partition(published_table.END)[0]
+        made = published_table.table(published_run(name), published_table.AGENTS[name])
+        assert written == f"\n{made}\n", REMEDY
+
+
+def test_the_readme_counts_the_episodes_of_its_figure():
+    report = read_report(RESULTS / "reference_agents" / "report.json")
+    episodes = sum(row.n + row.invalid for row in report.summaries)
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert f"({report.run.tasks} tasks, {episodes:,} episodes;" in text
+
+
+def test_a_page_without_a_place_for_its_table_stays_as_it_is(published_table, tmp_path):
+    text = f"# A page\n\n{published_table.BEGIN}"
+    page = tmp_path / "about.md"
+    page.write_text(text)
+    with pytest.raises(ValueError, match=r"about\.md: has no place for the table"):
+        published_table.rewrite(page, published_run("reference_agents"), ["pixel"])
+    assert page.read_text() == text
