@@ -19,7 +19,7 @@ from hijack_data.runs.own_files import refuse_own_file
 
 from ..report.named import YARDSTICKS
 from . import junit, scores
-from .reading import ResultRecord, Run
+from .reading import Run
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 OPTION = "--fail-under"
@@ -184,8 +184,9 @@ class ReleaseGate:
 
     def verdicts(self, run: Run) -> list[GateVerdict]:
         """Judge the gates on the episodes of a run so far."""
-        table = scores.rows(run.records, self.agents, self.labels)
-        return [_judged(gate, table, run.records, self.labels) for gate in self.gates]
+        groups = scores.grouped(run.records)
+        table = scores.grouped_rows(groups, self.agents, self.labels)
+        return [_judged(gate, table, groups.scored, self.labels) for gate in self.gates]
 
     def conclude(self, run: Run) -> bool:
         """Print a line on each gate to standard error, and write the JUnit file.
@@ -299,10 +300,10 @@ def _threshold(
 def _judged(
     gate: ScoreGate,
     table: Sequence[scores.ScoreRow],
-    made: Sequence[ResultRecord],
+    scored: scores.ScoreByCell,
     labels: Sequence[str],
 ) -> GateVerdict:
-    """Judge a gate on the table that `scores.rows` made."""
+    """Judge a gate on the table of a run, and on the scores that it was made from."""
     own = [row for row in table if row["agent"] == gate.agent]
     column = "success" if gate.score in OF_AGENT else gate.score
     by_label = {row["corruption"]: row[column] for row in own}
@@ -318,12 +319,12 @@ def _judged(
     if gate.score in OF_AGENT:
         (summary,) = scores.summaries(own)
         return GateVerdict(gate, summary[OF_AGENT[gate.score]])
-    return GateVerdict(gate, _over_all(gate, made))
+    return GateVerdict(gate, _over_all(gate, scored))
 
 
-def _over_all(gate: ScoreGate, made: Sequence[ResultRecord]) -> float | None:
+def _over_all(gate: ScoreGate, scored: scores.ScoreByCell) -> float | None:
     """Return the retention or the difference over all cases played both clean and corrupted."""
-    there, here, _ = scores.pairs_of(gate.agent, scores.grouped(made).scored)
+    there, here, _ = scores.pairs_of(gate.agent, scored)
     if gate.score == "retention":
         return sum(here) / sum(there) if sum(there) else None
     return (sum(here) - sum(there)) / len(here) if here else None

@@ -33,6 +33,7 @@ CellKey: TypeAlias = tuple[str, str]
 PairKey: TypeAlias = tuple[str, Any, int]
 Cases: TypeAlias = dict[PairKey, ResultRecord]
 ScoreByCase: TypeAlias = dict[PairKey, float]
+ScoreByCell: TypeAlias = Mapping[CellKey, ScoreByCase]
 # The two scores and the task of each case.
 PairedCases: TypeAlias = tuple[list[float], list[float], list[str]]
 
@@ -153,7 +154,7 @@ def pairs(before: ScoreByCase, after: ScoreByCase) -> PairedCases:
     )
 
 
-def pairs_of(agent: str, scores: Mapping[CellKey, ScoreByCase]) -> PairedCases:
+def pairs_of(agent: str, scores: ScoreByCell) -> PairedCases:
     """Return the cases of `pairs` of clean and each corruption of an agent, after each other."""
     clean = scores.get((agent, CLEAN), {})
     there: list[float] = []
@@ -169,7 +170,7 @@ def pairs_of(agent: str, scores: Mapping[CellKey, ScoreByCase]) -> PairedCases:
     return there, here, tasks
 
 
-def _infer(table: Sequence[ScoreRow], scores: Mapping[CellKey, ScoreByCase]) -> None:
+def _infer(table: Sequence[ScoreRow], scores: ScoreByCell) -> None:
     """Add intervals and tests to rows, in place; the p values are adjusted for each agent."""
     from . import statistics  # scipy takes a second to load
 
@@ -194,7 +195,7 @@ def _infer(table: Sequence[ScoreRow], scores: Mapping[CellKey, ScoreByCase]) -> 
 
 def _with_clean(
     row: ScoreRow,
-    scores: Mapping[CellKey, ScoreByCase],
+    scores: ScoreByCell,
 ) -> PairedCases:
     agent = row["agent"]
     return pairs(scores.get((agent, CLEAN), {}), scores[agent, row["corruption"]])
@@ -245,7 +246,7 @@ def _row(
     agent: str,
     label: str,
     cases: Cases,
-    scores: Mapping[CellKey, ScoreByCase],
+    scores: ScoreByCell,
 ) -> ScoreRow:
     own = scores[agent, label]
     base = scores.get((agent, CLEAN), {}) if label != CLEAN else {}

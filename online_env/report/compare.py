@@ -2,22 +2,21 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any
 
 from ..bench import scores
 from ..bench.reading import Run
 from ..bench.records import difference
 from ..extra import require
 from . import words
-from .build import identity_of
 from .by_task import Compared, by_task_note
+from .identity import identity_of
 from .model import ReportError, RunIdentity
 from .notes import partial_note
 
 PACKAGE = "agenthijack"
 # Fields of a configuration in which two compared runs may differ.
 _PLACES = ("source", "agents", "code")
-_Cells: TypeAlias = Mapping[scores.CellKey, scores.ScoreByCase]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,8 +150,8 @@ def _chosen(
 
 def _rows(
     names: tuple[str, str],
-    there: _Cells,
-    here: _Cells,
+    there: scores.ScoreByCell,
+    here: scores.ScoreByCell,
 ) -> list[ComparedCell]:
     """Return the conditions of two agents, in the order of the first run."""
     from ..bench import statistics
@@ -182,8 +181,8 @@ def _rows(
 
 def _compared(
     rows: Sequence[ComparedCell],
-    there: _Cells,
-    here: _Cells,
+    there: scores.ScoreByCell,
+    here: scores.ScoreByCell,
 ) -> dict[str, dict[str, Compared]]:
     """Return the comparisons that have a p value, by agents and condition."""
     found: dict[str, dict[str, Compared]] = {}
