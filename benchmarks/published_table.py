@@ -27,7 +27,7 @@ def rewrite(page: Path, run: Run, agents: Sequence[str]) -> None:
     """Write the table of a run between the two comments of its page.
 
     Raises:
-        ValueError: the page does not have each comment once.
+        ValueError: the page lacks one of the comments.
     """
     before, begin, rest = page.read_text(encoding="utf-8").partition(BEGIN)
     _, end, after = rest.partition(END)
