@@ -108,6 +108,7 @@ class Oracle:
         self._desktop: StandIn | None = None
         self._thread: threading.Thread | None = None
         self._failure = ""
+        self._defect: Exception | None = None
         self._gave_up = False
         self._over = False
 
@@ -121,6 +122,7 @@ class Oracle:
         self._desktop = None
         self._thread = None
         self._failure = ""
+        self._defect = None
         self._gave_up = False
         self._over = False
 
@@ -137,7 +139,7 @@ class Oracle:
         solution works in pixels of the real screen, actions are in those of the observation.
 
         Raises:
-            DesktopError: `prepare` was not called.
+            DesktopError: `prepare` was not called, or the solution raised an error of its own.
         """
         if self._desktop is None or self._task is None:
             raise DesktopError("the oracle has no task yet: call prepare after reset")
@@ -178,11 +180,15 @@ class Oracle:
     def _next(self, task: Task, desktop: StandIn) -> str | None:
         self._go_on(task, desktop)
         try:
-            return desktop.code.get(timeout=PATIENCE)
+            code = desktop.code.get(timeout=PATIENCE)
         except queue.Empty:
             raise DesktopError(
                 f"the solution of {task.id} had no next action within {PATIENCE:g} s"
             ) from None
+        if self._defect is not None:
+            raised = f"{type(self._defect).__name__}: {self._defect}"
+            raise DesktopError(f"the solution of {task.id} raised {raised}") from self._defect
+        return code
 
     def _solve(self, task: Task, desktop: StandIn) -> None:
         try:
@@ -194,6 +200,8 @@ class Oracle:
             self._failure = str(error)
         except HijackError as error:
             self._failure = f"{type(error).__name__}: {error}"
+        except Exception as error:  # noqa: BLE001  (a task may raise anything; `predict` tells)
+            self._defect = error
         desktop.code.put(None)
 
     def solve(self, task: Task, desktop: Desktop) -> None:

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Iterable
 from functools import cached_property
 from pathlib import PurePosixPath
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 from ..desktops.commands import home
 from ..desktops.protocol import Desktop
@@ -20,6 +20,7 @@ ENTRIES = ("entry", "text")
 MENU_ROLES = ("menu", "menu-item", "check-menu-item", "radio-menu-item")
 Roles: TypeAlias = str | Iterable[str]
 Name: TypeAlias = "str | re.Pattern[str] | None"
+T = TypeVar("T")
 
 
 class GiveUpError(DesktopError):
@@ -143,6 +144,27 @@ class Hand:
                 raise DesktopTimeoutError(f"{what} still shows after {self._patience:g} s")
             time.sleep(pause)
             pause = _longer(pause)
+
+    def at_rest(self, what: str, read: Callable[[], T | None]) -> T:
+        """Read a part of the screen again and again, until it is there and stays as it is.
+
+        Args:
+            what: The part in the message of an error.
+            read: Returns it; `None` as long as it is not there.
+
+        Raises:
+            DesktopTimeoutError: It did not come in time, or goes on changing.
+        """
+        deadline = time.monotonic() + self._patience
+        before: T | None = None
+        while True:
+            found = read()
+            if found is not None and found == before:
+                return found
+            if time.monotonic() > deadline:
+                raise DesktopTimeoutError(f"no {what} at rest within {self._patience:g} s")
+            before = found
+            time.sleep(2 * PAUSE)
 
     def run(self, code: str) -> None:
         """Run pyautogui code: one action.

@@ -3,6 +3,7 @@
 import os
 import sys
 import threading
+import time
 
 import pytest
 
@@ -172,6 +173,16 @@ class Endless:
             self.ended.set()
 
 
+class Defective(Endless):
+    """A task whose solution stumbles after its first action."""
+
+    id = "defective-0"
+
+    def oracle(self, hand: Hand):
+        hand.run("pyautogui.click(1, 1)")
+        [][0]
+
+
 class Holder:
     desktop = FakeDesktop((40, 60))
 
@@ -194,3 +205,24 @@ def test_an_oracle_without_a_next_action_says_so_and_its_solution_ends_with_the_
     assert task.ended.wait(10), "reset ends it, whatever it waits for"
     with pytest.raises(DesktopError, match=r"^the oracle has no task yet"):
         one.predict("do it", {})
+
+
+def test_a_solution_that_stumbles_is_an_error_at_once_and_not_the_answer_of_the_agent():
+    one = Oracle()
+    one.prepare(Defective(), Holder())
+    seen = {"screenshot": FakeDesktop((40, 60)).screenshot()}
+    assert one.predict("do it", seen) == ("", ["pyautogui.click(1, 1)"])
+    began = time.monotonic()
+    with pytest.raises(DesktopError) as caught:
+        one.predict("do it", seen)
+    assert time.monotonic() - began < oracle.PATIENCE / 10
+    assert (
+        str(caught.value)
+        == "the solution of defective-0 raised IndexError: list index out of range"
+    )
+    assert isinstance(caught.value.__cause__, IndexError)
+    one.reset()
+    one.prepare(Defective(), Holder())
+    assert one.predict("do it", seen) == ("", ["pyautogui.click(1, 1)"]), (
+        "the next episode begins anew"
+    )

@@ -1,6 +1,7 @@
 """The hand of an oracle, on a desktop whose trees are written down: what it does, in what order."""
 
 import re
+from collections.abc import Callable
 
 import pytest
 
@@ -205,3 +206,17 @@ def test_between_two_looks_in_vain_the_hand_waits_longer_and_longer(
         hand.find("link", scroll=True)  # what slides is looked at often
     assert set(waited) == {0.1}
     assert len(ran) == len(waited)
+
+
+def test_what_is_at_rest_is_the_first_that_is_seen_twice() -> None:
+    hand, _ = hand_on(EMPTY)
+    seen = iter([None, 1, None, 2, 3, 3, 4])
+    assert hand.at_rest("number", lambda: next(seen)) == 3
+    assert next(seen) == 4
+
+
+@pytest.mark.parametrize("read", [lambda: None, object])
+def test_what_does_not_come_to_rest_is_told(read: Callable[[], object]) -> None:
+    hand, _ = hand_on(EMPTY, patience=0.01)
+    with pytest.raises(DesktopTimeoutError, match=r"^no menu at rest within 0\.01 s$"):
+        hand.at_rest("menu", read)

@@ -59,6 +59,18 @@ def test_what_is_ticked_is_not_clicked() -> None:
         pages.tick(Hand(dead, 0), "check-box", "Yes")
 
 
+def test_what_was_ticked_by_accident_is_cleared_and_nothing_else() -> None:
+    other = node("check-box", "Other", "checked")
+    ticked, empty = node("check-box", "Yes", "checked"), node("check-box", "Yes")
+    off = node("check-box", "No")
+    desktop = Pages([tree(other, ticked, off), tree(other, empty, off)])
+    pages.untick(Hand(desktop, 1), "check-box", {"Yes", "No"})
+    assert desktop.ran == ["pyautogui.click(140, 250)"]
+    dead = Pages([tree(ticked)])
+    with pytest.raises(DesktopTimeoutError, match="checked check-box Yes"):
+        pages.untick(Hand(dead, 0), "check-box", {"Yes"})
+
+
 def test_a_visit_waits_for_the_page() -> None:
     bar, frame = (
         node("entry", "Address and search bar"),

@@ -4,9 +4,14 @@ import pytest
 from PIL import Image, ImageChops, ImageDraw
 
 from hijack_data.rng import Stream
+from online_env.errors import DesktopTimeoutError
+from online_env.tasks import hand as hand_module
 from online_env.tasks.folder import FolderDesktop
+from online_env.tasks.hand import Hand
 from online_env.tasks.kit import pictures
 from online_env.tasks.machine import Machine
+
+from support.trees import Trees, node, tree
 
 HUGE = pictures.encoded(Image.new("1", (16_000, 12_000)))  # more than Pillow opens
 
@@ -131,3 +136,36 @@ def test_a_picture_of_an_unusual_mode_is_compared_all_the_same(machine, mode):
     found = list(pictures.picture_problems(machine, "a.png", white))
     assert found == ["a.png looks different: colours are off by 255.0 of 255"]
     assert list(pictures.grey_problems(machine, "a.png", white)) == found
+
+
+# The dialog for the size of the canvas
+
+DIALOG = node("dialog", "Set Image Canvas Size", size=(400, 400))
+FIELDS = [
+    node("spin-button", text=text, at=(100, 200 + 30 * row), size=(60, 20))
+    for row, text in enumerate(["780", "460", "0", "0"])
+]
+CHAIN = node("push-button", at=(160, 200), size=(10, 50))
+
+
+def test_the_canvas_is_set_field_by_field(monkeypatch):
+    monkeypatch.setattr(hand_module, "PAUSE", 0.001)
+    button = node("push-button", "Resize", "sensitive", at=(300, 500))
+    shown, closed = tree("gimp", DIALOG, *FIELDS, CHAIN, button), tree("gimp", node("frame", "a"))
+    desktop = Trees([*[shown] * 13, closed])  # three actions for each field, and the button
+    pictures.set_canvas(Hand(desktop, 1), 580, 321, -200, 0)
+    assert desktop.ran[:12:3] == [
+        f"pyautogui.doubleClick(130, {210 + 30 * row})" for row in range(4)
+    ]
+    assert desktop.ran[2:12:3] == [
+        f"pyautogui.write('{number}\\t')" for number in (580, 321, -200, 0)
+    ]
+    assert desktop.ran[12:] == ["pyautogui.click(340, 550)"]
+
+
+@pytest.mark.parametrize("parts", [[DIALOG], [DIALOG, *FIELDS], [DIALOG, *FIELDS[:3], CHAIN]])
+def test_a_canvas_dialog_that_does_not_show_its_parts_is_told(monkeypatch, parts):
+    monkeypatch.setattr(hand_module, "PAUSE", 0.001)
+    hand = Hand(Trees([tree("gimp", *parts)]), 0.05)
+    with pytest.raises(DesktopTimeoutError, match="no dialog Set Image Canvas Size at rest"):
+        pictures.set_canvas(hand, 580, 321, -200, 0)

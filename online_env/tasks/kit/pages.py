@@ -2,10 +2,10 @@
 
 import re
 import time
+from collections.abc import Collection
 
 from ...errors import DesktopTimeoutError
 from ..hand import BUTTONS, PAUSE, Hand, Name, Roles
-from ..tree import TreeNode
 
 CHROME = "chrom"
 LINKS = ("link", *BUTTONS)
@@ -61,6 +61,14 @@ def tick(hand: Hand, role: str, name: str) -> None:
     hand.find(role, name, CHROME, "checked")
 
 
+def untick(hand: Hand, role: str, names: Collection[str]) -> None:
+    """Clear those of some boxes that were ticked by accident."""
+    for node in hand.look():
+        if node.role == role and node.name in names and "checked" in node.states:
+            hand.click(hand.find(role, node.name, CHROME, "checked", scroll=True))
+            hand.gone(role, node.name, CHROME, "checked")
+
+
 def pick(hand: Hand, button: Name, index: int) -> None:
     """Press a button of Chromium's own pages and click on an item of its menu.
 
@@ -70,7 +78,7 @@ def pick(hand: Hand, button: Name, index: int) -> None:
         index: Which item, from 0; the tree has no places for them.
     """
     hand.click_on(BUTTONS, button, CHROME)
-    menu = _at_rest(hand, hand.find("menu", app=CHROME))
+    menu = hand.at_rest("menu", lambda: hand.find("menu", app=CHROME))
     left, top, right, _ = menu.box or (0, 0, 0, 0)
     down = top + _MENU_EDGE + _MENU_ITEM // 2 + _MENU_ITEM * index
     hand.run(f"pyautogui.click({(left + right) // 2}, {down})")
@@ -90,13 +98,3 @@ def open_folder(hand: Hand, folder: str) -> None:
                 return
             time.sleep(PAUSE)
     raise DesktopTimeoutError(f"the folder {folder!r} of the bookmark manager does not open")
-
-
-def _at_rest(hand: Hand, node: TreeNode) -> TreeNode:
-    """Wait until a menu has stopped growing."""
-    while True:
-        time.sleep(2 * PAUSE)
-        again = hand.find(node.role, app=CHROME)
-        if again.box == node.box:
-            return again
-        node = again

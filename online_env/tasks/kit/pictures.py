@@ -21,6 +21,7 @@ _OPTIONS = re.compile("Export Image as")
 _ASKED = re.compile("Export Image as|Question")
 _CHANGED = re.compile(r"\*\[")  # how the title begins, as long as there is something to take back
 _CHANGES = 12  # so many changes are taken back at most
+_CANVAS_FIELDS = 4  # width, height, and the two offsets
 _SLACK = 0.1  # mean difference of colour values, of 255: less than that of a dab of the brush
 
 
@@ -255,7 +256,8 @@ def set_canvas(
     """Fill in the dialog for the size of the canvas, which is open; pixels."""
     fields, chain = _canvas_fields(hand)
     _enter(hand, fields[0], width)
-    if _canvas_fields(hand)[0][1].text != fields[1].text:
+    (_, beside, *_), _ = _canvas_fields(hand)
+    if beside.text != fields[1].text:
         hand.click(chain)  # it kept the proportions
         _enter(hand, fields[0], width)
     for field, value in zip(fields[1:], (height, left, top), strict=False):
@@ -270,18 +272,20 @@ def _enter(hand: Hand, field: TreeNode, value: int) -> None:
 
 
 def _canvas_fields(hand: Hand) -> tuple[list[TreeNode], TreeNode]:
-    """Return the fields for numbers, and the chain between the first two."""
-    before: list[TreeNode] = []
-    while True:
-        dialog = hand.find("dialog", "Set Image Canvas Size", GIMP)
-        seen = hand.look()
-        parts = seen[seen.index(dialog) :] if dialog in seen else []
-        if parts and parts == before:  # else it still comes up
-            break
-        before = parts
+    """Return the four fields for numbers, and the chain between the first two."""
+    return hand.at_rest("dialog Set Image Canvas Size", lambda: _canvas_parts(hand))
+
+
+def _canvas_parts(hand: Hand) -> tuple[list[TreeNode], TreeNode] | None:
+    """Return the fields and the chain as they are now; `None` if some do not show."""
+    dialog = hand.find("dialog", "Set Image Canvas Size", GIMP)
+    seen = hand.look()
+    parts = seen[seen.index(dialog) :] if dialog in seen else []
     fields = [node for node in parts if node.role == "spin-button" and node.box]
+    if len(fields) < _CANVAS_FIELDS:
+        return None
     beside = [node for node in parts if node.role == "push-button" and _is_beside(node, fields[0])]
-    return fields, beside[0]
+    return (fields, beside[0]) if beside else None
 
 
 def _is_beside(node: TreeNode, field: TreeNode) -> bool:

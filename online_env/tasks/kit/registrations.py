@@ -10,7 +10,7 @@ from ...embedded.sites.hosts.forms import FIRST_NUMBER, content
 from ..hand import Hand
 from ..machine import Machine
 from .browser import enter_in_turn
-from .pages import enter, follow, tick
+from .pages import enter, follow, tick, untick
 from .words import FIRST_NAMES, LAST_NAMES, even, sample
 
 SITE = "http://forms.test"
@@ -129,8 +129,10 @@ def fill_in(hand: Hand, entry: Mapping[str, Any]) -> None:
     }
     enter_in_turn(hand, in_turn)
     tick(hand, "radio-button", level(entry["level"]))
+    labels = content()["interests"]
+    untick(hand, "check-box", {labels[key] for key in labels.keys() - set(entry["interests"])})
     for key in entry["interests"]:
-        tick(hand, "check-box", content()["interests"][key])
+        tick(hand, "check-box", labels[key])
     if entry["notes"]:
         enter(hand, "Notes for the teacher", entry["notes"])
     tick(hand, "check-box", "I accept the house rules")
