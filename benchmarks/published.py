@@ -4,10 +4,10 @@
 
 plays what is missing of a run on the embedded desktop, then writes report.json and success.svg into
 docs/results/NAME, the records of the episodes, without pictures, into docs/results/NAME/run, and
-the table of differences into an about.md that has a place for it. So a run can be spread over days
-and machines: RUNS, by default runs/NAME, begins with the records that are there. Those of OSWorld's
-tasks stay in RUNS, since they hold its instructions. With --report-only N nothing is played, and
-the first N seeds are reported. Rates are for two cores.
+the tables into an about.md that has places for them. So a run can be spread over days and machines:
+RUNS, by default runs/NAME, begins with the records that are there. Those of OSWorld's tasks stay in
+RUNS, since they hold its instructions. With --report-only N nothing is played, and the first N
+seeds are reported. Rates are for two cores.
 
     reference_agents    24 tasks, six agents, three seeds: 4,320 episodes, about ten hours
     all_tasks           the 122 tasks with a plan in words, pixel: 1,220 episodes, about three hours
@@ -91,11 +91,11 @@ def main() -> None:
         hijack("report", runs, *chosen, "--out", written)
     draw(read_report(written), result / "success.svg")
     page = result / "about.md"
-    if name in published_table.AGENTS and page.exists():
+    if name in published_table.TABLES and page.exists():
         run = reading.read(runs)
         if options.report_only:
             run = reading.with_first_seeds(run, options.report_only)
-        published_table.rewrite(page, run, published_table.AGENTS[name])
+        published_table.rewrite(page, name, run)
 
 
 def copy_records(source: Path, target: Path) -> None:

@@ -1,42 +1,29 @@
-"""The table of a published page: what agents lose under each corruption, from the run's records.
+"""The tables of a published page, from the records of its run.
 
-The page marks its place with two comments, between which nothing is written by hand.
+A page marks the place of each table with two comments, between which nothing is written by hand.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from statistics import fmean
+from typing import TypeAlias
 
 from hijack_data.files import write_atomic
 from hijack_data.plan import CLEAN
+from online_env import tasks
 from online_env.bench import scores
 from online_env.bench.reading import Run
 from online_env.report import words
 from online_env.report.by_task import p_by_task
 from online_env.report.cells import cells_of, compared
+from online_env.report.identity import conditions_of
 from online_env.report.model import Cell
 
-AGENTS = {  # those of the columns, by the name of a result
-    "all_tasks": ("pixel",),
-    "reference_agents": ("pixel", "pixel_onlooker"),
-}
-BEGIN = "<!-- the table is made by benchmarks/published.py -->\n"
+Table: TypeAlias = Callable[[Run], str]
 END = "<!-- end of the table -->\n"
 
 
-def rewrite(page: Path, run: Run, agents: Sequence[str]) -> None:
-    """Write the table of a run between the two comments of its page.
-
-    Raises:
-        ValueError: the page lacks one of the comments.
-    """
-    before, begin, rest = page.read_text(encoding="utf-8").partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not (begin and end):
-        raise ValueError(f"{page}: has no place for the table; write {BEGIN}{END}where it belongs")
-    write_atomic(page, f"{before}{BEGIN}\n{table(run, agents)}\n{END}{after}")
-
-
-def table(run: Run, agents: Sequence[str]) -> str:
+def differences(run: Run, *agents: str) -> str:
     """Return success, difference to clean and p of some agents, as Markdown.
 
     p is that of the exact test in which each task is one case, whatever its seeds.
@@ -53,13 +40,92 @@ def table(run: Run, agents: Sequence[str]) -> str:
     titles = ["corruption"]
     for agent in agents:
         titles += [f"`{agent}`", "to clean, 95 %", "p"]
-    lines = [_line(titles), "|---" * len(titles) + "|"]
+    table: list[list[str]] = []
     for label in dict.fromkeys(cell.corruption for cell in cells):
         row = [label]
         for agent in agents:
             row += _columns(by_key[agent, label], tests[agent].get(label))
-        lines.append(_line(row))
-    return "".join(f"{line}\n" for line in lines)
+        table.append(row)
+    return _markdown(titles, table)
+
+
+def domains(run: Run, agent: str) -> str:
+    """Return the success of an agent in each domain of the suite, in percent, as Markdown.
+
+    Args:
+        run: a run of tasks of the suite.
+        agent: whose success it is.
+    """
+    groups = scores.grouped(run.records)
+    labels = [label for label in conditions_of(run.config) if (agent, label) in groups.scored]
+    domain_of = {task: tasks.get(task).domain for task in tasks.names()}
+    found: dict[str, dict[str, list[float]]] = {}
+    counted: dict[str, set[str]] = {}
+    for label in labels:
+        scored = groups.scored[agent, label]
+        for task, score in zip(scores.task_names(scored), scored.values(), strict=True):
+            domain = domain_of[task]
+            found.setdefault(domain, {}).setdefault(label, []).append(score)
+            counted.setdefault(domain, set()).add(task)
+    table = [
+        [
+            domain,
+            str(len(counted[domain])),
+            *(f"{100 * fmean(own[label]):.0f}" if label in own else "" for label in labels),
+        ]
+        for domain, own in sorted(found.items())
+    ]
+    return _markdown(["domain", "tasks", *labels], table)
+
+
+# The tables of a result, by what the comment on its page calls them.
+TABLES: Mapping[str, Mapping[str, Table]] = {
+    "all_tasks": {
+        "differences": lambda run: differences(run, "pixel"),
+        "domains": lambda run: domains(run, "pixel"),
+    },
+    "reference_agents": {"differences": lambda run: differences(run, "pixel", "pixel_onlooker")},
+}
+
+
+def begin(kind: str) -> str:
+    """Return the comment before a table."""
+    return f"<!-- benchmarks/published.py makes the table of {kind} -->\n"
+
+
+def rewrite(page: Path, name: str, run: Run) -> None:
+    """Write the tables of a result between the comments of its page.
+
+    Args:
+        page: the page.
+        name: of the result, a key of `TABLES`.
+        run: its run.
+
+    Raises:
+        ValueError: the page lacks a comment.
+    """
+    text = page.read_text(encoding="utf-8")
+    for kind, made in TABLES[name].items():
+        text = _with_table(text, begin(kind), made(run), page)
+    write_atomic(page, text)
+
+
+def written(text: str, kind: str) -> str:
+    """Return a table of a page, without its comments."""
+    return text.partition(begin(kind))[2].partition(END)[0].strip("\n")
+
+
+def _with_table(
+    text: str,
+    comment: str,
+    table: str,
+    page: Path,
+) -> str:
+    before, found, rest = text.partition(comment)
+    _, end, after = rest.partition(END)
+    if not (found and end):
+        raise ValueError(f"{page}: has no place for a table; write {comment}{END}where it belongs")
+    return f"{before}{comment}\n{table}\n{END}{after}"
 
 
 def _columns(cell: Cell, p: float | None) -> list[str]:
@@ -74,5 +140,11 @@ def _columns(cell: Cell, p: float | None) -> list[str]:
     ]
 
 
-def _line(row: Sequence[str]) -> str:
+def _markdown(titles: list[str], table: list[list[str]]) -> str:
+    rule = "|---" * len(titles) + "|"
+    lines = [_line(titles), rule, *map(_line, table)]
+    return "".join(f"{line}\n" for line in lines)
+
+
+def _line(row: list[str]) -> str:
     return f"| {' | '.join(row)} |"

@@ -38,13 +38,13 @@ def test_a_report_is_that_of_its_records(name):
 
 
 def test_the_tables_of_pages_are_those_of_the_records(published_table):
-    tabled = [name for name in WITH_RECORDS if name in published_table.AGENTS]
+    tabled = [name for name in WITH_RECORDS if name in published_table.TABLES]
     assert "reference_agents" in tabled
     for name in tabled:
         page = (RESULTS / name / "about.md").read_text(encoding="utf-8")
-        written = page.partition(published_table.BEGIN)[2].partition(published_table.END)[0]
-        made = published_table.table(published_run(name), published_table.AGENTS[name])
-        assert written == f"\n{made}\n", REMEDY
+        run = published_run(name)
+        for kind, made in published_table.TABLES[name].items():
+            assert published_table.written(page, kind) == made(run).strip(), REMEDY
 
 
 def test_the_readme_counts_the_episodes_of_its_figure():
@@ -55,9 +55,9 @@ def test_the_readme_counts_the_episodes_of_its_figure():
 
 
 def test_a_page_without_a_place_for_its_table_stays_as_it_is(published_table, tmp_path):
-    text = f"# A page\n\n{published_table.BEGIN}"
+    text = f"# A page\n\n{published_table.begin('differences')}"
     page = tmp_path / "about.md"
     page.write_text(text)
-    with pytest.raises(ValueError, match=r"about\.md: has no place for the table"):
-        published_table.rewrite(page, published_run("reference_agents"), ["pixel"])
+    with pytest.raises(ValueError, match=r"about\.md: has no place for a table"):
+        published_table.rewrite(page, "reference_agents", published_run("reference_agents"))
     assert page.read_text() == text
