@@ -10,6 +10,7 @@ from hijack_data.runs.run_log import RUN
 
 from ..bench import reading, scores
 from ..bench.reading import Run
+from .by_app import app_successes
 from .by_task import by_task_note
 from .cells import cells_of, compared, feasible_and_not
 from .identity import identity_of
@@ -91,6 +92,7 @@ def build_report(run: Run, *, reference: str = "") -> RunReport:
         summaries=tuple(summaries_of(identity, cells, groups, reference)),
         feasible=tuple(feasible),
         infeasible=tuple(infeasible),
+        applications=tuple(app_successes(groups)),
         parts=tuple(_parts(run)),
         reference=reference,
     )

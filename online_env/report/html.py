@@ -21,6 +21,7 @@ from .grouped import grouped_panel
 from .identity import RunIdentity
 from .model import RunReport
 from .tables import (
+    app_table,
     cell_table,
     compared_table,
     paper_rows,
@@ -54,6 +55,7 @@ def as_html(document: ReportDocument) -> str:
         feasible=trimmed(*cell_table(report.feasible)),
         infeasible=trimmed(*cell_table(report.infeasible)),
         parts_found=trimmed(*parts_table(report.parts)),
+        applications=app_table(report) if report.applications else None,
         compared=trimmed(*compared_table(compared.cells)) if compared else None,
         paper=paper_rows(document.paper) if document.paper else None,
         has_ceiling=any(cell.ceiling is not None for cell in report.cells),

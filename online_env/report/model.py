@@ -18,8 +18,9 @@ from hijack_data.runs.run_log import GIVEN_KINDS
 from ..bench.scores import worst_labels
 
 FORMAT = "agenthijack-report"
-# Version 1 lacked what agents were given, and how conditions differ; version 2 `early` of cells.
-VERSION = 3
+# Version 1 lacked what agents were given, and how conditions differ; version 2 `early` of cells;
+# version 3 `applications`.
+VERSION = 4
 T = TypeVar("T")
 _SHARES = frozenset(
     [
@@ -219,6 +220,26 @@ class AgentSummary:
 
 
 @dataclass(frozen=True, kw_only=True)
+class AppSuccess:
+    """An agent in one application.
+
+    Attributes:
+        agent: its name.
+        app: the application, as tasks name it; `several` for tasks with more than one, empty for
+            tasks that name none.
+        tasks: how many tasks there are, whatever their variants.
+        clean: mean score without corruption.
+        corrupted: mean score of all episodes with a corruption.
+    """
+
+    agent: str
+    app: str
+    tasks: int
+    clean: float | None = None
+    corrupted: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class RunReport:
     """The report of a run.
 
@@ -228,6 +249,7 @@ class RunReport:
         summaries: a row for each agent.
         feasible: the cells of the feasible tasks; empty if all tasks are.
         infeasible: the cells of the infeasible tasks.
+        applications: a row for each agent and application; empty if all tasks have the same one.
         parts: for a scoring run, the results other than the success (`scoring.parts.part_rows`).
         reference: the reference agent of `mce`; empty for none.
         notes: sentences that a reader has to know.
@@ -238,6 +260,7 @@ class RunReport:
     summaries: tuple[AgentSummary, ...] = ()
     feasible: tuple[Cell, ...] = ()
     infeasible: tuple[Cell, ...] = ()
+    applications: tuple[AppSuccess, ...] = ()
     parts: tuple[Mapping[str, Any], ...] = ()
     reference: str = ""
     notes: tuple[str, ...] = ()

@@ -11,7 +11,7 @@ from . import words
 from .ablations import ablations_of, level_table
 from .compare import ComparedCell, RunComparison
 from .document import ReportDocument
-from .model import Cell, RunReport
+from .model import AppSuccess, Cell, RunReport
 from .paper import PaperTable
 
 CELL_HEADINGS = (
@@ -100,6 +100,8 @@ def as_markdown(document: ReportDocument) -> str:
         parts += ["Feasible tasks:", markdown_table(*cell_table(report.feasible))]
     if report.infeasible and document.comparison is None:
         parts += ["Infeasible tasks:", markdown_table(*cell_table(report.infeasible))]
+    if report.applications:
+        parts += ["By application, clean → corrupted:", markdown_table(*app_table(report))]
     for ablation in ablations_of(report):
         table = markdown_table(*level_table(report, ablation))
         parts += [f"### {_safe(ablation.title)}", table]
@@ -161,6 +163,29 @@ def summary_table(report: RunReport) -> tuple[Texts, list[Texts]]:
         )
         for row in report.summaries
     ]
+
+
+def app_table(report: RunReport) -> tuple[Texts, list[Texts]]:
+    """Return headings and rows of the applications: success clean and over all corruptions."""
+    rows = {(row.app, row.agent): row for row in report.applications}
+    apps = dict.fromkeys(row.app for row in report.applications)
+    agents = [agent for agent in report.agents if any(row.agent == agent for row in rows.values())]
+    return ("application", "tasks", *(f"{agent}, %" for agent in agents)), [
+        (
+            app or "none named",
+            str(max(row.tasks for row in rows.values() if row.app == app)),
+            *(_both(rows.get((app, agent))) for agent in agents),
+        )
+        for app in apps
+    ]
+
+
+def _both(row: AppSuccess | None) -> str:
+    if row is None:
+        return ""
+    if row.corrupted is None:
+        return words.percent(row.clean)
+    return f"{words.percent(row.clean) or '–'} → {words.percent(row.corrupted)}"
 
 
 def parts_table(rows: Sequence[Mapping[str, Any]]) -> tuple[Texts, list[Texts]]:
