@@ -263,7 +263,10 @@ class HttpDesktop:
             "operation": operation,
             "fields": dict(fields),
         }
-        reply = self._ask_json("/ah/tool", body, timeout + SLACK)
+        try:
+            reply = self._ask_json("/ah/tool", body, timeout + SLACK)
+        except GuestError as error:
+            raise GuestError(f"{name} {operation}: {error}", error.status) from None
         return self._check("POST", "/ah/tool", reply).json()
 
     def windows(self) -> list[dict[str, Any]]:

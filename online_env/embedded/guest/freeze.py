@@ -67,7 +67,7 @@ class Freezer:
                 return _show(caller, self._describe(connection))
             finally:
                 connection.display.ungrab_server()
-                connection.display.flush()
+                connection.sync()  # python-xlib's flush may return before it has sent anything
 
     def _describe(self, connection: Connection) -> bytes:
         if connection is not self._bare:

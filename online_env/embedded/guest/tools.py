@@ -6,19 +6,26 @@ can answer instead.
 
 import socket
 import struct
+import sys
 import threading
+import traceback
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from Xlib import error
 
-from ...errors import DesktopError, GuestError
+from ...errors import DesktopError, DesktopTimeoutError, GuestError
 from .display import BROKEN, SharedDisplay
 from .inside import locktool, nettool, xtool
 from .inside.ewmh import Screen
 from .shim.ah_input import Connection
 
+PLACES = 6  # of the calls in which an operation waits, so many are named
+LIMIT = 45.0  # s for an operation beyond its patience; the machine waits for its answer longer
 _PEER = struct.Struct("3i")  # SO_PEERCRED: process, user, group
+_Facts = dict[str, Any]
+_Work = Callable[..., _Facts]
 
 
 class Tools:
@@ -27,19 +34,26 @@ class Tools:
     Args:
         name: of the display.
         display: the connection of the server, made before anybody used the desktop.
+        limit: seconds after which an operation has failed, beyond the patience that it was given.
     """
 
-    def __init__(self, name: str, display: SharedDisplay) -> None:
+    def __init__(
+        self,
+        name: str,
+        display: SharedDisplay,
+        limit: float = LIMIT,
+    ) -> None:
         self._name = name
         self._display = display
+        self._limit = limit
         self._lock = threading.Lock()
 
     def run(
         self,
         tool: str,
         operation: str,
-        fields: dict[str, Any],
-    ) -> dict[str, Any]:
+        fields: _Facts,
+    ) -> _Facts:
         """Carry out one operation of a tool.
 
         Args:
@@ -48,12 +62,13 @@ class Tools:
             fields: its arguments.
 
         Returns:
-            JSON data. A failing display is a `DesktopError`.
+            JSON data. A failing display is a `DesktopError`, one that does not answer a
+            `DesktopTimeoutError`.
 
         Raises:
             GuestError: There is no such operation (400).
         """
-        tables: dict[str, dict[str, Callable[..., dict[str, Any]]]] = {
+        tables: dict[str, dict[str, _Work]] = {
             "xtool": xtool.OPERATIONS,
             "locktool": locktool.OPERATIONS,
             "nettool": nettool.OPERATIONS,
@@ -63,12 +78,37 @@ class Tools:
             raise GuestError(f"there is no operation {operation!r:.80} of {tool!r:.80}", 400)
         if tool == "nettool":
             return work(**fields)
-        with self._lock:
-            return self._on_screen(work, fields)
+        return self._in_time(f"{tool} {operation}", work, fields)
 
-    def _on_screen(
-        self, work: Callable[..., dict[str, Any]], fields: dict[str, Any]
-    ) -> dict[str, Any]:
+    def _in_time(
+        self,
+        label: str,
+        work: _Work,
+        fields: _Facts,
+    ) -> _Facts:
+        """Carry out an operation on the screen; give up one to which X does not answer.
+
+        X and python-xlib know no time limit: while some program holds the server, all others wait.
+
+        Raises:
+            DesktopTimeoutError: It did not end; the message says where it waits.
+        """
+        task = _Task(lambda: self._on_screen(work, fields))
+        limit = self._limit + float(fields.get("patience", 0.0))
+        task.start()
+        task.join(limit)
+        if task.is_alive():
+            raise DesktopTimeoutError(
+                f"{label} did not end within {limit:g} s: the display {self._name} does not answer"
+                f" at {task.place()}; a program may hold the X server"
+            )
+        return task.result()
+
+    def _on_screen(self, work: _Work, fields: _Facts) -> _Facts:
+        with self._lock:
+            return self._with_own_connection(work, fields)
+
+    def _with_own_connection(self, work: _Work, fields: _Facts) -> _Facts:
         screen = None
         try:
             screen = Screen.open(self._name)
@@ -94,6 +134,37 @@ class Tools:
             raise DesktopError(
                 f"another program than the X server answers on the display {self._name}"
             )
+
+
+class _Task(threading.Thread):
+    """Work that may never end, in a thread of its own."""
+
+    def __init__(self, work: Callable[[], _Facts]) -> None:
+        super().__init__(daemon=True)
+        self._work = work
+        self._found: _Facts = {}
+        self._error: Exception | None = None
+
+    def run(self) -> None:
+        """Do the work; `result` has its outcome."""
+        try:
+            self._found = self._work()
+        except Exception as problem:  # noqa: BLE001  (raised again where the result is asked for)
+            self._error = problem
+
+    def result(self) -> _Facts:
+        """What the ended work returned; what it raised is raised."""
+        if self._error is not None:
+            raise self._error
+        return self._found
+
+    def place(self) -> str:
+        """Where the work is now: functions with their files, the innermost last."""
+        frame = sys._current_frames().get(self.ident or 0)
+        stack = traceback.extract_stack(frame) if frame is not None else []
+        return " > ".join(
+            f"{one.name} ({Path(one.filename).name}:{one.lineno})" for one in stack[-PLACES:]
+        )
 
 
 def _served_by(connection: "Screen | Connection") -> int:

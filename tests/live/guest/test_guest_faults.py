@@ -6,9 +6,12 @@ import sys
 
 import httpx
 import pytest
+from Xlib import display
 
 from online_env.desktops.http import HttpDesktop
-from online_env.errors import GuestError
+from online_env.embedded.guest.display import SharedDisplay
+from online_env.embedded.guest.tools import Tools
+from online_env.errors import DesktopTimeoutError, GuestError
 
 
 def start(*arguments, **more):
@@ -89,6 +92,44 @@ def test_killed_display_is_told(guest_session, eventually):
         ):
             desktop.screenshot()
         assert session.execute(["echo", "alive"])["output"] == "alive\n"
+
+
+@pytest.fixture
+def bare_display():
+    """The name of a display without any program."""
+    server = subprocess.Popen(
+        ["Xvfb", "-displayfd", "1", "-screen", "0", "640x480x24"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    )
+    assert server.stdout is not None
+    yield f":{server.stdout.readline().strip()}"
+    server.terminate()
+    server.wait(10)
+    server.stdout.close()
+
+
+def test_an_operation_ends_while_a_program_holds_the_x_server(bare_display):
+    shared = SharedDisplay(bare_display)
+    tools = Tools(bare_display, shared, limit=0.5)
+    assert tools.run("xtool", "state", {})["size"] == [640, 480]
+    holder = display.Display(bare_display)
+    holder.grab_server()
+    holder.sync()
+    with pytest.raises(
+        DesktopTimeoutError, match=r"xtool state did not end within 0\.5 s"
+    ) as failed:
+        tools.run("xtool", "state", {})
+    assert "open (ewmh.py:" in str(failed.value)
+    with pytest.raises(DesktopTimeoutError, match=r"within 0\.7 s: .* may hold the X server"):
+        tools.run("xtool", "minimise", {"patience": 0.2})
+    holder.ungrab_server()
+    holder.sync()
+    assert tools.run("xtool", "state", {})["size"] == [640, 480]
+    holder.close()
+    with shared.use() as connection:
+        connection.close()
 
 
 def test_killed_session_bus_is_told(guest_session, eventually):
