@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from online_env import tasks
 from online_env.bench import reading
 from online_env.bench.reading import Run
 from online_env.report.build import build_report, read_report
@@ -52,6 +53,48 @@ def test_the_readme_counts_the_episodes_of_its_figure():
     episodes = sum(row.n + row.invalid for row in report.summaries)
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     assert f"({report.run.tasks} tasks, {episodes:,} episodes;" in text
+
+
+def solved_by_case(name: str) -> dict[tuple[str, str], bool]:
+    """Whether `pixel` solved a task under a corruption with seed 0."""
+    found = {}
+    for record in published_run(name).records:
+        if record["agent"] == "pixel" and record["seed"] == 0:
+            task = record["task"].removesuffix(f"-{record['task_seed']}")
+            found[task, record["corruption"]] = record["score"] == 1.0
+    return found
+
+
+def test_the_counts_in_the_text_of_all_tasks_are_those_of_the_records():
+    solved = solved_by_case("all_tasks")
+    played = {name: tasks.get(name) for name, _ in solved}
+    begins = {name: task.plan()[1].split()[0] for name, task in played.items()}
+    clicks = [name for name, verb in begins.items() if "click" in verb]
+    keys = [name for name, verb in begins.items() if verb == "press"]
+    online = [name for name, task in played.items() if "network_error" in task.unsolvable]
+    impossible = [name for name, task in played.items() if task.infeasible]
+
+    def under(corruption: str, names: list[str]) -> int:
+        return sum(solved[name, corruption] for name in names)
+
+    offline = [name for name in played if name not in online]
+    feasible = [name for name in played if name not in impossible]
+    reference = solved_by_case("reference_agents")
+    again = [case for case in reference if case in solved]
+    alike = sum(reference[case] == solved[case] for case in again)
+    text = (RESULTS / "all_tasks" / "about.md").read_text(encoding="utf-8")
+    for phrase in (
+        f"Of the {len(clicks)} tasks whose plan begins with a click, which gives the keyboard back,"
+        f" it solved {under('multi_apps', clicks)}; of the {len(keys)} that begin with a key,"
+        f" {under('multi_apps', keys)}:",
+        f"{under('network_error', online)} of {len(online)} tasks that need it were solved,"
+        f" {under('network_error', offline)} of the {len(offline)} others",
+        f"Of the {len(impossible)} tasks that cannot be done,"
+        f" {under('app_minimization', impossible)} were solved under `app_minimization`",
+        f"Of the feasible tasks, {under('app_minimization', feasible)} of {len(feasible)} were",
+        f"{alike} of the {len(again)} cases",
+    ):
+        assert phrase in text
 
 
 def test_a_page_without_a_place_for_its_table_stays_as_it_is(published_table, tmp_path):
