@@ -199,12 +199,11 @@ def page(agents: Mapping[str, Sequence[Played]]) -> str:
         " is checked with. `recovering` looks first, and does what a careful user would: it closes"
         " what is in the way, restores the window, logs in, waits and reloads. Its score is the"
         " ceiling that reports print beside every agent's.",
-        "Both read the accessibility tree and never the picture, so corruptions of the picture do"
-        " not reach them: pop_ups, resolution, marks and subtitle were played on the tasks of `core`"
-        " and on `replace_word`, to see that this is so.",
-        "Seed 0 has all tasks, seed 1 the 24 of `core` (so 156 episodes, or 49 of the picture's). On"
-        " clean desktops `oracle` played all tasks with three seeds. Single episodes were added"
-        " later.",
+        "Both read the accessibility tree and never the picture, so pop_ups, resolution, marks and"
+        " subtitle, which change only the picture, should make no difference to them. They were"
+        " played under these, too, to see that this is so.",
+        "Seed 0 has all tasks, seed 1 the 24 of `core`: 156 episodes. On clean desktops `oracle`"
+        " played all tasks with three seeds. Single episodes were added later.",
         "The desktops shared two cores with other work, at loads up to 50: some episodes were lost"
         " to time-outs of the oracle. Of episodes with the same task, corruption and seed the last"
         " one counts; the files in `docs/results/suite` have all of them, with the commit that"
