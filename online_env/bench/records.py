@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
 
+from hijack_data.errors import some_of
 from hijack_data.files import unwritable, write_atomic
 from hijack_data.locking import Lock, LockedError, lock
 from hijack_data.runs.run_log import (
@@ -73,6 +74,8 @@ PACKAGES = (
     "openvino",
 )
 
+MOST_SHOWN = 200  # letters of a setting in a message
+MOST_ENTRIES = 5  # entries of a long list in a message
 _BEGUN = (LOCK, RECORDS)  # files in a folder where a run was about to begin
 _HALF_WRITTEN = f".{RUN}.*.tmp"  # temporary files that a killed `write_atomic` leaves
 
@@ -320,7 +323,21 @@ def difference(
     if isinstance(was, list) and isinstance(now, list) and len(was) == len(now):
         pairs = enumerate(zip(was, now, strict=True))
         return _first(difference(old, new, f"{place}[{index}]") for index, (old, new) in pairs)
-    return f"{place} was {json.dumps(was):.200}, and is {json.dumps(now):.200} now"
+    texts = json.dumps(was), json.dumps(now)
+    if isinstance(was, list) and isinstance(now, list) and max(map(len, texts)) > MOST_SHOWN:
+        entries = _other_entries(was, now)
+        if entries:
+            return f"{place} {entries}"
+    return f"{place} was {texts[0]:.{MOST_SHOWN}}, and is {texts[1]:.{MOST_SHOWN}} now"
+
+
+def _other_entries(was: Sequence[object], now: Sequence[object]) -> str:
+    """Return which entries only one of two long lists has, or "" if each has all of the other."""
+    lost = [json.dumps(entry) for entry in was if entry not in now]
+    gained = [json.dumps(entry) for entry in now if entry not in was]
+    parts = [f"has lost {some_of(lost, MOST_ENTRIES)}"] if lost else []
+    parts += [f"has gained {some_of(gained, MOST_ENTRIES)}"] if gained else []
+    return " and ".join(parts)
 
 
 def versions() -> dict[str, str]:

@@ -32,6 +32,8 @@ from support.reported import made, run_of, scored
 
 CONFIG = {"agents": ["a"], "corruptions": ["clean"]}
 TASK = "write_note"
+MANY = [f"task-{number:03}" for number in range(60)]
+FIVE = ", ".join(f'"{name}"' for name in MANY[:5])
 BENCH = Bench(tasks=(TASK,), corruptions={"clean": None}, max_steps=60)
 
 
@@ -51,6 +53,17 @@ BENCH = Bench(tasks=(TASK,), corruptions={"clean": None}, max_steps=60)
         ({"a": [1]}, {"a": {"b": 1}}, 'a was [1], and is {"b": 1} now'),
         ({"a": 1, "b": 2}, {"b": 3, "a": 4}, "a was 1, and is 4 now"),
         ({"a": "x" * 500}, {"a": ""}, f'a was "{"x" * 199}, and is "" now'),
+        (
+            {"a": MANY},
+            {"a": ["new", *MANY[2:]]},
+            'a has lost "task-000", "task-001" and has gained "new"',
+        ),
+        ({"a": MANY[40:]}, {"a": MANY}, f"a has gained {FIVE} and 35 more"),
+        (
+            {"a": MANY},
+            {"a": MANY * 2},
+            f"a was {json.dumps(MANY):.200}, and is {json.dumps(MANY):.200} now",
+        ),
     ],
 )
 def test_the_first_difference_of_two_configurations_has_its_place(was, now, said):
