@@ -117,6 +117,12 @@ def suggest(name: object, known: Iterable[str]) -> str:
     return f"; known: {some_of(options)}" if options else ""
 
 
+def counted(number: int, one: str, several: str = "") -> str:
+    """Return a number and what it counts, for a message: `1 row`, `1,200 rows`."""
+    name = one if number == 1 else several or f"{one}s"
+    return f"{number:,} {name}"
+
+
 def some_of(options: Sequence[str], most: int = 20) -> str:
     """Return options for a message: all of them, or the first `most` and the number of others."""
     named = ", ".join(options[:most])

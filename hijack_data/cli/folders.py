@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from ..errors import HijackError, ImageError
+from ..errors import HijackError, ImageError, counted
 from ..files import FORMATS
 from ..plan import Plan
 from ..types import UInt8Array
@@ -121,8 +121,7 @@ def _report(
             )
         )
     else:
-        plural = "" if len(done) == 1 else "s"
-        click.echo(f"{out}: {len(done)} picture{plural}")
+        click.echo(f"{out}: {counted(len(done), 'picture')}")
         notes = Counter[str]()
         for row in done:
             notes.update(row["notes"])

@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeAlias
 from .._apply import apply
 from ..composites import Composite, composite, is_bare
 from ..elements import scene_from
-from ..errors import HijackError, ImageError
+from ..errors import HijackError, ImageError, counted
 from ..files import load_image
 from ..plan import CLEAN, Plan
 from ..planner import Planner
@@ -70,7 +70,7 @@ class Board:
             tiles.append(self._tile(number, title, planner, shot, image))
         lines = wrap("p", [_short(note, path) for note in notes])
         size = caption([shot.scene.size], shot.scale)
-        facts = f"{size}; {_count(len(shot.scene.boxes), 'element')} {_FOUND[self.detect]}"
+        facts = f"{size}; {counted(len(shot.scene.boxes), 'element')} {_FOUND[self.detect]}"
         section = fill(
             "picture.html",
             name=name,
@@ -190,8 +190,8 @@ class Board:
         """Return the finished page."""
         style = Html(source("page.css") + "".join(self._styles))
         script = Html(source("page.js"))
-        pictures = _count(len(self._sections), "picture")
-        corruptions = _count(len(self.planners), "corruption")
+        pictures = counted(len(self._sections), "picture")
+        corruptions = counted(len(self.planners), "corruption")
         filters: list[Html] = []
         for number, title in enumerate(self.planners):
             filters.append(
@@ -226,7 +226,7 @@ class Board:
             return Html()
         return fill(
             "problems.html",
-            title=_count(len(self.problems), "problem"),
+            title=counted(len(self.problems), "problem"),
             items=wrap("li", self.problems),
         )
 
@@ -242,10 +242,6 @@ def _short(message: object, path: str | os.PathLike[str]) -> str:
     """Return a message without the path of its file, because the page may be shared."""
     name = Path(path).name
     return str(message).replace(str(path), name).removeprefix(f"{name}: ")
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
 def _version() -> str:

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from hijack_data.errors import HijackError
+from hijack_data.errors import HijackError, counted
 from hijack_data.runs.run_log import EPISODES, RUN
 
 from . import words
@@ -271,11 +271,11 @@ def _unranked(report: RunReport, row: AgentSummary) -> str:
     if report.run.missing:
         return f"{report.run.missing} of {report.run.planned} episodes are missing"
     if report.run.damaged:
-        return f"{report.run.damaged} lines of the run are left out, for they cannot be read"
+        return f"{counted(report.run.damaged, 'line')} of the run cannot be read"
     if row.corrupted is None:
         return "no corruption was played"
     if row.invalid:
-        return f"{row.invalid} episodes are invalid"
+        return counted(row.invalid, "invalid episode")
     return ""
 
 

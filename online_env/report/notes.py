@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Iterator
 
+from hijack_data.errors import counted
 from hijack_data.plan import CLEAN
 from hijack_data.runs.given import given_words
 
@@ -54,7 +55,7 @@ def _notes(report: RunReport, partial: int) -> Iterator[str]:
         seeds = ", ".join(map(str, run.left_out))
         yield f"The run has more seeds than this report, which leaves out: {seeds}."
     if run.damaged:
-        yield f"{run.damaged} lines of the run cannot be read and are left out."
+        yield f"Without {counted(run.damaged, 'line')} of the run that cannot be read."
     if not scores.can_infer():
         yield "Without intervals and tests: scipy and statsmodels are not installed."
     if CLEAN not in {cell.corruption for cell in report.cells}:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data import extras
+from hijack_data.errors import counted
 
 from ..dataset.columns import VISIBLE, stored
 from ..dataset.manifest import is_lazy
@@ -96,7 +97,7 @@ def _counts(manifest: Mapping[str, Any]) -> list[str]:
         "",
         *_splits(manifest),
         (
-            f"{rejected} input(s) could not be read and are listed in `quarantine.jsonl`."
+            f"{counted(rejected, 'input')} could not be read: see `quarantine.jsonl`."
             if rejected
             else "Every input was read."
         ),

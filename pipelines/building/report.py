@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from hijack_data.errors import counted
+
 SHOWN = 5
 SHOWN_PROBLEMS = 20
 
@@ -109,14 +111,15 @@ class BuildReport:
     def _head(self) -> str:
         would = "nothing was written; it would be " if self.dry_run else ""
         kept = f", {self.kept} of them kept from before" if self.kept else ""
-        return f"{self.out}: {would}{self.total} rows in {self.shards} file(s){kept}"
+        size = f"{counted(self.total, 'row')} in {counted(self.shards, 'file')}"
+        return f"{self.out}: {would}{size}{kept}"
 
     def _left_out(self) -> list[str]:
         """Return the samples that gave no row, by label and reason."""
         text: list[str] = []
         for label, reasons in self.not_applicable.items():
             for reason, count in reasons.items():
-                text.append(f"  {label}: not applicable to {count} step(s): {reason}")
+                text.append(f"  {label}: not applicable to {counted(count, 'step')}: {reason}")
         for label, count in self.dropped.items():
             text.append(f"  {label}: {count} dropped, their target does not show")
         return text
@@ -125,7 +128,7 @@ class BuildReport:
         if not self.rejected:
             return []
         where = "" if self.dry_run else f", see {self.out}/quarantine.jsonl"
-        text = [f"  {self.rejected} input(s) rejected{where}:"]
+        text = [f"  {counted(self.rejected, 'input')} rejected{where}:"]
         text += [f"    {example}" for example in self.examples]
         if self.rejected > len(self.examples):
             text.append("    ...")

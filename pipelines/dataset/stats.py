@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from hijack_data.errors import counted
+
 from ..errors import DatasetError
 from .columns import pyarrow
 from .manifest import is_lazy, read_manifest
@@ -139,22 +141,23 @@ class Stats:
         """Return lines of text: a summary, the events, and the samples without a row."""
         text = [
             f"{self.folder}: {self.rows} rows ({self.output}) from {self.steps} steps of"
-            f" {self.trajectories} trajectories, {self.bytes / 1e6:.1f} MB in {self.shards} file(s)"
+            f" {self.trajectories} trajectories, {self.bytes / 1e6:.1f} MB in"
+            f" {counted(self.shards, 'file')}"
         ]
         for label, found in self.labels.items():
             for event, count in sorted(found.event.items()):
-                text.append(f"{label}: {count} row(s): {event}")
+                text.append(f"{label}: {counted(count, 'row')}: {event}")
             if found.inserted:
-                text.append(f"{label}: {found.inserted} step(s) inserted")
+                text.append(f"{label}: {counted(found.inserted, 'step')} inserted")
             if found.reminders:
-                text.append(f"{label}: {found.reminders} row(s) with a reminder")
+                text.append(f"{label}: {counted(found.reminders, 'row')} with a reminder")
         for label, count in self.counts["dropped"].items():
             text.append(f"{label}: {count} dropped, their target does not show")
         for label, reasons in self.counts["not_applicable"].items():
             for reason, count in reasons.items():
-                text.append(f"{label}: not applicable to {count} step(s): {reason}")
+                text.append(f"{label}: not applicable to {counted(count, 'step')}: {reason}")
         for field_name, count in self.counts["rejected"].items():
-            text.append(f"{count} input(s) rejected ({field_name})")
+            text.append(f"{counted(count, 'input')} rejected ({field_name})")
         return text
 
     def tables(self) -> list[Any]:

@@ -9,6 +9,7 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
+from hijack_data.errors import counted
 from hijack_data.gallery.embed import embed, scale_for
 from hijack_data.gallery.markup import Html, clean, join, wrap
 from hijack_data.gallery.markup import source as gallery_source
@@ -153,16 +154,6 @@ def _reasons(found: Stats, label: str) -> list[str]:
     if dropped:
         notes.append(f"{counted(dropped, 'row')} dropped: the target does not show")
     return notes
-
-
-def counted(
-    number: int,
-    one: str,
-    several: str = "",
-) -> str:
-    """Return a number and what it counts: `1 row`, `1,200 rows`."""
-    name = one if number == 1 else several or f"{one}s"
-    return f"{number:,} {name}"
 
 
 def _places(rows: Dataset, found: Stats) -> dict[str, list[RowLinks]]:

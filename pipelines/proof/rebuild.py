@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from hijack_data.errors import counted
 from hijack_data.runs import seal
 from hijack_data.runs.run_log import CHAINED, EPISODE, EPISODES, RECORDS, RUN, SEAL, STEPS
 
@@ -59,7 +60,7 @@ class RebuildReport(Findings):
 
     def _checked(self) -> str:
         """Return what was checked, and the outcome."""
-        failed = f"{len(self.problems)} problem(s)"
+        failed = counted(len(self.problems), "problem")
         if self.answers is not None:
             state = "nothing differs" if self.ok else failed
             return f"{self.answers} answers to rows of a dataset: {state}"

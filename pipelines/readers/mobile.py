@@ -10,7 +10,7 @@ from hijack_data.actions import Scaling
 from hijack_data.actions.dialects.fields import at, number
 from hijack_data.actions.dialects.ui_tars import WAIT_SECONDS
 from hijack_data.actions.recorded import SIZELESS
-from hijack_data.errors import HijackError
+from hijack_data.errors import HijackError, counted
 from hijack_data.types import Action, Size, Step, Trajectory
 
 from . import fields
@@ -272,5 +272,7 @@ def _points(value: object, count: int) -> list[tuple[float, float]]:
     if len(listed) != count or not all(
         isinstance(pair, list) and len(pair) == 2 for pair in listed
     ):
-        raise FieldError("info", f"must be {count} point(s) [x, y], got {fields.shown(value)}")
+        raise FieldError(
+            "info", f"must be {counted(count, 'point')} [x, y], got {fields.shown(value)}"
+        )
     return [(number(x, "info"), number(y, "info")) for x, y in listed]

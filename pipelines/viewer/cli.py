@@ -4,6 +4,8 @@ from pathlib import Path
 
 import click
 
+from hijack_data.errors import counted
+
 from .opening import open_source
 from .server import serve
 
@@ -51,7 +53,7 @@ def view(
     elif isinstance(source, RunSource):
         count = export_file(source, patterns, file)
         size = file.stat().st_size / 2**20
-        click.echo(f"{file}: {count:,} episode{'s' if count != 1 else ''}, {size:.1f} MB")
+        click.echo(f"{file}: {counted(count, 'episode')}, {size:.1f} MB")
     else:
         raise click.UsageError(f"{folder}: --export is for runs; hijack gallery makes such pages")
     raise SystemExit(1 if source.problems else 0)

@@ -376,7 +376,7 @@ def test_a_label_with_brackets_is_printed():
     console.print(*found.tables(), sep="\n")
     printed = console.file.getvalue()
     assert printed.count("[red]a") == 2
-    assert "[bold]b: not applicable to 1 step(s): no [i] there" in printed
+    assert "[bold]b: not applicable to 1 step: no [i] there" in printed
 
 
 def test_unknown_command():

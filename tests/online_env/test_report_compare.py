@@ -208,7 +208,7 @@ def test_an_episode_that_is_there_twice_has_no_rank(runs):
     (board,) = rankings_of(read_all(runs))
     ranks = {line.row.agent: (line.rank, line.why) for line in board.lines}
     assert ranks["weak"] == (1, "")
-    said = "1 lines of the run are left out, for they cannot be read"
+    said = "1 line of the run cannot be read"
     assert ranks["strong"] == (None, said)
 
 

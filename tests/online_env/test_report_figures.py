@@ -245,7 +245,7 @@ def test_who_has_no_rank_takes_none_from_the_others():
     assert found == [
         (None, "oracle", "reference agent"),
         (None, "told", "given the task and the plan"),
-        (None, "half", "3 episodes are invalid"),
+        (None, "half", "3 invalid episodes"),
         (1, "first", ""),
         (2, "second", ""),
         (None, "clean only", "no corruption was played"),
@@ -257,7 +257,7 @@ def test_who_has_no_rank_takes_none_from_the_others():
     ("identity", "why"),
     [
         ({"planned": 8, "missing": 2}, "2 of 8 episodes are missing"),
-        ({"damaged": 1}, "1 lines of the run are left out, for they cannot be read"),
+        ({"damaged": 1}, "1 line of the run cannot be read"),
     ],
 )
 def test_nobody_has_a_rank_in_a_run_that_is_not_whole(identity, why):

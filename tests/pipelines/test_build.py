@@ -389,7 +389,7 @@ def test_what_cannot_be_placed_is_counted_and_gives_no_row(recording: Any, tmp_p
     assert manifest["counts"]["not_applicable"] == {
         k: dict(v) for k, v in sorted(report.not_applicable.items())
     }
-    assert any("wide: not applicable to 2 step(s)" in line for line in report.lines())
+    assert any("wide: not applicable to 2 steps" in line for line in report.lines())
 
 
 def test_a_plan_that_changes_no_pixel_gives_no_row(recording: Any, tmp_path: Path) -> None:

@@ -121,9 +121,9 @@ def test_what_people_are_told(
     assert sum(data["accidental_touch"]["event"].values()) == 2
     assert data["marks"]["event"] == {}
     lines = "\n".join(found.lines())
-    assert "verification: 2 row(s): The session was locked" in lines
-    assert "verification: 2 row(s) with a reminder" in lines
-    assert "app_minimization: 2 step(s) inserted" in lines
+    assert "verification: 2 rows: The session was locked" in lines
+    assert "verification: 2 rows with a reminder" in lines
+    assert "app_minimization: 2 steps inserted" in lines
     text = page(tmp_path / "out", found)
     assert "recorded: The session was locked; the screen asks for the password" in text
     assert "Action: WAIT" in text

@@ -161,7 +161,7 @@ def test_the_command(recording: Any, add_line: Any) -> None:
     add_line(folder, b"[rubbish")
     result = run.invoke(hijack, ["inspect", str(folder), "--corruptions", "resolution"])
     assert result.exit_code == 1
-    assert "1 input(s) cannot be read" in result.output
+    assert "1 input cannot be read" in result.output
     result = run.invoke(hijack, ["inspect", str(folder), "--corruptions", "resolution", "--json"])
     data = json.loads(result.output)
     assert data["outlook"]["rows"] == {"clean": 6, "resolution": 6}

@@ -176,7 +176,7 @@ def test_the_page_of_a_dataset_without_clean_rows(recording: Any, tmp_path: Path
 def test_the_command(dataset: Path, tmp_path: Path) -> None:
     run = CliRunner().invoke(hijack, ["stats", str(dataset), "-o", str(tmp_path / "s.html")])
     assert run.exit_code == 0, run.output
-    assert "wide: not applicable to 10 step(s)" in run.output
+    assert "wide: not applicable to 10 steps" in run.output
     assert re.search(r"cover\s.*\b10\b", run.output)
     assert "target shows" in run.output
     assert (tmp_path / "s.html").read_text().startswith("<!doctype html>")

@@ -43,7 +43,7 @@ def test_a_sound_dataset(dataset: Path) -> None:
     report = verify(dataset)
     assert (report.problems, report.rows, report.shards, report.regenerated) == ([], 30, 2, 24)
     assert (report.ok, report.exit_code) == (True, 0)
-    assert report.lines() == [f"{dataset}: 30 rows in 2 file(s), 24 made again: all is well"]
+    assert report.lines() == [f"{dataset}: 30 rows in 2 files, 24 made again: all is well"]
 
 
 @pytest.mark.parametrize("where", [0.0, 0.2, 0.5, 0.8, 0.999])

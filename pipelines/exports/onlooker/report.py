@@ -5,6 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from hijack_data.errors import counted
+
 
 @dataclass
 class OnlookerReport:
@@ -77,7 +79,7 @@ class OnlookerReport:
         lines.append(f"  summaries: {_listed(self.summaries) or 0}")
         lines.append(f"  recovery: {_listed(self.recovery) or 0}")
         for label, count in self.hidden.items():
-            lines.append(f"  {label}: {count} recovery step(s) left out, target hidden")
+            lines.append(f"  {label}: {counted(count, 'recovery step')} left out, target hidden")
         for reason, count in self.skipped.items():
             lines.append(f"  left out {count}: {reason}")
         return lines

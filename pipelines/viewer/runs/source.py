@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from hijack_data.cache import Cache
-from hijack_data.errors import HijackError
+from hijack_data.errors import HijackError, counted
 from hijack_data.runs.run_head import check_head
 from hijack_data.runs.run_log import EPISODES, FORMAT, RUN, SCORE_RUN
 from hijack_data.types import UInt8Array
@@ -66,9 +66,9 @@ class RunSource:
         """A short description of the run."""
         shown = len(self.entries)
         planned = self.head.get("episodes")
-        words = [f"{shown:,} {'episode' if shown == 1 else 'episodes'}"]
+        words = [counted(shown, "episode")]
         if self._scored is not None:
-            words = [f"{shown:,} {'answer' if shown == 1 else 'answers'} to rows of a dataset"]
+            words = [f"{counted(shown, 'answer')} to rows of a dataset"]
         if isinstance(planned, list):
             known = {entry.id for entry in self.entries}
             missing = sum(name not in known for name in planned)
