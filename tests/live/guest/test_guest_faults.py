@@ -13,6 +13,8 @@ from online_env.embedded.guest.display import SharedDisplay
 from online_env.embedded.guest.tools import Tools
 from online_env.errors import DesktopTimeoutError, GuestError
 
+from support import needs
+
 
 def start(*arguments, **more):
     return subprocess.run(
@@ -97,6 +99,7 @@ def test_killed_display_is_told(guest_session, eventually):
 @pytest.fixture
 def bare_display():
     """The name of a display without any program."""
+    needs.apps("Xvfb")
     server = subprocess.Popen(
         ["Xvfb", "-displayfd", "1", "-screen", "0", "640x480x24"],
         stdout=subprocess.PIPE,
