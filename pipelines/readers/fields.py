@@ -25,6 +25,7 @@ from hijack_data.types import (
 
 from ..errors import SourceError
 
+HALF = "holds half of a surrogate pair, which is not text"
 MAX_TEXT = 1 << 20
 MAX_STEP = 2**31 - 1
 MAX_PIXEL = 2**24
@@ -203,7 +204,7 @@ def storable(value: str, field: str) -> str:
     if len(value) > MAX_TEXT:
         raise FieldError(field, f"has {len(value)} characters; the limit is {MAX_TEXT}")
     if has_half(value):
-        raise FieldError(field, "holds half of a surrogate pair, which is not text")
+        raise FieldError(field, HALF)
     return value
 
 

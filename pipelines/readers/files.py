@@ -26,9 +26,10 @@ from typing import Any, TypeAlias, cast
 from PIL import Image
 
 from hijack_data.files import FORMATS, open_regular
+from hijack_data.surrogates import has_half
 from hijack_data.types import Size
 
-from .fields import FieldError, JsonObject, mapping, shown
+from .fields import HALF, FieldError, JsonObject, mapping, shown
 
 MAX_RECORD = 50 * 2**20
 SNIFFED = 20
@@ -162,10 +163,12 @@ def parsed(value: object, field: str) -> object:
     """Return a value that may be given as JSON text.
 
     Raises:
-        FieldError: the text is not JSON.
+        FieldError: the text is not JSON, or contains half of a surrogate pair.
     """
     if not isinstance(value, str):
         return value
+    if has_half(value):
+        raise FieldError(field, HALF)
     try:
         return parse(value.encode())
     except FieldError as error:

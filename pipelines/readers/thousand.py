@@ -10,7 +10,7 @@ from hijack_data.types import Action, Size
 
 from . import fields
 from .fields import FieldError, JsonObject
-from .files import parse
+from .files import parsed
 
 # A call of one of these holds a list of actions; any other call is one action itself.
 BATCHES = ("computer", "mobile")
@@ -78,12 +78,9 @@ def called_action(
 
 def arguments_of(function: JsonObject) -> JsonObject:
     """Return the arguments of a call, an object or JSON text; others are a `FieldError`."""
-    given: object = function.get("arguments")
-    if given is None:
-        return {}
-    if isinstance(given, str):
-        given = parse(given.encode("utf-8", "replace"))
-    return fields.mapping(given, "tool_calls.function.arguments")
+    field = "tool_calls.function.arguments"
+    given = parsed(function.get("arguments"), field)
+    return {} if given is None else fields.mapping(given, field)
 
 
 def _action(

@@ -296,6 +296,18 @@ def test_no_value_stops_a_reader(
     shutil.rmtree(source)
 
 
+def test_half_of_a_surrogate_pair_in_place_of_messages_is_rejected(tmp_path: Path) -> None:
+    source = FORMATS["chat"](tmp_path)
+    (file,) = source.glob("*.jsonl")
+    record = json.loads(file.read_text().splitlines()[0])
+    file.write_text(json.dumps({**record, "messages": "\ud800"}) + "\n")
+    trajectories, rejected = read("chat", source)
+    assert not trajectories
+    assert [(one.field, one.reason) for one in rejected] == [
+        ("messages", "holds half of a surrogate pair, which is not text")
+    ]
+
+
 def test_a_pickle_alone_is_not_a_recording(source: Path) -> None:
     (source / "trajectory.pkl").write_bytes(b"\x80\x04K\x01.")
     for path in (source, source / "trajectory.pkl"):
