@@ -78,9 +78,11 @@ def called_action(
 
 def arguments_of(function: JsonObject) -> JsonObject:
     """Return the arguments of a call, an object or JSON text; others are a `FieldError`."""
+    given: object = function.get("arguments")
+    if given is None:
+        return {}
     field = "tool_calls.function.arguments"
-    given = parsed(function.get("arguments"), field)
-    return {} if given is None else fields.mapping(given, field)
+    return fields.mapping(parsed(given, field), field)
 
 
 def _action(

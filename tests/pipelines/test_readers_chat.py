@@ -355,6 +355,28 @@ def test_structured_calls_of_qwen_are_text(tmp_path: Path) -> None:
     assert found.steps[0].action_code == computer_use(250, 250)
 
 
+@pytest.mark.parametrize(
+    ("arguments", "why"),
+    [
+        ('{"action": "type", "text": "\ud800"}', "holds half of a surrogate pair"),
+        ("null", "must be an object, got None"),
+        ("[1]", "must be an object, got [1]"),
+    ],
+)
+def test_arguments_of_a_call_that_are_no_object_are_rejected(
+    arguments: str, why: str, tmp_path: Path
+) -> None:
+    row = openai_row([""], files(tmp_path))
+    row["messages"][1]["tool_calls"] = [
+        {"type": "function", "function": {"name": "computer_use", "arguments": arguments}}
+    ]
+    write_lines(tmp_path / "a.jsonl", [row])
+    trajectories, rejected = read(tmp_path, coordinates="thousand")
+    assert not trajectories
+    assert rejected[0].field == "messages[1].tool_calls.function.arguments"
+    assert why in rejected[0].reason
+
+
 @pytest.mark.parametrize("dialect", ["pyautogui", "ui_tars", "ui_tars_1.5"])
 def test_our_own_export_comes_back(
     recording: Any,
