@@ -19,6 +19,7 @@ import yaml
 from common import machine, table
 
 from online_env.bench import records
+from online_env.bench.scores import task_name
 from online_env.tasks import suite
 
 FOLDER = Path(suite.__file__).parent
@@ -51,7 +52,7 @@ def by_task(found: Sequence[Mapping[str, Any]]) -> dict[str, list[Mapping[str, A
     tasks: dict[str, list[Mapping[str, Any]]] = {}
     for record in found:
         if record["status"] == "ok" and record["corruption"] == "clean":
-            name = str(record["task"]).removesuffix(f"-{record['task_seed']}")
+            name = task_name(record["task"], record["task_seed"])
             tasks.setdefault(name, []).append(record)
     return tasks
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from PIL import Image
 
 from online_env.bench import records
+from online_env.bench.scores import task_name
 
 SIZE = (800, 450)
 QUALITY = 45
@@ -22,7 +23,7 @@ def main() -> None:
     for record in records.read(run).records:
         if record["status"] != "ok":
             continue
-        name = str(record["task"]).removesuffix(f"-{record['task_seed']}")
+        name = task_name(record["task"], record["task_seed"])
         frame = run / "episodes" / record["id"] / "frames" / "0000.png"
         with Image.open(frame) as screen:
             small = screen.convert("RGB").resize(SIZE, Image.Resampling.LANCZOS)

@@ -21,6 +21,7 @@ from common import table
 from hijack_data import names
 from hijack_data.files import write_atomic
 from online_env.bench import records
+from online_env.bench.scores import task_name
 from online_env.tasks import get, suite
 from online_env.tasks.base import Task
 
@@ -64,7 +65,7 @@ def episodes(folder: Path) -> dict[str, list[Played]]:
             continue
         found[record["agent"]].append(
             Played(
-                task=str(record["task"]).removesuffix(f"-{record['task_seed']}"),
+                task=task_name(record["task"], record["task_seed"]),
                 corruption=record["corruption"],
                 seed=record["task_seed"],
                 begun=int(head["created"]),

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from online_env import tasks
-from online_env.bench import reading
+from online_env.bench import reading, scores
 from online_env.bench.reading import Run
 from online_env.report.build import build_report, read_report
 
@@ -60,7 +60,7 @@ def solved_by_case(name: str) -> dict[tuple[str, str], bool]:
     found = {}
     for record in published_run(name).records:
         if record["agent"] == "pixel" and record["seed"] == 0:
-            task = record["task"].removesuffix(f"-{record['task_seed']}")
+            task = scores.task_name(record["task"], record["task_seed"])
             found[task, record["corruption"]] = record["score"] == 1.0
     return found
 

@@ -20,6 +20,7 @@ from hijack_data.runs.run_log import EPISODES, RUN
 from ..agents.makers import FileAgentMaker
 from ..agents.registry import AGENTS
 from ..tasks import sets
+from . import scores
 from .config import Bench
 from .jobs import Job
 from .reading import ResultRecord, read
@@ -269,7 +270,7 @@ def _count(found: History, record: ResultRecord) -> None:
     """Add an episode that has a score."""
     if record["status"] != "ok":
         return
-    task = str(record["task"]).removesuffix(f"-{record.get('task_seed')}")
+    task = scores.task_name(record["task"], record.get("task_seed"))
     usage = record.get("usage")
     usd = usage.get("usd") if isinstance(usage, Mapping) else None
     values = {

@@ -275,15 +275,17 @@ def can_infer() -> bool:
 
 
 def task_names(cases: Iterable[PairKey]) -> list[str]:
-    """Return the task of each case, without the seed of its variant.
+    """Return the task of each case; see `task_name`."""
+    return [task_name(task, variant) for task, variant, _ in cases]
 
-    In a run of `hijack score` the second part of a case is the text of a step, and the first one
-    the name of a recording, which stays whole.
+
+def task_name(task: str, variant: object) -> str:
+    """Return a task without the seed of its variant.
+
+    In a run of `hijack score` the variant is the text of a step, and the task the name of a
+    recording, which stays whole.
     """
-    found: list[str] = []
-    for task, variant, _ in cases:
-        found.append(task.removesuffix(f"-{variant}") if isinstance(variant, int) else task)
-    return found
+    return task.removesuffix(f"-{variant}") if isinstance(variant, int) else task
 
 
 def counts(record: ResultRecord) -> bool:

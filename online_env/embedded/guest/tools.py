@@ -10,6 +10,8 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable
+from concurrent.futures import Future
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -93,16 +95,22 @@ class Tools:
         Raises:
             DesktopTimeoutError: It did not end; the message says where it waits.
         """
-        task = _Task(lambda: self._on_screen(work, fields))
+        found: Future[_Facts] = Future()
+        # a thread of its own: one that never ends must not be waited for when the server ends
+        thread = threading.Thread(
+            target=_carry_out,
+            args=(found, partial(self._on_screen, work, fields)),
+            daemon=True,
+        )
         limit = self._limit + float(fields.get("patience", 0.0))
-        task.start()
-        task.join(limit)
-        if task.is_alive():
+        thread.start()
+        thread.join(limit)
+        if not found.done():
             raise DesktopTimeoutError(
                 f"{label} did not end within {limit:g} s: the display {self._name} does not answer"
-                f" at {task.place()}; a program may hold the X server"
+                f" at {_place(thread)}; a program may hold the X server"
             )
-        return task.result()
+        return found.result()
 
     def _on_screen(self, work: _Work, fields: _Facts) -> _Facts:
         with self._lock:
@@ -136,35 +144,20 @@ class Tools:
             )
 
 
-class _Task(threading.Thread):
-    """Work that may never end, in a thread of its own."""
+def _carry_out(found: "Future[_Facts]", work: Callable[[], _Facts]) -> None:
+    try:
+        found.set_result(work())
+    except Exception as problem:  # noqa: BLE001  (raised again where the result is asked for)
+        found.set_exception(problem)
 
-    def __init__(self, work: Callable[[], _Facts]) -> None:
-        super().__init__(daemon=True)
-        self._work = work
-        self._found: _Facts = {}
-        self._error: Exception | None = None
 
-    def run(self) -> None:
-        """Do the work; `result` has its outcome."""
-        try:
-            self._found = self._work()
-        except Exception as problem:  # noqa: BLE001  (raised again where the result is asked for)
-            self._error = problem
-
-    def result(self) -> _Facts:
-        """What the ended work returned; what it raised is raised."""
-        if self._error is not None:
-            raise self._error
-        return self._found
-
-    def place(self) -> str:
-        """Where the work is now: functions with their files, the innermost last."""
-        frame = sys._current_frames().get(self.ident or 0)
-        stack = traceback.extract_stack(frame) if frame is not None else []
-        return " > ".join(
-            f"{one.name} ({Path(one.filename).name}:{one.lineno})" for one in stack[-PLACES:]
-        )
+def _place(thread: threading.Thread) -> str:
+    """Where a thread is now: functions with their files, the innermost last."""
+    frame = sys._current_frames().get(thread.ident or 0)
+    stack = traceback.extract_stack(frame) if frame is not None else []
+    return " > ".join(
+        f"{one.name} ({Path(one.filename).name}:{one.lineno})" for one in stack[-PLACES:]
+    )
 
 
 def _served_by(connection: "Screen | Connection") -> int:
