@@ -16,12 +16,7 @@ MODULE = [sys.executable, "-m", "hijack_data"]
 
 def ran(command: list[str], *words: str, code: int = 0) -> str:
     """What a command prints; ends with an error if its exit code is another one."""
-    done = subprocess.run(
-        [*command, *words],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = subprocess.run([*command, *words], capture_output=True, text=True, check=False)
     said = done.stdout + done.stderr
     if done.returncode != code:
         sys.exit(f"{words} ended with {done.returncode}, not {code}:\n{said}")

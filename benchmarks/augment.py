@@ -75,11 +75,7 @@ def make_peers(folder: Path) -> Path:
     return python
 
 
-def peer_rows(
-    python: Path,
-    image: np.ndarray,
-    ours: dict[str, float],
-) -> list[list[str]]:
+def peer_rows(python: Path, image: np.ndarray, ours: dict[str, float]) -> list[list[str]]:
     """Run the peers with one thread and with two, and return table rows."""
     with tempfile.TemporaryDirectory() as folder:
         np.save(f"{folder}/image.npy", image)
@@ -109,21 +105,11 @@ def peer_rows(
     return rows
 
 
-def _peers(
-    python: Path,
-    picture: str,
-    threads: int,
-) -> dict[str, Any]:
+def _peers(python: Path, picture: str, threads: int) -> dict[str, Any]:
     env = {**os.environ, "OMP_NUM_THREADS": str(threads)}
     command = [python, HERE / "peers.py", picture, FONT, str(threads)]
     return json.loads(
-        subprocess.run(
-            command,
-            capture_output=True,
-            text=True,
-            check=True,
-            env=env,
-        ).stdout
+        subprocess.run(command, capture_output=True, text=True, check=True, env=env).stdout
     )
 
 
@@ -166,12 +152,7 @@ def our_rows(image: np.ndarray) -> tuple[list[list[str]], dict[str, float]]:
     return [*rows, [f"torchvision {torchvision.__version__}", "resolution", *beside]], best
 
 
-def one_batch(
-    aug: hj.OneOf,
-    number: int,
-    pictures: Any,
-    copy: Callable[[], object],
-) -> list[float]:
+def one_batch(aug: hj.OneOf, number: int, pictures: Any, copy: Callable[[], object]) -> list[float]:
     """Milliseconds to copy a batch, plan for it, apply the plans and judge the labels."""
     keys = [f"{number}-{i}" for i in range(BATCH)]
     out = []
@@ -240,13 +221,7 @@ class Screens(Dataset):
         image = v2.functional.pil_to_tensor(
             Image.open(self.paths[i % len(self.paths)]).convert("RGB")
         )
-        return self.transform(
-            {
-                "image": image,
-                "id": i,
-                "target": (50, 50),
-            }
-        )["image"].shape
+        return self.transform({"image": image, "id": i, "target": (50, 50)})["image"].shape
 
 
 def same(sample: Any) -> Any:
@@ -352,11 +327,7 @@ def compile_counts() -> tuple[int, int]:
     """Programs compiled for 100 and for 1000 random batches of small pictures."""
     size = (216, 384)
     counts = []
-    words = {
-        "window_string": "go",
-        "prefix_string": "",
-        "suffix_string": "",
-    }
+    words = {"window_string": "go", "prefix_string": "", "suffix_string": ""}
     options = [
         hj.PopUps(width=200, height=120, size="uniform", **words),
         *(hj.Marks(number=n, mark_size=5) for n in (5, 20)),
@@ -369,11 +340,7 @@ def compile_counts() -> tuple[int, int]:
     )
     program = jax.jit(lambda plans, images: apply_arrays(plans, images))
     for n in range(1000):
-        text = hj.Subtitle(
-            subtitle_text=f"sample {n * 7919}",
-            font_size=8 + n % 9,
-            fit="shrink",
-        )
+        text = hj.Subtitle(subtitle_text=f"sample {n * 7919}", font_size=8 + n % 9, fit="shrink")
         plans = [
             (text if (n + i) % 5 == 0 else aug).plan(hj.Scene(size), seed=1, sample=f"{n}-{i}")
             for i in range(4)

@@ -64,11 +64,7 @@ def overheads(episodes: int, corruption: str) -> list[float]:
     found: list[float] = []
     planner = None if corruption == "clean" else hj.get(corruption)
     with tempfile.TemporaryDirectory() as scratch, EmbeddedDesktop.up(standby=True) as desktop:
-        settings = EvalSettings(
-            max_steps=60,
-            log=Path(scratch),
-            agent="stopwatch",
-        )
+        settings = EvalSettings(max_steps=60, log=Path(scratch), agent="stopwatch")
         env = CorruptedEnv(SmallTasks(desktop), settings=settings)
         for seed in range(episodes):
             agent = Stopwatch()
@@ -107,10 +103,7 @@ def overhead_table(episodes: int) -> str:
 
 
 def bench(
-    out: Path,
-    tasks: Sequence[str],
-    desktops: int,
-    corruptions: str = "clean",
+    out: Path, tasks: Sequence[str], desktops: int, corruptions: str = "clean"
 ) -> "subprocess.Popen[bytes]":
     """Start a run of the oracle."""
     chosen = ["--agent", "oracle", "--tasks", ",".join(tasks), "--corruptions", corruptions]
@@ -171,9 +164,7 @@ def disk(out: Path) -> str:
 
 
 def simulated(
-    durations: Sequence[float],
-    machines: Sequence[int],
-    desktops: int = 2,
+    durations: Sequence[float], machines: Sequence[int], desktops: int = 2
 ) -> list[tuple[int, float, float]]:
     """Return hours and use of some numbers of machines, for jobs of known length.
 

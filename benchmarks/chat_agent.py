@@ -150,11 +150,7 @@ def step_costs(pictures: list[UInt8Array]) -> list[list[str]]:
 
 
 def _row(
-    step: int,
-    picture: UInt8Array,
-    length: int,
-    agent: list[float],
-    client: httpx.Client,
+    step: int, picture: UInt8Array, length: int, agent: list[float], client: httpx.Client
 ) -> list[str]:
     body = b"x" * length
     encoded = [seconds(lambda: png.encode(picture)) * 1e3 for _ in range(RUNS)]

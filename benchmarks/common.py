@@ -40,11 +40,7 @@ def hijack(*arguments: object) -> None:
     subprocess.run(command, check=True)
 
 
-def times(
-    work: Callable[[], object],
-    runs: int = 41,
-    warmup: int = 3,
-) -> list[float]:
+def times(work: Callable[[], object], runs: int = 41, warmup: int = 3) -> list[float]:
     """Run `work` and return its durations in milliseconds."""
     for _ in range(warmup):
         work()

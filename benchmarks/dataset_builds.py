@@ -116,11 +116,7 @@ def rebuilds(pictures: list[bytes]) -> str:
     )
 
 
-def _rebuild_row(
-    name: str,
-    ours: float,
-    theirs: float,
-) -> list[str]:
+def _rebuild_row(name: str, ours: float, theirs: float) -> list[str]:
     return [
         name,
         f"{ours:.1f}",
@@ -181,12 +177,7 @@ def bands(pictures: list[bytes]) -> str:
 def _band_times(image: np.ndarray, name: str) -> tuple[float, ...]:
     from hijack_data.safety import changed_pixels
 
-    plan = hj.get(name).plan(
-        hj.Scene(image.shape[:2]),
-        seed=1,
-        sample="x",
-        step=0,
-    )
+    plan = hj.get(name).plan(hj.Scene(image.shape[:2]), seed=1, sample="x", step=0)
     picture = hj.apply(plan, image)
     rows = touched(plan) or ()
     base = Base(image)
@@ -265,13 +256,7 @@ def files(folder: Path) -> str:
         )
     through = _through_datasets(folder)
     derived = folder / "derived"
-    build(
-        source,
-        derived,
-        output="lazy",
-        seed=7,
-        corruptions="resolution,marks,subtitle",
-    )
+    build(source, derived, output="lazy", seed=7, corruptions="resolution,marks,subtitle")
     cost = _column_bytes(derived / "data" / "train-00000.parquet")
     note = (
         "Without `pop_ups`, whose plans depend on the detected elements and are stored whole,"
@@ -339,35 +324,18 @@ def _blocks(number: int) -> np.ndarray:
     return blocks.repeat(18, axis=0).repeat(20, axis=1)
 
 
-def _record(
-    folder: Path,
-    pictures: list[bytes],
-    step: int = 6,
-) -> None:
+def _record(folder: Path, pictures: list[bytes], step: int = 6) -> None:
     (folder / "images").mkdir(parents=True)
     lines = []
     for number, data in enumerate(pictures):
         (folder / "images" / f"{number}.png").write_bytes(data)
-        action = {
-            "type": "click",
-            "x": 100,
-            "y": 50,
-        }
+        action = {"type": "click", "x": 100, "y": 50}
         place = {
             "trajectory_id": f"t{number // step}",
             "step": number % step,
             "image": f"images/{number}.png",
         }
-        lines.append(
-            json.dumps(
-                {
-                    **place,
-                    "instruction": "do it",
-                    "action": action,
-                }
-            )
-            + "\n"
-        )
+        lines.append(json.dumps({**place, "instruction": "do it", "action": action}) + "\n")
     (folder / "trajectories.jsonl").write_text("".join(lines))
 
 
@@ -382,11 +350,7 @@ if __name__ == "__main__":
 """
 
 
-def _peak(
-    source: Path,
-    out: Path,
-    output: str,
-) -> int:
+def _peak(source: Path, out: Path, output: str) -> int:
     script = out.parent / "peak.py"
     script.write_text(BUILD)
     process = subprocess.Popen([sys.executable, str(script), str(source), str(out), output])

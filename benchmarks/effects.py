@@ -16,21 +16,9 @@ from online_env.embedded.desktop import EmbeddedDesktop
 RUNS = 7
 EFFECTS = {
     "launch_app (Geany for vscode)": Effect(
-        "launch_app",
-        {
-            "app": "vscode",
-            "then": [],
-            "tile": True,
-        },
+        "launch_app", {"app": "vscode", "then": [], "tile": True}
     ),
-    "launch_app (VLC)": Effect(
-        "launch_app",
-        {
-            "app": "vlc",
-            "then": [],
-            "tile": True,
-        },
-    ),
+    "launch_app (VLC)": Effect("launch_app", {"app": "vlc", "then": [], "tile": True}),
     "touch": Effect("touch", {"boxes": [], "without_app": True}),
     "minimise": Effect("minimise"),
     "firewall": Effect("firewall", {"allow": []}),
@@ -64,10 +52,7 @@ def main() -> None:
 
 
 def measure(
-    desktop: EmbeddedDesktop,
-    effect: Effect,
-    run: int,
-    into: list[list[float]],
+    desktop: EmbeddedDesktop, effect: Effect, run: int, into: list[list[float]]
 ) -> list[str]:
     """Do it once and note how long each part took; returns what went wrong."""
     marks = [time.perf_counter()]

@@ -40,12 +40,7 @@ def cost(command: list[str], folder: Path) -> tuple[Cost, str]:
     clean = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     done = subprocess.run(
-        command,
-        cwd=folder,
-        env=clean,
-        capture_output=True,
-        text=True,
-        check=False,
+        command, cwd=folder, env=clean, capture_output=True, text=True, check=False
     )
     wall, after = time.perf_counter() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
     if done.returncode:

@@ -110,14 +110,7 @@ def row(
     return boxes
 
 
-def grid(
-    x: int,
-    y: int,
-    columns: int,
-    count: int,
-    cell: tuple[int, int],
-    gap: int,
-) -> Boxes:
+def grid(x: int, y: int, columns: int, count: int, cell: tuple[int, int], gap: int) -> Boxes:
     """Return `count` equal boxes, row by row, as icons or cells."""
     width, height = cell
     boxes: Boxes = []
@@ -238,11 +231,7 @@ def overlapping(rng: np.random.Generator) -> Boxes:
 LAYOUTS = (file_manager, browser, editor, spreadsheet, settings, mixed_sizes, overlapping)
 
 
-def seconds(
-    find: Finder,
-    boxes: BoxArray,
-    runs: int = 1,
-) -> tuple[int, list[float]]:
+def seconds(find: Finder, boxes: BoxArray, runs: int = 1) -> tuple[int, list[float]]:
     """Return the area found, and the processor time of each run in seconds.
 
     All three finders use one thread, and processor time leaves out other programs.

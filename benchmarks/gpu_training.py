@@ -80,22 +80,14 @@ def shape(tiny: bool) -> Qwen2_5_VLConfig:
 
 
 def prompt(
-    pictures: int,
-    rows: int,
-    grid: tuple[int, int],
-    device: torch.device,
+    pictures: int, rows: int, grid: tuple[int, int], device: torch.device
 ) -> dict[str, torch.Tensor]:
     """Return random inputs of `rows` equal sequences: text, then each picture and an answer."""
     tokens = grid[0] * grid[1] // MERGED**2
     turn = [START_TOKEN] + [IMAGE_TOKEN] * tokens + [TEXT_TOKEN] * ANSWER
     ids = torch.tensor([TEXT_TOKEN] * 400 + turn * pictures, device=device).repeat(rows, 1)
     patches = rows * pictures * grid[0] * grid[1]
-    values = torch.randn(
-        patches,
-        3 * 2 * PATCH**2,
-        device=device,
-        dtype=torch.bfloat16,
-    )
+    values = torch.randn(patches, 3 * 2 * PATCH**2, device=device, dtype=torch.bfloat16)
     where = torch.tensor([[1, *grid]], device=device).repeat(rows * pictures, 1)
     return {
         "input_ids": ids,
@@ -133,21 +125,12 @@ class Clock:
             torch.cuda.synchronize()
 
 
-def answer_rows(
-    model: Any,
-    grid: tuple[int, int],
-    clock: Clock,
-) -> list[list[str]]:
+def answer_rows(model: Any, grid: tuple[int, int], clock: Clock) -> list[list[str]]:
     """Time four answers at once, each to its own history."""
     rows: list[list[str]] = []
     model.eval()
     for pictures in PICTURES:
-        inputs = prompt(
-            pictures,
-            ROLLOUTS,
-            grid,
-            clock.device,
-        )
+        inputs = prompt(pictures, ROLLOUTS, grid, clock.device)
 
         def answer(tokens: int, inputs: dict[str, torch.Tensor] = inputs) -> object:
             with torch.inference_mode():
@@ -176,27 +159,14 @@ def answer_rows(
     return rows
 
 
-def training_rows(
-    model: Any,
-    grid: tuple[int, int],
-    clock: Clock,
-) -> list[list[str]]:
+def training_rows(model: Any, grid: tuple[int, int], clock: Clock) -> list[list[str]]:
     """Time the gradient of one rollout, and the optimiser's step on all weights."""
     rows: list[list[str]] = []
     model.train()
     model.gradient_checkpointing_enable()
-    optimizer = torch.optim.AdamW(
-        model.parameters(),
-        lr=1e-6,
-        fused=clock.device.type == "cuda",
-    )
+    optimizer = torch.optim.AdamW(model.parameters(), lr=1e-6, fused=clock.device.type == "cuda")
     for pictures in PICTURES:
-        inputs = prompt(
-            pictures,
-            1,
-            grid,
-            clock.device,
-        )
+        inputs = prompt(pictures, 1, grid, clock.device)
         kept = pictures * ANSWER
 
         def gradient(inputs: dict[str, torch.Tensor] = inputs, kept: int = kept) -> None:

@@ -77,11 +77,7 @@ def bare(root: Path) -> None:
     run(*INSIDE, str(root), "apt-get", "update")
 
 
-def profile(
-    root: Path,
-    name: str,
-    wanted: tuple[str, ...],
-) -> list[str]:
+def profile(root: Path, name: str, wanted: tuple[str, ...]) -> list[str]:
     """Fetch and install what a profile adds to those before it."""
     before = installed(root)
     command = (*INSIDE, str(root), "apt-get", "install", *APT_OPTIONS)
@@ -104,12 +100,7 @@ def installed(root: Path) -> set[str]:
 
 def run(*command: str) -> str:
     """What a command prints; ends the benchmark with what it complained about where it fails."""
-    done = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         sys.exit(f"{command[0]} failed:\n{(done.stderr or done.stdout)[-2000:]}")
     return done.stdout

@@ -124,12 +124,7 @@ class Killer:
         seed: Decides instants and victims.
     """
 
-    def __init__(
-        self,
-        folder: Path,
-        desktops: int,
-        seed: int,
-    ) -> None:
+    def __init__(self, folder: Path, desktops: int, seed: int) -> None:
         self._folder = folder
         self._desktops = desktops
         self._draws = random.Random(seed)
@@ -157,12 +152,7 @@ class Killer:
             self.outcome.resumes += 1
         self._check(out, code)
 
-    def _session(
-        self,
-        out: Path,
-        words: tuple[str, ...],
-        kills: int,
-    ) -> int | None:
+    def _session(self, out: Path, words: tuple[str, ...], kills: int) -> int | None:
         """Play until the run ends, or its runner is killed; return its exit code or `None`."""
         command = [*HIJACK, "bench", str(self._config), "--out", str(out)]
         log = (self._folder / "log.txt").open("ab")
@@ -249,10 +239,7 @@ class Killer:
             if record["status"] != "ok"
         ]
         verified = subprocess.run(
-            [*HIJACK, "verify", str(out)],
-            capture_output=True,
-            text=True,
-            check=False,
+            [*HIJACK, "verify", str(out)], capture_output=True, text=True, check=False
         )
         if verified.returncode:
             outcome.problems.append(f"{out}: hijack verify: {verified.stdout[-600:]}")

@@ -35,11 +35,7 @@ def screens() -> list[tuple[str, np.ndarray, np.ndarray]]:
     return found
 
 
-def measured(
-    name: str,
-    level: int,
-    rows: list,
-) -> dict[str, float]:
+def measured(name: str, level: int, rows: list) -> dict[str, float]:
     """Means over screens, targets and draws."""
     spec = find(name).at(level)
     covered = []

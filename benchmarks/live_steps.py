@@ -54,12 +54,7 @@ def steps(runs: int) -> str:
     return f"{table(head, rows)}\n\n{note}"
 
 
-def _row(
-    name: str,
-    frame: UInt8Array,
-    xml: str,
-    runs: int,
-) -> list[str]:
+def _row(name: str, frame: UInt8Array, xml: str, runs: int) -> list[str]:
     """Return the line of a corruption: the parts of a step, and whether the goal is met."""
     spec = hj.get(name)
     spent: dict[str, list[float]] = {part: [] for part in PARTS}
@@ -75,12 +70,7 @@ def _row(
     return [name, *cells, "yes" if meets_goal else "no"]
 
 
-def _step(
-    spec: hj.Corruption,
-    frame: UInt8Array,
-    xml: str,
-    run: int,
-) -> list[float]:
+def _step(spec: hj.Corruption, frame: UInt8Array, xml: str, run: int) -> list[float]:
     """Return the times in seconds before, between and after the parts of one step."""
     size = (frame.shape[0], frame.shape[1])
     marks = [time.perf_counter()]
@@ -89,12 +79,7 @@ def _step(
         found = boxes_from_tree(xml, size).boxes
     marks.append(time.perf_counter())
     scene = hj.Scene(size, as_boxes(found))
-    plan = spec.plan(
-        scene,
-        seed=run,
-        sample="benchmark",
-        step=run,
-    )
+    plan = spec.plan(scene, seed=run, sample="benchmark", step=run)
     marks.append(time.perf_counter())
     seen = hj.apply(plan, frame)
     marks.append(time.perf_counter())

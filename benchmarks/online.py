@@ -34,11 +34,7 @@ def timed(work: Callable[[], object]) -> float:
     return time.perf_counter() - start
 
 
-def row(
-    name: str,
-    seconds: Sequence[float],
-    goal: str = "",
-) -> list[str]:
+def row(name: str, seconds: Sequence[float], goal: str = "") -> list[str]:
     """Return a line of the table, in seconds or milliseconds."""
     unit = "s"
     factor = 1
@@ -122,18 +118,8 @@ def actions(runs: int) -> list[list[str]]:
         time.sleep(3)
         headers = {"X-Token": Path(desktop.record["token_file"]).read_text()}
         guest = desktop.record["guest"]
-        click = [
-            {
-                "type": "click",
-                "x": 960,
-                "y": 540,
-            }
-        ]
-        with httpx.Client(
-            base_url=guest,
-            headers=headers,
-            trust_env=False,
-        ) as client:
+        click = [{"type": "click", "x": 960, "y": 540}]
+        with httpx.Client(base_url=guest, headers=headers, trust_env=False) as client:
             works: list[tuple[str, Callable[[], object], str]] = [
                 ("screenshot, RGB", desktop.screenshot, "<= 3 ms"),
                 ("screenshot, PNG over HTTP", lambda: client.get("/screenshot"), "<= 20 ms"),
@@ -165,15 +151,7 @@ def parallel(count: int, seconds: float = 20) -> list[list[str]]:
     def drive(index: int) -> None:
         desktop = desktops[index]
         while time.monotonic() < end:
-            desktop.client.input(
-                [
-                    {
-                        "type": "click",
-                        "x": 400 + steps[index] % 99,
-                        "y": 500,
-                    }
-                ]
-            )
+            desktop.client.input([{"type": "click", "x": 400 + steps[index] % 99, "y": 500}])
             desktop.screenshot()
             desktop.client.windows()
             steps[index] += 1
@@ -222,12 +200,7 @@ def on_disk(names: Sequence[str]) -> int:
 
 def lines_of(*command: str) -> list[str]:
     """Return the output lines of a command that must succeed."""
-    done = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
     return done.stdout.splitlines()
 
 
@@ -297,18 +270,8 @@ def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=7)
-    parser.add_argument(
-        "--cycles",
-        type=int,
-        default=50,
-        help="rounds of up, reset, down",
-    )
-    parser.add_argument(
-        "--parallel",
-        type=int,
-        default=4,
-        help="desktops at once",
-    )
+    parser.add_argument("--cycles", type=int, default=50, help="rounds of up, reset, down")
+    parser.add_argument("--parallel", type=int, default=4, help="desktops at once")
     parser.add_argument(
         "--only", default="starts,resets,sizes,actions,install", help="parts, with commas between"
     )

@@ -36,11 +36,7 @@ def window_lines(x, y):
     return "Install New Extenstion", f"Please click: ({x}, {y})", "to Continue"
 
 
-def star(
-    x,
-    y,
-    r=20,
-):
+def star(x, y, r=20):
     radii = (r if i % 2 == 0 else 0.4 * r for i in range(10))
     return [
         (x + q * math.sin(math.pi * i / 5), y - q * math.cos(math.pi * i / 5))
@@ -102,15 +98,7 @@ def opencv(image):
             cv2.fillPoly(out, [np.array(star(x, y), np.int32)], (255, 0, 0))
         return out
 
-    def text(
-        out,
-        x,
-        y,
-        words,
-        scale,
-        color,
-        thick=2,
-    ):
+    def text(out, x, y, words, scale, color, thick=2):
         cv2.putText(out, words, (x, y), cv2.FONT_HERSHEY_SIMPLEX, scale, color, thick, cv2.LINE_AA)
 
     def subtitle():
@@ -134,12 +122,7 @@ def opencv(image):
 
     half = (image.shape[1] // 2, image.shape[0] // 2)
     resize = lambda: cv2.resize(image, half, interpolation=cv2.INTER_CUBIC)  # noqa: E731
-    return {
-        "marks": marks,
-        "subtitle": subtitle,
-        "pop_up": pop_up,
-        "resolution": resize,
-    }
+    return {"marks": marks, "subtitle": subtitle, "pop_up": pop_up, "resolution": resize}
 
 
 def albumentations(image):
@@ -155,17 +138,10 @@ def albumentations(image):
     }
     marks = A.CoarseDropout(num_holes_range=(50, 50), **holes)
     window = A.CoarseDropout(
-        (1, 1),
-        hole_height_range=(540, 540),
-        hole_width_range=(960, 960),
-        fill=255,
-        p=1,
+        (1, 1), hole_height_range=(540, 540), hole_width_range=(960, 960), fill=255, p=1
     )
     write = A.TextImage(
-        font_path=FONT,
-        font_size_fraction_range=(0.9, 0.9),
-        augmentations=(None,),
-        p=1,
+        font_path=FONT, font_size_fraction_range=(0.9, 0.9), augmentations=(None,), p=1
     )
     boxes = [
         {"bbox": (0.2, 0.8 + 0.05 * i, 0.8, 0.85 + 0.05 * i), "text": line}
@@ -189,11 +165,7 @@ def augly(image):
     half = {"width": image.shape[1] // 2, "height": image.shape[0] // 2}
     return {
         "subtitle": lambda: imaugs.overlay_text(
-            picture,
-            text=codes,
-            font_size=0.05,
-            x_pos=0.2,
-            y_pos=0.8,
+            picture, text=codes, font_size=0.05, x_pos=0.2, y_pos=0.8
         ),
         "resolution": lambda: imaugs.resize(picture, **half),
     }
@@ -207,12 +179,7 @@ def kornia(image):
     torch.set_num_threads(THREADS)
     planar = torch.from_numpy(image).permute(2, 0, 1)[None].contiguous()
     share = 960 * 540 / (1080 * 1920)
-    erase = K.RandomErasing(
-        scale=(share, share),
-        ratio=(0.5625, 0.5625),
-        value=1.0,
-        p=1,
-    )
+    erase = K.RandomErasing(scale=(share, share), ratio=(0.5625, 0.5625), value=1.0, p=1)
     half = (image.shape[0] // 2, image.shape[1] // 2)
 
     def through_float(work):
@@ -227,12 +194,7 @@ def kornia(image):
 def imgaug(image):
     import imgaug.augmenters as iaa
 
-    marks = iaa.Cutout(
-        nb_iterations=50,
-        size=0.03,
-        fill_mode="constant",
-        cval=255,
-    )
+    marks = iaa.Cutout(nb_iterations=50, size=0.03, fill_mode="constant", cval=255)
     small = iaa.Resize(0.5, interpolation="cubic")
     return {"marks": lambda: marks(image=image), "resolution": lambda: small(image=image)}
 

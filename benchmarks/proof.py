@@ -32,23 +32,12 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--steps", type=int, default=train.Settings.steps)
     parser.add_argument(
-        "--held-out",
-        nargs="+",
-        choices=tuple(data.CORRUPTIONS),
-        default=["subtitle", "marks"],
+        "--held-out", nargs="+", choices=tuple(data.CORRUPTIONS), default=["subtitle", "marks"]
     )
     parser.add_argument(
-        "--jobs",
-        type=int,
-        default=2,
-        help="networks that train at once, a thread each",
+        "--jobs", type=int, default=2, help="networks that train at once, a thread each"
     )
-    parser.add_argument(
-        "--pages",
-        type=Path,
-        default=PAGES,
-        help="folder for pages and results",
-    )
+    parser.add_argument("--pages", type=Path, default=PAGES, help="folder for pages and results")
     options = parser.parse_args()
     pages.render(options.pages, *SEEDED)
     settings = train.Settings(steps=options.steps)
@@ -73,9 +62,7 @@ def report(
 
 
 def setup(
-    results: dict[Run, dict[str, Any]],
-    settings: train.Settings,
-    some: list[pages.Page],
+    results: dict[Run, dict[str, Any]], settings: train.Settings, some: list[pages.Page]
 ) -> str:
     """Return what was trained and how it was measured."""
     of = {split: [page for page in some if page.split == split] for split in ("train", *SPLITS)}

@@ -115,12 +115,7 @@ def written(text: str, kind: str) -> str:
     return text.partition(begin(kind))[2].partition(END)[0].strip("\n")
 
 
-def _with_table(
-    text: str,
-    comment: str,
-    table: str,
-    page: Path,
-) -> str:
+def _with_table(text: str, comment: str, table: str, page: Path) -> str:
     before, found, rest = text.partition(comment)
     _, end, after = rest.partition(END)
     if not (found and end):

@@ -64,19 +64,10 @@ def _measure(folder: Path) -> tuple[dict[tuple[str, int], list[float]], int]:
     return spent, rows
 
 
-def _timed(
-    folder: Path,
-    source: str,
-    engine: str,
-    workers: int,
-) -> tuple[float, int]:
+def _timed(folder: Path, source: str, engine: str, workers: int) -> tuple[float, int]:
     start = time.perf_counter()
     report = build(
-        folder / source,
-        folder / "out",
-        engine=engine,
-        workers=workers,
-        rows_per_shard=1,
+        folder / source, folder / "out", engine=engine, workers=workers, rows_per_shard=1
     )
     spent = time.perf_counter() - start
     shutil.rmtree(folder / "out")
@@ -124,11 +115,7 @@ def _record(folder: Path, trajectories: int) -> None:
                 "step": step,
                 "image": f"images/{number}.png",
                 "instruction": "do it",
-                "action": {
-                    "type": "click",
-                    "x": 700,
-                    "y": 500,
-                },
+                "action": {"type": "click", "x": 700, "y": 500},
             }
             lines.append(line)
     text = "".join(json.dumps(line) + "\n" for line in lines)

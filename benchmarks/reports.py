@@ -57,13 +57,7 @@ def synthetic(folder: Path, seeds: int = 1) -> int:
     return len(lines)
 
 
-def _record(
-    agent: str,
-    task: str,
-    condition: str,
-    seed: int,
-    score: float,
-) -> dict[str, object]:
+def _record(agent: str, task: str, condition: str, seed: int, score: float) -> dict[str, object]:
     return {
         "id": f"{task}-{seed}__{condition}__s{seed}__{agent}",
         "agent": agent,

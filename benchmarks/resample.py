@@ -18,11 +18,7 @@ def peers(image: np.ndarray, size: tuple[int, int]) -> dict:
     picture = Image.fromarray(image)
     last = torch.from_numpy(image.copy()).permute(2, 0, 1)
     planar = last.contiguous()
-    options = {
-        "size": size,
-        "mode": "bicubic",
-        "antialias": True,
-    }
+    options = {"size": size, "mode": "bicubic", "antialias": True}
     return {
         "torch interpolate, channels last": lambda: interpolate(last[None], **options)[0],
         "torch interpolate, channels first": lambda: interpolate(planar[None], **options)[0],

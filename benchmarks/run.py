@@ -54,10 +54,7 @@ def main() -> None:
     for name in wanted:
         print(f"{name} ...", flush=True)
         done = subprocess.run(
-            [sys.executable, HERE / f"{name}.py"],
-            capture_output=True,
-            text=True,
-            check=False,
+            [sys.executable, HERE / f"{name}.py"], capture_output=True, text=True, check=False
         )
         if done.returncode:
             sys.exit(f"{name} failed:\n{done.stderr}")

@@ -80,12 +80,7 @@ class InProcess:
 class ThroughServer:
     """OpenEnv's client and a server that this starts."""
 
-    def __init__(
-        self,
-        count: int,
-        desktops: int,
-        *words: str,
-    ) -> None:
+    def __init__(self, count: int, desktops: int, *words: str) -> None:
         from openenv.core.generic_client import GenericEnvClient
 
         command = [*HIJACK, "--tasks", TASK, "--desktops", str(desktops), "--size", SIZE]
@@ -153,12 +148,7 @@ def together(count: int, work: Callable[[int], None]) -> float:
     return time.monotonic() - start
 
 
-def played(
-    place: InProcess | ThroughServer,
-    count: int,
-    episodes: int,
-    steps: int,
-) -> Timings:
+def played(place: InProcess | ThroughServer, count: int, episodes: int, steps: int) -> Timings:
     """Play episodes in all sessions at once."""
     found = Timings()
 
@@ -192,11 +182,7 @@ def closing(place: Any) -> Generator[Any]:
         place.close()
 
 
-def compare(
-    rounds: int,
-    episodes: int,
-    steps: int,
-) -> str:
+def compare(rounds: int, episodes: int, steps: int) -> str:
     """Return the table of both ways, with 1, 2 and 4 sessions."""
     rows: list[list[str]] = []
     ratios: list[str] = []
@@ -232,11 +218,7 @@ def _row(name: str, count: int, found: Timings) -> list[str]:
     ]
 
 
-def soak(
-    minutes: float,
-    sessions: int,
-    desktops: int,
-) -> str:
+def soak(minutes: float, sessions: int, desktops: int) -> str:
     """Let sessions play for a while; return what the server held before and after."""
     words = ("--sessions", str(2 * sessions), "--line", str(sessions), "--wait", "280")
     with closing(ThroughServer(sessions, desktops, *words)) as place:

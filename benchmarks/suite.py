@@ -27,23 +27,13 @@ MEASURED = FOLDER / "measured.yaml"
 HEAD = "# What the oracle needed on two cores: medians over seeds; made by `python benchmarks/suite.py --write`.\n"
 
 
-def play(
-    desktops: int,
-    seeds: int,
-    tasks: str,
-    out: Path,
-) -> float:
+def play(desktops: int, seeds: int, tasks: str, out: Path) -> float:
     """Run the oracle over a set of tasks; return the seconds that it took."""
     chosen = ["--agent", "oracle", "--corruptions", "clean", "--seeds", str(seeds)]
     placed = ["--desktops", str(desktops), "--out", str(out)]
     command = [sys.executable, "-m", "hijack_data.cli", "bench", tasks, *chosen, *placed]
     start = time.monotonic()
-    subprocess.run(
-        command,
-        check=False,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
+    subprocess.run(command, check=False, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     return time.monotonic() - start
 
 

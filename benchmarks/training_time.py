@@ -159,11 +159,7 @@ def desktops(sessions: int, rounds: int, steps: int) -> list[str]:
 
 
 def row(
-    name: str,
-    sessions: int,
-    rollouts: int,
-    whole: float,
-    spent: dict[str, float],
+    name: str, sessions: int, rollouts: int, whole: float, spent: dict[str, float]
 ) -> list[str]:
     """Return a row; shares are of the time of all sessions."""
     shares = [100 * spent[part] / (whole * sessions) for part in NAMES]

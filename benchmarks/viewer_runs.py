@@ -80,11 +80,7 @@ def templates(folder: Path) -> dict[str, Template]:
     return found
 
 
-def write_run(
-    folder: Path,
-    made: Mapping[str, Template],
-    seeds: int,
-) -> Path:
+def write_run(folder: Path, made: Mapping[str, Template], seeds: int) -> Path:
     """Write a run of all agents, tasks, labels and seeds."""
     folder.mkdir()
     cases = list(itertools.product(AGENTS, range(TASKS), LABELS, range(seeds)))

@@ -51,28 +51,12 @@ MARK = "/home/user/written-after-the-snapshot"
 Seconds = dict[str, list[float]]
 
 
-def actions(
-    desktop: HttpDesktop,
-    token: str,
-    runs: int,
-) -> Seconds:
+def actions(desktop: HttpDesktop, token: str, runs: int) -> Seconds:
     """What a step costs over HTTP, on either desktop."""
-    with httpx.Client(
-        base_url=desktop.url,
-        headers={"X-Token": token},
-        trust_env=False,
-    ) as client:
+    with httpx.Client(base_url=desktop.url, headers={"X-Token": token}, trust_env=False) as client:
         works: dict[str, Callable[[], object]] = {
             "screenshot, PNG over HTTP": lambda: client.get("/screenshot").raise_for_status(),
-            "click": lambda: desktop.input(
-                [
-                    {
-                        "type": "click",
-                        "x": 960,
-                        "y": 540,
-                    }
-                ]
-            ),
+            "click": lambda: desktop.input([{"type": "click", "x": 960, "y": 540}]),
             "accessibility tree, four apps open": desktop.accessibility,
             "command (`true`)": lambda: desktop.execute(["true"]),
         }
@@ -131,11 +115,7 @@ def reset(one: Machine) -> tuple[float, float]:
     return loaded, took
 
 
-def guest(
-    runs: int,
-    acts: int,
-    kvm: bool,
-) -> tuple[Seconds, dict[str, float], float]:
+def guest(runs: int, acts: int, kvm: bool) -> tuple[Seconds, dict[str, float], float]:
     """Return the seconds of the virtual machine, its memory and its size on disk in MiB.
 
     Without `kvm`, only what still means something: seconds of QEMU's own work, and the memory that
@@ -152,13 +132,7 @@ def guest(
         return seconds, sizes, image.size / 2**20
 
 
-def session(
-    one: Machine,
-    seconds: Seconds,
-    runs: int,
-    acts: int,
-    kvm: bool,
-) -> dict[str, float]:
+def session(one: Machine, seconds: Seconds, runs: int, acts: int, kvm: bool) -> dict[str, float]:
     """What is measured on one machine: adds to `seconds`, returns memory in MiB."""
     time.sleep(SETTLING)
     sizes = {"desktop": pss(one.pid)[not kvm]}
@@ -178,11 +152,7 @@ def session(
     return sizes
 
 
-def compare(
-    runs: int,
-    acts: int,
-    kvm: bool,
-) -> list[list[str]]:
+def compare(runs: int, acts: int, kvm: bool) -> list[list[str]]:
     """Rows: what, the guest, the embedded desktop, and the ratio of the medians."""
     there, sizes, disk = guest(runs, acts, kvm)
     here, own_sizes = embedded(runs, acts)
@@ -280,14 +250,7 @@ def main() -> None:
     except MissingPartError as error:
         print(f"The virtual machine was not measured: {error}")
         return
-    print(
-        ABOUT.format(
-            cpus=CPUS,
-            memory=MEMORY,
-            runs=options.runs,
-            load=load,
-        )
-    )
+    print(ABOUT.format(cpus=CPUS, memory=MEMORY, runs=options.runs, load=load))
     if why:
         print(EMULATED.format(why=why))
     print(table(["what", "virtual machine", "embedded", "ratio"], rows))

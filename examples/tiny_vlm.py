@@ -83,11 +83,7 @@ class Processor:
 
     def _by_transformers(self, image: np.ndarray, grid: tuple[int, int]) -> np.ndarray:
         pictures = [np.array(image)]
-        made = self.theirs(
-            images=pictures,
-            return_tensors="np",
-            input_data_format="channels_last",
-        )
+        made = self.theirs(images=pictures, return_tensors="np", input_data_format="channels_last")
         _, *theirs = made["image_grid_thw"][0]
         if tuple(theirs) != grid:
             raise ValueError(f"the processor makes {theirs} patches, and not {grid}")

@@ -34,11 +34,7 @@ def process(row: dict[str, Any]) -> dict[str, np.ndarray]:
     middle = ((x1 + x2) / 2, (y1 + y2) / 2)
     height, width = PROCESSOR.coords(size).observation
     point = np.array(PROCESSOR.to_model(middle, size), np.float32)
-    return {
-        "patches": patches,
-        "centres": centres,
-        "point": point / (width, height),
-    }
+    return {"patches": patches, "centres": centres, "point": point / (width, height)}
 
 
 def loader(epochs: int, seed: int = 7) -> grain.IterDataset:

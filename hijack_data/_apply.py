@@ -8,13 +8,7 @@ from PIL import ExifTags, Image
 
 from .backends import backend_of
 from .backends.base import check_keeps_size, count_of
-from .errors import (
-    ImageError,
-    ImageTypeError,
-    ParameterError,
-    ParameterTypeError,
-    shown,
-)
+from .errors import ImageError, ImageTypeError, ParameterError, ParameterTypeError, shown
 from .kernels.stamps import check_drawings
 from .plan import Plan
 from .types import Size, size_text
@@ -23,25 +17,10 @@ _NO_PIL = "inplace=True: a PIL image cannot be written into; use the returned im
 
 
 @overload
-def apply(
-    plan: Plan,
-    image: Any,
-    *,
-    inplace: bool = False,
-) -> Any: ...
+def apply(plan: Plan, image: Any, *, inplace: bool = False) -> Any: ...
 @overload
-def apply(
-    plan: Sequence[Plan],
-    image: Any,
-    *,
-    inplace: bool = False,
-) -> Any: ...
-def apply(
-    plan: Plan | Sequence[Plan],
-    image: Any,
-    *,
-    inplace: bool = False,
-) -> Any:
+def apply(plan: Sequence[Plan], image: Any, *, inplace: bool = False) -> Any: ...
+def apply(plan: Plan | Sequence[Plan], image: Any, *, inplace: bool = False) -> Any:
     """Apply a plan to a picture, or one plan each to a batch.
 
     Args:
@@ -93,11 +72,7 @@ def _plans(plan: object) -> list[Plan]:
     raise ImageTypeError(f"the first argument must be a Plan or a list of Plans, got {kind}")
 
 
-def _plan_per_picture(
-    given: object,
-    plans: list[Plan],
-    count: int,
-) -> list[Plan]:
+def _plan_per_picture(given: object, plans: list[Plan], count: int) -> list[Plan]:
     """Return one plan for each of `count` pictures; a single `given` plan is for all of them."""
     if isinstance(given, Plan):
         return plans * count
@@ -117,10 +92,7 @@ def _check_sizes(plans: list[Plan], size: Size) -> None:
 
 
 def _apply_list(
-    given: object,
-    plans: list[Plan],
-    images: Sequence[Any],
-    inplace: bool,
+    given: object, plans: list[Plan], images: Sequence[Any], inplace: bool
 ) -> list[Any]:
     """Apply one plan to each picture of a list; with `inplace`, check all before changing any."""
     plans = _plan_per_picture(given, plans, len(images))
@@ -160,11 +132,7 @@ def _check_list_writable(plans: list[Plan], images: Sequence[Any]) -> None:
     check_drawings(plans)
 
 
-def _apply_pil(
-    plans: list[Plan],
-    image: Image.Image,
-    inplace: bool,
-) -> Image.Image:
+def _apply_pil(plans: list[Plan], image: Image.Image, inplace: bool) -> Image.Image:
     if image.mode != "RGB":
         raise ImageTypeError(f"PIL image has mode {image.mode!r}; use image.convert('RGB')")
     if inplace:

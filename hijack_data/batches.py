@@ -16,11 +16,7 @@ from .safety import Safety, judge_all
 from .types import Box, BoxArray, Scene, Size, as_boxes, as_target
 
 
-@dataclass(
-    frozen=True,
-    eq=False,
-    kw_only=True,
-)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Corrupted:
     """A corrupted batch.
 
@@ -72,24 +68,11 @@ def corrupt_batch(
     count = len(images)
     check_ids(ids, count)
     sizes = [_size(image) for image in images]
-    known = _labels(
-        sizes,
-        ids=ids,
-        boxes=boxes,
-        targets=targets,
-        ends=ends,
-        steps=steps,
-    )
+    known = _labels(sizes, ids=ids, boxes=boxes, targets=targets, ends=ends, steps=steps)
     plans: list[Plan] = []
     for size, labels in zip(sizes, known, strict=True):
         scene = Scene(size, labels.boxes, target=labels.target)
-        plan = planner.plan(
-            scene,
-            seed=seed,
-            sample=labels.key,
-            step=labels.step,
-            epoch=epoch,
-        )
+        plan = planner.plan(scene, seed=seed, sample=labels.key, step=labels.step, epoch=epoch)
         plans.append(plan)
     out = apply(plans, batch)
     after = [_pixels(out[i]) for i in range(count)]
@@ -189,11 +172,7 @@ def _id_text(value: Any) -> str:
         raise ParameterTypeError(f"ids must hold integers or strings, got a {found}") from None
 
 
-def _one_per_picture(
-    values: Sequence[Any] | None,
-    count: int,
-    what: str,
-) -> list[Any]:
+def _one_per_picture(values: Sequence[Any] | None, count: int, what: str) -> list[Any]:
     if values is None:
         return [None] * count
     if not _is_list(values):

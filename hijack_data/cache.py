@@ -25,12 +25,7 @@ class Cache:
             self.items.move_to_end(key)
             return self.items[key][0]
 
-    def put(
-        self,
-        key: Any,
-        value: Any,
-        nbytes: int,
-    ) -> None:
+    def put(self, key: Any, value: Any, nbytes: int) -> None:
         """Cache a value that takes `nbytes`, and drop the least recently used ones."""
         with self.lock:
             _, replaced = self.items.pop(key, (None, 0))

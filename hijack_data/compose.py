@@ -22,12 +22,7 @@ class Augmentation(Planner):
     """Base class of the combinators: subclasses implement `plan`, and a call corrupts a batch."""
 
     def chosen(
-        self,
-        *,
-        seed: int,
-        sample: int | str = 0,
-        step: int | None = None,
-        epoch: int = 0,
+        self, *, seed: int, sample: int | str = 0, step: int | None = None, epoch: int = 0
     ) -> "tuple[Planner, Branch] | None":
         """Return the only part that plans for a sample, and its random key.
 
@@ -122,30 +117,14 @@ class OneOf(Augmentation):
         epoch: int = 0,
     ) -> Plan:
         """Draw whether to corrupt and with which option, then plan it; see `Planner.plan`."""
-        found = self.chosen(
-            seed=seed,
-            sample=sample,
-            step=step,
-            epoch=epoch,
-        )
+        found = self.chosen(seed=seed, sample=sample, step=step, epoch=epoch)
         if found is None:
             return Plan.clean(scene.size)
         option, own = found
-        return option.plan(
-            scene,
-            seed=seed,
-            sample=own,
-            step=step,
-            epoch=epoch,
-        )
+        return option.plan(scene, seed=seed, sample=own, step=step, epoch=epoch)
 
     def chosen(
-        self,
-        *,
-        seed: int,
-        sample: int | str = 0,
-        step: int | None = None,
-        epoch: int = 0,
+        self, *, seed: int, sample: int | str = 0, step: int | None = None, epoch: int = 0
     ) -> tuple[Planner, Branch] | None:
         """Draw whether to corrupt a sample; return the drawn option and its key, or `None`."""
         stream = Stream(seed, "one_of-v2", sample, step or 0, epoch)
@@ -212,13 +191,7 @@ class Sequence(Augmentation):
             target = moved_target(whole, scene.target)
             now = Scene(whole.out_size, boxes, scene.apps, target)
             own = branch(sample, number)
-            plan = part.plan(
-                now,
-                seed=seed,
-                sample=own,
-                step=step,
-                epoch=epoch,
-            )
+            plan = part.plan(now, seed=seed, sample=own, step=step, epoch=epoch)
             whole = whole.then(plan)
         return whole
 
@@ -271,27 +244,11 @@ class Schedule(Augmentation):
         epoch: int = 0,
     ) -> Plan:
         """Plan with the planner for `epoch`; see `Planner.plan`."""
-        planner, own = self.chosen(
-            seed=seed,
-            sample=sample,
-            step=step,
-            epoch=epoch,
-        )
-        return planner.plan(
-            scene,
-            seed=seed,
-            sample=own,
-            step=step,
-            epoch=epoch,
-        )
+        planner, own = self.chosen(seed=seed, sample=sample, step=step, epoch=epoch)
+        return planner.plan(scene, seed=seed, sample=own, step=step, epoch=epoch)
 
     def chosen(
-        self,
-        *,
-        seed: int,
-        sample: int | str = 0,
-        step: int | None = None,
-        epoch: int = 0,
+        self, *, seed: int, sample: int | str = 0, step: int | None = None, epoch: int = 0
     ) -> tuple[Planner, Branch]:
         """Return the planner for `epoch`, and its key."""
         return self._at(epoch), branch(sample, 0)

@@ -33,12 +33,7 @@ class Composite:
 
 
 def composite(
-    plan: Plan,
-    image: UInt8Array,
-    scene: Scene,
-    *,
-    seed: int = 0,
-    sample: int | str = 0,
+    plan: Plan, image: UInt8Array, scene: Scene, *, seed: int = 0, sample: int | str = 0
 ) -> Composite:
     """Show the effects of a plan on a screenshot of any desktop.
 

@@ -136,12 +136,7 @@ class CoordMap:
         """Map pyautogui code recorded on the screen to the observation, as `code_to_screen`."""
         return self._code(code, self._backward, self.screen)
 
-    def _code(
-        self,
-        code: str,
-        scaling: "Scaling",
-        size: Size,
-    ) -> str:
+    def _code(self, code: str, scaling: "Scaling", size: Size) -> str:
         from .actions import map_code
 
         return code if self.is_identity else map_code(code, scaling, size)
@@ -167,12 +162,7 @@ class CoordMap:
         """Map an action of a dialect from the screen to the observation, as `typed_to_screen`."""
         return self._typed(action, dialect, self._backward)
 
-    def _typed(
-        self,
-        action: T,
-        dialect: str,
-        scaling: "Scaling",
-    ) -> T:
+    def _typed(self, action: T, dialect: str, scaling: "Scaling") -> T:
         from .actions import map_typed
 
         if self.is_identity and dialect == "pyautogui":
@@ -242,11 +232,7 @@ def _points(points: object, scaling: "Scaling") -> Any:
     return mapped
 
 
-def _vector(
-    dx: float,
-    dy: float,
-    scaling: "Scaling",
-) -> tuple[int, int]:
+def _vector(dx: float, dy: float, scaling: "Scaling") -> tuple[int, int]:
     from .actions.dialects.fields import number
 
     return scaling.dx(number(dx, "dx")), scaling.dy(number(dy, "dy"))
@@ -265,10 +251,4 @@ def _action(action: Action, scaling: "Scaling") -> Action:
     x2 = x_of(action.x2)
     y = y_of(action.y)
     y2 = y_of(action.y2)
-    return replace(
-        action,
-        x=x,
-        y=y,
-        x2=x2,
-        y2=y2,
-    )
+    return replace(action, x=x, y=y, x2=x2, y2=y2)

@@ -104,12 +104,7 @@ class Corruption(Planner):
         """Return whether the corruption acts at `step`."""
         return self.steps is None or p.is_due(self.steps, step)
 
-    def make_plan(
-        self,
-        scene: Scene,
-        stream: Stream,
-        step: int,
-    ) -> Draft:
+    def make_plan(self, scene: Scene, stream: Stream, step: int) -> Draft:
         """Decide what to do to `scene`; each corruption overrides this method.
 
         Passes on `ParameterError` (the screen cannot hold what the parameters ask for).

@@ -90,11 +90,7 @@ def lacking(modules: Iterable[str]) -> list[str]:
     return [name for name in modules if not _found(name)]
 
 
-def require(
-    what: str,
-    extra: str,
-    modules: Iterable[str],
-) -> None:
+def require(what: str, extra: str, modules: Iterable[str]) -> None:
     """Check that none of `modules` is missing.
 
     Raises `MissingDependencyError` if one is.
@@ -106,11 +102,7 @@ def require(
         raise missing(f"{what} needs {', '.join(lost)}", extra)
 
 
-def load(
-    module: str,
-    what: str,
-    extra: str,
-) -> Any:
+def load(module: str, what: str, extra: str) -> Any:
     """Import and return `module`, which the feature `what` needs.
 
     If it is missing, the `MissingDependencyError` names `extra`.

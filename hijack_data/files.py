@@ -64,10 +64,7 @@ def load_image(path: str | os.PathLike[str]) -> tuple[UInt8Array, tuple[str, ...
 
 
 def decode_image(
-    data: bytes,
-    name: str,
-    *,
-    upright: bool = False,
+    data: bytes, name: str, *, upright: bool = False
 ) -> tuple[UInt8Array, tuple[str, ...]]:
     """Decode the bytes of a picture file to uint8 RGB `[H, W, 3]`, with notes on each conversion.
 
@@ -100,11 +97,7 @@ def decode_image(
         raise ImageError(f"{name}: damaged or cut off ({error})") from error
 
 
-def _decoded(
-    data: bytes,
-    name: str,
-    upright: bool,
-) -> tuple[UInt8Array, tuple[str, ...]]:
+def _decoded(data: bytes, name: str, upright: bool) -> tuple[UInt8Array, tuple[str, ...]]:
     image = Image.open(io.BytesIO(data), formats=FORMATS)
     _check(image, name)
     notes = _turned(image, name, upright)
@@ -115,11 +108,7 @@ def _decoded(
     return np.array(picture.convert("RGB")), notes
 
 
-def _turned(
-    image: Image.Image,
-    name: str,
-    upright: bool,
-) -> tuple[str, ...]:
+def _turned(image: Image.Image, name: str, upright: bool) -> tuple[str, ...]:
     # Returns a note on a picture with an EXIF orientation; raises unless it may be turned upright.
     orientation = image.getexif().get(ExifTags.Base.Orientation, 1)
     if orientation not in range(2, 9):
@@ -190,12 +179,7 @@ def read_versioned_json(
     except (ValueError, RecursionError) as problem:
         raise error(f"{path}: is not JSON ({str(problem)[:200]})") from None
     return check_versioned(
-        data,
-        format=format,
-        version=version,
-        where=str(path),
-        what=what,
-        error=error,
+        data, format=format, version=version, where=str(path), what=what, error=error
     )
 
 

@@ -74,12 +74,7 @@ def _solid(boxes: BoxArray) -> BoxArray:
 
 
 def _sweep_down(
-    top: int,
-    ceiling: list[_Row],
-    rows: list[_Row],
-    size: Size,
-    best: int,
-    place: Box,
+    top: int, ceiling: list[_Row], rows: list[_Row], size: Size, best: int, place: Box
 ) -> tuple[int, Box]:
     """Return the larger of `place` and the free rectangles that hang from `ceiling` at `top`.
 
@@ -162,12 +157,7 @@ def union_area(boxes: BoxArray) -> int:
 
 
 def place_disjoint(
-    stream: Stream,
-    size: Size,
-    half: int,
-    number: int,
-    attempts: int,
-    boxes: BoxArray,
+    stream: Stream, size: Size, half: int, number: int, attempts: int, boxes: BoxArray
 ) -> tuple[list[Point], int]:
     """Draw centres of marks that cover no box.
 

@@ -117,11 +117,7 @@ class Packer:
     """
 
     size: Size
-    _marks: dict[str, int] = field(
-        default_factory=dict[str, int],
-        init=False,
-        repr=False,
-    )
+    _marks: dict[str, int] = field(default_factory=dict[str, int], init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.size = as_size(self.size)
@@ -173,13 +169,7 @@ class Packer:
                 " one shape; use Resolution(restore=True)"
             )
 
-    def _bucket(
-        self,
-        name: str,
-        needed: int,
-        least: int = 0,
-        exact: bool = False,
-    ) -> int:
+    def _bucket(self, name: str, needed: int, least: int = 0, exact: bool = False) -> int:
         """Return the bucket `name`: the largest need so far, rounded up to a power of two."""
         bucket = needed if exact or needed == 0 else max(least, power_of_two(needed))
         self._marks[name] = max(self._marks.get(name, 0), bucket)
@@ -198,12 +188,7 @@ class Packer:
         )
         return self._bucket("height", height, exact=True), self._bucket("width", width, exact=True)
 
-    def _pastes(
-        self,
-        stages: list[_Stage],
-        number: int,
-        canvas: Size,
-    ) -> Pastes:
+    def _pastes(self, stages: list[_Stage], number: int, canvas: Size) -> Pastes:
         name = f"stage {number}: "
         count = len(stages)
         sizes = [sprite.size for stage in stages for sprite, _, _ in stage.blocks]
@@ -230,12 +215,7 @@ class Packer:
             top, left, colors, inside, *self._layers(stages, name, canvas), used[0], used[1]
         )
 
-    def _layers(
-        self,
-        stages: list[_Stage],
-        name: str,
-        canvas: Size,
-    ) -> Pixels:
+    def _layers(self, stages: list[_Stage], name: str, canvas: Size) -> Pixels:
         layers = self._bucket(f"{name}layers", max(len(stage.layers) for stage in stages))
         longest = max(
             (sum(len(at) for at, _, _ in layer) for stage in stages for layer in stage.layers),
@@ -255,12 +235,7 @@ class Packer:
                 )
         return index, keep, paint
 
-    def _resizes(
-        self,
-        sizes: list[tuple[Size, Size] | None],
-        number: int,
-        canvas: Size,
-    ) -> Resizes:
+    def _resizes(self, sizes: list[tuple[Size, Size] | None], number: int, canvas: Size) -> Resizes:
         kind = np.array(
             [0 if pair is None else 1 + resample.columns_first(*pair) for pair in sizes], np.int32
         )
@@ -328,13 +303,7 @@ def _block_pixels(stage: _Stage) -> int:
     return len(sizes) * prod(max([BLOCK, *(size[axis] for size in sizes)]) for axis in (0, 1))
 
 
-def _cover(
-    stage: _Stage,
-    sprite: Any,
-    y: int,
-    x: int,
-    width: int,
-) -> None:
+def _cover(stage: _Stage, sprite: Any, y: int, x: int, width: int) -> None:
     """Put an opaque block on top: pixels below it are removed, so blocks can be painted first."""
     h, w = sprite.size
     stage.blocks.append((sprite, y, x))
@@ -388,10 +357,7 @@ def _check_images(plans: PlanArrays, images: Any) -> None:
 
 
 def _apply_one(
-    pastes: tuple[Pastes, ...],
-    resizes: tuple[Resizes, ...],
-    image: Any,
-    canvas: Size,
+    pastes: tuple[Pastes, ...], resizes: tuple[Resizes, ...], image: Any, canvas: Size
 ) -> Any:
     height, width = image.shape[:2]
     if canvas != (height, width):

@@ -286,11 +286,7 @@ def _hash(path: str) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
-def _execute(
-    place: str,
-    data: bytes,
-    sha256: str,
-) -> LoadedFile:
+def _execute(place: str, data: bytes, sha256: str) -> LoadedFile:
     """Run the bytes that were read and hashed, as a new module.
 
     Raises:
@@ -327,21 +323,12 @@ def _registered(module: str) -> Iterator[tuple[Registry[Any], str]]:
             yield registry, name
 
 
-def _loaded(
-    place: str,
-    sha256: str,
-    module: str,
-) -> LoadedFile:
+def _loaded(place: str, sha256: str, module: str) -> LoadedFile:
     names: dict[str, tuple[str, ...]] = {}
     for registry, name in _registered(module):
         others = names.get(registry.kind, ())
         names[registry.kind] = (*others, name)
-    return LoadedFile(
-        path=place,
-        sha256=sha256,
-        module=module,
-        names=names,
-    )
+    return LoadedFile(path=place, sha256=sha256, module=module, names=names)
 
 
 def _line(error: BaseException, place: str) -> str:
@@ -373,12 +360,7 @@ def _reduce(spec: Any) -> tuple[Any, ...]:
     return _revive, (file.path, file.sha256, spec.name, values)
 
 
-def _revive(
-    path: str,
-    sha256: str,
-    name: str,
-    values: Mapping[str, Any],
-) -> Any:
+def _revive(path: str, sha256: str, name: str, values: Mapping[str, Any]) -> Any:
     """Unpickle a corruption from a file, in another process.
 
     Raises:

@@ -74,12 +74,7 @@ class Lock:
         self.release()
 
 
-def lock(
-    path: Path,
-    *,
-    wait: bool = False,
-    mode: int = 0o644,
-) -> Lock:
+def lock(path: Path, *, wait: bool = False, mode: int = 0o644) -> Lock:
     """Lock a file, which is created if it is missing, or an existing folder.
 
     Two calls exclude each other within one process as well.

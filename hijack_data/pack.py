@@ -56,11 +56,7 @@ class RecordedAction:
         """Return the action on a screen with the picture's corner at `(dx, dy)`."""
         old = self.action
         action = replace(
-            old,
-            x=_plus(old.x, dx),
-            y=_plus(old.y, dy),
-            x2=_plus(old.x2, dx),
-            y2=_plus(old.y2, dy),
+            old, x=_plus(old.x, dx), y=_plus(old.y, dy), x2=_plus(old.x2, dx), y2=_plus(old.y2, dy)
         )
         if self.target_box is None:
             return RecordedAction(action)
@@ -111,11 +107,7 @@ class Asset:
 
     def recipe(self, crop: Box | None = None) -> dict[str, Any]:
         """Return the recipe that draws the picture, or its part `crop`; see `raster`."""
-        recipe: dict[str, Any] = {
-            "draw": "asset",
-            "id": self.id,
-            "sha256": self.sha256[:DIGITS],
-        }
+        recipe: dict[str, Any] = {"draw": "asset", "id": self.id, "sha256": self.sha256[:DIGITS]}
         return recipe if crop is None else {**recipe, "crop": list(crop)}
 
     def pixels(self) -> UInt8Array:
@@ -199,10 +191,7 @@ class AssetPack:
         return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
 
     def pictures(
-        self,
-        kind: str,
-        app: str | None = None,
-        screen: Size | None = None,
+        self, kind: str, app: str | None = None, screen: Size | None = None
     ) -> list[Asset]:
         """Return the pictures of a kind in the order of their ids.
 
@@ -269,18 +258,10 @@ def find_asset(name: str, sha256: str) -> Asset:
 
 
 @lru_cache(maxsize=8)
-def _read(
-    folder: str,
-    mtime: int,
-    size: int,
-) -> AssetPack:
+def _read(folder: str, mtime: int, size: int) -> AssetPack:
     path = Path(folder) / INDEX
     index = read_versioned_json(
-        path,
-        format=FORMAT,
-        version=VERSION,
-        what="the index of an asset pack",
-        error=AssetError,
+        path, format=FORMAT, version=VERSION, what="the index of an asset pack", error=AssetError
     )
     try:
         assets = sorted(

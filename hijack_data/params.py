@@ -84,12 +84,7 @@ def param(
     paper: str | None = None,
 ) -> Any:
     """Declare a field of a corruption; by default, its kind is the type of the default value."""
-    kinds: dict[type, ParamKind] = {
-        bool: "bool",
-        int: "int",
-        float: "float",
-        str: "str",
-    }
+    kinds: dict[type, ParamKind] = {bool: "bool", int: "int", float: "float", str: "str"}
     chosen: ParamKind = kind or ("choice" if choices else kinds[type(default)])
     meta = Parameter(chosen, doc, low, high, tuple(choices), optional, paper)
     return dataclasses.field(default=default, metadata={_KEY: meta})
@@ -123,41 +118,25 @@ def is_due(steps: Steps, step: int) -> bool:
     return step == steps
 
 
-def _wrong_type(
-    where: str,
-    value: object,
-    wanted: str,
-) -> ParameterTypeError:
+def _wrong_type(where: str, value: object, wanted: str) -> ParameterTypeError:
     found = f"{shown(value)} ({type(value).__name__})"
     return ParameterTypeError(f"{where} must be {wanted}, got {found}")
 
 
-def _in_range(
-    p: Parameter,
-    where: str,
-    value: float,
-) -> None:
+def _in_range(p: Parameter, where: str, value: float) -> None:
     is_low = p.low is not None and value < p.low
     is_high = p.high is not None and value > p.high
     if is_low or is_high:
         raise ParameterError(f"{where} must be {p.accepts}, got {shown(value)}")
 
 
-def _check_bool(
-    p: Parameter,
-    where: str,
-    value: object,
-) -> bool:
+def _check_bool(p: Parameter, where: str, value: object) -> bool:
     if not isinstance(value, bool):
         raise _wrong_type(where, value, "true or false")
     return value
 
 
-def _check_int(
-    p: Parameter,
-    where: str,
-    value: object,
-) -> int:
+def _check_int(p: Parameter, where: str, value: object) -> int:
     if isinstance(value, bool):
         raise _wrong_type(where, value, "an integer")
     try:
@@ -168,11 +147,7 @@ def _check_int(
     return number
 
 
-def _check_float(
-    p: Parameter,
-    where: str,
-    value: object,
-) -> float:
+def _check_float(p: Parameter, where: str, value: object) -> float:
     if isinstance(value, bool) or not hasattr(value, "__float__"):
         raise _wrong_type(where, value, "a number")
     try:
@@ -187,11 +162,7 @@ def _check_float(
     return number
 
 
-def _check_str(
-    p: Parameter,
-    where: str,
-    value: object,
-) -> str:
+def _check_str(p: Parameter, where: str, value: object) -> str:
     if not isinstance(value, str):
         raise _wrong_type(where, value, "a string")
     bad = next((c for c in value if ord(c) < 32 and c not in "\n\t"), None)
@@ -200,11 +171,7 @@ def _check_str(
     return value
 
 
-def _check_choice(
-    p: Parameter,
-    where: str,
-    value: object,
-) -> str:
+def _check_choice(p: Parameter, where: str, value: object) -> str:
     if not isinstance(value, str):
         raise _wrong_type(where, value, f"one of {some_of(p.choices)}")
     if value not in p.choices:
@@ -214,11 +181,7 @@ def _check_choice(
     return value
 
 
-def _check_color(
-    p: Parameter,
-    where: str,
-    value: object,
-) -> str:
+def _check_color(p: Parameter, where: str, value: object) -> str:
     if isinstance(value, list | tuple):
         parts = cast("Sequence[object]", value)
         if len(parts) == 3 and all(_is_channel(v) for v in parts):
@@ -258,11 +221,7 @@ def _opaque(color: str, where: str) -> tuple[int, int, int]:
     return channels
 
 
-def _check_steps(
-    p: Parameter,
-    where: str,
-    value: object,
-) -> Steps:
+def _check_steps(p: Parameter, where: str, value: object) -> Steps:
     if isinstance(value, Every):
         return _every(where, value.every)
     if isinstance(value, Mapping):
@@ -287,11 +246,7 @@ def _every(where: str, value: object) -> Every:
     return Every(_check_int(positive, f"{where}.every", value))
 
 
-def _check_ip(
-    p: Parameter,
-    where: str,
-    value: object,
-) -> str:
+def _check_ip(p: Parameter, where: str, value: object) -> str:
     if not isinstance(value, str):
         raise _wrong_type(where, value, "an IP address as a string")
     try:

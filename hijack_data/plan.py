@@ -48,11 +48,7 @@ class Paste:
             del vars(self)["fingerprint"]
 
     def __getstate__(self) -> dict[str, Any]:
-        return {
-            "sprite": self.sprite,
-            "at": self.at,
-            "fingerprint": self.fingerprint,
-        }
+        return {"sprite": self.sprite, "at": self.at, "fingerprint": self.fingerprint}
 
     def draws_as_planned(self, sprite: Sprite) -> bool:
         """Return whether `sprite`, drawn here from the recipe, is the one that was planned."""
@@ -85,11 +81,7 @@ class Resample:
 
     def to_data(self) -> dict[str, Any]:
         """JSON data of the operation."""
-        return {
-            "op": "resample",
-            "size": list(self.size),
-            "filter": "bicubic",
-        }
+        return {"op": "resample", "size": list(self.size), "filter": "bicubic"}
 
 
 Op: TypeAlias = Paste | Resample
@@ -270,12 +262,7 @@ def _by_name(plan: Plan) -> Mapping[str, Any]:
     return plan.params if "+" in plan.corruption else {plan.corruption: plan.params}
 
 
-def _check(
-    value: object,
-    kind: Any,
-    where: str,
-    wanted: str,
-) -> Any:
+def _check(value: object, kind: Any, where: str, wanted: str) -> Any:
     """Return `value` if it has the type `kind`; a `bool` does not count as an `int`."""
     if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
         found = f"{shown(value)} ({type(value).__name__})"
@@ -283,12 +270,7 @@ def _check(
     return value
 
 
-def _check_all(
-    values: object,
-    kind: Any,
-    where: str,
-    wanted: str,
-) -> None:
+def _check_all(values: object, kind: Any, where: str, wanted: str) -> None:
     for index, value in enumerate(_check(values, tuple, where, "a tuple")):
         _check(value, kind, f"{where}[{index}]", wanted)
 
@@ -298,10 +280,7 @@ def _frozen(params: object, where: str) -> Mapping[str, Any]:
 
 
 _write = json.JSONEncoder(
-    sort_keys=True,
-    separators=(",", ":"),
-    ensure_ascii=False,
-    allow_nan=False,
+    sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False
 ).encode
 
 
@@ -328,11 +307,7 @@ def _check_version(version: object) -> None:
         raise PlanError(f"plan: version {version} {newer}; upgrade agenthijack")
 
 
-def _fields(
-    data: object,
-    kinds: Mapping[str, type],
-    where: str,
-) -> dict[str, Any]:
+def _fields(data: object, kinds: Mapping[str, type], where: str) -> dict[str, Any]:
     """Check that a JSON object has exactly the fields of `kinds`, of these types, and return it."""
     found: dict[str, Any] = _check(data, dict, where or "it", "an object")
     dot = f"{where}." if where else ""
@@ -346,12 +321,7 @@ def _fields(
     return found
 
 
-_WORDS = {
-    str: "a string",
-    int: "an integer",
-    list: "a list",
-    dict: "an object",
-}
+_WORDS = {str: "a string", int: "an integer", list: "a list", dict: "an object"}
 _PLAN = {
     "format": str,
     "version": int,
@@ -362,17 +332,8 @@ _PLAN = {
     "effects": list,
     "notes": list,
 }
-_PASTE = {
-    "op": str,
-    "sprite": dict,
-    "at": list,
-    "fingerprint": str,
-}
-_RESAMPLE = {
-    "op": str,
-    "size": list,
-    "filter": str,
-}
+_PASTE = {"op": str, "sprite": dict, "at": list, "fingerprint": str}
+_RESAMPLE = {"op": str, "size": list, "filter": str}
 _EFFECT = {"effect": str, "params": dict}
 
 

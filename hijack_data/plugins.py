@@ -154,11 +154,7 @@ def _load(entry: "EntryPoint", registry: Registry[Any]) -> Plugin:
     )
 
 
-def _register(
-    entry: "EntryPoint",
-    module: str,
-    registry: Registry[Any],
-) -> None:
+def _register(entry: "EntryPoint", module: str, registry: Registry[Any]) -> None:
     """Import the module of an entry point, and register the attribute that it may name.
 
     Raises:

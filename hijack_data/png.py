@@ -45,11 +45,7 @@ def encode(image: UInt8Array) -> bytes:
     return assemble((height, width), [chunk(b"IDAT", data)])
 
 
-def filtered(
-    image: UInt8Array,
-    top: int,
-    bottom: int,
-) -> UInt8Array:
+def filtered(image: UInt8Array, top: int, bottom: int) -> UInt8Array:
     """Return rows `top` to `bottom` as differences to the row above, uint8 `[n, 1 + 3 W]`.
 
     Each row begins with its filter type.

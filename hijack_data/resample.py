@@ -93,11 +93,7 @@ def _weights(n_in: int, n_out: int) -> Weights:
     return _trim(first, rounded, n_in)
 
 
-def _trim(
-    first: npt.NDArray[np.int64],
-    taps: npt.NDArray[np.int32],
-    n_in: int,
-) -> Weights:
+def _trim(first: npt.NDArray[np.int64], taps: npt.NDArray[np.int32], n_in: int) -> Weights:
     """Drop columns of zeros, and move windows that stick out at the end back inside."""
     used = int(np.flatnonzero(taps.any(axis=0)).max()) + 1
     taps = taps[:, :used]

@@ -105,12 +105,7 @@ def as_seed(value: object) -> int:
     return _integer(value, "seed", 0, 2**64 - 1)
 
 
-def _integer(
-    value: object,
-    what: str,
-    low: int,
-    high: int,
-) -> int:
+def _integer(value: object, what: str, low: int, high: int) -> int:
     if isinstance(value, bool) or not hasattr(value, "__index__"):
         found = f"{value!r} ({type(value).__name__})"
         raise ParameterTypeError(f"{what} must be an integer, got {found}")
@@ -137,12 +132,7 @@ class Stream:
     """
 
     def __init__(
-        self,
-        seed: int,
-        name: str,
-        sample: int | str = 0,
-        step: int = 0,
-        epoch: int = 0,
+        self, seed: int, name: str, sample: int | str = 0, step: int = 0, epoch: int = 0
     ) -> None:
         seed = _integer(seed, "seed", 0, _MASK)
         step = _integer(step, "step", -(2**31), 2**31 - 1)

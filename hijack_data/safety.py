@@ -190,11 +190,7 @@ def visible_share(plan: Plan, boxes: BoxesLike) -> list[float]:
     return _shares(plan, _painted(plan), every) if len(every) else []
 
 
-def _shares(
-    plan: Plan,
-    painted: _Painted | None,
-    boxes: BoxArray,
-) -> list[float]:
+def _shares(plan: Plan, painted: _Painted | None, boxes: BoxArray) -> list[float]:
     """Return `visible_share` of boxes; `painted` holds the stamps of the plan."""
     moved = _on_picture(plan, boxes)
     rows = moved.tolist()
@@ -222,11 +218,7 @@ def _share(gone: int, area: int) -> float:
     return 1.0 - gone / area if area else 0.0
 
 
-def target_visible(
-    plan: Plan,
-    target: object,
-    end: object = None,
-) -> float | None:
+def target_visible(plan: Plan, target: object, end: object = None) -> float | None:
     """Return the visible share of the target, 0..1; `None` without a target.
 
     Args:
@@ -247,11 +239,7 @@ def covered(plan: Plan, boxes: BoxesLike) -> tuple[int, ...]:
     return tuple(i for i, share in enumerate(visible_share(plan, boxes)) if share < COVERED_BELOW)
 
 
-def changed_pixels(
-    before: Any,
-    after: Any,
-    plan: Plan | None = None,
-) -> int:
+def changed_pixels(before: Any, after: Any, plan: Plan | None = None) -> int:
     """Count the pixels that differ between two pictures of any framework.
 
     Args:
@@ -266,11 +254,7 @@ def changed_pixels(
     return int(_changed(before, after, areas))
 
 
-def _changed(
-    before: Any,
-    after: Any,
-    areas: BoxArray | None,
-) -> Any:
+def _changed(before: Any, after: Any, areas: BoxArray | None) -> Any:
     """Return how many pixels differ, as an integer or as a scalar that a device still computes."""
     height, width = backend_of(after).size(after)
     if backend_of(before).size(before) != (height, width):
@@ -327,14 +311,7 @@ def judge(
     """
     if not isinstance(cast(object, plan), Plan):
         raise ParameterTypeError(f"judge needs the Plan that made the picture, got {shown(plan)}")
-    return judge_all(
-        [plan],
-        [before],
-        [after],
-        targets=[target],
-        ends=[end],
-        boxes=[boxes],
-    )[0]
+    return judge_all([plan], [before], [after], targets=[target], ends=[end], boxes=[boxes])[0]
 
 
 def judge_all(
@@ -363,11 +340,7 @@ def judge_all(
 
 
 def _verdict(
-    plan: Plan,
-    painted: _Painted | None,
-    changed: int,
-    must_show: list[Box],
-    boxes: BoxesLike,
+    plan: Plan, painted: _Painted | None, changed: int, must_show: list[Box], boxes: BoxesLike
 ) -> Safety:
     ends = as_boxes(must_show)
     every = as_boxes(boxes)
@@ -417,13 +390,7 @@ def plan_avoiding(
         raise ParameterError(f"at_least must be in 0..1, got {at_least}")
     for attempt in range(AVOID_TRIES):
         key = sample if attempt == 0 else branch(sample, f"try {attempt}")
-        plan = planner.plan(
-            scene,
-            seed=seed,
-            sample=key,
-            step=step,
-            epoch=epoch,
-        )
+        plan = planner.plan(scene, seed=seed, sample=key, step=step, epoch=epoch)
         seen = target_visible(plan, scene.target, end)
         if seen is None or seen >= at_least:
             return plan

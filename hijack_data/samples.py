@@ -59,13 +59,7 @@ class SamplePlanner:
             raise ParameterError(f"label_policy must be keep or avoid, got {self.label_policy!r}")
         as_seed(self.seed)  # checked here, not at the first sample in some worker
 
-    def plan(
-        self,
-        size: Size,
-        sample: Mapping[str, Any],
-        key: int | str,
-        epoch: int = 0,
-    ) -> Plan:
+    def plan(self, size: Size, sample: Mapping[str, Any], key: int | str, epoch: int = 0) -> Plan:
         """Return the plan for a sample whose picture has this `size`.
 
         `key` is its id; `epoch` is used if the sample has no epoch.
@@ -77,24 +71,12 @@ class SamplePlanner:
         step = scalar(sample.get("step"), "step", 0)
         epoch = scalar(sample.get("epoch"), "epoch", epoch)
         if self.label_policy == "keep":
-            return self.planner.plan(
-                scene,
-                seed=self.seed,
-                sample=key,
-                step=step,
-                epoch=epoch,
-            )
+            return self.planner.plan(scene, seed=self.seed, sample=key, step=step, epoch=epoch)
         if place is None:
             self.labels.check_target(sample, size)
         end = None if place is None else place.end
         plan = plan_avoiding(
-            self.planner,
-            scene,
-            seed=self.seed,
-            sample=key,
-            step=step,
-            epoch=epoch,
-            end=end,
+            self.planner, scene, seed=self.seed, sample=key, step=step, epoch=epoch, end=end
         )
         return Plan.clean(size) if plan is None else plan
 
@@ -140,11 +122,7 @@ def _id(value: Any) -> int | str:
     return int(value.__index__())
 
 
-def scalar(
-    value: Any,
-    what: str,
-    default: int,
-) -> int:
+def scalar(value: Any, what: str, default: int) -> int:
     """Return an integer entry, or `default` if there is none.
 
     Raises:
@@ -160,11 +138,7 @@ def scalar(
         raise ParameterTypeError(f"{what} must be an integer, got {value!r}") from None
 
 
-def visible_in(
-    plan: Plan,
-    sample: Mapping[str, Any],
-    labels: Labels,
-) -> float | None:
+def visible_in(plan: Plan, sample: Mapping[str, Any], labels: Labels) -> float | None:
     """Return the share of a sample's target that is visible after `plan`.
 
     For a drag, it is the lesser share of both ends.
@@ -176,12 +150,7 @@ def visible_in(
 
 
 def follow(
-    plan: Plan,
-    sample: Mapping[str, Any],
-    before: Any,
-    after: Any,
-    labels: Labels,
-    seed: int | None,
+    plan: Plan, sample: Mapping[str, Any], before: Any, after: Any, labels: Labels, seed: int | None
 ) -> dict[str, Any]:
     """Return the entries of a sample that a plan changes.
 

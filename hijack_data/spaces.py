@@ -94,21 +94,12 @@ def observations(size: Size) -> gymnasium.spaces.Dict:
 
 
 @create_shared_memory.register(Text)
-def _create(
-    space: Text,
-    n: int = 1,
-    ctx: ModuleType = multiprocessing,
-) -> Any:
+def _create(space: Text, n: int = 1, ctx: ModuleType = multiprocessing) -> Any:
     return ctx.Array("B", n * _SLOT)
 
 
 @write_to_shared_memory.register(Text)
-def _write(
-    space: Text,
-    index: int,
-    value: str,
-    shared_memory: Any,
-) -> None:
+def _write(space: Text, index: int, value: str, shared_memory: Any) -> None:
     content = value.encode("utf-8", "surrogatepass")
     if len(content) > SHARED_TEXT:
         raise ParameterError(
@@ -122,11 +113,7 @@ def _write(
 
 
 @read_from_shared_memory.register(Text)
-def _read(
-    space: Text,
-    shared_memory: Any,
-    n: int = 1,
-) -> Any:
+def _read(space: Text, shared_memory: Any, n: int = 1) -> Any:
     return SharedTexts(shared_memory, n)
 
 

@@ -77,12 +77,7 @@ def install(
         ready = f"profiles core, {', '.join(profiles)}"
     else:
         archives = sources.from_mirror(mirror, security) if mirror else None
-        name = images.make_sure(
-            profiles,
-            image,
-            archives,
-            lambda text: click.echo(text, err=True),
-        )
+        name = images.make_sure(profiles, image, archives, lambda text: click.echo(text, err=True))
         cache.make_default(name)
         ready = f"desktops start from the image {name}"
     home.ensure_layer()
@@ -113,11 +108,7 @@ def _install_packages(profiles: tuple[str, ...]) -> None:
 )
 @click.option("--image", metavar="NAME", help="Look at what a desktop from this image needs.")
 @click.option("--json", "as_json", is_flag=True, help="Print a JSON list.")
-def doctor(
-    profiles: tuple[str, ...],
-    image: str | None,
-    as_json: bool,
-) -> None:
+def doctor(profiles: tuple[str, ...], image: str | None, as_json: bool) -> None:
     """List what is there, what is missing, and the command that repairs it."""
     from .embedded import doctor as examiner
     from .embedded import packages
@@ -143,13 +134,7 @@ def _print_check(check: Any) -> None:
 
 
 @desktop.command()
-@click.option(
-    "--size",
-    default="1920x1080",
-    show_default=True,
-    metavar="WxH",
-    help=SIZE_HELP,
-)
+@click.option("--size", default="1920x1080", show_default=True, metavar="WxH", help=SIZE_HELP)
 @click.option("--name", metavar="ID", help="Its id; the next free of d1, d2 ... if not given.")
 @click.option(
     "--app",
@@ -180,14 +165,7 @@ def up(
     from .embedded.runtime.rootless import LACKING
 
     start = time.monotonic()
-    order = make_order(
-        _size(size),
-        name,
-        apps,
-        osworld=osworld,
-        lifeline=False,
-        image=image,
-    )
+    order = make_order(_size(size), name, apps, osworld=osworld, lifeline=False, image=image)
     handle = Handle(order)
     record = handle.wait()
     handle.release()
@@ -210,11 +188,7 @@ def up(
     "--output",
     "output",
     cls=OutOption,
-    type=click.Path(
-        dir_okay=False,
-        writable=True,
-        path_type=Path,
-    ),
+    type=click.Path(dir_okay=False, writable=True, path_type=Path),
     default="desktop.png",
     show_default=True,
     metavar="OUT.png",
@@ -236,11 +210,7 @@ def shot(name: str | None, output: Path) -> None:
 @click.argument("code")
 @click.option("--on", "name", metavar="ID", help="The desktop's id; the only one, if not given.")
 @click.option("--shell", is_flag=True, help="CODE is a shell command; its exit code is ours.")
-def run(
-    code: str,
-    name: str | None,
-    shell: bool,
-) -> None:
+def run(code: str, name: str | None, shell: bool) -> None:
     """Run pyautogui CODE on a desktop, such as 'pyautogui.click(100, 200)'."""
     from .embedded.running import attach
 
@@ -284,11 +254,7 @@ def list_command(as_json: bool) -> None:
 @click.option(
     "--orphans", is_flag=True, help="Clear what was left by a killed controller or keeper."
 )
-def down(
-    name: str | None,
-    everything: bool,
-    orphans: bool,
-) -> None:
+def down(name: str | None, everything: bool, orphans: bool) -> None:
     """End desktop NAME (the only one, if not given) and remove all of it."""
     from .embedded import registry
     from .embedded.running import choose

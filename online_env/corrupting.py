@@ -114,12 +114,7 @@ def corrupt_desktop(
             f"{spec.name} does not act at step {step} (step is {spec.params().get('step')}); "
             f"leave out --step, or add --set step={step}"
         )
-    plan = spec.plan(
-        scene,
-        seed=seed,
-        sample=SAMPLE,
-        step=step,
-    )
+    plan = spec.plan(scene, seed=seed, sample=SAMPLE, step=step)
     stream = Stream(seed, plan.corruption, SAMPLE, step or 0)
     done: list[Applied] = []
     try:
@@ -157,11 +152,7 @@ class Ledger:
 
     def add(self, corruption: str, records: list[dict[str, Any]]) -> dict[str, Any]:
         """Add what was just applied, and return its entry."""
-        entry = {
-            "corruption": corruption,
-            "at": time.time(),
-            "records": records,
-        }
+        entry = {"corruption": corruption, "at": time.time(), "records": records}
         with self._held():
             self._write([*self.entries(), entry])
         return entry
@@ -193,12 +184,7 @@ def _is_whole(entry: dict[str, Any]) -> bool:
     return named
 
 
-def refuse_twice(
-    desktop: Desktop,
-    spec: Corruption,
-    ledger: Ledger,
-    name: str,
-) -> None:
+def refuse_twice(desktop: Desktop, spec: Corruption, ledger: Ledger, name: str) -> None:
     """Refuse a corruption that is on the desktop already and still holds.
 
     Args:
@@ -229,11 +215,7 @@ def _holds(entry: dict[str, Any], desktop: Desktop) -> bool:
     return bool(lasting) and all(resume(record, desktop).probe().ok for record in lasting)
 
 
-def undo_recorded(
-    desktop: Desktop,
-    name: str | None,
-    ledger: Ledger,
-) -> list[tuple[str, str, Any]]:
+def undo_recorded(desktop: Desktop, name: str | None, ledger: Ledger) -> list[tuple[str, str, Any]]:
     """Undo what the ledger holds, the latest first.
 
     Args:
@@ -303,11 +285,7 @@ def undo_unrecorded(desktop: Desktop, spec: Corruption) -> list[tuple[str, str, 
     "--output",
     "output",
     cls=OutOption,
-    type=click.Path(
-        dir_okay=False,
-        writable=True,
-        path_type=Path,
-    ),
+    type=click.Path(dir_okay=False, writable=True, path_type=Path),
     metavar="OUT.png",
     help="Save what an agent sees then.  [default for the visual ones: NAME.png]",
 )
@@ -374,12 +352,7 @@ def _corrupt(
     return 0 if done.ok else 1
 
 
-def _report(
-    done: AppliedPlan,
-    name: str,
-    desktop: str,
-    picture: Path | None,
-) -> dict[str, Any]:
+def _report(done: AppliedPlan, name: str, desktop: str, picture: Path | None) -> dict[str, Any]:
     return {
         "corruption": name,
         "desktop": desktop,
@@ -392,12 +365,7 @@ def _report(
     }
 
 
-def _print(
-    done: AppliedPlan,
-    name: str,
-    desktop: str,
-    picture: Path | None,
-) -> None:
+def _print(done: AppliedPlan, name: str, desktop: str, picture: Path | None) -> None:
     from .effects import find as find_effect
 
     failed = "" if done.ok else "the probe is FALSE: "
@@ -410,12 +378,7 @@ def _print(
         click.echo(f"  take it back with: hijack desktop corrupt --undo {name} --on {desktop}")
 
 
-def _undo(
-    desktop: Any,
-    cls: type[Corruption] | None,
-    ledger: Ledger,
-    as_json: bool,
-) -> int:
+def _undo(desktop: Any, cls: type[Corruption] | None, ledger: Ledger, as_json: bool) -> int:
     name = None if cls is None else cls.name
     done = undo_recorded(desktop, name, ledger)
     recorded = bool(done)
@@ -428,30 +391,15 @@ def _undo(
     if as_json:
         rows: list[dict[str, Any]] = []
         for label, kind, undone in done:
-            rows.append(
-                {
-                    "corruption": label,
-                    "effect": kind,
-                    **vars(undone),
-                }
-            )
-        report = {
-            "desktop": desktop.id,
-            "ok": ok,
-            "recorded": recorded,
-            "undone": rows,
-        }
+            rows.append({"corruption": label, "effect": kind, **vars(undone)})
+        report = {"desktop": desktop.id, "ok": ok, "recorded": recorded, "undone": rows}
         click.echo(json.dumps(report))
     else:
         _print_undone(done, desktop.id, None if recorded else name)
     return 0 if ok else 1
 
 
-def _print_undone(
-    done: list[tuple[str, str, Any]],
-    desktop: str,
-    unrecorded: str | None,
-) -> None:
+def _print_undone(done: list[tuple[str, str, Any]], desktop: str, unrecorded: str | None) -> None:
     from .effects.words import undone_in_words
 
     if unrecorded is not None:

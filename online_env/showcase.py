@@ -21,11 +21,7 @@ ELSEWHERE = "http://wiki.test/"
 BROWSER = "google-chrome"
 PATIENCE = 90.0  # s for the first page to come
 LOOK = 0.1  # s between two looks for it
-REST = Settle(
-    quiet=0.7,
-    cap=5.0,
-    look=0.1,
-)
+REST = Settle(quiet=0.7, cap=5.0, look=0.1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,11 +62,7 @@ def sheet(shown: list[ShowcaseEntry], width: int = 1600) -> UInt8Array:
     return contact_sheet(rows, width, captions)
 
 
-def _show(
-    desktop: Desktop,
-    name: str,
-    seed: int,
-) -> ShowcaseEntry:
+def _show(desktop: Desktop, name: str, seed: int) -> ShowcaseEntry:
     done = corrupt_desktop(desktop, get(name), seed=seed)
     after = done.after
     if name == "network_error":

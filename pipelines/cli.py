@@ -39,12 +39,7 @@ class Meter:
         self.quiet = quiet
         self.last = 0
 
-    def __call__(
-        self,
-        done: int,
-        total: int,
-        text: str,
-    ) -> None:
+    def __call__(self, done: int, total: int, text: str) -> None:
         """Show that `done` of `total` are done."""
         if self.quiet:
             return
@@ -71,19 +66,8 @@ class Meter:
 
 
 @click.command()
-@click.argument(
-    "source",
-    nargs=-1,
-    required=True,
-    metavar="SOURCE...",
-)
-@click.option(
-    "-o",
-    "--out",
-    required=True,
-    metavar="DIR",
-    help="The folder to make.",
-)
+@click.argument("source", nargs=-1, required=True, metavar="SOURCE...")
+@click.option("-o", "--out", required=True, metavar="DIR", help="The folder to make.")
 @click.option(
     "--config", metavar="YAML", help="A configuration file, or a bare name such as `visual`."
 )
@@ -167,12 +151,7 @@ class Meter:
     metavar="ADDRESS",
     help="A running Ray cluster, `auto` for the one of this machine.",
 )
-@click.option(
-    "--limit",
-    type=int,
-    metavar="N",
-    help="Read the first N trajectories only.",
-)
+@click.option("--limit", type=int, metavar="N", help="Read the first N trajectories only.")
 @click.option(
     "--splits",
     metavar="SHARES",
@@ -180,19 +159,13 @@ class Meter:
 )
 @click.option("--dry-run", is_flag=True, help="Write nothing; report what would be written.")
 @click.option(
-    "--overwrite",
-    is_flag=True,
-    help="Replace the existing dataset once the new one is complete.",
+    "--overwrite", is_flag=True, help="Replace the existing dataset once the new one is complete."
 )
 @click.option("--strict", is_flag=True, help="Stop at the first input that cannot be read.")
 @click.option("--resume", is_flag=True, help="Continue a build that was stopped.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def build(
-    source: tuple[str, ...],
-    as_json: bool,
-    format_: str | None,
-    lazy: bool | None,
-    **options: Any,
+    source: tuple[str, ...], as_json: bool, format_: str | None, lazy: bool | None, **options: Any
 ) -> None:
     """Build a Hugging Face dataset from recorded trajectories."""
     meter = Meter(as_json)
@@ -216,12 +189,7 @@ def _end(result: Any, code: int) -> None:
 
 
 @click.command()
-@click.argument(
-    "source",
-    nargs=-1,
-    required=True,
-    metavar="SOURCE...",
-)
+@click.argument("source", nargs=-1, required=True, metavar="SOURCE...")
 @click.option(
     "--format",
     "format_",
@@ -240,11 +208,7 @@ def _end(result: Any, code: int) -> None:
 @click.option("--platform", metavar="NAME", help="The machine, if the source names none.")
 @click.option("--foreign", is_flag=True, help="Show our Xfce desktop on other platforms, too.")
 @click.option(
-    "--corruptions",
-    metavar="A,B|all",
-    default="all",
-    show_default=True,
-    help="Which to try.",
+    "--corruptions", metavar="A,B|all", default="all", show_default=True, help="Which to try."
 )
 @click.option(
     "--sample",
@@ -261,12 +225,7 @@ def _end(result: Any, code: int) -> None:
     help="Recorded pictures for corruptions of the machine.  [default: shipped]",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def inspect(
-    source: tuple[str, ...],
-    format_: str | None,
-    as_json: bool,
-    **options: Any,
-) -> None:
+def inspect(source: tuple[str, ...], format_: str | None, as_json: bool, **options: Any) -> None:
     """Show the content of recordings, and the result of a build, without building."""
     found = inspect_sources(source, format=format_, **options)
     if as_json:
@@ -289,12 +248,7 @@ def inspect(
 )
 @click.option("--key", metavar="PUB", help="Of a run: the SSH public key that must have signed it.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def verify(
-    folder: str,
-    source: tuple[str, ...],
-    key: str | None,
-    as_json: bool,
-) -> None:
+def verify(folder: str, source: tuple[str, ...], key: str | None, as_json: bool) -> None:
     """Check every byte, picture, plan and label of a dataset, or of a run."""
     if is_run(folder):
         if source:
@@ -313,10 +267,7 @@ def verify(
 @click.command()
 @click.argument("runs", type=click.Path(path_type=Path))
 @click.option(
-    "--key",
-    metavar="KEY",
-    required=True,
-    help="SSH key, made by: ssh-keygen -t ed25519 -f KEY.",
+    "--key", metavar="KEY", required=True, help="SSH key, made by: ssh-keygen -t ed25519 -f KEY."
 )
 def sign(runs: Path, key: str) -> None:
     """Sign a run for its recipients, after verifying it: hijack sign RUNS --key KEY."""
@@ -337,11 +288,7 @@ def sign(runs: Path, key: str) -> None:
 @click.argument("folder", metavar="DIR")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 @click.option("-o", "--out", metavar="OUT.html", help="Write a page with pictures, too.")
-def stats(
-    folder: str,
-    as_json: bool,
-    out: str | None,
-) -> None:
+def stats(folder: str, as_json: bool, out: str | None) -> None:
     """Show the figures of a dataset: counts, visible targets, changed pixels."""
     from .dataset.stats import stats as stats_of
     from .dataset.stats_page import page
@@ -363,13 +310,7 @@ def stats(
     metavar="NAME",
     help=f"The format ({', '.join([*FORMATS.entries, ONLOOKER])}, FILE.py:CLASS).",
 )
-@click.option(
-    "-o",
-    "--out",
-    required=True,
-    metavar="FOLDER",
-    help="The folder to make.",
-)
+@click.option("-o", "--out", required=True, metavar="FOLDER", help="The folder to make.")
 @click.option(
     "--dialect",
     type=click.Choice(DIALECTS),
@@ -385,11 +326,7 @@ def stats(
     help="onlooker: frames without a reminder for each with one.  [default: 1]",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def export(
-    folder: str,
-    as_json: bool,
-    **options: Any,
-) -> None:
+def export(folder: str, as_json: bool, **options: Any) -> None:
     """Export a dataset as chat rows, verl Parquet, WebDataset tar files or onlooker data."""
     meter = Meter(as_json)
     try:

@@ -23,10 +23,7 @@ MEANINGS: Mapping[Fidelity, str] = {
 
 
 def fidelity_of(
-    event: Fidelity,
-    *,
-    is_foreign: bool = False,
-    is_drawn_over: bool = False,
+    event: Fidelity, *, is_foreign: bool = False, is_drawn_over: bool = False
 ) -> Fidelity:
     """Return the fidelity of a row; that of its event, without drawings over it, is `event`."""
     if is_foreign:

@@ -112,11 +112,7 @@ class Inspection:
 
     def _format(self, name: str) -> dict[str, Any]:
         trajectories, steps = self.formats[name]
-        return {
-            "trajectories": trajectories,
-            "steps": steps,
-            "coordinates": self.coordinates[name],
-        }
+        return {"trajectories": trajectories, "steps": steps, "coordinates": self.coordinates[name]}
 
     def _outlook(self) -> dict[str, Any] | None:
         if self.outlook is None:
@@ -139,11 +135,7 @@ class Inspection:
         content = _content(self.trajectories, self.steps)
         yield f"[bold]{shown}[/]: {content}"
         yield ""
-        table = Table(
-            box=None,
-            pad_edge=False,
-            padding=(0, 2, 0, 0),
-        )
+        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
         table.add_column("format")
         table.add_column("trajectories", justify="right")
         table.add_column("steps", justify="right")
@@ -163,12 +155,7 @@ class Inspection:
         from rich.markup import escape
         from rich.table import Table
 
-        table = Table(
-            box=None,
-            show_header=False,
-            pad_edge=False,
-            padding=(0, 2, 0, 0),
-        )
+        table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
         facts = {
             "screens": self.sizes,
             "they show": self.screens,
@@ -193,11 +180,7 @@ class Inspection:
             part = f"the first of each format: {_content(trajectories, steps)}"
         yield f"[bold]What a build would give[/] ({part})"
         yield ""
-        table = Table(
-            box=None,
-            pad_edge=False,
-            padding=(0, 2, 0, 0),
-        )
+        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
         table.add_column("corruption")
         table.add_column("rows", justify="right")
         table.add_column("not applicable")
@@ -285,14 +268,7 @@ def inspect(
     found.unread = sources.unread
     found.coordinates = {name: coordinates_of(name) for name in found.formats}
     if taken:
-        _plan(
-            found,
-            taken,
-            corruptions=corruptions,
-            seed=seed,
-            assets=assets,
-            foreign=foreign,
-        )
+        _plan(found, taken, corruptions=corruptions, seed=seed, assets=assets, foreign=foreign)
     return found
 
 
@@ -317,12 +293,7 @@ def _plan(
     foreign: bool,
 ) -> None:
     """Plan the corruptions of the sampled trajectories, and add the report to `found`."""
-    options = BuildOptions(
-        corruptions=corruptions,
-        seed=seed,
-        assets=assets,
-        foreign=foreign,
-    )
+    options = BuildOptions(corruptions=corruptions, seed=seed, assets=assets, foreign=foreign)
     settings, notes = settings_of(options.resolved())
 
     def tasks(reject: Callable[[Rejected], None]) -> Iterator[ShardTask]:

@@ -92,11 +92,7 @@ class Knowledge:
 
     def parameters(self) -> dict[str, Any]:
         """Return the parameters for the manifest; empty if the user gave nothing."""
-        given = {
-            "apps": list(self.apps),
-            "platform": self.platform,
-            "file_sha256": self.sha256,
-        }
+        given = {"apps": list(self.apps), "platform": self.platform, "file_sha256": self.sha256}
         kept = {key: value for key, value in given.items() if value}
         return {LIST: kept} if kept else {}
 
@@ -118,9 +114,7 @@ class Knowledge:
 
 
 def knowledge_of(
-    source: Path,
-    apps: Sequence[str] | str | None = None,
-    platform: str | None = None,
+    source: Path, apps: Sequence[str] | str | None = None, platform: str | None = None
 ) -> Knowledge:
     """Return the facts that options and the source's own file state.
 

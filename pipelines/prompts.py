@@ -16,11 +16,7 @@ PROMPTS = {
     ),
 }
 # The space of the coordinates of an answer, as `readers.choices` names it.
-SPACES = {
-    "pyautogui": "pixels",
-    "ui_tars": "thousand",
-    "ui_tars_1.5": "resized",
-}
+SPACES = {"pyautogui": "pixels", "ui_tars": "thousand", "ui_tars_1.5": "resized"}
 
 
 def question(instruction: str, how: str) -> str:

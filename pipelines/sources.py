@@ -158,12 +158,7 @@ class Sources:
         for reader in readers:
             with_choices(reader, self.choices)  # raises for the choice that is left over
 
-    def _unique(
-        self,
-        trajectory: Trajectory,
-        index: int,
-        taken: set[str],
-    ) -> Trajectory:
+    def _unique(self, trajectory: Trajectory, index: int, taken: set[str]) -> Trajectory:
         """Return a trajectory with its id, prefixed with its source if the id is taken."""
         if trajectory.id not in taken:
             taken.add(trajectory.id)

@@ -75,10 +75,7 @@ def test_importing_loads_nothing_heavy():
     heavy = ("torch", "jax", "cv2", "datasets", "numba", "rich", "click", "scipy", "pandas")
     code = f"import sys, hijack_data; print([m for m in {heavy} if m in sys.modules])"
     found = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        check=True,
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
     ).stdout
     assert found.strip() == "[]"
 
@@ -86,10 +83,7 @@ def test_importing_loads_nothing_heavy():
 def python(code):
     """What `code` prints in a fresh interpreter."""
     return subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        check=True,
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
     ).stdout.strip()
 
 

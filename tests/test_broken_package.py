@@ -32,11 +32,7 @@ SHAPES = {
     "tasks": ("it is not a subclass of online_env.tasks.Task", (*BENCH, "--tasks")),
     "agents": ("it has no predict(instruction, obs)", (*BENCH, "--agent")),
 }
-WORDS = {
-    "readers": "format",
-    "exports": "export format",
-    "providers": "desktop provider",
-}
+WORDS = {"readers": "format", "exports": "export format", "providers": "desktop provider"}
 
 
 @pytest.fixture(scope="module")
@@ -49,42 +45,20 @@ def screen():
     return str(sorted((ROOT / "examples" / "recordings" / "images").glob("*.png"))[0])
 
 
-def hijack(
-    env,
-    *words,
-    code=0,
-    cwd=ROOT,
-):
+def hijack(env, *words, code=0, cwd=ROOT):
     command = [sys.executable, "-m", "hijack_data.cli", *map(str, words)]
-    done = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        env=env,
-        cwd=cwd,
-        timeout=300,
-    )
+    done = subprocess.run(command, capture_output=True, text=True, env=env, cwd=cwd, timeout=300)
     assert done.returncode == code, (done.returncode, done.stdout, done.stderr)
     assert "Traceback" not in done.stderr
     return done
 
 
-def python(
-    env,
-    *words,
-    code=0,
-):
+def python(env, *words, code=0):
     """Run Python, which finds the tree before any installed one."""
     path = f"{ROOT}{os.pathsep}{env['PYTHONPATH']}"
     env = {**env, "PYTHONPATH": path}
     command = [sys.executable, *words]
-    done = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        env=env,
-        timeout=300,
-    )
+    done = subprocess.run(command, capture_output=True, text=True, env=env, timeout=300)
     assert done.returncode == code, done.stderr
     return done
 
@@ -106,11 +80,7 @@ def test_list_shows_all_others(installed):
     assert json.loads(hijack(installed, "show", "whole", "--json").stdout)["id"] == "whole-v1"
 
 
-def test_pictures_are_made(
-    installed,
-    screen,
-    tmp_path,
-):
+def test_pictures_are_made(installed, screen, tmp_path):
     hijack(installed, "apply", screen, "whole", "-o", tmp_path / "o.png")
     hijack(installed, "apply", screen, "marks", "-o", tmp_path / "m.png")
     page = tmp_path / "g.html"
@@ -151,11 +121,7 @@ def test_an_effect_that_nobody_can_perform_may_be_that_of_a_broken_plugin(instal
 
 
 @pytest.mark.parametrize("kinds", SHAPES)
-def test_a_plugin_of_each_kind_may_be_broken(
-    installed,
-    kinds,
-    tmp_path,
-):
+def test_a_plugin_of_each_kind_may_be_broken(installed, kinds, tmp_path):
     reason, words = SHAPES[kinds]
     if words:
         places = {"RECORDINGS": ROOT / "examples" / "recordings", "OUT": tmp_path / "out"}
@@ -187,12 +153,7 @@ def test_the_benchmark_is_listed(installed):
 
 
 @pytest.mark.parametrize("name", BROKEN)
-def test_who_asks_for_it_is_told_the_reason(
-    installed,
-    name,
-    screen,
-    tmp_path,
-):
+def test_who_asks_for_it_is_told_the_reason(installed, name, screen, tmp_path):
     words = ("apply", screen, name, "-o", tmp_path / "o.png")
     said = hijack(installed, *words, code=2).stderr.splitlines()
     (error,) = [line for line in said if line.startswith("hijack: error: ")]

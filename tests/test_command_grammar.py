@@ -82,11 +82,7 @@ def test_what_needs_no_command_imports_none(words: list[str]):
     place = os.environ | ({} if words else {"_HIJACK_COMPLETE": "bash_complete"})
     place |= {} if words else {"COMP_WORDS": "hijack s", "COMP_CWORD": "1"}
     done = subprocess.run(
-        [sys.executable, "-c", SPY, *words],
-        capture_output=True,
-        text=True,
-        env=place,
-        check=False,
+        [sys.executable, "-c", SPY, *words], capture_output=True, text=True, env=place, check=False
     )
     assert done.stderr.splitlines()[-1] == "[]", done.stderr
     if words == ["--help"]:

@@ -56,11 +56,9 @@ def test_commands_work_as_pasted(page, tmp_path):
 @pytest.mark.parametrize("block", ALL, ids=lambda block: block.name)
 def test_every_block_says_what_it_is(block):
     assert "`" not in block.kind + block.words, "a fence whose words hold a backtick is none"
-    assert block.language in (
-        *SHELL,
-        *PYTHON,
-        *OTHER,
-    ), f"```{block.language}: which language is it?"
+    assert block.language in (*SHELL, *PYTHON, *OTHER), (
+        f"```{block.language}: which language is it?"
+    )
     if block.language not in OTHER:
         assert block.kind in KINDS, f"```{block.language} {block.kind}: one of {KINDS[1:]}"
         assert bool(block.words) == (block.kind in (NO_RUN, TESTED_IN)), (
@@ -159,12 +157,7 @@ def test_nothing_that_is_printed_asks_sudo_for_a_program_it_does_not_find():
 
 def test_the_reference_page_is_the_registry():
     command = [sys.executable, "-m", "hijack_data.cli", "list", "--markdown"]
-    made = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        check=True,
-    ).stdout
+    made = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     assert (ROOT / "docs" / "corruptions.md").read_text() == made, (
         "run: hijack list --markdown > docs/corruptions.md"
     )

@@ -17,11 +17,7 @@ EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 FOLDER = EXAMPLES / "recordings"
 SHA256 = "61e720053bd10829943e8cfde1ad9a841a4010be5ac148c86bd47e4901a2edf7"
 WIDTH, HEIGHT = 1920, 1080
-POINTING = {
-    "click": "click",
-    "double_click": "doubleClick",
-    "right_click": "rightClick",
-}
+POINTING = {"click": "click", "double_click": "doubleClick", "right_click": "rightClick"}
 ROWS = [
     json.loads(line)
     for line in (FOLDER / "trajectories.jsonl").read_text(encoding="utf-8").splitlines()

@@ -39,12 +39,7 @@ def imported(monkeypatch, name):
 
 def run(script, *options):
     command = [sys.executable, "-W", "error", str(EXAMPLES / script), *options]
-    done = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -109,11 +104,7 @@ def test_transformers_gives_the_same_patches(vlm):
     assert np.abs(theirs - processor(image)[0]).max() < 0.03
 
 
-def sample(
-    vlm,
-    n,
-    plan=None,
-):
+def sample(vlm, n, plan=None):
     torch = pytest.importorskip("torch")
     row = vlm.samples()[n]
     image = np.asarray(Image.open(row["path"]).convert("RGB"))

@@ -85,35 +85,18 @@ def recording(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def dataset(
-    installed,
-    recording,
-    tmp_path_factory,
-):
+def dataset(installed, recording, tmp_path_factory):
     """Built with the reader, the engine, both corruptions and the edit of the package."""
     out = tmp_path_factory.mktemp("dataset") / "out"
     chosen = ("--corruptions", "quiet_hours,dead_pixels", "--engine", "backwards", "--json")
     report = json.loads(hijack(installed, "build", recording, "--out", out, *chosen))
-    assert report["rows_by_corruption"] == {
-        "clean": 2,
-        "quiet_hours": 1,
-        "dead_pixels": 2,
-    }
+    assert report["rows_by_corruption"] == {"clean": 2, "quiet_hours": 1, "dead_pixels": 2}
     return out
 
 
-def hijack(
-    env,
-    *words,
-    code=0,
-):
+def hijack(env, *words, code=0):
     command = [sys.executable, "-m", "hijack_data.cli", *map(str, words)]
-    done = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        env=env,
-    )
+    done = subprocess.run(command, capture_output=True, text=True, env=env)
     assert done.returncode == code, done.stdout + done.stderr
     return done.stdout if code == 0 else done.stderr
 
@@ -132,11 +115,7 @@ def test_doctor_lists_each_kind(installed):
             assert f"ok {kinds} {name} hijack-dead-pixels 0.0.1 {name}" in out
 
 
-def test_the_plugin_corrupts_a_picture(
-    installed,
-    tmp_path,
-    noise,
-):
+def test_the_plugin_corrupts_a_picture(installed, tmp_path, noise):
     from hijack_data.files import encode_png, write_atomic
 
     write_atomic(tmp_path / "in.png", encode_png(noise))
@@ -168,11 +147,7 @@ def test_its_corruption_of_the_machine_is_in_the_dataset(installed, dataset):
     assert "1 problem" not in hijack(installed, "verify", dataset)
 
 
-def test_the_onlooker_has_its_reminder(
-    installed,
-    dataset,
-    tmp_path,
-):
+def test_the_onlooker_has_its_reminder(installed, dataset, tmp_path):
     hijack(installed, "export", dataset, "--to", "onlooker", "--out", tmp_path / "out")
     written = b"".join(path.read_bytes() for path in (tmp_path / "out").rglob("*.parquet"))
     assert written
@@ -180,11 +155,7 @@ def test_the_onlooker_has_its_reminder(
     assert report["reminders"] == {"quiet_hours": 1}
 
 
-def test_its_export_format(
-    installed,
-    dataset,
-    tmp_path,
-):
+def test_its_export_format(installed, dataset, tmp_path):
     hijack(installed, "export", dataset, "--to", "lines", "--out", tmp_path / "out")
     lines = (tmp_path / "out" / "lines.txt").read_text().splitlines()
     assert lines[0] == "00000-000000 pyautogui.click(100, 200)"
@@ -270,11 +241,7 @@ def test_a_task_with_a_name_of_ours_is_refused(installed, tmp_path):
     assert "taken by online_env.tasks.suite.editor.write_note" in said
 
 
-def test_a_users_reader_and_writer(
-    installed,
-    recording,
-    tmp_path,
-):
+def test_a_users_reader_and_writer(installed, recording, tmp_path):
     (tmp_path / "my_reader.py").write_text(READER)
     (tmp_path / "my_export.py").write_text(WRITER)
     out = tmp_path / "out"

@@ -95,10 +95,7 @@ CORE_ALONE = {
     "bench embedded_small --dry-run": "online",
 }
 
-CODE_WITH_CORE_ALONE = {
-    "import hijack_data.transforms": "torch",
-    "import hijack_data.grain": "jax",
-}
+CODE_WITH_CORE_ALONE = {"import hijack_data.transforms": "torch", "import hijack_data.grain": "jax"}
 
 
 @pytest.fixture(scope="module")
@@ -108,28 +105,14 @@ def places(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     (folder / "out").mkdir()
     task = folder / "tasks" / "examples" / "os" / "11111111-1111-4111-8111-111111111111.json"
     task.parent.mkdir(parents=True)
-    infeasible = {
-        "instruction": "x",
-        "config": [],
-        "evaluator": {"func": "infeasible"},
-    }
+    infeasible = {"instruction": "x", "config": [], "evaluator": {"func": "infeasible"}}
     task.write_text(json.dumps({"id": task.stem, **infeasible}))
     build(RECORDINGS, folder / "data", corruptions="marks", limit=1)
     run = make_run(folder / "run")
-    return {
-        "out": folder / "out",
-        "run": run,
-        "tasks": folder / "tasks",
-        "data": folder / "data",
-    }
+    return {"out": folder / "out", "run": run, "tasks": folder / "tasks", "data": folder / "data"}
 
 
-def without(
-    modules: Any,
-    places: dict[str, Path],
-    commands: Any,
-    code: Any = (),
-) -> Results:
+def without(modules: Any, places: dict[str, Path], commands: Any, code: Any = ()) -> Results:
     """What comes of commands and code in one Python that has none of `modules`."""
     order = {
         "modules": sorted(modules),
@@ -137,13 +120,7 @@ def without(
         "code": {name: name for name in code},
     }
     command = [sys.executable, ROOT / "tests" / "support" / "lacking.py", json.dumps(order)]
-    done = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
 
@@ -285,12 +262,7 @@ def test_doctor_has_a_row_for_every_extra_and_one_for_the_desktop() -> None:
     declared = set(extras.extras()) - {"all"}
     assert {row[1] for row in machine.extra_rows()} == declared == set(machine.PURPOSES)
     command = [sys.executable, "-m", "hijack_data.cli", "doctor", "--json"]
-    done = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
     rows = {row["what"]: row for row in json.loads(done.stdout)["found"]}
     assert declared | {"core", "desktop"} <= set(rows)
     assert rows["core"]["ok"] is True

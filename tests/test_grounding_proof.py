@@ -109,11 +109,7 @@ def chromium():
     needs.apps("chromium")
 
 
-def test_boxes_are_where_the_pixels_are(
-    grounding,
-    chromium,
-    tmp_path,
-):
+def test_boxes_are_where_the_pixels_are(grounding, chromium, tmp_path):
     style = "position:absolute;border:0;padding:0;color:transparent;"
     html = f"""<!doctype html><body style="margin:0;background:#fff">
       <button style="{style}left:50px;top:30px;width:100px;height:40px;background:#f00">Go</button>
@@ -142,11 +138,7 @@ def test_boxes_are_where_the_pixels_are(
     assert found["Name", "input"]["box"] == [100, 460, 260, 520]
 
 
-def test_a_page_that_does_not_load_is_named(
-    grounding,
-    chromium,
-    tmp_path,
-):
+def test_a_page_that_does_not_load_is_named(grounding, chromium, tmp_path):
     with grounding.browser.Browser(tmp_path, (400, 640)) as page:
         with pytest.raises(
             grounding.browser.BrowserError, match=r"http://127.0.0.1:9/ does not load: net::ERR"
@@ -158,11 +150,7 @@ def test_a_page_that_does_not_load_is_named(
             page.call("Page.fly")
 
 
-def test_rendering_is_done_once(
-    grounding,
-    chromium,
-    tmp_path,
-):
+def test_rendering_is_done_once(grounding, chromium, tmp_path):
     folder = tmp_path / "pages"
     grounding.pages.render(folder, 2, 1, sites=False)
     made = {path.name: path.read_bytes() for path in folder.iterdir()}
@@ -186,11 +174,7 @@ def test_rendering_is_done_once(
     assert not (folder / "seed-0002.png").exists()
 
 
-def test_other_peoples_folders_are_left_alone(
-    grounding,
-    chromium,
-    tmp_path,
-):
+def test_other_peoples_folders_are_left_alone(grounding, chromium, tmp_path):
     (tmp_path / "thesis.png").write_text("years of work")
     with pytest.raises(
         FileExistsError, match="holds something else than pages; name an empty folder"
@@ -199,11 +183,7 @@ def test_other_peoples_folders_are_left_alone(
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.png"]
 
 
-def test_a_missing_browser_is_named(
-    grounding,
-    monkeypatch,
-    tmp_path,
-):
+def test_a_missing_browser_is_named(grounding, monkeypatch, tmp_path):
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(grounding.browser.BrowserError, match="apt-get install chromium"):
         grounding.pages.render(tmp_path / "pages", 1, 1)
@@ -226,11 +206,7 @@ def test_the_order_is_the_seeds_alone(grounding, toys):
         assert len(once) == len(set(once)) == 20
 
 
-def screen(
-    grounding,
-    boxes,
-    name="page",
-):
+def screen(grounding, boxes, name="page"):
     labels = tuple(f"label {n}" for n in range(len(boxes)))
     image = np.full((800, 1280, 3), 200, np.uint8)
     return grounding.pages.Page(
@@ -348,12 +324,7 @@ class Oracle(torch.nn.Module):
         super().__init__()
         self.page, self.shift = page, shift
 
-    def forward(
-        self,
-        pictures,
-        labels,
-        of,
-    ):
+    def forward(self, pictures, labels, of):
         scores = torch.zeros(len(labels), pictures.shape[2] // 8, pictures.shape[3] // 8)
         for n, label in enumerate(labels):
             x1, y1, x2, y2 = self.page.boxes[self.page.labels.index(label)] / 2
@@ -398,13 +369,7 @@ def test_pages_that_hang_together_widen_the_interval(grounding):
     assert together.high - together.low > 0.2
 
 
-def test_runs_are_kept_and_told_apart(
-    grounding,
-    toys,
-    tmp_path,
-    monkeypatch,
-    capfd,
-):
+def test_runs_are_kept_and_told_apart(grounding, toys, tmp_path, monkeypatch, capfd):
     """Two seeds without and with augmentation, end to end on toys; a second call computes
     nothing."""
     (tmp_path / "pages.json").write_text(json.dumps({"made_by": "toys"}))

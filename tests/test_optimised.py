@@ -116,13 +116,7 @@ else:
 
 def python(flags: list[str], *words: object) -> str:
     command = [sys.executable, *flags, *map(str, words)]
-    done = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        cwd=ROOT,
-        timeout=600,
-    )
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=600)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -140,21 +134,13 @@ def usual(script) -> dict:
 
 
 @pytest.mark.parametrize("flag", ["-O", "-OO"])
-def test_all_nine_are_planned_applied_and_checked_the_same(
-    flag,
-    script,
-    usual,
-):
+def test_all_nine_are_planned_applied_and_checked_the_same(flag, script, usual):
     assert json.loads(python([flag], script, script.parent)) == usual
     assert "accepted" not in usual["refused"]
 
 
 @pytest.mark.parametrize("flag", ["-O", "-OO"])
-def test_the_command_line_works(
-    flag,
-    script,
-    usual,
-):
+def test_the_command_line_works(flag, script, usual):
     picture, out = script.parent / "screen.png", script.parent / "out.png"
     words = ["-m", "hijack_data.cli", "apply", picture, "marks", "-o", out, "--seed", 1, "--json"]
     assert json.loads(python([flag], *words)) == json.loads(python([], *words))

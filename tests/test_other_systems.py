@@ -46,10 +46,7 @@ REFUSED = {
     "desktop up --name never": "use Linux, or WSL on Windows",
     "bench embedded_small --dry-run": "use Linux, or WSL on Windows",
 }
-SYSTEMS = {
-    "Darwin": (LINUX, [], PICTURES | ROWS),
-    "Windows": (POSIX, MODULES, PICTURES | REFUSED),
-}
+SYSTEMS = {"Darwin": (LINUX, [], PICTURES | ROWS), "Windows": (POSIX, MODULES, PICTURES | REFUSED)}
 
 
 @pytest.mark.parametrize("system", SYSTEMS)

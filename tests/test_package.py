@@ -23,13 +23,7 @@ MOVED = {
 def tracked(*folders: str) -> list[str]:
     """The files of some folders that a release is made of."""
     command = ["git", "ls-files", "--cached", "--others", "--exclude-standard", "--", *folders]
-    done = subprocess.run(
-        command,
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     return [name for name in done.stdout.splitlines() if (ROOT / name).is_file()]
 
 

@@ -17,21 +17,12 @@ START = "from hijack_data.cli import main; main()"
 USES = {"pipelines": ["stats", "x"], "online_env": ["desktop", "list"]}
 
 
-def python(
-    folder: Path,
-    code: str,
-    *words: str,
-) -> "subprocess.CompletedProcess[str]":
+def python(folder: Path, code: str, *words: str) -> "subprocess.CompletedProcess[str]":
     """Run code where `folder` comes before everything of ours."""
     place = {**os.environ, "PYTHONPATH": f"{folder}:{ROOT}"}
     command = [sys.executable, "-c", code, *words]
     return subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        env=place,
-        cwd=folder,
-        timeout=120,
+        command, capture_output=True, text=True, env=place, cwd=folder, timeout=120
     )
 
 
@@ -62,22 +53,14 @@ def refused(done: "subprocess.CompletedProcess[str]", place: Path) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_command_says_what_stands_in_its_way(
-    name: str,
-    place,
-    tmp_path: Path,
-) -> None:
+def test_a_command_says_what_stands_in_its_way(name: str, place, tmp_path: Path) -> None:
     where = place(name)
     refused(python(tmp_path, START, *USES[name]), where)
     assert python(tmp_path, START, "--help").returncode == 0  # it imports no package
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_module_form_says_so_too(
-    name: str,
-    place,
-    tmp_path: Path,
-) -> None:
+def test_the_module_form_says_so_too(name: str, place, tmp_path: Path) -> None:
     where = place(name)
     refused(python(tmp_path, "import runpy; runpy.run_module('hijack_data')", *USES[name]), where)
 

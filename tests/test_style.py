@@ -1,8 +1,6 @@
-"""House rules that no linter knows: density of code, direction of imports, one meaning a name."""
+"""House rules that no linter knows: direction of imports, one meaning a name."""
 
 import ast
-import io
-import tokenize
 from collections import defaultdict
 from collections.abc import Iterator
 from functools import cache
@@ -12,10 +10,6 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("hijack_data", "pipelines", "online_env")
-# Nodes of the syntax tree (names' load and store contexts apart) on a line of code. By this measure
-# attrs has 3.8, click 4.7 and pytest 4.5.
-DENSEST = 6.0
-LONGEST = 500  # lines of a file
 # Names of the same thing for another framework: `hj.Marks` makes plans, `transforms.Marks` is that
 # corruption as a transform of torchvision, as the users of both libraries expect.
 SAME_IN_FRAMEWORKS = {
@@ -37,66 +31,6 @@ def files(*packages: str) -> list[Path]:
 @cache
 def parsed(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
-
-
-def documented(tree: ast.Module) -> Iterator[ast.Expr]:
-    """Yield the docstrings of a module."""
-    kinds = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
-    for node in ast.walk(tree):
-        if isinstance(node, kinds) and ast.get_docstring(node, clean=False) is not None:
-            first = node.body[0]
-            assert isinstance(first, ast.Expr)
-            yield first
-
-
-def code_lines(path: Path) -> int:
-    """Count the lines that hold code: neither blank, nor a comment, nor a docstring."""
-    skipped = {
-        tokenize.COMMENT,
-        tokenize.NL,
-        tokenize.NEWLINE,
-        tokenize.INDENT,
-        tokenize.DEDENT,
-        tokenize.ENDMARKER,
-    }
-    text = path.read_text(encoding="utf-8")
-    lines: set[int] = set()
-    for token in tokenize.generate_tokens(io.StringIO(text).readline):
-        if token.type not in skipped:
-            lines.update(range(token.start[0], token.end[0] + 1))
-    for docstring in documented(parsed(path)):
-        lines.difference_update(range(docstring.lineno, (docstring.end_lineno or 0) + 1))
-    return len(lines)
-
-
-def nodes(path: Path) -> int:
-    every = ast.walk(parsed(path))
-    return sum(not isinstance(node, ast.expr_context) for node in every)
-
-
-def test_the_measure_tells_packed_code_from_roomy_code(tmp_path):
-    packed = tmp_path / "packed.py"
-    packed.write_text(
-        '"""Doc."""\n\n# why\nx = [f(i) if i else g(i, 2) for i in range(9) if h(i)]\n'
-    )
-    roomy = tmp_path / "roomy.py"
-    roomy.write_text('"""Doc."""\n\nx = []\nfor i in y:\n    x.append(i)\n')
-    assert code_lines(packed) == 1
-    assert nodes(packed) / code_lines(packed) > 2 * DENSEST
-    assert code_lines(roomy) == 3
-    assert nodes(roomy) / code_lines(roomy) < DENSEST
-
-
-@pytest.mark.parametrize("package", PACKAGES)
-def test_code_is_roomy(package):
-    found = files(package)
-    density = sum(map(nodes, found)) / sum(map(code_lines, found))
-    assert density <= DENSEST, f"{package}: {density:.2f} nodes a line of code"
-
-
-def test_files_are_not_too_long():
-    lengths = {path: len(path.read_text().splitlines()) for path in files(*PACKAGES)}
-    assert [f"{path}: {count}" for path, count in lengths.items() if count > LONGEST] == []
 
 
 def test_no_conditional_expression_holds_another():

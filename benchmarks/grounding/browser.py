@@ -56,11 +56,7 @@ class Browser:
     """
 
     def __init__(
-        self,
-        profile: Path,
-        size: tuple[int, int],
-        density: float = 1.0,
-        rules: str = "",
+        self, profile: Path, size: tuple[int, int], density: float = 1.0, rules: str = ""
     ) -> None:
         ours_in, theirs_out = _pipe()
         theirs_in, ours_out = _pipe()
@@ -117,12 +113,7 @@ class Browser:
     def call(self, method: str, **params: Any) -> dict[str, Any]:
         """Send a command of the DevTools protocol and return its result. Raises `BrowserError`."""
         self._count += 1
-        message = {
-            "id": self._count,
-            "method": method,
-            "params": params,
-            **self._session,
-        }
+        message = {"id": self._count, "method": method, "params": params, **self._session}
         try:
             os.write(self._out, json.dumps(message).encode() + b"\0")
         except BrokenPipeError:
@@ -151,10 +142,7 @@ class Browser:
     def value(self, expression: str) -> Any:
         """Return what an expression is in the page; promises are awaited."""
         found = self.call(
-            "Runtime.evaluate",
-            expression=expression,
-            returnByValue=True,
-            awaitPromise=True,
+            "Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True
         )
         if "exceptionDetails" in found:
             raise BrowserError(

@@ -50,11 +50,7 @@ def augmentation(names: Sequence[str]) -> hj.OneOf | None:
     return hj.OneOf([CORRUPTIONS[name] for name in names], p_clean=P_CLEAN)
 
 
-def order(
-    pages: Sequence[Page],
-    size: int,
-    seed: int,
-) -> Iterator[tuple[int, list[Page]]]:
+def order(pages: Sequence[Page], size: int, seed: int) -> Iterator[tuple[int, list[Page]]]:
     """Yield (epoch, `size` pages) for ever.
 
     The seed alone decides the order, and a page comes at most once an epoch.
@@ -68,11 +64,7 @@ def order(
 
 
 def batch_of(
-    pages: Sequence[Page],
-    augment: hj.Augmentation | None,
-    *,
-    seed: int,
-    epoch: int = 0,
+    pages: Sequence[Page], augment: hj.Augmentation | None, *, seed: int, epoch: int = 0
 ) -> Batch:
     """Return a batch that asks for every control of which at least half still shows.
 

@@ -110,12 +110,7 @@ class Page:
         words = (words * 2)[at : at + self.rng.randint(low, high)]
         return " ".join(words).capitalize() + "."
 
-    def many(
-        self,
-        make: Callable[[], str],
-        low: int,
-        high: int,
-    ) -> str:
+    def many(self, make: Callable[[], str], low: int, high: int) -> str:
         """Several of one kind."""
         return "".join(make() for _ in range(self.rng.randint(low, high)))
 

@@ -31,14 +31,7 @@ class Residual(nn.Module):
     def __init__(self, width: int, dilation: int) -> None:
         super().__init__()
         self.body = nn.Sequential(
-            nn.Conv2d(
-                width,
-                width,
-                3,
-                padding=dilation,
-                dilation=dilation,
-                bias=False,
-            ),
+            nn.Conv2d(width, width, 3, padding=dilation, dilation=dilation, bias=False),
             nn.BatchNorm2d(width),
             nn.ReLU(inplace=True),
             nn.Conv2d(width, width, 1, bias=False),
@@ -60,14 +53,7 @@ class Grounder(nn.Module):
             nn.Conv2d(48, 32, 3, padding=1, bias=False),
             nn.BatchNorm2d(32),
             nn.ReLU(inplace=True),
-            nn.Conv2d(
-                32,
-                width,
-                3,
-                padding=1,
-                stride=2,
-                bias=False,
-            ),
+            nn.Conv2d(32, width, 3, padding=1, stride=2, bias=False),
             nn.BatchNorm2d(width),
             nn.ReLU(inplace=True),
             *(Residual(width, dilation) for dilation in dilations),
@@ -77,10 +63,7 @@ class Grounder(nn.Module):
         self.query = nn.Sequential(nn.Linear(WIDTH, WIDTH), nn.ReLU(), nn.Linear(WIDTH, WIDTH))
 
     def forward(
-        self,
-        pictures: torch.Tensor,
-        labels: Sequence[str],
-        of: torch.Tensor,
+        self, pictures: torch.Tensor, labels: Sequence[str], of: torch.Tensor
     ) -> torch.Tensor:
         """Return the scores of the cells.
 

@@ -73,22 +73,13 @@ class Page:
     asked: tuple[int, ...]
 
 
-def fingerprint(
-    train: int,
-    new: int,
-    sites: bool = True,
-) -> str:
+def fingerprint(train: int, new: int, sites: bool = True) -> str:
     """What a folder of pages was made by: another one means rendering anew."""
     if shutil.which("chromium") is None:
         raise browser.BrowserError(
             "there is no chromium on the PATH, which renders the pages: apt-get install chromium"
         )
-    asked = subprocess.run(
-        ["chromium", "--version"],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    asked = subprocess.run(["chromium", "--version"], capture_output=True, text=True, check=True)
     parts = [asked.stdout.split("built")[0].encode(), str((train, new, sites)).encode()]
     files = [Path(m.__file__ or "") for m in (browser, markup, sys.modules[__name__])]
     files += sorted(
@@ -97,12 +88,7 @@ def fingerprint(
     return hashlib.sha256(b"\0".join([*parts, *(path.read_bytes() for path in files)])).hexdigest()
 
 
-def render(
-    folder: Path,
-    train: int,
-    new: int,
-    sites: bool = True,
-) -> None:
+def render(folder: Path, train: int, new: int, sites: bool = True) -> None:
     """Render `train` + `new` seeded pages and the local sites, unless `folder` has just these.
 
     Raises `FileExistsError` where the folder holds something else.
@@ -140,12 +126,7 @@ def _clear(folder: Path, index: Path) -> None:
         picture.unlink()
 
 
-def _keep(
-    chromium: Browser,
-    folder: Path,
-    name: str,
-    split: str,
-) -> list[dict[str, Any]]:
+def _keep(chromium: Browser, folder: Path, name: str, split: str) -> list[dict[str, Any]]:
     """Store what the window shows; nothing where there is nothing to ask for."""
     controls = chromium.value(f"{CONTROLS}({DENSITY})")
     if not any(c["unique"] for c in controls):
@@ -154,21 +135,10 @@ def _keep(
     if picture.shape != (*SIZE, 3):
         raise browser.BrowserError(f"{name}: the picture is {picture.shape}, not {(*SIZE, 3)}")
     Image.fromarray(picture).save(folder / f"{name}.png", compress_level=1)
-    return [
-        {
-            "name": name,
-            "split": split,
-            "controls": controls,
-        }
-    ]
+    return [{"name": name, "split": split, "controls": controls}]
 
 
-def _site(
-    chromium: Browser,
-    folder: Path,
-    host: str,
-    split: str,
-) -> list[dict[str, Any]]:
+def _site(chromium: Browser, folder: Path, host: str, split: str) -> list[dict[str, Any]]:
     """Follow a site's links from its front page and store the upper screen of its first pages."""
     waiting = [f"http://{host}/"]
     seen = set[str]()
@@ -187,12 +157,7 @@ def _sites(state: Path) -> Iterator[int]:
     """Serve the local web sites on loopback; gives the port."""
     ports = ("--dns-port", "0", "--http-port", "0", "--state", str(state))
     command = [sys.executable, "-m", "online_env.embedded.sites", "--address", "127.0.0.1", *ports]
-    process = subprocess.Popen(
-        command,
-        stdout=subprocess.PIPE,
-        text=True,
-        cwd=SITES.parents[2],
-    )
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=SITES.parents[2])
     assert process.stdout is not None
     try:
         line = process.stdout.readline()

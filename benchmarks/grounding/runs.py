@@ -59,10 +59,7 @@ def fingerprint(folder: Path, settings: train.Settings) -> str:
 
 
 def perform(
-    folder: Path,
-    runs: Sequence[Run],
-    settings: train.Settings,
-    jobs: int,
+    folder: Path, runs: Sequence[Run], settings: train.Settings, jobs: int
 ) -> dict[Run, dict[str, Any]]:
     """Return the results of the runs; those that `folder` holds already are read.
 
@@ -90,11 +87,7 @@ def _file(place: Path, run: Run) -> Path:
     return place / f"{run.held_out or 'none'}-{run.seed}.json"
 
 
-def _perform(
-    place: Path,
-    run: Run,
-    settings: train.Settings,
-) -> None:
+def _perform(place: Path, run: Run, settings: train.Settings) -> None:
     torch.set_num_threads(1)
     start = time.perf_counter()
     net, losses = train.train(_pages_of("train"), run.names, run.seed, settings)
@@ -125,10 +118,7 @@ def _evaluated(net: model.Grounder, some: list[pages.Page]) -> dict[str, Any]:
 
 
 def counts(
-    results: dict[Run, dict[str, Any]],
-    held_out: str | None,
-    split: str,
-    condition: str,
+    results: dict[Run, dict[str, Any]], held_out: str | None, split: str, condition: str
 ) -> np.ndarray:
     """Return asked and hit of one choice of corruptions by seed, int64 `[seeds, pages, 2]`."""
     mine = [run for run in results if run.held_out == held_out]

@@ -19,11 +19,7 @@ class Interval(NamedTuple):
         return f"{self.value:.1%} ({self.low:.1%} to {self.high:.1%})"
 
 
-def accuracy(
-    counts: np.ndarray,
-    base: np.ndarray | None = None,
-    draws: int = DRAWS,
-) -> Interval:
+def accuracy(counts: np.ndarray, base: np.ndarray | None = None, draws: int = DRAWS) -> Interval:
     """Return the share of hits with its 95 % interval, or its difference to `base`.
 
     The bootstrap resamples training seeds and pages, both at once, since the controls of a page and
@@ -48,11 +44,7 @@ def accuracy(
     return Interval(float(value), float(low), float(high))
 
 
-def _resampled(
-    rng: np.random.Generator,
-    count: int,
-    draws: int,
-) -> np.ndarray:
+def _resampled(rng: np.random.Generator, count: int, draws: int) -> np.ndarray:
     """Return how often each of `count` things is in each sample, float64 `[draws, count]`."""
     chances = np.full(count, 1 / count)
     drawn = rng.multinomial(count, chances, draws)
@@ -60,9 +52,7 @@ def _resampled(
 
 
 def _shares(
-    counts: np.ndarray,
-    seed_weights: np.ndarray,
-    page_weights: np.ndarray,
+    counts: np.ndarray, seed_weights: np.ndarray, page_weights: np.ndarray
 ) -> tuple[float, np.ndarray]:
     """Return the share of hits, and that of each bootstrap sample, float64 `[draws]`."""
     path = "rs,spk,rp->rk"

@@ -29,10 +29,7 @@ class Settings:
 
 
 def train(
-    pages: Sequence[Page],
-    names: Sequence[str],
-    seed: int,
-    settings: Settings,
+    pages: Sequence[Page], names: Sequence[str], seed: int, settings: Settings
 ) -> tuple[model.Grounder, list[float]]:
     """Return a trained network and the loss of every step.
 
@@ -60,11 +57,7 @@ def train(
     return net.eval(), losses
 
 
-def step(
-    net: model.Grounder,
-    batch: data.Batch,
-    optimiser: torch.optim.Optimizer,
-) -> float:
+def step(net: model.Grounder, batch: data.Batch, optimiser: torch.optim.Optimizer) -> float:
     """Take one step and return the loss."""
     scores = score(net, batch)
     height, width = scores.shape[1:]
@@ -85,11 +78,7 @@ def score(net: model.Grounder, batch: data.Batch) -> torch.Tensor:
 
 
 @torch.inference_mode()
-def evaluate(
-    net: model.Grounder,
-    pages: Sequence[Page],
-    name: str | None,
-) -> np.ndarray:
+def evaluate(net: model.Grounder, pages: Sequence[Page], name: str | None) -> np.ndarray:
     """Return the numbers of controls asked for and hit on each page, int64 `[pages, 2]`."""
     counts = np.zeros((len(pages), 2), np.int64)
     for row, page in zip(counts, pages, strict=True):

@@ -173,12 +173,7 @@ def _code_disk(target: Path) -> None:
 
 def _digest() -> str:
     query = ["dpkg-query", "-W", *packages.packages([packages.ALL])]
-    listed = subprocess.run(
-        query,
-        capture_output=True,
-        text=True,
-        check=False,
-    ).stdout
+    listed = subprocess.run(query, capture_output=True, text=True, check=False).stdout
     versions = [f"{one.name} {one.version}" for one in _distributions()]
     text = "\n".join(
         [listed, *versions, home.layer_path().name, Path(__file__).read_text(encoding="utf-8")]
@@ -188,13 +183,7 @@ def _digest() -> str:
 
 def _run(*command: str | Path, folder: Path | None = None) -> str:
     try:
-        done = subprocess.run(
-            command,
-            cwd=folder,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     except FileNotFoundError:
         raise MissingPartError(
             f"{command[0]} is not on this machine: the guest is built on Debian, with apt"
@@ -230,9 +219,7 @@ def _start_files(folder: Path) -> None:
         shutil.copy(next(place.glob("files/boot/vmlinuz-*")), folder / "vmlinuz")
         modules = list(_with_depends(MODULES, {path.stem: path for path in place.rglob("*.ko")}))
         start = START.format(
-            modules=" ".join(path.stem for path in modules),
-            code=CODE,
-            first=FIRST,
+            modules=" ".join(path.stem for path in modules), code=CODE, first=FIRST
         )
         parts = [(f"{path.stem}.ko", 0o100644, path.read_bytes()) for path in modules]
         parts += [(name, 0o40755, b"") for name in ("proc", "sys", "dev", "disk")]
@@ -264,11 +251,7 @@ def _with_depends(names: Iterable[str], known: dict[str, Path]) -> Iterator[Path
         yield from visit(name)
 
 
-def _cpio(
-    name: str,
-    mode: int,
-    data: bytes,
-) -> bytes:
+def _cpio(name: str, mode: int, data: bytes) -> bytes:
     """Return one entry of an initramfs ("newc", the kernel's buffer-format.rst).
 
     A device is the console (5, 1).
@@ -375,10 +358,6 @@ def _install_distributions(target: Path) -> None:
     _run("/usr/bin/python3", "-m", "compileall", "-q", "-s", target, "-p", f"/{SITE}", target)
 
 
-def _file_system(
-    folder: Path,
-    target: Path,
-    size: str,
-) -> None:
+def _file_system(folder: Path, target: Path, size: str) -> None:
     options = "lazy_itable_init=0,lazy_journal_init=0,root_owner=0:0"
     _run("mkfs.ext4", "-q", "-m", "0", "-E", options, "-d", folder, target, size)

@@ -31,12 +31,7 @@ class Machine:
         kvm: whether the processor is the real one; else QEMU translates each instruction.
     """
 
-    def __init__(
-        self,
-        image: Image,
-        folder: Path,
-        kvm: bool,
-    ) -> None:
+    def __init__(self, image: Image, folder: Path, kvm: bool) -> None:
         self._started = time.perf_counter()
         self._folder = tempfile.TemporaryDirectory(dir=folder)
         self._console = Path(self._folder.name, "console.log")
@@ -71,10 +66,7 @@ class Machine:
             f"file:{self._console}",
         ]
         self._process = subprocess.Popen(
-            command,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         )
         self.pid = self._process.pid
         self.token = token
@@ -170,12 +162,7 @@ def _free_port() -> int:
         return probe.getsockname()[1]
 
 
-def _arguments(
-    image: Image,
-    layer: Path,
-    port: int,
-    kvm: bool,
-) -> list[str]:
+def _arguments(image: Image, layer: Path, port: int, kvm: bool) -> list[str]:
     processor = (
         ("-accel", "kvm", "-cpu", "host") if kvm else ("-accel", "tcg,thread=multi", "-cpu", "max")
     )

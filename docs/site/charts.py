@@ -22,11 +22,7 @@ class Bar:
     strong: bool = False
 
 
-def chart(
-    title: str,
-    bars: Sequence[Bar],
-    note: str = "",
-) -> str:
+def chart(title: str, bars: Sequence[Bar], note: str = "") -> str:
     """A chart of horizontal bars that begin at 0."""
     longest = max((abs(bar.value) for bar in bars), default=0) or 1
     rows: list[str] = []
@@ -50,12 +46,7 @@ def success(agent: str) -> str:
     """What the paper measured for one agent, under each corruption."""
     (row,) = [row for row in paper() if row["agent"] == agent]
     bars = [
-        Bar(
-            condition,
-            float(value),
-            f"{value} %",
-            condition == "clean",
-        )
+        Bar(condition, float(value), f"{value} %", condition == "clean")
         for condition, value in row.items()
         if condition != "agent"
     ]
@@ -70,14 +61,7 @@ def hidden_targets() -> str:
     for row in rows:
         share = number(row["target hidden"])
         name = f"{row['corruption']}, level {row['level']}"
-        bars.append(
-            Bar(
-                name,
-                share,
-                f"{share:g} %",
-                row["level"] == "3",
-            )
-        )
+        bars.append(Bar(name, share, f"{share:g} %", row["level"] == "3"))
     ordered = sorted(bars, key=lambda bar: -bar.value)
     note = "Share of targets of which less than half stays visible; level 3 is the paper's default."
     return chart("Targets hidden, by corruption and level", ordered, note)
@@ -148,14 +132,7 @@ def peers() -> str:
         if not ratio.endswith("x"):
             continue
         name = f"{row['who'].rpartition(' ')[0]}: {row['work']}"
-        bars.append(
-            Bar(
-                name,
-                number(ratio),
-                ratio,
-                number(ratio) < 1,
-            )
-        )
+        bars.append(Bar(name, number(ratio), ratio, number(ratio) < 1))
     ordered = sorted(bars, key=lambda bar: -bar.value)
     note = (
         "Time of the other library over ours, for one 1080p picture; below 1x (darker) it is faster"

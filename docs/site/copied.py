@@ -36,10 +36,7 @@ def pages() -> dict[str, Path]:
     return found | outside
 
 
-def text_of(
-    path: Path,
-    site: Mapping[str, str],
-) -> str:
+def text_of(path: Path, site: Mapping[str, str]) -> str:
     """The text of a page with its links and fences as the site needs them.
 
     `site` is the address on the site of each file of the repository that is on it.
@@ -68,11 +65,7 @@ def _row(match: re.Match[str]) -> str:
     return _CODE.sub(lambda code: code[0].replace(r"\|", "|"), match[0])
 
 
-def _link(
-    match: re.Match[str],
-    path: Path,
-    site: Mapping[str, str],
-) -> str:
+def _link(match: re.Match[str], path: Path, site: Mapping[str, str]) -> str:
     """A link as it is on the site; one to a file that is not there becomes the file's name."""
     image, words, target = match.groups()
     if "://" in target or target.startswith("#"):

@@ -124,11 +124,7 @@ def _slider(name: str) -> str:
     )
 
 
-def _severities(
-    name: str,
-    info: dict[str, Any],
-    folder: Path,
-) -> Iterator[str]:
+def _severities(name: str, info: dict[str, Any], folder: Path) -> Iterator[str]:
     yield "## Severity\n"
     levels = info["severities"]
     if not levels:
@@ -143,11 +139,7 @@ def _severities(
     yield strip(tiles, folder)
 
 
-def strip(
-    tiles: list[tuple[str, str]],
-    folder: Path,
-    up: str = "../",
-) -> str:
+def strip(tiles: list[tuple[str, str]], folder: Path, up: str = "../") -> str:
     """Small pictures in a row, each with a caption; those that were not made are left out."""
     found: list[str] = []
     for file, caption in tiles:
@@ -202,11 +194,7 @@ def _code(name: str, info: dict[str, Any]) -> Iterator[str]:
     yield _tab("Live", "sh", LIVE_COMMAND.format(name=name))
 
 
-def _tab(
-    title: str,
-    language: str,
-    text: str,
-) -> str:
+def _tab(title: str, language: str, text: str) -> str:
     inner = "\n".join(f"    {line}".rstrip() for line in text.splitlines())
     return f'=== "{title}"\n\n    ```{language}\n{inner}\n    ```\n'
 

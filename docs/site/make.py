@@ -192,12 +192,7 @@ def settings(texts: Iterable[str]) -> dict[str, Any]:
     placed = {*books, *nine, *api, *project, "index.md", "gallery.md", "corruptions.md"}
     placed |= {name for names in sections.values() for name in names}
     nav.append({"Project": [*project, *sorted(known - placed)]})
-    return {
-        "INHERIT": "../mkdocs.yml",
-        "docs_dir": "pages",
-        "site_dir": "site",
-        "nav": nav,
-    }
+    return {"INHERIT": "../mkdocs.yml", "docs_dir": "pages", "site_dir": "site", "nav": nav}
 
 
 if __name__ == "__main__":

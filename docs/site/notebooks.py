@@ -44,11 +44,7 @@ def page(path: Path, folder: Path) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def _shown(
-    output: dict[str, Any],
-    name: str,
-    folder: Path,
-) -> str:
+def _shown(output: dict[str, Any], name: str, folder: Path) -> str:
     """An output: a picture, which is written, or text."""
     data = output.get("data", {})
     if "image/jpeg" in data:

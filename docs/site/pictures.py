@@ -44,11 +44,7 @@ def screen_of(corruption: str) -> str:
     return SHOWN_ON.get(corruption, SCREENS[0])
 
 
-def corrupted(
-    corruption: hj.Corruption,
-    screen: Shot,
-    seed: int,
-) -> np.ndarray:
+def corrupted(corruption: hj.Corruption, screen: Shot, seed: int) -> np.ndarray:
     """What an agent sees, on a canvas as large as the screen: uint8 RGB `[H, W, 3]`."""
     key = {"seed": seed, "sample": screen.name}
     plan = corruption.plan(screen.scene, **key)
@@ -62,11 +58,7 @@ def corrupted(
     return canvas
 
 
-def save(
-    pixels: np.ndarray,
-    path: Path,
-    width: int,
-) -> None:
+def save(pixels: np.ndarray, path: Path, width: int) -> None:
     """Write a picture as WebP, `width` pixels wide."""
     height = round(width * pixels.shape[0] / pixels.shape[1])
     picture = Image.fromarray(pixels).resize((width, height), Image.Resampling.LANCZOS)

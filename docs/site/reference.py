@@ -28,10 +28,7 @@ def core() -> str:
     homes = hj._HOMES
     known = {home for group in GROUPS.values() for home in group}
     groups = GROUPS | {"More": tuple(home for home in homes if home not in known)}
-    parts = [
-        "# hijack_data\n",
-        "`import hijack_data as hj`. Every name below is `hj.NAME`.\n",
-    ]
+    parts = ["# hijack_data\n", "`import hijack_data as hj`. Every name below is `hj.NAME`.\n"]
     for title, places in groups.items():
         names = [f"hijack_data.{name}" for place in places for name in homes.get(place, ())]
         entry = _corruption if title == "Corruptions" else _entry

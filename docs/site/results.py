@@ -103,11 +103,7 @@ def introduction(name: str, folder: Path) -> tuple[str, str]:
     return name.replace("_", " ").replace("-", " ").capitalize(), text
 
 
-def of_report(
-    name: str,
-    report: RunReport,
-    folder: Path,
-) -> str:
+def of_report(name: str, report: RunReport, folder: Path) -> str:
     """The page of one report."""
     title, text = introduction(name, folder)
     lines = [f"# {title}\n"]

@@ -60,8 +60,7 @@ def code_cells(notebook: nbformat.NotebookNode) -> list[nbformat.NotebookNode]:
 
 
 def kept(
-    outputs: Iterable[nbformat.NotebookNode],
-    number: int,
+    outputs: Iterable[nbformat.NotebookNode], number: int
 ) -> Iterator[nbformat.NotebookNode]:
     """What is printed as one text, without warnings; pictures without words."""
     printed: nbformat.NotebookNode | None = None

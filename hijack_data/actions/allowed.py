@@ -22,12 +22,7 @@ from .program.signatures import KEYBOARD, POINTER
 from .program.source import ParsedSource, shallow
 
 ActionKind: TypeAlias = Literal["wait", "done", "fail", "reinit", "code"]
-WORDS: dict[str, ActionKind] = {
-    "WAIT": "wait",
-    "DONE": "done",
-    "FAIL": "fail",
-    REINIT: "reinit",
-}
+WORDS: dict[str, ActionKind] = {"WAIT": "wait", "DONE": "done", "FAIL": "fail", REINIT: "reinit"}
 MAX_CODE = 32_000  # characters; an argument of a command may have 128 KiB
 
 # Only fences at the start or the end of a line count: an agent may also type ``` as text.

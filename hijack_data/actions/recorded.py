@@ -13,12 +13,7 @@ SCREENAGENT = "screenagent"
 DICTS = ("computer_13", "openai", "anthropic")
 
 
-def map_recorded(
-    code: str,
-    dialect: str,
-    scaling: Scaling,
-    model: Scaling,
-) -> str:
+def map_recorded(code: str, dialect: str, scaling: Scaling, model: Scaling) -> str:
     """Return recorded text with its coordinates scaled.
 
     Args:
@@ -43,11 +38,7 @@ def map_recorded(
     return json.dumps(_mapped(data, dialect, scaling), ensure_ascii=False)
 
 
-def _mapped(
-    data: object,
-    dialect: str,
-    scaling: Scaling,
-) -> object:
+def _mapped(data: object, dialect: str, scaling: Scaling) -> object:
     if dialect in DICTS:
         return map_typed(data, dialect, scaling)
     fields: dict[str, Any] = dict(cast("Mapping[str, Any]", data))

@@ -209,10 +209,7 @@ class Scaling:
         return -distance if value < 0 else distance
 
     def _pixels(
-        self,
-        values: FloatArray,
-        source: npt.ArrayLike,
-        target: npt.ArrayLike,
+        self, values: FloatArray, source: npt.ArrayLike, target: npt.ArrayLike
     ) -> Int64Array:
         """Return the pixels of the target to which numbers of the source map."""
         near = np.clip(values, -_FAR, _FAR)
@@ -233,20 +230,12 @@ def _xy(size: Size) -> Int64Array:
     return np.array([width, height], np.int64)
 
 
-def _rounded(
-    edges: Int64Array,
-    source: Int64Array,
-    target: Int64Array,
-) -> Int64Array:
+def _rounded(edges: Int64Array, source: Int64Array, target: Int64Array) -> Int64Array:
     """Return scaled edges, halves rounded up."""
     return (2 * edges * target + source) // (2 * source)
 
 
-def _centres(
-    pixels: Int64Array,
-    source: Int64Array,
-    target: Int64Array,
-) -> Int64Array:
+def _centres(pixels: Int64Array, source: Int64Array, target: Int64Array) -> Int64Array:
     """Return the pixels of the target in which the centres of pixels of the source lie.
 
     The arithmetic is in integers, because products of floats would put some centres on the wrong

@@ -135,12 +135,7 @@ class Backend(ABC):
         """Return a new picture of `size` (height, width), bit for bit Pillow's bicubic result."""
 
     def apply_many(
-        self,
-        plans: list[Plan],
-        images: Any,
-        lead: tuple[int, ...],
-        *,
-        inplace: bool = False,
+        self, plans: list[Plan], images: Any, lead: tuple[int, ...], *, inplace: bool = False
     ) -> Any:
         """Apply one plan to each picture of an array; the caller has checked all arguments.
 
@@ -163,13 +158,7 @@ class Backend(ABC):
         ]
         return self.gather(results, lead)
 
-    def _apply_one(
-        self,
-        plan: Plan,
-        image: Any,
-        *,
-        inplace: bool,
-    ) -> Any:
+    def _apply_one(self, plan: Plan, image: Any, *, inplace: bool) -> Any:
         result = self.run(plan, image, owned=inplace)
         if result is image:
             return image if inplace else self.copy(image)
@@ -179,12 +168,7 @@ class Backend(ABC):
         return image
 
     def _apply_batch(
-        self,
-        plans: list[Plan],
-        batch: Any,
-        lead: tuple[int, ...],
-        *,
-        inplace: bool,
+        self, plans: list[Plan], batch: Any, lead: tuple[int, ...], *, inplace: bool
     ) -> Any:
         """Apply plans that keep the size, and write the results into one array."""
         out = batch if inplace else self.empty_like(batch)
@@ -198,13 +182,7 @@ class Backend(ABC):
                 view[...] = result
         return out
 
-    def run(
-        self,
-        plan: Plan,
-        image: Any,
-        *,
-        owned: bool,
-    ) -> Any:
+    def run(self, plan: Plan, image: Any, *, owned: bool) -> Any:
         """Run the operations of a plan on one picture.
 
         An `owned` picture may be written into; any other is copied before the first write.

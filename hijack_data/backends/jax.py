@@ -75,12 +75,7 @@ class JaxBackend(Backend):
         return jax_ops.resample(image, size)
 
     def apply_many(
-        self,
-        plans: list[Plan],
-        images: Any,
-        lead: tuple[int, ...],
-        *,
-        inplace: bool = False,
+        self, plans: list[Plan], images: Any, lead: tuple[int, ...], *, inplace: bool = False
     ) -> Any:
         """See `Backend.apply_many`; the NumPy backend runs plans for arrays on the CPU."""
         memory = _on_host(images)

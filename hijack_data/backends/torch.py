@@ -87,12 +87,7 @@ class TorchBackend(Backend):
         return torch_ops.tensor(resized).permute(2, 0, 1)
 
     def apply_many(
-        self,
-        plans: list[Plan],
-        images: Tensor,
-        lead: tuple[int, ...],
-        *,
-        inplace: bool = False,
+        self, plans: list[Plan], images: Tensor, lead: tuple[int, ...], *, inplace: bool = False
     ) -> Any:
         """See `Backend.apply_many`; pictures that are not on the CPU are processed together."""
         if not together(images):
@@ -109,11 +104,7 @@ class TorchBackend(Backend):
         return out
 
     def _run_together(
-        self,
-        plans: list[Plan],
-        images: list[Tensor],
-        *,
-        owned: bool,
+        self, plans: list[Plan], images: list[Tensor], *, owned: bool
     ) -> list[Tensor]:
         """Run one plan for each of several pictures on one device, as `run` does for one picture.
 

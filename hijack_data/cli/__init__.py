@@ -163,11 +163,7 @@ def main(argv: list[str] | None = None) -> None:
     _print_anything()
     try:
         with _plugin_warnings():
-            code = hijack.main(
-                args=argv,
-                prog_name="hijack",
-                standalone_mode=False,
-            )
+            code = hijack.main(args=argv, prog_name="hijack", standalone_mode=False)
     except StorageError as error:
         fail(str(error), FULL)
     except HijackError as error:
@@ -211,11 +207,7 @@ def _plugin_warnings() -> Generator[None]:
     with warnings.catch_warnings():
         others = warnings.showwarning
 
-        def show(
-            message: Warning | str,
-            category: type[Warning],
-            *rest: Any,
-        ) -> None:
+        def show(message: Warning | str, category: type[Warning], *rest: Any) -> None:
             if issubclass(category, PluginWarning):
                 click.echo(f"hijack: warning: {message}", err=True)
             else:

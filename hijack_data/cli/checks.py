@@ -39,11 +39,7 @@ DoctorRow: TypeAlias = tuple[str, str, str, str]
     metavar="S",
     help="Seconds that an agent has for each check.",
 )
-def check(
-    target: str,
-    desktop: bool,
-    timeout: float,
-) -> None:
+def check(target: str, desktop: bool, timeout: float) -> None:
     """Run the conformance suites on what a file holds: corruptions, live effects, agents, tasks.
 
     An agent may also be named as for `hijack bench --agent`: my_agent.py:MyAgent, random.
@@ -68,11 +64,7 @@ def check(
         raise SystemExit(1)
 
 
-def _check_file(
-    out: Any,
-    loaded: LoadedFile,
-    desktop: bool,
-) -> int:
+def _check_file(out: Any, loaded: LoadedFile, desktop: bool) -> int:
     """Check corruptions and effects; return how many checks failed."""
     failed = 0
     corruptions = [registry.find(name) for name in loaded.corruptions]
@@ -108,32 +100,19 @@ def _tasks_of(loaded: LoadedFile) -> list[str]:
     return importlib.import_module("online_env.tasks.checking").tasks_of(loaded)
 
 
-def _check_task(
-    out: Any,
-    name: str,
-    desktop: bool,
-) -> int:
+def _check_task(out: Any, name: str, desktop: bool) -> int:
     """Check a task; return how many checks failed."""
     checking: Any = importlib.import_module("online_env.tasks.checking")
     return _show_all(out, "task", name, checking.check(name, desktop))
 
 
-def _check_agent(
-    out: Any,
-    name: str,
-    timeout: float,
-) -> int:
+def _check_agent(out: Any, name: str, timeout: float) -> int:
     """Check an agent; return how many checks failed."""
     checking: Any = importlib.import_module("online_env.agents.checking")
     return _show_all(out, "agent", name, checking.check(name, timeout))
 
 
-def _show_all(
-    out: Any,
-    kind: str,
-    name: str,
-    results: Iterable[Any],
-) -> int:
+def _show_all(out: Any, kind: str, name: str, results: Iterable[Any]) -> int:
     """Print the outcomes of all checks of one plug-in; return how many failed."""
     out.print(f"[bold]{kind}[/] ", end="")
     out.print(name, markup=False)
@@ -164,11 +143,7 @@ def doctor(as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps({"found": [_plain(row) for row in rows], "remedy": remedy}))
         return
-    table = Table(
-        box=None,
-        header_style="bold",
-        pad_edge=False,
-    )
+    table = Table(box=None, header_style="bold", pad_edge=False)
     for column in ("", "what", "for", "found"):
         table.add_column(column, overflow="fold")  # a truncated path would be useless
     for row in rows:

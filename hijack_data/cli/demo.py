@@ -18,10 +18,7 @@ from .pictures import make_scene
 
 HERE = Path(__file__).resolve()
 # The folders in an installed package, and in a clone.
-PLACES = (
-    HERE.parents[1] / "_examples" / "recordings",
-    HERE.parents[2] / "examples" / "recordings",
-)
+PLACES = (HERE.parents[1] / "_examples" / "recordings", HERE.parents[2] / "examples" / "recordings")
 SCREENS = ("notes-04.png", "rename-04.png", "multiply-03.png")
 VISUAL = ("pop_ups", "marks", "subtitle", "resolution")
 
@@ -85,11 +82,7 @@ def command(*words: object) -> None:
     texts = [str(word) for word in words]
     click.echo(f"$ hijack {' '.join(texts)}")
     try:
-        code: object = hijack.main(
-            args=texts,
-            prog_name="hijack",
-            standalone_mode=False,
-        )
+        code: object = hijack.main(args=texts, prog_name="hijack", standalone_mode=False)
     except SystemExit as end:
         code = end.code
     if code not in (None, 0, 1):
@@ -103,11 +96,7 @@ def before_and_after(picture: Path, out: Path) -> None:
     for name in VISUAL:
         planner = get(name)
         scene, _ = make_scene(planner, screen, None)
-        plan = planner.plan(
-            scene,
-            seed=3,
-            sample="demo",
-        )
+        plan = planner.plan(scene, seed=3, sample="demo")
         rows.append((name, screen, apply(plan, screen)))
     write_atomic(out, encode_png(contact_sheet(rows)))
     click.echo(f"{out}: before and after")

@@ -19,14 +19,7 @@ def describe(cls: type[registry.Corruption]) -> dict[str, Any]:
     rows: list[dict[str, Any]] = []
     for key, (meta, default) in p.parameters(cls).items():
         value = p.to_json(default)
-        rows.append(
-            {
-                "name": key,
-                "default": value,
-                "accepts": meta.accepts,
-                "doc": meta.doc,
-            }
-        )
+        rows.append({"name": key, "default": value, "accepts": meta.accepts, "doc": meta.doc})
     levels = [{key: p.to_json(value) for key, value in level.items()} for level in cls.severities]
     return {
         "name": cls.name,
@@ -139,12 +132,7 @@ def show(name: str, as_json: bool) -> None:
 
 
 def _table(*columns: str) -> Table:
-    return Table(
-        *columns,
-        box=None,
-        header_style="bold",
-        pad_edge=False,
-    )
+    return Table(*columns, box=None, header_style="bold", pad_edge=False)
 
 
 def _shown(default: Any) -> str:

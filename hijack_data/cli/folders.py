@@ -47,12 +47,7 @@ def below(folder: Path) -> list[Path]:
     return found
 
 
-def apply_below(
-    folder: Path,
-    out: Path,
-    corrupt: Corrupt,
-    as_json: bool,
-) -> None:
+def apply_below(folder: Path, out: Path, corrupt: Corrupt, as_json: bool) -> None:
     """Corrupt every picture below a folder, each into a PNG of the same name below `out`.
 
     The path of a picture inside the folder is its sample id, so each picture gets its own plan. A
@@ -104,22 +99,9 @@ def _target(name: Path, counts: Counter[Path]) -> Path:
     return name.with_name(f"{name.name}.png")
 
 
-def _report(
-    out: Path,
-    done: list[dict[str, Any]],
-    problems: list[str],
-    as_json: bool,
-) -> None:
+def _report(out: Path, done: list[dict[str, Any]], problems: list[str], as_json: bool) -> None:
     if as_json:
-        click.echo(
-            json.dumps(
-                {
-                    "out": str(out),
-                    "pictures": done,
-                    "problems": problems,
-                }
-            )
-        )
+        click.echo(json.dumps({"out": str(out), "pictures": done, "problems": problems}))
     else:
         click.echo(f"{out}: {counted(len(done), 'picture')}")
         notes = Counter[str]()

@@ -30,10 +30,7 @@ class FiniteRange(click.FloatRange):
     """A number in a range, which `nan` and `inf` are not: no JSON holds them, no limit is kept."""
 
     def convert(
-        self,
-        value: Any,
-        param: click.Parameter | None,
-        ctx: click.Context | None,
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
         """Return the number, or end the command with a message."""
         number = float(super().convert(value, param, ctx))

@@ -53,9 +53,7 @@ def parse_settings(cls: type[Corruption], settings: tuple[str, ...]) -> dict[str
 
 
 def make_scene(
-    planner: Planner,
-    image: UInt8Array,
-    tree: str | None,
+    planner: Planner, image: UInt8Array, tree: str | None
 ) -> tuple[Scene, tuple[str, ...]]:
     """Make the scene of a picture, with its elements if the corruption needs them."""
     if tree is not None:
@@ -184,11 +182,7 @@ def apply_command(
     """
     sample = options.pop("sample")
 
-    def corrupt(
-        image: str,
-        out: str,
-        sample: str,
-    ) -> tuple[Plan, UInt8Array, tuple[str, ...]]:
+    def corrupt(image: str, out: str, sample: str) -> tuple[Plan, UInt8Array, tuple[str, ...]]:
         given: dict[str, Any] = {**options, "sample": sample}
         pixels, notes = load_image(image)
         plan, more = _planned(pixels, name, given.pop("plan_file"), given.pop("settings"), **given)
@@ -197,11 +191,7 @@ def apply_command(
         return plan, result, (*notes, *more, *plan.notes)
 
     if Path(image).is_dir():
-        _refuse_for_folders(
-            sample=sample,
-            save_plan=save_plan,
-            tree=options["tree"],
-        )
+        _refuse_for_folders(sample=sample, save_plan=save_plan, tree=options["tree"])
         apply_below(Path(image), Path(out), corrupt, as_json)
         return
     if Path(out).suffix.lower() != ".png":
@@ -222,12 +212,7 @@ def _refuse_for_folders(**options: str | None) -> None:
 
 
 def _report(
-    plan: Plan,
-    result: UInt8Array,
-    notes: tuple[str, ...],
-    backend: str,
-    out: str,
-    as_json: bool,
+    plan: Plan, result: UInt8Array, notes: tuple[str, ...], backend: str, out: str, as_json: bool
 ) -> None:
     sha = sha256_of(result)
     height, width = result.shape[:2]
@@ -238,15 +223,7 @@ def _report(
             "sha256": sha,
             "size": [width, height],
         }
-        click.echo(
-            json.dumps(
-                {
-                    **row,
-                    "notes": list(notes),
-                    "backend": backend,
-                }
-            )
-        )
+        click.echo(json.dumps({**row, "notes": list(notes), "backend": backend}))
         return
     click.echo(f"{out}: {plan.corruption}, {width}x{height}, plan {plan.digest()[:12]}, {backend}")
     for note in notes:
@@ -254,30 +231,15 @@ def _report(
 
 
 @click.command()
-@click.argument(
-    "images",
-    nargs=-1,
-    required=True,
-    metavar="IMAGE|DIR...",
-)
-@click.option(
-    "-o",
-    "--out",
-    required=True,
-    metavar="OUT.html",
-    help="Where to write the page.",
-)
+@click.argument("images", nargs=-1, required=True, metavar="IMAGE|DIR...")
+@click.option("-o", "--out", required=True, metavar="OUT.html", help="Where to write the page.")
 @seed_option()
 @click.option("--corruptions", metavar="A,B|all", help="Which to show.  [default: all]")
 @click.option(
     "--detect", type=click.Choice(["picture", "ocr", "none"]), help="How to find elements."
 )
 def gallery(
-    images: tuple[str, ...],
-    out: str,
-    seed: int,
-    corruptions: str | None,
-    detect: Any,
+    images: tuple[str, ...], out: str, seed: int, corruptions: str | None, detect: Any
 ) -> None:
     """Make one self-contained HTML page of before/after pictures."""
     from ..gallery import gallery as make_page
@@ -288,12 +250,7 @@ def gallery(
     planners: dict[str, Planner] | None = None
     if corruptions:
         planners = {spec.name: spec for spec in specs_from(corruptions)}
-    page = make_page(
-        pictures_of(images),
-        seed=seed,
-        planners=planners,
-        detect=detect,
-    )
+    page = make_page(pictures_of(images), seed=seed, planners=planners, detect=detect)
     if page.pictures:
         write_atomic(out, page.html)
         many = f"{page.pictures} picture{'s' if page.pictures > 1 else ''}"

@@ -75,12 +75,7 @@ class FigureTable:
         return not self._rows or any(row[place] for row in self._rows)
 
     def _part(self, label_width: int, places: Sequence[int]) -> Table:
-        table = Table(
-            box=None,
-            header_style="bold",
-            pad_edge=False,
-            padding=(0, _GAP, 0, 0),
-        )
+        table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, _GAP, 0, 0))
         table.add_column(escape(self._headings[0]), overflow="fold", width=label_width)
         for place in places:
             table.add_column(escape(self._headings[place]), justify="right", overflow="fold")

@@ -45,11 +45,7 @@ def lines() -> Iterator[str]:
     yield f"  {', '.join(found)}"
 
 
-def show_version(
-    context: click.Context,
-    _option: click.Parameter,
-    wanted: bool,
-) -> None:
+def show_version(context: click.Context, _option: click.Parameter, wanted: bool) -> None:
     """Print the version and the environment, then exit; the callback of `--version`."""
     if not wanted or context.resilient_parsing:
         return

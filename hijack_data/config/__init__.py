@@ -124,12 +124,7 @@ def _tree(source: object, problems: Problems) -> tuple[str, ConfigNode | None]:
     raise ParameterTypeError(f"a configuration is a path, a name or a mapping, got {shown(source)}")
 
 
-def _config(
-    tree: MappingNode,
-    source: str,
-    problems: Problems,
-    paper: bool,
-) -> Config:
+def _config(tree: MappingNode, source: str, problems: Problems, paper: bool) -> Config:
     flag = tree.items.get("paper_compat")
     paper = bool(check(problems, _PAPER, "paper_compat", flag)) if flag else paper
     if paper and "corruptions" not in tree.items:

@@ -194,11 +194,7 @@ class Builder:
         return [check(self.problems, _WEIGHT, f"one_of.weights[{i}]", item) for i, item in items]
 
     def _combinator(
-        self,
-        entry: ConfigEntry,
-        what: str,
-        member: str,
-        keys: tuple[str, ...],
+        self, entry: ConfigEntry, what: str, member: str, keys: tuple[str, ...]
     ) -> tuple[MappingNode, ConfigNode] | None:
         """Return the settings of a combinator, and its members; a bare list holds members only."""
         if isinstance(entry.settings, SequenceNode):

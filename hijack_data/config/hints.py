@@ -8,14 +8,7 @@ from .tree import ConfigNode, ScalarNode
 _HEX = re.compile(r"(?:[0-9a-fA-F]{3}){1,2}")
 _TEXT_KINDS = ("str", "choice", "color", "ip")
 _NUMBERS = ("int", "float", "steps")
-_TRUTH = {
-    "yes": "true",
-    "on": "true",
-    "y": "true",
-    "no": "false",
-    "off": "false",
-    "n": "false",
-}
+_TRUTH = {"yes": "true", "on": "true", "y": "true", "no": "false", "off": "false", "n": "false"}
 _CLOCK = re.compile(r"[-+]?[0-9]+(?::[0-9]+)+")
 _NUMBER_OR_BOOL = re.compile(r"[-+.0-9eE]+|true|false")
 

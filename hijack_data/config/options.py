@@ -68,9 +68,7 @@ OPTIONS: Mapping[str, Option] = {
     "seed": Parameter("int", "Seed of every draw", low=0, high=2**64 - 1),
     "clean": Parameter("bool", "Keep the clean rows too"),
     "label_policy": Parameter(
-        "choice",
-        "What becomes of a step whose target is hidden",
-        choices=LABEL_POLICIES,
+        "choice", "What becomes of a step whose target is hidden", choices=LABEL_POLICIES
     ),
     "output": Parameter("choice", "Store pixels or plans", choices=OUTPUTS),
     "splits": SplitShares(),

@@ -10,11 +10,7 @@ from ..params import Parameter, parameters
 # (`paper=` of each parameter).
 _ALSO: Mapping[str, Mapping[str, str]] = {
     "marks": {"size": "mark_size", "type": "mark_type"},
-    "subtitle": {
-        "text": "subtitle_text",
-        "size": "font_size",
-        "font": "font_path",
-    },
+    "subtitle": {"text": "subtitle_text", "size": "font_size", "font": "font_path"},
     "multi_apps": {"app": "another_app"},
     "accidental_touch": {"w\\/o_app": "without_app", "wo_app": "without_app"},
     "network_error": {"ip": "local_ip", "local_ip": "local_ip"},

@@ -45,13 +45,7 @@ def dump(
     Builder(problems).build(from_python(entries, "dump", problems))
     problems.check()
     data = {"corruptions": entries, **(options or {})}
-    return yaml.dump(
-        data,
-        Dumper=_Dumper,
-        sort_keys=False,
-        allow_unicode=True,
-        width=WIDTH,
-    )
+    return yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=WIDTH)
 
 
 def _labelled(planners: Iterable[Planner]) -> dict[str, Planner]:

@@ -59,11 +59,7 @@ def read_spec(
 
 
 def check(
-    problems: Problems,
-    parameter: Option,
-    where: str,
-    tree: ConfigNode,
-    key: PaperKey | None = None,
+    problems: Problems, parameter: Option, where: str, tree: ConfigNode, key: PaperKey | None = None
 ) -> Any:
     """Return the checked value of a tree, or note why it is refused and return `None`."""
     value = plain(tree)
@@ -75,11 +71,7 @@ def check(
         return None
 
 
-def _advice(
-    key: str,
-    known: list[str],
-    keys: dict[str, PaperKey],
-) -> str:
+def _advice(key: str, known: list[str], keys: dict[str, PaperKey]) -> str:
     if key not in keys:
         return suggest(key, [*known, *COMMON])
     turned = " with the opposite value" if keys[key].opposite else ""

@@ -121,11 +121,7 @@ def kind_of(tree: ConfigNode) -> str:
             return f"{tree.value!r} ({type(tree.value).__name__})"
 
 
-def from_python(
-    value: object,
-    name: str,
-    problems: Problems,
-) -> ConfigNode:
+def from_python(value: object, name: str, problems: Problems) -> ConfigNode:
     """Return Python data (mappings, lists, scalars) as a tree.
 
     The limits are those of files, because data with shared lists and mappings (from YAML aliases)
@@ -140,11 +136,7 @@ def from_python(
 
 
 def _convert(
-    value: object,
-    name: str,
-    problems: Problems,
-    depth: int,
-    counter: Iterator[int],
+    value: object, name: str, problems: Problems, depth: int, counter: Iterator[int]
 ) -> ConfigNode:
     place = Position(name)
     if depth > MAX_DEPTH or next(counter) > MAX_VALUES:

@@ -61,11 +61,7 @@ def resolve(text: str) -> object:
     return text
 
 
-def read_yaml(
-    data: bytes,
-    file: str,
-    problems: Problems,
-) -> ConfigNode | None:
+def read_yaml(data: bytes, file: str, problems: Problems) -> ConfigNode | None:
     """Return the one document of a YAML file, or `None` when it is empty.
 
     A mistake after which reading can go on is noted in `problems`.
@@ -98,11 +94,7 @@ def read_yaml(
         problems.stop(place, "not valid YAML: a character code or version number is out of range")
 
 
-def _decode(
-    data: bytes,
-    file: str,
-    problems: Problems,
-) -> str:
+def _decode(data: bytes, file: str, problems: Problems) -> str:
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -142,12 +134,7 @@ def _height(tree: ConfigNode) -> int:
 class _Reader:
     """Builds the tree from the events of PyYAML's parser, which constructs no Python objects."""
 
-    def __init__(
-        self,
-        text: str,
-        file: str,
-        problems: Problems,
-    ) -> None:
+    def __init__(self, text: str, file: str, problems: Problems) -> None:
         self._parser = cast(Any, yaml.SafeLoader(text))
         self._file = file
         self._problems = problems
@@ -209,12 +196,7 @@ class _Reader:
             advice = "remove it (quotes make a text of anything)"
             self._problems.add(place, f"the tag {name!r} is refused; {advice}")
 
-    def _alias(
-        self,
-        event: Any,
-        place: Position,
-        depth: int,
-    ) -> ConfigNode:
+    def _alias(self, event: Any, place: Position, depth: int) -> ConfigNode:
         if event.anchor not in self._anchors:
             self._problems.stop(
                 place, f"the alias *{event.anchor} has no finished anchor &{event.anchor} before it"

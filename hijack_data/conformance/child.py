@@ -8,11 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 
-def digest(
-    spec: Any,
-    scene: Any,
-    key: Mapping[str, Any],
-) -> str:
+def digest(spec: Any, scene: Any, key: Mapping[str, Any]) -> str:
     """Return the digest of a plan, or the name of the error that planning raises."""
     try:
         return spec.plan(scene, **key).digest()

@@ -49,24 +49,11 @@ def check_kept(cls: type[Corruption]) -> None:
     """Later plans do not change an earlier one."""
     screen = screens.scene(screens.SIZES[0])
     specs = screens.levels(cls)
-    made = [
-        spec.plan(
-            screen,
-            seed=seed,
-            sample="kept",
-        )
-        for spec in specs
-        for seed in range(3)
-    ]
+    made = [spec.plan(screen, seed=seed, sample="kept") for spec in specs for seed in range(3)]
     told = [plan.to_json() for plan in made]
     for spec in reversed(specs):
         for seed in range(3, 6):
-            spec.plan(
-                screen,
-                seed=seed,
-                sample="later",
-                epoch=1,
-            ).to_json()
+            spec.plan(screen, seed=seed, sample="later", epoch=1).to_json()
     expect(
         [plan.to_json() for plan in made] == told,
         "planning again changes plans that were made before: give each plan a recipe, parameters "
@@ -81,11 +68,7 @@ def check_untouched(cls: type[Corruption]) -> None:
         for screen in given:
             before = _state(spec, screen)
             with suppress(Exception):  # the checks in `scenes` report what planning raises
-                spec.plan(
-                    screen,
-                    seed=1,
-                    sample="untouched",
-                )
+                spec.plan(screen, seed=1, sample="untouched")
             changed = [key for key, value in _state(spec, screen).items() if before[key] != value]
             advice = "only read what is given, or work on a copy"
             expect(not changed, f"planning changes {', '.join(changed)}; {advice}")

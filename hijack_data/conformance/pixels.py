@@ -117,15 +117,7 @@ def check_batches(cls: type[Corruption]) -> None:
     """A batch with a plan for each picture equals the pictures one by one, also in place."""
     size = screens.SIZES[2]
     try:
-        plans = [
-            cls().plan(
-                scene(size),
-                seed=3,
-                sample=i,
-                step=None,
-            )
-            for i in range(3)
-        ]
+        plans = [cls().plan(scene(size), seed=3, sample=i, step=None) for i in range(3)]
     except ParameterError:
         return
     image = picture(size)
@@ -145,14 +137,7 @@ def check_scope(cls: type[Corruption]) -> None:
     made = [plan for plan, _ in screens.plans(cls)]
     full = scene(screens.SIZES[0])
     for spec in screens.variants(cls):
-        made += [
-            spec.plan(
-                full,
-                seed=seed,
-                sample="scope",
-            )
-            for seed in range(SCOPE_SEEDS)
-        ]
+        made += [spec.plan(full, seed=seed, sample="scope") for seed in range(SCOPE_SEEDS)]
     for plan in made:
         check_declared(cls, plan)
         _check_plan_scope(plan, cls.scope)
@@ -183,12 +168,7 @@ def check_visible(cls: type[Corruption]) -> None:
     size = screens.SIZES[0]
     image = picture(size)
     for spec in levels(cls):
-        plan = spec.plan(
-            scene(size),
-            seed=3,
-            sample="check",
-            step=None,
-        )
+        plan = spec.plan(scene(size), seed=3, sample="check", step=None)
         if plan.notes:
             continue
         if cls.scope == "observation":

@@ -24,22 +24,10 @@ TIMEOUT = 120.0  # seconds
 # Several, because a small set often has the same order under two hash seeds. The dates of the two
 # time zones always differ.
 WORLDS: tuple[Mapping[str, str], ...] = (
-    {
-        "PYTHONHASHSEED": "0",
-        "TZ": "Pacific/Kiritimati",
-    },
-    {
-        "PYTHONHASHSEED": "1",
-        "TZ": "Etc/GMT+12",
-    },
-    {
-        "PYTHONHASHSEED": "2",
-        "TZ": "Pacific/Kiritimati",
-    },
-    {
-        "PYTHONHASHSEED": "3",
-        "TZ": "Etc/GMT+12",
-    },
+    {"PYTHONHASHSEED": "0", "TZ": "Pacific/Kiritimati"},
+    {"PYTHONHASHSEED": "1", "TZ": "Etc/GMT+12"},
+    {"PYTHONHASHSEED": "2", "TZ": "Pacific/Kiritimati"},
+    {"PYTHONHASHSEED": "3", "TZ": "Etc/GMT+12"},
 )
 
 
@@ -119,11 +107,7 @@ def _path_entry(entry: str) -> str:
     return os.path.abspath(entry)
 
 
-def _start(
-    request: Path,
-    world: Mapping[str, str],
-    folder: str,
-) -> subprocess.Popen[bytes]:
+def _start(request: Path, world: Mapping[str, str], folder: str) -> subprocess.Popen[bytes]:
     optimised = [f"-{'O' * sys.flags.optimize}"] if sys.flags.optimize else []
     with request.open("rb") as file:
         return subprocess.Popen(
@@ -132,10 +116,7 @@ def _start(
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             cwd=folder,
-            env={
-                **os.environ,
-                **world,
-            },
+            env={**os.environ, **world},
         )
 
 

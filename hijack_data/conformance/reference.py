@@ -25,12 +25,7 @@ def reference(plan: Plan, image: UInt8Array) -> UInt8Array:
     return out.astype(np.uint8)
 
 
-def _stamp(
-    out: np.ndarray[Any, Any],
-    op: Paste,
-    x: int,
-    y: int,
-) -> None:
+def _stamp(out: np.ndarray[Any, Any], op: Paste, x: int, y: int) -> None:
     """Blend one sprite: `d` becomes the nearest integer to `(d * (255 - alpha) + paint) / 255`."""
     sprite = render(op.sprite)
     height, width = sprite.size

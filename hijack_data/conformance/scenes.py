@@ -26,29 +26,17 @@ def check_scenes(cls: type[Corruption]) -> list[str]:
     return [f"a screen {what} is refused: {reason}" for what, reason in refused.items()]
 
 
-def _planned(
-    spec: Corruption,
-    what: str,
-    screen: Scene,
-) -> Plan | str:
+def _planned(spec: Corruption, what: str, screen: Scene) -> Plan | str:
     """Return the plan, or the reason why the screen is refused."""
     try:
-        return spec.plan(
-            screen,
-            seed=2,
-            sample="scenes",
-        )
+        return spec.plan(screen, seed=2, sample="scenes")
     except ParameterError as error:
         return str(error)
     except Exception as error:  # noqa: BLE001  (a plug-in may raise anything)
         fail(f"on a screen {what}: {type(error).__name__}: {error}")
 
 
-def _check_applies(
-    plan: Plan,
-    what: str,
-    screen: Scene,
-) -> None:
+def _check_applies(plan: Plan, what: str, screen: Scene) -> None:
     expect(Plan.from_json(plan.to_json()) == plan, f"the plan for a screen {what} is not JSON data")
     if not plan.ops:
         return
@@ -81,16 +69,8 @@ def check_elements(cls: type[Corruption]) -> list[str]:
     return idle[:1]
 
 
-def _outcome(
-    spec: Corruption,
-    screen: Scene,
-    seed: int,
-) -> str:
+def _outcome(spec: Corruption, screen: Scene, seed: int) -> str:
     try:
-        return spec.plan(
-            screen,
-            seed=seed,
-            sample="elements",
-        ).digest()
+        return spec.plan(screen, seed=seed, sample="elements").digest()
     except Exception as error:  # noqa: BLE001  (an IndexError shows that boxes are read)
         return type(error).__name__

@@ -114,12 +114,7 @@ def plans(cls: type[Corruption]) -> Iterator[tuple[Plan, Size]]:
     for size in SIZES:
         for spec in levels(cls):
             try:
-                plan = spec.plan(
-                    scene(size),
-                    seed=3,
-                    sample="check",
-                    step=None,
-                )
+                plan = spec.plan(scene(size), seed=3, sample="check", step=None)
             except ParameterError as error:
                 expect(size != SIZES[0], f"the default must fit a 1920x1080 screen: {error}")
             else:

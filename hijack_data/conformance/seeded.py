@@ -50,19 +50,10 @@ def _seed_generators(seed: int) -> None:
     np.random.seed(seed)  # noqa: NPY002
 
 
-def _digests(
-    specs: Iterable[Corruption],
-    keys: Sequence[Any],
-    screen: Any,
-) -> dict[Any, str]:
+def _digests(specs: Iterable[Corruption], keys: Sequence[Any], screen: Any) -> dict[Any, str]:
     found: dict[Any, str] = {}
     for spec, (seed, sample, epoch) in zip(specs, keys, strict=True):
-        plan = spec.plan(
-            screen,
-            seed=seed,
-            sample=sample,
-            epoch=epoch,
-        )
+        plan = spec.plan(screen, seed=seed, sample=sample, epoch=epoch)
         found[seed, sample, epoch] = plan.digest()
     return found
 
@@ -108,21 +99,9 @@ def check_seed(cls: type[Corruption]) -> list[str]:
     """If a corruption draws from the stream, different seeds give different plans."""
     spec = cls()
     screen = scene(SIZES[0])
-    found = {
-        spec.plan(
-            screen,
-            seed=0,
-            sample="seed",
-        ).digest()
-    }
+    found = {spec.plan(screen, seed=0, sample="seed").digest()}
     for seed in range(1, MANY):
-        found.add(
-            spec.plan(
-                screen,
-                seed=seed,
-                sample="seed",
-            ).digest()
-        )
+        found.add(spec.plan(screen, seed=seed, sample="seed").digest())
         if len(found) > 1:
             return []
     stream = _Counting(0, spec.id, "seed", spec.first_step(), 0)
@@ -158,10 +137,6 @@ def _jobs(cls: type[Corruption]) -> list[processes.PlanRequest]:
     jobs: list[processes.PlanRequest] = []
     for spec, screen in tried:
         for seed, sample, epoch in FRESH_KEYS:
-            key = {
-                "seed": seed,
-                "sample": sample,
-                "epoch": epoch,
-            }
+            key = {"seed": seed, "sample": sample, "epoch": epoch}
             jobs.append(processes.PlanRequest(spec, screen, key))
     return jobs

@@ -46,12 +46,7 @@ class AccidentalTouch(Corruption):
         """True: it clicks one of the elements."""
         return True
 
-    def make_plan(
-        self,
-        scene: Scene,
-        stream: Stream,
-        step: int,
-    ) -> Draft:
+    def make_plan(self, scene: Scene, stream: Stream, step: int) -> Draft:
         """Order the known elements at random; the desktop clicks the first that still exists."""
         boxes = [box for box in scene.obstacles.tolist() if not _is_meant(box, scene.target)]
         order: list[list[int]] = []

@@ -37,11 +37,6 @@ class AppMinimization(Corruption):
 
     step: Steps = param(3, "The steps at which it happens", kind="steps", low=0)
 
-    def make_plan(
-        self,
-        scene: Scene,
-        stream: Stream,
-        step: int,
-    ) -> Draft:
+    def make_plan(self, scene: Scene, stream: Stream, step: int) -> Draft:
         """Show the desktop."""
         return Draft(effects=(Effect("minimise"),))

@@ -46,12 +46,7 @@ class Marks(Corruption):
         "Keep clear of interactive elements (the paper's overlap=True is avoid_elements=False)",
     )
 
-    def make_plan(
-        self,
-        scene: Scene,
-        stream: Stream,
-        step: int,
-    ) -> Draft:
+    def make_plan(self, scene: Scene, stream: Stream, step: int) -> Draft:
         """Draw centres until `number` marks are placed or the attempts are used up."""
         boxes = scene.obstacles if self.avoid_elements else as_boxes(None)
         attempts = self.number * ATTEMPTS_PER_MARK

@@ -42,12 +42,7 @@ class MultiApps(Corruption):
     another_app: str = param("vscode", "The other application", choices=APPS, paper="another app")
     step: Steps = param(0, "The step before which it opens", kind="steps", low=0)
 
-    def make_plan(
-        self,
-        scene: Scene,
-        stream: Stream,
-        step: int,
-    ) -> Draft:
+    def make_plan(self, scene: Scene, stream: Stream, step: int) -> Draft:
         """Take `another_app`, or the first of the paper's list that the task does not use."""
         used = {normalize_app(app) for app in scene.apps}
         candidates = [app for app in (self.another_app, *APPS) if app not in used]
@@ -60,15 +55,6 @@ class MultiApps(Corruption):
             else (f"the task uses {self.another_app}; {order[0]} takes its place",)
         )
         return Draft(
-            effects=(
-                Effect(
-                    "launch_app",
-                    {
-                        "app": order[0],
-                        "then": order[1:],
-                        "tile": True,
-                    },
-                ),
-            ),
+            effects=(Effect("launch_app", {"app": order[0], "then": order[1:], "tile": True}),),
             notes=notes,
         )

@@ -36,12 +36,7 @@ class NetworkError(Corruption):
         optional=True,
     )
 
-    def make_plan(
-        self,
-        scene: Scene,
-        stream: Stream,
-        step: int,
-    ) -> Draft:
+    def make_plan(self, scene: Scene, stream: Stream, step: int) -> Draft:
         """Close the firewall."""
         return Draft(
             effects=(Effect("firewall", {"allow": [self.local_ip] if self.local_ip else []}),)

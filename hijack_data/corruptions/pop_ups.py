@@ -41,11 +41,7 @@ class PopUps(Corruption):
         {"small_factor": 3},
         {"small_factor": 2},
         {},
-        {
-            "avoid_elements": False,
-            "width": 640,
-            "height": 360,
-        },
+        {"avoid_elements": False, "width": 640, "height": 360},
         {"avoid_elements": False},
     )
 
@@ -83,12 +79,7 @@ class PopUps(Corruption):
         for key, text in zip(("button", "window", "prefix", "suffix"), texts, strict=True):
             check_glyphs(text.replace("\n", ""), FONT, f"pop_ups.{key}_string")
 
-    def make_plan(
-        self,
-        scene: Scene,
-        stream: Stream,
-        step: int,
-    ) -> Draft:
+    def make_plan(self, scene: Scene, stream: Stream, step: int) -> Draft:
         """Choose the size and the place, then fit the texts.
 
         Raises:
@@ -176,13 +167,7 @@ class PopUps(Corruption):
                 )
         return template
 
-    def _text(
-        self,
-        scene: Scene,
-        stream: Stream,
-        x: int,
-        y: int,
-    ) -> str:
+    def _text(self, scene: Scene, stream: Stream, x: int, y: int) -> str:
         if self.random_position:
             x = stream.integer(0, scene.size[1] - 1)
             y = stream.integer(0, scene.size[0] - 1)
@@ -194,12 +179,7 @@ class PopUps(Corruption):
             ) from None
         return "\n".join(part for part in (self.prefix_string, window, self.suffix_string) if part)
 
-    def _recipe(
-        self,
-        text: str,
-        width: int,
-        height: int,
-    ) -> dict[str, Any] | None:
+    def _recipe(self, text: str, width: int, height: int) -> dict[str, Any] | None:
         """Return the recipe of the window, or `None` if its text would be too small to read.
 
         Paper: Algorithm 1, lines 10-21.
@@ -225,12 +205,7 @@ class PopUps(Corruption):
             "edge_color": "#1a1a1a",
         }
 
-    def _panel(
-        self,
-        box: list[int],
-        text: str,
-        fill: str,
-    ) -> dict[str, Any]:
+    def _panel(self, box: list[int], text: str, fill: str) -> dict[str, Any]:
         """Fit a text into a panel: wrap or join its lines so that the font can be largest.
 
         If nothing fits, the panel has no lines.
@@ -247,12 +222,7 @@ class PopUps(Corruption):
                     best = size, lines
                 if best[0] == LARGEST_FONT:
                     break
-        return {
-            "box": box,
-            "fill": fill,
-            "lines": best[1],
-            "font_size": best[0],
-        }
+        return {"box": box, "fill": fill, "lines": best[1], "font_size": best[0]}
 
 
 def _kept_clear(scene: Scene) -> BoxArray:
@@ -262,11 +232,7 @@ def _kept_clear(scene: Scene) -> BoxArray:
     return np.concatenate([scene.obstacles, as_boxes([scene.target])])
 
 
-def _span(
-    side: int,
-    length: int,
-    stream: Stream,
-) -> tuple[int, int]:
+def _span(side: int, length: int, stream: Stream) -> tuple[int, int]:
     """Draw the start and the length of a window along one side of the screen.
 
     The paper draws x in 960..1920 and y in 540..1080 for a window of 960x540 on 1920x1080, which

@@ -36,12 +36,7 @@ class Resolution(Corruption):
         False, "Scale back to the original size, for pipelines that need one shape"
     )
 
-    def make_plan(
-        self,
-        scene: Scene,
-        stream: Stream,
-        step: int,
-    ) -> Draft:
+    def make_plan(self, scene: Scene, stream: Stream, step: int) -> Draft:
         """Resize to the rounded size, and back when `restore` is set.
 
         Raises:

@@ -63,12 +63,7 @@ class Subtitle(Corruption):
     def _lines(self) -> list[str]:
         return self.subtitle_text.replace("\t", "    ").split("\n")
 
-    def make_plan(
-        self,
-        scene: Scene,
-        stream: Stream,
-        step: int,
-    ) -> Draft:
+    def make_plan(self, scene: Scene, stream: Stream, step: int) -> Draft:
         """Measure the lines, centre them and put them `padding` pixels from the edge."""
         if not self.subtitle_text.strip():
             return Draft(notes=("subtitle_text is empty: nothing is written",))

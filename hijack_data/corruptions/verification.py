@@ -30,11 +30,6 @@ class Verification(Corruption):
         -1, "The step before which it happens; -1 is before the episode", kind="steps", low=-1
     )
 
-    def make_plan(
-        self,
-        scene: Scene,
-        stream: Stream,
-        step: int,
-    ) -> Draft:
+    def make_plan(self, scene: Scene, stream: Stream, step: int) -> Draft:
         """Lock the session."""
         return Draft(effects=(Effect("lock"),))

@@ -198,13 +198,7 @@ class Sprite:
         paint = self.paint[self.alpha != 0]
         return bool((paint == paint[:1]).all())
 
-    def crop(
-        self,
-        top: int,
-        left: int,
-        bottom: int,
-        right: int,
-    ) -> "Sprite":
+    def crop(self, top: int, left: int, bottom: int, right: int) -> "Sprite":
         """Return the part of the sprite inside these bounds; its pixels are not copied."""
         parts = [layer.part((left, top, right, bottom)) for layer in self.layers]
         layers = tuple(layer for layer in parts if layer is not None)
@@ -253,11 +247,7 @@ def _planes(pixels: UInt8Array) -> list[tuple[UInt8Array, slice]]:
     return [(pixels[..., c], slice(c, c + 1)) for c in range(3)]
 
 
-def _blend(
-    below: UInt8Array,
-    layer: Layer,
-    channels: slice,
-) -> None:
+def _blend(below: UInt8Array, layer: Layer, channels: slice) -> None:
     """Blend one layer into its box of a flat picture, `[h, w * channels]`."""
     height, width = layer.size
     per = channels.stop - channels.start

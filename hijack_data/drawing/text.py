@@ -93,11 +93,7 @@ def advances(line: str, font: ImageFont.FreeTypeFont) -> list[float]:
         return [known[pair] for pair in pairs]
 
 
-def measure(
-    lines: Sequence[str],
-    font: ImageFont.FreeTypeFont,
-    edge: int = 0,
-) -> tuple[int, int]:
+def measure(lines: Sequence[str], font: ImageFont.FreeTypeFont, edge: int = 0) -> tuple[int, int]:
     """Return the width and height in pixels of lines below one another, each with an outline.
 
     The outline is `edge` pixels wide.
@@ -119,12 +115,7 @@ def overhang(lines: Sequence[str], font: ImageFont.FreeTypeFont) -> int:
 
 
 def largest_fitting(
-    lines: Sequence[str],
-    font: str,
-    width: int,
-    height: int,
-    high: int,
-    low: int = 1,
+    lines: Sequence[str], font: str, width: int, height: int, high: int, low: int = 1
 ) -> int | None:
     """Return the largest font size in `[low, high]` at which the lines fit `width` x `height`.
 
@@ -135,12 +126,7 @@ def largest_fitting(
 
 @lru_cache(maxsize=1024)
 def _largest_fitting(
-    lines: tuple[str, ...],
-    font: str,
-    width: int,
-    height: int,
-    high: int,
-    low: int,
+    lines: tuple[str, ...], font: str, width: int, height: int, high: int, low: int
 ) -> int | None:
     if low > high:
         return None
@@ -157,22 +143,12 @@ def _largest_fitting(
     return low
 
 
-def _fits(
-    lines: Sequence[str],
-    font: str,
-    size: int,
-    width: int,
-    height: int,
-) -> bool:
+def _fits(lines: Sequence[str], font: str, size: int, width: int, height: int) -> bool:
     w, h = measure(lines, load_font(font, size))
     return w <= width and h <= height
 
 
-def wrap(
-    text: str,
-    font: ImageFont.FreeTypeFont,
-    width: int,
-) -> list[str]:
+def wrap(text: str, font: ImageFont.FreeTypeFont, width: int) -> list[str]:
     """Break each line of `text` at spaces so that no line is wider than `width`, if possible."""
     lines: list[str] = []
     for paragraph in text.split("\n"):
@@ -199,11 +175,7 @@ def _drawn(font: ImageFont.FreeTypeFont, char: str) -> bytes:
     return image.tobytes()
 
 
-def check_glyphs(
-    text: str,
-    font: str,
-    where: str,
-) -> None:
+def check_glyphs(text: str, font: str, where: str) -> None:
     """Check that a font has all letters of `text`, the value of the parameter `where`.
 
     Raises:

@@ -74,12 +74,7 @@ def boxes_from_picture(image: object) -> Elements:
     order = np.lexsort((x2, y2, x1, y1))
     roles = tuple("control" if control else "thing" for control in is_control[order])
     notes = (*_cut_note(things), *_cut_note(controls))
-    return Elements(
-        boxes[order],
-        roles=roles,
-        source="picture",
-        notes=notes,
-    )
+    return Elements(boxes[order], roles=roles, source="picture", notes=notes)
 
 
 def _cut_note(parts: BoxArray) -> list[str]:
@@ -226,11 +221,7 @@ def _largest_first(boxes: BoxArray) -> BoxArray:
     return boxes[np.lexsort((x2, x1, y1, negative_area))]
 
 
-def _inside(
-    boxes: BoxArray,
-    outer: BoxArray,
-    slack: int,
-) -> Bools:
+def _inside(boxes: BoxArray, outer: BoxArray, slack: int) -> Bools:
     """Return which of `boxes`, `[N, 4]`, lie in which of `outer`, `[M, 4]`: bool `[M, N]`."""
     x1, y1, x2, y2 = boxes.T
     left, top, right, bottom = outer.T[..., None]
@@ -239,11 +230,7 @@ def _inside(
     return across & down
 
 
-def _select(
-    things: BoxArray,
-    controls: BoxArray,
-    finder: _Finder,
-) -> tuple[BoxArray, Bools]:
+def _select(things: BoxArray, controls: BoxArray, finder: _Finder) -> tuple[BoxArray, Bools]:
     """Keep the controls with a few things, and the things that are inside no other box.
 
     Both must be sorted with the largest first, so that the things of a control inside another are

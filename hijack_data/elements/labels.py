@@ -22,11 +22,7 @@ OVERSHOOT = 0.01
 _Dict: TypeAlias = Mapping[str, Any]
 
 
-def boxes_from_labels(
-    data: object,
-    normalized: bool = False,
-    size: Size | None = None,
-) -> Elements:
+def boxes_from_labels(data: object, normalized: bool = False, size: Size | None = None) -> Elements:
     """Read recorded labels; all labels keep their order, so indices stay valid.
 
     Raises `ElementsError`, with index and field, for any other structure, a number that is not
@@ -71,12 +67,7 @@ def _sequence(value: object, rule: str) -> Sequence[object]:
     return cast("Sequence[object]", value)
 
 
-def _label(
-    item: object,
-    where: str,
-    normalized: bool,
-    screen: Size | None,
-) -> list[float]:
+def _label(item: object, where: str, normalized: bool, screen: Size | None) -> list[float]:
     # Returns the box of a label as x1, y1, x2, y2 in pixels.
     numbers, path, has_size = _numbers(item, where)
     x1, y1, x2, y2 = numbers
@@ -99,11 +90,7 @@ def _label(
     return box
 
 
-def _check_fractions(
-    box: list[float],
-    numbers: list[float],
-    where: str,
-) -> None:
+def _check_fractions(box: list[float], numbers: list[float], where: str) -> None:
     if min(box) < -OVERSHOOT or max(box) > 1 + OVERSHOOT:
         raise ElementsError(
             f"{where} = {numbers} leaves the screen; fractions are 0 to 1 (pixels:"
@@ -111,11 +98,7 @@ def _check_fractions(
         )
 
 
-def _in_pixels(
-    box: list[float],
-    screen: Size | None,
-    where: str,
-) -> list[float]:
+def _in_pixels(box: list[float], screen: Size | None, where: str) -> list[float]:
     if screen is None:
         raise ElementsError(
             f"{where} holds fractions of the screen: give size=(height, width) in pixels"

@@ -30,12 +30,7 @@ class Parts:
         area: the number of its pixels, intp `[N]`.
     """
 
-    def __init__(
-        self,
-        cv2: Any,
-        mask: UInt8Array,
-        connectivity: int,
-    ) -> None:
+    def __init__(self, cv2: Any, mask: UInt8Array, connectivity: int) -> None:
         packed = np.packbits(mask, axis=1)
         changes = (packed[1:] != packed[:-1]).any(axis=1)
         is_new = np.concatenate([[True], changes])
@@ -105,11 +100,7 @@ def _runs(cv2: Any, mask: UInt8Array) -> tuple[Ints, Ints, Ints]:
     return row, start, start + ends - begins
 
 
-def straight(
-    cv2: Any,
-    mask: UInt8Array,
-    length: int,
-) -> UInt8Array:
+def straight(cv2: Any, mask: UInt8Array, length: int) -> UInt8Array:
     """Return the straight lines of a mask: its openings with a row and a column of `length`.
 
     The length is odd. As with OpenCV, a line counts even if half of it is outside the picture.
@@ -134,11 +125,7 @@ def _opened(mask: UInt8Array, length: int) -> UInt8Array:
     return bits * np.uint8(255)
 
 
-def _folded(
-    fold: Callable[..., UInt8Array],
-    rows: UInt8Array,
-    length: int,
-) -> UInt8Array:
+def _folded(fold: Callable[..., UInt8Array], rows: UInt8Array, length: int) -> UInt8Array:
     """Fold each row with the `length - 1` rows below it, in doubling steps."""
     done = 1
     while done < length:

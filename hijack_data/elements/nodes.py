@@ -188,10 +188,7 @@ def nodes_from_tree(xml: str | bytes) -> list[AccessibleNode]:
 
 
 def read_nodes(
-    xml: str | bytes,
-    visit: Callable[[AccessibleNode], None],
-    *,
-    with_text: bool,
+    xml: str | bytes, visit: Callable[[AccessibleNode], None], *, with_text: bool
 ) -> None:
     """Call `visit` with each node of a tree at its start tag; without `with_text`, texts stay "".
 

@@ -61,10 +61,7 @@ def _engine(process: int) -> Any:
     """Load the models, once per process, because an ONNX session does not survive a fork."""
     try:
         import onnxruntime  # noqa: F401  # pyright: ignore
-        from rapidocr import (
-            EngineType,
-            RapidOCR,
-        )  # pyright: ignore[reportMissingTypeStubs, reportUnknownVariableType]
+        from rapidocr import EngineType, RapidOCR  # pyright: ignore[reportMissingTypeStubs, reportUnknownVariableType]
     except ImportError:
         raise extras.missing("reading text needs RapidOCR", "ocr") from None
     params: dict[str, Any] = {

@@ -55,13 +55,7 @@ class Board:
             message = _short(error, path)
             self.problems.append(clean(f"{name}: {message}"))
             body = message_tile("not readable", message, None)
-            section = fill(
-                "picture.html",
-                name=name,
-                facts="",
-                notes=Html(),
-                tiles=body,
-            )
+            section = fill("picture.html", name=name, facts="", notes=Html(), tiles=body)
             self._sections.append(section)
             return
         shot = self._shot(name, image)
@@ -71,13 +65,7 @@ class Board:
         lines = wrap("p", [_short(note, path) for note in notes])
         size = caption([shot.scene.size], shot.scale)
         facts = f"{size}; {counted(len(shot.scene.boxes), 'element')} {_FOUND[self.detect]}"
-        section = fill(
-            "picture.html",
-            name=name,
-            facts=facts,
-            notes=lines,
-            tiles=join(tiles),
-        )
+        section = fill("picture.html", name=name, facts=facts, notes=lines, tiles=join(tiles))
         self._sections.append(section)
 
     def _shot(self, name: str, image: UInt8Array) -> GalleryPicture:
@@ -92,12 +80,7 @@ class Board:
             detected=self.detect == "picture",
         )
         height, width = scene.size
-        self._pictures.append(
-            {
-                "size": [width, height],
-                "boxes": scene.boxes.tolist(),
-            }
-        )
+        self._pictures.append({"size": [width, height], "boxes": scene.boxes.tolist()})
         self._styles.append(
             f".p{shot.index}{{--w:{width};--r:{width / height:.6f}}}"
             f".p{shot.index} .before{{background-image:url({embed(image, scale).uri})}}"
@@ -105,19 +88,10 @@ class Board:
         return shot
 
     def _tile(
-        self,
-        number: int,
-        title: str,
-        planner: Planner,
-        shot: GalleryPicture,
-        image: UInt8Array,
+        self, number: int, title: str, planner: Planner, shot: GalleryPicture, image: UInt8Array
     ) -> Html:
         try:
-            planned = planner.plan(
-                shot.scene,
-                seed=self.seed,
-                sample=shot.name,
-            )
+            planned = planner.plan(shot.scene, seed=self.seed, sample=shot.name)
             made = self._composite(planned, shot, image)
             plan = made.plan if made else planned
             after = apply(plan, image)
@@ -128,11 +102,7 @@ class Board:
         safety = judge(plan, image, after, boxes=shot.scene.boxes)
         rectangles = painted(plan)
         self._tiles.append(
-            {
-                "picture": shot.index,
-                "covered": list(safety.covered),
-                "painted": rectangles,
-            }
+            {"picture": shot.index, "covered": list(safety.covered), "painted": rectangles}
         )
         shown = Tile(
             index=len(self._tiles) - 1,
@@ -147,42 +117,19 @@ class Board:
         )
         return tile(shown, shot)
 
-    def _composite(
-        self,
-        plan: Plan,
-        shot: GalleryPicture,
-        image: UInt8Array,
-    ) -> Composite | None:
+    def _composite(self, plan: Plan, shot: GalleryPicture, image: UInt8Array) -> Composite | None:
         """Return the picture of an effect on the machine, or `None` for any other plan."""
         if not is_bare(plan):
             return None
-        return composite(
-            plan,
-            image,
-            shot.scene,
-            seed=self.seed,
-            sample=shot.name,
-        )
+        return composite(plan, image, shot.scene, seed=self.seed, sample=shot.name)
 
-    def _unchanged(
-        self,
-        title: str,
-        number: int,
-        shot: GalleryPicture,
-        plan: Plan,
-    ) -> Html:
+    def _unchanged(self, title: str, number: int, shot: GalleryPicture, plan: Plan) -> Html:
         if plan.corruption == CLEAN:
             return message_tile(title, "left clean", number)
         reason = "; ".join(plan.notes) or "the plan changes nothing"
         return self._message(title, number, shot, reason)
 
-    def _message(
-        self,
-        title: str,
-        number: int,
-        shot: GalleryPicture,
-        message: str,
-    ) -> Html:
+    def _message(self, title: str, number: int, shot: GalleryPicture, message: str) -> Html:
         self.problems.append(clean(f"{shot.name}: {title}: {message}"))
         return message_tile(title, message, number)
 
@@ -194,13 +141,7 @@ class Board:
         corruptions = counted(len(self.planners), "corruption")
         filters: list[Html] = []
         for number, title in enumerate(self.planners):
-            filters.append(
-                fill(
-                    "filter.html",
-                    number=number,
-                    title=title,
-                )
-            )
+            filters.append(fill("filter.html", number=number, title=title))
         return fill(
             "page.html",
             style=style,
@@ -213,12 +154,7 @@ class Board:
             pictures=join(self._sections),
             version=_version(),
             detect=self.detect,
-            data=script_json(
-                {
-                    "pictures": self._pictures,
-                    "tiles": self._tiles,
-                }
-            ),
+            data=script_json({"pictures": self._pictures, "tiles": self._tiles}),
         )
 
     def _problem_list(self) -> Html:
@@ -231,11 +167,7 @@ class Board:
         )
 
 
-_FOUND = {
-    "picture": "found in the picture",
-    "ocr": "found by OCR",
-    "none": "(not looked for)",
-}
+_FOUND = {"picture": "found in the picture", "ocr": "found by OCR", "none": "(not looked for)"}
 
 
 def _short(message: object, path: str | os.PathLike[str]) -> str:

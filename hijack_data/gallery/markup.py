@@ -63,11 +63,7 @@ def wrap(tag: str, texts: Sequence[str]) -> Html:
 
 def script_json(data: object) -> Html:
     """Return JSON that cannot end the script element around it."""
-    text = json.dumps(
-        data,
-        separators=(",", ":"),
-        sort_keys=True,
-    )
+    text = json.dumps(data, separators=(",", ":"), sort_keys=True)
     for character in "<>&":
         text = text.replace(character, f"\\u{ord(character):04x}")
     return Html(text)
@@ -84,11 +80,7 @@ def pretty(data: object, indent: int = 0) -> str:
 
     It parses back to the same data.
     """
-    text = json.dumps(
-        data,
-        ensure_ascii=False,
-        sort_keys=True,
-    )
+    text = json.dumps(data, ensure_ascii=False, sort_keys=True)
     flat = text.encode("utf-8", "backslashreplace").decode("utf-8")
     if len(flat) + indent <= LINE or not isinstance(data, dict | list) or not data:
         return flat
@@ -101,12 +93,7 @@ def pretty(data: object, indent: int = 0) -> str:
     return _block("[", _packed(parts, LINE - inner), "]", indent)
 
 
-def _block(
-    start: str,
-    rows: list[str],
-    end: str,
-    indent: int,
-) -> str:
+def _block(start: str, rows: list[str], end: str, indent: int) -> str:
     pad = " " * (indent + 2)
     lines = ",\n".join(pad + row for row in rows)
     return f"{start}\n{lines}\n{' ' * indent}{end}"

@@ -23,12 +23,7 @@ def maker(plan: Plan) -> Corruption | None:
 
 
 def python_call(
-    plan: Plan,
-    scene: Scene,
-    seed: int,
-    sample: str,
-    *,
-    composited: bool = False,
+    plan: Plan, scene: Scene, seed: int, sample: str, *, composited: bool = False
 ) -> str | None:
     """Return the line of Python that makes `plan`, or `None` if a corruption is not registered.
 
@@ -36,14 +31,7 @@ def python_call(
     """
     try:
         planner, source = _planner(plan)
-        same = (
-            planner.plan(
-                scene,
-                seed=seed,
-                sample=sample,
-            )
-            == plan
-        )
+        same = planner.plan(scene, seed=seed, sample=sample) == plan
     except HijackError:
         return None
     key = f"seed={seed}, sample={_literal(sample)}"
@@ -53,13 +41,7 @@ def python_call(
     return f"composite({line}, picture, scene, {key}).plan" if composited else line
 
 
-def cli_call(
-    plan: Plan,
-    seed: int,
-    sample: str,
-    *,
-    detected: bool = True,
-) -> str | None:
+def cli_call(plan: Plan, seed: int, sample: str, *, detected: bool = True) -> str | None:
     """Return the command that corrupts the picture `sample` in the same way, or `None`.
 
     `detected` tells whether the scene has the elements that the command would find by itself.

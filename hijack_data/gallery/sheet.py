@@ -74,13 +74,7 @@ def _blank(height: int, width: int) -> UInt8Array:
     return np.full((height, width, 3), BACKGROUND, np.uint8)
 
 
-def _row(
-    title: str,
-    before: UInt8Array,
-    after: UInt8Array,
-    width: int,
-    caption: str,
-) -> UInt8Array:
+def _row(title: str, before: UInt8Array, after: UInt8Array, width: int, caption: str) -> UInt8Array:
     inner = width - 2 * MARGIN
     panel = (inner - MARGIN) // 2
     widest = max(_size(before)[1], _size(after)[1])
@@ -95,10 +89,7 @@ def _row(
     ops = _label(title, (MARGIN, MARGIN), inner, TITLE_SIZE, INK)
     ops += _label(caption, (MARGIN, MARGIN + TITLE_ROW), inner, CAPTION_SIZE, INK)
     left = MARGIN
-    for name, picture, shown in (
-        ("before", before, shown_before),
-        ("after", after, shown_after),
-    ):
+    for name, picture, shown in (("before", before, shown_before), ("after", after, shown_after)):
         text = f"{name}  {size_text(_size(picture))}"
         ops += _label(text, (left, labels), panel, LABEL_SIZE, MUTED)
         h, w = _size(shown)
@@ -127,13 +118,7 @@ def _shrunk(picture: UInt8Array, scale: float) -> UInt8Array:
     return resample(picture, size)
 
 
-def _label(
-    text: str,
-    at: tuple[int, int],
-    width: int,
-    size: int,
-    color: str,
-) -> list[Paste]:
+def _label(text: str, at: tuple[int, int], width: int, size: int, color: str) -> list[Paste]:
     line = " ".join(text.split())
     if not line:
         return []

@@ -17,11 +17,7 @@ from .remake import cli_call, maker, python_call, schedule
 DIVIDER = 2
 
 
-@dataclass(
-    frozen=True,
-    eq=False,
-    kw_only=True,
-)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class GalleryPicture:
     """One picture of the gallery.
 
@@ -42,11 +38,7 @@ class GalleryPicture:
     detected: bool
 
 
-@dataclass(
-    frozen=True,
-    eq=False,
-    kw_only=True,
-)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Tile:
     """One corruption of one picture.
 
@@ -90,12 +82,7 @@ def painted(plan: Plan) -> list[list[int]]:
     return boxes
 
 
-def _painted_by(
-    op: Paste,
-    size: Size,
-    sx: float,
-    sy: float,
-) -> Iterator[list[int]]:
+def _painted_by(op: Paste, size: Size, sx: float, sy: float) -> Iterator[list[int]]:
     for stamp in lower(op, size):
         h, w = stamp.sprite.size
         for y, x in zip(stamp.ys.tolist(), stamp.xs.tolist(), strict=True):
@@ -135,19 +122,10 @@ def tile(shown: Tile, shot: GalleryPicture) -> Html:
     )
 
 
-def message_tile(
-    title: str,
-    message: str,
-    number: int | None,
-) -> Html:
+def message_tile(title: str, message: str, number: int | None) -> Html:
     """Return a tile with a message instead of a picture; without a `number` no filter hides it."""
     shown_number = "" if number is None else number
-    return fill(
-        "message.html",
-        title=title,
-        message=message,
-        number=shown_number,
-    )
+    return fill("message.html", title=title, message=message, number=shown_number)
 
 
 def _start(boxes: list[list[int]], width: int) -> int:
@@ -195,15 +173,7 @@ def _remake(shown: Tile, shot: GalleryPicture) -> Html:
         ),
         ("Command line", cli_call(plan, shot.seed, shot.name, detected=shot.detected)),
     ]
-    lines = [
-        fill(
-            "code.html",
-            what=what,
-            text=text,
-        )
-        for what, text in calls
-        if text
-    ]
+    lines = [fill("code.html", what=what, text=text) for what, text in calls if text]
     return join([*lines, _parameters(plan)])
 
 
@@ -218,12 +188,7 @@ def _parameters(plan: Plan) -> Html:
 
 def _plan(plan: Plan) -> Html:
     digest = plan.digest()
-    return fill(
-        "plan.html",
-        digest=digest,
-        short=digest[:12],
-        text=pretty(plan.to_data()),
-    )
+    return fill("plan.html", digest=digest, short=digest[:12], text=pretty(plan.to_data()))
 
 
 def _category(plan: Plan) -> str:

@@ -50,11 +50,7 @@ def paste(image: Any, stamps: list[Stamp]) -> Any:
     return image
 
 
-def _paste_opaque(
-    image: Any,
-    stamp: Stamp,
-    ours: bool,
-) -> Any:
+def _paste_opaque(image: Any, stamp: Stamp, ours: bool) -> Any:
     for y, x in zip(stamp.ys.tolist(), stamp.xs.tolist(), strict=True):
         run = _paste_block_into if ours else _paste_block
         image = run(image, *padded_block(stamp.sprite, y, x, image.shape, (BLOCK, BLOCK)))
@@ -62,11 +58,7 @@ def _paste_opaque(
     return image
 
 
-def _paste_soft(
-    image: Any,
-    stamp: Stamp,
-    ours: bool,
-) -> Any:
+def _paste_soft(image: Any, stamp: Stamp, ours: bool) -> Any:
     step = at_once(stamp.sprite)
     for i in range(0, len(stamp.ys), step):
         ys = stamp.ys[i : i + step]
@@ -83,11 +75,7 @@ def power_of_two(n: int) -> int:
 
 
 def padded_block(
-    sprite: Sprite,
-    y: int,
-    x: int,
-    shape: tuple[int, ...],
-    least: Size,
+    sprite: Sprite, y: int, x: int, shape: tuple[int, ...], least: Size
 ) -> tuple[Any, ...]:
     """Return an opaque sprite in a window of padded size inside a picture of `shape`.
 
@@ -107,13 +95,7 @@ def padded_block(
     return np.int32(top), np.int32(left), colors, inside
 
 
-def blend_block(
-    image: Any,
-    top: Any,
-    left: Any,
-    colors: Any,
-    inside: Any,
-) -> Any:
+def blend_block(image: Any, top: Any, left: Any, colors: Any, inside: Any) -> Any:
     """Return the picture with the colours inside `(y1, x1, y2, x2)` of a window at `top, left`."""
     window = (*colors.shape[:2], 1)
     y = _jax.lax.broadcasted_iota(jnp.int32, window, 0)
@@ -123,12 +105,7 @@ def blend_block(
     return jax.lax.dynamic_update_slice(image, jnp.where(mask, colors, below), (top, left, 0))
 
 
-def stamped_pixels(
-    sprite: Sprite,
-    ys: Int32Array,
-    xs: Int32Array,
-    width: int,
-) -> StampedPixels:
+def stamped_pixels(sprite: Sprite, ys: Int32Array, xs: Int32Array, width: int) -> StampedPixels:
     """Return all pixels that a sprite paints at some places in a picture of that width.
 
     They are given as flat positions `[n]`, keep `[n]` and paint `[n, 3]`.
@@ -141,10 +118,7 @@ def stamped_pixels(
 
 
 def _padded_pixels(
-    sprite: Sprite,
-    ys: Int32Array,
-    xs: Int32Array,
-    shape: tuple[int, ...],
+    sprite: Sprite, ys: Int32Array, xs: Int32Array, shape: tuple[int, ...]
 ) -> StampedPixels:
     """Return positions, keep and paint, padded with positions beyond the picture."""
     at, keep, paint = stamped_pixels(sprite, ys, xs, shape[1])
@@ -159,12 +133,7 @@ def _padded_pixels(
     return index, keeps, paints
 
 
-def blend_pixels(
-    image: Any,
-    index: Any,
-    keep: Any,
-    paint: Any,
-) -> Any:
+def blend_pixels(image: Any, index: Any, keep: Any, paint: Any) -> Any:
     """Blend single pixels, each at most once; positions beyond the picture are left out."""
     flat = image.reshape(-1, 3)
     below = flat.at[index].get(mode="fill", fill_value=0).astype(jnp.int32)
@@ -190,12 +159,7 @@ def resample(image: Any, size: Size) -> Any:
     return image
 
 
-def resize_pass(
-    image: Any,
-    index: Any,
-    taps: Any,
-    axis: int,
-) -> Any:
+def resize_pass(image: Any, index: Any, taps: Any, axis: int) -> Any:
     """Make one pass along `axis`: multiply-add in int32, shift, clip."""
     shape = (1, -1, 1) if axis == 1 else (-1, 1, 1)
     total = jnp.int32(1 << (PRECISION_BITS - 1))

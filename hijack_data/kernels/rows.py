@@ -31,11 +31,7 @@ StampRows: TypeAlias = npt.NDArray[np.int64]
 Addressing: TypeAlias = Callable[[npt.NDArray[Any]], tuple[int, int]]
 
 
-def rows_of(
-    stamps: Iterable[Stamp],
-    key: object,
-    make: Callable[[Sprite], StampRows],
-) -> StampRows:
+def rows_of(stamps: Iterable[Stamp], key: object, make: Callable[[Sprite], StampRows]) -> StampRows:
     """Return the rows `[n, COLUMNS]` of stamps.
 
     Args:

@@ -26,11 +26,7 @@ class Stamp:
     xs: npt.NDArray[np.int32]
 
 
-def stamps_of(
-    plan: Plan,
-    index: int,
-    size: Size,
-) -> list[Stamp]:
+def stamps_of(plan: Plan, index: int, size: Size) -> list[Stamp]:
     """Return the stamps of a plan's paste `ops[index]` on a picture of `size`, (height, width).
 
     Raises:
@@ -121,11 +117,7 @@ def _places(op: Paste) -> npt.NDArray[np.int32]:
     return at.astype(np.int32)
 
 
-def _cropped_all(
-    sprite: Sprite,
-    at: npt.NDArray[np.int32],
-    size: Size,
-) -> list[Stamp]:
+def _cropped_all(sprite: Sprite, at: npt.NDArray[np.int32], size: Size) -> list[Stamp]:
     """Return a stamp for each place `(x, y)` at which a part of the sprite is visible."""
     stamps: list[Stamp] = []
     for x, y in at.tolist():
@@ -135,12 +127,7 @@ def _cropped_all(
     return stamps
 
 
-def _cropped(
-    sprite: Sprite,
-    y: int,
-    x: int,
-    size: Size,
-) -> Stamp | None:
+def _cropped(sprite: Sprite, y: int, x: int, size: Size) -> Stamp | None:
     """Return the part of a sprite that lies inside the picture, or `None` if there is none."""
     height, width = size
     h, w = sprite.size

@@ -33,11 +33,7 @@ def paste_ops(image: Tensor, stamps: list[Stamp]) -> Tensor:
     return image
 
 
-def _paste_opaque(
-    image: Tensor,
-    stamp: Stamp,
-    rgb: Tensor,
-) -> None:
+def _paste_opaque(image: Tensor, stamp: Stamp, rgb: Tensor) -> None:
     h, w = stamp.sprite.size
     for y, x in zip(stamp.ys.tolist(), stamp.xs.tolist(), strict=True):
         image[:, y : y + h, x : x + w] = rgb
@@ -79,12 +75,7 @@ def _pixels(sprite: Sprite, device: torch.device) -> tuple[Tensor, Tensor, Tenso
     return sprite.scratch[key]
 
 
-def _paste_pixels(
-    image: Tensor,
-    sprite: Sprite,
-    ys: Int32Array,
-    xs: Int32Array,
-) -> None:
+def _paste_pixels(image: Tensor, sprite: Sprite, ys: Int32Array, xs: Int32Array) -> None:
     dy, dx, keep, paint = _pixels(sprite, image.device)
     tops = tensor(ys.astype(np.int64)).to(image.device)
     lefts = tensor(xs.astype(np.int64)).to(image.device)
@@ -108,11 +99,7 @@ def resample_ops(image: Tensor, size: Size) -> Tensor:
     return image.clone() if size == (height, width) else image
 
 
-def _pass(
-    image: Tensor,
-    table: Weights,
-    axis: int,
-) -> Tensor:
+def _pass(image: Tensor, table: Weights, axis: int) -> Tensor:
     """Make one pass along `axis`: multiply-add in int32, shift, clip."""
     index = tensor(table.index.astype(np.int64)).to(image.device)
     taps = tensor(table.taps.copy()).to(image.device)

@@ -64,10 +64,7 @@ def moved_own(value: Any, move: Move) -> Any:
         moved[key] = scale(number)
     if isinstance(value, Action):
         return replace(value, **moved)
-    return {
-        **cast("Mapping[str, Any]", value),
-        **moved,
-    }
+    return {**cast("Mapping[str, Any]", value), **moved}
 
 
 def _map_parts(value: Any, change: Callable[[Any], Any]) -> Any:
@@ -122,11 +119,7 @@ def dialect_format(dialect: str) -> Format:
     return Format(dialect, moved, places)
 
 
-def _each_action(
-    value: Any,
-    dialect: str,
-    change: Callable[[Any], Any],
-) -> Any:
+def _each_action(value: Any, dialect: str, change: Callable[[Any], Any]) -> Any:
     # Applies `change` to an action or to each of several; JSON text stays JSON text, bytes stay
     # bytes.
     if value is None:

@@ -29,10 +29,7 @@ class Move:
     @property
     def coords(self) -> CoordMap:
         """The map of coordinates from the picture after the change to the one before."""
-        return CoordMap(
-            observation=self.after,
-            screen=self.before,
-        )
+        return CoordMap(observation=self.after, screen=self.before)
 
 
 @dataclass(frozen=True)
@@ -71,22 +68,10 @@ class Format:
 
 def with_unit(order: str, unit: int) -> str:
     """Return the name of a format; `unit` is 0 (pixels), 1 (fractions) or 1000 (thousandths)."""
-    return (
-        order
-        + {
-            0: "",
-            1: "01",
-            1000: "1000",
-        }[unit]
-    )
+    return order + {0: "", 1: "01", 1000: "1000"}[unit]
 
 
-def check_unit(
-    numbers: Numbers,
-    unit: int,
-    size: Size,
-    anywhere: bool = False,
-) -> None:
+def check_unit(numbers: Numbers, unit: int, size: Size, anywhere: bool = False) -> None:
     """Check that numbers `[N, 2 or 4]`, x before y, fit a coordinate space.
 
     `unit` is 0 for pixels of a picture of `size` (height, width), 1 for fractions, 1000 for

@@ -43,13 +43,7 @@ def _in_order(order: str, edges: Numbers) -> Numbers:
     return np.concatenate([centre, sides], axis=1)
 
 
-def _checked_edges(
-    order: str,
-    unit: int,
-    boxes: Numbers,
-    size: Size,
-    anywhere: bool,
-) -> Numbers:
+def _checked_edges(order: str, unit: int, boxes: Numbers, size: Size, anywhere: bool) -> Numbers:
     # Returns the edges of boxes; raises `LabelError` for a box that cannot be right.
     edges = _edges(order, boxes)
     reversed_ = (edges[:, 2:] < edges[:, :2]).any(axis=1)
@@ -61,11 +55,7 @@ def _checked_edges(
     return edges
 
 
-def _scaled_edges(
-    edges: Numbers,
-    scaling: Scaling,
-    whole: bool,
-) -> Numbers:
+def _scaled_edges(edges: Numbers, scaling: Scaling, whole: bool) -> Numbers:
     if whole and edges.dtype.kind == "i":
         return scaling.boxes(edges, clip=False).astype(np.int64)
     scaled = scaling.positions(edges)
@@ -77,11 +67,7 @@ def _scaled_edges(
     return np.concatenate([start, end], axis=1).astype(np.int64)
 
 
-def box_format(
-    order: str,
-    unit: int,
-    anywhere: bool = False,
-) -> Format:
+def box_format(order: str, unit: int, anywhere: bool = False) -> Format:
     """Return the format of boxes in some order; with `anywhere` they may be off the picture."""
 
     def moved(value: Any, move: Move) -> Any:

@@ -87,16 +87,7 @@ class Labels:
         move = Move(plan.size, plan.out_size)
         moved: dict[str, Any] = {}
         for path, form in self.declared.items():
-            self._follow_path(
-                path,
-                form,
-                {
-                    **sample,
-                    **moved,
-                },
-                move,
-                moved,
-            )
+            self._follow_path(path, form, {**sample, **moved}, move, moved)
         for key, value in sample.items():
             inside = [path for path in self.declared if path == key or path.startswith(f"{key}.")]
             if key in inside or value is None:
@@ -107,12 +98,7 @@ class Labels:
         return moved
 
     def _follow_path(
-        self,
-        path: str,
-        form: Format,
-        sample: SampleDict,
-        move: Move,
-        moved: dict[str, Any],
+        self, path: str, form: Format, sample: SampleDict, move: Move, moved: dict[str, Any]
     ) -> None:
         key, steps = _split(path, sample)
         if key in sample:
@@ -120,12 +106,7 @@ class Labels:
             moved[key] = _changed_at(sample[key], steps, change)
 
     def _follow_fixed(
-        self,
-        key: str,
-        sample: SampleDict,
-        move: Move,
-        moved: dict[str, Any],
-        row: bool,
+        self, key: str, sample: SampleDict, move: Move, moved: dict[str, Any], row: bool
     ) -> bool:
         """Move an entry with a fixed meaning, and return whether the entry has one."""
         value = sample[key]
@@ -151,13 +132,7 @@ class Labels:
             return True
         return False
 
-    def _code(
-        self,
-        value: Any,
-        sample: SampleDict,
-        move: Move,
-        row: bool,
-    ) -> Any:
+    def _code(self, value: Any, sample: SampleDict, move: Move, row: bool) -> Any:
         if not isinstance(value, str | bytes):
             raise LabelError(f"the sample's entry 'action_code' must be text, got {value!r:.80}")
         code = value.decode("utf-8") if isinstance(value, bytes) else value
@@ -171,13 +146,7 @@ class Labels:
             raise type(error)(f"the sample's entry 'action_code': {error}") from None
         return text.encode("utf-8") if isinstance(value, bytes) else text
 
-    def _check(
-        self,
-        key: str,
-        value: Any,
-        inside: list[str],
-        move: Move,
-    ) -> None:
+    def _check(self, key: str, value: Any, inside: list[str], move: Move) -> None:
         """Check that no undeclared part of an entry could be a label.
 
         Raises:
@@ -204,12 +173,7 @@ class Labels:
             return found
         return Location(found.target, self._end(sample, size))
 
-    def boxes(
-        self,
-        sample: SampleDict,
-        key: str,
-        size: Size,
-    ) -> list[tuple[float, ...]]:
+    def boxes(self, sample: SampleDict, key: str, size: Size) -> list[tuple[float, ...]]:
         """Return the boxes of an entry in pixels, `xyxy`. Raises `LabelError`."""
         value = sample.get(key)
         form = self.declared.get(key) or _fixed_format(key, value)
@@ -269,12 +233,7 @@ class Labels:
             return self._places_at("action_code", sample, size)[:1]
         return found if len(found) == 1 else []
 
-    def _places_at(
-        self,
-        path: str,
-        sample: SampleDict,
-        size: Size,
-    ) -> list[Location]:
+    def _places_at(self, path: str, sample: SampleDict, size: Size) -> list[Location]:
         key, steps = _split(path, sample)
         value = sample.get(key)
         if value is None:
@@ -390,11 +349,7 @@ def _blanked(_: Any) -> None:
     """Replace a declared label by `None` while the rest of its entry is checked."""
 
 
-def _changed_at(
-    value: Any,
-    steps: list[str],
-    change: Callable[[Any], Any],
-) -> Any:
+def _changed_at(value: Any, steps: list[str], change: Callable[[Any], Any]) -> Any:
     """Return a copy of a value with the end of a path changed, also inside lists on the path."""
     if value is None:
         return None

@@ -94,12 +94,7 @@ def format_of(name: object) -> Format:
     return FORMATS[known]
 
 
-def moved_as(
-    key: str,
-    form: Format,
-    value: Any,
-    move: Move,
-) -> Any:
+def moved_as(key: str, form: Format, value: Any, move: Move) -> Any:
     """Return a label after a move.
 
     Raises:
@@ -111,12 +106,7 @@ def moved_as(
         raise LabelError(_about(key, form, error)) from None
 
 
-def places_of(
-    key: str,
-    form: Format,
-    value: Any,
-    size: Size,
-) -> list[Location]:
+def places_of(key: str, form: Format, value: Any, size: Size) -> list[Location]:
     """Return where a label points.
 
     Raises:
@@ -128,11 +118,7 @@ def places_of(
         raise LabelError(_about(key, form, error)) from None
 
 
-def _about(
-    key: str,
-    form: Format,
-    error: Exception,
-) -> str:
+def _about(key: str, form: Format, error: Exception) -> str:
     return (
         f"the sample's entry {key!r}, as {form.name}: {error}; labels={{{key!r}: ...}} says how it"
         " is written"

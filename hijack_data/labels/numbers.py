@@ -35,11 +35,7 @@ def host_array(value: Any) -> Numbers:
     return array
 
 
-def change_groups(
-    value: Any,
-    width: int,
-    change: NumberMap,
-) -> Any:
+def change_groups(value: Any, width: int, change: NumberMap) -> Any:
     """Apply `change` to all groups of `width` numbers in a value, and return a value of its form.
 
     Args:
@@ -135,11 +131,7 @@ def _like_scalar(dtype: Any, numbers: Numbers) -> Any:
     return numbers[()]
 
 
-def _check_fit(
-    wanted: Numbers,
-    stored: Numbers,
-    dtype: object,
-) -> None:
+def _check_fit(wanted: Numbers, stored: Numbers, dtype: object) -> None:
     if stored.dtype.kind not in "fV" and not np.array_equal(wanted, stored):
         raise LabelError(f"no longer fits its dtype {dtype}; give the label as int64 or a float")
 

@@ -15,11 +15,7 @@ from .numbers import Numbers, as_numbers, change_each, put_back, to_host
 def coordinate_format(name: str) -> Format:
     """Return the format of single numbers: `"x"`, `"y"`, or lengths `"dx"` and `"dy"`."""
 
-    def check(
-        numbers: list[Any],
-        scaling: Scaling,
-        axis: int,
-    ) -> None:
+    def check(numbers: list[Any], scaling: Scaling, axis: int) -> None:
         if are_fractions(numbers):
             what = "which are fractions of the picture"
             raise LabelError(f"holds {numbers}, {what}; say 'leave'")
@@ -36,12 +32,7 @@ def coordinate_format(name: str) -> Format:
                 check(numbers.tolist(), scaling, axis)
             if numbers.dtype.kind == "f":
                 return numbers * ratio
-            scale = {
-                "x": scaling.x,
-                "y": scaling.y,
-                "dx": scaling.dx,
-                "dy": scaling.dy,
-            }[name]
+            scale = {"x": scaling.x, "y": scaling.y, "dx": scaling.dx, "dy": scaling.dy}[name]
             return np.array([scale(number) for number in numbers.tolist()], np.int64)
 
         return change_each(value, change)

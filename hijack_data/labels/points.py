@@ -13,11 +13,7 @@ from .numbers import Numbers, change_groups
 _NOWHERE = (-1, -1)
 
 
-def point_format(
-    order: str,
-    unit: int,
-    visibility: bool = False,
-) -> Format:
+def point_format(order: str, unit: int, visibility: bool = False) -> Format:
     """Return the format of points in the order `"xy"` or `"yx"`, with or without a visibility."""
     width = 3 if visibility else 2
 

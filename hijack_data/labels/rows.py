@@ -82,12 +82,7 @@ def holds_coordinates(text: str) -> bool:
 
 def params_json(plan: Plan) -> str:
     """Return the parameters of a plan as the column `params` holds them."""
-    return json.dumps(
-        dict(plan.params),
-        sort_keys=True,
-        separators=(",", ":"),
-        ensure_ascii=False,
-    )
+    return json.dumps(dict(plan.params), sort_keys=True, separators=(",", ":"), ensure_ascii=False)
 
 
 def severity_of(plan: Plan) -> int | None:
@@ -127,12 +122,7 @@ def label_of(plan: Plan) -> str:
 
 
 def corrupted_row(
-    row: _Row,
-    plan: Plan,
-    before: Any,
-    after: Any,
-    place: Location | None,
-    seed: int | None,
+    row: _Row, plan: Plan, before: Any, after: Any, place: Location | None, seed: int | None
 ) -> dict[str, Any]:
     """Return the columns of a row, other than its labels, that a transform must change.
 
@@ -151,10 +141,7 @@ def corrupted_row(
     whole = None if earlier is None else earlier.then(plan)
     was_clean = row["corruption"] == CLEAN
     label = label_of(plan) if was_clean else f"{row['corruption']}+{label_of(plan)}"
-    made = {
-        "corruption": label,
-        "id": _renamed(row, label),
-    }
+    made = {"corruption": label, "id": _renamed(row, label)}
     if whole is not None:
         made |= made_by(whole, row.get("seed", 0) if seed is None else seed)
     elif any(key in row for key in ("params", "plan_digest", "severity")):
@@ -193,11 +180,7 @@ def _renamed(row: _Row, label: str) -> Any:
     return f"{start}{label}{name[len(start) + len(row['corruption']) :]}"
 
 
-def _visible(
-    earlier: Plan | None,
-    plan: Plan,
-    place: Location,
-) -> float | None:
+def _visible(earlier: Plan | None, plan: Plan, place: Location) -> float | None:
     """Return the share of the target that shows after both plans."""
     if earlier is None or not earlier.ops:
         return target_visible(plan, place.target, place.end)
@@ -217,13 +200,7 @@ def _on_screen(plan: Plan, place: tuple[float, ...] | None) -> Any:
     return plan.coords.boxes_to_screen([place])[0].tolist()
 
 
-def _changed(
-    row: _Row,
-    earlier: Plan | None,
-    plan: Plan,
-    before: Any,
-    after: Any,
-) -> int | None:
+def _changed(row: _Row, earlier: Plan | None, plan: Plan, before: Any, after: Any) -> int | None:
     """Return how many pixels differ from the clean screenshot; `None` without a clean one."""
     if earlier is not None and plan.out_size != earlier.size:
         return plan.out_size[0] * plan.out_size[1]
@@ -235,11 +212,7 @@ def _changed(
 # --- The text of the action
 
 
-def moved_code(
-    code: str,
-    action: Any,
-    move: Move,
-) -> str:
+def moved_code(code: str, action: Any, move: Move) -> str:
     """Return the text of an action after a move, in the dialect in which it was recorded.
 
     `action` is the same action, as an `Action` or as its dictionary. If it is `None`, only
@@ -259,11 +232,7 @@ def moved_code(
     return map_recorded(code, dialect, Scaling(move.before, move.after), between_models)
 
 
-def dialect_of(
-    code: str,
-    action: Action,
-    size: Size,
-) -> str:
+def dialect_of(code: str, action: Action, size: Size) -> str:
     """Return the dialect of the code of a row, whose action is known.
 
     Rows do not name the dialect, so each dialect is tried; the right one is the one in which the
@@ -297,12 +266,7 @@ def _unclear(code: str) -> LabelError:
     )
 
 
-def _says(
-    raw: Any,
-    dialect: str,
-    action: Action,
-    size: Size,
-) -> bool:
+def _says(raw: Any, dialect: str, action: Action, size: Size) -> bool:
     """Return whether an action of a dialect is `action`, on a picture of `size`."""
     try:
         if dialect in RESIZED_DIALECTS:
@@ -315,11 +279,7 @@ def _says(
     return (found.point, found.end) == (action.point, action.end)
 
 
-def _in_thousandths(
-    code: str,
-    action: Action,
-    size: Size,
-) -> bool:
+def _in_thousandths(code: str, action: Action, size: Size) -> bool:
     """Return whether the first pair of numbers in the code is the action's point in 0..1000."""
     pair = _PAIR.search(code)
     point = action.point or action.end

@@ -198,11 +198,7 @@ PROSE = frozenset(
 
 
 def find_undeclared(
-    name: str,
-    value: Any,
-    size: Size,
-    *,
-    aims: bool = False,
+    name: str, value: Any, size: Size, *, aims: bool = False
 ) -> tuple[str, Any] | None:
     """Return the path and the value of the first part of an entry that could be a label.
 
@@ -225,11 +221,7 @@ def _words(name: str) -> frozenset[str]:
 
 
 def _find(
-    path: str,
-    above: frozenset[str],
-    value: Any,
-    size: Size,
-    aims: bool,
+    path: str, above: frozenset[str], value: Any, size: Size, aims: bool
 ) -> tuple[str, Any] | None:
     name = path.rpartition(".")[2]
     words = _words(name)
@@ -282,10 +274,7 @@ def _as_numbers(parts: list[Any]) -> list[Any]:
 
 
 def _first(
-    items: list[tuple[str, Any]],
-    above: frozenset[str],
-    size: Size,
-    aims: bool,
+    items: list[tuple[str, Any]], above: frozenset[str], size: Size, aims: bool
 ) -> tuple[str, Any] | None:
     for path, part in items:
         found = _find(path, above, part, size, aims)
@@ -294,12 +283,7 @@ def _first(
     return None
 
 
-def _is_telling_text(
-    name: str,
-    above: frozenset[str],
-    text: str,
-    size: Size,
-) -> bool:
+def _is_telling_text(name: str, above: frozenset[str], text: str, size: Size) -> bool:
     words = _words(name)
     if words & PROSE:
         return False
@@ -351,10 +335,7 @@ def _is_numeric(value: Any) -> bool:
 
 
 def _could_be_label(
-    name: str,
-    above: frozenset[str],
-    numbers: npt.NDArray[Any],
-    size: Size,
+    name: str, above: frozenset[str], numbers: npt.NDArray[Any], size: Size
 ) -> bool:
     words = _words(name)
     last = _last_word(name)
@@ -392,11 +373,7 @@ def _last_word(name: str) -> list[str]:
     return _WORD.findall(name.lower())[-1:]
 
 
-def _is_telling_number(
-    words: frozenset[str],
-    number: float,
-    size: Size,
-) -> bool:
+def _is_telling_number(words: frozenset[str], number: float, size: Size) -> bool:
     if words & COORDINATES or (words & SIDES and not words & HARMLESS):
         return abs(number) > 1
     return bool(words & SIZES) and number in size
@@ -422,12 +399,7 @@ def how_to_declare(path: str, value: Any) -> str:
     return f"labels={{{path!r}: 'point'}} (or 'xyxy', 'xywh', ...)"
 
 
-def explained(
-    path: str,
-    value: Any,
-    before: Size,
-    after: Size,
-) -> str:
+def explained(path: str, value: Any, before: Size, after: Size) -> str:
     """Return the message for an undeclared label."""
     return (
         f"the sample's entry {path!r} ({shown(value)}) could be a label, and the picture goes from"

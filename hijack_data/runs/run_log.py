@@ -56,13 +56,7 @@ _FOREIGN = re.compile(r"[^\w.+-]+", re.ASCII)
 _USUAL = re.compile(r"[:/]")  # of names such as file.py:Class and trajectory/step
 
 
-def slug_of(
-    task: str,
-    label: str,
-    seed: int,
-    agent: str,
-    attempt: int,
-) -> str:
+def slug_of(task: str, label: str, seed: int, agent: str, attempt: int) -> str:
     """Return the id of an episode, which is also the name of its folder."""
     parts = [task, label, f"s{seed}", agent]
     if attempt:
@@ -75,13 +69,7 @@ def slug_of(
     return f"{slug[: _LONGEST - 17]}-{digest}"
 
 
-def row_slug_of(
-    task: str,
-    variant: str,
-    label: str,
-    seed: int,
-    agent: str,
-) -> str:
+def row_slug_of(task: str, variant: str, label: str, seed: int, agent: str) -> str:
     """Return the id of a row that is scored: trajectory, step, condition, seed and agent.
 
     Trajectories may be named in any script, of which an id keeps nothing: then a digest tells them

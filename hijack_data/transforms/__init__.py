@@ -84,13 +84,7 @@ class Subtitle(_Named):
     spec = corruptions.Subtitle
 
     def __init__(self, *, severity: int | None = None, **values: Any) -> None:
-        super().__init__(
-            severity=severity,
-            **{
-                "fit": "shrink",
-                **values,
-            },
-        )
+        super().__init__(severity=severity, **{"fit": "shrink", **values})
 
 
 class Resolution(_Named):
@@ -117,11 +111,7 @@ class OneOf(Corrupt):
         **shared: Any,
     ) -> None:
         planners = [planner_of(option) for option in options]
-        chosen = compose.OneOf(
-            planners,
-            p_clean=p_clean,
-            weights=weights,
-        )
+        chosen = compose.OneOf(planners, p_clean=p_clean, weights=weights)
         super().__init__(chosen, **shared)
 
 
@@ -154,12 +144,7 @@ class FromConfig(Corrupt):
     """
 
     def __init__(
-        self,
-        source: Any,
-        *,
-        label: str | None = None,
-        p_clean: float = 0.0,
-        **shared: Any,
+        self, source: Any, *, label: str | None = None, p_clean: float = 0.0, **shared: Any
     ) -> None:
         config = load_config(source)
         if label is not None and label not in config.corruptions:
@@ -170,10 +155,7 @@ class FromConfig(Corrupt):
         chosen = list(config.corruptions.values()) if label is None else [config.corruptions[label]]
         super().__init__(
             compose.OneOf(chosen, p_clean=p_clean),
-            **{
-                "seed": config.options.get("seed", 0),
-                **shared,
-            },
+            **{"seed": config.options.get("seed", 0), **shared},
         )
 
 

@@ -187,12 +187,7 @@ class Corrupt(v2.Transform):
         }
         return [{key: column[i] for key, column in columns.items()} for i in range(count)]
 
-    def _column(
-        self,
-        key: str,
-        value: Any,
-        count: int,
-    ) -> list[Any]:
+    def _column(self, key: str, value: Any, count: int) -> list[Any]:
         """Return an entry of a batch as one value for each picture.
 
         A value that is not a list of `count` items applies to all pictures.
@@ -231,13 +226,7 @@ class Corrupt(v2.Transform):
             for s, row, key in zip(sizes, rows, keys, strict=True)
         ]
 
-    def make_plan(
-        self,
-        size: Size,
-        row: DatasetRow,
-        key: int | str,
-        epoch: int,
-    ) -> Plan:
+    def make_plan(self, size: Size, row: DatasetRow, key: int | str, epoch: int) -> Plan:
         """Return the plan for one picture of `size` with the id `key`.
 
         `row` holds the entries that describe it.
@@ -276,9 +265,7 @@ def _is_picture(value: Any, pictures: list[Any]) -> bool:
 
 
 def _each_picture(
-    before: list[Any],
-    after: list[Any],
-    rows: list[DatasetRow] | None,
+    before: list[Any], after: list[Any], rows: list[DatasetRow] | None
 ) -> list[tuple[Any, Any]]:
     """Return the pictures for which plans were made as pairs of before and after."""
     if rows is None:

@@ -130,20 +130,14 @@ def put(out: Any, changes: dict[str, Any]) -> Any:
     if not changes:
         return out
     if isinstance(out, dict):
-        return {
-            **cast("dict[str, Any]", out),
-            **changes,
-        }
+        return {**cast("dict[str, Any]", out), **changes}
     if not isinstance(out, list | tuple) or not any(
         isinstance(part, dict) for part in cast("SequenceOf[Any]", out)
     ):
         raise ParameterError("return_plan=True needs a dictionary in the sample to put the plan in")
     parts = list(cast("SequenceOf[Any]", out))
     at = next(i for i, part in enumerate(parts) if isinstance(part, dict))
-    parts[at] = {
-        **parts[at],
-        **changes,
-    }
+    parts[at] = {**parts[at], **changes}
     return tuple(parts) if isinstance(out, tuple) else parts
 
 
@@ -184,22 +178,11 @@ def _joined(values: list[Any], like: Any) -> Any:
     if not isinstance(like, torch.Tensor):
         return values
     return torch.stack(
-        [
-            torch.as_tensor(
-                value,
-                dtype=like.dtype,
-                device=like.device,
-            )
-            for value in values
-        ]
+        [torch.as_tensor(value, dtype=like.dtype, device=like.device) for value in values]
     )
 
 
-def each_of(
-    values: Any,
-    count: int,
-    what: str,
-) -> list[Any]:
+def each_of(values: Any, count: int, what: str) -> list[Any]:
     """Return one value for each picture of a batch; a single integer applies to all.
 
     Raises:
@@ -236,11 +219,7 @@ def content(picture: Any) -> str:
     return hashlib.sha256(cast(Any, pixels)).hexdigest()[:32] + str(pixels.shape)
 
 
-def corrupt(
-    leaves: list[Any],
-    places: list[int],
-    plans: list[Plan],
-) -> None:
+def corrupt(leaves: list[Any], places: list[int], plans: list[Plan]) -> None:
     """Replace the pictures among the leaves by corrupted ones."""
     if len(places) == 1:
         leaves[places[0]] = _apply(plans if len(plans) > 1 else plans[0], leaves[places[0]])
@@ -286,11 +265,7 @@ def follow_tensor(value: Any, plans: list[Plan]) -> Any:
     order = str(value.format.value).lower()
     if order in ("xyxy", "xywh", "cxcywh"):
         boxes = box_format(order, 0, anywhere=True).moved(plain, move)
-        return tv_tensors.BoundingBoxes(
-            boxes,
-            format=value.format,
-            canvas_size=move.after,
-        )
+        return tv_tensors.BoundingBoxes(boxes, format=value.format, canvas_size=move.after)
     # Rotated boxes: let torchvision compute their corners.
     scaled = v2.functional.resize(
         tv_tensors.wrap(plain.to(torch.float64), like=value), list(move.after)
@@ -341,9 +316,5 @@ def _points_moved(points: torch.Tensor, move: Move) -> torch.Tensor:
     numbers = to_host(points)
     if points.is_floating_point():
         return points.new_tensor(move.scaling.positions(numbers))
-    free = replace(
-        move.scaling,
-        bounded=False,
-        clamp=False,
-    )
+    free = replace(move.scaling, bounded=False, clamp=False)
     return points.new_tensor(free.points(numbers))

@@ -50,12 +50,7 @@ class Apart:
         self._answers: _Answers = queue.SimpleQueue()
         queues = (self._calls, self._answers)
         # A daemon thread, so that Ctrl-C need not wait for the answer of a model.
-        thread = threading.Thread(
-            target=_serve,
-            args=queues,
-            name="agent",
-            daemon=True,
-        )
+        thread = threading.Thread(target=_serve, args=queues, name="agent", daemon=True)
         thread.start()
         self.agent: Agent = self.call(make)
 

@@ -57,11 +57,7 @@ def check(name: str, limit: float = LIMIT) -> Iterator[Result | str]:
         process.join()
 
 
-def _results(
-    connection: Any,
-    process: Any,
-    limit: float,
-) -> Iterator[Result]:
+def _results(connection: Any, process: Any, limit: float) -> Iterator[Result]:
     left = conformance.names_of_checks()
     while left:
         late = not connection.poll(limit)
@@ -82,11 +78,7 @@ def _results(
         yield result
 
 
-def _try(
-    connection: Any,
-    name: str,
-    path: Sequence[str],
-) -> None:
+def _try(connection: Any, name: str, path: Sequence[str]) -> None:
     """Run the checks in this process, whose standard output is a file that is then examined."""
     os.setsid()
     sys.path[:] = path

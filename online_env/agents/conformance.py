@@ -81,11 +81,7 @@ def screen(size: Size, number: int = 0) -> UInt8Array:
     return picture
 
 
-def ask(
-    apart: Apart,
-    picture: UInt8Array,
-    task: str = TASK,
-) -> TriedAnswer:
+def ask(apart: Apart, picture: UInt8Array, task: str = TASK) -> TriedAnswer:
     """Ask an agent once; fail the check unless the answer is a text or a list of texts."""
     try:
         said, actions = apart.predict(task, {"screenshot": picture})
@@ -274,11 +270,7 @@ def about(name: str) -> str:
 
 
 def _same(
-    trial: AgentTrial,
-    before: TriedAnswer,
-    after: TriedAnswer,
-    after_what: str,
-    where: str,
+    trial: AgentTrial, before: TriedAnswer, after: TriedAnswer, after_what: str, where: str
 ) -> None:
     if trial.repeats and before[1] != after[1]:
         why = f"it keeps something in {where}, or draws random numbers without a seed"

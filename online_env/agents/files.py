@@ -147,12 +147,7 @@ def read_errors(path_or_name: str) -> tuple[tuple[KnownError, ...], str]:
     return tuple(entries), hashlib.sha256(data).hexdigest()
 
 
-def _mapping(
-    name: str,
-    data: bytes,
-    problems: Problems,
-    example: str,
-) -> MappingNode:
+def _mapping(name: str, data: bytes, problems: Problems, example: str) -> MappingNode:
     tree = read_yaml(data, name, problems)
     if isinstance(tree, MappingNode):
         return tree
@@ -197,12 +192,7 @@ def _section(
 class _AgentReader:
     """Reads one file; mistakes go into `problems`."""
 
-    def __init__(
-        self,
-        problems: Problems,
-        name: str,
-        data: bytes,
-    ) -> None:
+    def __init__(self, problems: Problems, name: str, data: bytes) -> None:
         self._problems = problems
         self._name = name
         self._hash = hashlib.sha256(data)
@@ -245,12 +235,7 @@ class _AgentReader:
                 found[key] = value
         return found
 
-    def _model_section(
-        self,
-        key: str,
-        where: str,
-        item: ConfigNode,
-    ) -> Any:
+    def _model_section(self, key: str, where: str, item: ConfigNode) -> Any:
         match key:
             case "api_key_env":
                 return self._variable(where, item)
@@ -299,10 +284,7 @@ class _AgentReader:
         return None
 
     def _check_parser(
-        self,
-        tree: MappingNode,
-        values: Mapping[str, Any],
-        model: dict[str, Any],
+        self, tree: MappingNode, values: Mapping[str, Any], model: dict[str, Any]
     ) -> None:
         """Check that client, tool, parser and coordinates go together."""
         client = model.get("client", CLIENTS[0])
@@ -353,10 +335,7 @@ class _AgentReader:
             )
 
     def _onlooker(
-        self,
-        tree: MappingNode,
-        actor: ModelSettings,
-        values: Mapping[str, Any],
+        self, tree: MappingNode, actor: ModelSettings, values: Mapping[str, Any]
     ) -> OnlookerSettings | None:
         node = tree.items.get("onlooker")
         if node is None:

@@ -170,10 +170,7 @@ class Oracle:
             desktop.done.put(True)
             return
         self._thread = threading.Thread(
-            target=self._solve,
-            args=(task, desktop),
-            name="oracle",
-            daemon=True,
+            target=self._solve, args=(task, desktop), name="oracle", daemon=True
         )
         self._thread.start()
 

@@ -12,12 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hijack_data.cli import console
-from hijack_data.cli.options import (
-    FiniteRange,
-    conditions_option,
-    desktops_option,
-    new_run_options,
-)
+from hijack_data.cli.options import FiniteRange, conditions_option, desktops_option, new_run_options
 from hijack_data.errors import ParameterError, StorageError
 from hijack_data.locking import Lock
 from hijack_data.runs import seal
@@ -134,11 +129,7 @@ def bench(
 
     chosen = override(load_bench(config), agent, tasks, corruptions, seeds, osworld_files)
     gate = ReleaseGate.read(fail_under, junit, chosen.agents, tuple(chosen.planners))
-    models = ModelOptions(
-        prompts=prompts,
-        replay=replay,
-        max_cost=max_cost,
-    )
+    models = ModelOptions(prompts=prompts, replay=replay, max_cost=max_cost)
     prepare(chosen.agents, models, None if dry_run else out)
     listed = jobs(chosen)
     if dry_run:
@@ -170,12 +161,7 @@ def bench(
     raise SystemExit(code)
 
 
-def _left(
-    chosen: "Bench",
-    listed: "Sequence[Job]",
-    out: Path,
-    resume: bool,
-) -> "Sequence[Job]":
+def _left(chosen: "Bench", listed: "Sequence[Job]", out: Path, resume: bool) -> "Sequence[Job]":
     """Return what a run in a folder would still play.
 
     Raises:
@@ -189,10 +175,7 @@ def _left(
     return _due(chosen, attempts(listed, records.read(out).records))
 
 
-def _due(
-    chosen: "Bench",
-    earlier: "Mapping[Job, Sequence[records.ResultRecord]]",
-) -> "list[Job]":
+def _due(chosen: "Bench", earlier: "Mapping[Job, Sequence[records.ResultRecord]]") -> "list[Job]":
     """Return the jobs that need another attempt, given the earlier ones of each."""
     from .runner import needs_attempt
 
@@ -200,11 +183,7 @@ def _due(
 
 
 def _begun(
-    chosen: "Bench",
-    listed: "Sequence[Job]",
-    out: Path,
-    resume: bool,
-    desktops: int,
+    chosen: "Bench", listed: "Sequence[Job]", out: Path, resume: bool, desktops: int
 ) -> Lock:
     return records.begin(
         out,
@@ -217,11 +196,7 @@ def _begun(
 
 
 def _run(
-    chosen: "Bench",
-    listed: "Sequence[Job]",
-    out: Path,
-    pool: "EpisodePool",
-    models: "ModelOptions",
+    chosen: "Bench", listed: "Sequence[Job]", out: Path, pool: "EpisodePool", models: "ModelOptions"
 ) -> int:
     from .estimates import estimate, history_near
     from .jobs import attempts
@@ -337,17 +312,10 @@ def _here(chosen: "Bench", out: Path) -> "Iterator[LiveEpisodes]":
         yield LiveEpisodes(chosen, out, stage)
 
 
-def _setup(
-    chosen: "Bench",
-    out: Path,
-    models: "ModelOptions",
-) -> "WorkerSetup":
+def _setup(chosen: "Bench", out: Path, models: "ModelOptions") -> "WorkerSetup":
     """Return the settings that another process needs to play episodes."""
     from .workers import WorkerSetup, references
 
     return WorkerSetup(
-        bench=chosen,
-        folder=out.resolve(),
-        references=references(chosen),
-        models=models,
+        bench=chosen, folder=out.resolve(), references=references(chosen), models=models
     )

@@ -60,16 +60,7 @@ RECOVERY = Parameter(
     "choice", "What a request of the agent for help leads to", choices=("none", "repair", "reset")
 )
 DESKTOP_KEYS = ("provider", "size")
-KEYS = (
-    "desktop",
-    "agents",
-    "tasks",
-    "corruptions",
-    "seeds",
-    *NUMBERS,
-    "recovery",
-    "osworld_files",
-)
+KEYS = ("desktop", "agents", "tasks", "corruptions", "seeds", *NUMBERS, "recovery", "osworld_files")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -253,11 +244,7 @@ def _planners(bench: Bench, text: str) -> Planners:
     return {label: known[label] for label in _chosen("--corruptions", text, known)}
 
 
-def _registered(
-    option: str,
-    text: str,
-    registry: AnyRegistry,
-) -> tuple[str, ...]:
+def _registered(option: str, text: str, registry: AnyRegistry) -> tuple[str, ...]:
     """Return names, after loading any `file.py:Class` and `module:Class`.
 
     Raises:
@@ -303,10 +290,7 @@ def _split(text: str) -> list[str]:
 
 
 def _chosen(
-    option: str,
-    text: str,
-    known: Iterable[str],
-    hint: Callable[[str], str] | None = None,
+    option: str, text: str, known: Iterable[str], hint: Callable[[str], str] | None = None
 ) -> tuple[str, ...]:
     """Return the names that a text lists.
 
@@ -404,12 +388,7 @@ class _Reader:
             return None
         return height, width
 
-    def _names(
-        self,
-        key: str,
-        tree: ConfigNode,
-        registry: AnyRegistry,
-    ) -> tuple[str, ...] | None:
+    def _names(self, key: str, tree: ConfigNode, registry: AnyRegistry) -> tuple[str, ...] | None:
         known = tuple(registry.names())
         if isinstance(tree, ScalarNode) and tree.value == ALL:
             return known
@@ -431,12 +410,7 @@ class _Reader:
                 return self._problems.add(tree.place, f"{key}: {error}")
         return self._names(key, tree, TASKS)
 
-    def _name(
-        self,
-        where: str,
-        tree: ConfigNode,
-        registry: AnyRegistry,
-    ) -> str | None:
+    def _name(self, where: str, tree: ConfigNode, registry: AnyRegistry) -> str | None:
         """Return a name, after loading it if it is `file.py:Class` or `module:Class`."""
         text = tree.value if isinstance(tree, ScalarNode) else None
         known = Parameter("choice", "", choices=tuple(registry.names()))
@@ -454,11 +428,7 @@ class _Reader:
         return check(self._problems, known, where, tree)
 
     def _list(
-        self,
-        key: str,
-        tree: ConfigNode,
-        example: str,
-        one: Callable[[str, ConfigNode], Any],
+        self, key: str, tree: ConfigNode, example: str, one: Callable[[str, ConfigNode], Any]
     ) -> tuple[Any, ...] | None:
         if not isinstance(tree, SequenceNode) or not tree.items:
             found = "an empty one" if isinstance(tree, SequenceNode) else kind_of(tree)

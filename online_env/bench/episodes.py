@@ -84,12 +84,7 @@ class LiveEpisodes:
         stage: The desktop and its tasks.
     """
 
-    def __init__(
-        self,
-        bench: Bench,
-        folder: Path,
-        stage: TaskStage,
-    ) -> None:
+    def __init__(self, bench: Bench, folder: Path, stage: TaskStage) -> None:
         self._bench = bench
         self._folder = folder
         self._stage = stage
@@ -102,10 +97,7 @@ class LiveEpisodes:
         bench = self._bench
         begin(job.agent, slug_of(*job.key[1:3], job.seed, job.agent, attempt))
         settings = EvalSettings(
-            max_steps=bench.max_steps,
-            recovery=bench.recovery,
-            log=self._folder,
-            agent=job.agent,
+            max_steps=bench.max_steps, recovery=bench.recovery, log=self._folder, agent=job.agent
         )
         env = CorruptedEnv(self._stage, settings=settings)
         planner = bench.planners[job.corruption]
@@ -114,12 +106,7 @@ class LiveEpisodes:
             apart = Apart(partial(make, job.agent), bench.agent_timeout)
         except AgentError as error:
             problem = f"the agent cannot be made: {error}"
-            made = lost(
-                job,
-                attempt,
-                problem,
-                start=start,
-            )
+            made = lost(job, attempt, problem, start=start)
             return {**made, "cause": "agent", "traceback": list(error.where)}
         with apart as agent:
             try:
@@ -177,12 +164,7 @@ def _played(
     told: Callable[[], Sequence[str]] | None = None,
 ) -> ResultRecord:
     start = time.monotonic()
-    options = {
-        "task": job.task,
-        "corruption": planner,
-        "label": job.corruption,
-        "attempt": attempt,
-    }
+    options = {"task": job.task, "corruption": planner, "label": job.corruption, "attempt": attempt}
     failed = _called(agent.reset)
     try:
         obs, _ = env.reset(seed=job.seed, options=options)
@@ -209,10 +191,7 @@ def _played(
 
 
 def _prepare(
-    agent: Apart,
-    show: Callable[[Agent, Job], object],
-    job: Job,
-    given: list[str],
+    agent: Apart, show: Callable[[Agent, Job], object], job: Job, given: list[str]
 ) -> None:
     """Pass the task and the machine to a privileged agent, and note it in `given`."""
     if not agent.call(isinstance, agent.agent, Privileged):
@@ -221,11 +200,7 @@ def _prepare(
     agent.call(show, agent.agent, job)
 
 
-def _tell(
-    agent: Apart,
-    told: Callable[[], Sequence[str]],
-    given: list[str],
-) -> None:
+def _tell(agent: Apart, told: Callable[[], Sequence[str]], given: list[str]) -> None:
     """Pass the plan of the task to an agent that follows plans: as plain words and nothing else.
 
     The agent is called from its own thread, so that its callers do not lead to the episode. The
@@ -238,11 +213,7 @@ def _tell(
     agent.call(follow, told())
 
 
-def _turn(
-    env: EpisodeEnv,
-    agent: Apart,
-    obs: dict[str, Any],
-) -> dict[str, Any]:
+def _turn(env: EpisodeEnv, agent: Apart, obs: dict[str, Any]) -> dict[str, Any]:
     """Ask the agent once and take its actions until the episode is over.
 
     Returns the last observation.
@@ -288,13 +259,7 @@ def _blame(env: EpisodeEnv, error: AgentError) -> None:
     env.abandon(f"the agent raised {error}"[:KEPT], error.where)
 
 
-def lost(
-    job: Job,
-    attempt: int,
-    problem: str,
-    *,
-    start: float,
-) -> ResultRecord:
+def lost(job: Job, attempt: int, problem: str, *, start: float) -> ResultRecord:
     """Return a record for an episode that was interrupted before it wrote one.
 
     Args:
@@ -312,19 +277,10 @@ def _never_begun(record: ResultRecord | None, error: ResultRecord) -> ResultReco
         return record
     # If no task could be set up, the environment's record does not have its name.
     identity = {key: error[key] for key in IDENTITY}
-    return {
-        **error,
-        **(record or {}),
-        **identity,
-    }
+    return {**error, **(record or {}), **identity}
 
 
-def _not_begun(
-    job: Job,
-    attempt: int,
-    problem: str,
-    start: float,
-) -> ResultRecord:
+def _not_begun(job: Job, attempt: int, problem: str, start: float) -> ResultRecord:
     """Return the record of an episode that the environment could not begin."""
     task = tasks.get(job.task, job.seed)
     return {

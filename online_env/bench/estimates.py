@@ -33,12 +33,7 @@ STEP_SECONDS = 0.8
 # A step keeps a full-HD PNG, and a second one if the agent saw something else.
 STEP_BYTES = 430_000
 # Agents with a known number of steps; `None` means one step more than the oracle.
-STEPS: Mapping[str, int | None] = {
-    "oracle": None,
-    "recovering": None,
-    "do_nothing": 6,
-    "fail": 1,
-}
+STEPS: Mapping[str, int | None] = {"oracle": None, "recovering": None, "do_nothing": 6, "fail": 1}
 WITHOUT_THINKING = (*STEPS, "random")  # agents whose answers take no time
 MOST_RUNS = 20
 MOST_RECORDS = 20_000
@@ -82,10 +77,7 @@ class History:
 
 
 def estimate(
-    bench: Bench,
-    listed: Sequence[Job],
-    desktops: int = 1,
-    history: History | None = None,
+    bench: Bench, listed: Sequence[Job], desktops: int = 1, history: History | None = None
 ) -> str:
     """Return what jobs will take, in words.
 
@@ -114,21 +106,14 @@ def estimate(
     return text
 
 
-def expected(
-    bench: Bench,
-    listed: Sequence[Job],
-    history: History,
-) -> list[Expected]:
+def expected(bench: Bench, listed: Sequence[Job], history: History) -> list[Expected]:
     """Return the expected cost of each job; the arguments are those of `estimate`."""
     measured = sets.measured()
     return [_expected(bench, job, history, measured) for job in listed]
 
 
 def _expected(
-    bench: Bench,
-    job: Job,
-    history: History,
-    measured: Mapping[str, sets.Measured],
+    bench: Bench, job: Job, history: History, measured: Mapping[str, sets.Measured]
 ) -> Expected:
     per_step = history.step_bytes or STEP_BYTES
     usd = 0.0
@@ -137,12 +122,7 @@ def _expected(
     seconds = _mean(history.seconds, job)
     steps = _mean(history.steps, job)
     if seconds is not None and steps is not None:
-        return Expected(
-            seconds=seconds,
-            bytes=(steps + 1) * per_step,
-            usd=usd,
-            basis="runs",
-        )
+        return Expected(seconds=seconds, bytes=(steps + 1) * per_step, usd=usd, basis="runs")
     basis: Basis = "suite"
     task = measured.get(job.task)
     before = EPISODE_SECONDS
@@ -160,10 +140,7 @@ def _expected(
         basis = "limit"
     number = min(number, bench.max_steps)
     return Expected(
-        seconds=before + number * step,
-        bytes=(number + 1) * per_step,
-        usd=usd,
-        basis=basis,
+        seconds=before + number * step, bytes=(number + 1) * per_step, usd=usd, basis=basis
     )
 
 
@@ -273,11 +250,7 @@ def _count(found: History, record: ResultRecord) -> None:
     task = scores.task_name(record["task"], record.get("task_seed"))
     usage = record.get("usage")
     usd = usage.get("usd") if isinstance(usage, Mapping) else None
-    values = {
-        "seconds": record.get("seconds"),
-        "steps": record.get("steps"),
-        "usd": usd,
-    }
+    values = {"seconds": record.get("seconds"), "steps": record.get("steps"), "usd": usd}
     whole = (str(record["agent"]), task, str(record["corruption"]))
     for name, value in values.items():
         if not is_amount(value):

@@ -26,20 +26,11 @@ OPTION = "--fail-under"
 EXAMPLE = f"such as {OPTION} retention=0.8 or {OPTION} success.network_error=0.5"
 # Scores of one condition (NAME.CORRUPTION), which are columns of the report's table. Without a
 # condition the first two are those of the clean one, the others are over all corrupted cases.
-OF_CONDITION = (
-    "success",
-    "ci_low",
-    "retention",
-    "delta",
-)
+OF_CONDITION = ("success", "ci_low", "retention", "delta")
 CLEAN_FIRST = ("success", "ci_low")
 PAIRED = ("retention", "delta")  # with the clean condition
 # Scores of an agent, by their names in its summary.
-OF_AGENT = {
-    "average": "paper_average",
-    "corrupted": "corrupted",
-    "worst": "worst_success",
-}
+OF_AGENT = {"average": "paper_average", "corrupted": "corrupted", "worst": "worst_success"}
 OVER_CORRUPTIONS = ("corrupted", "worst")
 KNOWN = (*OF_CONDITION, *OF_AGENT)
 ROUNDING = 1e-9  # tolerance for rounding errors in sums of scores
@@ -151,11 +142,7 @@ class ReleaseGate:
 
     @classmethod
     def read(
-        cls,
-        texts: Sequence[str],
-        junit: Path | None,
-        agents: Sequence[str],
-        labels: Sequence[str],
+        cls, texts: Sequence[str], junit: Path | None, agents: Sequence[str], labels: Sequence[str]
     ) -> "ReleaseGate":
         """Check the options of a command against the agents and conditions of the run.
 
@@ -175,12 +162,7 @@ class ReleaseGate:
             found += _read_gate(text, agents, labels)
         if junit is not None:
             _check_writable(junit)
-        return cls(
-            gates=tuple(found),
-            junit=junit,
-            agents=tuple(agents),
-            labels=tuple(labels),
-        )
+        return cls(gates=tuple(found), junit=junit, agents=tuple(agents), labels=tuple(labels))
 
     def verdicts(self, run: Run) -> list[GateVerdict]:
         """Judge the gates on the episodes of a run so far."""
@@ -210,11 +192,7 @@ class ReleaseGate:
         return all(verdict.passed for verdict in verdicts)
 
 
-def _read_gate(
-    text: str,
-    agents: Sequence[str],
-    labels: Sequence[str],
-) -> list[ScoreGate]:
+def _read_gate(text: str, agents: Sequence[str], labels: Sequence[str]) -> list[ScoreGate]:
     """Return the gates of one `--fail-under`.
 
     A gate without an agent applies to every agent; yardsticks are exempt if there are other agents.
@@ -235,23 +213,10 @@ def _read_gate(
     least = _threshold(text, score, number)
     own = [name for name in agents if name not in YARDSTICKS]
     chosen = [agent] if colon else own or agents
-    return [
-        ScoreGate(
-            score=score,
-            label=label,
-            agent=one,
-            least=least,
-        )
-        for one in chosen
-    ]
+    return [ScoreGate(score=score, label=label, agent=one, least=least) for one in chosen]
 
 
-def _check_label(
-    text: str,
-    score: str,
-    label: str,
-    labels: Sequence[str],
-) -> None:
+def _check_label(text: str, score: str, label: str, labels: Sequence[str]) -> None:
     """Check that a run with these conditions has the score.
 
     Raises:
@@ -275,11 +240,7 @@ def _check_label(
         raise ParameterError(f"{OPTION} {text}: the run has no corruption")
 
 
-def _threshold(
-    text: str,
-    score: str,
-    number: str,
-) -> float:
+def _threshold(text: str, score: str, number: str) -> float:
     """Return the number of a gate.
 
     Raises:

@@ -46,11 +46,7 @@ class Interval:
 
 
 def mean_interval(
-    scores: Sequence[float],
-    tasks: Sequence[Hashable],
-    *,
-    level: float = LEVEL,
-    seed: int = 0,
+    scores: Sequence[float], tasks: Sequence[Hashable], *, level: float = LEVEL, seed: int = 0
 ) -> Interval:
     """Return the mean score of some episodes, with a bootstrap interval that resamples tasks.
 
@@ -70,10 +66,7 @@ def mean_interval(
 
 
 def mean_intervals(
-    cells: Sequence[Scores],
-    *,
-    level: float = LEVEL,
-    seed: int = 0,
+    cells: Sequence[Scores], *, level: float = LEVEL, seed: int = 0
 ) -> list[Interval]:
     """Return `mean_interval` of each cell, which is faster for all cells at once."""
     found = _intervals([_by_task(*cell) for cell in cells], level=level, seed=seed)
@@ -104,10 +97,7 @@ def difference_interval(
 
 
 def difference_intervals(
-    cells: Sequence[PairedScores],
-    *,
-    level: float = LEVEL,
-    seed: int = 0,
+    cells: Sequence[PairedScores], *, level: float = LEVEL, seed: int = 0
 ) -> list[Interval]:
     """Return `difference_interval` of each cell, which is faster for all cells at once."""
     found = _intervals([differences_by_task(*cell) for cell in cells], level=level, seed=seed)
@@ -145,10 +135,7 @@ def retention_interval(
 
 
 def retention_intervals(
-    cells: Sequence[PairedScores],
-    *,
-    level: float = LEVEL,
-    seed: int = 0,
+    cells: Sequence[PairedScores], *, level: float = LEVEL, seed: int = 0
 ) -> list[Interval | None]:
     """Return `retention_interval` of each cell, which is faster for all cells at once."""
     shares: list[_Ratio] = []
@@ -178,10 +165,7 @@ def retention_intervals(
 
 
 def grand_mean_interval(
-    cells: Sequence[Scores],
-    *,
-    level: float = LEVEL,
-    seed: int = 0,
+    cells: Sequence[Scores], *, level: float = LEVEL, seed: int = 0
 ) -> Interval:
     """Return the mean of several cells' mean scores, such as over the nine, with its interval.
 
@@ -245,9 +229,7 @@ def _by_task(scores: Sequence[float], tasks: Sequence[Hashable]) -> tuple[Floats
 
 
 def differences_by_task(
-    clean: Sequence[float],
-    corrupted: Sequence[float],
-    tasks: Sequence[Hashable],
+    clean: Sequence[float], corrupted: Sequence[float], tasks: Sequence[Hashable]
 ) -> tuple[Floats64, Floats64]:
     """Return the sum of the differences (corrupted minus clean) and their number, by task.
 
@@ -263,18 +245,11 @@ def differences_by_task(
 
 def _clipped(interval: Interval, least: float) -> Interval:
     return Interval(
-        value=interval.value,
-        low=max(least, interval.low),
-        high=min(1.0, interval.high),
+        value=interval.value, low=max(least, interval.low), high=min(1.0, interval.high)
     )
 
 
-def _intervals(
-    cells: Sequence[_Ratio],
-    *,
-    level: float,
-    seed: int,
-) -> list[Interval]:
+def _intervals(cells: Sequence[_Ratio], *, level: float, seed: int) -> list[Interval]:
     """Return the means over tasks with intervals, which have Wilson's width if all tasks agree."""
     differing = [cell for cell in cells if not are_alike(cell[0] / cell[1])]
     ends = iter(_bootstrap(differing, level=level, seed=seed))
@@ -297,8 +272,7 @@ def _unseen(tasks: int, level: float) -> float:
 
 
 def _cells_by_task(
-    cells: Sequence[Scores],
-    place: Mapping[Hashable, int],
+    cells: Sequence[Scores], place: Mapping[Hashable, int]
 ) -> tuple[Floats64, Floats64]:
     """Return the sums and the numbers of scores, each float64 `[tasks, cells]`."""
     sums = np.zeros((len(place), len(cells)))
@@ -310,12 +284,7 @@ def _cells_by_task(
     return sums, counts
 
 
-def _bootstrap(
-    ratios: Sequence[_Ratio],
-    *,
-    level: float,
-    seed: int,
-) -> list[tuple[float, float]]:
+def _bootstrap(ratios: Sequence[_Ratio], *, level: float, seed: int) -> list[tuple[float, float]]:
     """Return the percentile interval of each ratio of sums, resampling both by task.
 
     `scipy.stats.bootstrap` refuses ratios that may be infinite, such as retention, and draws new
@@ -334,11 +303,7 @@ def _bootstrap(
     return [found[place] for place in range(len(ratios))]
 
 
-def _ends(
-    ratios: Sequence[_Ratio],
-    level: float,
-    seed: int,
-) -> list[tuple[float, float]]:
+def _ends(ratios: Sequence[_Ratio], level: float, seed: int) -> list[tuple[float, float]]:
     """Return the intervals of ratios over equally many tasks."""
     above = resample([numerators for numerators, _ in ratios], seed)
     below = resample([denominators for _, denominators in ratios], seed)

@@ -31,11 +31,7 @@ class GateCase:
     problem: str
 
 
-def write(
-    path: Path,
-    run: Run,
-    gates: Sequence[GateCase],
-) -> None:
+def write(path: Path, run: Run, gates: Sequence[GateCase]) -> None:
     """Write a run as JUnit XML; its folder is made if it is missing.
 
     Each episode is a test case of the suite of its agent. It is an error if it is invalid, failed,
@@ -120,22 +116,13 @@ def _missing(name: str) -> XmlElement:
     return case
 
 
-def _case(
-    where: str,
-    name: str,
-    seconds: float,
-) -> XmlElement:
+def _case(where: str, name: str, seconds: float) -> XmlElement:
     found = ElementTree.Element("testcase", classname=_text(where), name=_text(name))
     found.set("time", _seconds(seconds))
     return found
 
 
-def _add(
-    case: XmlElement,
-    what: str,
-    kind: str,
-    message: str,
-) -> None:
+def _add(case: XmlElement, what: str, kind: str, message: str) -> None:
     """Add a problem to a case."""
     found = ElementTree.SubElement(case, what, type=kind)
     found.set("message", _text(message.split("\n")[0]))

@@ -30,19 +30,11 @@ class ModelOptions:
     @property
     def given(self) -> list[str]:
         """The options that were given."""
-        named = {
-            "--prompts": self.prompts,
-            "--replay": self.replay,
-            "--max-cost": self.max_cost,
-        }
+        named = {"--prompts": self.prompts, "--replay": self.replay, "--max-cost": self.max_cost}
         return [name for name, value in named.items() if value is not None]
 
 
-def prepare(
-    agents: Sequence[str],
-    options: ModelOptions,
-    out: Path | None,
-) -> None:
+def prepare(agents: Sequence[str], options: ModelOptions, out: Path | None) -> None:
     """Tell the agents of agent files about their run.
 
     Args:

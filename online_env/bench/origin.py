@@ -50,11 +50,7 @@ def describe(config: Mapping[str, Any], **used: int) -> RunOrigin:
 def config_digest(config: Mapping[str, Any]) -> str:
     """Return the SHA-256 of a configuration as canonical JSON, without the name of its file."""
     without = {key: value for key, value in config.items() if key != "source"}
-    text = json.dumps(
-        without,
-        sort_keys=True,
-        separators=(",", ":"),
-    )
+    text = json.dumps(without, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -168,11 +164,7 @@ def _commit_of(found: Mapping[str, Any]) -> object:
     return place
 
 
-def add_session(
-    folder: Path,
-    found: Mapping[str, Any],
-    made: int,
-) -> None:
+def add_session(folder: Path, found: Mapping[str, Any], made: int) -> None:
     """Record that a run is resumed.
 
     Args:

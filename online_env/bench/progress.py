@@ -60,10 +60,7 @@ class ProgressDisplay:
             ]
             self._bar = Progress(*columns, console=console, transient=True)
             self._task = self._bar.add_task(
-                "starts a desktop",
-                total=len(listed),
-                completed=done,
-                pace="",
+                "starts a desktop", total=len(listed), completed=done, pace=""
             )
 
     def __enter__(self) -> "ProgressDisplay":
@@ -76,12 +73,7 @@ class ProgressDisplay:
         if self._bar is not None:
             self._bar.stop()
 
-    def begins(
-        self,
-        job: "Job",
-        number: int,
-        attempt: int,
-    ) -> None:
+    def begins(self, job: "Job", number: int, attempt: int) -> None:
         """Show the job that begins now, for the first time or again."""
         self._ended.discard(number)  # the last attempt did not count
         if self._bar is None:
@@ -89,12 +81,7 @@ class ProgressDisplay:
         text = f"{job} (again)" if attempt else str(job)
         self._bar.update(self._task, completed=self._done, description=text)
 
-    def ended(
-        self,
-        job: "Job",
-        number: int,
-        record: ResultRecord,
-    ) -> None:
+    def ended(self, job: "Job", number: int, record: ResultRecord) -> None:
         """Print one line on the episode."""
         self._ended.add(number)
         status = record["status"]
@@ -130,9 +117,4 @@ class ProgressDisplay:
         return f"{3600 * rate:.0f} an hour, {in_words(left)} left"
 
     def _print(self, text: str, style: str | None) -> None:
-        self._console.print(
-            text,
-            style=style,
-            markup=False,
-            soft_wrap=True,
-        )
+        self._console.print(text, style=style, markup=False, soft_wrap=True)

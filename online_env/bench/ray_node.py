@@ -65,10 +65,7 @@ class NodeDesktop:
     def begin(self, parcel: Parcel) -> NodeReport:
         """Start the desktop."""
         ray: Any = importlib.import_module("ray")
-        report = NodeReport(
-            host=socket.gethostname(),
-            node=ray.get_runtime_context().get_node_id(),
-        )
+        report = NodeReport(host=socket.gethostname(), node=ray.get_runtime_context().get_node_id())
         # Ray blocks SIGINT, and the programs of a desktop would inherit that.
         signal.signal(signal.SIGINT, lambda *_: None)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})

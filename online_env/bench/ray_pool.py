@@ -69,12 +69,7 @@ class RayPool:
         address: Of the cluster; see `pipelines.engines.ray_connection.session`.
     """
 
-    def __init__(
-        self,
-        setup: WorkerSetup,
-        most: int,
-        address: str | None = None,
-    ) -> None:
+    def __init__(self, setup: WorkerSetup, most: int, address: str | None = None) -> None:
         self.desktops = most
         self.most = most
         self._setup = setup
@@ -96,18 +91,12 @@ class RayPool:
         with ExitStack() as stack:
             self._ray: Any = stack.enter_context(
                 _connection().session(
-                    self.most * CORES,
-                    self._address,
-                    memory=self.most * MEMORY,
-                    error=ClusterError,
+                    self.most * CORES, self._address, memory=self.most * MEMORY, error=ClusterError
                 )
             )
             self.desktops = min(self.most, self._room())
             self._actor = self._ray.remote(
-                num_cpus=CORES,
-                memory=MEMORY,
-                max_restarts=0,
-                scheduling_strategy="SPREAD",
+                num_cpus=CORES, memory=MEMORY, max_restarts=0, scheduling_strategy="SPREAD"
             )(NodeDesktop)
             self._parcel = self._ray.put(parcel)
             stack.callback(self._join)
@@ -320,18 +309,12 @@ class RayPool:
             self._stopped.wait(LOOK)
         return False
 
-    def _play(
-        self,
-        desktop: _Desktop,
-        job: Job,
-        attempt: int,
-    ) -> ResultRecord:
+    def _play(self, desktop: _Desktop, job: Job, attempt: int) -> ResultRecord:
         """Play an episode on a desktop and place its files in the folder of the run."""
         arrival = Arrival(self._setup.folder)
         end = EpisodeEnd(problem=ClusterError("the episode ended without a record"))
         played = desktop.actor.play.options(
-            num_returns="streaming",
-            _generator_backpressure_num_objects=AHEAD,
+            num_returns="streaming", _generator_backpressure_num_objects=AHEAD
         )
         try:
             for part in played.remote(job, attempt):

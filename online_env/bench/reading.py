@@ -11,28 +11,14 @@ from hijack_data.errors import HijackError, shown
 from hijack_data.files import read_regular
 from hijack_data.runs.amounts import is_amount
 from hijack_data.runs.run_head import check_head
-from hijack_data.runs.run_log import (
-    EPISODE,
-    EPISODES,
-    LINKS,
-    RECORDS,
-    RUN,
-    SCORE_RUN,
-    slug_of,
-)
+from hijack_data.runs.run_log import EPISODE, EPISODES, LINKS, RECORDS, RUN, SCORE_RUN, slug_of
 from hijack_data.surrogates import has_half
 
 ResultRecord: TypeAlias = dict[str, Any]
 STATUSES = ("ok", "invalid", "error")
 MAX_LINE = 8 * 2**20
 
-_FIELDS = {
-    "agent": str,
-    "task": str,
-    "corruption": str,
-    "seed": int,
-    "status": str,
-}
+_FIELDS = {"agent": str, "task": str, "corruption": str, "seed": int, "status": str}
 _AMOUNTS = ("attempt", "steps", "seconds", "malformed")  # checked in records that have them
 
 
@@ -162,11 +148,7 @@ def with_first_seeds(run: Run, count: int) -> Run:
     )
 
 
-def _seed_in(
-    name: str,
-    seeds: Sequence[int],
-    folder: Path,
-) -> int:
+def _seed_in(name: str, seeds: Sequence[int], folder: Path) -> int:
     """Return the seed in the id of an episode.
 
     Raises:
@@ -271,11 +253,7 @@ def _refuse(name: str) -> object:
     raise ValueError(f"{name} is not a number")
 
 
-def _check_new(
-    record: ResultRecord,
-    seen: dict[object, int],
-    number: int,
-) -> None:
+def _check_new(record: ResultRecord, seen: dict[object, int], number: int) -> None:
     """Check that no earlier line is of the same episode, and remember this one.
 
     Raises:
@@ -291,13 +269,7 @@ def _check_new(
 
 def first_id(record: ResultRecord) -> str:
     """Return the id of the first attempt at the episode of a record."""
-    return slug_of(
-        record["task"],
-        record["corruption"],
-        record["seed"],
-        record["agent"],
-        0,
-    )
+    return slug_of(record["task"], record["corruption"], record["seed"], record["agent"], 0)
 
 
 def _check_parts(parts: object) -> None:

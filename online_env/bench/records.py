@@ -64,15 +64,7 @@ __all__ = [
     "versions",
 ]
 
-PACKAGES = (
-    "agenthijack",
-    "numpy",
-    "pillow",
-    "gymnasium",
-    "rapidocr",
-    "onnxruntime",
-    "openvino",
-)
+PACKAGES = ("agenthijack", "numpy", "pillow", "gymnasium", "rapidocr", "onnxruntime", "openvino")
 
 MOST_SHOWN = 200  # letters of a setting in a message
 MOST_ENTRIES = 5  # entries of a long list in a message
@@ -111,11 +103,7 @@ def begin(
 
 
 def check_folder(
-    folder: Path,
-    config: Mapping[str, Any],
-    episodes: Sequence[str],
-    *,
-    goes_on: bool,
+    folder: Path, config: Mapping[str, Any], episodes: Sequence[str], *, goes_on: bool
 ) -> bool:
     """Check that a run could begin or continue in a folder; nothing is changed.
 
@@ -296,11 +284,7 @@ def kept(folder: Path, record: ResultRecord) -> ResultRecord:
     return cast("ResultRecord", found) if isinstance(found, dict) else record
 
 
-def _chained(
-    folder: Path,
-    record: ResultRecord,
-    before: bytes,
-) -> bytes:
+def _chained(folder: Path, record: ResultRecord, before: bytes) -> bytes:
     """Return the line of a record, which names the SHA-256 of the line before it."""
     episode = folder / EPISODES / str(record.get("id")) / EPISODE
     digest = digest_of_file(episode)
@@ -309,11 +293,7 @@ def _chained(
     return line.encode("utf-8", "backslashreplace")
 
 
-def difference(
-    was: object,
-    now: object,
-    place: str = "",
-) -> str:
+def difference(was: object, now: object, place: str = "") -> str:
     """Return the first difference of two JSON values in words, or "" if they are equal."""
     if was == now:
         return ""
@@ -386,11 +366,7 @@ def _check_empty(folder: Path) -> None:
         raise RunError(f"{folder}: is not empty ({listed} ...); give --out a new folder")
 
 
-def _check_same(
-    folder: Path,
-    config: Mapping[str, Any],
-    episodes: Sequence[str],
-) -> None:
+def _check_same(folder: Path, config: Mapping[str, Any], episodes: Sequence[str]) -> None:
     head = read_head(folder)
     if head["version"] < CHAINED:
         what = f"was begun by an older version (format {head['version']}, now {VERSION})"
@@ -419,11 +395,7 @@ def _drop_cut_line(folder: Path) -> None:
     path.touch()
 
 
-def _adopt(
-    folder: Path,
-    run: Run,
-    episodes: Sequence[str],
-) -> None:
+def _adopt(folder: Path, run: Run, episodes: Sequence[str]) -> None:
     """Add the lines of episodes that ended right before the run was interrupted.
 
     An episode that ended because the run did (Ctrl-C, a full disk) is played again as if it had

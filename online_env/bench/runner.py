@@ -18,21 +18,11 @@ from .records import ResultRecord
 class RunListener(Protocol):
     """Callbacks on the progress of a run."""
 
-    def begins(
-        self,
-        job: Job,
-        number: int,
-        attempt: int,
-    ) -> None:
+    def begins(self, job: Job, number: int, attempt: int) -> None:
         """Job `number` (from 1) begins, for the first time or (`attempt` from 1 on) again."""
         ...
 
-    def ended(
-        self,
-        job: Job,
-        number: int,
-        record: ResultRecord,
-    ) -> None:
+    def ended(self, job: Job, number: int, record: ResultRecord) -> None:
         """An episode has ended."""
         ...
 
@@ -126,12 +116,7 @@ class _Run:
         self.stopped = False
         self.refused: CostLimitError | None = None
 
-    def finish(
-        self,
-        number: int,
-        job: Job,
-        earlier: Sequence[ResultRecord],
-    ) -> str:
+    def finish(self, number: int, job: Job, earlier: Sequence[ResultRecord]) -> str:
         """Run a job until no further attempt is due; return how it ended."""
         made = list(earlier)
         while needs_attempt(made, self._retries):

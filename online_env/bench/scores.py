@@ -53,9 +53,7 @@ class GroupedRecords(NamedTuple):
 
 
 def rows(
-    records: Iterable[ResultRecord],
-    agents: Sequence[str] = (),
-    corruptions: Sequence[str] = (),
+    records: Iterable[ResultRecord], agents: Sequence[str] = (), corruptions: Sequence[str] = ()
 ) -> list[ScoreRow]:
     """Return one row for each agent and corruption that has records, with the keys `COLUMNS`.
 
@@ -76,9 +74,7 @@ def rows(
 
 
 def grouped_rows(
-    groups: GroupedRecords,
-    agents: Sequence[str] = (),
-    corruptions: Sequence[str] = (),
+    groups: GroupedRecords, agents: Sequence[str] = (), corruptions: Sequence[str] = ()
 ) -> list[ScoreRow]:
     """Return the rows that `rows` describes, of records that `grouped` has grouped."""
     agent_order = _order([*agents, *(agent for agent, _ in groups.last)])
@@ -103,11 +99,7 @@ def summaries(table: Sequence[ScoreRow]) -> list[ScoreRow]:
         own = {row["corruption"]: row["success"] for row in table if row["agent"] == agent}
         known = [value for value in own.values() if value is not None]
         found.append(
-            {
-                "agent": agent,
-                **means(own),
-                "paper_average": fmean(known) if known else None,
-            }
+            {"agent": agent, **means(own), "paper_average": fmean(known) if known else None}
         )
     return found
 
@@ -147,11 +139,7 @@ def worst_labels(success: Mapping[str, float]) -> tuple[str, ...]:
 def pairs(before: ScoreByCase, after: ScoreByCase) -> PairedCases:
     """Return the two scores and the task of each case that has both, in the order of `after`."""
     both = [case for case in after if case in before]
-    return (
-        [before[case] for case in both],
-        [after[case] for case in both],
-        task_names(both),
-    )
+    return ([before[case] for case in both], [after[case] for case in both], task_names(both))
 
 
 def pairs_of(agent: str, scores: ScoreByCell) -> PairedCases:
@@ -193,10 +181,7 @@ def _infer(table: Sequence[ScoreRow], scores: ScoreByCell) -> None:
             row["p"] = adjusted[row["corruption"]]
 
 
-def _with_clean(
-    row: ScoreRow,
-    scores: ScoreByCell,
-) -> PairedCases:
+def _with_clean(row: ScoreRow, scores: ScoreByCell) -> PairedCases:
     agent = row["agent"]
     return pairs(scores.get((agent, CLEAN), {}), scores[agent, row["corruption"]])
 
@@ -242,12 +227,7 @@ def _order(listed: Sequence[str]) -> dict[str, int]:
     return {name: position for position, name in enumerate(dict.fromkeys(listed))}
 
 
-def _row(
-    agent: str,
-    label: str,
-    cases: Cases,
-    scores: ScoreByCell,
-) -> ScoreRow:
+def _row(agent: str, label: str, cases: Cases, scores: ScoreByCell) -> ScoreRow:
     own = scores[agent, label]
     base = scores.get((agent, CLEAN), {}) if label != CLEAN else {}
     there, here, _ = pairs(base, own)

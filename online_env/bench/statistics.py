@@ -155,17 +155,9 @@ def detectable_difference(
 
 
 @lru_cache(maxsize=64)
-def _detectable_effect(
-    tasks: int,
-    power: float,
-    level: float,
-) -> float:
+def _detectable_effect(tasks: int, power: float, level: float) -> float:
     """Return the difference that a paired t test finds, in standard deviations of the tasks."""
-    effect: Any = TTestPower().solve_power(
-        nobs=tasks,
-        alpha=1 - level,
-        power=power,
-    )
+    effect: Any = TTestPower().solve_power(nobs=tasks, alpha=1 - level, power=power)
     return float(effect)
 
 

@@ -154,29 +154,20 @@ class LocalPool:
             worker.close()
             problem = f"the process that played the episode ended (exit code {worker.code})"
             problem = f"{problem}: {error}".rstrip(": ")
-            return lost(
-                job,
-                attempt,
-                problem,
-                start=start,
-            )
+            return lost(job, attempt, problem, start=start)
 
 
 class _Worker:
     """One process and the connection to it."""
 
     def __init__(
-        self,
-        setup: WorkerSetup,
-        serve: Callable[[Connection, WorkerSetup], None],
+        self, setup: WorkerSetup, serve: Callable[[Connection, WorkerSetup], None]
     ) -> None:
         context = multiprocessing.get_context("spawn")
         self._connection, there = context.Pipe()
         self._busy = False
         self._process: SpawnProcess = context.Process(
-            target=serve,
-            args=(there, setup),
-            name="episodes",
+            target=serve, args=(there, setup), name="episodes"
         )
         self._process.start()
         there.close()
@@ -274,10 +265,7 @@ def stage_of(bench: Bench, folder: Path) -> Generator[TaskStage]:
         yield SmallTasks(desktop)
 
 
-def answer_calls(
-    connection: Connection,
-    episode: Callable[[Job, int], ResultRecord],
-) -> None:
+def answer_calls(connection: Connection, episode: Callable[[Job, int], ResultRecord]) -> None:
     """Report that all is ready, then play the requested episodes until the connection is closed."""
     connection.send((None, None))
     with contextlib.suppress(EOFError, OSError):
@@ -303,9 +291,7 @@ def _leave(*_: object) -> NoReturn:
 
 
 def answer(
-    episode: Callable[[Job, int], ResultRecord],
-    job: Job,
-    attempt: int,
+    episode: Callable[[Job, int], ResultRecord], job: Job, attempt: int
 ) -> tuple[ResultRecord | None, Exception | None]:
     """Play an episode; return its record, or the error that refuses it, fit to be sent."""
     try:

@@ -20,12 +20,7 @@ Exchange = tuple[int, Mapping[str, str], bytes | bytearray]
 class _DoorConnection(HTTPConnection):
     """A connection over a socket in the file system."""
 
-    def __init__(
-        self,
-        *args: Any,
-        door: str,
-        **options: Any,
-    ) -> None:
+    def __init__(self, *args: Any, door: str, **options: Any) -> None:
         super().__init__(*args, **options)
         self._door = door
 
@@ -59,12 +54,7 @@ class Client:
         self._pool.close()
 
     def exchange(
-        self,
-        method: str,
-        path: str,
-        body: bytes | None,
-        headers: dict[str, str],
-        timeout: float,
+        self, method: str, path: str, body: bytes | None, headers: dict[str, str], timeout: float
     ) -> Exchange:
         """Send a request and read the answer.
 

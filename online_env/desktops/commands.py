@@ -74,11 +74,7 @@ def end(desktop: Desktop, *programs: str) -> None:
             time.sleep(0.1)
 
 
-def _signalled(
-    desktop: Desktop,
-    signal: str,
-    program: str,
-) -> bool:
+def _signalled(desktop: Desktop, signal: str, program: str) -> bool:
     """Signal the user's programs of a name; return whether there were any.
 
     Raises:

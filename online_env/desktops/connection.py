@@ -148,12 +148,7 @@ class GuestConnection:
             time.sleep(PAUSE * min(attempt, TRIES))
 
     def _once(
-        self,
-        method: str,
-        path: str,
-        body: bytes | None,
-        headers: dict[str, str],
-        timeout: float,
+        self, method: str, path: str, body: bytes | None, headers: dict[str, str], timeout: float
     ) -> GuestResponse:
         if self._client is None:
             require("a connection to a guest", ("urllib3",))

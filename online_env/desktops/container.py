@@ -30,12 +30,7 @@ class ContainerResetter:
         GuestError: The URL is not the address of a container.
     """
 
-    def __init__(
-        self,
-        url: str,
-        token: str,
-        timeout: float = PATIENCE,
-    ) -> None:
+    def __init__(self, url: str, token: str, timeout: float = PATIENCE) -> None:
         parts = split_address(url, "container", "http://127.0.0.1:5001")
         name = parts.hostname or ""
         host = f"[{name}]" if ":" in name else name
@@ -51,10 +46,7 @@ class ContainerResetter:
             GuestError: The container does not answer, or the token is wrong.
         """
         request = urllib.request.Request(
-            self._url,
-            method="POST",
-            data=b"",
-            headers={"X-Token": self._token},
+            self._url, method="POST", data=b"", headers={"X-Token": self._token}
         )
         try:
             with _STRAIGHT.open(request, timeout=self._timeout) as answer:

@@ -241,11 +241,7 @@ class HttpDesktop:
         self._post("/setup/upload", body, kind)
 
     def tool(
-        self,
-        name: str,
-        operation: str,
-        fields: Mapping[str, Any],
-        timeout: float = 60,
+        self, name: str, operation: str, fields: Mapping[str, Any], timeout: float = 60
     ) -> dict[str, Any]:
         """Run an operation for effects in the process of our own guest server.
 
@@ -258,11 +254,7 @@ class HttpDesktop:
             timeout: in seconds.
         """
         self._need_ours("what effects look at")
-        body = {
-            "tool": name,
-            "operation": operation,
-            "fields": dict(fields),
-        }
+        body = {"tool": name, "operation": operation, "fields": dict(fields)}
         try:
             reply = self._ask_json("/ah/tool", body, timeout + SLACK)
         except GuestError as error:
@@ -345,28 +337,13 @@ class HttpDesktop:
     def _get(self, path: str) -> GuestResponse:
         return self._check("GET", path, self._connection.ask("GET", path))
 
-    def _post(
-        self,
-        path: str,
-        body: bytes,
-        kind: str = JSON,
-    ) -> GuestResponse:
+    def _post(self, path: str, body: bytes, kind: str = JSON) -> GuestResponse:
         return self._check("POST", path, self._connection.ask("POST", path, body, kind))
 
-    def _ask_json(
-        self,
-        path: str,
-        fields: Mapping[str, Any],
-        timeout: float,
-    ) -> GuestResponse:
+    def _ask_json(self, path: str, fields: Mapping[str, Any], timeout: float) -> GuestResponse:
         return self._connection.ask("POST", path, _json(fields), JSON, timeout)
 
-    def _check(
-        self,
-        method: str,
-        path: str,
-        reply: GuestResponse,
-    ) -> GuestResponse:
+    def _check(self, method: str, path: str, reply: GuestResponse) -> GuestResponse:
         if reply.status != OK:
             raise GuestError(
                 f"{method} {self.url}{path} answered {reply.status}: {reply.complaint}",

@@ -93,16 +93,9 @@ class OsworldDesktop:
     """
 
     def __init__(
-        self,
-        env: OsworldLike,
-        password: str | None = None,
-        capabilities: Sequence[Capability] = (),
+        self, env: OsworldLike, password: str | None = None, capabilities: Sequence[Capability] = ()
     ) -> None:
-        needed = {
-            "reset": env,
-            "step": env,
-            "evaluate": env,
-        }
+        needed = {"reset": env, "step": env, "evaluate": env}
         controller = getattr(env, "controller", None)
         needed |= {
             "get_screenshot": controller,
@@ -208,12 +201,7 @@ class OsworldDesktop:
         shell = isinstance(argv, str)
         command = argv if shell else [str(part) for part in argv]
         asked = _RUN.format(
-            command=command,
-            shell=shell,
-            timeout=timeout,
-            mark=_MARK,
-            cap=OUTPUT_CAP,
-            note=CAP_NOTE,
+            command=command, shell=shell, timeout=timeout, mark=_MARK, cap=OUTPUT_CAP, note=CAP_NOTE
         )
         code, output, error = json.loads(self._answer(_ISOLATED.format(code=asked)))
         return RunResult("success" if code is not None else "error", output, error, code)
@@ -241,12 +229,7 @@ class OsworldDesktop:
         for start in range(0, max(len(data), 1), CHUNK):
             piece = base64.b64encode(data[start : start + CHUNK]).decode("ascii")
             result = self.run(
-                _WRITE.format(
-                    path=path,
-                    mode="r+b" if start else "wb",
-                    start=start,
-                    data=piece,
-                )
+                _WRITE.format(path=path, mode="r+b" if start else "wb", start=start, data=piece)
             )
             if not result.ok:
                 reason = result.error.strip().splitlines()[-1:] or ["no reason given"]

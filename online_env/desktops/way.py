@@ -25,11 +25,7 @@ class Way:
     door: str | None
 
 
-def split_address(
-    url: str,
-    what: str,
-    example: str,
-) -> SplitResult:
+def split_address(url: str, what: str, example: str) -> SplitResult:
     """Return the parts of the address of a server, which leads to nothing below that.
 
     Args:

@@ -121,11 +121,7 @@ def _look(guest: Guest, without_app: bool) -> _View:
     return _View(state, frame, elements)
 
 
-def _can_be_clicked(
-    element: Element,
-    state: Mapping[str, Any],
-    without_app: bool,
-) -> bool:
+def _can_be_clicked(element: Element, state: Mapping[str, Any], without_app: bool) -> bool:
     """Return whether an element is not hidden, and not behind a modal dialog.
 
     Guests also list the elements of minimised windows; at their places there is only the desktop or
@@ -149,11 +145,7 @@ def _is_own_window(window: Mapping[str, Any] | None, element: Element) -> bool:
     return window["class"].lower().startswith(f"{element.app.lower()}.")
 
 
-def _draw(
-    left: Sequence[Element],
-    boxes: Sequence[Box],
-    stream: Stream,
-) -> Element | None:
+def _draw(left: Sequence[Element], boxes: Sequence[Box], stream: Stream) -> Element | None:
     """Return the element at the first of the plan's boxes that has one, otherwise a random one."""
     if not left:
         return None
@@ -169,18 +161,9 @@ def _distance(one: Box, other: Box) -> int:
     return max(abs(a - b) for a, b in zip(one, other, strict=True))
 
 
-def _click(
-    guest: Guest,
-    view: _View,
-    element: Element,
-) -> EffectRecord:
+def _click(guest: Guest, view: _View, element: Element) -> EffectRecord:
     x, y = element.centre
-    nothing: dict[str, Any] = {
-        "id": 0,
-        "frame": [],
-        "class": "",
-        "title": "",
-    }
+    nothing: dict[str, Any] = {"id": 0, "frame": [], "class": "", "title": ""}
     window = window_at(element.centre, view.state) or nothing
     attempt: EffectRecord = {
         "element": element.to_data(),

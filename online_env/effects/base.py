@@ -135,12 +135,7 @@ class Applied:
     `record` is JSON data and grows with each `probe` and `undo`.
     """
 
-    def __init__(
-        self,
-        effect: Effect,
-        guest: Guest,
-        record: EffectRecord,
-    ) -> None:
+    def __init__(self, effect: Effect, guest: Guest, record: EffectRecord) -> None:
         self.effect = effect
         self.record = record
         self._guest = guest
@@ -223,10 +218,7 @@ def find(kind: str) -> LiveEffect:
 
 
 def perform(
-    effect: Effect,
-    desktop: Desktop,
-    stream: Stream | None = None,
-    password: str = PASSWORD,
+    effect: Effect, desktop: Desktop, stream: Stream | None = None, password: str = PASSWORD
 ) -> Applied:
     """Apply `effect` to `desktop`; only the `probe` of the result proves that it is there.
 
@@ -258,11 +250,7 @@ def perform(
     return Applied(effect, guest, record)
 
 
-def resume(
-    record: EffectRecord,
-    desktop: Desktop,
-    password: str = PASSWORD,
-) -> Applied:
+def resume(record: EffectRecord, desktop: Desktop, password: str = PASSWORD) -> Applied:
     """Continue with an effect that another process applied, from its record.
 
     Raises:
@@ -283,11 +271,7 @@ def resume(
     return Applied(effect, Guest(desktop, password, None), kept)
 
 
-def undo(
-    kind: str,
-    desktop: Desktop,
-    password: str = PASSWORD,
-) -> Undone:
+def undo(kind: str, desktop: Desktop, password: str = PASSWORD) -> Undone:
     """Undo an effect whose record is lost: unlock, open the firewall, and so on.
 
     Passes on `UnknownNameError` (the kind is not registered).

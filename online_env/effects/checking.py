@@ -61,9 +61,7 @@ def starter() -> Callable[[], Any]:
 
 
 def check(
-    kind: str,
-    params: Mapping[str, Any] | ParamsFor,
-    with_desktop: bool,
+    kind: str, params: Mapping[str, Any] | ParamsFor, with_desktop: bool
 ) -> Iterator[Result | str]:
     """Yield the results of all checks of an effect.
 

@@ -30,12 +30,7 @@ class Trial:
     Each check continues from the state in which the previous one ended.
     """
 
-    def __init__(
-        self,
-        live: LiveEffect,
-        params: Mapping[str, Any],
-        desktop: Desktop,
-    ) -> None:
+    def __init__(self, live: LiveEffect, params: Mapping[str, Any], desktop: Desktop) -> None:
         self.live = live
         self.desktop = desktop
         self.effect = Effect(live.kind, dict(params))
@@ -147,9 +142,7 @@ def run_declared(kind: str) -> Result:
 
 
 def run_live(
-    kind: str,
-    params: Mapping[str, Any] | ParamsFor,
-    start: Callable[[], Any],
+    kind: str, params: Mapping[str, Any] | ParamsFor, start: Callable[[], Any]
 ) -> Iterator[Result]:
     """Run all checks that need a desktop.
 

@@ -56,10 +56,7 @@ class Element:
         return {**asdict(self), "box": list(self.box)}
 
 
-def live_elements(
-    xml: str,
-    size: Size,
-) -> list[Element]:
+def live_elements(xml: str, size: Size) -> list[Element]:
     """Return the interactive elements of a tree, in its order; `size` is (H, W).
 
     If an application reports which of its elements are enabled or have actions, all others are left

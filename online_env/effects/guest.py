@@ -45,22 +45,12 @@ class Guest:
         stream: the source of an effect's random draws.
     """
 
-    def __init__(
-        self,
-        desktop: Desktop,
-        password: str,
-        stream: Stream | None,
-    ) -> None:
+    def __init__(self, desktop: Desktop, password: str, stream: Stream | None) -> None:
         self.desktop = desktop
         self.password = password
         self.stream = stream
 
-    def x(
-        self,
-        operation: str,
-        patience: float = 0.0,
-        **fields: Any,
-    ) -> dict[str, Any]:
+    def x(self, operation: str, patience: float = 0.0, **fields: Any) -> dict[str, Any]:
         """Run an operation on windows or pointer (`inside/xtool.py`).
 
         It waits for the result for at most `patience` seconds.
@@ -72,22 +62,12 @@ class Guest:
         """Type, or ask who holds the keyboard and the top of the screen (`inside/locktool.py`)."""
         return self._tool("locktool", operation, fields, TIMEOUT)
 
-    def net(
-        self,
-        operation: str,
-        patience: float = 0.0,
-        **fields: Any,
-    ) -> dict[str, Any]:
+    def net(self, operation: str, patience: float = 0.0, **fields: Any) -> dict[str, Any]:
         """Examine the network (`inside/nettool.py`)."""
         fields |= {"patience": patience} if patience else {}
         return self._tool("nettool", operation, fields, TIMEOUT + patience)
 
-    def shell(
-        self,
-        script: str,
-        *words: str,
-        timeout: float = TIMEOUT,
-    ) -> RunResult:
+    def shell(self, script: str, *words: str, timeout: float = TIMEOUT) -> RunResult:
         """Run a shell script as the desktop's user; `words` are its `$1`, `$2` ...
 
         Raises:
@@ -145,11 +125,7 @@ class Guest:
         )
 
     def _tool(
-        self,
-        name: str,
-        operation: str,
-        fields: dict[str, Any],
-        timeout: float,
+        self, name: str, operation: str, fields: dict[str, Any], timeout: float
     ) -> dict[str, Any]:
         ask = getattr(self.desktop, "tool", None)
         if ask is not None and getattr(self.desktop, "is_ours", True):
@@ -174,11 +150,7 @@ class Guest:
         raise DesktopError(f"{name} {operation} failed in the guest: {result.error.strip()[-400:]}")
 
 
-def isolated(
-    source: str,
-    operation: str,
-    data: str,
-) -> list[str]:
+def isolated(source: str, operation: str, data: str) -> list[str]:
     """Return the command that runs a tool in the system's Python, apart from the user's files."""
     return ["/bin/sh", "-c", _ISOLATED, "sh", SYSTEM_PATH, f"{_PRELUDE}{source}", operation, data]
 
@@ -207,11 +179,7 @@ def _in_namespace(namespace: Path, script: str) -> RunResult:
             text=True,
             timeout=ROOT_TIMEOUT,
             check=False,
-            env={
-                **os.environ,
-                "PATH": path,
-                "LC_ALL": "C",
-            },
+            env={**os.environ, "PATH": path, "LC_ALL": "C"},
         )
     except subprocess.TimeoutExpired:
         raise DesktopError(

@@ -96,12 +96,7 @@ class LaunchApp(LiveEffect):
         shown = guest.x("drawn", DRAW, number=window["id"], frames=asked)
         attempt["drawn"] = shown["drawn"]
         record["under"] = {**shown["under"], **record["under"]}
-        record |= {
-            "window": window,
-            "classes": classes,
-            "session": int(session),
-            "asked": asked,
-        }
+        record |= {"window": window, "classes": classes, "session": int(session), "asked": asked}
         if attempt["drawn"]:
             return True
         self.undo(guest, record)
@@ -153,12 +148,7 @@ class LaunchApp(LiveEffect):
         """Return that the window is closed, or why there was none."""
         return "the window is closed" if facts["closed"] else facts["why"]
 
-    def _put_back(
-        self,
-        guest: Guest,
-        record: EffectRecord,
-        windows: Mapping[int, Any],
-    ) -> None:
+    def _put_back(self, guest: Guest, record: EffectRecord, windows: Mapping[int, Any]) -> None:
         """Restore the place of the window next to ours.
 
         A window that filled the screen first gets the place that it had before that.
@@ -196,11 +186,7 @@ def _wanted(params: Mapping[str, Any]) -> list[str]:
     return [normalize_app(name) for name in names]
 
 
-def _choices(
-    guest: Guest,
-    names: Sequence[str],
-    before: _WindowData,
-) -> list[tuple[str, Command]]:
+def _choices(guest: Guest, names: Sequence[str], before: _WindowData) -> list[tuple[str, Command]]:
     """Return the commands to try, in order: the first installed one of each application.
 
     Raises:
@@ -237,9 +223,7 @@ def _fallbacks(there: set[str], before: _WindowData) -> list[tuple[str, Command]
 
 
 def _halves(
-    area: Sequence[int],
-    beside: _WindowData | None,
-    new: _WindowData,
+    area: Sequence[int], beside: _WindowData | None, new: _WindowData
 ) -> dict[str, list[int]]:
     """Return the places of two windows: the formerly active one left, the new one right."""
     x1, y1, x2, y2 = area
@@ -273,11 +257,7 @@ def _misplaced(window: _WindowData | None, asked: Sequence[int]) -> list[str]:
     return [f"{window['title']!r} is at {frame}, not at {list(asked)}"]
 
 
-def _grown(
-    window: _WindowData,
-    asked: Sequence[int],
-    side: int,
-) -> int:
+def _grown(window: _WindowData, asked: Sequence[int], side: int) -> int:
     """Return by how many pixels a window must exceed the requested size; side 0 is its width."""
     frame = window["frame"]
     box = window["box"]

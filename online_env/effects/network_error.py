@@ -40,10 +40,7 @@ class _Tool:
 
 _TOOLS = {
     "nft": _Tool(
-        close=rules.nft_close,
-        open=rules.nft_open,
-        count=rules.nft_count,
-        listing="nft list tables",
+        close=rules.nft_close, open=rules.nft_open, count=rules.nft_count, listing="nft list tables"
     ),
     "iptables": _Tool(
         close=rules.iptables_close,

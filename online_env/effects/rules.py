@@ -24,12 +24,7 @@ def nft_close(interfaces: Sequence[str], hosts: Sequence[str]) -> str:
 
 
 def _nft_chain(
-    name: str,
-    hook: str,
-    device: str,
-    address: str,
-    interfaces: Sequence[str],
-    hosts: Sequence[str],
+    name: str, hook: str, device: str, address: str, interfaces: Sequence[str], hosts: Sequence[str]
 ) -> str:
     names = ", ".join(f'"{interface}"' for interface in interfaces)
     allowed = [f"  {_nft_family(host)} {address} {host} accept\n" for host in hosts]
@@ -63,11 +58,7 @@ def iptables_close(interfaces: Sequence[str], hosts: Sequence[str]) -> str:
     return "\n".join([iptables_open(), *families])
 
 
-def _iptables_family(
-    tool: str,
-    interfaces: Sequence[str],
-    hosts: Sequence[str],
-) -> str:
+def _iptables_family(tool: str, interfaces: Sequence[str], hosts: Sequence[str]) -> str:
     is_6 = tool == "ip6tables"
     mine = [host for host in hosts if (":" in host) == is_6]
     lines: list[str] = []

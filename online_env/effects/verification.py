@@ -54,11 +54,7 @@ class LockSession(LiveEffect):
         if not already:
             guest.shell(f"{_CLEAN}; {locker.lock}; {_wait(locker, locker.on)}", timeout=LIMIT)
         guest.keys("wake")
-        return {
-            "locker": locker.name,
-            "already": already,
-            "drawn": self._wait_until_drawn(guest),
-        }
+        return {"locker": locker.name, "already": already, "drawn": self._wait_until_drawn(guest)}
 
     def probe(self, guest: Guest, record: EffectRecord) -> Probe:
         """Look whether the locker covers the screen and holds the keyboard.
@@ -146,12 +142,7 @@ class LockSession(LiveEffect):
             f"the guest cannot lock its session: it has no locker; {known}"
         )
 
-    def _left(
-        self,
-        guest: Guest,
-        locker: Locker,
-        by: str,
-    ) -> Undone:
+    def _left(self, guest: Guest, locker: Locker, by: str) -> Undone:
         """Return how the session was left, once its screen has had time to come back."""
         active = _active(guest, locker) is True
         end = time.monotonic() + FORCED
@@ -159,12 +150,7 @@ class LockSession(LiveEffect):
         while screen["covers"] and screen["keyboard"] and time.monotonic() < end:
             time.sleep(TICK)
             screen = guest.keys("lock", typed=False)
-        facts = {
-            "by": by,
-            "active": active,
-            "keyboard": screen["keyboard"],
-            "top": screen["top"],
-        }
+        facts = {"by": by, "active": active, "keyboard": screen["keyboard"], "top": screen["top"]}
         problem = ""
         if active:
             problem = "the session is still locked"
@@ -208,14 +194,7 @@ def _meaning(locker: Locker, answer: str) -> bool | None:
     return None
 
 
-def _wait(
-    locker: Locker,
-    word: str,
-    patience: float = PATIENCE,
-) -> str:
+def _wait(locker: Locker, word: str, patience: float = PATIENCE) -> str:
     return _AWAIT.format(
-        times=round(patience / (2 * TICK)),
-        query=locker.query,
-        word=word,
-        tick=TICK,
+        times=round(patience / (2 * TICK)), query=locker.query, word=word, tick=TICK
     )

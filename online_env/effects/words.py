@@ -15,11 +15,7 @@ Facts: TypeAlias = Mapping[str, Any]
 LONGEST = 60  # characters of a name or a title
 
 
-def in_words(
-    kind: str,
-    facts: Facts,
-    problem: str = "",
-) -> str:
+def in_words(kind: str, facts: Facts, problem: str = "") -> str:
     """Return what the facts of a probe mean; of a probe that failed, its `problem`."""
     if problem:
         return problem
@@ -27,11 +23,7 @@ def in_words(
     return as_json(facts) if live is None else live.in_words(facts)
 
 
-def undone_in_words(
-    kind: str,
-    facts: Facts,
-    problem: str = "",
-) -> str:
+def undone_in_words(kind: str, facts: Facts, problem: str = "") -> str:
     """Return how an effect was taken back; the `problem` if it was not."""
     if problem:
         return problem

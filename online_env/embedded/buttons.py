@@ -52,12 +52,7 @@ class Buttons:
         seed: of the first press; each later one has the next, so that pressing again draws anew.
     """
 
-    def __init__(
-        self,
-        desktop: Desktop,
-        ledger: Ledger,
-        seed: int = 0,
-    ) -> None:
+    def __init__(self, desktop: Desktop, ledger: Ledger, seed: int = 0) -> None:
         self._desktop = desktop
         self._ledger = ledger
         self._seed = seed

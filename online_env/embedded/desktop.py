@@ -61,12 +61,7 @@ class EmbeddedDesktop:
         If it does not start, it is a `DesktopError` (or a subclass) with the reason and the log.
         """
         order = handle.make_order(
-            size,
-            name,
-            tuple(apps),
-            osworld=osworld,
-            time_out=time_out,
-            image=image,
+            size, name, tuple(apps), osworld=osworld, time_out=time_out, image=image
         )
         height, width = size
         if height > width:
@@ -176,11 +171,7 @@ class EmbeddedDesktop:
         return self._ask("execute", argv, timeout)
 
     def tool(
-        self,
-        name: str,
-        operation: str,
-        fields: Mapping[str, Any],
-        timeout: float = 60,
+        self, name: str, operation: str, fields: Mapping[str, Any], timeout: float = 60
     ) -> dict[str, Any]:
         """Have the guest server carry out an operation of effects, in its own process.
 
@@ -234,11 +225,7 @@ class EmbeddedDesktop:
         token = Path(record["token_file"]).read_text(encoding="ascii")
         width, height = record["screen"]
         self._client = HttpDesktop(
-            record["guest"],
-            token,
-            size=(height, width),
-            patience=RESTART,
-            door=record["door"],
+            record["guest"], token, size=(height, width), patience=RESTART, door=record["door"]
         )
         self._frames = Frames(record)
 

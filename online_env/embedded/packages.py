@@ -129,10 +129,7 @@ def missing(names: Sequence[str]) -> list[str]:
         )
     command = ["dpkg-query", "-W", "-f=${Package} ${db:Status-Status}\n", *names]
     listed = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        check=False,
+        command, capture_output=True, text=True, check=False
     ).stdout.splitlines()
     installed = {line.split()[0] for line in listed if line.endswith(" installed")}
     return [name for name in names if name not in installed]

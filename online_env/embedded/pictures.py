@@ -33,12 +33,7 @@ DARK = 0.55
 SKIN: Colour = (236, 240, 246)
 SHIRT: Colour = (74, 118, 168)
 # Ordered dithering (Bayer), 4x4, in sixteenths.
-DITHER = (
-    (0, 8, 2, 10),
-    (12, 4, 14, 6),
-    (3, 11, 1, 9),
-    (15, 7, 13, 5),
-)
+DITHER = ((0, 8, 2, 10), (12, 4, 14, 6), (3, 11, 1, 9), (15, 7, 13, 5))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,46 +67,11 @@ class Ridge:
 
 # From far to near.
 RIDGES = (
-    Ridge(
-        line=0.60,
-        swing=0.045,
-        waves=1.7,
-        phase=0.3,
-        top=(142, 136, 164),
-        foot=(196, 172, 172),
-    ),
-    Ridge(
-        line=0.67,
-        swing=0.050,
-        waves=2.3,
-        phase=2.2,
-        top=(104, 110, 150),
-        foot=(160, 148, 166),
-    ),
-    Ridge(
-        line=0.75,
-        swing=0.045,
-        waves=1.5,
-        phase=4.4,
-        top=(66, 84, 126),
-        foot=(112, 114, 146),
-    ),
-    Ridge(
-        line=0.84,
-        swing=0.040,
-        waves=2.6,
-        phase=1.1,
-        top=(36, 58, 94),
-        foot=(66, 80, 116),
-    ),
-    Ridge(
-        line=0.93,
-        swing=0.030,
-        waves=1.9,
-        phase=5.3,
-        top=(16, 34, 60),
-        foot=(30, 46, 74),
-    ),
+    Ridge(line=0.60, swing=0.045, waves=1.7, phase=0.3, top=(142, 136, 164), foot=(196, 172, 172)),
+    Ridge(line=0.67, swing=0.050, waves=2.3, phase=2.2, top=(104, 110, 150), foot=(160, 148, 166)),
+    Ridge(line=0.75, swing=0.045, waves=1.5, phase=4.4, top=(66, 84, 126), foot=(112, 114, 146)),
+    Ridge(line=0.84, swing=0.040, waves=2.6, phase=1.1, top=(36, 58, 94), foot=(66, 80, 116)),
+    Ridge(line=0.93, swing=0.030, waves=1.9, phase=5.3, top=(16, 34, 60), foot=(30, 46, 74)),
 )
 
 
@@ -143,11 +103,7 @@ def face() -> Image.Image:
     return picture.resize((192, 192), Image.Resampling.BOX)
 
 
-def _add_glow(
-    picture: Floats,
-    x: Floats,
-    y: Floats,
-) -> None:
+def _add_glow(picture: Floats, x: Floats, y: Floats) -> None:
     across = (x - GLOW_X) / GLOW_WIDTH
     down = (y - GLOW_Y) / GLOW_HEIGHT
     glow = np.exp(-(across**2 + down**2))[..., None]
@@ -155,12 +111,7 @@ def _add_glow(
     picture += glow * missing * GLOW_STRENGTH
 
 
-def _add_ridge(
-    picture: Floats,
-    ridge: Ridge,
-    x: Floats,
-    y: Floats,
-) -> None:
+def _add_ridge(picture: Floats, ridge: Ridge, x: Floats, y: Floats) -> None:
     below = y - ridge.height_at(x)
     # one pixel wide edge, so it is smooth
     inside = np.clip(below * HEIGHT + 0.5, 0, 1)[..., None]

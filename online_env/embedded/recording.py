@@ -21,10 +21,7 @@ def guest_client(record: dict[str, Any], patience: float = 20.0) -> "httpx.Clien
     secret = Path(record["token_file"]).read_text(encoding="ascii")
     way = httpx.HTTPTransport(uds=record["door"])
     return httpx.Client(
-        base_url=record["guest"],
-        headers={"X-Token": secret},
-        timeout=patience,
-        transport=way,
+        base_url=record["guest"], headers={"X-Token": secret}, timeout=patience, transport=way
     )
 
 

@@ -69,11 +69,7 @@ def locked() -> Iterator[None]:
     Raises:
         SetupError: The folder belongs to another user.
     """
-    RUN.mkdir(
-        mode=0o755 if os.geteuid() == 0 else 0o700,
-        parents=True,
-        exist_ok=True,
-    )
+    RUN.mkdir(mode=0o755 if os.geteuid() == 0 else 0o700, parents=True, exist_ok=True)
     if RUN.is_symlink() or RUN.stat().st_uid != os.geteuid():
         raise SetupError(f"{RUN} belongs to somebody else; remove it as root")
     with lock(RUN / ".lock", wait=True):
@@ -81,10 +77,7 @@ def locked() -> Iterator[None]:
 
 
 def claim(
-    name: str | None,
-    keeper: tuple[int, int],
-    controller: "tuple[int, int] | None",
-    more: Record,
+    name: str | None, keeper: tuple[int, int], controller: "tuple[int, int] | None", more: Record
 ) -> Record:
     """Reserve a name and a slot.
 
@@ -179,12 +172,7 @@ def records() -> list[Record]:
 
 
 def _broken(name: str) -> Record:
-    return {
-        "id": name,
-        "slot": -1,
-        "state": "broken",
-        "created": 0.0,
-    }
+    return {"id": name, "slot": -1, "state": "broken", "created": 0.0}
 
 
 def state(record: Record) -> str:
@@ -241,11 +229,7 @@ def clear(record: Record) -> None:
     shutil.rmtree(folder(record["id"]), ignore_errors=True)
 
 
-def _end(
-    process: "list[int] | None",
-    number: int,
-    patience: float,
-) -> bool:
+def _end(process: "list[int] | None", number: int, patience: float) -> bool:
     """Signal a process and wait for its end; return whether it has ended."""
     if process is None or not alive(process):
         return True

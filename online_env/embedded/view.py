@@ -68,10 +68,7 @@ class Viewer(ThreadingHTTPServer):
     daemon_threads = True
 
     def __init__(
-        self,
-        record: dict[str, Any],
-        port: int = 0,
-        buttons: ButtonPanel | None = None,
+        self, record: dict[str, Any], port: int = 0, buttons: ButtonPanel | None = None
     ) -> None:
         self.record = record
         self.token = secrets.token_urlsafe(24)
@@ -210,11 +207,7 @@ class _Handler(BaseHTTPRequestHandler):
         self._answer(status, json.dumps(data).encode(), "application/json")
 
     def _answer(
-        self,
-        status: int,
-        body: bytes,
-        kind: str = "text/plain",
-        more: dict[str, str] | None = None,
+        self, status: int, body: bytes, kind: str = "text/plain", more: dict[str, str] | None = None
     ) -> None:
         self.send_response(status)
         headers = {

@@ -203,12 +203,7 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
             why: The problem, for the record.
             traceback: Where the agent raised, the innermost call last.
         """
-        end = End(
-            status="error",
-            problem=why,
-            cause="agent",
-            traceback=tuple(traceback),
-        )
+        end = End(status="error", problem=why, cause="agent", traceback=tuple(traceback))
         _runners[self].end(end)
 
     def render(self) -> Any:

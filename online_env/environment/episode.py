@@ -54,12 +54,7 @@ class Episode:
         request: The episode to play.
     """
 
-    def __init__(
-        self,
-        stage: Stage,
-        settings: EvalSettings,
-        request: EpisodeRequest,
-    ) -> None:
+    def __init__(self, stage: Stage, settings: EvalSettings, request: EpisodeRequest) -> None:
         self.record: EpisodeRecord | None = None
         self._stage = stage
         self._settings = settings
@@ -200,12 +195,7 @@ class Episode:
             self._counts.attempt = request.attempt
         return EpisodeLog(folder, slug_of(*names, self._counts.attempt))
 
-    def _act(
-        self,
-        text: object,
-        observer: Observer,
-        view: EpisodeView,
-    ) -> tuple[float, bool, bool]:
+    def _act(self, text: object, observer: Observer, view: EpisodeView) -> tuple[float, bool, bool]:
         start = time.monotonic()
         request = self._read(text, view)
         kind = "malformed" if request is None else request.kind
@@ -250,11 +240,7 @@ class Episode:
         if not self._effects.holds_elsewhere(observer.script, lambda: observer.settle(step, {})):
             return invalid
         about = "on a fresh desktop it holds, so this is what the agent's actions led to"
-        return End(
-            status="error",
-            problem=f"{problem}; {about}",
-            cause="agent",
-        )
+        return End(status="error", problem=f"{problem}; {about}", cause="agent")
 
     def _read(self, text: object, view: EpisodeView) -> Request | None:
         """Return the action in pixels of the screen, or `None` if it is malformed."""
@@ -313,13 +299,7 @@ class Episode:
         except Exception as error:  # noqa: BLE001  (the agent's state may break any evaluator)
             self.end(End(status="error", problem=f"{type(error).__name__}: {error}"))
             return _OVER
-        self.end(
-            End(
-                status="ok",
-                verdict=verdict,
-                ended=ended,
-            )
-        )
+        self.end(End(status="ok", verdict=verdict, ended=ended))
         by_agent = ended == "agent"
         return verdict.score, by_agent, not by_agent
 

@@ -97,12 +97,7 @@ class EpisodeEffects:
         self._events = []
         return found
 
-    def inject(
-        self,
-        due: Sequence[Effect],
-        script: Script,
-        step: int,
-    ) -> str:
+    def inject(self, due: Sequence[Effect], script: Script, step: int) -> str:
         """Apply and probe each effect, up to the first that fails.
 
         Returns:
@@ -125,32 +120,16 @@ class EpisodeEffects:
         self._skip_covered()
         return ""
 
-    def _prove(
-        self,
-        effect: Effect,
-        script: Script,
-        step: int,
-    ) -> str:
+    def _prove(self, effect: Effect, script: Script, step: int) -> str:
         self._broken.append(effect.kind)
         applied = self._perform(effect, script, step)
         self._broken.pop()
         live = _Live(step, applied)
         self._live.append(live)
-        self._events.append(
-            {
-                "step": step,
-                "effect": effect.kind,
-                "record": applied.record,
-            }
-        )
+        self._events.append({"step": step, "effect": effect.kind, "record": applied.record})
         return live.probe()
 
-    def _perform(
-        self,
-        effect: Effect,
-        script: Script,
-        step: int,
-    ) -> Applied:
+    def _perform(self, effect: Effect, script: Script, step: int) -> Applied:
         stream = script.stream(effect.kind, step)
         with _guarded(effect.kind):
             return perform(effect, self._desktop, stream, self._password)

@@ -46,11 +46,7 @@ class EpisodeLog:
         try:
             # Readable by this user only: desktops see some folders of this machine, and names and
             # records reveal the corruption.
-            (runs / EPISODES).mkdir(
-                mode=0o700,
-                parents=True,
-                exist_ok=True,
-            )
+            (runs / EPISODES).mkdir(mode=0o700, parents=True, exist_ok=True)
             self.folder.mkdir(exist_ok=True)
             # If an episode is dropped without an end, the lock is released with this object.
             self._lock = _locked(self.folder / STEPS)
@@ -62,12 +58,7 @@ class EpisodeLog:
         self._last = digest_of(slug.encode())
         self._pool = ThreadPoolExecutor(2)
 
-    def frames(
-        self,
-        step: int,
-        clean: UInt8Array,
-        seen: UInt8Array,
-    ) -> dict[str, Any]:
+    def frames(self, step: int, clean: UInt8Array, seen: UInt8Array) -> dict[str, Any]:
         """Store the screen and the agent's picture.
 
         Args:
@@ -99,13 +90,7 @@ class EpisodeLog:
         Raises:
             unwritable: The file cannot be written.
         """
-        line = dump(
-            {
-                "said": None,
-                **data,
-                "previous": self._last,
-            }
-        )
+        line = dump({"said": None, **data, "previous": self._last})
         try:
             self._steps.write(line + b"\n")
             self._steps.flush()
@@ -117,11 +102,7 @@ class EpisodeLog:
     def finish(self, record: Mapping[str, Any]) -> dict[str, Any]:
         """Write the record, which ends the episode, and return it as written."""
         self._pool.shutdown()
-        whole = {
-            **record,
-            "lines": self._lines,
-            "chain": self._last,
-        }
+        whole = {**record, "lines": self._lines, "chain": self._last}
         try:
             write_atomic(self.folder / EPISODE, dump(whole) + b"\n")
         finally:
@@ -154,13 +135,7 @@ class EpisodeLog:
             raise unwritable(self.folder / name, error) from None
 
 
-def free_attempt(
-    runs: Path,
-    task: str,
-    label: str,
-    seed: int,
-    agent: str,
-) -> int:
+def free_attempt(runs: Path, task: str, label: str, seed: int, agent: str) -> int:
     """Return the number of the first attempt at an episode that has no folder yet."""
     attempt = 0
     while (runs / EPISODES / slug_of(task, label, seed, agent, attempt)).exists():

@@ -91,17 +91,8 @@ class Observer:
         seen: UInt8Array = apply(plan, clean) if plan.ops else clean
         frames = {} if self._log is None else self._log.frames(step, clean, seen)
         facts = self._facts(plan, settled, boxes)
-        line = {
-            "step": step,
-            **frames,
-            **facts,
-            "seconds": seconds,
-        }
-        self.view = EpisodeView(
-            seen=seen,
-            plan=plan,
-            line=line,
-        )
+        line = {"step": step, **frames, **facts, "seconds": seconds}
+        self.view = EpisodeView(seen=seen, plan=plan, line=line)
         seconds["corrupt"] = since(start)
         return problem
 
@@ -151,12 +142,7 @@ class Observer:
                 raise
             return str(error)
 
-    def _facts(
-        self,
-        plan: Plan,
-        settled: Settled,
-        boxes: BoxArray,
-    ) -> dict[str, Any]:
+    def _facts(self, plan: Plan, settled: Settled, boxes: BoxArray) -> dict[str, Any]:
         """Return the log's fields about the screen; the action is filled in later."""
         data = plan.to_data()
         return {

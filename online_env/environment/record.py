@@ -175,8 +175,4 @@ def _about(desktop: Desktop, settle: Settle) -> EpisodeRecord:
         size = [width, height]
     except DesktopError:
         pass
-    return {
-        "provider": type(desktop).__name__.lstrip("_"),
-        "size": size,
-        "settle": asdict(settle),
-    }
+    return {"provider": type(desktop).__name__.lstrip("_"), "size": size, "settle": asdict(settle)}

@@ -41,10 +41,7 @@ class EpisodeRunner:
     """
 
     def __init__(
-        self,
-        stage: Stage,
-        corruption: str | Planner | None,
-        settings: EvalSettings,
+        self, stage: Stage, corruption: str | Planner | None, settings: EvalSettings
     ) -> None:
         self.settings = settings
         self.episode: Episode | None = None
@@ -101,13 +98,7 @@ class EpisodeRunner:
             why = f"{why}, while {type(raised).__name__} was handled"
         elif self.episode is not None:
             self.episode.truncate()
-        self.end(
-            End(
-                status="error",
-                problem=why,
-                cause="outside",
-            )
-        )
+        self.end(End(status="error", problem=why, cause="outside"))
 
     def close(self) -> None:
         """End the episode and close the stage; calling it again does nothing."""

@@ -59,12 +59,7 @@ class Script:
         if self.planner is None:
             return Plan.clean(self.size)
         scene = Scene(self.size, as_boxes(boxes), self.apps)
-        return self.planner.plan(
-            scene,
-            seed=self.seed,
-            sample=self.sample,
-            step=step,
-        )
+        return self.planner.plan(scene, seed=self.seed, sample=self.sample, step=step)
 
     def needs_tree(self, step: int) -> bool:
         """Return whether the plan of this step depends on where the elements are.

@@ -53,11 +53,7 @@ class Settled:
     tree_seconds: float = 0.0
 
 
-def wait_until_settled(
-    desktop: Desktop,
-    rule: Settle,
-    with_tree: bool,
-) -> Settled:
+def wait_until_settled(desktop: Desktop, rule: Settle, with_tree: bool) -> Settled:
     """Take screenshots until nothing changes any more.
 
     Args:

@@ -37,9 +37,7 @@ async def score_of(session: Session, state: TaskState) -> Score:
     metadata = {"record": record}
     if record["status"] == "invalid":
         return Score.unscored(
-            reason="corruption_not_proved",
-            explanation=record["problem"],
-            metadata=metadata,
+            reason="corruption_not_proved", explanation=record["problem"], metadata=metadata
         )
     if record["status"] == "error" and record["cause"] != "agent":
         raise DesktopError(record["problem"])
@@ -51,11 +49,7 @@ async def score_of(session: Session, state: TaskState) -> Score:
     )
 
 
-def _end(
-    session: Session,
-    said: str,
-    cut_off: bool,
-) -> None:
+def _end(session: Session, said: str, cut_off: bool) -> None:
     session.hear(said)
     if cut_off:
         session.cut_off("a limit of Inspect's ended the episode before the agent took an action")

@@ -38,12 +38,7 @@ class Session:
         shown: (height, width) in which the model is shown every picture; `None` leaves them.
     """
 
-    def __init__(
-        self,
-        bench: Bench,
-        model: str,
-        shown: Size | None,
-    ) -> None:
+    def __init__(self, bench: Bench, model: str, shown: Size | None) -> None:
         self._bench = bench
         self._model = model
         self._shown = shown
@@ -67,12 +62,7 @@ class Session:
         height, width = self._obs["screenshot"].shape[:2]
         return self._shown or (height, width)
 
-    def begin(
-        self,
-        task: str,
-        label: str,
-        seed: int,
-    ) -> None:
+    def begin(self, task: str, label: str, seed: int) -> None:
         """Start a desktop and the episode.
 
         If the desktop fails then, the episode is over and `record` says so; `DesktopError` is
@@ -87,18 +77,12 @@ class Session:
         provider = PROVIDERS.get(bench.provider)
         desktop = self._stack.enter_context(provider(bench.size))
         settings = EvalSettings(
-            max_steps=bench.max_steps,
-            recovery=bench.recovery,
-            agent=self._model,
+            max_steps=bench.max_steps, recovery=bench.recovery, agent=self._model
         )
         env = CorruptedEnv(SmallTasks(desktop), settings=settings)
         self._stack.callback(env.close)
         self._env = env
-        options = {
-            "task": task,
-            "corruption": bench.planners[label],
-            "label": label,
-        }
+        options = {"task": task, "corruption": bench.planners[label], "label": label}
         try:
             self._obs, _ = env.reset(seed=seed, options=options)
         except DesktopError:
@@ -163,11 +147,7 @@ def _resized(picture: UInt8Array, size: Size) -> UInt8Array:
     return np.asarray(image)
 
 
-def _zoomed(
-    picture: UInt8Array,
-    region: tuple[int, int, int, int],
-    size: Size,
-) -> UInt8Array:
+def _zoomed(picture: UInt8Array, region: tuple[int, int, int, int], size: Size) -> UInt8Array:
     """Return a region, given in pixels of `size`, enlarged as far as it fits into `size`."""
     height, width = picture.shape[:2]
     [(left, top, right, bottom)] = CoordMap(size, (height, width)).boxes_to_screen([region])
@@ -195,12 +175,7 @@ class Sessions:
     def __getitem__(self, sample: str) -> Session:
         return self._by_sample[sample]
 
-    async def open(
-        self,
-        sample: str,
-        session: Session,
-        begin: Callable[[], None],
-    ) -> None:
+    async def open(self, sample: str, session: Session, begin: Callable[[], None]) -> None:
         """Wait for a free desktop, and begin an episode in a thread."""
         while not self._free.acquire(blocking=False):
             await anyio.sleep(_POLL)

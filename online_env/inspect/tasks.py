@@ -89,26 +89,12 @@ def bench(
     """
     known = Path(config).expanduser()
     loaded = load_bench(known.resolve() if known.exists() else config)
-    chosen = override(
-        loaded,
-        task=_joined(tasks),
-        corruption=_joined(corruptions),
-        seeds=seeds,
-    )
-    return task_of(
-        chosen,
-        max_steps=max_steps,
-        desktops=desktops,
-        keep=keep,
-    )
+    chosen = override(loaded, task=_joined(tasks), corruption=_joined(corruptions), seeds=seeds)
+    return task_of(chosen, max_steps=max_steps, desktops=desktops, keep=keep)
 
 
 def task_of(
-    benchmark: Bench,
-    *,
-    max_steps: int | None = None,
-    desktops: int = 1,
-    keep: int = 3,
+    benchmark: Bench, *, max_steps: int | None = None, desktops: int = 1, keep: int = 3
 ) -> Task:
     """Return a benchmark as a task.
 

@@ -102,11 +102,7 @@ def computer_tool(session: Callable[[], Session], keep: int) -> Tool:
         return await in_thread(_taken, session(), actions or [single])
 
     # Inspect's agents forget the `model_input` of a `ToolDef`; it has to come by the decorator.
-    @tool(
-        name="computer",
-        model_input=_latest(keep),
-        parallel=False,
-    )
+    @tool(name="computer", model_input=_latest(keep), parallel=False)
     def computer() -> Tool:
         return execute
 
@@ -133,11 +129,7 @@ def _taken(session: Session, calls: list[dict[str, Any]]) -> ToolResult:
     return [*(ContentText(text=note) for note in notes), image]
 
 
-def _codes(
-    session: Session,
-    call: dict[str, Any],
-    notes: list[str],
-) -> list[str]:
+def _codes(session: Session, call: dict[str, Any], notes: list[str]) -> list[str]:
     name = call.get("action")
     if name in _SIDE_BUTTONS:
         return [_SIDE_BUTTONS[name]]
@@ -147,11 +139,7 @@ def _codes(
     return codes
 
 
-def _zoom(
-    session: Session,
-    call: dict[str, Any],
-    notes: list[str],
-) -> str:
+def _zoom(session: Session, call: dict[str, Any], notes: list[str]) -> str:
     """Return a part of the present picture, larger; that is no step."""
     region = call.get("region")
     try:
@@ -166,12 +154,7 @@ def _zoom(
 def _latest(keep: int) -> Any:
     """Return a function that replaces the pictures of older results by words."""
 
-    def sent(
-        message_index: int,
-        message_total: int,
-        content: Any,
-        hints: Any,
-    ) -> Any:
+    def sent(message_index: int, message_total: int, content: Any, hints: Any) -> Any:
         whole = hints.get("disable_computer_screenshot_truncation", False)
         if whole or isinstance(content, str) or message_total - message_index <= keep:
             return content

@@ -52,12 +52,7 @@ def _venv_option(text: str):
 )
 @click.option("--json", "json_", is_flag=True, help="Print the result as JSON.")
 def prefetch(
-    source: Path,
-    out: Path,
-    only: tuple[str, ...],
-    list_: bool,
-    check_: bool,
-    json_: bool,
+    source: Path, out: Path, only: tuple[str, ...], list_: bool, check_: bool, json_: bool
 ) -> int:
     """Fill OSWorld's file cache, so that runs need no network.
 
@@ -159,10 +154,7 @@ def setup(tier: str, folder: Path) -> None:
     help="Groups of tasks by need.",
 )
 @click.option(
-    "--cache",
-    metavar="DIR",
-    type=click.Path(path_type=Path),
-    help="OSWorld's file cache.",
+    "--cache", metavar="DIR", type=click.Path(path_type=Path), help="OSWorld's file cache."
 )
 @_venv_option("Where OSWorld's Python environment is.")
 def selftest(
@@ -206,12 +198,7 @@ def selftest(
     is_flag=True,
     help="Print the files of the tasks that work here, as hijack bench --tasks takes them.",
 )
-def needs(
-    source: Path,
-    folder: Path,
-    json_: bool,
-    working: bool,
-) -> int:
+def needs(source: Path, folder: Path, json_: bool, working: bool) -> int:
     """Say which tasks can run on the embedded desktop, and what the others lack.
 
     Tasks are read, not run: files, packages, programs, sites and accounts that they name.
@@ -245,20 +232,12 @@ def needs(
     return 0
 
 
-def _say(
-    as_json: bool,
-    value: object,
-    lines: list[str],
-) -> None:
+def _say(as_json: bool, value: object, lines: list[str]) -> None:
     click.echo(json.dumps(value, indent=1) if as_json else "\n".join(lines))
 
 
 def _meter(quiet: bool):
-    def tell(
-        done: int,
-        total: int,
-        path: str,
-    ) -> None:
+    def tell(done: int, total: int, path: str) -> None:
         if not quiet and (done == total or done % 20 == 0):
             click.echo(f"{done} of {total} files ({path})", err=True)
 

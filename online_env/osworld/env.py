@@ -106,11 +106,7 @@ class OsworldEnv:
     """
 
     def __init__(
-        self,
-        python: Path,
-        fresh: Callable[[], Address],
-        settings: OSWorldSettings,
-        log: Path,
+        self, python: Path, fresh: Callable[[], Address], settings: OSWorldSettings, log: Path
     ) -> None:
         self._fresh = fresh
         self._log = log

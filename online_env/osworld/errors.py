@@ -19,12 +19,7 @@ class TaskRefusedError(OsworldError):
 class EvaluatorError(OsworldError):
     """OSWorld's own code raised an exception; `kind` is its type. This is no score."""
 
-    def __init__(
-        self,
-        message: str,
-        kind: str = "",
-        log: "list[str] | None" = None,
-    ) -> None:
+    def __init__(self, message: str, kind: str = "", log: "list[str] | None" = None) -> None:
         self.kind = kind
         self.log = log or []
         super().__init__(message)

@@ -21,11 +21,7 @@ _MAKE = (
 )
 
 
-def provide(
-    env: OsworldEnv,
-    tasks: Iterable[OsworldTask],
-    cache: Path,
-) -> None:
+def provide(env: OsworldEnv, tasks: Iterable[OsworldTask], cache: Path) -> None:
     """Put an empty history into `cache` for each task that needs one and has none.
 
     Raises:

@@ -120,10 +120,7 @@ def task_class(path: str) -> type[OsworldFileTask]:
         "apps": task.apps,
         "infeasible": "" if task.feasible else "OSWorld calls it infeasible",
         "file": task,
-        "source": {
-            "path": str(place),
-            "sha256": hashlib.sha256(read_regular(place)).hexdigest(),
-        },
+        "source": {"path": str(place), "sha256": hashlib.sha256(read_regular(place)).hexdigest()},
         "__module__": __name__,
         "__qualname__": f"OsworldFileTask[{place}]",
     }
@@ -157,9 +154,7 @@ def of_osworld(names: Iterable[str]) -> tuple[OsworldTask, ...]:
 
 
 def check_runnable(
-    listed: Iterable[OsworldTask],
-    files: Path | None,
-    folder: Path = venv.DEFAULT,
+    listed: Iterable[OsworldTask], files: Path | None, folder: Path = venv.DEFAULT
 ) -> None:
     """Check that OSWorld's evaluators and files for some tasks are here.
 
@@ -214,12 +209,7 @@ class OsworldTasks(TaskHolder, OsworldStage):
         cache: The cache of `env`. What an evaluator left there for an earlier episode is removed.
     """
 
-    def __init__(
-        self,
-        env: OsworldEnv,
-        files: Path | None,
-        cache: Path,
-    ) -> None:
+    def __init__(self, env: OsworldEnv, files: Path | None, cache: Path) -> None:
         super().__init__(env)
         self._osworld = env
         self._files = files

@@ -58,12 +58,7 @@ class Player:
         """Type a text into the element that has the focus."""
         self.do(f"pyautogui.write({text!r})")
 
-    def click(
-        self,
-        name: str,
-        role: str = "",
-        timeout: float = 15.0,
-    ) -> None:
+    def click(self, name: str, role: str = "", timeout: float = 15.0) -> None:
         """Click the first visible element whose name starts with `name`.
 
         Args:
@@ -74,21 +69,11 @@ class Player:
         x, y = self.find(name, role, timeout)
         self.do(f"pyautogui.click({x}, {y})")
 
-    def find(
-        self,
-        name: str,
-        role: str = "",
-        timeout: float = 15.0,
-    ) -> Point:
+    def find(self, name: str, role: str = "", timeout: float = 15.0) -> Point:
         """Wait for an element and return its centre; see `click`."""
         return self._wait(name, role, 0, timeout)
 
-    def sees(
-        self,
-        name: str,
-        role: str = "",
-        timeout: float = 3.0,
-    ) -> bool:
+    def sees(self, name: str, role: str = "", timeout: float = 3.0) -> bool:
         """Return whether an element comes within `timeout` seconds; see `click`."""
         try:
             self.find(name, role, timeout)
@@ -96,13 +81,7 @@ class Player:
             return False
         return True
 
-    def click_beside(
-        self,
-        name: str,
-        other: str,
-        role: str = "",
-        timeout: float = 15.0,
-    ) -> None:
+    def click_beside(self, name: str, other: str, role: str = "", timeout: float = 15.0) -> None:
         """Click the element named `other` that is nearest in height to the one named `name`."""
         _, row = self.find(name, timeout=timeout)
         x, y = self._wait(other, role, row, timeout)
@@ -121,13 +100,7 @@ class Player:
             if not self.sees(f"{address} - Lumen Search", "frame", timeout=0):
                 return
 
-    def _wait(
-        self,
-        name: str,
-        role: str,
-        row: int,
-        timeout: float,
-    ) -> Point:
+    def _wait(self, name: str, role: str, row: int, timeout: float) -> Point:
         deadline = time.monotonic() + timeout
         while True:
             found = self._matching(name, role)

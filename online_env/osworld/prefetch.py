@@ -184,11 +184,7 @@ class _Download:
         # A copy, never a hard link: OSWorld opens files of its cache for writing.
         replace_atomic(target, lambda path: shutil.copyfile(source, path))
         size = target.stat().st_size
-        self._record[item.path] = {
-            "url": item.url,
-            "size": size,
-            "sha256": sha256(target),
-        }
+        self._record[item.path] = {"url": item.url, "size": size, "sha256": sha256(target)}
         manifest = json.dumps(self._record, indent=1, sort_keys=True)
         write_atomic(self._cache / MANIFEST, manifest + "\n")
         report.fetched.append(item.path)
@@ -242,11 +238,7 @@ class _Download:
             raise _PassingError(f"{error or type(error).__name__} ({TRIES} tries)") from None
 
 
-def _resumed(
-    url: str,
-    part: Path,
-    client: httpx.Client,
-) -> Path:
+def _resumed(url: str, part: Path, client: httpx.Client) -> Path:
     """Fetch the rest of `part`, or all of it if the file has changed since.
 
     Raises:

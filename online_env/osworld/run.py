@@ -38,13 +38,7 @@ def address_of(record: Mapping[str, Any]) -> Address:
 class EmbeddedEnv(OsworldEnv):
     """OSWorld's environment on an embedded desktop of this machine."""
 
-    def __init__(
-        self,
-        python: Path,
-        supply: Supply,
-        settings: OSWorldSettings,
-        log: Path,
-    ) -> None:
+    def __init__(self, python: Path, supply: Supply, settings: OSWorldSettings, log: Path) -> None:
         self._record: Mapping[str, Any] = {}
         self._client: HttpDesktop | None = None
         self._supply = supply
@@ -114,9 +108,7 @@ def embedded_env(
 
 
 @contextlib.contextmanager
-def checker(
-    folder: Path = venv.DEFAULT,
-) -> Iterator[PackageCheck | None]:
+def checker(folder: Path = venv.DEFAULT) -> Iterator[PackageCheck | None]:
     """Yield `OsworldEnv.check`, which needs no desktop; `None` if there is no environment.
 
     Args:
@@ -145,9 +137,5 @@ def on_embedded(
     # No standby: a desktop that starts meanwhile slows a task down.
     with embedded_env(folder, cache, standby=False) as env:
         history.provide(env, tasks, cache)
-        about = {
-            **env.about,
-            "tier": venv.tier_of(folder),
-            "desktop_env": venv.PACKAGE,
-        }
+        about = {**env.about, "tier": venv.tier_of(folder), "desktop_env": venv.PACKAGE}
         return run_all(env, tasks, groups, about, tell)

@@ -71,10 +71,7 @@ class _Excluded(HijackError):
 
 
 def run(
-    env: OsworldEnv,
-    task: OsworldTask,
-    revision: Revision,
-    group: str = NO_GROUP,
+    env: OsworldEnv, task: OsworldTask, revision: Revision, group: str = NO_GROUP
 ) -> SelfTestRow:
     """Test one task on `env`.
 
@@ -98,11 +95,7 @@ def run(
     return row
 
 
-def _judge(
-    env: OsworldEnv,
-    task: OsworldTask,
-    row: SelfTestRow,
-) -> None:
+def _judge(env: OsworldEnv, task: OsworldTask, row: SelfTestRow) -> None:
     row.untouched = _untouched(env, task, row)
     if row.untouched != 0:
         raise _Excluded(f"scores {row.untouched:g} untouched")
@@ -125,11 +118,7 @@ def _judge(
     row.status = "works"
 
 
-def _untouched(
-    env: OsworldEnv,
-    task: OsworldTask,
-    row: SelfTestRow,
-) -> float:
+def _untouched(env: OsworldEnv, task: OsworldTask, row: SelfTestRow) -> float:
     """Return the score without any action: after the reset and, if that is 0, some seconds later.
 
     Applications write their files late: chrome 99146c54 scores 0 at once and 1 some seconds later.
@@ -142,11 +131,7 @@ def _untouched(
     return score
 
 
-def _reset(
-    env: OsworldEnv,
-    task: OsworldTask,
-    row: SelfTestRow,
-) -> None:
+def _reset(env: OsworldEnv, task: OsworldTask, row: SelfTestRow) -> None:
     env.reset(task.config)
     failed = [line for line in env.warnings if line.startswith("ERROR")]
     row.log += failed
@@ -251,11 +236,7 @@ def read_groups(path: Path) -> Groups:
         raise ConfigError([f"{path}: must hold {{group: [[domain, id], ...]}} ({error})"]) from None
 
 
-def choose(
-    tasks: TaskSet,
-    groups: Groups,
-    wanted: Iterable[str],
-) -> TaskSet:
+def choose(tasks: TaskSet, groups: Groups, wanted: Iterable[str]) -> TaskSet:
     """Return the tasks that `wanted` names, or all if it is empty.
 
     Args:

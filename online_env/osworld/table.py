@@ -38,11 +38,7 @@ def rows(tasks: TaskSet, corruptions: list[str]) -> Iterator[dict[str, Any]]:
             }
 
 
-def write(
-    tasks: TaskSet,
-    out: Path,
-    clean: bool = False,
-) -> int:
+def write(tasks: TaskSet, out: Path, clean: bool = False) -> int:
     """Write the rows of all nine corruptions; the same tasks give the same bytes.
 
     `HijackError` is raised if `out` cannot be written; then nothing is left.

@@ -141,11 +141,7 @@ def _read(path: Path, problems: list[str]) -> bytes:
         return b""
 
 
-def _parse(
-    data: bytes,
-    path: Path,
-    problems: list[str],
-) -> _Task | None:
+def _parse(data: bytes, path: Path, problems: list[str]) -> _Task | None:
     try:
         config: object = json.loads(data.decode("utf-8"))
     except (ValueError, RecursionError) as error:  # UnicodeDecodeError is a ValueError

@@ -59,11 +59,7 @@ def tier_of(folder: Path) -> str | None:
         return None
 
 
-def make(
-    folder: Path = DEFAULT,
-    tier: str = "tiny",
-    python: str = sys.executable,
-) -> VenvReport:
+def make(folder: Path = DEFAULT, tier: str = "tiny", python: str = sys.executable) -> VenvReport:
     """Make the environment, or bring it to `tier`; a second call finds it and installs nothing.
 
     `desktop-env` goes in without its own pins (they conflict with NumPy 2 and bring 7 GB), then the
@@ -94,11 +90,7 @@ def make(
     return VenvReport(folder, tier, size_mb(folder), True)
 
 
-def _install(
-    folder: Path,
-    tier: str,
-    python: str,
-) -> None:
+def _install(folder: Path, tier: str, python: str) -> None:
     if not (folder / "bin" / "python").exists():
         _call([python, "-m", "venv", str(folder)])
     own = str(folder / "bin" / "python")
@@ -128,12 +120,7 @@ def _requirements(tier: str) -> str:
 
 
 def _call(command: list[str]) -> None:
-    done = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         tail = " | ".join((done.stderr or done.stdout).strip().splitlines()[-5:])
         line = " ".join(command)

@@ -106,13 +106,7 @@ class ActionRecognizer(Generic[View]):
         if fields and _is_another_click(fields, button, place):
             fields["clicks"] += 1
         else:
-            self._begin(
-                "press",
-                button=button,
-                start=place,
-                end=place,
-                clicks=1,
-            )
+            self._begin("press", button=button, start=place, end=place, clicks=1)
 
     def _up(self, event: Mapping[str, Any]) -> None:
         action = self._present
@@ -156,11 +150,7 @@ class ActionRecognizer(Generic[View]):
             self._key(event)  # alone it opens a menu; the other modifiers do nothing alone
 
 
-def _is_another_click(
-    fields: Mapping[str, Any],
-    button: str,
-    place: tuple[int, int],
-) -> bool:
+def _is_another_click(fields: Mapping[str, Any], button: str, place: tuple[int, int]) -> bool:
     """Return whether a press continues clicks on the same place, which were no drag."""
     if fields["button"] != button or fields["end"] != fields["start"]:
         return False

@@ -122,12 +122,7 @@ def record_assets(
     return lost
 
 
-def _added(
-    pack: Pack,
-    picture: Picture,
-    size: Size,
-    look: str,
-) -> str:
+def _added(pack: Pack, picture: Picture, size: Size, look: str) -> str:
     """Add a picture to the pack; return a line about it."""
     entry = pack.add(picture, size, look)
     if entry is None:
@@ -135,11 +130,7 @@ def _added(
     return f"{entry['id']}: {picture.made_by}"
 
 
-def _known(
-    names: Iterable[str],
-    there: Sequence[str],
-    what: str,
-) -> set[str]:
+def _known(names: Iterable[str], there: Sequence[str], what: str) -> set[str]:
     """Return the names, or all of `there` if none is given.
 
     Raises:
@@ -161,19 +152,13 @@ def _looks(names: Iterable[str]) -> dict[str, Look | None]:
 
 
 def _all(
-    scenes: Iterable[AssetScene],
-    size: Size,
-    look: Look | None,
+    scenes: Iterable[AssetScene], size: Size, look: Look | None
 ) -> Iterator[Picture | Refused]:
     """Yield the scenes' pictures, each on a pristine desktop of that size and look."""
     for scene in scenes:
         name = f"rec-{os.getpid()}-{next(_number)}"
         try:
-            with EmbeddedDesktop.up(
-                size=size,
-                name=name,
-                time_out=60.0,
-            ) as desktop:
+            with EmbeddedDesktop.up(size=size, name=name, time_out=60.0) as desktop:
                 stage = RecordingStage(desktop, look.name if look else GOLDEN)
                 apps.put_files(stage)
                 if look is not None:
@@ -188,12 +173,7 @@ def _about() -> dict[str, Any]:
     found: dict[str, str] = {}
     if shutil.which("dpkg-query"):
         command = ["dpkg-query", "-W", "-f=${Package} ${Version}\n", *SHOWN]
-        result = subprocess.run(
-            command,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        result = subprocess.run(command, capture_output=True, text=True, check=False)
         for line in result.stdout.splitlines():
             name, _, version = line.partition(" ")
             if version:

@@ -68,12 +68,7 @@ def run(options: RecordOptions) -> int:
             instruction=options.instruction,
         )
         return _assets(options.assets, options)
-    _refuse(
-        "it is for --assets",
-        only=options.only,
-        sizes=options.sizes,
-        looks=options.looks,
-    )
+    _refuse("it is for --assets", only=options.only, sizes=options.sizes, looks=options.looks)
     if options.task is None and not options.person:
         _refuse("it is for --person", instruction=options.instruction)
         return _video(options.name, options.output or VIDEO, options.seconds)
@@ -93,11 +88,7 @@ def _refuse(why: str, **given: object) -> None:
             raise ParameterError(f"{name} does not go with the rest: {why}")
 
 
-def _video(
-    name: str | None,
-    output: Path,
-    seconds: float | None,
-) -> int:
+def _video(name: str | None, output: Path, seconds: float | None) -> int:
     from ..embedded.recording import record
     from ..embedded.running import attach
 

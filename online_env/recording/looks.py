@@ -75,21 +75,10 @@ def hide_icons(stage: RecordingStage) -> None:
     stage.settled()
 
 
-def _set(
-    stage: RecordingStage,
-    channel: str,
-    key: str,
-    kind: str,
-    value: str,
-) -> None:
+def _set(stage: RecordingStage, channel: str, key: str, kind: str, value: str) -> None:
     command = ["xfconf-query", "-c", channel, "-p", key, "-n", "-t", kind, "-s", value]
     stage.command(shlex.join(command))
 
 
-def _gsettings(
-    stage: RecordingStage,
-    schema: str,
-    key: str,
-    value: str,
-) -> None:
+def _gsettings(stage: RecordingStage, schema: str, key: str, value: str) -> None:
     stage.command(shlex.join(["gsettings", "set", schema, key, value]))

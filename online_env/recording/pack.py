@@ -69,12 +69,7 @@ class Pack:
             problem = f"cannot write to {folder}: {error.strerror}"
             raise HijackError(f"{problem}; give another folder") from None
 
-    def add(
-        self,
-        picture: Picture,
-        screen: Size,
-        look: str = GOLDEN,
-    ) -> dict[str, Any] | None:
+    def add(self, picture: Picture, screen: Size, look: str = GOLDEN) -> dict[str, Any] | None:
         """Add a picture.
 
         Args:
@@ -139,12 +134,7 @@ class Pack:
 
 def _index(entries: list[dict[str, Any]], desktop: dict[str, Any]) -> str:
     """Return the index as JSON, an entry a line, for people."""
-    about = {
-        "format": FORMAT,
-        "version": VERSION,
-        "desktop": desktop,
-        "licence": LICENCE,
-    }
+    about = {"format": FORMAT, "version": VERSION, "desktop": desktop, "licence": LICENCE}
     head = json.dumps(about)
     lines = ",\n".join(json.dumps(entry, ensure_ascii=False) for entry in entries)
     return f'{head[:-1]}, "pictures": [\n{lines}\n]}}\n'
@@ -158,14 +148,7 @@ def _encoded(pixels: UInt8Array, name: str) -> bytes:
     """
     image = Image.fromarray(pixels)
     buffer = io.BytesIO()
-    image.save(
-        buffer,
-        "WEBP",
-        lossless=True,
-        quality=100,
-        method=6,
-        exact=True,
-    )
+    image.save(buffer, "WEBP", lossless=True, quality=100, method=6, exact=True)
     with Image.open(io.BytesIO(buffer.getvalue()), formats=("WEBP",)) as again:
         if again.mode != image.mode or not np.array_equal(np.asarray(again), pixels):
             raise DesktopError(

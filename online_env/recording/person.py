@@ -32,12 +32,7 @@ class _Passing:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._client, name)
 
-    def post(
-        self,
-        path: str,
-        content: bytes,
-        **options: Any,
-    ) -> Any:
+    def post(self, path: str, content: bytes, **options: Any) -> Any:
         """Pass input on, one event at a time: a screen is kept before each action begins."""
         events = _events_in(content) if path == INPUT else []
         if not events:

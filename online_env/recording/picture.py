@@ -41,12 +41,7 @@ class Picture:
     recover: Mapping[str, Any] | None = None
     opened_by: Mapping[str, Any] | None = None
 
-    def part(
-        self,
-        kind: str,
-        box: Box,
-        **changes: Any,
-    ) -> "Picture":
+    def part(self, kind: str, box: Box, **changes: Any) -> "Picture":
         """Return the part of it in `box` (pixels of the screen).
 
         Args:
@@ -67,11 +62,7 @@ class Picture:
     def entry(self) -> dict[str, Any]:
         """Return the picture as JSON, without its file; places are in pixels of the picture."""
         targets = [
-            {
-                "name": target.name,
-                "role": target.role,
-                "box": self._clipped(target.box),
-            }
+            {"name": target.name, "role": target.role, "box": self._clipped(target.box)}
             for target in self.targets
         ]
         entry: dict[str, Any] = {

@@ -94,12 +94,7 @@ class RecordingStage:
                 tops.append(Top(data["id"], data["client"], data["class"], box, data["free"]))
         return tops
 
-    def open(
-        self,
-        *argv: str,
-        named: str,
-        patience: float = 60.0,
-    ) -> Top:
+    def open(self, *argv: str, named: str, patience: float = 60.0) -> Top:
         """Start an application and wait until its window has settled.
 
         Args:
@@ -115,11 +110,7 @@ class RecordingStage:
         )
 
     def new(
-        self,
-        before: set[int],
-        fits: Callable[[Top], bool],
-        what: str,
-        patience: float = 15.0,
+        self, before: set[int], fits: Callable[[Top], bool], what: str, patience: float = 15.0
     ) -> Top:
         """Wait for a new window, and until the screen has settled.
 
@@ -229,10 +220,7 @@ class RecordingStage:
         return self.desktop.screenshot()
 
     def targets(
-        self,
-        box: Box,
-        owner: Callable[[Top | None], bool],
-        xml: str | None = None,
+        self, box: Box, owner: Callable[[Top | None], bool], xml: str | None = None
     ) -> list[ClickTarget]:
         """Return the interactive elements in a box, by their centres.
 
@@ -258,14 +246,7 @@ class RecordingStage:
             self.screen, lambda top: top is not None and top.name.split(".")[0] in LAUNCHERS
         )
 
-    def cut(
-        self,
-        kind: str,
-        app: str,
-        top: Top,
-        made_by: str,
-        **more: Any,
-    ) -> Picture:
+    def cut(self, kind: str, app: str, top: Top, made_by: str, **more: Any) -> Picture:
         """Return a picture of one window, with its own elements as targets.
 
         Args:
@@ -285,12 +266,7 @@ class RecordingStage:
         return Picture(kind, app, box, pixels, made_by, targets, **more)
 
     def whole(
-        self,
-        kind: str,
-        app: str,
-        made_by: str,
-        targets: Sequence[ClickTarget],
-        **more: Any,
+        self, kind: str, app: str, made_by: str, targets: Sequence[ClickTarget], **more: Any
     ) -> Picture:
         """Return a picture of the whole screen; the arguments are those of `Picture`."""
         return Picture(kind, app, self.screen, self.settled(), made_by, targets, **more)
@@ -315,12 +291,7 @@ class RecordingStage:
 def click(kind: str, target: ClickTarget) -> dict[str, Any]:
     """Return a click in the middle of a target, as an action of the pack."""
     x1, y1, x2, y2 = target.box
-    return {
-        "type": kind,
-        "x": (x1 + x2) // 2,
-        "y": (y1 + y2) // 2,
-        "target_box": list(target.box),
-    }
+    return {"type": kind, "x": (x1 + x2) // 2, "y": (y1 + y2) // 2, "target_box": list(target.box)}
 
 
 def code_of(action: Mapping[str, Any]) -> str:
@@ -367,12 +338,7 @@ def _clip(box: Box, limit: Box) -> Box:
     )
 
 
-def _shaped(
-    part: UInt8Array,
-    holes: Sequence[Sequence[int]],
-    box: Box,
-    cut: Box,
-) -> UInt8Array:
+def _shaped(part: UInt8Array, holes: Sequence[Sequence[int]], box: Box, cut: Box) -> UInt8Array:
     """Return RGB, or RGBA that is transparent outside the window's shape, as in round corners."""
     if not holes:
         return np.ascontiguousarray(part)

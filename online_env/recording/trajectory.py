@@ -110,12 +110,7 @@ class EpisodeRecording:
     domain: str = DOMAIN
     steps: list[tuple[RecordedView, Action, str]] = field(default_factory=list[Any])
 
-    def add(
-        self,
-        view: RecordedView,
-        action: Action,
-        code: str,
-    ) -> None:
+    def add(self, view: RecordedView, action: Action, code: str) -> None:
         """Add an action, and the screen on which it was decided."""
         self.steps.append((view, action, code))
 
@@ -179,9 +174,7 @@ def prepare(folder: Path) -> None:
 
 @contextlib.contextmanager
 def kept(
-    trajectory: EpisodeRecording,
-    folder: Path,
-    say: Callable[[str], object],
+    trajectory: EpisodeRecording, folder: Path, say: Callable[[str], object]
 ) -> Iterator[None]:
     """Save what is recorded in the block, also where an error ends it.
 

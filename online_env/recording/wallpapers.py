@@ -41,11 +41,7 @@ def _plain(top: Colour, bottom: Colour) -> Floats:
     return np.broadcast_to(rows, (*SIZE, 3)).copy()
 
 
-def _fill(
-    picture: Floats,
-    inside: Floats,
-    colour: Colour,
-) -> None:
+def _fill(picture: Floats, inside: Floats, colour: Colour) -> None:
     """Paint a shape, with an edge one pixel wide.
 
     Args:
@@ -58,23 +54,12 @@ def _fill(
     picture += cover * (np.array(colour, float) - picture)
 
 
-def _disc(
-    x: Floats,
-    y: Floats,
-    centre: tuple[float, float],
-    radius: float,
-) -> Floats:
+def _disc(x: Floats, y: Floats, centre: tuple[float, float], radius: float) -> Floats:
     """Return the distance to the edge of a disc, positive inside."""
     return radius - np.hypot(x - centre[0], y - centre[1])
 
 
-def _ridge(
-    x: Floats,
-    level: float,
-    swing: float,
-    waves: float,
-    phase: float,
-) -> Floats:
+def _ridge(x: Floats, level: float, swing: float, waves: float, phase: float) -> Floats:
     turn = 2 * np.pi * waves * x + phase
     slow = 0.6 * np.sin(turn)
     middle = 0.3 * np.sin(2.3 * turn + 1)
@@ -87,12 +72,7 @@ def _dunes() -> Floats:
     x, y = _grid()
     picture = _plain((150, 202, 226), (244, 226, 196))
     _fill(picture, _disc(x, y, (0.45, -0.22), 0.11), (255, 246, 214))
-    colours = (
-        (232, 190, 140),
-        (220, 168, 114),
-        (204, 146, 94),
-        (182, 122, 76),
-    )
+    colours = ((232, 190, 140), (220, 168, 114), (204, 146, 94), (182, 122, 76))
     for number, colour in enumerate(colours):
         level = 0.08 + 0.13 * number
         waves = 0.42 + 0.1 * number
@@ -164,13 +144,7 @@ def _evening() -> Floats:
     x, y = _grid()
     picture = _plain((24, 44, 84), (250, 214, 176))
     _fill(picture, _disc(x, y, (0.4, 0.02), 0.09), (255, 236, 208))
-    colours = (
-        (142, 136, 164),
-        (104, 110, 150),
-        (66, 84, 126),
-        (36, 58, 94),
-        (16, 34, 60),
-    )
+    colours = ((142, 136, 164), (104, 110, 150), (66, 84, 126), (36, 58, 94), (16, 34, 60))
     for number, colour in enumerate(colours):
         level = 0.1 + 0.08 * number
         waves = 0.9 + 0.3 * (number % 3)

@@ -53,8 +53,7 @@ def feasible_and_not(run: Run) -> tuple[list[Cell], list[Cell]]:
 
 
 def compared(
-    cells: Sequence[Cell],
-    groups: scores.GroupedRecords,
+    cells: Sequence[Cell], groups: scores.GroupedRecords
 ) -> dict[str, dict[str, Compared]]:
     """Return the comparisons with clean that have a p value, by agent and corruption."""
     found: dict[str, dict[str, Compared]] = {}
@@ -75,8 +74,7 @@ def _with_clean(key: scores.CellKey, groups: scores.GroupedRecords) -> scores.Pa
 
 
 def _inferred(
-    rows: Sequence[scores.ScoreRow],
-    groups: scores.GroupedRecords,
+    rows: Sequence[scores.ScoreRow], groups: scores.GroupedRecords
 ) -> dict[scores.CellKey, dict[str, float | None]]:
     """Return the intervals of the retention, and the detectable differences, by cell."""
     keys = [(row["agent"], row["corruption"]) for row in rows if row["delta"] is not None]

@@ -133,11 +133,7 @@ def report(
     raise SystemExit(_told(run, gate))
 
 
-def _format(
-    named: str | None,
-    out: Path | None,
-    beside: Sequence[str],
-) -> str:
+def _format(named: str | None, out: Path | None, beside: Sequence[str]) -> str:
     """Return the format, which has to show what the options `beside` ask for."""
     format = format_of(named, out)
     for option in beside:
@@ -184,23 +180,13 @@ def _told(run: Run, gate: ReleaseGate) -> int:
     return exit_code(run)
 
 
-def _document(
-    report: RunReport,
-    comparison: RunComparison | None,
-    paper: bool,
-) -> ReportDocument:
+def _document(report: RunReport, comparison: RunComparison | None, paper: bool) -> ReportDocument:
     return ReportDocument(
-        report=report,
-        comparison=comparison,
-        paper=beside_paper(report) if paper else None,
+        report=report, comparison=comparison, paper=beside_paper(report) if paper else None
     )
 
 
-def _write(
-    document: ReportDocument,
-    format: str,
-    out: Path | None,
-) -> None:
+def _write(document: ReportDocument, format: str, out: Path | None) -> None:
     if format == TERMINAL and out is None:
         terminal.show_document(document, console())
         return
@@ -237,11 +223,7 @@ def _paired(pairs: tuple[str, ...]) -> Mapping[str, str] | None:
     return found or None
 
 
-def _leaderboard(
-    folder: Path,
-    named: str | None,
-    out: Path | None,
-) -> int:
+def _leaderboard(folder: Path, named: str | None, out: Path | None) -> int:
     """Write the page of all runs in a folder; returns the exit code.
 
     Raises:

@@ -72,11 +72,7 @@ class RunComparison:
     notes: tuple[str, ...]
 
 
-def compare(
-    before: Run,
-    after: Run,
-    pairs: Mapping[str, str] | None = None,
-) -> RunComparison:
+def compare(before: Run, after: Run, pairs: Mapping[str, str] | None = None) -> RunComparison:
     """Return two runs compared case by case.
 
     A case is a task (with the seed of its variant), a corruption and a seed. Agents of the same
@@ -149,9 +145,7 @@ def _chosen(
 
 
 def _rows(
-    names: tuple[str, str],
-    there: scores.ScoreByCell,
-    here: scores.ScoreByCell,
+    names: tuple[str, str], there: scores.ScoreByCell, here: scores.ScoreByCell
 ) -> list[ComparedCell]:
     """Return the conditions of two agents, in the order of the first run."""
     from ..bench import statistics
@@ -169,20 +163,13 @@ def _rows(
     for label, value in adjusted.items():
         made[label]["p"] = value
     return [
-        ComparedCell(
-            before=first,
-            after=second,
-            corruption=label,
-            **row,
-        )
+        ComparedCell(before=first, after=second, corruption=label, **row)
         for label, row in made.items()
     ]
 
 
 def _compared(
-    rows: Sequence[ComparedCell],
-    there: scores.ScoreByCell,
-    here: scores.ScoreByCell,
+    rows: Sequence[ComparedCell], there: scores.ScoreByCell, here: scores.ScoreByCell
 ) -> dict[str, dict[str, Compared]]:
     """Return the comparisons that have a p value, by agents and condition."""
     found: dict[str, dict[str, Compared]] = {}
@@ -218,16 +205,10 @@ def _row(old: scores.ScoreByCase, new: scores.ScoreByCase) -> dict[str, Any]:
 
 
 def _notes(
-    before: Run,
-    after: Run,
-    rows: Sequence[ComparedCell],
-    chosen: Mapping[str, str],
+    before: Run, after: Run, rows: Sequence[ComparedCell], chosen: Mapping[str, str]
 ) -> Iterator[str]:
     names = _names(before, after)
-    for run, name, kept in (
-        (before, names[0], chosen.keys()),
-        (after, names[1], chosen.values()),
-    ):
+    for run, name, kept in ((before, names[0], chosen.keys()), (after, names[1], chosen.values())):
         left = [agent for agent in _agents(run) if agent not in kept]
         if left:
             yield f"Only in {name}: {', '.join(left)}."
@@ -265,11 +246,7 @@ def _setting(run: Run) -> dict[str, Any]:
     return {key: value for key, value in run.config.items() if key not in _PLACES}
 
 
-def _differs(
-    key: str,
-    one: Mapping[str, Any],
-    other: Mapping[str, Any],
-) -> bool:
+def _differs(key: str, one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
     return one.get(key) != other.get(key)
 
 

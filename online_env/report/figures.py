@@ -122,12 +122,7 @@ def _panel(
     )
 
 
-def _success_bar(
-    cell: Cell,
-    kind: str,
-    y: float,
-    end: float,
-) -> BarMark:
+def _success_bar(cell: Cell, kind: str, y: float, end: float) -> BarMark:
     said = [f"{cell.corruption}: {words.percent(cell.success)} %"]
     if cell.ci_low is not None:
         said.append(f"95 % {words.interval(cell.ci_low, cell.ci_high)}")
@@ -145,12 +140,7 @@ def _success_bar(
     )
 
 
-def _retention_bar(
-    cell: Cell,
-    kind: str,
-    y: float,
-    end: float,
-) -> BarMark:
+def _retention_bar(cell: Cell, kind: str, y: float, end: float) -> BarMark:
     said = f"{cell.corruption}: keeps {words.percent(cell.retention)} % of its clean success"
     between = words.kept(cell.retention_low, cell.retention_high)
     unbounded = cell.retention_low is not None and cell.retention_high is None

@@ -85,11 +85,7 @@ def _templates() -> Any:
         spaced=lambda label: str(label).replace("_", " "),
         short=lambda number: f"{number:.2f}".rstrip("0").rstrip("."),
     )
-    env.globals.update(
-        left=LEFT,
-        width=WIDTH,
-        right=RIGHT,
-    )
+    env.globals.update(left=LEFT, width=WIDTH, right=RIGHT)
     return env
 
 
@@ -101,11 +97,7 @@ def _matrix(report: RunReport) -> list[tuple[str, list[Mapping[str, Any]]]]:
     ]
 
 
-def _shown(
-    report: RunReport,
-    agent: str,
-    label: str,
-) -> Mapping[str, Any]:
+def _shown(report: RunReport, agent: str, label: str) -> Mapping[str, Any]:
     cell = report.cell(agent, label)
     if cell is None or cell.success is None:
         return {

@@ -102,11 +102,7 @@ def _best(rows: Sequence[_Row]) -> list[float | None]:
     return [max(values, default=None) for values in there]
 
 
-def _table(
-    headings: Sequence[str],
-    body: Sequence[str],
-    caption: str,
-) -> str:
+def _table(headings: Sequence[str], body: Sequence[str], caption: str) -> str:
     named = " & ".join(rf"\textbf{{{_escape(name.replace('_', ' '))}}}" for name in headings)
     lines = [
         r"% needs \usepackage{booktabs,graphicx}",

@@ -107,11 +107,7 @@ def read_all(folder: Path) -> FoundReports:
             f"{folder}: holds no run with episodes{said}; give the folder that --out folders of"
             " hijack bench are in"
         )
-    return FoundReports(
-        folder=folder,
-        reports=tuple(reports),
-        problems=tuple(problems),
-    )
+    return FoundReports(folder=folder, reports=tuple(reports), problems=tuple(problems))
 
 
 def rankings_of(found: FoundReports) -> list[Ranking]:
@@ -194,8 +190,7 @@ def _walked(start: Path, seen: set[str]) -> Iterator[Path]:
 
 
 def _each_once(
-    found: Sequence[tuple[str, RunReport]],
-    problems: list[str],
+    found: Sequence[tuple[str, RunReport]], problems: list[str]
 ) -> list[tuple[str, RunReport]]:
     """Return the reports without those of a run that is there already, by the hash of its head.
 
@@ -279,11 +274,7 @@ def _unranked(report: RunReport, row: AgentSummary) -> str:
     return ""
 
 
-def _success(
-    report: RunReport,
-    agent: str,
-    label: str,
-) -> float | None:
+def _success(report: RunReport, agent: str, label: str) -> float | None:
     cell = report.cell(agent, label)
     return cell.success if cell else None
 

@@ -304,12 +304,7 @@ def from_data(data: object, where: str) -> RunReport:
         ReportError: the data are not a report, are of a newer version, or lack a field.
     """
     found = check_versioned(
-        data,
-        format=FORMAT,
-        version=VERSION,
-        where=where,
-        what="a report",
-        error=ReportError,
+        data, format=FORMAT, version=VERSION, where=where, what="a report", error=ReportError
     )
     given = {key: value for key, value in found.items() if key not in _BESIDE}
     try:
@@ -320,11 +315,7 @@ def from_data(data: object, where: str) -> RunReport:
     return _made(RunReport, given, where)
 
 
-def _made(
-    kind: type[T],
-    data: object,
-    where: str,
-) -> T:
+def _made(kind: type[T], data: object, where: str) -> T:
     """Return a dataclass made from JSON data, after checking every field."""
     if not isinstance(data, dict):
         raise ReportError(f"{where}: must be an object, got {shown(data)}; make the report again")
@@ -342,11 +333,7 @@ def _made(
         raise ReportError(f"{where}: {error}; make the report again") from None
 
 
-def _check_range(
-    key: str,
-    value: object,
-    where: str,
-) -> None:
+def _check_range(key: str, value: object, where: str) -> None:
     """Check the content of a field that is used for ranking agents or drawing pages.
 
     Raises:
@@ -373,11 +360,7 @@ def _holds_objects(value: object) -> bool:
     return all(isinstance(own, dict) for own in found.values())
 
 
-def _value(
-    hint: Any,
-    value: object,
-    where: str,
-) -> Any:
+def _value(hint: Any, value: object, where: str) -> Any:
     """Convert a value to the type of its field."""
     arguments = get_args(hint)
     if isinstance(hint, UnionType):

@@ -36,12 +36,7 @@ def as_model_index(document: ReportDocument) -> str:
             " hijack bench with the agent of the card"
         )
     index = [_model(report, row) for row in models]
-    return yaml.safe_dump(
-        {"model-index": index},
-        sort_keys=False,
-        allow_unicode=True,
-        width=100,
-    )
+    return yaml.safe_dump({"model-index": index}, sort_keys=False, allow_unicode=True, width=100)
 
 
 def _model(report: RunReport, row: AgentSummary) -> dict[str, Any]:
@@ -71,10 +66,7 @@ def _over_all(row: AgentSummary) -> Iterator[dict[str, Any]]:
 
 
 def _result(
-    report: RunReport,
-    named: str,
-    config: str,
-    metrics: list[dict[str, Any]],
+    report: RunReport, named: str, config: str, metrics: list[dict[str, Any]]
 ) -> dict[str, Any]:
     return {
         "task": dict(TASK),
@@ -112,10 +104,6 @@ def _arguments(report: RunReport) -> Iterator[tuple[str, Any]]:
     yield from ((key, value) for key, value in found.items() if value)
 
 
-def _metric(
-    kind: str,
-    name: str,
-    share: float | None,
-) -> dict[str, Any]:
+def _metric(kind: str, name: str, share: float | None) -> dict[str, Any]:
     value = round(_TOTAL * share, 2) if share is not None else None
     return {"type": kind, "name": name, "value": value}

@@ -70,10 +70,7 @@ def paper_table() -> PaperTable:
     notes = [f"The paper: {data['tasks']}.", *_slips(data)]
     notes += _whole(rows)
     return PaperTable(
-        source=data["source"],
-        columns=tuple(data["columns"]),
-        rows=tuple(rows),
-        notes=tuple(notes),
+        source=data["source"], columns=tuple(data["columns"]), rows=tuple(rows), notes=tuple(notes)
     )
 
 

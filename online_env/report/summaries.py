@@ -17,10 +17,7 @@ from .model import AgentSummary, Cell, RunIdentity
 
 
 def summaries_of(
-    identity: RunIdentity,
-    cells: Sequence[Cell],
-    groups: scores.GroupedRecords,
-    reference: str,
+    identity: RunIdentity, cells: Sequence[Cell], groups: scores.GroupedRecords, reference: str
 ) -> list[AgentSummary]:
     """Return a summary for each agent of a report.
 
@@ -120,8 +117,7 @@ def _mce(here: Mapping[str, float], there: Mapping[str, float]) -> float | None:
     from ..bench.statistics import mean_corruption_error
 
     return mean_corruption_error(
-        {label: here[label] for label in shared},
-        {label: there[label] for label in shared},
+        {label: here[label] for label in shared}, {label: there[label] for label in shared}
     )
 
 

@@ -64,12 +64,7 @@ Texts = Sequence[str]
 def as_json(document: ReportDocument) -> str:
     """Return the report in the form of `report.json`."""
     data = {**document.report.to_data(), **document.extras()}
-    return json.dumps(
-        data,
-        indent=1,
-        ensure_ascii=False,
-        allow_nan=False,
-    )
+    return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
 
 
 def as_csv(document: ReportDocument) -> str:

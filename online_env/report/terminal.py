@@ -23,13 +23,7 @@ from .outcome import missing_line
 from .paper import PaperTable
 from .tables import compared_table, main_figures, paper_rows
 
-_MAIN = (
-    "n",
-    ("success", "95 %"),
-    ("delta", "95 %", "p"),
-    "retention",
-    ("errors", "invalid"),
-)
+_MAIN = ("n", ("success", "95 %"), ("delta", "95 %", "p"), "retention", ("errors", "invalid"))
 _BESIDE = (
     "ceiling",
     "pass^k",
@@ -87,11 +81,7 @@ def show_report(report: RunReport, screen: Any) -> None:
             screen.print(line, markup=False, soft_wrap=True)
 
 
-def summary_line(
-    row: AgentSummary,
-    reference: str = "",
-    worst: Sequence[str] = (),
-) -> str:
+def summary_line(row: AgentSummary, reference: str = "", worst: Sequence[str] = ()) -> str:
     """Return an agent over all its conditions, in words; `worst` are its worst labels."""
     between = words.interval(row.corrupted_low, row.corrupted_high)
     more = words.given(row.given)
@@ -116,13 +106,7 @@ def summary_line(
 def main_table(cells: Sequence[Cell], title: str | None = None) -> FigureTable:
     """Return success, difference to clean and retention of some cells."""
     rows = [
-        (
-            cell.agent,
-            cell.corruption,
-            *main_figures(cell),
-            str(cell.errors),
-            str(cell.invalid),
-        )
+        (cell.agent, cell.corruption, *main_figures(cell), str(cell.errors), str(cell.invalid))
         for cell in cells
     ]
     return FigureTable("corruption", _MAIN, grouped(rows), title)
@@ -152,12 +136,7 @@ def _beside_row(cell: Cell) -> list[str]:
 def text(document: ReportDocument) -> str:
     """Return a document as text, in the form for terminals but without colours."""
     out = StringIO()
-    screen = Console(
-        file=out,
-        width=120,
-        highlight=False,
-        force_terminal=False,
-    )
+    screen = Console(file=out, width=120, highlight=False, force_terminal=False)
     show_document(document, screen)
     return out.getvalue()
 

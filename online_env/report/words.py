@@ -12,11 +12,7 @@ def percent(share: float | None, sign: str = "") -> str:
     return "" if share is None else f"{100 * share:{sign}z.1f}"
 
 
-def interval(
-    low: float | None,
-    high: float | None,
-    sign: str = "",
-) -> str:
+def interval(low: float | None, high: float | None, sign: str = "") -> str:
     """Return the ends of an interval in percent, or nothing if one is missing."""
     if low is None or high is None:
         return ""

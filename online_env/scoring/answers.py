@@ -27,11 +27,7 @@ class StepAnswer:
     problem: str = ""
 
 
-def read_answer(
-    said: str,
-    actions: Sequence[object],
-    size: Size,
-) -> StepAnswer:
+def read_answer(said: str, actions: Sequence[object], size: Size) -> StepAnswer:
     """Read the first action of an answer; points outside a picture of `size` move to its edge."""
     if not actions:
         return StepAnswer(action=None, said=said, problem="no action")

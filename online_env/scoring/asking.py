@@ -161,24 +161,13 @@ class Asker:
             raise AgentError(f"{type(self._apart.agent).__name__} has no {name}")
         return self._apart.call(method, *values)
 
-    def _text(
-        self,
-        answer: object,
-        name: str,
-        optional: bool = False,
-    ) -> str | None:
+    def _text(self, answer: object, name: str, optional: bool = False) -> str | None:
         if isinstance(answer, str) or (optional and answer is None):
             return answer
         wanted = "a text or None" if optional else "a text"
         raise AgentError(f"{name} must return {wanted}, got {answer!r:.200}")
 
-    def _judged(
-        self,
-        case: Case,
-        row: RowData,
-        answer: Any,
-        seconds: float,
-    ) -> ResultRecord:
+    def _judged(self, case: Case, row: RowData, answer: Any, seconds: float) -> ResultRecord:
         if self._asking.question == "reminders":
             scored = _reminder(case.needed, answer)
         elif self._asking.question == "summaries":
@@ -189,13 +178,7 @@ class Asker:
             scored = _step(row["wanted"], read_answer(said, actions, size), self._asking.near)
         return self._record(case, row, seconds) | scored
 
-    def _failed(
-        self,
-        case: Case,
-        row: RowData,
-        error: AgentError,
-        seconds: float,
-    ) -> ResultRecord:
+    def _failed(self, case: Case, row: RowData, error: AgentError, seconds: float) -> ResultRecord:
         failed = failure(f"the agent: {error}", error.where)
         return self._record(case, row, seconds) | failed
 
@@ -203,12 +186,7 @@ class Asker:
         record = blank(case, self._asking)
         return record | {"status": "invalid", "problem": str(error)[:KEPT], "cause": "machine"}
 
-    def _record(
-        self,
-        case: Case,
-        row: RowData,
-        seconds: float,
-    ) -> ResultRecord:
+    def _record(self, case: Case, row: RowData, seconds: float) -> ResultRecord:
         about = {
             "instruction": row["instruction"],
             "fidelity": row["fidelity"],
@@ -287,11 +265,7 @@ def _observation(row: RowData) -> dict[str, UInt8Array]:
     return {"screenshot": row["screenshot"]}
 
 
-def _step(
-    wanted: WantedStep,
-    answer: StepAnswer,
-    near: Distance,
-) -> Scored:
+def _step(wanted: WantedStep, answer: StepAnswer, near: Distance) -> Scored:
     if answer.action is None:
         verdict = unanswered(wanted, answer.problem)
     else:

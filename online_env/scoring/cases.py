@@ -114,11 +114,7 @@ def open_feed(folder: Path, question: Question) -> RowFeed:
     return DatasetRows(folder)
 
 
-def cases_of(
-    feed: RowFeed,
-    question: Question,
-    chosen: Selection,
-) -> CaseList:
+def cases_of(feed: RowFeed, question: Question, chosen: Selection) -> CaseList:
     """Return the cases of a dataset.
 
     Raises:
@@ -157,12 +153,7 @@ def cases_of(
     )
 
 
-def _is_wanted(
-    split: str,
-    row: RowData,
-    chosen: Selection,
-    trajectories: set[str],
-) -> bool:
+def _is_wanted(split: str, row: RowData, chosen: Selection, trajectories: set[str]) -> bool:
     """Return whether a row is selected; `trajectories` collects those that are."""
     if chosen.split not in (None, split):
         return False
@@ -195,11 +186,7 @@ def _unpaired(found: Sequence[Case]) -> Iterator[bool]:
         yield case.corruption != CLEAN and (case.task, case.variant) not in clean
 
 
-def _check_names(
-    option: str,
-    wanted: Sequence[str],
-    known: Counter[str] | set[str],
-) -> None:
+def _check_names(option: str, wanted: Sequence[str], known: Counter[str] | set[str]) -> None:
     for name in wanted:
         if name not in known:
             there = ", ".join(sorted(known))

@@ -147,11 +147,7 @@ def _labels(text: str | None) -> tuple[str, ...] | None:
     return labels
 
 
-def _score(
-    run: ScoreRun,
-    out: Path,
-    screen: Console,
-) -> None:
+def _score(run: ScoreRun, out: Path, screen: Console) -> None:
     left = run.left(out)
     total = sum(map(len, left.values()))
     screen.print(f"{total} rows to score ({_counted(left)})", markup=False)

@@ -16,15 +16,7 @@ from hijack_data.types import UInt8Array
 RowData: TypeAlias = dict[str, Any]
 EXPORT = "export.json"
 # What the cases are made of; the pictures are read when it is their turn.
-HEAD = (
-    "id",
-    "trajectory_id",
-    "step",
-    "corruption",
-    "seed",
-    "action",
-    "reminder",
-)
+HEAD = ("id", "trajectory_id", "step", "corruption", "seed", "action", "reminder")
 _EXPORT_HEAD = ("id", "trajectory_id", "step", "corruption")
 
 
@@ -110,12 +102,7 @@ class ExportedRows:
         ParameterError: the export has no such rows.
     """
 
-    def __init__(
-        self,
-        folder: Path,
-        table: str,
-        pictures: tuple[str, ...],
-    ) -> None:
+    def __init__(self, folder: Path, table: str, pictures: tuple[str, ...]) -> None:
         self._opening: Any = importlib.import_module("pipelines.dataset.opening")
         self._images: Any = importlib.import_module("pipelines.dataset.images")
         access: Any = importlib.import_module("pipelines.dataset.access")

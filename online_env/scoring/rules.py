@@ -56,13 +56,7 @@ class Distance:
     def __str__(self) -> str:
         return f"{100 * self.value:g}%" if self.relative else f"{self.value:g}"
 
-    def reaches(
-        self,
-        one: Point,
-        other: Point,
-        scale: tuple[float, float],
-        size: Size,
-    ) -> bool:
+    def reaches(self, one: Point, other: Point, scale: tuple[float, float], size: Size) -> bool:
         """Return whether two points of a picture are near enough.
 
         Args:
@@ -123,11 +117,7 @@ class StepVerdict:
         return bool(self.parts) and all(self.parts.values())
 
 
-def compare(
-    wanted: WantedStep,
-    got: Action,
-    near: Distance = NEAR,
-) -> StepVerdict:
+def compare(wanted: WantedStep, got: Action, near: Distance = NEAR) -> StepVerdict:
     """Compare an agent's action with the recorded one.
 
     Args:
@@ -210,11 +200,7 @@ def _counted(wanted: WantedStep) -> list[str]:
     return names
 
 
-def _details(
-    wanted: WantedStep,
-    got: Action,
-    near: Distance,
-) -> dict[str, bool]:
+def _details(wanted: WantedStep, got: Action, near: Distance) -> dict[str, bool]:
     want = wanted.action
     parts: dict[str, bool] = {}
     for name in _counted(wanted):
@@ -233,11 +219,7 @@ def _details(
     return parts
 
 
-def _in_place(
-    wanted: WantedStep,
-    point: Point | None,
-    near: Distance,
-) -> bool:
+def _in_place(wanted: WantedStep, point: Point | None, near: Distance) -> bool:
     if point is None:
         return False
     if wanted.polygon:
@@ -247,22 +229,13 @@ def _in_place(
     return in_box(wanted.box, point)
 
 
-def _is_near(
-    wanted: WantedStep,
-    one: Point | None,
-    other: Point | None,
-    near: Distance,
-) -> bool:
+def _is_near(wanted: WantedStep, one: Point | None, other: Point | None, near: Distance) -> bool:
     if one is None or other is None:
         return False
     return near.reaches(one, other, wanted.scale, wanted.size)
 
 
-def _reason(
-    parts: dict[str, bool],
-    want: Action,
-    got: Action,
-) -> str:
+def _reason(parts: dict[str, bool], want: Action, got: Action) -> str:
     wrong = next((name for name, right in parts.items() if not right), None)
     if wrong is None:
         return ""

@@ -57,12 +57,7 @@ class ScoreSettings:
 
     def asking(self, agent: str) -> Asking:
         """How rows are put to one of the agents."""
-        return Asking(
-            agent=agent,
-            question=self.question,
-            near=self.near,
-            batch=self.batch,
-        )
+        return Asking(agent=agent, question=self.question, near=self.near, batch=self.batch)
 
 
 class ScoreRun:
@@ -112,10 +107,7 @@ class ScoreRun:
         }
 
     def begin(
-        self,
-        out: Path,
-        resume: bool,
-        notice: Callable[[str], object] = lambda text: None,
+        self, out: Path, resume: bool, notice: Callable[[str], object] = lambda text: None
     ) -> Lock:
         """Begin the run in a new folder, or go on with it; the folder is locked.
 
@@ -143,11 +135,7 @@ class ScoreRun:
         }
 
     def play(
-        self,
-        out: Path,
-        left: Mapping[str, Sequence[Case]],
-        tick: Ticker,
-        notice: Listener,
+        self, out: Path, left: Mapping[str, Sequence[Case]], tick: Ticker, notice: Listener
     ) -> None:
         """Put the cases to the agents, and write a record of each.
 
@@ -175,9 +163,7 @@ class ScoreRun:
 
 
 def _write(
-    out: Path,
-    found: Iterable[ResultRecord],
-    tick: Callable[[ResultRecord], object],
+    out: Path, found: Iterable[ResultRecord], tick: Callable[[ResultRecord], object]
 ) -> None:
     """Append records, several at a time, since each write waits for the disk."""
     held: list[ResultRecord] = []

@@ -15,12 +15,7 @@ from .asking import Asker, Asking
 from .cases import Case, open_feed
 
 
-def serve(
-    connection: Any,
-    folder: Path,
-    asking: Asking,
-    path: Sequence[str],
-) -> None:
+def serve(connection: Any, folder: Path, asking: Asking, path: Sequence[str]) -> None:
     """Answer shares of rows; see `workers`.
 
     Args:
@@ -48,12 +43,7 @@ def serve(
         _answer(connection, asker, cases, single)
 
 
-def _answer(
-    connection: Any,
-    asker: Asker,
-    cases: Sequence[Case],
-    single: bool,
-) -> None:
+def _answer(connection: Any, asker: Asker, cases: Sequence[Case], single: bool) -> None:
     size = 1 if single else asker.batch
     for start in range(0, len(cases), size):
         part = cases[start : start + size]

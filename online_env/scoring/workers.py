@@ -74,13 +74,7 @@ class WorkerPool:
     """
 
     def __init__(
-        self,
-        folder: Path,
-        asking: Asking,
-        *,
-        count: int,
-        timeout: float,
-        notice: Listener,
+        self, folder: Path, asking: Asking, *, count: int, timeout: float, notice: Listener
     ) -> None:
         self._folder = folder
         self._asking = asking
@@ -167,12 +161,7 @@ class WorkerPool:
         except (EOFError, OSError):
             return
 
-    def _take(
-        self,
-        worker: _Worker,
-        kind: str,
-        value: Any,
-    ) -> None:
+    def _take(self, worker: _Worker, kind: str, value: Any) -> None:
         share = worker.share
         if kind == "failed":
             raise AgentStartError(f"{self._asking.agent}: cannot be made: {value}")
@@ -191,23 +180,13 @@ class WorkerPool:
         elif kind == "batch failed":
             self._again(worker, share, value)
 
-    def _answered(
-        self,
-        worker: _Worker,
-        share: Share,
-        records: Sequence[ResultRecord],
-    ) -> None:
+    def _answered(self, worker: _Worker, share: Share, records: Sequence[ResultRecord]) -> None:
         for record in records:
             self._found.append((share.cases.popleft(), record))
         self._lost = 0
         self._next(worker, share)
 
-    def _again(
-        self,
-        worker: _Worker,
-        share: Share,
-        problem: str,
-    ) -> None:
+    def _again(self, worker: _Worker, share: Share, problem: str) -> None:
         """Let the rows of a batch be asked one by one."""
         self._tell(f"predict_batch fails, so its rows are asked one by one: {problem}")
         self._split(worker, share)

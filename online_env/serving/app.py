@@ -7,9 +7,7 @@ from functools import partial
 from urllib.parse import urlsplit
 
 from openenv.core.env_server.http_server import create_app  # pyright: ignore[reportMissingImports]
-from openenv.core.env_server.types import (  # pyright: ignore[reportMissingImports]
-    ConcurrencyConfig,
-)
+from openenv.core.env_server.types import ConcurrencyConfig  # pyright: ignore[reportMissingImports]
 from starlette.requests import Request
 from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
@@ -18,13 +16,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from hijack_data.errors import HijackError
 
 from .errors import ServerBusyError
-from .openenv_env import (
-    NAME,
-    DesktopAction,
-    DesktopEnvironment,
-    DesktopObservation,
-    DesktopState,
-)
+from .openenv_env import NAME, DesktopAction, DesktopEnvironment, DesktopObservation, DesktopState
 from .service import DesktopService
 
 HEALTH = "/health"
@@ -35,12 +27,7 @@ LONG = 3600.0  # seconds
 REFUSED = 4401  # the close code for a WebSocket without the token
 
 
-def make_app(
-    service: DesktopService,
-    *,
-    sessions: int,
-    token: str | None,
-) -> ASGIApp:
+def make_app(service: DesktopService, *, sessions: int, token: str | None) -> ASGIApp:
     """Return the application of a server.
 
     Args:
@@ -56,8 +43,7 @@ def make_app(
         env_name=NAME,
         state_cls=DesktopState,
         concurrency_config=ConcurrencyConfig(
-            max_concurrent_envs=sessions,
-            session_timeout=max(LONG, QUIET * service.lease),
+            max_concurrent_envs=sessions, session_timeout=max(LONG, QUIET * service.lease)
         ),
     )
 
@@ -154,12 +140,7 @@ def is_loopback(host: str) -> bool:
         return False
 
 
-async def _refuse_socket(
-    scope: Scope,
-    receive: Receive,
-    send: Send,
-    answer: Response,
-) -> None:
+async def _refuse_socket(scope: Scope, receive: Receive, send: Send, answer: Response) -> None:
     """Refuse a WebSocket: by an HTTP answer if the web server can, else by closing it."""
     if "websocket.http.response" in scope.get("extensions", {}):
 

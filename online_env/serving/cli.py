@@ -9,12 +9,7 @@ from pathlib import Path
 import click
 
 from hijack_data import extras
-from hijack_data.cli.options import (
-    FiniteRange,
-    conditions_option,
-    desktops_option,
-    seed_option,
-)
+from hijack_data.cli.options import FiniteRange, conditions_option, desktops_option, seed_option
 
 MODULES = ("openenv", "prometheus_client", "uvicorn", "gymnasium")
 

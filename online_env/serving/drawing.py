@@ -86,9 +86,7 @@ class EpisodeDraws:
         # decides which corruption a rollout meets, here as in training.
         sampler = importlib.import_module("pipelines.train.sampler")
         self._sampler: Any = sampler.CorruptionSampler(
-            _drawn_from(self.planners, clean),
-            per=per,
-            seed=seed,
+            _drawn_from(self.planners, clean), per=per, seed=seed
         )
         self._seed = seed
         self._labels = {id(planner): label for label, planner in self.planners.items()}
@@ -134,12 +132,7 @@ class EpisodeDraws:
         if corruption is not None:
             label = self._label(corruption)
             return EpisodeChoice(
-                task=name,
-                seed=whole,
-                slot=place,
-                label=label,
-                planner=self.planners[label],
-                key="",
+                task=name, seed=whole, slot=place, label=label, planner=self.planners[label], key=""
             )
         worker = session if self._sampler.per == "worker" else place
         draw = self._sampler.draw(step=0, group=f"{name} s{whole}", slot=worker)
@@ -198,10 +191,7 @@ def sides(tasks: Iterable[str]) -> dict[str, tuple[str, ...]]:
     }
 
 
-def _drawn_from(
-    planners: Mapping[str, Planner | None],
-    clean: float | None,
-) -> Planner | None:
+def _drawn_from(planners: Mapping[str, Planner | None], clean: float | None) -> Planner | None:
     """Return the distribution for the sampler.
 
     Raises:

@@ -57,10 +57,7 @@ class ServerMetrics:
         self._registry = registry
         self.sessions = Counter("hijack_sessions", "Sessions that were opened", registry=registry)
         self.resets = Counter(
-            "hijack_resets",
-            "Calls of reset by what came of them",
-            ["outcome"],
-            registry=registry,
+            "hijack_resets", "Calls of reset by what came of them", ["outcome"], registry=registry
         )
         self.steps = Counter("hijack_steps", "Actions that were taken", registry=registry)
         self.episodes = Counter(
@@ -109,11 +106,7 @@ class ServerMetrics:
             yield
 
 
-def _seconds(
-    name: str,
-    about: str,
-    registry: CollectorRegistry,
-) -> Histogram:
+def _seconds(name: str, about: str, registry: CollectorRegistry) -> Histogram:
     return Histogram(name, f"{about}, in seconds", registry=registry, buckets=SECONDS)
 
 

@@ -3,15 +3,8 @@
 import base64
 from typing import Any
 
-from openenv.core.env_server.interfaces import (  # pyright: ignore[reportMissingImports]
-    Environment,
-)
-from openenv.core.env_server.types import (  # pyright: ignore[reportMissingImports]
-    Action,
-    EnvironmentMetadata,
-    Observation,
-    State,
-)
+from openenv.core.env_server.interfaces import Environment  # pyright: ignore[reportMissingImports]
+from openenv.core.env_server.types import Action, EnvironmentMetadata, Observation, State  # pyright: ignore[reportMissingImports]
 from pydantic import Field
 
 from hijack_data import __version__
@@ -40,7 +33,7 @@ class DesktopAction(Action):
         description=(
             "pyautogui code in pixels of the screenshot, WAIT, DONE or FAIL; or what `dialect` has"
             " in their place"
-        ),
+        )
     )
     dialect: str = Field(
         default=PYAUTOGUI,
@@ -66,8 +59,7 @@ class DesktopState(State):
     slot: int | None = None
     corruption: str | None = None
     planner: dict[str, Any] | None = Field(
-        default=None,
-        description="The corruption with every parameter; null for a clean episode",
+        default=None, description="The corruption with every parameter; null for a clean episode"
     )
     draw: str | None = Field(default=None, description="By which the corruption was drawn")
     record: dict[str, Any] | None = Field(default=None, description="After the end")
@@ -89,10 +81,7 @@ class DesktopEnvironment(Environment[DesktopAction, DesktopObservation, DesktopS
         self._episode: str | None = None
 
     def reset(  # pyright: ignore[reportIncompatibleMethodOverride]
-        self,
-        seed: int | None = None,
-        episode_id: str | None = None,
-        **options: Any,
+        self, seed: int | None = None, episode_id: str | None = None, **options: Any
     ) -> DesktopObservation:
         """Begin an episode.
 
@@ -117,10 +106,7 @@ class DesktopEnvironment(Environment[DesktopAction, DesktopObservation, DesktopS
         return _observation(view)
 
     def step(  # pyright: ignore[reportIncompatibleMethodOverride]
-        self,
-        action: DesktopAction,
-        timeout_s: float | None = None,
-        **_: Any,
+        self, action: DesktopAction, timeout_s: float | None = None, **_: Any
     ) -> DesktopObservation:
         """Take an action.
 
@@ -135,9 +121,7 @@ class DesktopEnvironment(Environment[DesktopAction, DesktopObservation, DesktopS
         """Return what is known about the current episode, without asking the desktop."""
         session = self._session
         found = DesktopState(
-            episode_id=self._episode,
-            step_count=session.steps,
-            record=session.record,
+            episode_id=self._episode, step_count=session.steps, record=session.record
         )
         choice = session.choice
         if choice is None:
@@ -178,10 +162,7 @@ class DesktopEnvironment(Environment[DesktopAction, DesktopObservation, DesktopS
         return _task(self._indexed(split, index), index)
 
     def get_task_range(
-        self,
-        split: str,
-        start: int | None = None,
-        stop: int | None = None,
+        self, split: str, start: int | None = None, stop: int | None = None
     ) -> list[dict[str, Any]]:
         """Return the tasks of a side from `start` to before `stop`."""
         return self.list_tasks(split)[start:stop]

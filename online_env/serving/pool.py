@@ -73,14 +73,7 @@ class DesktopPool:
         patience: Seconds that a session waits at most.
     """
 
-    def __init__(
-        self,
-        make: StageMaker,
-        *,
-        count: int,
-        line: int,
-        patience: float,
-    ) -> None:
+    def __init__(self, make: StageMaker, *, count: int, line: int, patience: float) -> None:
         self.count = count
         self.replaced = 0
         self._make = make

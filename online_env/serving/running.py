@@ -98,11 +98,7 @@ class ServeOptions:
         )
 
 
-def adjusted(
-    bench: Bench,
-    max_steps: int | None,
-    size: str | None,
-) -> Bench:
+def adjusted(bench: Bench, max_steps: int | None, size: str | None) -> Bench:
     """Return a benchmark with the values of the command line.
 
     Args:
@@ -142,17 +138,9 @@ def make_service(options: ServeOptions) -> DesktopService:
         patience=options.patience,
     )
     settings = EvalSettings(
-        max_steps=bench.max_steps,
-        recovery=bench.recovery,
-        log=options.log,
-        agent="client",
+        max_steps=bench.max_steps, recovery=bench.recovery, log=options.log, agent="client"
     )
-    return DesktopService(
-        pool,
-        draws,
-        settings,
-        lease=options.lease,
-    )
+    return DesktopService(pool, draws, settings, lease=options.lease)
 
 
 def check_desktops(service: DesktopService) -> None:
@@ -254,11 +242,7 @@ def _size_of(text: str) -> Size:
     return height, width
 
 
-def _about(
-    options: ServeOptions,
-    service: DesktopService,
-    port: int,
-) -> str:
+def _about(options: ServeOptions, service: DesktopService, port: int) -> str:
     draws = service.draws
     host = f"[{options.host}]" if ":" in options.host else options.host
     left = len(draws.held_out)

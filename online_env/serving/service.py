@@ -121,13 +121,7 @@ class DesktopService:
             self._leases.add(lease)
         return lease
 
-    def end(
-        self,
-        lease: DesktopLease,
-        why: str,
-        *,
-        is_broken: bool = False,
-    ) -> None:
+    def end(self, lease: DesktopLease, why: str, *, is_broken: bool = False) -> None:
         """End a lease; the desktop goes back to the pool, or is replaced if it is broken.
 
         The caller must hold the lease's lock. Later calls do nothing.
@@ -182,11 +176,7 @@ class DesktopService:
 
     def options(self, choice: EpisodeChoice) -> dict[str, object]:
         """Return the options of the environment's `reset`."""
-        return {
-            "task": choice.task,
-            "corruption": choice.planner,
-            "label": choice.label,
-        }
+        return {"task": choice.task, "corruption": choice.planner, "label": choice.label}
 
     def _reap(self) -> None:
         """Take back the desktops of silent clients."""

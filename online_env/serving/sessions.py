@@ -146,20 +146,10 @@ class DesktopSession:
         if lease is not None:
             self._service.break_off(lease, "the client left before the end")
 
-    def _reset(
-        self,
-        seed: object,
-        task: object,
-        corruption: object,
-        slot: object,
-    ) -> SessionView:
+    def _reset(self, seed: object, task: object, corruption: object, slot: object) -> SessionView:
         service = self._service
         choice = service.draws.choose(
-            session=self._number or 1,
-            seed=seed,
-            task=task,
-            corruption=corruption,
-            slot=slot,
+            session=self._number or 1, seed=seed, task=task, corruption=corruption, slot=slot
         )
         self._leave()
         for left in reversed(range(TRIES)):
@@ -192,11 +182,7 @@ class DesktopSession:
         return self._view
 
     def _step(
-        self,
-        lease: DesktopLease,
-        view: SessionView,
-        action: object,
-        dialect: str,
+        self, lease: DesktopLease, view: SessionView, action: object, dialect: str
     ) -> SessionView:
         env = lease.env
         if env is None:
@@ -225,12 +211,7 @@ class DesktopSession:
         self._view = view
         return view
 
-    def _over(
-        self,
-        lease: DesktopLease,
-        env: CorruptedEnv,
-        view: SessionView,
-    ) -> SessionView:
+    def _over(self, lease: DesktopLease, env: CorruptedEnv, view: SessionView) -> SessionView:
         """Give back the desktop of a finished episode.
 
         Raises:
@@ -267,13 +248,7 @@ class DesktopSession:
         if lease is not None:
             self._service.break_off(lease, "the client reset before the end")
 
-    def _give_up(
-        self,
-        lease: DesktopLease,
-        error: BaseException,
-        *,
-        is_broken: bool,
-    ) -> None:
+    def _give_up(self, lease: DesktopLease, error: BaseException, *, is_broken: bool) -> None:
         self._forget()
         if lease.env is not None:
             self.record = lease.env.record

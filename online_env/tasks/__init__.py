@@ -25,16 +25,7 @@ try:
 except ModuleNotFoundError as error:
     raise extra.explained(error, "a live task") from None
 
-__all__ = [
-    "TASKS",
-    "Hand",
-    "Machine",
-    "Task",
-    "Verdict",
-    "get",
-    "names",
-    "register",
-]
+__all__ = ["TASKS", "Hand", "Machine", "Task", "Verdict", "get", "names", "register"]
 
 OSWORLD_SUFFIX = ".json"
 T = TypeVar("T", bound=Task)
@@ -76,13 +67,7 @@ class TaskRegistry(Registry[type[Task]]):
         return text.endswith(OSWORLD_SUFFIX) or super().is_reference(text)
 
 
-TASKS = TaskRegistry(
-    "task",
-    "tasks",
-    builtin=suite.listed(),
-    own_name="name",
-    problems=_problems,
-)
+TASKS = TaskRegistry("task", "tasks", builtin=suite.listed(), own_name="name", problems=_problems)
 
 
 def register(cls: type[T]) -> type[T]:

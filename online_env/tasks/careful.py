@@ -13,15 +13,7 @@ from hijack_data.runs.run_log import REINIT
 from ..desktops.protocol import Desktop
 from ..errors import DesktopTimeoutError
 from .hand import BUTTONS, ENTRIES, MENU_ROLES, PATIENCE, PAUSE, Hand, title_click
-from .own_windows import (
-    DIALOGS,
-    LOCKER,
-    PANEL,
-    OwnWindows,
-    is_minimised,
-    panel_button,
-    program_of,
-)
+from .own_windows import DIALOGS, LOCKER, PANEL, OwnWindows, is_minimised, panel_button, program_of
 from .tree import TreeNode
 
 PASSWORD = "password"
@@ -94,11 +86,7 @@ class CarefulHand(Hand):
         self._missed = 0
         return super().wait(what, test, meanwhile)
 
-    def _while_missing(
-        self,
-        seen: list[TreeNode],
-        meanwhile: Callable[[], None] | None,
-    ) -> bool:
+    def _while_missing(self, seen: list[TreeNode], meanwhile: Callable[[], None] | None) -> bool:
         if time.monotonic() <= self._lost:
             return super()._while_missing(seen, meanwhile)
         self._missed += 1
@@ -145,11 +133,7 @@ class CarefulHand(Hand):
     def _is_focused_field(self, node: TreeNode) -> bool:
         return node.role in _FIELDS and "focused" in node.states and self._own.has(node)
 
-    def put_right(
-        self,
-        seen: list[TreeNode] | None = None,
-        escape: bool = True,
-    ) -> bool:
+    def put_right(self, seen: list[TreeNode] | None = None, escape: bool = True) -> bool:
         """Look for a reason why things are not as expected, and do something about it.
 
         Args:

@@ -94,11 +94,7 @@ def _raised(task_class: type[Task], error: Exception) -> str:
     return f"{type(error).__name__}: {error}{where}"
 
 
-def _played(
-    task: Task,
-    desktop: Desktop,
-    sites: SiteState,
-) -> Iterator[Result | str]:
+def _played(task: Task, desktop: Desktop, sites: SiteState) -> Iterator[Result | str]:
     """Yield what happens on a desktop."""
     machine = Machine(desktop, sites)
     at_first = machine.snapshot().files
@@ -249,12 +245,7 @@ _DAMAGES: dict[str, Outcome] = {
 
 
 def _judged(
-    judge: Task,
-    task: Task,
-    steps: Iterable[Outcome],
-    answer: str,
-    score: float,
-    what: str,
+    judge: Task, task: Task, steps: Iterable[Outcome], answer: str, score: float, what: str
 ) -> Iterator[str]:
     """Yield a problem if a result, brought about in a new folder, is not judged as it should be.
 

@@ -12,10 +12,7 @@ from hijack_data.files import write_atomic
 
 @click.command()
 @click.argument(
-    "source",
-    metavar="[OSWORLD_EXAMPLES]",
-    required=False,
-    type=click.Path(path_type=Path),
+    "source", metavar="[OSWORLD_EXAMPLES]", required=False, type=click.Path(path_type=Path)
 )
 @click.option("--suite", is_flag=True, help="List the tasks that come with the library.")
 @click.option("--set", "set_", metavar="NAME", help="Only those of a set, such as core.")
@@ -29,12 +26,7 @@ from hijack_data.files import write_atomic
 )
 @click.option("--clean", is_flag=True, help="Also one row an OSWorld task without corruption.")
 def tasks(
-    source: Path | None,
-    suite: bool,
-    set_: str | None,
-    as_json: bool,
-    out: Path | None,
-    clean: bool,
+    source: Path | None, suite: bool, set_: str | None, as_json: bool, out: Path | None, clean: bool
 ) -> None:
     """List the tasks of the suite, or write one row for every OSWorld task and corruption.
 
@@ -57,11 +49,7 @@ def tasks(
     click.echo(f"{out}: {count} rows, {len(found)} tasks, revision {found.revision}")
 
 
-def _list(
-    set_: str | None,
-    as_json: bool,
-    out: Path | None,
-) -> None:
+def _list(set_: str | None, as_json: bool, out: Path | None) -> None:
     from . import catalogue, sets
 
     found = catalogue.rows(sets.members(set_ or sets.SUITE))

@@ -81,11 +81,7 @@ class Hand:
             time.sleep(pause)
             pause = PAUSE if moved else _longer(pause)
 
-    def _while_missing(
-        self,
-        seen: list[TreeNode],
-        meanwhile: Callable[[], None] | None,
-    ) -> bool:
+    def _while_missing(self, seen: list[TreeNode], meanwhile: Callable[[], None] | None) -> bool:
         """Do what is done between two looks; return whether that may have moved the nodes."""
         if meanwhile is None:
             return False
@@ -114,23 +110,13 @@ class Hand:
         return self.wait(_words(roles, name, app, state), fits(roles, name, app, state), meanwhile)
 
     def see(
-        self,
-        roles: Roles,
-        name: Name = None,
-        app: str = "",
-        state: str = "",
+        self, roles: Roles, name: Name = None, app: str = "", state: str = ""
     ) -> TreeNode | None:
         """Return a visible node that is there now, without waiting; the arguments are `find`'s."""
         test = fits(roles, name, app, state)
         return next((node for node in self.look() if test(node)), None)
 
-    def gone(
-        self,
-        roles: Roles,
-        name: Name = None,
-        app: str = "",
-        state: str = "",
-    ) -> None:
+    def gone(self, roles: Roles, name: Name = None, app: str = "", state: str = "") -> None:
         """Wait until no such node shows; the arguments are `find`'s.
 
         Raises:
@@ -217,12 +203,7 @@ class Hand:
         self.run("; ".join(moves))
 
     def click_on(
-        self,
-        roles: Roles,
-        name: Name = None,
-        app: str = "",
-        *,
-        scroll: bool = False,
+        self, roles: Roles, name: Name = None, app: str = "", *, scroll: bool = False
     ) -> TreeNode:
         """Wait for a node and click on it; the arguments are `find`'s."""
         node = self.find(roles, name, app, scroll=scroll)
@@ -238,12 +219,7 @@ class Hand:
         for name in names:
             self.click(self.find(MENU_ROLES, name, app))
 
-    def context_menu(
-        self,
-        node: TreeNode,
-        *names: Name,
-        app: str = "",
-    ) -> None:
+    def context_menu(self, node: TreeNode, *names: Name, app: str = "") -> None:
         """Open a node's context menu and go down to an item."""
         self.right_click(node)
         self.menu(*names, app=app)
@@ -267,13 +243,7 @@ class Hand:
         self.type(text)
 
     def fill(
-        self,
-        name: Name,
-        text: str,
-        app: str = "",
-        roles: Roles = ENTRIES,
-        *,
-        scroll: bool = False,
+        self, name: Name, text: str, app: str = "", roles: Roles = ENTRIES, *, scroll: bool = False
     ) -> None:
         """Click on a field and type a text in the place of what it holds."""
         self.click(self.find(roles, name, app, scroll=scroll))
@@ -323,10 +293,7 @@ def title_click(window: TreeNode) -> str:
 
 
 def fits(
-    roles: Roles,
-    name: Name = None,
-    app: str = "",
-    state: str = "",
+    roles: Roles, name: Name = None, app: str = "", state: str = ""
 ) -> Callable[[TreeNode], bool]:
     """Return a test for visible nodes; the arguments are those of `Hand.find`."""
     wanted = {roles} if isinstance(roles, str) else set(roles)
@@ -350,12 +317,7 @@ def _longer(pause: float) -> float:
     return min(1.5 * pause, LONGEST_PAUSE)
 
 
-def _words(
-    roles: Roles,
-    name: Name,
-    app: str,
-    state: str,
-) -> str:
+def _words(roles: Roles, name: Name, app: str, state: str) -> str:
     """Return what `fits` looks for, for messages."""
     wanted = [roles] if isinstance(roles, str) else sorted(set(roles))
     shown = name.pattern if isinstance(name, re.Pattern) else name or ""
@@ -363,11 +325,7 @@ def _words(
     return f"{what} of {app or 'any application'}"
 
 
-def _missing(
-    what: str,
-    patience: float,
-    seen: list[TreeNode],
-) -> str:
+def _missing(what: str, patience: float, seen: list[TreeNode]) -> str:
     """Return what was looked for in vain, and what was there instead."""
     shown = sorted({f"{node.role} {node.name!r}" for node in seen if node.box and node.name})
     apps = ", ".join(sorted({node.app for node in seen})) or "none"

@@ -12,16 +12,7 @@ LOCKER = "mate-screensaver"
 DIALOGS = ("dialog", "file-chooser", "alert")
 _WINDOWS = ("frame", *DIALOGS)
 _FINDER = "xfce4-appfinder"  # what Alt+F2 opens: the hand may have done so
-_SYSTEM = (
-    PANEL,
-    LOCKER,
-    _FINDER,
-    "xfdesktop",
-    "xfsettingsd",
-    "xfwm4",
-    "wrapper",
-    "xfce4-notifyd",
-)
+_SYSTEM = (PANEL, LOCKER, _FINDER, "xfdesktop", "xfsettingsd", "xfwm4", "wrapper", "xfce4-notifyd")
 
 
 class OwnWindows:

@@ -137,12 +137,7 @@ class _StepReader:
         if self._taken(re.compile("for")) is None:
             return ToldStep(line=self._line, verb="wait")
         text = self._text("wait for")
-        return ToldStep(
-            line=self._line,
-            verb="wait",
-            text=text,
-            near=self._near(),
-        )
+        return ToldStep(line=self._line, verb="wait", text=text, near=self._near())
 
     def _press(self) -> ToldStep:
         found = self._taken(_KEYS)
@@ -152,12 +147,7 @@ class _StepReader:
         for key in keys:
             if len(key) > 1 and key not in _NAMED_KEYS:
                 raise PlanWordsError(f"there is no key {key!r}{suggest(key, _NAMED_KEYS)}")
-        return ToldStep(
-            line=self._line,
-            verb="press",
-            keys=keys,
-            count=_count(found["count"]),
-        )
+        return ToldStep(line=self._line, verb="press", keys=keys, count=_count(found["count"]))
 
     def _scroll(self) -> ToldStep:
         found = self._taken(_SCROLL)

@@ -71,11 +71,7 @@ def chosen_from() -> tuple[dict[str, str], dict[str, int]]:
     return domains, {name: actions for name, (_, actions) in known.items()}
 
 
-def chosen(
-    domains: Mapping[str, str],
-    lengths: Mapping[str, int],
-    count: int,
-) -> list[str]:
+def chosen(domains: Mapping[str, str], lengths: Mapping[str, int], count: int) -> list[str]:
     """Return `count` tasks, balanced over domains and lengths, sorted by name.
 
     The rule: the domains take turns in alphabetical order. At its turns, a domain gives the task
@@ -106,11 +102,7 @@ def _place(turn: int, count: int) -> int:
     return places[turn % len(places)]
 
 
-def quick(
-    domains: Mapping[str, str],
-    lengths: Mapping[str, int],
-    count: int,
-) -> list[str]:
+def quick(domains: Mapping[str, str], lengths: Mapping[str, int], count: int) -> list[str]:
     """Return `count` tasks for a quick look, each of another domain, sorted by name.
 
     The rule: of the tasks of median length, one of each domain, the shortest. The set `small` is

@@ -81,11 +81,7 @@ def build(
     return plan.built(items, meter, engine)
 
 
-def _planned(
-    source: PathLike | Sequence[PathLike],
-    out: Path,
-    asked: BuildOptions,
-) -> "_BuildPlan":
+def _planned(source: PathLike | Sequence[PathLike], out: Path, asked: BuildOptions) -> "_BuildPlan":
     """Open the sources and check everything that can be checked before records are read."""
     choices = ReaderOptions(asked.coordinates, asked.boxes)
     sources = Sources.of(source, asked.format, choices, apps=asked.apps, platform=asked.platform)
@@ -95,12 +91,7 @@ def _planned(
     for path in sources.paths:
         _check_apart(out, path)
     return _BuildPlan(
-        out=out,
-        options=options,
-        sources=sources,
-        settings=settings,
-        splits=splits,
-        notes=notes,
+        out=out, options=options, sources=sources, settings=settings, splits=splits, notes=notes
     )
 
 
@@ -151,12 +142,7 @@ class _BuildPlan:
         notes = (*self.notes, *self.sources.notes())
         return replace(report, out=os.fspath(self.out), notes=notes)
 
-    def built(
-        self,
-        items: Iterator[SourceItem],
-        meter: _Meter,
-        engine: Engine,
-    ) -> BuildReport:
+    def built(self, items: Iterator[SourceItem], meter: _Meter, engine: Engine) -> BuildReport:
         """Write the dataset and return the report."""
         options = self.options
         parameters = parameters_of(self.settings, options, self.sources, self.splits)
@@ -165,12 +151,7 @@ class _BuildPlan:
             with folder.opened(parameters, options.resume):
                 quarantine = Quarantine(folder.state, options.strict)
                 with closing(quarantine):
-                    job = _Job(
-                        plan=self,
-                        folder=folder,
-                        quarantine=quarantine,
-                        meter=meter,
-                    )
+                    job = _Job(plan=self, folder=folder, quarantine=quarantine, meter=meter)
                     job.run(self.tasks(items, quarantine.reject), options.workers, engine)
                     return job.finish(parameters)
 
@@ -186,12 +167,7 @@ class _Job:
     shards: dict[int, ShardRecord] = field(default_factory=dict[int, ShardRecord])
     kept: int = 0
 
-    def run(
-        self,
-        tasks: Iterator[ShardTask],
-        workers: int,
-        engine: Engine,
-    ) -> None:
+    def run(self, tasks: Iterator[ShardTask], workers: int, engine: Engine) -> None:
         """Make the shards that do not exist yet."""
         settings = self.plan.settings
         records = engine(self._missing(tasks), settings, self.folder.path, workers, self.meter)

@@ -26,11 +26,7 @@ from ..errors import BuildError
 NONE = "none"
 LABEL = "as"
 SEVERITY = "severity"
-_CLOSING = {
-    "[": "]",
-    "{": "}",
-    "(": ")",
-}
+_CLOSING = {"[": "]", "{": "}", "(": ")"}
 _TEXTS = ("str", "choice", "color", "ip")
 
 
@@ -120,12 +116,7 @@ def _named(item: _Item) -> _Entry:
     return entry
 
 
-def _set(
-    entry: _Entry,
-    key: str,
-    value: str | None,
-    place: int,
-) -> None:
+def _set(entry: _Entry, key: str, value: str | None, place: int) -> None:
     name = key.strip()
     if value is None or not name:
         example = f"{entry.name}:{name or 'KEY'}=VALUE"
@@ -157,12 +148,7 @@ def _items(text: str) -> Iterator[_Item]:
     yield _item(text, start, len(text), "")
 
 
-def _item(
-    text: str,
-    start: int,
-    end: int,
-    after: str,
-) -> _Item:
+def _item(text: str, start: int, end: int, after: str) -> _Item:
     part = text[start:end]
     spaces = len(part) - len(part.lstrip())
     return _Item(part.strip(), start + spaces + 1, after)
@@ -186,12 +172,7 @@ def _planner(entry: _Entry) -> tuple[str, Planner]:
         raise _wrong(entry.place, f"{entry.name}: {error}") from None
 
 
-def _value(
-    cls: type[Corruption],
-    key: str,
-    text: str,
-    place: int,
-) -> Any:
+def _value(cls: type[Corruption], key: str, text: str, place: int) -> Any:
     known = (*params.parameters(cls), SEVERITY, LABEL)
     if key not in known:
         raise _wrong(place, f"{cls.name} has no parameter {key!r}{suggest(key, known)}")

@@ -34,11 +34,7 @@ def _order(entry: Mapping[str, Any]) -> tuple[str, str]:
 
 def _entry(file: LoadedFile) -> dict[str, Any]:
     name = Path(file.path).name
-    return {
-        "file": name,
-        "sha256": file.sha256,
-        "corruptions": sorted(file.corruptions),
-    }
+    return {"file": name, "sha256": file.sha256, "corruptions": sorted(file.corruptions)}
 
 
 def require(parameters: Mapping[str, Any], where: str) -> None:

@@ -14,9 +14,7 @@ KEPT_STEPS = 2000
 
 
 def read_items(
-    sources: Sources,
-    limit: int | None,
-    count: bool,
+    sources: Sources, limit: int | None, count: bool
 ) -> tuple[Iterator[SourceItem], int]:
     """Return the items of sources and, if `count`, the number of steps (otherwise 0).
 

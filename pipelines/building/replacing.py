@@ -45,11 +45,7 @@ def replaced(out: Path, overwrite: bool) -> Iterator[Path]:
     _swap(fresh, place, old)
 
 
-def _swap(
-    fresh: Path,
-    place: Path,
-    old: Path,
-) -> None:
+def _swap(fresh: Path, place: Path, old: Path) -> None:
     try:
         shutil.rmtree(old, ignore_errors=True)
         place.rename(old)

@@ -97,13 +97,7 @@ class RowCounts:
         reasons = self.not_applicable.setdefault(label, Counter())
         reasons[re.sub(r"\d+", "N", reason)] += 1
 
-    def reject(
-        self,
-        where: str,
-        place: str,
-        field: str,
-        error: Exception,
-    ) -> None:
+    def reject(self, where: str, place: str, field: str, error: Exception) -> None:
         """Record an input that cannot be used."""
         self.rejected.append(Rejected(where, place, field, str(error)))
 
@@ -172,10 +166,7 @@ def sample_of(
 
 
 def made_of(
-    sample: Sample,
-    where: str,
-    settings: RowSettings,
-    tally: RowCounts,
+    sample: Sample, where: str, settings: RowSettings, tally: RowCounts
 ) -> Iterator[MadeRow]:
     """Yield the clean row of a step and those of each corruption, in the order of the dataset."""
     counter = _Counter(sample, where, settings, tally)
@@ -234,12 +225,7 @@ class _Counter:
         return made
 
 
-def _scene(
-    trajectory: Trajectory,
-    step: Step,
-    image: UInt8Array,
-    settings: RowSettings,
-) -> Scene:
+def _scene(trajectory: Trajectory, step: Step, image: UInt8Array, settings: RowSettings) -> Scene:
     check_aim(step.action, step.target_box)
     target = as_target(step.target_box or step.action.point)
     detects = not step.elements and settings.detect and _needs_scene(trajectory, step, settings)
@@ -248,11 +234,7 @@ def _scene(
     return Scene(image.shape[:2], as_boxes(step.elements), trajectory.apps, target)
 
 
-def _needs_scene(
-    trajectory: Trajectory,
-    step: Step,
-    settings: RowSettings,
-) -> bool:
+def _needs_scene(trajectory: Trajectory, step: Step, settings: RowSettings) -> bool:
     """Return whether any planner that acts at this step needs the elements."""
     position = position_of(trajectory, step)
     for _, planner in settings.planners:
@@ -263,22 +245,14 @@ def _needs_scene(
     return False
 
 
-def keeps(
-    label_policy: str,
-    plan: Plan,
-    seen: float | None,
-) -> bool:
+def keeps(label_policy: str, plan: Plan, seen: float | None) -> bool:
     """Return whether a label policy keeps a row whose target is visible to the share `seen`."""
     if label_policy != "drop" or not plan.ops:
         return True
     return seen is None or seen >= VISIBLE
 
 
-def made_by_plan(
-    variant: Variant,
-    label: str,
-    seed: int,
-) -> MadeRow:
+def made_by_plan(variant: Variant, label: str, seed: int) -> MadeRow:
     """Return the row made by the plan of a variant, whether or not the label policy keeps it."""
     plan = variant.plan
     image = variant.sample.image
@@ -292,11 +266,7 @@ def made_by_plan(
     return MadeRow(label, variant, picture, labels)
 
 
-def labels_of(
-    variant: Variant,
-    label: str,
-    seed: int,
-) -> dict[str, Any]:
+def labels_of(variant: Variant, label: str, seed: int) -> dict[str, Any]:
     """Return the columns of a materialised row that are computed from its plan and its step."""
     sample = variant.sample
     plan = variant.plan
@@ -325,11 +295,7 @@ def _stored(made: MadeRow, settings: RowSettings) -> dict[str, Any]:
     return row
 
 
-def lazy_plan(
-    made: MadeRow,
-    row: Mapping[str, Any],
-    settings: RowSettings,
-) -> str:
+def lazy_plan(made: MadeRow, row: Mapping[str, Any], settings: RowSettings) -> str:
     """Return the value of the column `plan` of a lazy row."""
     planner = dict(settings.planners).get(made.label)
     return stored_plan(made.variant.plan, row, made.variant.sample.key, planner)
@@ -355,12 +321,7 @@ def _about(variant: Variant, label: str) -> dict[str, Any]:
     }
 
 
-def _picture(
-    base: Base,
-    picture: UInt8Array,
-    plan: Plan,
-    settings: RowSettings,
-) -> dict[str, Any]:
+def _picture(base: Base, picture: UInt8Array, plan: Plan, settings: RowSettings) -> dict[str, Any]:
     """Return the stored picture and its digest.
 
     Parts that the picture shares with other pictures of its step are neither compressed nor hashed
@@ -374,11 +335,7 @@ def _picture(
     return {"screenshot": {"bytes": data, "path": None}, "image_sha256": digest}
 
 
-def digest_of(
-    base: Base,
-    picture: UInt8Array,
-    plan: Plan,
-) -> str:
+def digest_of(base: Base, picture: UInt8Array, plan: Plan) -> str:
     """Return the SHA-256 of the picture that `plan` made from `base`.
 
     Rows at the top that both pictures share are not hashed again.
@@ -391,12 +348,7 @@ def digest_of(
 
 def _event_columns(edit: EditedStep | None) -> dict[str, Any]:
     if edit is None:
-        return {
-            "fidelity": "exact",
-            "event": None,
-            "reminder": None,
-            "inserted": False,
-        }
+        return {"fidelity": "exact", "event": None, "reminder": None, "inserted": False}
     return {
         "fidelity": edit.fidelity,
         "event": edit.event,

@@ -78,10 +78,7 @@ def has_detector() -> bool:
 
 
 def parameters_of(
-    settings: RowSettings,
-    options: BuildOptions,
-    sources: Sources,
-    splits: Splits,
+    settings: RowSettings, options: BuildOptions, sources: Sources, splits: Splits
 ) -> dict[str, Any]:
     """Return everything that decides the bytes of a dataset, as JSON data for the manifest.
 
@@ -184,11 +181,7 @@ def _settings_from(parameters: Mapping[str, Any]) -> RowSettings | None:
     )
 
 
-def _check_word(
-    name: str,
-    word: object,
-    known: tuple[str, ...],
-) -> None:
+def _check_word(name: str, word: object, known: tuple[str, ...]) -> None:
     if word not in known:
         raise BuildError(f"{name} {word!r} is not known{suggest(word, known)}")
 

@@ -88,12 +88,7 @@ class _Batch:
         self.trajectories = []
         return task
 
-    def is_full(
-        self,
-        root: Path,
-        more: int,
-        most: int,
-    ) -> bool:
+    def is_full(self, root: Path, more: int, most: int) -> bool:
         """Return whether a trajectory of `more` rows from the source `root` needs a new file."""
         if not self.trajectories:
             return False
@@ -141,10 +136,7 @@ def shard_tasks(
 
 
 def build_shard(
-    task: ShardTask,
-    settings: RowSettings,
-    out: Path,
-    tick: Callable[[int], None] | None = None,
+    task: ShardTask, settings: RowSettings, out: Path, tick: Callable[[int], None] | None = None
 ) -> ShardRecord:
     """Write one shard, whole or not at all, and return its record.
 

@@ -14,11 +14,7 @@ GROUP_BYTES = 128 * 2**20
 DICTIONARY_BYTES = 2**30
 
 
-def write_parquet(
-    path: Path,
-    rows: Iterable[Mapping[str, Any]],
-    lazy: bool = False,
-) -> int:
+def write_parquet(path: Path, rows: Iterable[Mapping[str, Any]], lazy: bool = False) -> int:
     """Write rows to a Parquet file and return their number; one row group is in memory at a time.
 
     Args:

@@ -85,12 +85,7 @@ class RowReader:
         return table.slice(row, 1).to_pylist()[0]
 
     def __getstate__(self) -> dict[str, Any]:
-        return {
-            "files": self.files,
-            "ends": self.ends,
-            "lazy": self.lazy,
-            "columns": self.columns,
-        }
+        return {"files": self.files, "ends": self.ends, "lazy": self.lazy, "columns": self.columns}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)

@@ -168,11 +168,7 @@ def _band(image: UInt8Array, k: int) -> _Band:
     bottom = min((k + 1) * BAND, len(image))
     data = filtered(image, k * BAND, bottom).reshape(-1)
     packed = chunk(b"IDAT", deflate(data, zlib))
-    return _Band(
-        chunk=packed,
-        adler=zlib.adler32(data),
-        length=data.size,
-    )
+    return _Band(chunk=packed, adler=zlib.adler32(data), length=data.size)
 
 
 def deflate(data: UInt8Array, zlib: Any) -> bytes:

@@ -34,10 +34,7 @@ VERSION = 1
 
 
 def stored_plan(
-    plan: Plan,
-    row: Mapping[str, Any],
-    sample: str | None = None,
-    planner: Planner | None = None,
+    plan: Plan, row: Mapping[str, Any], sample: str | None = None, planner: Planner | None = None
 ) -> str:
     """Return the value of the column `plan` of a lazy row.
 
@@ -144,11 +141,7 @@ def render(batch: dict[str, Any]) -> dict[str, Any]:
 NEEDED = ("id", "trajectory_id", "step", "seed", "params", "plan", "plan_digest")
 
 
-def finished(
-    row: Mapping[str, Any],
-    screenshot: Any,
-    plan: Plan,
-) -> Row:
+def finished(row: Mapping[str, Any], screenshot: Any, plan: Plan) -> Row:
     """Return a lazy row as a materialised one, with `screenshot`."""
     named: Row = {}
     for name, value in row.items():
@@ -185,30 +178,18 @@ def _rendered(row: Mapping[str, Any]) -> Row:
     return finished(row, Image.fromarray(picture), plan)
 
 
-def _path(
-    planner: Planner | None,
-    row: Mapping[str, Any],
-    sample: str,
-) -> tuple[str, ...]:
+def _path(planner: Planner | None, row: Mapping[str, Any], sample: str) -> tuple[str, ...]:
     """Return the path through combinators to the corruption that planned for a row."""
     key: int | str = sample
     while isinstance(planner, Augmentation):
-        found = planner.chosen(
-            seed=int(row["seed"]),
-            sample=key,
-            step=int(row["step"]),
-        )
+        found = planner.chosen(seed=int(row["seed"]), sample=key, step=int(row["step"]))
         if found is None:
             break
         planner, key = found
     return key.path if isinstance(key, Branch) else ()
 
 
-def _recipe(
-    corruption: str,
-    sample: str | None = None,
-    path: tuple[str, ...] = (),
-) -> str:
+def _recipe(corruption: str, sample: str | None = None, path: tuple[str, ...] = ()) -> str:
     data: dict[str, Any] = {"corruption": corruption}
     if sample is not None:
         data["sample"] = sample
@@ -224,11 +205,7 @@ def _is_recipe(text: str) -> bool:
     return f'"format":"{FORMAT}"' in text[-60:]
 
 
-def _derived(
-    recipe: str,
-    row: Mapping[str, Any],
-    size: Size,
-) -> Plan:
+def _derived(recipe: str, row: Mapping[str, Any], size: Size) -> Plan:
     corruption, sample, path = _read(recipe)
     if corruption == CLEAN:
         return Plan.clean(size)
@@ -238,12 +215,7 @@ def _derived(
         key = Branch(key, path)
     seed = int(row["seed"])
     step = int(row["step"])
-    return spec.plan(
-        Scene(size),
-        seed=seed,
-        sample=key,
-        step=step,
-    )
+    return spec.plan(Scene(size), seed=seed, sample=key, step=step)
 
 
 @lru_cache(maxsize=256)

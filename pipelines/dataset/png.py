@@ -106,11 +106,7 @@ def _orientation(data: bytes) -> object:
         return None
 
 
-def _inflated(
-    packed: bytes,
-    length: int,
-    zlib: Any,
-) -> UInt8Array | None:
+def _inflated(packed: bytes, length: int, zlib: Any) -> UInt8Array | None:
     unpack = zlib.decompressobj()
     try:
         raw = unpack.decompress(packed, length + 1)
@@ -162,11 +158,7 @@ def _unfilter(raw: UInt8Array, out: UInt8Array) -> None:
     for all filters.
     """
 
-    def paeth(
-        left: Any,
-        up: Any,
-        corner: Any,
-    ) -> Any:
+    def paeth(left: Any, up: Any, corner: Any) -> Any:
         to_left = up - corner
         to_up = left - corner
         to_corner = abs(to_left + to_up)

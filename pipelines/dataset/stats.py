@@ -94,11 +94,7 @@ class LabelStats:
             "inserted": self.inserted,
             "target_visible": dict(zip(BINS, self.visible, strict=True)),
             "without_target": self.rows - sum(self.visible),
-            "changed": {
-                "min": low,
-                "median": middle,
-                "max": high,
-            },
+            "changed": {"min": low, "median": middle, "max": high},
         }
 
 

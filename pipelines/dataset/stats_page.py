@@ -199,11 +199,7 @@ def _indexed(rows: Dataset) -> Iterator[tuple[str, RowLinks]]:
             number += 1
 
 
-def _section(
-    rows: Dataset,
-    label: str,
-    places: list[RowLinks],
-) -> Html:
+def _section(rows: Dataset, label: str, places: list[RowLinks]) -> Html:
     pairs = join([_pair(rows, place) for place in places])
     heading = f'<div class="heading"><h2>{_escaped(label)}</h2></div>'
     return Html(f'<section>{heading}<div class="cards">{pairs}</div></section>')
@@ -263,12 +259,7 @@ def _before(rows: Dataset, place: RowLinks) -> UInt8Array | None:
     return rows.pixels(place.clean)[1]
 
 
-def _figure(
-    picture: UInt8Array,
-    scale: float,
-    caption: str,
-    name: str,
-) -> Html:
+def _figure(picture: UInt8Array, scale: float, caption: str, name: str) -> Html:
     shown = embed(picture, scale)
     size = f'width="{shown.size[1]}" height="{shown.size[0]}"'
     alt = _escaped(f"{name}: {caption}")

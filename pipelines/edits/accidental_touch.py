@@ -108,11 +108,7 @@ class TouchEdit(Edit):
         return recorded_apps(pack, KINDS, stream)
 
 
-def _moved(
-    box: Box,
-    x: int,
-    y: int,
-) -> Box:
+def _moved(box: Box, x: int, y: int) -> Box:
     return box[0] + x, box[1] + y, box[2] + x, box[3] + y
 
 
@@ -262,11 +258,7 @@ def _belongs_to_recording(asset: Asset, frame: Frame) -> bool:
     return app == name
 
 
-def _opens(
-    element: Box,
-    asset: Asset,
-    frame: Frame,
-) -> bool:
+def _opens(element: Box, asset: Asset, frame: Frame) -> bool:
     """Return whether an element is like the element that opened the picture."""
     opener = _opener(asset)
     if opener is None:
@@ -278,11 +270,7 @@ def _opens(
     return _is_alike(element, opener, ALIKE)
 
 
-def _is_alike(
-    element: Box,
-    opener: Box,
-    most: int,
-) -> bool:
+def _is_alike(element: Box, opener: Box, most: int) -> bool:
     """Return whether the sides of two boxes differ by at most `most` pixels."""
     pairs = zip(_sides(element), _sides(opener), strict=True)
     return all(abs(one - other) <= most for one, other in pairs)
@@ -294,11 +282,7 @@ def _is_similar(element: Box, opener: Box) -> bool:
     return all(other <= SMALLER * one and one <= LARGER * other for one, other in pairs)
 
 
-def _in_window_bar(
-    element: Box,
-    asset: Asset,
-    frame: Frame,
-) -> bool:
+def _in_window_bar(element: Box, asset: Asset, frame: Frame) -> bool:
     """Return whether an element is where the opener would be in a window that fills the screen."""
     height, width = frame.scene.size
     if element[3] > BARS * height:
@@ -327,11 +311,7 @@ def _sides(box: Box) -> tuple[int, int]:
     return box[2] - box[0], box[3] - box[1]
 
 
-def _place(
-    asset: Asset,
-    element: Box,
-    screen: Size,
-) -> Point:
+def _place(asset: Asset, element: Box, screen: Size) -> Point:
     """Return the corner of the picture on the screen.
 
     A dialog is in the middle. A menu hangs from the clicked element; if it would leave the screen,

@@ -242,9 +242,7 @@ class Edit(ABC):
 
 
 def recorded_apps(
-    pack: AssetPack,
-    kinds: Sequence[str],
-    stream: Stream,
+    pack: AssetPack, kinds: Sequence[str], stream: Stream
 ) -> Iterator[tuple[str, ...]]:
     """Yield the applications of the pack's pictures of these kinds, one at a time, at random."""
     names = sorted({asset.app for kind in kinds for asset in pack.pictures(kind)})

@@ -102,10 +102,7 @@ class Bar:
 
 
 def lock_screen(
-    pack: AssetPack,
-    size: Size,
-    stream: Stream,
-    apps: frozenset[str],
+    pack: AssetPack, size: Size, stream: Stream, apps: frozenset[str]
 ) -> ScreenLayout | None:
     """Lay out a locked screen: a wallpaper, and the dialog in the middle."""
     dialogs = [asset for asset in pack.pictures("lock_dialog") if _holds(size, asset.size)]
@@ -128,10 +125,7 @@ def lock_screen(
 
 
 def desktop(
-    pack: AssetPack,
-    size: Size,
-    stream: Stream,
-    apps: frozenset[str],
+    pack: AssetPack, size: Size, stream: Stream, apps: frozenset[str]
 ) -> ScreenLayout | None:
     """Lay out a desktop whose windows are minimised, with one of `apps` if there is any.
 
@@ -162,11 +156,7 @@ def desktop(
     )
 
 
-def _first_panel(
-    assets: Sequence[Asset],
-    size: Size,
-    stream: Stream,
-) -> tuple[Asset, Bar] | None:
+def _first_panel(assets: Sequence[Asset], size: Size, stream: Stream) -> tuple[Asset, Bar] | None:
     """Draw recorded desktops until the panel of one fits."""
     left = list(assets)
     while left:
@@ -198,13 +188,7 @@ def _panel_top(asset: Asset) -> int:
 
 
 @lru_cache(maxsize=512)
-def bar(
-    asset: Asset,
-    rows: RowRange,
-    gaps: int,
-    width: int,
-    y: int,
-) -> Bar | None:
+def bar(asset: Asset, rows: RowRange, gaps: int, width: int, y: int) -> Bar | None:
     """Lay out rows of a picture at another width, with their top at `y`.
 
     Args:
@@ -235,12 +219,7 @@ def bar(
         if _length(piece) > 0:
             ops.append(Paste(_part(asset, piece, rows), ((place[0], y),)))
     middles = [(start + end) // 2 for start, end in (stretch.span for stretch in plain)]
-    return Bar(
-        ops=tuple(ops),
-        cuts=(0, *middles),
-        moves=moves,
-        dy=y - rows[0],
-    )
+    return Bar(ops=tuple(ops), cuts=(0, *middles), moves=moves, dy=y - rows[0])
 
 
 def _longest(stretches: Sequence[Stretch], count: int) -> list[Stretch]:
@@ -267,24 +246,14 @@ def _shifted(span: Span, by: int) -> Span:
     return span[0] + by, span[1] + by
 
 
-def _part(
-    asset: Asset,
-    columns: Span,
-    rows: RowRange,
-) -> dict[str, Any]:
+def _part(asset: Asset, columns: Span, rows: RowRange) -> dict[str, Any]:
     """Return the recipe of a part of a picture."""
     left, right = columns
     top, bottom = rows
     return asset.recipe((left, top, right, bottom))
 
 
-def _fill(
-    asset: Asset,
-    rows: RowRange,
-    run: Span,
-    gap: Span,
-    y: int,
-) -> Paste:
+def _fill(asset: Asset, rows: RowRange, run: Span, gap: Span, y: int) -> Paste:
     """Fill a gap with a plain stretch, repeated; the last one ends where the gap does."""
     length = min(_length(run), _length(gap))
     start, end = gap
@@ -321,11 +290,7 @@ def _alike(part: UInt8Array) -> list[Span]:
     return [run for run in runs if _length(run) >= PLAIN]
 
 
-def _continues(
-    last: Stretch,
-    run: Span,
-    part: UInt8Array,
-) -> bool:
+def _continues(last: Stretch, run: Span, part: UInt8Array) -> bool:
     """Return whether a run is of the same colours as the stretch before it, and close to it."""
     if run[0] - last.span[1] > POINTER:
         return False
@@ -378,11 +343,7 @@ def _slots(length: int) -> tuple[list[float], float]:
     return starts, margin
 
 
-def _moved(
-    box: Box,
-    x: int,
-    y: int,
-) -> Box:
+def _moved(box: Box, x: int, y: int) -> Box:
     left, top, right, bottom = box
     return left + x, top + y, right + x, bottom + y
 

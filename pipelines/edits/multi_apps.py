@@ -109,11 +109,7 @@ def _check_step(frame: Frame, scene: Scene) -> None:
         )
 
 
-def _notes(
-    frame: Frame,
-    name: str,
-    wanted: str,
-) -> Iterator[str]:
+def _notes(frame: Frame, name: str, wanted: str) -> Iterator[str]:
     if name != wanted:
         yield f"a window of {name} was recorded, and none of {wanted} that fits"
     if not frame.apps:
@@ -175,11 +171,7 @@ def _placements(windows: Sequence[Asset], scene: Scene) -> Iterator[_Placement]:
             yield _Placement(asset, (x, y), covered)
 
 
-def _corners(
-    window: Size,
-    scene: Scene,
-    boxes: BoxArray,
-) -> set[Point]:
+def _corners(window: Size, scene: Scene, boxes: BoxArray) -> set[Point]:
     """Return corners to try: spread over each space beside the target, and in the free place."""
     target = as_boxes([scene.target] if scene.target else [])
     free = largest_free_rectangle(scene.size, np.concatenate([boxes, target]))
@@ -198,11 +190,7 @@ def _common(one: Box, other: Box) -> Box:
     return left, top, right, bottom
 
 
-def _within(
-    window: Size,
-    space: Box,
-    count: int,
-) -> set[Point]:
+def _within(window: Size, space: Box, count: int) -> set[Point]:
     """Return `count` corners along each side of a space; none if the window is larger."""
     height, width = window
     left, top, right, bottom = space

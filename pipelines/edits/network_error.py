@@ -13,16 +13,7 @@ from hijack_data.plan import Effect, Op, Paste
 from hijack_data.rng import Stream
 from hijack_data.types import Box, Point
 
-from .base import (
-    DASH,
-    NAME_APPS,
-    Answer,
-    Edit,
-    EditedStep,
-    Frame,
-    NotApplicable,
-    window_buttons,
-)
+from .base import DASH, NAME_APPS, Answer, Edit, EditedStep, Frame, NotApplicable, window_buttons
 from .pages import error_page
 from .screens import page_view, whole_screen
 
@@ -51,11 +42,7 @@ class FirewallEdit(Edit):
         if frame.is_page:
             page, asset = page_view(frame, "error_view", "error page")
             note = f"{asset.id} was cut or continued to the size of the page"
-            return self.made(
-                ops=page,
-                fidelity="composited",
-                notes=(note,),
-            )
+            return self.made(ops=page, fidelity="composited", notes=(note,))
         _check_browser(frame)
         shown = whole_screen(frame, "error_page", "browser with an error page", error_page)
         return self.made(
@@ -70,11 +57,7 @@ class FirewallEdit(Edit):
         yield ("chrome",)
 
 
-def _with_panels(
-    ops: Sequence[Op],
-    window: Asset,
-    pack: AssetPack,
-) -> Iterator[Op]:
+def _with_panels(ops: Sequence[Op], window: Asset, pack: AssetPack) -> Iterator[Op]:
     """Yield the operations for the screen, without other windows in the desktop's window list."""
     desktops = {asset.id: asset for asset in pack.pictures("desktop")}
     for op in ops:

@@ -18,10 +18,7 @@ STRIP = 16
 
 
 def error_page(
-    pack: AssetPack,
-    size: Size,
-    stream: Stream,
-    apps: frozenset[str],
+    pack: AssetPack, size: Size, stream: Stream, apps: frozenset[str]
 ) -> ScreenLayout | None:
     """Lay out a browser with an error page: panel, title bar, tool bars, and the page.
 
@@ -42,11 +39,7 @@ def error_page(
     return stream.choice(found) if found else None
 
 
-def _window(
-    pack: AssetPack,
-    page: Asset,
-    size: Size,
-) -> ScreenLayout | None:
+def _window(pack: AssetPack, page: Asset, size: Size) -> ScreenLayout | None:
     """Return a recorded window on a screen of this size; `None` if its parts do not fit."""
     view = _view_of(pack, page)
     panel_asset = _panel_of(pack, page)
@@ -101,11 +94,7 @@ def _address(asset: Asset) -> str:
     return asset.made_by.partition(" was asked for")[0]
 
 
-def _on_page(
-    page: Asset,
-    top: int,
-    width: int,
-) -> list[Box]:
+def _on_page(page: Asset, top: int, width: int) -> list[Box]:
     """Return the clickable elements of the page itself, whose content stays in the middle."""
     cut = max(0, (page.size[1] - width) // 2)
     added = max(0, (width - page.size[1]) // 2)
@@ -115,11 +104,7 @@ def _on_page(
 
 
 @lru_cache(maxsize=256)
-def fitted(
-    asset: Asset,
-    size: Size,
-    at: Point = (0, 0),
-) -> tuple[Paste, ...] | None:
+def fitted(asset: Asset, size: Size, at: Point = (0, 0)) -> tuple[Paste, ...] | None:
     """Return the operations that fit a recorded page to `size`: cropped, or with more background.
 
     The content of a page is at the top, in the middle of the window; only plain background is

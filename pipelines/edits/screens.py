@@ -44,11 +44,7 @@ class ShownAsset:
 
 
 def whole_screen(
-    frame: Frame,
-    kind: str,
-    what: str,
-    lay_out: LayOut,
-    apps: frozenset[str] = frozenset(),
+    frame: Frame, kind: str, what: str, lay_out: LayOut, apps: frozenset[str] = frozenset()
 ) -> ShownAsset:
     """Return a recorded screen that fills the screenshot, one of `apps` if there is any.
 
@@ -132,11 +128,7 @@ def _shown(layers: list[Asset], size: Size) -> ShownAsset:
     )
 
 
-def _mapped(
-    asset: Asset,
-    coords: CoordMap,
-    recorded: RecordedAction,
-) -> RecordedAction:
+def _mapped(asset: Asset, coords: CoordMap, recorded: RecordedAction) -> RecordedAction:
     """Map an action on a recorded screen to the screenshot."""
     there = recorded.moved(*asset.box[:2])
     box = None if there.target_box is None else _boxes(coords, [there.target_box])[0]
@@ -150,11 +142,7 @@ def _targets(asset: Asset, coords: CoordMap) -> tuple[Box, ...]:
     return _boxes(coords, [(x1 + x, y1 + y, x2 + x, y2 + y) for x1, y1, x2, y2 in inside])
 
 
-def page_view(
-    frame: Frame,
-    kind: str,
-    what: str,
-) -> tuple[tuple[Op, ...], Asset]:
+def page_view(frame: Frame, kind: str, what: str) -> tuple[tuple[Op, ...], Asset]:
     """Return a recorded page that fills a screenshot of a page, cropped or continued.
 
     The content of a page is at the top, in the middle of the window; only plain background is

@@ -16,12 +16,7 @@ from .base import Edit, EditedStep, Frame, NotApplicable
 
 
 def composite(
-    plan: Plan,
-    image: UInt8Array,
-    scene: Scene,
-    *,
-    seed: int,
-    sample: int | str,
+    plan: Plan, image: UInt8Array, scene: Scene, *, seed: int, sample: int | str
 ) -> Composite:
     """Show the effects of a plan; see `hijack_data.composites.composite`.
 
@@ -45,11 +40,7 @@ def composite(
 
 
 def _edited(
-    edit: Edit,
-    effect: Effect,
-    image: UInt8Array,
-    scene: Scene,
-    stream: Stream,
+    edit: Edit, effect: Effect, image: UInt8Array, scene: Scene, stream: Stream
 ) -> EditedStep:
     """Return the edit under the first assumption about the applications that allows it."""
     pack = AssetPack.load()
@@ -84,10 +75,7 @@ def _elements(scene: Scene) -> Iterator[Box]:
 
 
 def _assumed(
-    edit: Edit,
-    scene: Scene,
-    pack: AssetPack,
-    stream: Stream,
+    edit: Edit, scene: Scene, pack: AssetPack, stream: Stream
 ) -> Iterator[tuple[str, ...]]:
     """Yield the applications that the screenshot may show: the known ones, if there are any."""
     if scene.apps:

@@ -81,11 +81,7 @@ class VariantPlanner:
         yield from self._with_effects(sample, planner, first, numbers[-1])
 
     def _with_effects(
-        self,
-        sample: Sample,
-        planner: Planner,
-        first: Plan,
-        number: int,
+        self, sample: Sample, planner: Planner, first: Plan, number: int
     ) -> Iterator[Variant | None]:
         """Yield the rows of a plan with effects: inserted steps come before the recorded one.
 
@@ -105,20 +101,10 @@ class VariantPlanner:
         if not changing and first.ops:
             yield self._plain(sample, planner, number)
 
-    def _first(
-        self,
-        sample: Sample,
-        planner: Planner,
-        numbers: list[int],
-    ) -> Plan:
+    def _first(self, sample: Sample, planner: Planner, numbers: list[int]) -> Plan:
         """Return the plan of a step; that of the first step includes effects before the episode."""
         plans = [
-            planner.plan(
-                sample.scene,
-                seed=self.seed,
-                sample=sample.key,
-                step=number,
-            )
+            planner.plan(sample.scene, seed=self.seed, sample=sample.key, step=number)
             for number in numbers
         ]
         now = plans[-1]
@@ -127,37 +113,17 @@ class VariantPlanner:
                 now = _joined(replace(before, ops=()), now)
         return now
 
-    def _plan(
-        self,
-        sample: Sample,
-        planner: Planner,
-        number: int,
-    ) -> Plan | None:
+    def _plan(self, sample: Sample, planner: Planner, number: int) -> Plan | None:
         """Return a plan for pictures under the label policy, or `None` if it drops the row."""
         scene = sample.scene
         if self.label_policy not in AVOIDING:
-            return planner.plan(
-                scene,
-                seed=self.seed,
-                sample=sample.key,
-                step=number,
-            )
+            return planner.plan(scene, seed=self.seed, sample=sample.key, step=number)
         end = sample.step.action.end
         return hj.plan_avoiding(
-            planner,
-            scene,
-            seed=self.seed,
-            sample=sample.key,
-            step=number,
-            end=end,
+            planner, scene, seed=self.seed, sample=sample.key, step=number, end=end
         )
 
-    def _plain(
-        self,
-        sample: Sample,
-        planner: Planner,
-        number: int,
-    ) -> Variant | None:
+    def _plain(self, sample: Sample, planner: Planner, number: int) -> Variant | None:
         plan = self._plan(sample, planner, number)
         if plan is None:
             return None
@@ -166,13 +132,7 @@ class VariantPlanner:
             plan = replace(plan, effects=())
         return Variant(sample, plan, plan)
 
-    def _edit(
-        self,
-        sample: Sample,
-        plan: Plan,
-        effect: Effect,
-        number: int,
-    ) -> EditedStep:
+    def _edit(self, sample: Sample, plan: Plan, effect: Effect, number: int) -> EditedStep:
         if effect.kind not in EDITS or self.pack is None:
             raise BuildError(
                 f"{plan.corruption} gave a plan with the effect {effect.kind!r}, which no edit"
@@ -193,12 +153,7 @@ class VariantPlanner:
         return replace(made, fidelity=fidelity_of(made.fidelity, is_foreign=frame.is_foreign))
 
     def _edited(
-        self,
-        sample: Sample,
-        planner: Planner,
-        plan: Plan,
-        edit: EditedStep,
-        number: int,
+        self, sample: Sample, planner: Planner, plan: Plan, edit: EditedStep, number: int
     ) -> Variant | None:
         """Return the row of an edit, with the picture operations of `plan` drawn over it."""
         changed = step_after(sample, edit)
@@ -265,11 +220,7 @@ def due(planner: Planner, numbers: list[int]) -> bool:
     return any(planner.is_due(number) for number in numbers)
 
 
-def step_numbers(
-    trajectory: Trajectory,
-    position: int,
-    planner: Planner,
-) -> list[int]:
+def step_numbers(trajectory: Trajectory, position: int, planner: Planner) -> list[int]:
     """Return the step numbers that a planner sees at `position`; the last is the step's own.
 
     Corruptions of the machine count steps from 0, as in a live episode, with -1 before the first;

@@ -28,8 +28,5 @@ class LockEdit(Edit):
         """Return the locked screen; see `Edit.apply`."""
         shown = whole_screen(frame, "lock_screen", "lock screen", layout.lock_screen)
         return self.made(
-            ops=shown.ops,
-            fidelity=shown.fidelity,
-            boxes=shown.boxes,
-            notes=shown.notes,
+            ops=shown.ops, fidelity=shown.fidelity, boxes=shown.boxes, notes=shown.notes
         )

@@ -66,9 +66,7 @@ def run(
 
 
 def _bounded(
-    submit: Callable[[ShardTask], "Future[Any]"],
-    tasks: Iterator[ShardTask],
-    limit: int,
+    submit: Callable[[ShardTask], "Future[Any]"], tasks: Iterator[ShardTask], limit: int
 ) -> Iterator[Any]:
     """Keep at most `limit` tasks in flight; yield each with its result when it is done."""
     pending = {submit(task): task for task in islice(tasks, limit)}

@@ -100,12 +100,7 @@ def _check_sendable(ray: Any, settings: RowSettings) -> None:
         ) from None
 
 
-def _made(
-    ray: Any,
-    wave: list[ShardTask],
-    errand: Errand,
-    workers: int,
-) -> Generator[ShardRecord]:
+def _made(ray: Any, wave: list[ShardTask], errand: Errand, workers: int) -> Generator[ShardRecord]:
     # makes the shards of a wave with Ray Data, and yields their records as they arrive
     with data_options(ray):
         items = ray.data.from_items(
@@ -125,11 +120,7 @@ def _made(
         raise BuildError(_failure(ray, error)) from None
 
 
-def _record(
-    made: ShardRecord | HijackError,
-    node: str,
-    out: Path,
-) -> ShardRecord:
+def _record(made: ShardRecord | HijackError, node: str, out: Path) -> ShardRecord:
     # returns the record of a shard after its file is visible on this machine
     if isinstance(made, HijackError):
         raise made

@@ -90,12 +90,7 @@ def _import(modules: tuple[str, ...]) -> Any:
     return ray
 
 
-def _init(
-    ray: Any,
-    address: str,
-    options: dict[str, Any],
-    error: type[HijackError],
-) -> str:
+def _init(ray: Any, address: str, options: dict[str, Any], error: type[HijackError]) -> str:
     # connects to a cluster, or starts one, and returns its folder of logs
     try:
         _check_address(address)

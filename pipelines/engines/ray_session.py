@@ -23,12 +23,7 @@ def session(workers: int, address: str | None = None) -> AbstractContextManager[
 
     The arguments are those of `pipelines.engines.ray.run`.
     """
-    return ray_connection.session(
-        workers,
-        address,
-        modules=("ray.data",),
-        error=BuildError,
-    )
+    return ray_connection.session(workers, address, modules=("ray.data",), error=BuildError)
 
 
 @contextmanager

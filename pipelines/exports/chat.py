@@ -56,9 +56,5 @@ class ChatWriter:
             {"role": "user", "content": example.question},
             {"role": "assistant", "content": example.answer},
         ]
-        row = {
-            "messages": messages,
-            "images": [name],
-            **example.about,
-        }
+        row = {"messages": messages, "images": [name], **example.about}
         file.write(json.dumps(row, ensure_ascii=False) + "\n")

@@ -21,23 +21,11 @@ from hijack_data.labels.actions import own_action
 from hijack_data.smart_resize import smart_resize
 from hijack_data.types import Action, Size
 
-_UI_TARS_CLICKS = {
-    "click": "click",
-    "double_click": "left_double",
-    "right_click": "right_single",
-}
+_UI_TARS_CLICKS = {"click": "click", "double_click": "left_double", "right_click": "right_single"}
 _UI_TARS_WORDS = {"wait": "wait()", "fail": "call_user()"}
 THOUSAND = (1000, 1000)
 _NO_KEY = frozenset(" +'\"\\\n")
-_ESCAPES = str.maketrans(
-    {
-        "\\": "\\\\",
-        "'": "\\'",
-        "\n": "\\n",
-        "\t": "\\t",
-        "\r": "\\r",
-    }
-)
+_ESCAPES = str.maketrans({"\\": "\\\\", "'": "\\'", "\n": "\\n", "\t": "\\t", "\r": "\\r"})
 
 
 def action_text(row: Mapping[str, Any], dialect: str) -> str:
@@ -61,11 +49,7 @@ def _pyautogui(row: Mapping[str, Any]) -> str:
     return write_pyautogui(own_action(row["action"]))
 
 
-def _ui_tars(
-    row: Mapping[str, Any],
-    scaling_of: Callable[[Size], Scaling],
-    dialect: str,
-) -> str:
+def _ui_tars(row: Mapping[str, Any], scaling_of: Callable[[Size], Scaling], dialect: str) -> str:
     action = own_action(row["action"])
     kind = action.type
     if kind in _UI_TARS_WORDS:
@@ -83,11 +67,7 @@ def _ui_tars(
     return _ui_tars_pointing(action, scaling_of(screen), dialect)
 
 
-def _ui_tars_pointing(
-    action: Action,
-    scaling: Scaling,
-    dialect: str,
-) -> str:
+def _ui_tars_pointing(action: Action, scaling: Scaling, dialect: str) -> str:
     """Return the text of an action at a point."""
     kind = action.type
     start = _box(action.x, action.y, scaling)
@@ -118,11 +98,7 @@ _RENDER: Mapping[str, Callable[[Mapping[str, Any]], str]] = {
 DIALECTS = tuple(_RENDER)
 
 
-def _box(
-    x: int | None,
-    y: int | None,
-    scaling: Scaling,
-) -> str:
+def _box(x: int | None, y: int | None, scaling: Scaling) -> str:
     if x is None or y is None:
         return ""
     px, py = scaling.point(x, y)

@@ -158,12 +158,7 @@ def export(
     if make_writer is None:
         ratio = 1.0 if balance is None else balance
         return export_onlooker(
-            folder,
-            out,
-            dialect=dialect,
-            keep_hidden=keep_hidden,
-            balance=ratio,
-            progress=progress,
+            folder, out, dialect=dialect, keep_hidden=keep_hidden, balance=ratio, progress=progress
         )
     if balance is not None:
         raise BuildError(f"balance is for the format {ONLOOKER!r}; leave it out for {to!r}")
@@ -180,12 +175,7 @@ def export(
                 progress(done, len(rows), "rows")
         writer.finish()
         write_report(
-            place,
-            {
-                **report.to_data(),
-                "keep_hidden": keep_hidden,
-                "content": rows.fingerprint,
-            },
+            place, {**report.to_data(), "keep_hidden": keep_hidden, "content": rows.fingerprint}
         )
     return report
 

@@ -45,12 +45,7 @@ def push_to_hub(
     hub = _hub()
     api = hub.HfApi(endpoint=endpoint, token=token)
     try:
-        api.create_repo(
-            repo_id,
-            repo_type="dataset",
-            private=private,
-            exist_ok=True,
-        )
+        api.create_repo(repo_id, repo_type="dataset", private=private, exist_ok=True)
         done = api.upload_folder(
             repo_id=repo_id,
             repo_type="dataset",

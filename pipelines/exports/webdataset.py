@@ -23,11 +23,7 @@ class WebDatasetWriter:
         path = self.folder / f"train-{index:05d}.tar"
         with tarfile.open(path, "w", format=tarfile.USTAR_FORMAT) as tar:
             for example in examples:
-                row = {
-                    **example.row,
-                    "answer": example.answer,
-                    "question": example.question,
-                }
+                row = {**example.row, "answer": example.answer, "question": example.question}
                 text = json.dumps(row, ensure_ascii=False)
                 _add(tar, f"{example.key}.png", example.png)
                 _add(tar, f"{example.key}.json", text.encode())
@@ -37,11 +33,7 @@ class WebDatasetWriter:
         """Do nothing: there are no files other than the shards."""
 
 
-def _add(
-    tar: tarfile.TarFile,
-    name: str,
-    data: bytes,
-) -> None:
+def _add(tar: tarfile.TarFile, name: str, data: bytes) -> None:
     info = tarfile.TarInfo(name)
     info.size = len(data)
     info.mode = 0o644

@@ -44,11 +44,7 @@ class TorchDataset(Dataset[Any]):
         row, picture = self.rows.pixels(int(index))
         box = row["target_box"]
         boxes = torch.from_numpy(as_boxes([box] if box else None))
-        item = {
-            **row,
-            "screenshot": torch.from_numpy(picture).permute(2, 0, 1),
-            "boxes": boxes,
-        }
+        item = {**row, "screenshot": torch.from_numpy(picture).permute(2, 0, 1), "boxes": boxes}
         return item if self.transform is None else self.transform(item)
 
 

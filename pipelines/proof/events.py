@@ -24,11 +24,7 @@ from ..edits.variants import Variant, step_after
 from ..errors import DatasetError
 
 
-def told(
-    row: Mapping[str, Any],
-    plan: Plan,
-    sample: Sample,
-) -> Variant | None:
+def told(row: Mapping[str, Any], plan: Plan, sample: Sample) -> Variant | None:
     """Return the variant that a row with an event must be.
 
     Args:
@@ -100,10 +96,7 @@ def _is_asset(op: Op) -> bool:
 
 
 def _response(
-    edit: Edit,
-    row: Mapping[str, Any],
-    plan: Plan,
-    pasted: tuple[Op, ...],
+    edit: Edit, row: Mapping[str, Any], plan: Plan, pasted: tuple[Op, ...]
 ) -> RecordedAction | None:
     """Return the action that a row must have; of several possible ones, the one that it has."""
     if edit.answer == "wait":

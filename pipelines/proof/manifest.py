@@ -125,11 +125,7 @@ def derived(
         )
 
 
-def _unequal(
-    where: str,
-    stored: Any,
-    expected: Any,
-) -> Iterator[tuple[str, Any, Any]]:
+def _unequal(where: str, stored: Any, expected: Any) -> Iterator[tuple[str, Any, Any]]:
     """Yield the places at which JSON data differs; at the top, `stored` may have extra keys."""
     if isinstance(expected, dict) and isinstance(stored, dict):
         keys = list(expected)

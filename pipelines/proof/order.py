@@ -139,12 +139,7 @@ class Tallied:
                 yield from _sum(label, self.rows[label], record, wanted)
 
 
-def _sum(
-    label: str,
-    rows: int,
-    record: ShardRecord,
-    steps: int,
-) -> Iterator[str]:
+def _sum(label: str, rows: int, record: ShardRecord, steps: int) -> Iterator[str]:
     """Yield a problem if a corruption that acts at every step has no result for some of them."""
     reasons = record.counts["not_applicable"].get(label, {})
     left = sum(reasons.values()) + record.counts["dropped"].get(label, 0)

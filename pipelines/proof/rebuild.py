@@ -110,22 +110,12 @@ def rebuild(run: str | os.PathLike[str], key: str | None = None) -> RebuildRepor
     return report
 
 
-def _add_episode(
-    report: RebuildReport,
-    journal: Journal,
-    folder: Path,
-    name: str,
-) -> None:
+def _add_episode(report: RebuildReport, journal: Journal, folder: Path, name: str) -> None:
     problems = _episode(folder, journal, report)
     report.problems += [f"{name}/{problem}" for problem in problems]
 
 
-def _add_run(
-    report: RebuildReport,
-    journal: Journal,
-    path: Path,
-    key: str | None,
-) -> None:
+def _add_run(report: RebuildReport, journal: Journal, path: Path, key: str | None) -> None:
     """Add the problems of the journal and the seal."""
     report.problems += journal.problems()
     report.problems += seal.problems(path, key)
@@ -141,11 +131,7 @@ def _folders(run: Path) -> list[Path]:
     return sorted(path for path in home.iterdir() if path.is_dir())
 
 
-def _episode(
-    folder: Path,
-    journal: Journal,
-    report: RebuildReport,
-) -> Iterator[str]:
+def _episode(folder: Path, journal: Journal, report: RebuildReport) -> Iterator[str]:
     if not (folder / EPISODE).is_file():
         report.unfinished += 1
         return
@@ -157,11 +143,7 @@ def _episode(
     journal.note(folder, seen.record)
 
 
-def _unproved(
-    report: RebuildReport,
-    journal: Journal,
-    alone: bool,
-) -> Iterator[str]:
+def _unproved(report: RebuildReport, journal: Journal, alone: bool) -> Iterator[str]:
     if not report.chained:
         yield (
             f"written in version {journal.oldest}, without hashes: what was edited in several"

@@ -80,9 +80,7 @@ def _follows(planner: Planner) -> bool:
 
 
 def from_rows(
-    rows: list[dict[str, Any]],
-    key: str | None,
-    settings: RowSettings,
+    rows: list[dict[str, Any]], key: str | None, settings: RowSettings
 ) -> RecordedFacts | None:
     """Return the recorded step of some rows, or `None` if they do not contain enough of it.
 
@@ -103,11 +101,7 @@ def from_rows(
     return RecordedFacts(sample, settings, has_picture, has_code)
 
 
-def _sample(
-    row: Mapping[str, Any],
-    base: Base,
-    key: str | None,
-) -> tuple[Sample, bool]:
+def _sample(row: Mapping[str, Any], base: Base, key: str | None) -> tuple[Sample, bool]:
     """Return the step of a row as recorded, and whether the dialect of its code is known."""
     size = base.image.shape[:2]
     action = own_action(row["action"])
@@ -155,11 +149,7 @@ def _picture(row: Mapping[str, Any]) -> UInt8Array:
     return np.zeros((*_size(row), 3), np.uint8)
 
 
-def _dialect(
-    code: str,
-    action: Action,
-    size: tuple[int, int],
-) -> str | None:
+def _dialect(code: str, action: Action, size: tuple[int, int]) -> str | None:
     try:
         return dialect_of(code, action, size)
     except LabelError:

@@ -167,12 +167,7 @@ class StepProof:
 
     # --- A row and its step
 
-    def _compare(
-        self,
-        stored: Stored,
-        expected: MadeRow | None,
-        known: RecordedFacts,
-    ) -> None:
+    def _compare(self, stored: Stored, expected: MadeRow | None, known: RecordedFacts) -> None:
         row = stored.row
         if expected is None and known.picture and row["corruption"] in self._proved(known):
             raise DatasetError(
@@ -191,11 +186,7 @@ class StepProof:
                 raise DatasetError(f"{name} is {shown(row[name])}, it should be {shown(value)}")
 
     def _labels(
-        self,
-        stored: Stored,
-        expected: MadeRow | None,
-        variant: Variant,
-        known: RecordedFacts,
+        self, stored: Stored, expected: MadeRow | None, variant: Variant, known: RecordedFacts
     ) -> dict[str, Any]:
         """Return the values that the columns of a row must have."""
         row = stored.row
@@ -223,12 +214,7 @@ class StepProof:
             labels.append(CLEAN)
         return labels
 
-    def _check_made(
-        self,
-        stored: Stored,
-        expected: MadeRow | None,
-        known: RecordedFacts,
-    ) -> None:
+    def _check_made(self, stored: Stored, expected: MadeRow | None, known: RecordedFacts) -> None:
         plan = stored.plan
         if BASE not in stored.row:
             if expected is not None and expected.variant.plan == plan:
@@ -239,12 +225,7 @@ class StepProof:
                 raise DatasetError(OTHER_PICTURE)
         self.regenerated += bool(plan.ops)
 
-    def _check_seed(
-        self,
-        stored: Stored,
-        variants: list[Variant],
-        known: RecordedFacts,
-    ) -> None:
+    def _check_seed(self, stored: Stored, variants: list[Variant], known: RecordedFacts) -> None:
         # checks that a plan is one of those that were made again
         plan = stored.plan
         for variant in variants:
@@ -279,12 +260,7 @@ class StepProof:
             raise DatasetError(f"event is None, its plan does {kind} to the machine")
         return Variant(known.sample, plan, plan)
 
-    def _check_kept(
-        self,
-        row: Mapping[str, Any],
-        plan: Plan,
-        labels: Mapping[str, Any],
-    ) -> None:
+    def _check_kept(self, row: Mapping[str, Any], plan: Plan, labels: Mapping[str, Any]) -> None:
         # checks that the label policy of the build keeps such a row
         policy = self.label_policy
         seen = labels["target_visible"]
@@ -308,11 +284,7 @@ def _drawn(plan: Plan, image: UInt8Array) -> UInt8Array:
     return apply(plan, image) if plan.ops else image
 
 
-def _check_plan(
-    row: Mapping[str, Any],
-    picture: UInt8Array,
-    plan: Plan,
-) -> None:
+def _check_plan(row: Mapping[str, Any], picture: UInt8Array, plan: Plan) -> None:
     # checks that the columns about a plan agree with it, and with each other
     height, width = picture.shape[:2]
     if (height, width) != (row["height"], row["width"]):

@@ -248,11 +248,7 @@ class _Check:
             self.report.problems += [f"{name}: {text}" for text in recordings.problems(record)]
 
     def _steps(
-        self,
-        file: Path,
-        record: ShardRecord,
-        counted: Tallied,
-        recordings: Recordings | None,
+        self, file: Path, record: ShardRecord, counted: Tallied, recordings: Recordings | None
     ) -> Iterator[str]:
         """Yield the problems of the rows of a file."""
         for key, group in groupby(
@@ -274,10 +270,7 @@ class _Check:
                 yield from self._proof([], step)
 
     def _sourced(
-        self,
-        rows: list[dict[str, Any]],
-        key: tuple[str, int],
-        recordings: Recordings,
+        self, rows: list[dict[str, Any]], key: tuple[str, int], recordings: Recordings
     ) -> Iterator[str]:
         """Yield the problems of the rows of a step, which is read from the source."""
         if key not in recordings.keys:

@@ -105,13 +105,7 @@ def _is_recording(file: Path) -> bool:
     return "task_id" in record and ("steps" in record or "traj" in record)
 
 
-def _record(
-    record: JsonObject,
-    file: str,
-    where: str,
-    root: Path,
-    seen: set[str],
-) -> Iterator[Any]:
+def _record(record: JsonObject, file: str, where: str, root: Path, seen: set[str]) -> Iterator[Any]:
     name = fields.text(record, "task_id")
     if name in seen:
         raise FieldError("task_id", f"{name!r} was there before")
@@ -216,11 +210,7 @@ def _packed(folder: Path) -> bool:
     return any(re.search(r"\.z(ip|\d\d)$", file.name) for file in folder.iterdir())
 
 
-def _action(
-    code: str,
-    size: Size,
-    field: str,
-) -> tuple[Action, str]:
+def _action(code: str, size: Size, field: str) -> tuple[Action, str]:
     """Return the action, and its code, in pixels of the screenshot."""
     try:
         action = parse_pyautogui(code, size, normalized=True)

@@ -68,11 +68,7 @@ class _Taker:
                 yield error
 
     def _part(
-        self,
-        talk: Conversation,
-        entry: LogEntry,
-        pointer: JsonPath,
-        part: JsonObject,
+        self, talk: Conversation, entry: LogEntry, pointer: JsonPath, part: JsonObject
     ) -> None:
         kind = part.get("type")
         is_user = entry.data.get("role") == "user"
@@ -96,12 +92,7 @@ class _Taker:
             talk.act(action, ANTHROPIC, "input")
 
 
-def _result(
-    talk: Conversation,
-    entry: LogEntry,
-    pointer: JsonPath,
-    part: JsonObject,
-) -> None:
+def _result(talk: Conversation, entry: LogEntry, pointer: JsonPath, part: JsonObject) -> None:
     """Take the pictures that a use of the tool returned as the screen."""
     for index, inner in enumerate(fields.listed(part.get("content"))):
         block = fields.mapping(inner, f"content[{index}]")
@@ -109,12 +100,7 @@ def _result(
             _look(talk, entry, (*pointer, "content", index), block)
 
 
-def _look(
-    talk: Conversation,
-    entry: LogEntry,
-    pointer: JsonPath,
-    block: JsonObject,
-) -> None:
+def _look(talk: Conversation, entry: LogEntry, pointer: JsonPath, block: JsonObject) -> None:
     source = fields.mapping(block.get("source"), "source")
     if source.get("type") != "base64":
         raise FieldTypeError("source.type", "base64", source.get("type"))

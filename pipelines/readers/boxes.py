@@ -22,12 +22,7 @@ SLACK = 0.01  # annotated boxes overshoot the edge a little; what is further out
 _ENDLESS = (math.inf, math.inf)
 
 
-def box_in(
-    form: Form,
-    value: object,
-    size: Size,
-    field: str,
-) -> Box:
+def box_in(form: Form, value: object, size: Size, field: str) -> Box:
     """Return a box of a form in pixels of a picture of `size`, (height, width).
 
     Raises:
@@ -114,10 +109,7 @@ def _unseen(boxes: Sequence[object], among: Forms) -> Iterator[tuple[int, Forms]
 
 
 def _seen(
-    boxes: Sequence[object],
-    size: Callable[[int], Size | None],
-    among: Forms,
-    left: Forms,
+    boxes: Sequence[object], size: Callable[[int], Size | None], among: Forms, left: Forms
 ) -> Iterator[tuple[int, Forms]]:
     """Yield the forms that each row may have on its picture, until only two corners are `left`."""
     for index, box in enumerate(boxes):
@@ -132,11 +124,7 @@ def _seen(
             return
 
 
-def _narrowed(
-    left: Forms,
-    rows: Iterable[tuple[int, Forms]],
-    field: str,
-) -> Forms:
+def _narrowed(left: Forms, rows: Iterable[tuple[int, Forms]], field: str) -> Forms:
     for index, forms in rows:
         if not forms:
             continue
@@ -156,11 +144,7 @@ def _listed(forms: Forms) -> str:
     return " or ".join(sorted(map(" ".join, forms)))
 
 
-def _forms(
-    value: object,
-    size: tuple[float, float],
-    among: Forms,
-) -> Forms:
+def _forms(value: object, size: tuple[float, float], among: Forms) -> Forms:
     try:
         numbers = _numbers(value, "")
     except FieldError:
@@ -173,11 +157,7 @@ def _forms(
     return frozenset((space, order) for space, order in among if space in spaces)
 
 
-def _fits(
-    numbers: Sequence[float],
-    form: Form,
-    size: tuple[float, float],
-) -> bool:
+def _fits(numbers: Sequence[float], form: Form, size: tuple[float, float]) -> bool:
     space, order = form
     if space == PIXELS and are_fractions([abs(number) for number in numbers]):
         return False
@@ -187,11 +167,7 @@ def _fits(
     return across and down
 
 
-def _is_within(
-    start: float,
-    end: float,
-    side: float,
-) -> bool:
+def _is_within(start: float, end: float, side: float) -> bool:
     lowest = -SLACK * min(side, 1e6)
     highest = (1 + SLACK) * side
     return lowest <= start < end <= highest

@@ -79,12 +79,7 @@ class Chat:
         seen: set[str] = set()
         yield from read_tables(path, lambda file: self._file(file, root, seen), _BESIDE)
 
-    def _file(
-        self,
-        file: Path,
-        root: Path,
-        seen: set[str],
-    ) -> Iterator[Trajectory | Rejected]:
+    def _file(self, file: Path, root: Path, seen: set[str]) -> Iterator[Trajectory | Rejected]:
         name = relative_name(file, root)
         is_empty = True
         for row in json_rows(file):
@@ -108,12 +103,7 @@ class _Row:
     choices: ReaderOptions
     row: JsonRow
 
-    def picture(
-        self,
-        pictures: list[Any],
-        column: str,
-        index: int,
-    ) -> tuple[str, Size]:
+    def picture(self, pictures: list[Any], column: str, index: int) -> tuple[str, Size]:
         """Return the path or reference of a picture, and its (height, width).
 
         Raises:

@@ -134,12 +134,7 @@ class _Run:
         elif kind != _MARKED:
             self.screen = file
 
-    def _call(
-        self,
-        record: JsonObject,
-        kind: str,
-        screen: Path | None,
-    ) -> None:
+    def _call(self, record: JsonObject, kind: str, screen: Path | None) -> None:
         item = fields.mapping(record.get("item"), "item")
         action: object = item.get("action")
         if isinstance(action, dict) and cast("dict[str, Any]", action).get("type") == "screenshot":

@@ -9,13 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import cast
 
-from hijack_data.actions import (
-    RESIZED_DIALECTS,
-    TEXT_PARSERS,
-    Scaling,
-    map_code,
-    parse_pyautogui,
-)
+from hijack_data.actions import RESIZED_DIALECTS, TEXT_PARSERS, Scaling, map_code, parse_pyautogui
 from hijack_data.actions.dialects.computer_13 import parse_computer_13
 from hijack_data.actions.dialects.pyautogui_write import write_pyautogui
 from hijack_data.actions.dialects.tool_calls import parse_anthropic, parse_openai
@@ -38,12 +32,7 @@ ANTHROPIC = "anthropic"
 QWEN_25 = "qwen2.5_vl"
 QWEN_3 = "qwen3_vl"
 # The spaces of dialects that are not in pixels.
-OWN_SPACES = {
-    UI_TARS: THOUSAND,
-    UI_TARS_15: RESIZED,
-    QWEN_25: RESIZED,
-    QWEN_3: THOUSAND,
-}
+OWN_SPACES = {UI_TARS: THOUSAND, UI_TARS_15: RESIZED, QWEN_25: RESIZED, QWEN_3: THOUSAND}
 _VERSIONS: Mapping[str, Mapping[Space, str]] = {
     UI_TARS: {THOUSAND: UI_TARS, RESIZED: UI_TARS_15},
     QWEN_3: {THOUSAND: QWEN_3, RESIZED: QWEN_25},
@@ -73,11 +62,7 @@ class Recorded:
 
 
 def first_action(
-    raw: object,
-    dialect: str,
-    size: Size,
-    field: str,
-    space: Space | None = None,
+    raw: object, dialect: str, size: Size, field: str, space: Space | None = None
 ) -> Action:
     """Return the action, or the first of several, in pixels of a picture.
 
@@ -100,12 +85,7 @@ def first_action(
 
 
 def recorded(
-    raw: object,
-    dialect: str,
-    size: Size,
-    field: str,
-    choice: str | None,
-    default: Space | None,
+    raw: object, dialect: str, size: Size, field: str, choice: str | None, default: Space | None
 ) -> Recorded:
     """Return an action whose coordinates are in the chosen space, or in the default one.
 
@@ -139,12 +119,7 @@ def recorded(
     return Recorded(action, code, PYAUTOGUI)
 
 
-def _pointless(
-    raw: object,
-    dialect: str,
-    size: Size,
-    field: str,
-) -> Recorded:
+def _pointless(raw: object, dialect: str, size: Size, field: str) -> Recorded:
     try:
         action = _parsed(raw, dialect, Scaling((1, 1), (1, 1), clamp=False))
     except HijackError as error:
@@ -155,12 +130,7 @@ def _pointless(
     return Recorded(fields.on_screen(action, size, field), code_of(raw, field), dialect)
 
 
-def _in_pixels(
-    raw: object,
-    dialect: str,
-    action: Action,
-    scaling: Scaling,
-) -> str:
+def _in_pixels(raw: object, dialect: str, action: Action, scaling: Scaling) -> str:
     """Return the code of an action in pixels; `""` if pyautogui cannot express it."""
     if dialect == PYAUTOGUI:
         return map_code(cast("str", raw), scaling, None)
@@ -170,12 +140,7 @@ def _in_pixels(
         return ""
 
 
-def _hint(
-    raw: object,
-    dialect: str,
-    size: Size,
-    known: Space | None,
-) -> str:
+def _hint(raw: object, dialect: str, size: Size, known: Space | None) -> str:
     """Return a remedy that lists the spaces, other than the known one, that an action fits."""
     fit: list[str] = []
     for space in COORDINATES:
@@ -220,11 +185,7 @@ def observed_code(coords: CoordMap, step: Step) -> str:
     return map_recorded(step.action_code, dialect, scaling, model)
 
 
-def _parsed(
-    raw: object,
-    dialect: str,
-    scaling: Scaling,
-) -> Action:
+def _parsed(raw: object, dialect: str, scaling: Scaling) -> Action:
     # Pixels are not clamped, so that a point outside can be distinguished from one at the edge.
     if dialect == PYAUTOGUI:
         code = cast("str", raw)
@@ -235,11 +196,7 @@ def _parsed(
     return _DICTS[dialect](raw, scaling)
 
 
-_DICTS = {
-    COMPUTER_13: parse_computer_13,
-    OPENAI: parse_openai,
-    ANTHROPIC: parse_anthropic,
-}
+_DICTS = {COMPUTER_13: parse_computer_13, OPENAI: parse_openai, ANTHROPIC: parse_anthropic}
 
 
 def _between_models(coords: CoordMap) -> Scaling:

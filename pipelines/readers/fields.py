@@ -48,12 +48,7 @@ class FieldError(SourceError):
 class FieldTypeError(FieldError):
     """A field has a value of the wrong kind, which the message shows."""
 
-    def __init__(
-        self,
-        field: str,
-        expected: str,
-        value: object,
-    ) -> None:
+    def __init__(self, field: str, expected: str, value: object) -> None:
         super().__init__(field, f"must be {expected}, got {shown(value)}")
 
 
@@ -96,11 +91,7 @@ def objects(value: object) -> list[JsonObject]:
 
 
 def text(
-    record: JsonObject,
-    key: str,
-    field: str | None = None,
-    *,
-    default: str | None = None,
+    record: JsonObject, key: str, field: str | None = None, *, default: str | None = None
 ) -> str:
     """Return a string; without a `default` it is required and must not be empty.
 
@@ -174,11 +165,7 @@ def action(value: object, size: Size) -> Action:
     return Action(kind, **pixels, text=typed, keys=keys, amount=_amount(data.get("amount")))
 
 
-def boxes(
-    labels: object,
-    size: Size,
-    field: str,
-) -> tuple[Box, ...]:
+def boxes(labels: object, size: Size, field: str) -> tuple[Box, ...]:
     """Return recorded boxes clipped to a picture of `size`, (height, width).
 
     Raises:
@@ -208,11 +195,7 @@ def storable(value: str, field: str) -> str:
     return value
 
 
-def on_screen(
-    action: Action,
-    size: Size,
-    field: str,
-) -> Action:
+def on_screen(action: Action, size: Size, field: str) -> Action:
     """Return an action whose points lie in a picture of `size`, (height, width).
 
     Raises:
@@ -261,21 +244,13 @@ def once(
         yield error
 
 
-def _required(
-    record: JsonObject,
-    key: str,
-    field: str,
-) -> object:
+def _required(record: JsonObject, key: str, field: str) -> object:
     if record.get(key) is None:
         raise FieldError(field, "is missing")
     return record[key]
 
 
-def _number(
-    value: object,
-    field: str,
-    limit: float,
-) -> float:
+def _number(value: object, field: str, limit: float) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise FieldTypeError(field, "a number", value)
     # the first is false for NaN, and safe for giant integers
@@ -300,11 +275,7 @@ def _points(data: JsonObject, size: Size) -> dict[str, int | None]:
     return pixels
 
 
-def _check_space(
-    data: JsonObject,
-    x: str,
-    y: str,
-) -> None:
+def _check_space(data: JsonObject, x: str, y: str) -> None:
     # Taken as pixels, a point in fractions would be the corner of the picture.
     point = [data[side] for side in (x, y) if data.get(side) is not None]
     if point and are_fractions(point):
@@ -315,11 +286,7 @@ def _check_space(
         )
 
 
-def _pixel(
-    value: object,
-    field: str,
-    side: int,
-) -> int | None:
+def _pixel(value: object, field: str, side: int) -> int | None:
     if value is None:
         return None
     pixel = math.floor(_number(value, field, MAX_PIXEL) + 0.5)

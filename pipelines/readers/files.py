@@ -221,11 +221,7 @@ def root_of(source: Source) -> Path:
     return source if source.is_dir() else source.parent
 
 
-def inside(
-    root: Path,
-    name: str,
-    field: str = "image",
-) -> Path:
+def inside(root: Path, name: str, field: str = "image") -> Path:
     """Return the path of a file below `root`.
 
     Raises:

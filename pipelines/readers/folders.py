@@ -23,9 +23,7 @@ def readable_files(source: Source) -> Iterator[Path]:
 
 
 def one_of_first(
-    source: Source,
-    candidate: Callable[[Path], bool],
-    is_ours: Callable[[Path], bool],
+    source: Source, candidate: Callable[[Path], bool], is_ours: Callable[[Path], bool]
 ) -> bool:
     """Return whether one of the first files of a source is of a format.
 

@@ -16,15 +16,7 @@ from .choices import FRACTIONS, NO_CHOICES, PIXELS, XYWH, XYXY, ReaderOptions
 from .fields import FieldError, JsonObject
 from .files import Source, relative_name, root_of
 from .folders import one_of_first
-from .json_rows import (
-    FOLDERS,
-    JsonRow,
-    beginning,
-    is_json,
-    json_rows,
-    picture_at,
-    read_tables,
-)
+from .json_rows import FOLDERS, JsonRow, beginning, is_json, json_rows, picture_at, read_tables
 from .parquet_rows import platform_of
 
 PICTURES = ("img_filename", "image_path", "img_path")
@@ -91,12 +83,7 @@ class _Entry:
 class _Table:
     """One file, while it is read."""
 
-    def __init__(
-        self,
-        file: Path,
-        root: Path,
-        choices: ReaderOptions,
-    ) -> None:
+    def __init__(self, file: Path, root: Path, choices: ReaderOptions) -> None:
         self.file = file
         self.root = root
         self.choices = choices
@@ -173,12 +160,7 @@ class _Table:
                 continue
         return found
 
-    def _trajectory(
-        self,
-        entry: _Entry,
-        form: Form,
-        elements: dict[str, list[Box]],
-    ) -> Trajectory:
+    def _trajectory(self, entry: _Entry, form: Form, elements: dict[str, list[Box]]) -> Trajectory:
         record = entry.row.record
         image, size = self._picture(entry)
         box = box_in(form, entry.box, size, _key(entry.part, BOXES))

@@ -156,11 +156,7 @@ class _Metadata:
             yield Rejected(relative_name(file, self.root), f"line {number}", FILE_NAME, reason)
 
 
-def _picture(
-    file: Path,
-    root: Path,
-    known: _Metadata,
-) -> Iterator[Trajectory | Rejected]:
+def _picture(file: Path, root: Path, known: _Metadata) -> Iterator[Trajectory | Rejected]:
     name = relative_name(file, root)
     try:
         yield _trajectory(name, file, known.of(file))
@@ -168,11 +164,7 @@ def _picture(
         yield Rejected(name, "", error.field, error.reason)
 
 
-def _trajectory(
-    name: str,
-    file: Path,
-    record: JsonObject,
-) -> Trajectory:
+def _trajectory(name: str, file: Path, record: JsonObject) -> Trajectory:
     problems = LineProblems()
     size = problems.of(lambda: size_of(file))
     problems.check()
@@ -201,12 +193,7 @@ def _trajectory(
     return Trajectory(name, Images.name, *about, platform=cast("Platform | None", platform))
 
 
-def _action(
-    record: JsonObject,
-    code: str,
-    size: Size | None,
-    problems: LineProblems,
-) -> Action:
+def _action(record: JsonObject, code: str, size: Size | None, problems: LineProblems) -> Action:
     """Return the action of a picture: the described one, or the one in its code.
 
     Raises:

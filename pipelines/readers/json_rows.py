@@ -122,11 +122,7 @@ def read_tables(
 
 
 def picture_at(
-    value: object,
-    file: Path,
-    root: Path,
-    field: str,
-    folders: Iterable[str] = FOLDERS,
+    value: object, file: Path, root: Path, field: str, folders: Iterable[str] = FOLDERS
 ) -> tuple[str, Size]:
     """Return the path of a picture that a row names, and its (height, width).
 
@@ -150,24 +146,14 @@ def picture_at(
 
 
 def picture_inside(
-    value: str,
-    file: Path,
-    row: JsonRow,
-    place: tuple[str | int, ...],
-    field: str,
+    value: str, file: Path, row: JsonRow, place: tuple[str | int, ...], field: str
 ) -> tuple[str, Size]:
     """Return the reference of a `data:` URL at `place` in a row, and its (height, width)."""
     reference = in_json(file, row.offset, (*row.pointer, *place))
     return reference, size_of(decoded(value), field)
 
 
-def _found(
-    name: str,
-    folder: Path,
-    root: Path,
-    field: str,
-    folders: Iterable[str],
-) -> Path:
+def _found(name: str, folder: Path, root: Path, field: str, folders: Iterable[str]) -> Path:
     if not Path(name).is_absolute():
         above = [parent for parent in folder.parents if parent.is_relative_to(root)]
         for start in (folder, *above):

@@ -118,10 +118,7 @@ def _record_files(source: Source) -> list[Path]:
 
 
 def _file(
-    records: Path,
-    shown: str,
-    root: Path,
-    taken: set[str],
+    records: Path, shown: str, root: Path, taken: set[str]
 ) -> Iterator[Trajectory | Rejected]:
     index = _Index(root, records.parent)
     yield from _index(records, shown, index)
@@ -130,11 +127,7 @@ def _file(
             yield from _trajectory(file, shown, name, _free(name, shown, taken), index)
 
 
-def _free(
-    name: str,
-    records: str,
-    taken: set[str],
-) -> str:
+def _free(name: str, records: str, taken: set[str]) -> str:
     """Return the id of a trajectory: its name, after the file's folder if the name is taken."""
     folder = Path(records).parent.as_posix()
     place = Path(records).stem if folder == "." else folder
@@ -143,11 +136,7 @@ def _free(
     return own
 
 
-def _index(
-    records: Path,
-    shown: str,
-    index: _Index,
-) -> Iterator[Rejected]:
+def _index(records: Path, shown: str, index: _Index) -> Iterator[Rejected]:
     for line in lines(records):
         try:
             index.add(line)
@@ -156,11 +145,7 @@ def _index(
 
 
 def _trajectory(
-    file: Any,
-    records: str,
-    name: str,
-    own: str,
-    index: _Index,
+    file: Any, records: str, name: str, own: str, index: _Index
 ) -> Iterator[Trajectory | Rejected]:
     steps: list[Step] = []
     about: dict[str, Any] = {}

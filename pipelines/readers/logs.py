@@ -62,12 +62,7 @@ class Conversation:
     apps: tuple[str, ...] = ()
     platform: Platform | None = None
 
-    def look(
-        self,
-        value: object,
-        entry: LogEntry,
-        pointer: JsonPath,
-    ) -> None:
+    def look(self, value: object, entry: LogEntry, pointer: JsonPath) -> None:
         """Add a screenshot.
 
         Args:
@@ -95,13 +90,7 @@ class Conversation:
             self.size = size_of(decoded(value))
             self.image = in_json(self.file, entry.offset, (*entry.pointer, *pointer))
 
-    def act(
-        self,
-        raw: object,
-        dialect: str,
-        where: str,
-        code: object = None,
-    ) -> None:
+    def act(self, raw: object, dialect: str, where: str, code: object = None) -> None:
         """Add an action.
 
         Args:
@@ -151,11 +140,7 @@ class Conversation:
 TakeEntry: TypeAlias = Callable[[Conversation, LogEntry], Iterator[FieldError]]
 
 
-def read_logs(
-    path: Source,
-    source: str,
-    take: TakeEntry,
-) -> Iterator[Trajectory | Rejected]:
+def read_logs(path: Source, source: str, take: TakeEntry) -> Iterator[Trajectory | Rejected]:
     """Read every log of a source; each file is a trajectory.
 
     Args:
@@ -173,9 +158,7 @@ def read_logs(
 
 
 def _conversation(
-    talk: Conversation,
-    take: TakeEntry,
-    seen: set[str],
+    talk: Conversation, take: TakeEntry, seen: set[str]
 ) -> Iterator[Trajectory | Rejected]:
     file = relative_name(talk.file, talk.root)
     name = os.path.splitext(file)[0]
@@ -197,11 +180,7 @@ def _conversation(
         yield Rejected(file, "", "", f"cannot be read ({error.strerror or error})")
 
 
-def _taken(
-    talk: Conversation,
-    entry: LogEntry,
-    take: TakeEntry,
-) -> Iterator[FieldError]:
+def _taken(talk: Conversation, entry: LogEntry, take: TakeEntry) -> Iterator[FieldError]:
     try:
         yield from take(talk, entry)
     except WrongFile:
@@ -260,11 +239,7 @@ def first_entries(path: Path, skip: Callable[[Path], bool] | None = None) -> Ite
 
 
 @lru_cache(maxsize=SNIFFED_FILES)
-def _sniffed(
-    file: Path,
-    changed: int,
-    size: int,
-) -> tuple[LogEntry, ...]:
+def _sniffed(file: Path, changed: int, size: int) -> tuple[LogEntry, ...]:
     """Return the first entries of a file without their pictures.
 
     They are cached, since every reader asks for them; `changed` and `size` are part of the cache's
@@ -291,10 +266,7 @@ def _short(value: object) -> object:
 
 
 def _spread(
-    record: JsonObject,
-    where: str,
-    offset: int | None,
-    pointer: JsonPath,
+    record: JsonObject, where: str, offset: int | None, pointer: JsonPath
 ) -> Iterator[LogEntry | Rejected]:
     inner = [key for key in LISTS if isinstance(record.get(key), list)]
     if not inner or "role" in record:
@@ -308,10 +280,7 @@ def _spread(
 
 
 def _items(
-    values: list[Any],
-    where: str,
-    offset: int | None,
-    pointer: JsonPath,
+    values: list[Any], where: str, offset: int | None, pointer: JsonPath
 ) -> Iterator[LogEntry | Rejected]:
     for index, value in enumerate(values):
         place = f"{where} {index}"

@@ -56,12 +56,7 @@ def mind2web(row: ParquetRow) -> Iterator[Trajectory | FieldError]:
     yield Trajectory(name, SOURCE, task, (step,), domain=site or "web page", platform="web")
 
 
-def _code(
-    kind: str,
-    x: int,
-    y: int,
-    value: str,
-) -> str:
+def _code(kind: str, x: int, y: int, value: str) -> str:
     if kind == "SELECT":
         return ""
     click = f"pyautogui.click({x}, {y})"

@@ -70,12 +70,7 @@ class _Phone(ABC):
             elif self.looks_at(file):
                 yield Rejected(relative_name(file, root), "", "", _WAY_OUT)
 
-    def _episode(
-        self,
-        file: Path,
-        root: Path,
-        seen: set[str],
-    ) -> Iterator[Trajectory | Rejected]:
+    def _episode(self, file: Path, root: Path, seen: set[str]) -> Iterator[Trajectory | Rejected]:
         name = relative_name(file, root)
         steps: list[Step] = []
         try:

@@ -238,11 +238,7 @@ def _platform(parts: list[str]) -> Platform:
     return "windows" if WINDOWS & folders else "linux"
 
 
-def _task(
-    root: Path,
-    folder: Path,
-    domain: str,
-) -> JsonObject:
+def _task(root: Path, folder: Path, domain: str) -> JsonObject:
     """Return the task's JSON, or an empty mapping if the source does not have it."""
     for file in _task_files(root, folder, domain):
         if not file.is_file():
@@ -255,11 +251,7 @@ def _task(
     return {}
 
 
-def _task_files(
-    root: Path,
-    folder: Path,
-    domain: str,
-) -> Iterator[Path]:
+def _task_files(root: Path, folder: Path, domain: str) -> Iterator[Path]:
     """Yield the places where a task's JSON may be, the nearest first."""
     name = f"{folder.resolve().name}.json"
     for beside in (*TASK_FILES, name):

@@ -114,13 +114,7 @@ def _table(first: ParquetRow, seen: set[str]) -> Iterator[Trajectory | Rejected]
         count = 0
         for group in range(table.num_row_groups):
             for number, record in enumerate(GroupRows(table, group, columns)):
-                row = replace(
-                    first,
-                    group=group,
-                    number=number,
-                    count=count,
-                    form=form,
-                )
+                row = replace(first, group=group, number=number, count=count, form=form)
                 for item in _row(record, row, shape, seen):
                     if isinstance(item, Trajectory):
                         yield item
@@ -145,12 +139,7 @@ def _form(table: Any, first: ParquetRow) -> Form:
         group, number, record = next(pictures)
         if isinstance(record, FieldError):
             return None
-        row = replace(
-            first,
-            group=group,
-            number=number,
-            count=index,
-        ).holding(record)
+        row = replace(first, group=group, number=number, count=index).holding(record)
         try:
             return row.picture("image")[1]
         except FieldError:
@@ -168,10 +157,7 @@ def _rows(table: Any, columns: list[str]) -> Iterator[tuple[int, int, Any]]:
 
 
 def _row(
-    record: JsonObject | FieldError,
-    row: ParquetRow,
-    shape: _Shape,
-    seen: set[str],
+    record: JsonObject | FieldError, row: ParquetRow, shape: _Shape, seen: set[str]
 ) -> Iterator[Trajectory | FieldError]:
     if isinstance(record, FieldError):
         yield record

@@ -121,12 +121,7 @@ def trajectory(row: ParquetRow) -> Iterator[Trajectory | FieldError]:
         yield Trajectory(name, SOURCE, instruction, tuple(steps), domain)
 
 
-def _step(
-    row: ParquetRow,
-    index: int,
-    given: object,
-    field: str,
-) -> Step:
+def _step(row: ParquetRow, index: int, given: object, field: str) -> Step:
     image, size = row.picture("screenshots", index)
     text = fields.text({"action": given}, "action", field)
     raw: object = text

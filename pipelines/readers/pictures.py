@@ -25,13 +25,7 @@ _WHOLE_FILE = -1
 _CHANGED = "is no longer there: the file has changed since it was read"
 
 
-def in_parquet(
-    file: Path,
-    group: int,
-    row: int,
-    column: str,
-    item: int | None = None,
-) -> str:
+def in_parquet(file: Path, group: int, row: int, column: str, item: int | None = None) -> str:
     """Return the reference of a picture in a Parquet file.
 
     Args:
@@ -44,11 +38,7 @@ def in_parquet(
     return _MARK + json.dumps({"file": os.fspath(file), "parquet": [group, row, column, item]})
 
 
-def in_json(
-    file: Path,
-    offset: int | None,
-    pointer: tuple[str | int, ...],
-) -> str:
+def in_json(file: Path, offset: int | None, pointer: tuple[str | int, ...]) -> str:
     """Return the reference of base64 text in a JSON file.
 
     Args:
@@ -233,13 +223,7 @@ class _Column:
         return self.value[self.name]
 
 
-def _parquet_value(
-    file: str,
-    group: int,
-    row: int,
-    column: str,
-    item: int | None,
-) -> object:
+def _parquet_value(file: str, group: int, row: int, column: str, item: int | None) -> object:
     key = (*_stamp(file), group, column)
     kept = _column_kept
     if kept.key != key or kept.value.row > row:
@@ -274,19 +258,11 @@ class GroupRows:
         columns: the columns to read.
     """
 
-    def __init__(
-        self,
-        parquet: Any,
-        group: int,
-        columns: list[str],
-    ) -> None:
+    def __init__(self, parquet: Any, group: int, columns: list[str]) -> None:
         self._errors = (pyarrow().ArrowException, OSError)
         self._group = group
         self._batches = parquet.iter_batches(
-            batch_size=1,
-            row_groups=[group],
-            columns=columns,
-            use_threads=False,
+            batch_size=1, row_groups=[group], columns=columns, use_threads=False
         )
 
     def __iter__(self) -> Iterator[dict[str, Any] | FieldError]:

@@ -90,9 +90,7 @@ class LineProblems:
 
 
 def check_names(
-    record: JsonObject,
-    problems: LineProblems,
-    known: tuple[str, ...] = FIELDS,
+    record: JsonObject, problems: LineProblems, known: tuple[str, ...] = FIELDS
 ) -> None:
     """Note each unknown name that is similar to a known name missing in the record."""
     for name in record:
@@ -119,11 +117,7 @@ def extra_of(record: JsonObject, known: tuple[str, ...] = FIELDS) -> str:
 
 
 def step_of(
-    record: JsonObject,
-    root: Path,
-    folder: Path,
-    *,
-    problems: LineProblems | None = None,
+    record: JsonObject, root: Path, folder: Path, *, problems: LineProblems | None = None
 ) -> Step:
     """Return the step of a line; mistakes in it are one `FieldError` that names them all.
 
@@ -162,11 +156,7 @@ def step_of(
     )
 
 
-def picture_of(
-    record: JsonObject,
-    root: Path,
-    folder: Path,
-) -> tuple[str, Size]:
+def picture_of(record: JsonObject, root: Path, folder: Path) -> tuple[str, Size]:
     """Return the path of the picture of a line, and its (height, width)."""
     name = fields.text(record, "image")
     below = "" if folder == root else relative_name(folder, root)
@@ -174,11 +164,7 @@ def picture_of(
     return os.fspath(image), size_of(image)
 
 
-def check_agreement(
-    action: Action,
-    code: str,
-    size: Size,
-) -> None:
+def check_agreement(action: Action, code: str, size: Size) -> None:
     """Check that the code of a step does not contradict its action.
 
     Only certain cases count: code that does not call pyautogui, or that holds several actions,
@@ -255,9 +241,7 @@ def _in_words(action: Action) -> str:
 
 
 def boxes_of(
-    record: JsonObject,
-    size: Size | None,
-    problems: LineProblems,
+    record: JsonObject, size: Size | None, problems: LineProblems
 ) -> tuple[Any, tuple[Any, ...]]:
     """Return the target and the elements; empty if the size of the picture is unknown."""
     if size is None:
@@ -272,11 +256,7 @@ def boxes_of(
     return target, elements or ()
 
 
-def action_of(
-    value: object,
-    size: Size,
-    problems: LineProblems,
-) -> Action | None:
+def action_of(value: object, size: Size, problems: LineProblems) -> Action | None:
     """Return the action of a line; all mistakes in it are noted."""
     if value is None:
         problems.found.append(FieldError("action", "is missing"))
@@ -302,12 +282,7 @@ def _without(action: dict[str, Any], field: str) -> bool:
         repeated = action.get("type") == "other"
         action["type"] = "other"
         return not repeated
-    pairs = {
-        "x": "y",
-        "y": "x",
-        "x2": "y2",
-        "y2": "x2",
-    }
+    pairs = {"x": "y", "y": "x", "x2": "y2", "y2": "x2"}
     was_there = name in action or pairs.get(name) in action
     action.pop(name, None)
     # The other coordinate of the point is checked on its own, with the wrong one replaced.

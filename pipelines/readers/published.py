@@ -125,12 +125,7 @@ class PublishedSet(ABC):
             except FieldError as error:
                 yield Rejected(name, one.row.where, error.field, error.reason)
 
-    def _shown(
-        self,
-        row: JsonRow,
-        file: Path,
-        root: Path,
-    ) -> _Shown:
+    def _shown(self, row: JsonRow, file: Path, root: Path) -> _Shown:
         record = row.record
         value = record.get(self.picture)
         image, size = picture_at(value, file, root, self.picture, (self.folder,))
@@ -138,12 +133,7 @@ class PublishedSet(ABC):
             _check_stated(record.get(self.stated), size, self.stated)
         return _Shown(row, image, size, self.target(record, size))
 
-    def _trajectory(
-        self,
-        shown: _Shown,
-        stem: str,
-        around: tuple[Box, ...],
-    ) -> Trajectory:
+    def _trajectory(self, shown: _Shown, stem: str, around: tuple[Box, ...]) -> Trajectory:
         record = shown.row.record
         program, platform = machine_of(record)
         target = shown.target
@@ -168,23 +158,14 @@ class PublishedSet(ABC):
         )
 
 
-def click_at(
-    record: JsonObject,
-    key: str,
-    form: Form,
-    size: Size,
-) -> GroundingTarget:
+def click_at(record: JsonObject, key: str, form: Form, size: Size) -> GroundingTarget:
     """Return a click at the middle of a row's box."""
     box = box_in(form, record.get(key), size, key)
     x, y = middle_of(box)
     return GroundingTarget(action=Action("click", x, y), box=box)
 
 
-def _check_stated(
-    stated: object,
-    size: Size,
-    field: str,
-) -> None:
+def _check_stated(stated: object, size: Size, field: str) -> None:
     """Check the size that a row states.
 
     Raises:

@@ -89,23 +89,11 @@ class Asked:
     choice: str | None = None
     told: Space | None = None
 
-    def read(
-        self,
-        raw: str,
-        dialect: str,
-        field: str,
-        default: Space | None = None,
-    ) -> Recorded:
+    def read(self, raw: str, dialect: str, field: str, default: Space | None = None) -> Recorded:
         """Return an action in a dialect; raises `FieldError` if it cannot be read."""
         return recorded(raw, dialect, self.size, field, self.choice, self.told or default)
 
-    def reply(
-        self,
-        raw: str,
-        dialect: str,
-        field: str,
-        default: Space | None = None,
-    ) -> ModelReply:
+    def reply(self, raw: str, dialect: str, field: str, default: Space | None = None) -> ModelReply:
         """Return a reply that is an action in a dialect, see `read`."""
         return ModelReply(self.read(raw, dialect, field, default))
 
@@ -115,11 +103,7 @@ def is_action(text: str) -> bool:
     return _family(text) is not None
 
 
-def reply_of(
-    text: str,
-    field: str,
-    asked: Asked,
-) -> ModelReply:
+def reply_of(text: str, field: str, asked: Asked) -> ModelReply:
     """Return the action of a reply.
 
     Raises:
@@ -171,11 +155,7 @@ def _last_lines(text: str) -> str:
     return code if code and calls_pyautogui(code) else ""
 
 
-def _scale_cua(
-    text: str,
-    field: str,
-    asked: Asked,
-) -> ModelReply:
+def _scale_cua(text: str, field: str, asked: Asked) -> ModelReply:
     """Read calls such as `click(x=0.5, y=0.5)`: most have pyautogui's names and arguments."""
     body = _ACTION.findall(text)[-1]
     calls = _calls(body)
@@ -206,12 +186,7 @@ def _module(name: str) -> str:
     return "computer" if name in _WORDS else "pyautogui"
 
 
-def _own_call(
-    name: str,
-    call: ast.Call,
-    field: str,
-    asked: Asked,
-) -> Recorded:
+def _own_call(name: str, call: ast.Call, field: str, asked: Asked) -> Recorded:
     """Read a call that pyautogui does not have.
 
     Raises:
@@ -249,11 +224,7 @@ def _atlas_body(text: str) -> str:
     return (found[1] if found else text).strip()
 
 
-def _atlas(
-    text: str,
-    field: str,
-    asked: Asked,
-) -> ModelReply:
+def _atlas(text: str, field: str, asked: Asked) -> ModelReply:
     body = _atlas_body(text)
     if body in _ATLAS_WORDS:
         return ModelReply(Recorded(_ATLAS_WORDS[body], text, SIZELESS))
@@ -267,11 +238,7 @@ def _atlas(
     return ModelReply(Recorded(fields.on_screen(action, asked.size, field), text, SIZELESS))
 
 
-def _atlas_point(
-    place: re.Match[str],
-    field: str,
-    asked: Asked,
-) -> tuple[int, int]:
+def _atlas_point(place: re.Match[str], field: str, asked: Asked) -> tuple[int, int]:
     try:
         scaling = scaling_of(asked.choice or THOUSAND, asked.size)
         return scaling.point(float(place[2]), float(place[3]))
@@ -290,11 +257,7 @@ def _atlas_text(name: str, argument: str) -> Action:
     return Action("other")
 
 
-def _atlas_box(
-    text: str,
-    field: str,
-    asked: Asked,
-) -> ModelReply:
+def _atlas_box(text: str, field: str, asked: Asked) -> ModelReply:
     boxes = _ATLAS_BOX.findall(text)
     if len(boxes) > 1:
         raise FieldError(field, f"names {len(boxes)} boxes; one is a click, several are none")
@@ -305,12 +268,7 @@ def _atlas_box(
     return ModelReply(_kept(action, text, field, asked), box)
 
 
-def _kept(
-    action: Action,
-    text: str,
-    field: str,
-    asked: Asked,
-) -> Recorded:
+def _kept(action: Action, text: str, field: str, asked: Asked) -> Recorded:
     """Return the text that a step keeps: a reply in thousandths, else the action in pixels."""
     fields.on_screen(action, asked.size, field)
     if asked.choice in (None, THOUSAND):

@@ -24,11 +24,7 @@ from .folders import one_of_first
 IMAGES = "images"
 _SIGNS = ("session_id", "saved_image_name", "actions")
 _BUTTONS = {"click": 1, "double_click": 2}
-_PLAIN = {
-    "move": "move",
-    "down": "mouse_down",
-    "up": "mouse_up",
-}
+_PLAIN = {"move": "move", "down": "mouse_down", "up": "mouse_up"}
 _SCROLLS = {"scroll_up": 1, "scroll_down": -1}
 _ON_SCREEN = ("MouseAction", "KeyboardAction", "WaitAction")
 _TALK = ("PlanAction", "EvaluateSubTaskAction")
@@ -137,12 +133,7 @@ class _Session:
                 platform=find_platform(self.system),
             )
 
-    def _step(
-        self,
-        record: JsonObject,
-        name: str,
-        index: int,
-    ) -> Step:
+    def _step(self, record: JsonObject, name: str, index: int) -> Step:
         folder = relative_name(self.folder, self.root)
         place = IMAGES if (self.folder / IMAGES).is_dir() else ""
         image = inside(self.root, os.path.join(folder, place, name), "saved_image_name")

@@ -13,11 +13,7 @@ from hijack_data.platforms import find_platform
 from hijack_data.types import Platform, Trajectory
 
 ScreenKind: TypeAlias = Literal["desktop", "web page", "phone"]
-SCREENS: dict[Platform, ScreenKind] = {
-    "web": "web page",
-    "android": "phone",
-    "ios": "phone",
-}
+SCREENS: dict[Platform, ScreenKind] = {"web": "web page", "android": "phone", "ios": "phone"}
 
 
 @dataclass(frozen=True)

@@ -164,10 +164,7 @@ def _say_which(found: list[str]) -> str:
 
 
 def _fallback(
-    source: Path,
-    root: Path,
-    left: list[Path],
-    refused: list[Rejected],
+    source: Path, root: Path, left: list[Path], refused: list[Rejected]
 ) -> dict[str, Source]:
     """Return the reader that takes the source as a whole.
 
@@ -196,11 +193,7 @@ def _is_empty(source: Path) -> bool:
     return source.stat().st_size == 0
 
 
-def _examples(
-    root: Path,
-    left: list[Path],
-    refused: list[Rejected],
-) -> Iterator[str]:
+def _examples(root: Path, left: list[Path], refused: list[Rejected]) -> Iterator[str]:
     """Yield an example of the files without a reader, and one of those that are not opened."""
     records = [file for file in left if file.suffix.lower() in TABLES]
     if records:

@@ -59,10 +59,7 @@ class Talk:
     """
 
     def __init__(
-        self,
-        picture: Callable[[int], TalkPicture],
-        count: int,
-        choice: str | None,
+        self, picture: Callable[[int], TalkPicture], count: int, choice: str | None
     ) -> None:
         self.picture = picture
         self.count = count
@@ -150,12 +147,7 @@ class Talk:
             self.screen = index
             self.shown = index + 1
 
-    def _reply(
-        self,
-        message: JsonObject,
-        text: str,
-        is_last: bool,
-    ) -> None:
+    def _reply(self, message: JsonObject, text: str, is_last: bool) -> None:
         text, calls = _with_calls(message, text)
         found = actions_of(calls)
         is_end = self.calls and is_last and not found and not is_action(text)
@@ -188,12 +180,7 @@ class Talk:
         )
         self.steps.append(step)
 
-    def _called(
-        self,
-        found: tuple[str, JsonObject],
-        calls: object,
-        size: Size,
-    ) -> Recorded:
+    def _called(self, found: tuple[str, JsonObject], calls: object, size: Size) -> Recorded:
         """Read structured calls, in 0..1000 unless the user chose another space."""
         space = self.choice or THOUSAND
         action = called_action(*found, size, scaling_of(space, size))

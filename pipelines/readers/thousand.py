@@ -16,17 +16,8 @@ from .files import parsed
 BATCHES = ("computer", "mobile")
 LOOKS = ("screenshot", "cursor_position")
 NamedCall: TypeAlias = tuple[str, JsonObject]
-_KEYS = {
-    "key": "hotkey",
-    "hold_key": "hotkey",
-    "key_down": "key_down",
-    "key_up": "key_up",
-}
-_POINTERS = {
-    "mouse_move": "move",
-    "long_press": "other",
-    "point": "other",
-}
+_KEYS = {"key": "hotkey", "hold_key": "hotkey", "key_down": "key_down", "key_up": "key_up"}
+_POINTERS = {"mouse_move": "move", "long_press": "other", "point": "other"}
 
 
 def actions_of(calls: object) -> list[NamedCall]:
@@ -51,12 +42,7 @@ def _actions_in(function: JsonObject) -> Iterator[NamedCall]:
         yield fields.text(one, "action", "tool_calls.actions.action"), one
 
 
-def called_action(
-    name: str,
-    given: JsonObject,
-    size: Size,
-    scaling: Scaling,
-) -> Action:
+def called_action(name: str, given: JsonObject, size: Size, scaling: Scaling) -> Action:
     """Return one action in pixels of a picture.
 
     Args:
@@ -85,11 +71,7 @@ def arguments_of(function: JsonObject) -> JsonObject:
     return fields.mapping(parsed(given, field), field)
 
 
-def _action(
-    name: str,
-    given: JsonObject,
-    scaling: Scaling,
-) -> Action:
+def _action(name: str, given: JsonObject, scaling: Scaling) -> Action:
     place = _place(given, "coordinate", scaling)
     button = given.get("button") or "left"
     if name in _POINTERS:
@@ -116,11 +98,7 @@ def _action(
             raise ActionError(f"{fields.shown(name)} is not an action that is known")
 
 
-def _place(
-    given: JsonObject,
-    key: str,
-    scaling: Scaling,
-) -> tuple[int, int] | None:
+def _place(given: JsonObject, key: str, scaling: Scaling) -> tuple[int, int] | None:
     # Parquet stores null for arguments that an action does not have.
     if given.get(key) is None:
         return None

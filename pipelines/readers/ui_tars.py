@@ -102,9 +102,7 @@ def _user(talk: Conversation, entry: LogEntry) -> Iterator[FieldError]:
 
 
 def _link(
-    part: JsonObject,
-    entry: LogEntry,
-    pointer: tuple[str | int, ...],
+    part: JsonObject, entry: LogEntry, pointer: tuple[str | int, ...]
 ) -> tuple[Any, LogEntry, Any]:
     link: object = part.get("image_url")
     if isinstance(link, dict):

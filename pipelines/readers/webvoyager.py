@@ -107,12 +107,7 @@ def _instruction(text: str) -> str:
     return (found[1] if found else text).strip()
 
 
-def _step(
-    text: str,
-    number: int,
-    folder: Path,
-    root: Path,
-) -> Step:
+def _step(text: str, number: int, folder: Path, root: Path) -> Step:
     place = relative_name(folder / f"screenshot{number}.png", root)
     image = inside(root, place, "screenshot")
     size = size_of(image, "screenshot")
@@ -144,11 +139,7 @@ def _action(code: str, size: Size) -> Action:
     raise FieldError("content", f"{fields.shown(code)} is not an action of WebVoyager")
 
 
-def _scroll(
-    place: str,
-    direction: str,
-    size: Size,
-) -> Action:
+def _scroll(place: str, direction: str, size: Size) -> Action:
     if place != "WINDOW":
         return Action("other")  # inside a mark: the pointer is not there
     notches = round(size[0] * _SCROLLED / PIXELS_PER_NOTCH)

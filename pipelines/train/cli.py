@@ -39,10 +39,7 @@ PLOT = "gains.svg"
     help="Seeds 0 to N-1, instead of CONFIG's.",
 )
 @click.option(
-    "--epochs",
-    type=click.IntRange(1, 10_000),
-    metavar="N",
-    help="Epochs, instead of CONFIG's.",
+    "--epochs", type=click.IntRange(1, 10_000), metavar="N", help="Epochs, instead of CONFIG's."
 )
 @click.option(
     "--workers",
@@ -116,19 +113,10 @@ def train(
                 click.echo(f"{arm}, seed {seed}")
         return
     folder = _folder(config, out, resume)
-    _run(
-        chosen,
-        folder,
-        workers,
-        as_json,
-    )
+    _run(chosen, folder, workers, as_json)
 
 
-def _folder(
-    config: str,
-    out: Path | None,
-    resume: bool,
-) -> Path:
+def _folder(config: str, out: Path | None, resume: bool) -> Path:
     folder = out or Path("runs") / "train" / Path(config).stem
     if folder.exists() and any(folder.iterdir()) and not resume:
         raise click.UsageError(f"{folder} is not empty; --resume goes on there, or give --out")
@@ -156,11 +144,7 @@ def _fine_tune(
     extras.require("hijack train with method sft", "trl", ("torch", "transformers", "trl"))
     folder = _folder(config, out, resume)
     summary = run.fine_tune(
-        settings,
-        folder,
-        rows=rows,
-        resume=resume,
-        say=lambda line: click.echo(line, err=True),
+        settings, folder, rows=rows, resume=resume, say=lambda line: click.echo(line, err=True)
     )
     if as_json:
         click.echo(json.dumps(summary))
@@ -171,12 +155,7 @@ def _fine_tune(
     )
 
 
-def _overridden(
-    replication: Any,
-    arms: str | None,
-    seeds: int | None,
-    epochs: int | None,
-) -> Any:
+def _overridden(replication: Any, arms: str | None, seeds: int | None, epochs: int | None) -> Any:
     from .toy.arms import ARMS
     from .toy.settings import arm_of
 
@@ -193,12 +172,7 @@ def _overridden(
     return replace(replication, **changes)
 
 
-def _run(
-    replication: Any,
-    folder: Path,
-    workers: int,
-    as_json: bool,
-) -> None:
+def _run(replication: Any, folder: Path, workers: int, as_json: bool) -> None:
     from .toy import results
     from .toy.experiment import run_replication
 
@@ -206,12 +180,7 @@ def _run(
         click.echo(line, err=True)
 
     try:
-        scores = run_replication(
-            replication,
-            folder,
-            workers=workers,
-            say=say,
-        )
+        scores = run_replication(replication, folder, workers=workers, say=say)
     except KeyboardInterrupt:
         click.echo("hijack: stopped; the same command with --resume goes on", err=True)
         raise SystemExit(130) from None

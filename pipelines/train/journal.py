@@ -79,9 +79,7 @@ class TrainJournal:
 
 
 def save_checkpoint(
-    journal: TrainJournal,
-    run: Mapping[str, Any],
-    state: Mapping[str, Any],
+    journal: TrainJournal, run: Mapping[str, Any], state: Mapping[str, Any]
 ) -> None:
     """Replace the checkpoint of a run.
 

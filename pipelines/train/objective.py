@@ -12,11 +12,7 @@ CLIP_LOW = 0.2
 CLIP_HIGH = 0.3
 
 
-def reward(
-    success: float,
-    is_well_formed: bool,
-    weight: float = 1.0,
-) -> float:
+def reward(success: float, is_well_formed: bool, weight: float = 1.0) -> float:
     """Return the reward of a rollout, `success + format` (paper, equation "reward").
 
     Args:

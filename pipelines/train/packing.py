@@ -46,11 +46,7 @@ def unpacked(data: Mapping[str, Any]) -> Rollout:
         slot=data["slot"],
         seed=data["seed"],
         stream_seed=data["stream_seed"],
-        draw=Draw(
-            label=data["label"],
-            planner=_planner(data["planner"]),
-            key=data["key"],
-        ),
+        draw=Draw(label=data["label"], planner=_planner(data["planner"]), key=data["key"]),
     )
     return Rollout(
         request=request,

@@ -47,12 +47,7 @@ class ReplayBuffer:
     """
 
     def __init__(
-        self,
-        capacity: int = 4,
-        *,
-        when: str = "zero",
-        slot: int | None = None,
-        seed: int = 0,
+        self, capacity: int = 4, *, when: str = "zero", slot: int | None = None, seed: int = 0
     ) -> None:
         if when not in WHEN:
             raise UnknownNameError(f"replay: when: no {when!r}{suggest(when, WHEN)}")
@@ -67,12 +62,7 @@ class ReplayBuffer:
 
     def to_data(self) -> dict[str, Any]:
         """Return the settings as JSON data."""
-        return {
-            "capacity": self.capacity,
-            "when": self.when,
-            "slot": self.slot,
-            "seed": self.seed,
-        }
+        return {"capacity": self.capacity, "when": self.when, "slot": self.slot, "seed": self.seed}
 
     def add(self, rollout: Rollout) -> bool:
         """Store a rollout if it succeeded in the right form; return whether it was stored."""
@@ -84,10 +74,7 @@ class ReplayBuffer:
         return True
 
     def fill(
-        self,
-        rollouts: Sequence[Rollout],
-        rewards: Sequence[float],
-        step: int,
+        self, rollouts: Sequence[Rollout], rewards: Sequence[float], step: int
     ) -> list[Rollout]:
         """Return the group, with one rollout replaced if none succeeded.
 
@@ -132,12 +119,7 @@ class ReplayBuffer:
             path: the file.
             run: the fingerprint of the run, which `load` requires.
         """
-        data = {
-            "format": FORMAT,
-            "version": VERSION,
-            "run": run,
-            "kept": self.state(),
-        }
+        data = {"format": FORMAT, "version": VERSION, "run": run, "kept": self.state()}
         replace_atomic(path, lambda place: torch.save(data, place))
 
     def load(self, path: Path, *, run: str) -> None:
@@ -156,12 +138,7 @@ class ReplayBuffer:
         self.restore(data["kept"])
 
 
-def read_tensors(
-    path: Path,
-    format: str,
-    version: int,
-    what: str,
-) -> dict[str, Any]:
+def read_tensors(path: Path, format: str, version: int, what: str) -> dict[str, Any]:
     """Read a file of `torch.save` that names its format and version; no code in it is run.
 
     Raises:

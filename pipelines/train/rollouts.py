@@ -98,11 +98,7 @@ class RolloutRequest:
 
     def options(self) -> dict[str, Any]:
         """Return the options of `reset`."""
-        return {
-            "task": self.group,
-            "corruption": self.draw.planner,
-            "label": self.draw.label,
-        }
+        return {"task": self.group, "corruption": self.draw.planner, "label": self.draw.label}
 
 
 @dataclass(kw_only=True)
@@ -235,8 +231,7 @@ def play(
             if not live:
                 break
             answers = policy.act(
-                [seat.observation for seat in live],
-                [seat.stream for seat in live],
+                [seat.observation for seat in live], [seat.stream for seat in live]
             )
             if len(answers) != len(live):
                 raise ParameterError(

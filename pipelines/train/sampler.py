@@ -34,11 +34,7 @@ class Draw:
     def to_data(self) -> dict[str, Any]:
         """Return the draw as JSON data, with every parameter of the corruption."""
         config = None if self.planner is None else self.planner.to_config()
-        return {
-            "corruption": self.label,
-            "planner": config,
-            "key": self.key,
-        }
+        return {"corruption": self.label, "planner": config, "key": self.key}
 
 
 class CorruptionSampler:
@@ -58,13 +54,7 @@ class CorruptionSampler:
         ParameterError: `seed` is out of its range.
     """
 
-    def __init__(
-        self,
-        planner: Planner | None,
-        *,
-        per: str = "rollout",
-        seed: int = 0,
-    ) -> None:
+    def __init__(self, planner: Planner | None, *, per: str = "rollout", seed: int = 0) -> None:
         if per not in SCOPES:
             raise UnknownNameError(f"per: no {per!r}{suggest(per, SCOPES)}")
         wanted = "CorruptionSampler takes a corruption, a OneOf or None"
@@ -72,14 +62,7 @@ class CorruptionSampler:
         self.per = per
         self.seed = as_seed(seed)
 
-    def draw(
-        self,
-        *,
-        step: int,
-        group: str,
-        slot: int,
-        epoch: int = 0,
-    ) -> Draw:
+    def draw(self, *, step: int, group: str, slot: int, epoch: int = 0) -> Draw:
         """Return the corruption of a rollout.
 
         Args:
@@ -92,12 +75,7 @@ class CorruptionSampler:
         planner = self.planner
         sample: str = key
         while isinstance(planner, OneOf | Schedule):
-            found = planner.chosen(
-                seed=self.seed,
-                sample=sample,
-                step=at,
-                epoch=epoch,
-            )
+            found = planner.chosen(seed=self.seed, sample=sample, step=at, epoch=epoch)
             if found is None:
                 planner = None
                 break
@@ -105,12 +83,7 @@ class CorruptionSampler:
         label = CLEAN if planner is None else planner.label
         return Draw(label=label, planner=planner, key=f"{at}:{key}")
 
-    def _key(
-        self,
-        step: int,
-        group: str,
-        slot: int,
-    ) -> tuple[str, int]:
+    def _key(self, step: int, group: str, slot: int) -> tuple[str, int]:
         """Return the sample id and the step of the draw."""
         if self.per == "rollout":
             return f"slot {slot} of {group}", step

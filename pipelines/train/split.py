@@ -50,10 +50,7 @@ def members(name: str) -> tuple[str, ...]:
 
 
 def check_split(
-    training: Iterable[str],
-    evaluation: Iterable[str] = (),
-    *,
-    what: str = "training",
+    training: Iterable[str], evaluation: Iterable[str] = (), *, what: str = "training"
 ) -> None:
     """Refuse tasks to be trained on that are held out, or that the evaluation reports.
 

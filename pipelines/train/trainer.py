@@ -286,19 +286,9 @@ class Trainer:
             tasks[last], tasks[other] = tasks[other], tasks[last]
         return tasks
 
-    def _request(
-        self,
-        task: str,
-        slot: int,
-        epoch: int,
-    ) -> RolloutRequest:
+    def _request(self, task: str, slot: int, epoch: int) -> RolloutRequest:
         seed = Stream(self.settings.seed, "environment_seed-v1", task, self.step_number)
-        draw = self.sampler.draw(
-            step=self.step_number,
-            group=task,
-            slot=slot,
-            epoch=epoch,
-        )
+        draw = self.sampler.draw(step=self.step_number, group=task, slot=slot, epoch=epoch)
         return RolloutRequest(
             step=self.step_number,
             group=task,
@@ -396,10 +386,7 @@ class Trainer:
 
 
 def _by_response(
-    by_turn: torch.Tensor,
-    is_token: torch.Tensor,
-    owner: Sequence[int],
-    count: int,
+    by_turn: torch.Tensor, is_token: torch.Tensor, owner: Sequence[int], count: int
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """Join the turns of each rollout: float `[N, K]` becomes `[R, T * K]`, T the most turns."""
     most = max(Counter(owner).values())

@@ -168,11 +168,7 @@ def _number(text: str, otherwise: int) -> int:
     return otherwise
 
 
-def _row_at(
-    source: ViewerSource,
-    places: RowNumbers,
-    at: int,
-) -> int | None:
+def _row_at(source: ViewerSource, places: RowNumbers, at: int) -> int | None:
     if not 0 <= at < len(places):
         return None
     return int(source.index.rows[places[at]])

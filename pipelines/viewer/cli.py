@@ -33,12 +33,7 @@ from .server import serve
     metavar="PATTERN",
     help="Which episodes --export writes, such as '*__pop_ups__*'; repeatable.  [default: all]",
 )
-def view(
-    folder: str,
-    port: int,
-    file: Path | None,
-    patterns: tuple[str, ...],
-) -> None:
+def view(folder: str, port: int, file: Path | None, patterns: tuple[str, ...]) -> None:
     """Look through a dataset, or the episodes of a run, in a browser."""
     from .runs import RunSource
     from .runs.export import export_file

@@ -74,12 +74,7 @@ class DatasetSource:
             name for name in ("corruption", "fidelity", "inserted") if name in self.labels
         )
 
-    def _read(
-        self,
-        folder: Path,
-        file: str,
-        numbers: range,
-    ) -> None:
+    def _read(self, folder: Path, file: str, numbers: range) -> None:
         """Put the rows of one file into the index, or note why they are missing."""
         try:
             columns = light_columns(inside(folder, file, "file"))

@@ -121,10 +121,7 @@ class Index:
         return np.flatnonzero(self._both(masks))
 
     def counts(
-        self,
-        filters: Mapping[str, str],
-        text: str,
-        names: Iterable[str],
+        self, filters: Mapping[str, str], text: str, names: Iterable[str]
     ) -> dict[str, dict[str, int]]:
         """Return, for each column, its values with the number of rows that match the other filters.
 

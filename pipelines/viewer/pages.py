@@ -110,12 +110,7 @@ class RunPages:
             return self._picture(picture[1], int(picture[2]), int(picture[3]))
         return _own_file(path, RUN_SCRIPTS)
 
-    def _picture(
-        self,
-        kind: str,
-        number: int,
-        step: int,
-    ) -> ViewerAnswer:
+    def _picture(self, kind: str, number: int, step: int) -> ViewerAnswer:
         if kind != "strip":
             data = self._source.picture(number, step, kind == "clean")
             return ViewerAnswer(data, "image/png")

@@ -40,11 +40,7 @@ class Pictures:
         return encode(pixels) if kind != "thumb" else thumbnail(pixels)
 
 
-def remembered(
-    kept: Cache,
-    key: Any,
-    make: Callable[[], bytes],
-) -> bytes:
+def remembered(kept: Cache, key: Any, make: Callable[[], bytes]) -> bytes:
     """Return the cached value of a key, making it if it is missing."""
     data = kept.get(key)
     if data is None:

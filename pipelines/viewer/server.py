@@ -85,11 +85,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._answer(200, found.body, found.kind, found.headers)
 
     def _answer(
-        self,
-        status: int,
-        body: bytes,
-        kind: str,
-        more: Mapping[str, str] | None = None,
+        self, status: int, body: bytes, kind: str, more: Mapping[str, str] | None = None
     ) -> None:
         self.send_response(status)
         text = "" if kind.startswith("image/") else "; charset=utf-8"
@@ -107,11 +103,7 @@ class _Handler(BaseHTTPRequestHandler):
         """Log nothing: the terminal is for the address and for problems."""
 
 
-def serve(
-    source: DatasetSource | RunSource,
-    port: int,
-    say: Callable[[str], object],
-) -> None:
+def serve(source: DatasetSource | RunSource, port: int, say: Callable[[str], object]) -> None:
     """Serve the page until Ctrl-C; `say` is called with the address."""
     with ViewServer(source, port) as server:
         pages = server.pages

@@ -17,11 +17,7 @@ KINDS = catalogue()
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_it_is_caught(
-    kind,
-    load,
-    monkeypatch,
-):
+def test_it_is_caught(kind, load, monkeypatch):
     check, words, slots = KINDS[kind]
     monkeypatch.delenv("BAR_X", raising=False)
     if check == "load":
@@ -78,11 +74,7 @@ def test_what_cannot_be_sent_to_workers_is_a_problem(tmp_path, monkeypatch):
     assert "it cannot be sent to worker processes" in problem
 
 
-def test_a_plugin_that_only_this_process_has_is_a_problem(
-    load,
-    tmp_path,
-    monkeypatch,
-):
+def test_a_plugin_that_only_this_process_has_is_a_problem(load, tmp_path, monkeypatch):
     write(tmp_path, "gone", decorators="@dataclass(frozen=True)")
     monkeypatch.syspath_prepend(tmp_path)
     cls = importlib.import_module("gone").Bar

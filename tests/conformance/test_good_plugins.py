@@ -18,7 +18,7 @@ GOOD = {
     "a disc that is never drawn by chance": {"chance": "x = y = 5"},
     "a fixed disc": {"code": "", "draft": "hj.Draft((hj.Paste(recipe, ((5, 5),)),))"},
     "a generator of its own, seeded by the stream": {
-        "code": "x = int(np.random.default_rng(stream.word()).integers(900))",
+        "code": "x = int(np.random.default_rng(stream.word()).integers(900))"
     },
     "a sorted set": {"code": "x = len(sorted({'red', 'yellow', 'blue'})[stream.integer(0, 2)])"},
     "a memo of what never changes": {
@@ -30,7 +30,7 @@ GOOD = {
         "code": "size = self.double",
     },
     "pixels of its own": {
-        "recipe": "hj.png_recipe(np.full((9, 9, 4), (0, 255, 0, 200), np.uint8))",
+        "recipe": "hj.png_recipe(np.full((9, 9, 4), (0, 255, 0, 200), np.uint8))"
     },
     "a smaller screen": {
         "draft": "hj.Draft((hj.Resample((max(1, height // 2), max(1, width // 2))),))",
@@ -68,11 +68,7 @@ DRAWS_IN_VAIN = {
 
 
 @pytest.mark.parametrize("kind", GOOD)
-def test_it_passes(
-    kind,
-    load,
-    monkeypatch,
-):
+def test_it_passes(kind, load, monkeypatch):
     monkeypatch.setattr(conformance.screens, "SIZES", ((1080, 1920), (333, 517), (64, 48), (1, 1)))
     monkeypatch.setattr(processes, "WORLDS", processes.WORLDS[:2])  # more of them catch the bad
     results = conformance.run(load(**GOOD[kind]))

@@ -45,13 +45,7 @@ def shifted(stamps):
         (jax_kernels, "paste", "jax"),
     ],
 )
-def test_a_paste_one_pixel_off_is_caught(
-    monkeypatch,
-    cls,
-    module,
-    name,
-    label,
-):
+def test_a_paste_one_pixel_off_is_caught(monkeypatch, cls, module, name, label):
     assert caught(cls) == ""
     right = getattr(module, name)
     monkeypatch.setattr(module, name, lambda image, stamps: right(image, shifted(stamps)))
@@ -108,11 +102,7 @@ def test_a_compiled_paste_that_reads_its_rows_wrongly_is_caught(monkeypatch, cls
         ),
     ],
 )
-def test_a_compiled_paste_with_a_wrong_instruction_is_caught(
-    monkeypatch,
-    method,
-    mutant,
-):
+def test_a_compiled_paste_with_a_wrong_instruction_is_caught(monkeypatch, method, mutant):
     """The end of a line blended twice, masks that are not spread over the channels, any mask taken
     for opaque."""
     with monkeypatch.context() as patch:
@@ -138,12 +128,7 @@ def test_a_wrong_rounding_in_torch_is_caught(monkeypatch):
 def test_a_wrong_rounding_in_jax_is_caught(monkeypatch):
     right = jax_kernels._padded_pixels
 
-    def mutant(
-        sprite,
-        ys,
-        xs,
-        shape,
-    ):
+    def mutant(sprite, ys, xs, shape):
         index, keep, paint = right(sprite, ys, xs, shape)
         return index, np.maximum(keep, 1) - 1, paint
 

@@ -25,22 +25,13 @@ BAD = (
 
 def python(level, *words):
     command = [sys.executable, level, *map(str, words)]
-    return subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
+    return subprocess.run(command, capture_output=True, text=True, timeout=300)
 
 
 @pytest.mark.parametrize(
     ("level", "code"), [("-O", lean.CODE), ("-OO", lean.WHOLE)], ids=["-O", "-OO"]
 )
-def test_a_good_one_passes(
-    level,
-    code,
-    tmp_path,
-):
+def test_a_good_one_passes(level, code, tmp_path):
     """With the frameworks at one level: Python compiles all of a framework for each."""
     done = python(level, "-c", code, "check", write(tmp_path))
     assert done.returncode == 0, done.stdout + done.stderr

@@ -54,12 +54,6 @@ class Lines:
         (self.folder / "lines.txt").write_text("".join(self.lines))
 
 
-def backwards(
-    tasks,
-    settings,
-    out,
-    workers,
-    tick,
-):
+def backwards(tasks, settings, out, workers, tick):
     """Make the last shard first, in this process."""
     yield from run_locally(reversed(list(tasks)), settings, out, 1, tick)

@@ -21,12 +21,7 @@ class DeadPixels(hj.Corruption):
     side: int = hj.param(3, "Side of a dot in pixels", low=1, high=64)
     opacity: int = hj.param(200, "0 is invisible, 255 opaque", low=0, high=255)
 
-    def make_plan(
-        self,
-        scene,
-        stream,
-        step,
-    ):
+    def make_plan(self, scene, stream, step):
         """Draw a place for each dot."""
         height, width = scene.size
         rgba = np.zeros((self.side, self.side, 4), np.uint8)

@@ -31,12 +31,7 @@ class QuietHours(hj.Corruption):
     step: int = hj.param(0, "When it happens", low=0, high=1000)
     hours: int = hj.param(8, "For how long", low=1, high=24)
 
-    def make_plan(
-        self,
-        scene,
-        stream,
-        step,
-    ):
+    def make_plan(self, scene, stream, step):
         """One effect."""
         return hj.Draft(effects=(hj.Effect("quiet", {"hours": self.hours}),))
 
@@ -84,8 +79,4 @@ class QuietEdit(Edit):
         rgba = np.full((SIDE, SIDE, 4), 255, np.uint8)
         rgba[np.eye(SIDE, dtype=bool)] = (200, 0, 0, 255)
         sign = hj.Paste(hj.png_recipe(rgba), ((frame.scene.size[1] - SIDE, 0),))
-        return self.made(
-            ops=(sign,),
-            fidelity="composited",
-            shown=str(effect.params["hours"]),
-        )
+        return self.made(ops=(sign,), fidelity="composited", shown=str(effect.params["hours"]))

@@ -25,67 +25,28 @@ SIZE = (720, 1280)
 
 CASES = {
     **{name: (name, {}) for name in hj.names()[:9]},
-    "pop_ups-top": (
-        "pop_ups",
-        {
-            "attack_position": "top",
-            "small_factor": 2,
-            "edge_thickness": 5,
-        },
-    ),
+    "pop_ups-top": ("pop_ups", {"attack_position": "top", "small_factor": 2, "edge_thickness": 5}),
     "pop_ups-random": (
         "pop_ups",
-        {
-            "random_position": True,
-            "avoid_elements": False,
-            "size": "uniform",
-        },
+        {"random_position": True, "avoid_elements": False, "size": "uniform"},
     ),
     "resolution-0.75": ("resolution", {"scale": 0.75}),
     "resolution-up": ("resolution", {"scale": 1.3}),
     "resolution-restore": ("resolution", {"scale": 0.25, "restore": True}),
     "marks-circle": (
         "marks",
-        {
-            "mark_type": "circle",
-            "color": "#1080f0",
-            "mark_size": 33,
-            "avoid_elements": True,
-        },
+        {"mark_type": "circle", "color": "#1080f0", "mark_size": 33, "avoid_elements": True},
     ),
-    "marks-rectangle": (
-        "marks",
-        {
-            "mark_type": "rectangle",
-            "color": "green",
-            "number": 7,
-        },
-    ),
+    "marks-rectangle": ("marks", {"mark_type": "rectangle", "color": "green", "number": 7}),
     "subtitle-top": (
         "subtitle",
-        {
-            "position": "top",
-            "color": "yellow",
-            "edge_width": 5,
-            "padding": 3,
-        },
+        {"position": "top", "color": "yellow", "edge_width": 5, "padding": 3},
     ),
     "subtitle-center": (
         "subtitle",
-        {
-            "position": "center",
-            "subtitle_text": "naïve £5",
-            "font_path": "DejaVuSans",
-        },
+        {"position": "center", "subtitle_text": "naïve £5", "font_path": "DejaVuSans"},
     ),
-    "subtitle-no-edge": (
-        "subtitle",
-        {
-            "edge_width": 0,
-            "color": "#30c0ff",
-            "padding": 9,
-        },
-    ),
+    "subtitle-no-edge": ("subtitle", {"edge_width": 0, "color": "#30c0ff", "padding": 9}),
 }
 
 
@@ -124,11 +85,7 @@ def test_plan_is_the_golden_one(golden, case):
 
 @pytest.mark.parametrize("backend", NAMES)
 @pytest.mark.parametrize("case", CASES)
-def test_picture_is_the_golden_one(
-    golden,
-    case,
-    backend,
-):
+def test_picture_is_the_golden_one(golden, case, backend):
     skip_other_freetype(golden, case)
     if backend != "numpy" and importlib.util.find_spec(backend) is None:
         pytest.skip(f"{backend} is not installed")

@@ -37,11 +37,7 @@ WRITTEN = [
         openai("scroll", x=1, y=2, scroll_x=0, scroll_y=250),
         ["pyautogui.scroll(-3, 1, 2)"],
     ),
-    (
-        "openai",
-        openai("scroll", x=1, y=2, scroll_x=0, scroll_y=20),
-        ["pyautogui.scroll(-1, 1, 2)"],
-    ),
+    ("openai", openai("scroll", x=1, y=2, scroll_x=0, scroll_y=20), ["pyautogui.scroll(-1, 1, 2)"]),
     (
         "openai",
         openai("scroll", x=1, y=2, scroll_x=300, scroll_y=0),
@@ -110,11 +106,7 @@ WRITTEN = [
         qwen(action="key", keys=["enter"]) + qwen(action="wait", time=1),
         ["pyautogui.press('enter')", "WAIT"],
     ),
-    (
-        "ui_tars",
-        "Action: click(start_box='[490,490,510,510]')",
-        ["pyautogui.click(960, 540)"],
-    ),
+    ("ui_tars", "Action: click(start_box='[490,490,510,510]')", ["pyautogui.click(960, 540)"]),
     (
         "ui_tars_1.5",
         "Thought: x\nAction: scroll(start_box='(966,546)', direction='right')",

@@ -69,11 +69,7 @@ def steps(code):
     """How many functions Python calls, its own and built-in ones, to map `code`."""
     count = 0
 
-    def note(
-        frame,
-        event,
-        argument,
-    ):
+    def note(frame, event, argument):
         nonlocal count
         count += event in ("call", "c_call")
 

@@ -18,23 +18,12 @@ FRACTIONS = [
     ("pyautogui", "x, y = 0.5, 0.25\npyautogui.dragTo(x, y)"),
     ("pyautogui", "pyautogui.scroll(3, 0.5, 0.25)"),
     ("computer_13", {"action_type": "CLICK", "parameters": {"x": 0.5, "y": 0.25}}),
-    (
-        "openai",
-        {
-            "type": "click",
-            "x": 0.5,
-            "y": 0.25,
-        },
-    ),
+    ("openai", {"type": "click", "x": 0.5, "y": 0.25}),
     ("openai", {"type": "drag", "path": [{"x": 10, "y": 20}, {"x": 0.5, "y": 0.25}]}),
     ("anthropic", {"action": "left_click", "coordinate": [0.5, 0.25]}),
     (
         "anthropic",
-        {
-            "action": "left_click_drag",
-            "start_coordinate": [0.5, 0],
-            "coordinate": [10, 20],
-        },
+        {"action": "left_click_drag", "start_coordinate": [0.5, 0], "coordinate": [10, 20]},
     ),
     ("ui_tars_1.5", "Action: click(start_box='(0.5,0.25)')"),
     ("ui_tars_1.5", "Action: click(start_box='[0.4,0.2,0.6,0.3]')"),
@@ -58,14 +47,7 @@ def test_fractions_are_refused_in_recordings_and_labels(dialect, action):
         ("pyautogui", "pyautogui.click(0.5, 10)"),
         ("pyautogui", "pyautogui.moveRel(0.5, 0.25)"),
         ("pyautogui", "pyautogui.scroll(0.5)"),
-        (
-            "openai",
-            {
-                "type": "move",
-                "x": 0,
-                "y": 1,
-            },
-        ),
+        ("openai", {"type": "move", "x": 0, "y": 1}),
         ("ui_tars", "Action: click(start_box='(0,0)')"),
     ],
 )

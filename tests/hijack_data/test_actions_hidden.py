@@ -139,11 +139,7 @@ DEEDS = ["click", "moveTo", "move", "dragTo", "mouse_click", "SetCursorPos"]
 def test_no_spelling_of_a_pointer_call_gets_past_the_mapping():
     found = Counter()
     for thing, way, deed in itertools.product(THINGS, WAYS, DEEDS):
-        code = way.format(
-            t=thing,
-            f=deed,
-            a="10, 20",
-        )
+        code = way.format(t=thing, f=deed, a="10, 20")
         verdict, reached = judge(code, HALF)
         assert verdict in ("refused", "right"), f"{code}\n{verdict}"
         found[verdict, reached] += 1

@@ -253,12 +253,7 @@ PIECES = [
 
 @settings(max_examples=200, deadline=None)
 @given(st.text(), st.lists(st.sampled_from(PIECES)), st.booleans(), st.sampled_from([None, SIZE]))
-def test_garbage_is_refused_or_read(
-    text,
-    pieces,
-    normalized,
-    size,
-):
+def test_garbage_is_refused_or_read(text, pieces, normalized, size):
     for code in (text, "".join(pieces), "\n".join(pieces)):
         with contextlib.suppress(ActionError, ParameterError):
             action = parse_pyautogui(code, size, normalized)

@@ -50,11 +50,7 @@ def calls(draw, index):
     kind = draw(st.sampled_from(("absolute", "relative", "scroll")))
     name = draw(
         st.sampled_from(
-            {
-                "absolute": ABSOLUTE,
-                "relative": RELATIVE,
-                "scroll": ("scroll", "hscroll"),
-            }[kind]
+            {"absolute": ABSOLUTE, "relative": RELATIVE, "scroll": ("scroll", "hscroll")}[kind]
         )
     )
     kx, ky = ("xOffset", "yOffset") if kind == "relative" else ("x", "y")
@@ -189,19 +185,10 @@ def del_a():
 """
 
 
-def trace(
-    code,
-    size,
-    flag,
-):
+def trace(code, size, flag):
     recorder, closing = Recorder(size), contextlib.nullcontext()
     turns = iter([True, True] + [False] * 200)
-    scope = {
-        "pyautogui": recorder,
-        "flag": flag,
-        "turns": turns,
-        "closing": closing,
-    }
+    scope = {"pyautogui": recorder, "flag": flag, "turns": turns, "closing": closing}
     outcome = None
     try:
         exec(code, scope)
@@ -212,11 +199,7 @@ def trace(
 
 @settings(max_examples=250, deadline=None)
 @given(flows(), st.sampled_from(["a", "c"]), st.booleans())
-def test_what_is_mapped_through_control_flow_is_mapped_rightly(
-    body,
-    name,
-    flag,
-):
+def test_what_is_mapped_through_control_flow_is_mapped_rightly(body, name, flag):
     code = PRELUDE.format(name=name) + body
     try:
         mapped = ODD.code_to_screen(code)
@@ -301,11 +284,7 @@ def hostile_programs(draw, depth=0):
 
 def around():
     turns = iter([True, True] + [False] * 200)
-    return {
-        "flag": True,
-        "turns": turns,
-        "closing": contextlib.nullcontext(55),
-    }
+    return {"flag": True, "turns": turns, "closing": contextlib.nullcontext(55)}
 
 
 @settings(max_examples=400, deadline=None)

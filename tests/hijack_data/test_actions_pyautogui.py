@@ -149,11 +149,7 @@ def test_forms(code, expected):
         ("x = 5", "[click(x, 1) for y in z]", "[click(10, 2) for y in z]"),
     ],
 )
-def test_variables_are_substituted_at_the_call_only(
-    setup,
-    call,
-    mapped,
-):
+def test_variables_are_substituted_at_the_call_only(setup, call, mapped):
     code = (
         f"{setup}\npyautogui.{call}\nprint(x, 'x')\n"
         if not call.startswith("[")

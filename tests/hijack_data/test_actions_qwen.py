@@ -19,11 +19,7 @@ SIZE = (1080, 1920)
 HALF = CoordMap((540, 960), SIZE)
 
 
-def call(
-    action,
-    tool="computer_use",
-    **given,
-):
+def call(action, tool="computer_use", **given):
     return tool_call_text(tool, {"action": action, **given})
 
 
@@ -94,11 +90,7 @@ def test_thousandths_need_a_size_and_stay_as_they_are():
 
 
 @given(st.integers(0, 1931), st.integers(0, 1091), st.integers(0, 1931))
-def test_pixels_of_the_resized_picture_follow_it(
-    x,
-    y,
-    x2,
-):
+def test_pixels_of_the_resized_picture_follow_it(x, y, x2):
     seen, after = smart_resize(*SIZE), smart_resize(540, 960)
     first = call("left_click_drag", start_coordinate=[x, y], coordinate=[x2, y])
     reply = f"é {first} and {call('wait', time=1)}"

@@ -31,31 +31,13 @@ def nested(name, **parameters):
 MAPPED = [
     (
         "computer_13",
-        nested(
-            "CLICK",
-            x=10,
-            y=20,
-            button="left",
-        ),
-        nested(
-            "CLICK",
-            x=20,
-            y=40,
-            button="left",
-        ),
+        nested("CLICK", x=10, y=20, button="left"),
+        nested("CLICK", x=20, y=40, button="left"),
     ),
     (
         "computer_13",
-        {
-            "action_type": "MOVE_TO",
-            "x": 10,
-            "y": 20,
-        },
-        {
-            "action_type": "MOVE_TO",
-            "x": 20,
-            "y": 40,
-        },
+        {"action_type": "MOVE_TO", "x": 10, "y": 20},
+        {"action_type": "MOVE_TO", "x": 20, "y": 40},
     ),
     ("computer_13", nested("DRAG_TO", x=10.25, y=5000), nested("DRAG_TO", x=21, y=1079)),
     ("computer_13", nested("SCROLL", dx=10, dy=-20), nested("SCROLL", dx=10, dy=-20)),
@@ -99,35 +81,13 @@ MAPPED = [
     ),
     (
         "openai",
-        {
-            "type": "click",
-            "x": 10,
-            "y": 20,
-            "button": "left",
-        },
-        {
-            "type": "click",
-            "x": 20,
-            "y": 40,
-            "button": "left",
-        },
+        {"type": "click", "x": 10, "y": 20, "button": "left"},
+        {"type": "click", "x": 20, "y": 40, "button": "left"},
     ),
     (
         "openai",
-        {
-            "type": "scroll",
-            "x": 1,
-            "y": 2,
-            "scroll_x": 3,
-            "scroll_y": -400,
-        },
-        {
-            "type": "scroll",
-            "x": 2,
-            "y": 4,
-            "scroll_x": 3,
-            "scroll_y": -400,
-        },
+        {"type": "scroll", "x": 1, "y": 2, "scroll_x": 3, "scroll_y": -400},
+        {"type": "scroll", "x": 2, "y": 4, "scroll_x": 3, "scroll_y": -400},
     ),
     (
         "openai",
@@ -147,44 +107,18 @@ MAPPED = [
     ("openai", {"type": "screenshot"}, {"type": "screenshot"}),
     (
         "anthropic",
-        {
-            "action": "left_click",
-            "coordinate": [10, 20],
-            "text": "shift",
-        },
-        {
-            "action": "left_click",
-            "coordinate": [20, 40],
-            "text": "shift",
-        },
+        {"action": "left_click", "coordinate": [10, 20], "text": "shift"},
+        {"action": "left_click", "coordinate": [20, 40], "text": "shift"},
     ),
     (
         "anthropic",
-        {
-            "action": "left_click_drag",
-            "start_coordinate": [1, 2],
-            "coordinate": (3, 4),
-        },
-        {
-            "action": "left_click_drag",
-            "start_coordinate": [2, 4],
-            "coordinate": [6, 8],
-        },
+        {"action": "left_click_drag", "start_coordinate": [1, 2], "coordinate": (3, 4)},
+        {"action": "left_click_drag", "start_coordinate": [2, 4], "coordinate": [6, 8]},
     ),
     (
         "anthropic",
-        {
-            "action": "scroll",
-            "coordinate": [1, 2],
-            "scroll_direction": "down",
-            "scroll_amount": 5,
-        },
-        {
-            "action": "scroll",
-            "coordinate": [2, 4],
-            "scroll_direction": "down",
-            "scroll_amount": 5,
-        },
+        {"action": "scroll", "coordinate": [1, 2], "scroll_direction": "down", "scroll_amount": 5},
+        {"action": "scroll", "coordinate": [2, 4], "scroll_direction": "down", "scroll_amount": 5},
     ),
     (
         "anthropic",
@@ -196,11 +130,7 @@ MAPPED = [
 
 
 @pytest.mark.parametrize(("dialect", "action", "expected"), MAPPED)
-def test_mapping_changes_coordinates_only_and_never_the_input(
-    dialect,
-    action,
-    expected,
-):
+def test_mapping_changes_coordinates_only_and_never_the_input(dialect, action, expected):
     before = copy.deepcopy(action)
     assert HALF.typed_to_screen(action, dialect) == expected
     assert HALF.inverse().typed_to_observation(action, dialect) == expected
@@ -208,11 +138,7 @@ def test_mapping_changes_coordinates_only_and_never_the_input(
 
 
 @pytest.mark.parametrize(("dialect", "action", "expected"), MAPPED)
-def test_mapping_and_reading_commute(
-    dialect,
-    action,
-    expected,
-):
+def test_mapping_and_reading_commute(dialect, action, expected):
     size, screen = ((540, 960), (1080, 1920)) if dialect != "ui_tars" else (SIZE, SIZE)
     seen = parse_actions(action, dialect, size)
     there = [HALF.action_to_screen(a) for a in seen] if dialect != "ui_tars" else seen
@@ -234,16 +160,7 @@ def test_mapping_and_reading_commute(
     ("dialect", "action", "expected"),
     [
         ("computer_13", nested("MOVE_TO", x=1, y=2), Action("move", 1, 2)),
-        (
-            "computer_13",
-            nested(
-                "CLICK",
-                button="right",
-                x=1,
-                y=2,
-            ),
-            Action("right_click", 1, 2),
-        ),
+        ("computer_13", nested("CLICK", button="right", x=1, y=2), Action("right_click", 1, 2)),
         ("computer_13", nested("CLICK", num_clicks=2), Action("double_click")),
         ("computer_13", {"action_type": "CLICK", "parameters": None}, Action("click")),
         ("computer_13", nested("RIGHT_CLICK", x=1, y=2), Action("right_click", 1, 2)),
@@ -289,73 +206,29 @@ def test_mapping_and_reading_commute(
         ("ui_tars", "call_user()", Action("fail")),
         (
             "openai",
-            {
-                "type": "click",
-                "x": 1,
-                "y": 2,
-                "button": "right",
-            },
+            {"type": "click", "x": 1, "y": 2, "button": "right"},
             Action("right_click", 1, 2),
         ),
         (
             "openai",
-            {
-                "type": "click",
-                "x": 1,
-                "y": 2,
-                "button": "wheel",
-            },
+            {"type": "click", "x": 1, "y": 2, "button": "wheel"},
             Action("middle_click", 1, 2),
         ),
+        ("openai", {"type": "click", "x": 1, "y": 2, "button": "back"}, Action("other", 1, 2)),
         (
             "openai",
-            {
-                "type": "click",
-                "x": 1,
-                "y": 2,
-                "button": "back",
-            },
-            Action("other", 1, 2),
-        ),
-        (
-            "openai",
-            {
-                "type": "double_click",
-                "x": 1,
-                "y": 2,
-                "keys": ["CTRL"],
-            },
+            {"type": "double_click", "x": 1, "y": 2, "keys": ["CTRL"]},
             Action("double_click", 1, 2, keys=("ctrl",)),
         ),
+        ("openai", {"type": "move", "x": 1, "y": 2}, Action("move", 1, 2)),
         (
             "openai",
-            {
-                "type": "move",
-                "x": 1,
-                "y": 2,
-            },
-            Action("move", 1, 2),
-        ),
-        (
-            "openai",
-            {
-                "type": "scroll",
-                "x": 1,
-                "y": 2,
-                "scroll_x": 0,
-                "scroll_y": 300,
-            },
+            {"type": "scroll", "x": 1, "y": 2, "scroll_x": 0, "scroll_y": 300},
             Action("scroll", 1, 2, amount=-3),
         ),
         (
             "openai",
-            {
-                "type": "scroll",
-                "x": 1,
-                "y": 2,
-                "scroll_x": 9,
-                "scroll_y": 0,
-            },
+            {"type": "scroll", "x": 1, "y": 2, "scroll_x": 9, "scroll_y": 0},
             Action("other", 1, 2),
         ),
         ("openai", {"type": "type", "text": "hi"}, Action("type", text="hi")),
@@ -371,11 +244,7 @@ def test_mapping_and_reading_commute(
         ("anthropic", {"action": "left_click"}, Action("click")),
         (
             "anthropic",
-            {
-                "action": "left_click",
-                "coordinate": [1, 2],
-                "text": "ctrl+shift",
-            },
+            {"action": "left_click", "coordinate": [1, 2], "text": "ctrl+shift"},
             Action("click", 1, 2, keys=("ctrl", "shift")),
         ),
         (
@@ -388,11 +257,7 @@ def test_mapping_and_reading_commute(
         ("anthropic", {"action": "left_mouse_up"}, Action("mouse_up")),
         (
             "anthropic",
-            {
-                "action": "left_click_drag",
-                "start_coordinate": [1, 2],
-                "coordinate": [3, 4],
-            },
+            {"action": "left_click_drag", "start_coordinate": [1, 2], "coordinate": [3, 4]},
             Action("drag", 1, 2, 3, 4),
         ),
         (
@@ -429,11 +294,7 @@ def test_mapping_and_reading_commute(
         ("anthropic", {"action": "key", "text": "+"}, Action("hotkey", keys=("+",))),
         (
             "anthropic",
-            {
-                "action": "hold_key",
-                "text": "shift",
-                "duration": 2,
-            },
+            {"action": "hold_key", "text": "shift", "duration": 2},
             Action("hotkey", keys=("shift",), amount=2),
         ),
         ("anthropic", {"action": "wait", "duration": 3}, Action("wait", amount=3)),
@@ -441,11 +302,7 @@ def test_mapping_and_reading_commute(
         ("anthropic", {"action": "zoom", "region": [1, 2, 3, 4]}, Action("other")),
     ],
 )
-def test_reading(
-    dialect,
-    action,
-    expected,
-):
+def test_reading(dialect, action, expected):
     assert parse_actions(action, dialect, SIZE) == [expected]
 
 
@@ -482,15 +339,7 @@ def test_only_the_last_action_label_counts():
         ("ui_tars", "click(start_box='(1500,20)')", "pixels already"),
         ("ui_tars", "drag(start_box='(1,2)')", "needs end_box"),
         ("ui_tars_1.5", "click(start_box='(" + "9" * 5000 + ",2)')", "finite"),
-        (
-            "openai",
-            {
-                "type": "clik",
-                "x": 1,
-                "y": 2,
-            },
-            "did you mean 'click'",
-        ),
+        ("openai", {"type": "clik", "x": 1, "y": 2}, "did you mean 'click'"),
         ("openai", {"type": "click", "x": 1}, "click y must be a number"),
         ("openai", {"type": "drag", "path": []}, "list of points"),
         ("openai", {"type": "drag", "path": [[1]]}, r"path\[0\]"),
@@ -504,11 +353,7 @@ def test_only_the_last_action_label_counts():
         ("anthropic", {"action": "zoom", "region": [9, 9, 1, 1]}, "region"),
     ],
 )
-def test_what_is_malformed_is_refused_by_mapping_and_by_reading(
-    dialect,
-    action,
-    reason,
-):
+def test_what_is_malformed_is_refused_by_mapping_and_by_reading(dialect, action, reason):
     with pytest.raises(ActionError, match=reason):
         HALF.typed_to_screen(action, dialect)
     if not (isinstance(action, dict) and action.get("action") == "zoom"):
@@ -534,11 +379,7 @@ def test_what_is_malformed_is_refused_by_mapping_and_by_reading(
         ("anthropic", {"action": "wait", "duration": "3"}, "number"),
     ],
 )
-def test_what_says_no_action_cannot_be_read(
-    dialect,
-    action,
-    reason,
-):
+def test_what_says_no_action_cannot_be_read(dialect, action, reason):
     with pytest.raises(ActionError, match=reason):
         parse_actions(action, dialect, SIZE)
 
@@ -557,22 +398,11 @@ def test_dialects_and_sizes_are_checked():
         parse_actions({}, "computer13")
     with pytest.raises(ParameterError, match="size"):
         parse_actions("click(start_box='(1,2)')", "ui_tars")
-    assert parse_actions(
-        {
-            "type": "move",
-            "x": 5000,
-            "y": 1,
-        },
-        "openai",
-    ) == [Action("move", 5000, 1)]
+    assert parse_actions({"type": "move", "x": 5000, "y": 1}, "openai") == [Action("move", 5000, 1)]
 
 
 def test_numpy_numbers_are_numbers_and_results_are_plain_json():
-    action = {
-        "type": "move",
-        "x": np.int32(5),
-        "y": np.float32(6.5),
-    }
+    action = {"type": "move", "x": np.int32(5), "y": np.float32(6.5)}
     assert (
         json.dumps(HALF.typed_to_screen(action, "openai")) == '{"type": "move", "x": 10, "y": 13}'
     )
@@ -708,14 +538,7 @@ def test_hostile_values_are_named_and_not_printed_in_full():
         deep = [deep]
     for value in (loop, deep, "9" * 10**6, 10**5000):
         with pytest.raises(HijackError) as error:
-            HALF.typed_to_screen(
-                {
-                    "type": "move",
-                    "x": value,
-                    "y": 1,
-                },
-                "openai",
-            )
+            HALF.typed_to_screen({"type": "move", "x": value, "y": 1}, "openai")
         assert len(str(error.value)) < 300
     while deep:  # freed level by level: the interpreter's own clean-up recurses
         deep = deep[0]

@@ -61,18 +61,10 @@ ACTIONS = [
 
 
 @pytest.mark.parametrize(("dialect", "field", "name"), ACTIONS)
-def test_a_stray_point_is_mapped_or_refused(
-    dialect,
-    field,
-    name,
-):
+def test_a_stray_point_is_mapped_or_refused(dialect, field, name):
     needed = NEEDED.get(name, {})
     for stray, nested in itertools.product(STRAY, (False, True)):
-        action = {
-            field: name,
-            **needed,
-            **stray,
-        }
+        action = {field: name, **needed, **stray}
         if nested:
             action = {field: name, "parameters": {**needed, **stray}}
         with contextlib.suppress(ActionError):
@@ -88,59 +80,12 @@ def test_a_stray_point_is_mapped_or_refused(
             {"action": "left_click", "coordinates": [5, 6]},
             "anthropic left_click has no field 'coordinates', got .5, 6., .*mean 'coordinate'",
         ),
-        (
-            "anthropic",
-            {
-                "action": "left_click",
-                "x": 5,
-                "y": 6,
-            },
-            "no field 'x'",
-        ),
+        ("anthropic", {"action": "left_click", "x": 5, "y": 6}, "no field 'x'"),
         ("anthropic", {"action": "left_click", "region": [1, 2, 3, 4]}, "no field 'region'"),
-        (
-            "openai",
-            {
-                "type": "keypress",
-                "keys": ["a"],
-                "x": 5,
-                "y": 6,
-            },
-            "no field 'x'",
-        ),
-        (
-            "openai",
-            {
-                "type": "drag",
-                "path": [
-                    {
-                        "x": 1,
-                        "y": 2,
-                        "z": 3,
-                    }
-                ],
-            },
-            "no field 'z'",
-        ),
-        (
-            "openai",
-            {
-                "type": "click",
-                "x": 1,
-                "y": 2,
-                "Y": 3,
-            },
-            "no field 'Y'.*mean 'y'",
-        ),
-        (
-            "computer_13",
-            {
-                "action_type": "CLICK",
-                "parameters": {},
-                "x": 5,
-            },
-            "no field 'x'",
-        ),
+        ("openai", {"type": "keypress", "keys": ["a"], "x": 5, "y": 6}, "no field 'x'"),
+        ("openai", {"type": "drag", "path": [{"x": 1, "y": 2, "z": 3}]}, "no field 'z'"),
+        ("openai", {"type": "click", "x": 1, "y": 2, "Y": 3}, "no field 'Y'.*mean 'y'"),
+        ("computer_13", {"action_type": "CLICK", "parameters": {}, "x": 5}, "no field 'x'"),
         ("computer_13", {"action_type": "CLICK", "parameters": {"coordinate": [5, 6]}}, "'coord"),
         ("ui_tars", "scroll(point='<point>5 6</point>', direction='up')", "no field 'point'"),
         ("ui_tars", "click(start_box='(5,6)', point='(7,8)')", "no field 'point'"),
@@ -152,11 +97,7 @@ def test_a_stray_point_is_mapped_or_refused(
         ("ui_tars_1.5", "type(content='it's')\nclick(start_box='(5,6)')", "not clear where"),
     ],
 )
-def test_the_message_names_the_field_and_the_likely_one(
-    dialect,
-    action,
-    reason,
-):
+def test_the_message_names_the_field_and_the_likely_one(dialect, action, reason):
     for task in (HALF.typed_to_screen, parse_actions):
         with pytest.raises(ActionError, match=reason):
             task(action, dialect, **({"size": SIZE} if task is parse_actions else {}))
@@ -165,40 +106,10 @@ def test_the_message_names_the_field_and_the_likely_one(
 @pytest.mark.parametrize(
     ("dialect", "action"),
     [
-        (
-            "anthropic",
-            {
-                "action": "left_click",
-                "note": "at the top",
-                "id": 7,
-                "coordinates": None,
-            },
-        ),
-        (
-            "anthropic",
-            {
-                "action": "key",
-                "text": "a",
-                "repeat": 3,
-            },
-        ),
-        (
-            "openai",
-            {
-                "type": "wait",
-                "ms": 500,
-                "id": "call_1",
-                "pending_safety_checks": [],
-            },
-        ),
-        (
-            "openai",
-            {
-                "type": "screenshot",
-                "status": "completed",
-                "path": "shots/first.png",
-            },
-        ),
+        ("anthropic", {"action": "left_click", "note": "at the top", "id": 7, "coordinates": None}),
+        ("anthropic", {"action": "key", "text": "a", "repeat": 3}),
+        ("openai", {"type": "wait", "ms": 500, "id": "call_1", "pending_safety_checks": []}),
+        ("openai", {"type": "screenshot", "status": "completed", "path": "shots/first.png"}),
         ("computer_13", {"action_type": "PRESS", "parameters": {"key": "a", "presses": 2}}),
         ("ui_tars_1.5", "scroll(direction='down', amount='5')"),
         ("ui_tars_1.5", "click(start_box='(0,0)', end_box='')"),

@@ -156,12 +156,7 @@ def test_any_sprite_anywhere(data):
 
 @settings(max_examples=40, deadline=None)
 @given(st.integers(1, 90), st.integers(1, 90), st.integers(1, 90), st.integers(1, 90))
-def test_resampling_gives_pillows_bytes(
-    h,
-    w,
-    oh,
-    ow,
-):
+def test_resampling_gives_pillows_bytes(h, w, oh, ow):
     image = picture((h, w))
     plan = Plan("test-v1", (h, w), ops=(Resample((oh, ow)),))
     expected = np.asarray(Image.fromarray(image).resize((ow, oh), Image.Resampling.BICUBIC))
@@ -176,12 +171,7 @@ def test_resampling_gives_pillows_bytes(
     ("h", "w", "oh", "ow"),
     [(90, 160, 45, 80), (45, 80, 90, 160), (37, 1, 5, 9), (1, 1, 30, 3), (50, 60, 50, 30)],
 )
-def test_jax_resampling_gives_pillows_bytes(
-    h,
-    w,
-    oh,
-    ow,
-):
+def test_jax_resampling_gives_pillows_bytes(h, w, oh, ow):
     image = picture((h, w))
     plan = Plan("test-v1", (h, w), ops=(Resample((oh, ow)),))
     expected = np.asarray(Image.fromarray(image).resize((ow, oh), Image.Resampling.BICUBIC))
@@ -229,11 +219,7 @@ def test_jax_does_not_compile_for_each_new_text():
         (Image.new("L", SIZE[::-1]), ImageTypeError, "mode 'L'; use image.convert"),
     ],
 )
-def test_wrong_pictures(
-    image,
-    error,
-    message,
-):
+def test_wrong_pictures(image, error, message):
     with pytest.raises(error, match=message):
         hj.apply(plans()[0], image)
 

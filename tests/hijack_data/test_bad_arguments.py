@@ -80,12 +80,7 @@ TAKE = {
 
 @pytest.mark.parametrize("value", STRANGE.values(), ids=STRANGE)
 @pytest.mark.parametrize("take", TAKE)
-def test_what_is_strange_is_refused(
-    take,
-    value,
-    tmp_path,
-    monkeypatch,
-):
+def test_what_is_strange_is_refused(take, value, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(HijackError) as caught:
         TAKE[take](value)
@@ -113,21 +108,13 @@ def test_an_asset_pack_that_is_no_folder(folder):
         ),
     ],
 )
-def test_what_is_no_sprite(
-    rgba,
-    error,
-    message,
-):
+def test_what_is_no_sprite(rgba, error, message):
     with pytest.raises(error, match=message):
         hj.png_recipe(rgba)
 
 
 @pytest.mark.parametrize("path", ["a\0b", "a\ud800", "x" * 5000, "no/such/folder/x"])
-def test_a_file_that_cannot_be_written(
-    path,
-    tmp_path,
-    monkeypatch,
-):
+def test_a_file_that_cannot_be_written(path, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(HijackError, match="cannot be written"):
         write_atomic(path, "x")

@@ -22,12 +22,7 @@ SIZE = (60, 90)
 SCREEN = hj.Scene(SIZE)
 MARKS = hj.Marks(number=5, mark_size=6).plan(SCREEN, seed=1)
 SMALL = hj.Resolution(scale=0.5).plan(SCREEN, seed=1)
-RECIPE = {
-    "draw": "mark",
-    "shape": "star",
-    "size": 9,
-    "color": "red",
-}
+RECIPE = {"draw": "mark", "shape": "star", "size": 9, "color": "red"}
 DRIFTED = Plan("test-v1", SIZE, ops=(Paste(RECIPE, ((3, 3),), "0" * 16),))
 UNKNOWN = Plan("test-v1", SIZE, ops=(Paste({"draw": "nothing"}, ((3, 3),)),))
 
@@ -45,11 +40,7 @@ def grey(*lead: int) -> np.ndarray:
     ids=["changes the size", "has drifted", "cannot be drawn"],
 )
 @pytest.mark.parametrize("kind", ["list", "tuple", "batch", "torch", "torch list"])
-def test_a_later_plan_that_is_refused(
-    kind,
-    bad,
-    error,
-):
+def test_a_later_plan_that_is_refused(kind, bad, error):
     batch = grey(3)
     pictures = batch
     if kind in ("list", "tuple"):

@@ -18,12 +18,7 @@ from hijack_data.errors import HijackError, ParameterError, ParameterTypeError, 
 from hijack_data.files import encode_png, write_atomic
 from hijack_data.plan import Effect, Paste, Plan, Resample, _digest
 
-MARK = {
-    "draw": "mark",
-    "shape": "circle",
-    "size": 5,
-    "color": "blue",
-}
+MARK = {"draw": "mark", "shape": "circle", "size": 5, "color": "blue"}
 TEXT = {
     "draw": "text",
     "lines": ["one", "two"],
@@ -33,12 +28,7 @@ TEXT = {
     "edge_color": "black",
     "edge": 1,
 }
-PANEL = {
-    "box": [0, 0, 40, 30],
-    "fill": "white",
-    "lines": ["a"],
-    "font_size": 9,
-}
+PANEL = {"box": [0, 0, 40, 30], "fill": "white", "lines": ["a"], "font_size": 9}
 WINDOW = {
     "draw": "window",
     "size": [40, 30],
@@ -60,12 +50,7 @@ def whole() -> dict:
     """JSON data of a plan that has everything: operations, effects, notes, nested parameters."""
     ops = (*(Paste(recipe, ((3, 4), (-2, 70))) for recipe in RECIPES), Resample((50, 60)))
     effects = (Effect("lock", {"after": [1, 2], "how": {"by": "key"}}),)
-    params = {
-        "step": [1, 2],
-        "color": "red",
-        "scale": 0.5,
-        "deep": {"a": [None, True]},
-    }
+    params = {"step": [1, 2], "color": "red", "scale": 0.5, "deep": {"a": [None, True]}}
     return Plan("test-v1", (90, 120), params, ops, effects, ("a note",)).to_data()
 
 
@@ -75,11 +60,7 @@ def sealed(data: dict) -> str:
     return json.dumps({**body, "digest": _digest(body)})
 
 
-def with_value(
-    data: dict,
-    path: tuple,
-    value: object,
-) -> dict:
+def with_value(data: dict, path: tuple, value: object) -> dict:
     """The data with the value at a path of keys and indices replaced."""
     data = copy.deepcopy(data)
     place = data
@@ -117,13 +98,7 @@ def test_the_command_says_it_in_a_line(tmp_path, number):
     write_atomic(tmp_path / "plan.json", text)
     words = ["apply", "screen.png", "-o", "out.png", "--plan", "plan.json"]
     command = [sys.executable, "-m", "hijack_data.cli", *words]
-    done = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        cwd=tmp_path,
-        timeout=120,
-    )
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=120)
     assert done.returncode == 2
     assert done.stderr.startswith("hijack: error: plan.params.scale is")
     assert "Traceback" not in done.stderr
@@ -167,11 +142,7 @@ def test_the_command_says_it_in_a_line(tmp_path, number):
         (("effects", 0, "when"), 1, r"effects\[0\]\.when is not a field"),
     ],
 )
-def test_fields_of_the_wrong_type_are_refused_not_turned_into_the_right_one(
-    path,
-    value,
-    message,
-):
+def test_fields_of_the_wrong_type_are_refused_not_turned_into_the_right_one(path, value, message):
     with pytest.raises(PlanError, match=message):
         Plan.from_json(sealed(with_value(whole(), path, value)))
 
@@ -266,19 +237,9 @@ def test_a_colour_that_cannot_be_drawn_is_refused(color):
         ({"notes": "note"}, PlanError, "notes has the wrong type"),
     ],
 )
-def test_a_plan_of_wrong_parts_cannot_be_made(
-    values,
-    error,
-    message,
-):
+def test_a_plan_of_wrong_parts_cannot_be_made(values, error, message):
     with pytest.raises(error, match=message):
-        Plan(
-            **{
-                "corruption": "test-v1",
-                "size": (4, 5),
-                **values,
-            }
-        )
+        Plan(**{"corruption": "test-v1", "size": (4, 5), **values})
 
 
 @pytest.mark.parametrize(

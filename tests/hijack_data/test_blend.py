@@ -36,12 +36,7 @@ COLOR = st.sampled_from(["red", "#ffffff", "#000000", "#01fe80", "#7f8081"])
 LINES = st.lists(st.text(st.sampled_from("AVow.,j"), max_size=9), min_size=1, max_size=2)
 SHAPES = st.sampled_from(["star", "circle", "rectangle"])
 MARK = st.fixed_dictionaries(
-    {
-        "draw": st.just("mark"),
-        "shape": SHAPES,
-        "size": st.integers(1, 40),
-        "color": COLOR,
-    }
+    {"draw": st.just("mark"), "shape": SHAPES, "size": st.integers(1, 40), "color": COLOR}
 )
 TEXT = st.fixed_dictionaries(
     {
@@ -51,13 +46,7 @@ TEXT = st.fixed_dictionaries(
         "edge_color": COLOR,
         "edge": st.integers(0, 4),
     }
-).map(
-    lambda recipe: {
-        "draw": "text",
-        "font": "DejaVuSans",
-        **recipe,
-    }
-)
+).map(lambda recipe: {"draw": "text", "font": "DejaVuSans", **recipe})
 
 
 @st.composite
@@ -72,11 +61,7 @@ def windows(draw) -> dict:
         }
         for y in (0, height // 2)
     ]
-    around = {
-        "color": draw(COLOR),
-        "edge_color": draw(COLOR),
-        "edge": draw(st.integers(0, 3)),
-    }
+    around = {"color": draw(COLOR), "edge_color": draw(COLOR), "edge": draw(st.integers(0, 3))}
     return {
         "draw": "window",
         "size": [width, height],
@@ -139,13 +124,7 @@ def noise(*shape: int) -> np.ndarray:
     return np.random.default_rng(sum(shape)).integers(0, 256, shape, dtype=np.uint8)
 
 
-def check(
-    paste,
-    layout: str,
-    image: np.ndarray,
-    stamps: list[Stamp],
-    expected: np.ndarray,
-) -> None:
+def check(paste, layout: str, image: np.ndarray, stamps: list[Stamp], expected: np.ndarray) -> None:
     """The picture becomes `expected`; the memory around and between its pixels stays as it was."""
     memory, view = LAYOUTS[layout](*image.shape[:2])
     before = memory.copy()
@@ -164,30 +143,17 @@ def check(
     ops=st.lists(PASTES, min_size=1, max_size=3),
     layout=st.sampled_from(list(LAYOUTS)),
 )
-def test_any_sprite_anywhere_in_any_layout(
-    paste,
-    size,
-    ops,
-    layout,
-):
+def test_any_sprite_anywhere_in_any_layout(paste, size, ops, layout):
     image = noise(*size, 3)
     expected = reference(Plan("test-v1", size, ops=tuple(ops)), image)
     check(paste, layout, image, [stamp for op in ops for stamp in lower(op, size)], expected)
 
 
-def stamp(
-    layer: Layer,
-    y: int = 0,
-    x: int = 0,
-) -> Stamp:
+def stamp(layer: Layer, y: int = 0, x: int = 0) -> Stamp:
     return Stamp(Sprite.of_layer(layer), np.array([y], np.int32), np.array([x], np.int32))
 
 
-def blended(
-    below: np.ndarray,
-    alpha: np.ndarray,
-    paint: np.ndarray,
-) -> np.ndarray:
+def blended(below: np.ndarray, alpha: np.ndarray, paint: np.ndarray) -> np.ndarray:
     """The nearest integer to a blend."""
     total = below.astype(np.int64) * (255 - alpha[..., None].astype(np.int64)) + paint
     return ((2 * total + 255) // 510).astype(np.uint8)
@@ -196,11 +162,7 @@ def blended(
 @pytest.mark.parametrize("paste", PATHS)
 @pytest.mark.parametrize("layout", ["channels last", "channels first", "every second pixel"])
 @pytest.mark.parametrize("level", [0, 1, 127, 254, 255])
-def test_every_byte_under_every_opacity(
-    paste,
-    layout,
-    level,
-):
+def test_every_byte_under_every_opacity(paste, layout, level):
     """All that 16 bits must hold, for one colour, for two and for a picture."""
     alpha, below = np.mgrid[0:256, 0:256].astype(np.uint8)
     image = np.stack([below, 255 - below, below], axis=-1)

@@ -24,17 +24,9 @@ ROOT = Path(__file__).resolve().parents[2]
 SIZE = (540, 1100)
 
 
-def run(
-    *words,
-    cwd=None,
-    command=(sys.executable, "-m", "hijack_data.cli"),
-):
+def run(*words, cwd=None, command=(sys.executable, "-m", "hijack_data.cli")):
     return subprocess.run(
-        [*command, *map(str, words)],
-        capture_output=True,
-        text=True,
-        cwd=cwd,
-        timeout=120,
+        [*command, *map(str, words)], capture_output=True, text=True, cwd=cwd, timeout=120
     )
 
 
@@ -86,12 +78,7 @@ def test_list_and_show():
 
 def test_the_package_is_the_command():
     command = [sys.executable, "-m", "hijack_data", "show", "marks"]
-    done = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert (done.returncode, done.stdout) == (0, run("show", "marks").stdout)
 
 
@@ -133,11 +120,7 @@ def test_apply_prints_one_object(screen, tmp_path):
 
 
 @pytest.mark.parametrize("backend", ["torch", "jax"])
-def test_backends_agree(
-    screen,
-    tmp_path,
-    backend,
-):
+def test_backends_agree(screen, tmp_path, backend):
     pytest.importorskip(backend)
     shas = {
         json.loads(
@@ -219,24 +202,14 @@ def test_the_tree_is_used(screen, tmp_path):
         ([], ["give the NAME"]),
     ],
 )
-def test_bad_words(
-    screen,
-    tmp_path,
-    words,
-    parts,
-    capsys,
-):
+def test_bad_words(screen, tmp_path, words, parts, capsys):
     out = tmp_path / "o.png"
     refused(inside(capsys, "apply", screen, *words, "-o", out), *parts)
     assert not out.exists()
     assert not list(tmp_path.glob(".*"))
 
 
-def test_bad_files(
-    screen,
-    tmp_path,
-    capsys,
-):
+def test_bad_files(screen, tmp_path, capsys):
     out = tmp_path / "o.png"
     (tmp_path / "empty.png").write_bytes(b"")
     (tmp_path / "cut.png").write_bytes(screen.read_bytes()[:999])
@@ -357,11 +330,7 @@ def test_a_label_with_brackets_is_printed():
 
     from pipelines.dataset.stats import LabelStats, Stats
 
-    counts = {
-        "dropped": {},
-        "not_applicable": {"[bold]b": {"no [i] there": 1}},
-        "rejected": {},
-    }
+    counts = {"dropped": {}, "not_applicable": {"[bold]b": {"no [i] there": 1}}, "rejected": {}}
     found = Stats(
         folder="folder",
         output="materialised",

@@ -56,12 +56,7 @@ def boxes_of(rows):
     return np.array([(x, y, x + w, y + h) for x, y, w, h in rows], np.int32).reshape(-1, 4)
 
 
-def pair(
-    seed,
-    height,
-    width,
-    share,
-):
+def pair(seed, height, width, share):
     """Two pictures that differ in single channels, in `share` of the bytes."""
     rng = np.random.default_rng(seed)
     before = rng.integers(0, 256, (height, width, 3), dtype=np.uint8)
@@ -80,38 +75,10 @@ def pair(
     one=st.sampled_from(list(LAYOUTS)),
     two=st.one_of(st.none(), st.sampled_from(list(LAYOUTS))),
 )
-@example(
-    seed=0,
-    size=(1, 1),
-    share=1.0,
-    rows=[(0, 0, 1, 1)],
-    one="channels first",
-    two=None,
-)
-@example(
-    seed=0,
-    size=(3, 21),
-    share=1.0,
-    rows=[(0, 0, 21, 3)],
-    one="channels last",
-    two=None,
-)
-@example(
-    seed=0,
-    size=(3, 22),
-    share=1.0,
-    rows=[(0, 0, 22, 3)],
-    one="channels last",
-    two=None,
-)
-@example(
-    seed=0,
-    size=(3, 63),
-    share=1.0,
-    rows=[(0, 0, 63, 3)],
-    one="channels first",
-    two=None,
-)
+@example(seed=0, size=(1, 1), share=1.0, rows=[(0, 0, 1, 1)], one="channels first", two=None)
+@example(seed=0, size=(3, 21), share=1.0, rows=[(0, 0, 21, 3)], one="channels last", two=None)
+@example(seed=0, size=(3, 22), share=1.0, rows=[(0, 0, 22, 3)], one="channels last", two=None)
+@example(seed=0, size=(3, 63), share=1.0, rows=[(0, 0, 63, 3)], one="channels first", two=None)
 @example(
     seed=0,
     size=(3, 64),
@@ -136,14 +103,7 @@ def pair(
     one="channels first",
     two="channels last",
 )
-def test_all_ways_count_the_same(
-    seed,
-    size,
-    share,
-    rows,
-    one,
-    two,
-):
+def test_all_ways_count_the_same(seed, size, share, rows, one, two):
     """Where differences lie in the boxes alone they are counted once each; elsewhere both ways look
     at the same."""
     before, after = pair(seed, *size, share)

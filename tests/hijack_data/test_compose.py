@@ -72,13 +72,7 @@ def test_results_are_those_of_the_definition():
     boxes = [scene(SIZE).boxes] * 8
     targets = [(600, 330)] * 8
     images = batch(IDS)
-    res = aug()(
-        images,
-        ids=IDS,
-        boxes=boxes,
-        targets=targets,
-        seed=7,
-    )
+    res = aug()(images, ids=IDS, boxes=boxes, targets=targets, seed=7)
     kinds = {p.corruption for p in res.plans}
     assert len(kinds) >= 3
     for i, plan in enumerate(res.plans):
@@ -92,19 +86,8 @@ def test_results_are_those_of_the_definition():
 
 def test_a_drag_is_judged_at_both_ends():
     images, target, end = batch(IDS), (20, 20), (460, 260)
-    res = aug()(
-        images,
-        ids=IDS,
-        targets=[target] * 8,
-        ends=[end] * 7 + [None],
-        seed=7,
-    )
-    starts = aug()(
-        images,
-        ids=IDS,
-        targets=[target] * 8,
-        seed=7,
-    )
+    res = aug()(images, ids=IDS, targets=[target] * 8, ends=[end] * 7 + [None], seed=7)
+    starts = aug()(images, ids=IDS, targets=[target] * 8, seed=7)
     pairs = list(zip(res.plans, images, strict=True))
     both = [
         min(hj.judge(p, i, i, target=t).target_visible for t in (target, end)) for p, i in pairs
@@ -198,43 +181,20 @@ def test_needs_elements_is_passed_on():
         ),
         (lambda: aug()(batch(IDS)[0], ids=IDS, seed=1), ParameterError, "4 axes"),
         (
-            lambda: aug()(
-                batch(IDS),
-                ids=IDS,
-                boxes=[[]],
-                seed=1,
-            ),
+            lambda: aug()(batch(IDS), ids=IDS, boxes=[[]], seed=1),
             ParameterError,
             "1 boxes for 8 pictures",
         ),
         (
-            lambda: aug()(
-                batch(IDS),
-                ids=IDS,
-                ends=[(1, 2)],
-                seed=1,
-            ),
+            lambda: aug()(batch(IDS), ids=IDS, ends=[(1, 2)], seed=1),
             ParameterError,
             "1 ends for 8 pictures",
         ),
-        (
-            lambda: aug()(
-                batch(IDS),
-                ids=IDS,
-                ends=["a"] * 8,
-                seed=1,
-            ),
-            ParameterTypeError,
-            "a point",
-        ),
+        (lambda: aug()(batch(IDS), ids=IDS, ends=["a"] * 8, seed=1), ParameterTypeError, "a point"),
         (lambda: aug()(batch(IDS), ids=IDS, seed=-1), ParameterError, "seed must be"),
     ],
 )
-def test_refusals(
-    make,
-    error,
-    message,
-):
+def test_refusals(make, error, message):
     with pytest.raises(error, match=message):
         make()
 

@@ -53,23 +53,11 @@ LABELLED = INNER % ("red", "blue", ", as: one"), INNER % ("lime", "black", ", as
         (hj.OneOf(nested(3)), dict.fromkeys(COLORS, 1 / 4)),
         (hj.OneOf([SCHEDULED]), dict.fromkeys(COLORS, 1 / 4)),
         (hj.Sequence([hj.OneOf(nested(1))]), dict.fromkeys(COLORS, 1 / 4)),
-        (
-            WEIGHTED,
-            {
-                "red": 1 / 2,
-                "blue": 1 / 6,
-                "lime": 1 / 6,
-                "black": 1 / 6,
-            },
-        ),
+        (WEIGHTED, {"red": 1 / 2, "blue": 1 / 6, "lime": 1 / 6, "black": 1 / 6}),
         (hj.OneOf([pair("red", p_clean=0.5)], p_clean=0.5), {"clean": 3 / 4, "red": 1 / 4}),
         (
             hj.OneOf([pair("red", p_clean=0.5), pair("blue", p_clean=0.2)], p_clean=0.2),
-            {
-                "clean": 0.2 + 0.8 * 0.35,
-                "red": 0.2,
-                "blue": 0.32,
-            },
+            {"clean": 0.2 + 0.8 * 0.35, "red": 0.2, "blue": 0.32},
         ),
     ],
 )
@@ -142,13 +130,7 @@ def test_tries_of_plan_avoiding_have_streams_of_their_own():
     seen = []
 
     class Spy(hj.Marks):
-        def plan(
-            self,
-            scene,
-            *,
-            sample,
-            **key,
-        ):
+        def plan(self, scene, *, sample, **key):
             seen.append(Stream(1, self.id, sample).word())
             return super().plan(scene, sample=sample, **key)
 

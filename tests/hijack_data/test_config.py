@@ -145,11 +145,7 @@ def test_words_stay_texts(tmp_path, text):
     ("text", "value"),
     [("1e-1", 0.1), (".5", 0.5), ("2", 2.0), ("+1.5", 1.5), ("1.", 1.0), ("0.2E+1", 2)],
 )
-def test_numbers(
-    tmp_path,
-    text,
-    value,
-):
+def test_numbers(tmp_path, text, value):
     spec = load(tmp_path, f"corruptions:\n  - resolution: {{scale: {text}}}").corruptions[
         "resolution"
     ]

@@ -272,11 +272,7 @@ MISTAKES = [
 
 
 @pytest.mark.parametrize(("text", "expected"), MISTAKES, ids=[f"{i}" for i in range(len(MISTAKES))])
-def test_mistake_is_reported_at_its_place(
-    tmp_path,
-    text,
-    expected,
-):
+def test_mistake_is_reported_at_its_place(tmp_path, text, expected):
     found = problems(tmp_path, text)
     placed = re.match(r"\d+:\d+: ", expected) is not None
     assert any(p.startswith(expected) if placed else expected in p for p in found), found

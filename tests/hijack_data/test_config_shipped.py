@@ -227,11 +227,7 @@ def test_the_paper_s_own_defaults_are_ours():
         ("marks", {"severity": 1, "overlap": False}, hj.Marks.at(1, avoid_elements=True)),
     ],
 )
-def test_spellings_of_the_algorithm_boxes(
-    name,
-    keys,
-    spec,
-):
+def test_spellings_of_the_algorithm_boxes(name, keys, spec):
     assert paper_compat({name: keys}).corruptions == {name: spec}
     if not parameters(spec).keys() | {"severity"} >= keys.keys():
         with pytest.raises(ConfigError, match="paper's key"):

@@ -117,11 +117,7 @@ def test_results_are_on_the_target_and_agree_with_exact_arithmetic(case):
 
 
 @given(SIZES, st.integers(-(2**31), 2**31), st.integers(-(2**31), 2**31))
-def test_the_identity_only_clamps(
-    size,
-    x,
-    y,
-):
+def test_the_identity_only_clamps(size, x, y):
     coords = CoordMap.identity(size)
     assert coords.is_identity
     assert coords.to_screen((x, y)) == (min(max(x, 0), size[1] - 1), min(max(y, 0), size[0] - 1))
@@ -166,11 +162,7 @@ def test_empty_and_absent_boxes_stay_empty():
 
 
 @given(SIZES, SIZES, st.data())
-def test_a_box_on_the_screen_never_vanishes(
-    observation,
-    screen,
-    data,
-):
+def test_a_box_on_the_screen_never_vanishes(observation, screen, data):
     height, width = screen
     x1, y1 = data.draw(st.integers(0, width - 1)), data.draw(st.integers(0, height - 1))
     x2, y2 = data.draw(st.integers(x1 + 1, width)), data.draw(st.integers(y1 + 1, height))
@@ -244,11 +236,7 @@ def test_there_and_back_moves_by_half_a_cell_at_most(case):
 
 
 @given(SIZES, SIZES, st.data())
-def test_the_centre_of_an_element_comes_back_inside_it(
-    observation,
-    screen,
-    data,
-):
+def test_the_centre_of_an_element_comes_back_inside_it(observation, screen, data):
     coords = CoordMap(observation, screen)
     box, point = [0, 0, 0, 0], [0, 0]
     for axis, (size, side) in enumerate(zip(observation[::-1], screen[::-1], strict=True)):
@@ -261,12 +249,7 @@ def test_the_centre_of_an_element_comes_back_inside_it(
 
 
 @given(SIZES, SIZES, st.integers(-9000, 9000), st.integers(-9000, 9000))
-def test_opposite_vectors_stay_opposite(
-    observation,
-    screen,
-    dx,
-    dy,
-):
+def test_opposite_vectors_stay_opposite(observation, screen, dx, dy):
     coords = CoordMap(observation, screen)
     x, y = coords.vector_to_screen(dx, dy)
     assert coords.vector_to_screen(-dx, -dy) == (-x, -y)
@@ -295,12 +278,7 @@ def test_actions_map_their_points_and_nothing_else():
 
 
 @given(SIZES, SIZES, SIZES, st.data())
-def test_composition_rounds_once_and_inverts(
-    first,
-    mid,
-    last,
-    data,
-):
+def test_composition_rounds_once_and_inverts(first, mid, last, data):
     a, b = CoordMap(first, mid), CoordMap(mid, last)
     both = a.then(b)
     assert (both.observation, both.screen) == (first, last)
@@ -339,11 +317,7 @@ def test_json_round_trip(observation, screen):
         {"observation": [1, 2], "screen": [1.5, 2]},
         {"observation": [1, 2], "screen": "ab"},
         {"observation": [1, 2], "screen": [10**400, 1]},
-        {
-            "observation": [1, 2],
-            "screen": [1, 2],
-            "more": 3,
-        },
+        {"observation": [1, 2], "screen": [1, 2], "more": 3},
     ],
 )
 def test_damaged_json_is_a_plan_error(data):
@@ -385,11 +359,7 @@ def test_maps_are_values():
         ((42, 700), {"min_pixels": 1}, (56, 700)),
     ],
 )
-def test_smart_resize(
-    size,
-    limits,
-    expected,
-):
+def test_smart_resize(size, limits, expected):
     assert smart_resize(*size, **limits) == expected
 
 

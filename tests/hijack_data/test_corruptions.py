@@ -13,12 +13,7 @@ from hijack_data.safety import target_visible
 SCREEN = hj.Scene(size=(1080, 1920))
 
 
-def plan(
-    spec,
-    screen=SCREEN,
-    sample=0,
-    **key,
-):
+def plan(spec, screen=SCREEN, sample=0, **key):
     return spec.plan(screen, seed=1, sample=sample, **key)
 
 
@@ -95,15 +90,7 @@ def test_categories_and_scopes():
 def test_marks_draws_that_many_shapes_of_that_colour():
     screen = hj.Scene(size=(200, 300))
     out = hj.apply(
-        plan(
-            hj.Marks(
-                number=1,
-                mark_type="rectangle",
-                mark_size=10,
-                color="#123456",
-            ),
-            screen,
-        ),
+        plan(hj.Marks(number=1, mark_type="rectangle", mark_size=10, color="#123456"), screen),
         np.zeros((200, 300, 3), np.uint8),
     )
     painted = (out == (0x12, 0x34, 0x56)).all(axis=-1)
@@ -114,20 +101,9 @@ def test_marks_draws_that_many_shapes_of_that_colour():
 
 @pytest.mark.parametrize("shape", ["star", "circle", "rectangle"])
 def test_mark_shapes_have_their_area(shape):
-    sprite = render(
-        {
-            "draw": "mark",
-            "shape": shape,
-            "size": 50,
-            "color": "red",
-        }
-    )
+    sprite = render({"draw": "mark", "shape": shape, "size": 50, "color": "red"})
     share = (sprite.alpha == 255).mean()
-    expected = {
-        "star": 0.28,
-        "circle": np.pi / 4,
-        "rectangle": 1.0,
-    }[shape]
+    expected = {"star": 0.28, "circle": np.pi / 4, "rectangle": 1.0}[shape]
     assert abs(share - expected) < 0.03
     assert set(np.unique(sprite.alpha)) <= {0, 255}
 
@@ -206,16 +182,7 @@ def test_subtitle_stands_where_it_is_told(position):
 
 def test_subtitle_colours_and_outline():
     before = np.full((1080, 1920, 3), 90, np.uint8)
-    after = hj.apply(
-        plan(
-            hj.Subtitle(
-                color="#ff00ff",
-                edge_color="#00ff00",
-                edge_width=4,
-            )
-        ),
-        before,
-    )
+    after = hj.apply(plan(hj.Subtitle(color="#ff00ff", edge_color="#00ff00", edge_width=4)), before)
     colors = set(map(tuple, np.unique(after.reshape(-1, 3), axis=0).tolist()))
     assert (255, 0, 255) in colors
     assert (0, 255, 0) in colors
@@ -346,11 +313,7 @@ def test_pop_up_that_may_not_lose_a_part_stands_in_the_corner():
 def test_pop_up_keeps_clear_of_a_target_that_is_no_element(severity):
     targets = [(960, 540), (10, 10), (1900, 1000), (300, 300, 700, 420), (0, 500, 1920, 540)]
     for seed, target in enumerate(targets * 8):
-        screen = hj.Scene(
-            size=(1080, 1920),
-            boxes=[[0, 0, 90, 90]],
-            target=target,
-        )
+        screen = hj.Scene(size=(1080, 1920), boxes=[[0, 0, 90, 90]], target=target)
         made = hj.PopUps.at(severity).plan(screen, seed=seed)
         assert target_visible(made, target) == 1
 
@@ -359,11 +322,7 @@ def test_accidental_touch_leaves_out_what_the_step_means():
     boxes = [[0, 0, 100, 100], [40, 40, 60, 60], [200, 200, 240, 240]]
     for target in ((50, 50), (44, 44, 56, 56), (40, 40, 60, 60)):
         for seed in range(10):
-            screen = hj.Scene(
-                size=(400, 400),
-                boxes=boxes,
-                target=target,
-            )
+            screen = hj.Scene(size=(400, 400), boxes=boxes, target=target)
             (effect,) = hj.AccidentalTouch().plan(screen, seed=seed).effects
             assert effect.params["boxes"] == [[200, 200, 240, 240]]
 
@@ -454,8 +413,7 @@ def test_accidental_touch_orders_every_element_but_the_target():
 
 
 @pytest.mark.parametrize(
-    ("steps", "due"),
-    [(3, {3}), ([2, 5], {2, 5}), (hj.Every(3), {3, 6, 9}), ({"every": 4}, {4, 8})],
+    ("steps", "due"), [(3, {3}), ([2, 5], {2, 5}), (hj.Every(3), {3, 6, 9}), ({"every": 4}, {4, 8})]
 )
 def test_schedules(steps, due):
     spec = hj.AppMinimization(step=steps)

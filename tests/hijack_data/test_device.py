@@ -25,25 +25,12 @@ from hijack_data.kernels import Stamp, lower, rows  # noqa: E402
 from hijack_data.kernels.cpu import pixels as numpy_kernels  # noqa: E402
 from hijack_data.kernels.gpu import device  # noqa: E402
 
-SMALL = {
-    "window_string": "go",
-    "prefix_string": "",
-    "suffix_string": "",
-}
+SMALL = {"window_string": "go", "prefix_string": "", "suffix_string": ""}
 SPECS = {
     "marks": hj.Marks(number=6, mark_size=5),
     "pop_ups": hj.PopUps(width=120, height=70, **SMALL),
-    "subtitle": hj.Subtitle(
-        subtitle_text="go on",
-        font_size=11,
-        padding=4,
-    ),
-    "no edge": hj.Subtitle(
-        subtitle_text="go on",
-        font_size=12,
-        padding=4,
-        edge_width=0,
-    ),
+    "subtitle": hj.Subtitle(subtitle_text="go on", font_size=11, padding=4),
+    "no edge": hj.Subtitle(subtitle_text="go on", font_size=12, padding=4, edge_width=0),
     "resolution": hj.Resolution(scale=0.6),
     "restored": hj.Resolution(scale=0.6, restore=True),
     "both": hj.Sequence(
@@ -189,12 +176,7 @@ def test_the_tiles_of_a_launch_are_those_that_a_row_meets(data):
 
 @settings(max_examples=10, deadline=None)
 @given(*[st.integers(1, 60)] * 4)
-def test_any_resize_gives_the_bytes_of_the_cpu(
-    height,
-    width,
-    h,
-    w,
-):
+def test_any_resize_gives_the_bytes_of_the_cpu(height, width, h, w):
     image = picture((height, width))
     for layout in ("channels first", "channels last"):
         out = device.resample_many([tensor(image, layout)], [(h, w)])[0]
@@ -263,11 +245,7 @@ def test_the_kernels_compile_for_ampere_hopper_and_blackwell():
         "TRITON_DEFAULT_FP_FUSION": "0"
     }
     run = subprocess.run(
-        [sys.executable, "-c", AHEAD],
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
+        [sys.executable, "-c", AHEAD], env=environment, capture_output=True, text=True, check=False
     )
     assert run.returncode == 0, run.stderr
     sizes = [line.split() for line in run.stdout.splitlines()]

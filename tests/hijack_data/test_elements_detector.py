@@ -30,11 +30,7 @@ def screen(theme: str = "white", size: tuple[int, int] = (1920, 1080)) -> Image.
 
 
 def write(
-    image: Image.Image,
-    place: tuple[int, int],
-    text: str,
-    theme: str = "white",
-    size: int = 16,
+    image: Image.Image, place: tuple[int, int], text: str, theme: str = "white", size: int = 16
 ) -> list[int]:
     draw = ImageDraw.Draw(image)
     font = ImageFont.truetype(str(FONT), size, layout_engine=ImageFont.Layout.BASIC)
@@ -42,11 +38,7 @@ def write(
     return [int(v) for v in draw.textbbox(place, text, font=font)]
 
 
-def covering(
-    boxes: np.ndarray,
-    wanted: list[int],
-    slack: int,
-) -> bool:
+def covering(boxes: np.ndarray, wanted: list[int], slack: int) -> bool:
     """Whether one box covers `wanted` and reaches over it by at most `slack` pixels a side."""
     gap = np.array(wanted) - boxes
     grown = np.concatenate([gap[:, :2], -gap[:, 2:]], 1)
@@ -283,10 +275,7 @@ def test_the_number_of_threads_changes_nothing(shared_data: Path) -> None:
 @settings(max_examples=40, deadline=None)
 @given(st.integers(1, 90), st.integers(1, 90), st.integers(0, 2**32 - 1), st.integers(1, 12))
 def test_boxes_lie_in_any_picture_and_are_sorted(
-    height: int,
-    width: int,
-    seed: int,
-    grain: int,
+    height: int, width: int, seed: int, grain: int
 ) -> None:
     cells = np.random.default_rng(seed).integers(0, 256, (height, width, 3), dtype=np.uint8)
     image = np.kron(cells, np.ones((grain, grain, 1), np.uint8))[:300, :300]

@@ -23,14 +23,7 @@ SIZE = (1000, 2000)
         [np.array([10, 20, 110, 70])],
         [{"bbox": [10, 20, 110, 70]}],
         [{"box": (10, 20, 110, 70), "score": 0.5}],
-        [
-            {
-                "x": 10,
-                "y": 20,
-                "width": 100,
-                "height": 50,
-            }
-        ],
+        [{"x": 10, "y": 20, "width": 100, "height": 50}],
         [{"rel_bbox": [0.005, 0.02, 0.05, 0.05], "abs_bbox": [9, 9, 9, 9]}],
         {"bboxes": [[10, 20, 110, 70]]},
         {"elements": [{"bbox": [10, 20, 110, 70]}]},
@@ -45,26 +38,14 @@ def test_every_shape_gives_the_same_box(data: object) -> None:
 
 
 def test_fractions() -> None:
-    data = [
-        [0.005, 0.02, 0.055, 0.07],
-        {
-            "x": 0.5,
-            "y": 0.5,
-            "width": 0.5,
-            "height": 0.5,
-        },
-    ]
+    data = [[0.005, 0.02, 0.055, 0.07], {"x": 0.5, "y": 0.5, "width": 0.5, "height": 0.5}]
     found = boxes_from_labels(data, normalized=True, size=SIZE)
     assert found.boxes.tolist() == [[10, 20, 110, 70], [1000, 500, 2000, 1000]]
 
 
 def test_names_and_roles() -> None:
     data = [
-        {
-            "bbox": [0, 0, 1, 1],
-            "text": "OK",
-            "type": "button",
-        },
+        {"bbox": [0, 0, 1, 1], "text": "OK", "type": "button"},
         [0, 0, 2, 2],
         {"box": [0, 0, 3, 3], "name": 7},
     ]
@@ -104,38 +85,9 @@ GIANT = 10**5000
         ([[0, 0, 1, float("inf")]], r"labels\[0\]\[3\] must be .*inf"),
         ([[0, 0, 1, GIANT]], r"labels\[0\]\[3\] must be .*inf"),
         ([[0, 0, GIANT]], "too many digits"),
-        (
-            [
-                {
-                    "x": 1,
-                    "y": 2,
-                    "width": 3,
-                }
-            ],
-            r"labels\[0\] has no 'height'",
-        ),
-        (
-            [
-                {
-                    "x": 1,
-                    "y": 2,
-                    "width": 3,
-                    "height": "a",
-                }
-            ],
-            r"labels\[0\]\.height must be a number",
-        ),
-        (
-            [
-                {
-                    "x": 1,
-                    "y": 2,
-                    "width": -3,
-                    "height": 4,
-                }
-            ],
-            r"labels\[0\] = .*must not be negative",
-        ),
+        ([{"x": 1, "y": 2, "width": 3}], r"labels\[0\] has no 'height'"),
+        ([{"x": 1, "y": 2, "width": 3, "height": "a"}], r"labels\[0\]\.height must be a number"),
+        ([{"x": 1, "y": 2, "width": -3, "height": 4}], r"labels\[0\] = .*must not be negative"),
         ([{}], r"labels\[0\] has no 'x'"),
         ([[10, 10, 5, 20]], r"labels\[0\] = .*ends before it starts"),
         ([{"bbox": "1234"}], r"labels\[0\]\.bbox must be a list"),
@@ -202,13 +154,5 @@ def test_any_json_raises_nothing_else(data: object, normalized: bool) -> None:
 def test_whole_pixels_come_back_unchanged(rows: list[tuple[int, int, int, int]]) -> None:
     boxes = [[min(a, c), min(b, d), max(a, c), max(b, d)] for a, b, c, d in rows]
     assert boxes_from_labels(boxes).boxes.tolist() == boxes
-    sized = [
-        {
-            "x": a,
-            "y": b,
-            "width": c - a,
-            "height": d - b,
-        }
-        for a, b, c, d in boxes
-    ]
+    sized = [{"x": a, "y": b, "width": c - a, "height": d - b} for a, b, c, d in boxes]
     assert boxes_from_labels(sized).boxes.tolist() == boxes

@@ -51,11 +51,7 @@ def test_boxes_and_areas_are_those_of_opencv(mask: np.ndarray, connectivity: int
 
 
 @given(masks(), st.sampled_from([4, 8]), st.integers(1, 200))
-def test_parts_are_taken_away_whole(
-    mask: np.ndarray,
-    connectivity: int,
-    area: int,
-) -> None:
+def test_parts_are_taken_away_whole(mask: np.ndarray, connectivity: int, area: int) -> None:
     parts = Parts(cv2, mask, connectivity)
     labels, stats = with_stats(mask, connectivity)
     wanted = np.concatenate([[False], stats[:, 4] >= area])
@@ -63,11 +59,7 @@ def test_parts_are_taken_away_whole(
 
 
 @given(masks(), st.sampled_from([4, 8]), st.integers(0, 2**32))
-def test_what_another_mask_touches(
-    mask: np.ndarray,
-    connectivity: int,
-    seed: int,
-) -> None:
+def test_what_another_mask_touches(mask: np.ndarray, connectivity: int, seed: int) -> None:
     other = (np.random.default_rng(seed).random(mask.shape) < 0.02) * np.uint8(255)
     parts = Parts(cv2, mask, connectivity)
     labels, stats = with_stats(mask, connectivity)

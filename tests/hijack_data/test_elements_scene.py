@@ -66,12 +66,7 @@ def test_empty_labels_and_trees_do_not_fall_through() -> None:
 
 
 def test_apps_and_target_are_passed_on() -> None:
-    scene = scene_from(
-        picture(),
-        labels=LABELS,
-        apps=["gimp", "vlc"],
-        target=(40, 30),
-    )
+    scene = scene_from(picture(), labels=LABELS, apps=["gimp", "vlc"], target=(40, 30))
     assert scene.apps == ("gimp", "vlc")
     assert scene.target == (32, 22, 48, 38)
     assert scene_from(picture(), labels=LABELS, apps="gimp").apps == ("gimp",)
@@ -110,11 +105,7 @@ def test_every_kind_of_picture_has_its_size() -> None:
     ],
 )
 @pytest.mark.parametrize("labels", [None, LABELS])
-def test_what_is_not_a_picture_is_refused(
-    image: Any,
-    error: type[Exception],
-    labels: Any,
-) -> None:
+def test_what_is_not_a_picture_is_refused(image: Any, error: type[Exception], labels: Any) -> None:
     with pytest.raises(error):
         scene_from(image, labels=labels)
 
@@ -129,10 +120,7 @@ def test_an_unknown_detector_is_refused_with_a_suggestion(tree: str | None) -> N
     ("detect", "module", "extra"), [("picture", "cv2", "vision"), ("ocr", "rapidocr", "ocr")]
 )
 def test_a_missing_detector_names_three_ways_out(
-    monkeypatch: pytest.MonkeyPatch,
-    detect: Any,
-    module: str,
-    extra: str,
+    monkeypatch: pytest.MonkeyPatch, detect: Any, module: str, extra: str
 ) -> None:
     from hijack_data.elements import ocr
 
@@ -151,11 +139,7 @@ def test_importing_loads_no_detector() -> None:
         "print([m for m in ('cv2', 'rapidocr', 'onnxruntime', 'torch', 'jax') if m in sys.modules])"
     )
     ran = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=True,
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
     )
     assert ran.stdout == "[]\n"
 

@@ -23,11 +23,7 @@ SIZE = (1080, 1920)
 SHOWN = 'st:showing="true" st:visible="true"'
 
 
-def document(
-    body: str,
-    platform: str = "ubuntu",
-    root: str = "desktop-frame",
-) -> str:
+def document(body: str, platform: str = "ubuntu", root: str = "desktop-frame") -> str:
     base = f"https://accessibility.{platform}.example.org/ns"
     spaces = {
         "st": "state",
@@ -323,11 +319,7 @@ def test_random_input_raises_nothing_else(xml: str | bytes) -> None:
 
 @settings(max_examples=200)
 @given(st.integers(0, len(DESKTOP)), st.text(max_size=8), st.integers(0, 60))
-def test_a_damaged_tree_raises_nothing_else(
-    at: int,
-    patch: str,
-    cut: int,
-) -> None:
+def test_a_damaged_tree_raises_nothing_else(at: int, patch: str, cut: int) -> None:
     xml = DESKTOP[:at] + patch + DESKTOP[at + cut :]
     try:
         found = boxes_from_tree(xml, SIZE)

@@ -123,11 +123,7 @@ def shown(stored: np.ndarray, orientation: int) -> np.ndarray:
 
 @pytest.mark.parametrize("kind", FORMATS)
 @pytest.mark.parametrize("orientation", ORIENTATIONS)
-def test_a_picture_that_exif_turns_is_loaded_as_it_is_shown(
-    tmp_path,
-    kind,
-    orientation,
-):
+def test_a_picture_that_exif_turns_is_loaded_as_it_is_shown(tmp_path, kind, orientation):
     data, stored = turned_file(kind, orientation)
     path = tmp_path / f"turned.{kind.lower()}"
     path.write_bytes(data)
@@ -143,11 +139,7 @@ def test_a_picture_that_exif_turns_is_loaded_as_it_is_shown(
 @pytest.mark.parametrize("kind", FORMATS)
 @pytest.mark.parametrize("orientation", ORIENTATIONS)
 @pytest.mark.parametrize("decode", [decode_image, lambda data, name: (decode(data, name), ())])
-def test_a_recorded_picture_that_exif_turns_is_refused(
-    kind,
-    orientation,
-    decode,
-):
+def test_a_recorded_picture_that_exif_turns_is_refused(kind, orientation, decode):
     """Nothing says whether the coordinates beside it are of the picture as stored or as shown."""
     data, stored = turned_file(kind, orientation)
     if orientation == 1:
@@ -278,11 +270,7 @@ def test_a_target_of_the_wrong_type(path):
 
 def versioned(path):
     return read_versioned_json(
-        path,
-        format="f",
-        version=2,
-        what="the index of a pack",
-        error=AssetError,
+        path, format="f", version=2, what="the index of a pack", error=AssetError
     )
 
 
@@ -290,11 +278,7 @@ def test_a_versioned_file_is_read(tmp_path):
     path = tmp_path / "index.json"
     for version in (1, 2):
         write_atomic(path, f'{{"format": "f", "version": {version}, "more": [1]}}')
-        assert versioned(path) == {
-            "format": "f",
-            "version": version,
-            "more": [1],
-        }
+        assert versioned(path) == {"format": "f", "version": version, "more": [1]}
 
 
 @pytest.mark.parametrize(
@@ -311,11 +295,7 @@ def test_a_versioned_file_is_read(tmp_path):
         ('{"format": "f", "version": "1"}', r"version '1' is not a version"),
     ],
 )
-def test_a_versioned_file_that_cannot_be_used(
-    tmp_path,
-    text,
-    message,
-):
+def test_a_versioned_file_that_cannot_be_used(tmp_path, text, message):
     path = tmp_path / "index.json"
     path.write_text(text)
     with pytest.raises(AssetError, match=message):
@@ -329,34 +309,15 @@ def test_a_versioned_file_that_is_missing(tmp_path):
         versioned(tmp_path / "none.json")
     with pytest.raises(HijackError, match=r"^record one first$"):
         read_versioned_json(
-            tmp_path / "none",
-            format="f",
-            version=1,
-            what="x",
-            missing="record one first",
+            tmp_path / "none", format="f", version=1, what="x", missing="record one first"
         )
 
 
 def test_data_in_memory_are_checked_alike():
     data = {"format": "f", "version": 1}
-    assert (
-        check_versioned(
-            data,
-            format="f",
-            version=1,
-            where="plan",
-            what="a plan",
-        )
-        is data
-    )
+    assert check_versioned(data, format="f", version=1, where="plan", what="a plan") is data
     with pytest.raises(HijackError, match=r"^plan: not a plan "):
-        check_versioned(
-            None,
-            format="f",
-            version=1,
-            where="plan",
-            what="a plan",
-        )
+        check_versioned(None, format="f", version=1, where="plan", what="a plan")
 
 
 def test_what_is_written_is_on_the_disk_before_its_name_is(tmp_path, monkeypatch):

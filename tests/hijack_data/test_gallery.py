@@ -36,11 +36,7 @@ OFFLINE = ("pop_ups", "resolution", "marks", "subtitle")
 SHRINK = hj.Subtitle(fit="shrink")
 
 
-def screen(
-    height: int = 400,
-    width: int = 640,
-    tint: int = 0,
-) -> np.ndarray:
+def screen(height: int = 400, width: int = 640, tint: int = 0) -> np.ndarray:
     """A plain desktop with a bar, a window and some buttons."""
     image = np.full((height, width, 3), (230 - tint, 232, 236), np.uint8)
     image[:24] = 40
@@ -116,12 +112,7 @@ def picture_of(uri: str) -> np.ndarray:
 def test_every_corruption_is_a_tile_with_a_picture(screens: list[Path]) -> None:
     """Those that act on the machine are composites, and the tile says so."""
     planners = {name: hj.get(name) for name in (*OFFLINE, *LIVE)} | {"subtitle": SHRINK}
-    page = gallery(
-        screens,
-        seed=7,
-        planners=planners,
-        detect="picture",
-    )
+    page = gallery(screens, seed=7, planners=planners, detect="picture")
     read = Reader(page.html)
     assert page.problems == ()
     assert read.texts["h3"] == [*OFFLINE, *LIVE] * len(screens)
@@ -184,12 +175,7 @@ def test_default_planners_are_all_registered_corruptions(shots: list[Path]) -> N
 
 def test_the_pictures_on_the_page_are_the_pictures_that_apply_gives(shots: list[Path]) -> None:
     planners = {"marks": hj.Marks(number=9), "small": hj.Resolution(scale=0.5)}
-    page = gallery(
-        shots[:1],
-        seed=5,
-        planners=planners,
-        detect="none",
-    )
+    page = gallery(shots[:1], seed=5, planners=planners, detect="none")
     image, _ = load_image(shots[0])
     scene = hj.Scene(image.shape[:2])
     tiles = [picture_of(attrs["src"] or "") for attrs in Reader(page.html).all("img", "after")]
@@ -202,17 +188,8 @@ def test_the_pictures_on_the_page_are_the_pictures_that_apply_gives(shots: list[
 
 def test_plan_figures_and_calls_on_a_tile_are_true(tmp_path: Path) -> None:
     path = save(tmp_path / "it's a $screen.png", screen())
-    marks = hj.Marks(
-        number=60,
-        color="#00ff00",
-        mark_type="circle",
-    )
-    page = gallery(
-        [path],
-        seed=11,
-        planners={"m": marks},
-        detect="picture",
-    )
+    marks = hj.Marks(number=60, color="#00ff00", mark_type="circle")
+    page = gallery([path], seed=11, planners={"m": marks}, detect="picture")
     image, _ = load_image(path)
     scene = hj.scene_from(image)
     assert len(scene.boxes) > 2
@@ -269,11 +246,7 @@ def built(node: ast.expr) -> Any:
 @pytest.mark.parametrize(
     "planner",
     [
-        hj.Marks(
-            number=4,
-            color="gold",
-            avoid_elements=True,
-        ),
+        hj.Marks(number=4, color="gold", avoid_elements=True),
         hj.Subtitle(subtitle_text="two\nlines: \"a\" \\ 'b'", font_size=12),
         hj.Subtitle(subtitle_text="12", font_size=12),
         hj.PopUps(button_string="true", small_factor=2),
@@ -301,9 +274,7 @@ def test_calls_make_the_same_plan(planner: Any) -> None:
 
 
 def test_the_command_on_a_tile_gives_the_picture_on_it(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = save(tmp_path / "-it's $a screen.png", screen())
     text = hj.Subtitle(subtitle_text="two\nlines; $HOME", font_size=14)
@@ -365,40 +336,19 @@ def test_painted_follows_a_resize_and_is_empty_for_one_alone() -> None:
     assert painted(both) == [[200, 100, 216, 116], [0, 0, 8, 16]]
 
 
-SPRITE = {
-    "draw": "mark",
-    "shape": "rectangle",
-    "size": 4,
-    "color": "red",
-}
+SPRITE = {"draw": "mark", "shape": "rectangle", "size": 4, "color": "red"}
 
 
 def test_same_input_same_bytes_wherever_the_files_lie(shots: list[Path], tmp_path: Path) -> None:
     planners: Mapping[str, Any] = {"marks": hj.Marks(), "gone": hj.Subtitle(font_size=500)}
     copies = [Path(shutil.copy(path, tmp_path)) for path in shots]
-    one = gallery(
-        [*shots, shots[0].parent / "none.png"],
-        seed=3,
-        planners=planners,
-        detect="none",
-    )
+    one = gallery([*shots, shots[0].parent / "none.png"], seed=3, planners=planners, detect="none")
     two = gallery(
-        [*map(str, copies), str(tmp_path / "none.png")],
-        seed=3,
-        planners=planners,
-        detect="none",
+        [*map(str, copies), str(tmp_path / "none.png")], seed=3, planners=planners, detect="none"
     )
     assert one == two
     assert str(tmp_path) not in two.html
-    assert (
-        one.html
-        != gallery(
-            shots,
-            seed=4,
-            planners=planners,
-            detect="none",
-        ).html
-    )
+    assert one.html != gallery(shots, seed=4, planners=planners, detect="none").html
 
 
 def test_hostile_text_stays_text(shots: list[Path]) -> None:
@@ -498,9 +448,7 @@ def test_broken_pictures_and_corruptions_are_listed_and_the_rest_is_shown(
     ],
 )
 def test_wrong_arguments_are_refused(
-    error: type[Exception],
-    images: Any,
-    options: dict[str, Any],
+    error: type[Exception], images: Any, options: dict[str, Any]
 ) -> None:
     with pytest.raises(error):
         gallery(images, **options)
@@ -514,22 +462,11 @@ def test_an_unknown_detector_is_refused(shots: list[Path]) -> None:
 def test_wide_pictures_are_scaled_down_together_and_say_so(tmp_path: Path) -> None:
     path = save(tmp_path / "wide.png", screen(500, 1000))
     planners: Mapping[str, Any] = {"marks": hj.Marks(number=2), "small": hj.Resolution(scale=0.5)}
-    page = gallery(
-        [path],
-        planners=planners,
-        detect="none",
-        embed_width=660,
-    )
+    page = gallery([path], planners=planners, detect="none", embed_width=660)
     shown = [picture_of(attrs["src"] or "").shape for attrs in Reader(page.html).all("img")]
     assert shown == [(330, 660, 3), (165, 330, 3)]
     assert "1000x500, shown at 66 %" in page.html
     assert "1000x500 to 500x250, shown at 66 %" in page.html
     assert (
-        "shown at"
-        not in gallery(
-            [path],
-            planners=planners,
-            detect="none",
-            embed_width=1000,
-        ).html
+        "shown at" not in gallery([path], planners=planners, detect="none", embed_width=1000).html
     )

@@ -52,9 +52,7 @@ def test_the_page_runs_without_errors_or_requests(browser: Browser, page_file: P
 
 
 def test_nothing_else_on_the_page_can_run(
-    browser: Browser,
-    page_file: Path,
-    tmp_path: Path,
+    browser: Browser, page_file: Path, tmp_path: Path
 ) -> None:
     text = page_file.read_text(encoding="utf-8")
     evil = (
@@ -172,26 +170,14 @@ def test_without_scripts_both_pictures_stand_side_by_side(
 
 
 @pytest.mark.parametrize("width", [320, 420, 900, 2400])
-def test_the_page_fits_every_width(
-    browser: Browser,
-    page_file: Path,
-    width: int,
-) -> None:
+def test_the_page_fits_every_width(browser: Browser, page_file: Path, width: int) -> None:
     browser.open(page_file.as_uri(), width=width)
     browser.js("for (const d of document.querySelectorAll('details')) d.open = true")
     assert browser.js("document.documentElement.scrollWidth") <= width
     columns = browser.js(
         "getComputedStyle(document.querySelector('.grid')).gridTemplateColumns.split(' ').length"
     )
-    assert (
-        columns
-        == {
-            320: 1,
-            420: 1,
-            900: 1,
-            2400: 4,
-        }[width]
-    )
+    assert columns == {320: 1, 420: 1, 900: 1, 2400: 4}[width]
 
 
 def test_dark_and_light(browser: Browser, page_file: Path) -> None:
@@ -204,9 +190,7 @@ def test_dark_and_light(browser: Browser, page_file: Path) -> None:
 
 
 def test_three_real_screenshots_make_a_page_that_can_be_mailed(
-    shared_data: Path,
-    browser: Browser,
-    tmp_path: Path,
+    shared_data: Path, browser: Browser, tmp_path: Path
 ) -> None:
     names = (
         "138_UI-TARS-desktop_base_url.png",

@@ -55,20 +55,7 @@ def test_pretty_json_keeps_short_things_on_a_line_and_packs_points() -> None:
 @given(st.text())
 @settings(max_examples=60, deadline=None)
 def test_filled_text_comes_back_as_text(text: str) -> None:
-    page = fill(
-        "message.html",
-        title="t",
-        message=text,
-        number=text,
-    )
+    page = fill("message.html", title="t", message=text, number=text)
     assert Counter(page).count == 5
     assert len(re.findall("<", page)) == 10
-    assert (
-        fill(
-            "message.html",
-            title=Html("<b>"),
-            message="",
-            number="",
-        ).count("<b>")
-        == 1
-    )
+    assert fill("message.html", title=Html("<b>"), message="", number="").count("<b>") == 1

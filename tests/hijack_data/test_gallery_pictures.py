@@ -84,10 +84,6 @@ def test_contact_sheet_shrinks_wide_pictures_and_never_enlarges() -> None:
         (ImageError, [("x", screen()[..., :2], screen())], 400),
     ],
 )
-def test_contact_sheet_refuses(
-    error: type[Exception],
-    rows: Any,
-    width: int,
-) -> None:
+def test_contact_sheet_refuses(error: type[Exception], rows: Any, width: int) -> None:
     with pytest.raises(error):
         contact_sheet(rows, width)

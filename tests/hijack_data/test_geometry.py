@@ -30,11 +30,7 @@ def one_box(low=-3, high=LIMIT + 3):
     return st.tuples(pair, pair).map(lambda p: (p[0][0], p[1][0], p[0][1], p[1][1]))
 
 
-def box_rows(
-    low=-3,
-    high=LIMIT + 3,
-    most=8,
-):
+def box_rows(low=-3, high=LIMIT + 3, most=8):
     return st.lists(one_box(low, high), max_size=most)
 
 
@@ -87,12 +83,7 @@ def area(box):
     return (box[2] - box[0]) * (box[3] - box[1])
 
 
-def random_boxes(
-    seed,
-    count,
-    size,
-    largest,
-):
+def random_boxes(seed, count, size, largest):
     rng = np.random.default_rng(seed)
     corners = rng.integers(-largest, [size[1], size[0]], (count, 2))
     return as_boxes(
@@ -100,11 +91,7 @@ def random_boxes(
     )
 
 
-def hang_from_bars(
-    count,
-    pitch,
-    bar,
-):
+def hang_from_bars(count, pitch, bar):
     """`count` bars across and `count` down a square screen: its holes touch no corner of any
     box."""
     starts, side = np.arange(count) * pitch, count * pitch
@@ -141,11 +128,7 @@ def test_order_and_repetition_do_not_matter(data, rows):
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 2**32), st.integers(0, 150), st.sampled_from([20, 90, 400]))
-def test_on_a_real_size_it_is_free_and_cannot_be_beaten(
-    seed,
-    count,
-    largest,
-):
+def test_on_a_real_size_it_is_free_and_cannot_be_beaten(seed, count, largest):
     size = (1080, 1920)
     boxes = random_boxes(seed, count, size, largest)
     found = largest_free_rectangle(size, boxes)
@@ -170,11 +153,7 @@ def test_on_a_real_size_it_is_free_and_cannot_be_beaten(
         ((10, 10), [(-4, -4, 2, 20)], (2, 0, 10, 10)),
     ],
 )
-def test_edge_cases(
-    size,
-    rows,
-    expected,
-):
+def test_edge_cases(size, rows, expected):
     assert largest_free_rectangle(size, as_boxes(rows)) == expected
 
 
@@ -233,11 +212,7 @@ def test_the_boxes_are_left_as_they_were():
 
 
 def test_holes_between_crossing_bars():
-    size, bars = hang_from_bars(
-        count=30,
-        pitch=7,
-        bar=3,
-    )
+    size, bars = hang_from_bars(count=30, pitch=7, bar=3)
     assert largest_free_rectangle(size, bars) == (3, 3, 7, 7)
     wider = bars.copy()
     wider[20, 1] += 1  # the upper edge of one bar across: the holes above it are one pixel higher
@@ -266,11 +241,7 @@ def test_thousands_of_boxes_end_soon_and_take_little_memory(largest):
 
 
 def test_a_thousand_crossing_bars_end_soon():
-    size, bars = hang_from_bars(
-        count=500,
-        pitch=60,
-        bar=30,
-    )
+    size, bars = hang_from_bars(count=500, pitch=60, bar=30)
     start = time.process_time()
     assert largest_free_rectangle(size, bars) == (30, 30, 60, 60)
     # a quarter of a million holes: cubic time would be far beyond
@@ -308,14 +279,7 @@ def test_overlaps_beyond_int32():
     assert intersection_area((-side, -side, side, side), boxes).tolist() == [2**62, 1]
 
 
-def one_by_one(
-    stream,
-    size,
-    half,
-    number,
-    attempts,
-    rows,
-):
+def one_by_one(stream, size, half, number, attempts, rows):
     """Algorithm "Marks" word for word, looking at pixels."""
     height, width = size
     picture = painted(size, rows)
@@ -338,14 +302,7 @@ def one_by_one(
     st.integers(0, 60),
     box_rows(-3, 40),
 )
-def test_placing_equals_one_attempt_at_a_time(
-    seed,
-    size,
-    half,
-    number,
-    attempts,
-    rows,
-):
+def test_placing_equals_one_attempt_at_a_time(seed, size, half, number, attempts, rows):
     stream, plain = Stream(seed, "marks-v1"), Stream(seed, "marks-v1")
     found = place_disjoint(stream, size, half, number, attempts, as_boxes(rows))
     assert found == one_by_one(plain, size, half, number, attempts, rows)

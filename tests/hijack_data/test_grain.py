@@ -31,12 +31,7 @@ def digests(elements):
 def test_elements_are_corrupted_by_their_id():
     dataset = grain.MapDataset.source(rows()).map(hg.Corrupt(SPEC, seed=3, return_plan=True))
     for row, out in zip(rows(), dataset, strict=True):
-        plan = SPEC.plan(
-            hj.Scene(size=SIZE, target=(50, 50)),
-            seed=3,
-            sample=row["id"],
-            step=0,
-        )
+        plan = SPEC.plan(hj.Scene(size=SIZE, target=(50, 50)), seed=3, sample=row["id"], step=0)
         assert out["plan"] == plan
         assert np.array_equal(out["image"], reference(plan, row["image"]))
         assert out["target"] == ((25, 25) if plan.out_size != SIZE else (50, 50))
@@ -48,25 +43,12 @@ def test_a_drag_is_judged_at_both_ends():
     spec, drag = hj.Marks(number=12, mark_size=20), hj.Action("drag", 50, 50, 150, 80)
     scene, shares = hj.Scene(size=SIZE, target=(50, 50)), {}
     for policy in ("keep", "avoid"):
-        corrupt = hg.Corrupt(
-            spec,
-            seed=3,
-            label_policy=policy,
-            return_plan=True,
-        )
+        corrupt = hg.Corrupt(spec, seed=3, label_policy=policy, return_plan=True)
         made = [corrupt.map({**row, "action": drag}) for row in rows()]
         shares[policy] = [e["target_visible"] for e in made]
         assert shares[policy] == [target_visible(e["plan"], (50, 50), (150, 80)) for e in made]
     plans = [
-        hj.plan_avoiding(
-            spec,
-            scene,
-            seed=3,
-            sample=e["id"],
-            step=0,
-            end=drag.end,
-        )
-        for e in made
+        hj.plan_avoiding(spec, scene, seed=3, sample=e["id"], step=0, end=drag.end) for e in made
     ]
     assert [e["plan"] for e in made] == [plan or hj.Plan.clean(SIZE) for plan in plans]
     starts = [
@@ -88,13 +70,7 @@ def test_threads_order_and_loader_change_nothing():
     assert digests(threaded.to_iter_dataset(grain.ReadOptions(num_threads=4))) == expected
     loader = grain.DataLoader(
         data_source=rows(),
-        sampler=grain.IndexSampler(
-            12,
-            grain.NoSharding(),
-            shuffle=True,
-            num_epochs=1,
-            seed=4,
-        ),
+        sampler=grain.IndexSampler(12, grain.NoSharding(), shuffle=True, num_epochs=1, seed=4),
         operations=[hg.RandomCorrupt(SPEC, seed=3, return_plan=True)],
         worker_count=0,
     )
@@ -121,17 +97,8 @@ def test_without_ids_grains_generator_decides():
 
 
 def test_other_names_and_pil():
-    element = {
-        "screen": Image.fromarray(picture(SIZE)),
-        "key": "row-0",
-        "target": (50, 50),
-    }
-    out = hg.Corrupt(
-        SPEC,
-        seed=3,
-        image_key="screen",
-        id_key="key",
-    ).map(element)
+    element = {"screen": Image.fromarray(picture(SIZE)), "key": "row-0", "target": (50, 50)}
+    out = hg.Corrupt(SPEC, seed=3, image_key="screen", id_key="key").map(element)
     assert np.array_equal(
         np.asarray(out["screen"]), hg.Corrupt(SPEC, seed=3).map(rows()[0])["image"]
     )
@@ -147,11 +114,7 @@ def test_other_names_and_pil():
         ([1], ParameterTypeError, "must be a dictionary, got list"),
     ],
 )
-def test_wrong_elements(
-    element,
-    error,
-    message,
-):
+def test_wrong_elements(element, error, message):
     with pytest.raises(error, match=message):
         hg.Corrupt(SPEC).map(element)
 
@@ -173,11 +136,7 @@ def test_the_number_of_compilations_does_not_grow():
     from hijack_data.kernels import jax_ops as kernels
 
     image = jnp.asarray(picture(SIZE))
-    words = {
-        "window_string": "go",
-        "prefix_string": "",
-        "suffix_string": "",
-    }
+    words = {"window_string": "go", "prefix_string": "", "suffix_string": ""}
     options = [
         hj.PopUps(width=150, height=100, size="uniform", **words),
         hj.Resolution(scale=0.5, restore=True),
@@ -188,9 +147,7 @@ def test_the_number_of_compilations_does_not_grow():
     def run(first, last):
         for i in range(first, last):
             text = hj.Subtitle(
-                subtitle_text=f"sample {i * 7919}",
-                font_size=8 + i % 9,
-                fit="shrink",
+                subtitle_text=f"sample {i * 7919}", font_size=8 + i % 9, fit="shrink"
             )
             planner = text if i % 5 == 0 else aug
             jax_operations(planner.plan(screen, seed=1, sample=i), image)

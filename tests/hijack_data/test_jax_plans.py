@@ -24,11 +24,7 @@ from hijack_data import jax_plans  # noqa: E402
 from hijack_data.jax_plans import Packer, apply_arrays  # noqa: E402
 
 SIZE = (180, 260)
-WORDS = {
-    "window_string": "go",
-    "prefix_string": "",
-    "suffix_string": "",
-}
+WORDS = {"window_string": "go", "prefix_string": "", "suffix_string": ""}
 POP_UP = hj.PopUps(width=150, height=100, size="uniform", **WORDS)
 MARKS, SUBTITLE = hj.Marks(number=9, mark_size=6), hj.Subtitle(font_size=9)
 HALF = hj.Resolution(scale=0.5, restore=True)
@@ -90,11 +86,7 @@ def test_columns_first_where_the_picture_gets_much_less_tall():
 
 def test_plans_travel_as_arguments_of_ones_own_program():
     @partial(jax.jit, donate_argnums=1)
-    def step(
-        bias,
-        images,
-        plans,
-    ):
+    def step(bias, images, plans):
         images = apply_arrays(plans, images)
         return images, images.astype("float32").mean(axis=(1, 2, 3)) + bias
 
@@ -112,9 +104,7 @@ def test_a_thousand_random_batches_compile_a_few_programs():
     def run(first, last):
         for i in range(first, last):
             text = hj.Subtitle(
-                subtitle_text=f"sample {i * 7919}",
-                font_size=8 + i % 9,
-                fit="shrink",
+                subtitle_text=f"sample {i * 7919}", font_size=8 + i % 9, fit="shrink"
             )
             plans = [
                 (text if (i + k) % 5 == 0 else aug).plan(hj.Scene(SIZE), seed=1, sample=f"{i}-{k}")
@@ -147,34 +137,15 @@ def test_what_does_not_fit_a_batch_of_one_shape():
         ("plans", ParameterTypeError, "takes a list of plans, got str"),
     ],
 )
-def test_what_is_no_list_of_plans(
-    plans,
-    error,
-    message,
-):
+def test_what_is_no_list_of_plans(plans, error, message):
     with pytest.raises(error, match=message):
         Packer(SIZE).pack(plans)
 
 
 def test_plans_that_need_too_much_memory_are_refused(monkeypatch):
-    mark = {
-        "draw": "mark",
-        "shape": "circle",
-        "size": 30,
-        "color": "red",
-    }
-    window = {
-        "draw": "window",
-        "size": [60, 60],
-        "edge": 1,
-        "panels": [],
-        "font": "DejaVuSans",
-    }
-    window = {
-        **window,
-        "color": "red",
-        "edge_color": "blue",
-    }
+    mark = {"draw": "mark", "shape": "circle", "size": 30, "color": "red"}
+    window = {"draw": "window", "size": [60, 60], "edge": 1, "panels": [], "font": "DejaVuSans"}
+    window = {**window, "color": "red", "edge_color": "blue"}
     monkeypatch.setattr(jax_plans, "PICTURE_PIXELS", 500_000)
     packer = Packer(SIZE)
     for recipe in (mark, window):
@@ -208,12 +179,7 @@ def test_plans_that_need_too_much_memory_are_refused(monkeypatch):
 @pytest.mark.parametrize(
     "wrap", [lambda f: f, lambda f: lambda p, i: jax.jit(f)(p, i)], ids=["", "jit"]
 )
-def test_pictures_that_the_plans_are_not_for(
-    images,
-    error,
-    message,
-    wrap,
-):
+def test_pictures_that_the_plans_are_not_for(images, error, message, wrap):
     plans = Packer(SIZE).pack([plan([MARKS], i) for i in range(2)])
     if not isinstance(images, list):
         with pytest.raises(error, match=message):

@@ -19,11 +19,7 @@ HALF = hj.Resolution(scale=0.5).plan(hj.Scene(SIZE), seed=1)
 Point = namedtuple("Point", "x y")
 
 
-def follow(
-    labels,
-    plan=HALF,
-    **sample,
-):
+def follow(labels, plan=HALF, **sample):
     return Labels(labels).follow(plan, sample)
 
 
@@ -73,48 +69,12 @@ def follow(
         ("leave", [100, 200, 300, 400], [100, 200, 300, 400]),
         (None, "click(100, 200)", "click(100, 200)"),
         ("action", hj.Action("drag", 101, 51, 10, 20), hj.Action("drag", 50, 25, 5, 10)),
-        (
-            "action",
-            {
-                "type": "click",
-                "x": 101,
-                "y": 51,
-            },
-            {
-                "type": "click",
-                "x": 50,
-                "y": 25,
-            },
-        ),
-        (
-            "action",
-            {
-                "type": "wait",
-                "x": None,
-                "y": None,
-            },
-            {
-                "type": "wait",
-                "x": None,
-                "y": None,
-            },
-        ),
+        ("action", {"type": "click", "x": 101, "y": 51}, {"type": "click", "x": 50, "y": 25}),
+        ("action", {"type": "wait", "x": None, "y": None}, {"type": "wait", "x": None, "y": None}),
         ("pyautogui", "pyautogui.click(100, 50)", "pyautogui.click(50, 25)"),
         ("pyautogui", b"pyautogui.click(100, 50)", b"pyautogui.click(50, 25)"),
         ("pyautogui", ["pyautogui.click(100, 50)", "DONE"], ["pyautogui.click(50, 25)", "DONE"]),
-        (
-            "openai",
-            {
-                "type": "click",
-                "x": 100,
-                "y": 50,
-            },
-            {
-                "type": "click",
-                "x": 50,
-                "y": 25,
-            },
-        ),
+        ("openai", {"type": "click", "x": 100, "y": 50}, {"type": "click", "x": 50, "y": 25}),
         ("openai", '{"type": "click", "x": 100, "y": 50}', '{"type": "click", "x": 50, "y": 25}'),
         (
             "anthropic",
@@ -135,11 +95,7 @@ def follow(
         ("ui_tars", "Action: click(start_box='(500,250)')", "Action: click(start_box='(500,250)')"),
     ],
 )
-def test_each_format(
-    form,
-    value,
-    expected,
-):
+def test_each_format(form, value, expected):
     before = repr(value)
     out = follow({"entry": form}, entry=value).get("entry", value)
     assert out == expected
@@ -199,14 +155,7 @@ def test_entries_inside_others():
         "annotations": [{"box": [100, 200, 130, 240], "name": "ok"}, {"name": "no box"}],
         "a.b": (100, 50),
     }
-    moved = follow(
-        {
-            "objects.bbox": "coco",
-            "annotations.box": "xyxy",
-            "a.b": "xy",
-        },
-        **sample,
-    )
+    moved = follow({"objects.bbox": "coco", "annotations.box": "xyxy", "a.b": "xy"}, **sample)
     assert moved["objects"] == {"bbox": [[50, 100, 15, 20], [1, 2, 3, 4]], "category": [1, 2]}
     assert moved["annotations"] == [{"box": [50, 100, 65, 120], "name": "ok"}, {"name": "no box"}]
     assert moved["a.b"] == (50, 25)
@@ -223,15 +172,7 @@ def test_entries_inside_others():
         ("point", (0.5, 0.25), "fractions of the picture"),
         ("point1000", (0.5, 0.25), "fractions of the picture"),
         ("x", 0.5, "fractions of the picture"),
-        (
-            "action",
-            {
-                "type": "click",
-                "x": 0.5,
-                "y": 0.25,
-            },
-            "fractions",
-        ),
+        ("action", {"type": "click", "x": 0.5, "y": 0.25}, "fractions"),
         (
             "xyxy",
             [100, 200, 50, 240],
@@ -247,15 +188,7 @@ def test_entries_inside_others():
         ("xy", (-1, -1), r"the point \(-1, -1\); where there is none, give None"),
         ("action", hj.Action("click", 5000, 10), "coordinate 5000 is outside"),
         ("pyautogui", "pyautogui.click(5000, 10)", "coordinate 5000 is outside"),
-        (
-            "openai",
-            {
-                "type": "click",
-                "x": 5000,
-                "y": 1,
-            },
-            "coordinate 5000 is outside",
-        ),
+        ("openai", {"type": "click", "x": 5000, "y": 1}, "coordinate 5000 is outside"),
         ("xyxy", [1, 2, 3], "groups of 4 numbers"),
         ("xyxy", 5, "groups of 4 numbers"),
         ("xy", [[1, 2, 3]], "groups of 2 numbers"),
@@ -273,11 +206,7 @@ def test_entries_inside_others():
         ("mask", [[1, 2], [3]], "lists of different lengths"),
     ],
 )
-def test_what_cannot_follow_is_an_error_that_names_key_and_remedy(
-    form,
-    value,
-    message,
-):
+def test_what_cannot_follow_is_an_error_that_names_key_and_remedy(form, value, message):
     with pytest.raises(LabelError, match=message) as caught:
         follow({"entry": form}, entry=value)
     assert "'entry'" in str(caught.value)
@@ -332,14 +261,7 @@ def test_a_point_in_a_box_stays_in_it_whatever_they_are_written_as(case):
     assert box == [tx1, ty1, tx2, ty2]
     point = FORMATS["xy"].moved((x, y), move)
     action = FORMATS["action"].moved(hj.Action("click", x, y), move)
-    typed = FORMATS["openai"].moved(
-        {
-            "type": "click",
-            "x": x,
-            "y": y,
-        },
-        move,
-    )
+    typed = FORMATS["openai"].moved({"type": "click", "x": x, "y": y}, move)
     code = FORMATS["pyautogui"].moved(f"pyautogui.click({x}, {y})", move)
     alone = FORMATS["x"].moved(x, move), FORMATS["y"].moved(y, move)
     assert inside(box, point)

@@ -31,13 +31,7 @@ def tensor():
 
 
 def half(sample, **settings):
-    return tr.Resolution(scale=0.5, **settings)(
-        {
-            "image": tensor(),
-            "id": 1,
-            **sample,
-        }
-    )
+    return tr.Resolution(scale=0.5, **settings)({"image": tensor(), "id": 1, **sample})
 
 
 @dataclasses.dataclass
@@ -63,12 +57,7 @@ TELLING: dict[str, Any] = {
     "cy": 50.5,
     "top": torch.tensor(30),
     "answer_xy": "unused",
-    "action": {
-        "type": "click",
-        "x": 10,
-        "y": 20,
-        "button": "left",
-    },
+    "action": {"type": "click", "x": 10, "y": 20, "button": "left"},
     "actions": [{"action": "left_click", "coordinate": [10, 20]}],
     "action_code": "click(start_box='(10,20)')",
     "tool_calls": (
@@ -131,20 +120,8 @@ def test_an_undeclared_label_is_an_error_that_names_key_and_remedy(key):
     assert f"{key}" in message
     assert "labels={" in message
     assert "'leave'" in message
-    tr.Marks(seed=3)(
-        {
-            "image": tensor(),
-            "id": 1,
-            key: TELLING[key],
-        }
-    )  # moves no pixel
-    tr.Resolution(scale=0.5, restore=True)(
-        {
-            "image": tensor(),
-            "id": 1,
-            key: TELLING[key],
-        }
-    )
+    tr.Marks(seed=3)({"image": tensor(), "id": 1, key: TELLING[key]})  # moves no pixel
+    tr.Resolution(scale=0.5, restore=True)({"image": tensor(), "id": 1, key: TELLING[key]})
 
 
 def test_the_error_says_where_in_a_nested_entry():
@@ -164,28 +141,16 @@ def test_the_error_says_where_in_a_nested_entry():
         {"text": "Save", "thought": "at (10, 20)"},
         {"target_id": "17", "element_ids": ["3", "4"], "input_ids": "101 102"},
         {"w": 0.5, "token_height": 7},
-        {
-            "label": 3,
-            "category_id": 7,
-            "target_class": torch.tensor(5),
-        },
+        {"label": 3, "category_id": 7, "target_class": torch.tensor(5)},
         {"labels": torch.tensor([1, 7])},
-        {
-            "scores": [0.5, 0.2],
-            "area": [100, 200],
-            "iscrowd": [0, 1],
-        },
+        {"scores": [0.5, 0.2], "area": [100, 200], "iscrowd": [0, 1]},
         {
             "input_ids": [101, 2054],
             "attention_mask": torch.ones(4),
             "position_ids": torch.arange(4),
         },
         {"image_grid_thw": [[1, 36, 66]], "pixel_mean": [0.1, 0.2]},
-        {
-            "bbox": [],
-            "points": None,
-            "boxes": torch.zeros((0, 4)),
-        },
+        {"bbox": [], "points": None, "boxes": torch.zeros((0, 4))},
         # fractions are the same at every size
         {"norm_bbox": [0.1, 0.2, 0.3, 0.4], "click": (0.5, 0.25)},
         {"x": 0.25, "y": 0.5},
@@ -193,18 +158,8 @@ def test_the_error_says_where_in_a_nested_entry():
         {"action": {"type": "wait"}, "action_code": "WAIT"},
         {"action": "scroll down", "answer": "yes"},
         {"messages": [{"role": "user", "content": "Please click OK"}]},
-        {
-            "image_id": [10, 20],
-            "step": 3,
-            "epoch": 1,
-            "reward": [1, 20],
-            "split": "train",
-        },
-        {
-            "other": torch.ones(3, dtype=torch.uint8),
-            "flag": True,
-            "raw": b"\x00\x01",
-        },
+        {"image_id": [10, 20], "step": 3, "epoch": 1, "reward": [1, 20], "split": "train"},
+        {"other": torch.ones(3, dtype=torch.uint8), "flag": True, "raw": b"\x00\x01"},
         {
             "next_image": Image.fromarray(PIXELS),
             "rgb": tensor(),
@@ -224,13 +179,7 @@ def test_what_is_no_label_passes(entry):
 
 def _half_of_array(entry):
     hg = pytest.importorskip("hijack_data.grain")
-    return hg.Corrupt(HALF).map(
-        {
-            "image": PIXELS,
-            "id": 1,
-            **entry,
-        }
-    )
+    return hg.Corrupt(HALF).map({"image": PIXELS, "id": 1, **entry})
 
 
 def test_labels_beside_the_picture_in_a_tuple_have_no_name():
@@ -260,11 +209,7 @@ SAMPLE: dict[str, Any] = {
     "bbox": [100, 20, 30, 40],
     "click": (110, 30),
     "norm": (0.5, 0.25),
-    "act": {
-        "type": "click",
-        "x": 110,
-        "y": 30,
-    },
+    "act": {"type": "click", "x": 110, "y": 30},
     "keypoints": [[1, 2], [30, 40]],
     "note": [10, 20],
     "objects": {"bbox": [[100, 20, 30, 40]], "category": [3]},
@@ -278,11 +223,7 @@ EXPECTED = {
     **SAMPLE,
     "bbox": [50, 10, 15, 20],
     "click": (55, 15),
-    "act": {
-        "type": "click",
-        "x": 55,
-        "y": 15,
-    },
+    "act": {"type": "click", "x": 55, "y": 15},
     "keypoints": [[0, 1], [15, 20]],
     "objects": {"bbox": [[50, 10, 15, 20]], "category": [3]},
     "image_size": (192, 108),
@@ -312,11 +253,7 @@ def check(out):
     ],
 )
 def test_every_transform_takes_labels(make):
-    sample = {
-        "image": tensor(),
-        "id": 1,
-        **copy.deepcopy(SAMPLE),
-    }
+    sample = {"image": tensor(), "id": 1, **copy.deepcopy(SAMPLE)}
     out = make(labels=DECLARED)(sample)
     check(out)
     assert sample["bbox"] == [100, 20, 30, 40]
@@ -326,11 +263,7 @@ def test_every_transform_takes_labels(make):
 def test_grain_takes_labels():
     hg = pytest.importorskip("hijack_data.grain")
     for corrupt in (hg.Corrupt(HALF, labels=DECLARED), hg.RandomCorrupt(HALF, labels=DECLARED)):
-        element = {
-            "image": PIXELS,
-            "id": 1,
-            **copy.deepcopy(SAMPLE),
-        }
+        element = {"image": PIXELS, "id": 1, **copy.deepcopy(SAMPLE)}
         made = (
             corrupt.map(element)
             if hasattr(corrupt, "map")
@@ -338,29 +271,14 @@ def test_grain_takes_labels():
         )
         check(made)
     with pytest.raises(LabelError, match="'bbox'"):
-        hg.Corrupt(HALF).map(
-            {
-                "image": PIXELS,
-                "id": 1,
-                "bbox": [10, 20, 30, 40],
-            }
-        )
+        hg.Corrupt(HALF).map({"image": PIXELS, "id": 1, "bbox": [10, 20, 30, 40]})
 
 
 @pytest.mark.parametrize("kind", ["lists", "tensors"])
 def test_batches_take_labels(kind):
-    mixed = tr.OneOf(
-        [HALF, hj.Marks(number=3)],
-        seed=1,
-        labels=DECLARED,
-        return_plan=True,
-    )
+    mixed = tr.OneOf([HALF, hj.Marks(number=3)], seed=1, labels=DECLARED, return_plan=True)
     many = {key: [copy.deepcopy(value)] * 6 for key, value in SAMPLE.items()}
-    batch = {
-        "image": torch.stack([tensor()] * 6),
-        "id": list(range(6)),
-        **many,
-    }
+    batch = {"image": torch.stack([tensor()] * 6), "id": list(range(6)), **many}
     if kind == "tensors":
         batch |= {
             "bbox": torch.tensor(batch["bbox"]),
@@ -384,25 +302,14 @@ def test_batches_take_labels(kind):
     assert isinstance(out["bbox"], torch.Tensor) == (kind == "tensors")
     with pytest.raises(LabelError, match="'bbox'"):
         tr.Resolution(scale=0.5)(
-            {
-                "image": batch["image"],
-                "id": batch["id"],
-                "bbox": batch["bbox"],
-            }
+            {"image": batch["image"], "id": batch["id"], "bbox": batch["bbox"]}
         )
 
 
 def test_datasets_map_and_with_transform(tmp_path):
     datasets = pytest.importorskip("datasets")
     plain = {key: value for key, value in SAMPLE.items() if key != "mask"}
-    rows = [
-        {
-            "image": Image.fromarray(PIXELS),
-            "id": i,
-            **copy.deepcopy(plain),
-        }
-        for i in range(3)
-    ]
+    rows = [{"image": Image.fromarray(PIXELS), "id": i, **copy.deepcopy(plain)} for i in range(3)]
     data = datasets.Dataset.from_list(rows)
     labels = {key: form for key, form in DECLARED.items() if key != "mask"}
     corrupt = tr.Resolution(scale=0.5, labels=labels)
@@ -419,13 +326,7 @@ def test_datasets_map_and_with_transform(tmp_path):
                 assert row[key] == value, key
     with pytest.raises(LabelError, match="'bbox'"):
         data.map(tr.Resolution(scale=0.5))
-    told = data.map(
-        tr.Resolution(
-            scale=0.5,
-            labels=labels,
-            return_plan="json",
-        )
-    )
+    told = data.map(tr.Resolution(scale=0.5, labels=labels, return_plan="json"))
     assert hj.Plan.from_json(told[0]["plan"]).out_size == (108, 192)
 
 
@@ -462,43 +363,20 @@ def test_tv_tensors_dictionaries_actions_and_code_agree():
 
 
 def test_declared_labels_are_targets():
-    marks = {
-        "seed": 3,
-        "number": 60,
-        "label_policy": "avoid",
-        "return_plan": True,
-    }
+    marks = {"seed": 3, "number": 60, "label_policy": "avoid", "return_plan": True}
     for labels, entries in (
         ({"bbox": "xywh"}, {"bbox": [150, 80, 80, 60]}),
         ({"bbox": "yolo"}, {"bbox": [190 / 384, 110 / 216, 80 / 384, 60 / 216]}),
         ({"target": "xywh"}, {"target": [150, 80, 80, 60]}),
         ({"objects.bbox": "coco"}, {"objects": {"bbox": [[150, 80, 80, 60]]}}),
     ):
-        out = tr.Marks(labels=labels, **marks)(
-            {
-                "image": tensor(),
-                "id": 1,
-                **entries,
-            }
-        )
+        out = tr.Marks(labels=labels, **marks)({"image": tensor(), "id": 1, **entries})
         assert out["target_visible"] == target_visible(out["plan"], (150, 80, 230, 140)) == 1
     both = {"bbox": "xyxy", "click": "xy"}
     entries = {"bbox": [150, 80, 230, 140], "click": (30, 30)}
     with pytest.raises(LabelError, match="bbox and click could be it; say which: target='bbox'"):
-        tr.Marks(labels=both, **marks)(
-            {
-                "image": tensor(),
-                "id": 1,
-                **entries,
-            }
-        )
-    out = tr.Marks(labels=both, target="click", **marks)(
-        {
-            "image": tensor(),
-            "id": 1,
-            **entries,
-        }
-    )
+        tr.Marks(labels=both, **marks)({"image": tensor(), "id": 1, **entries})
+    out = tr.Marks(labels=both, target="click", **marks)({"image": tensor(), "id": 1, **entries})
     assert out["target_visible"] == target_visible(out["plan"], (30, 30)) == 1
     with pytest.raises(ParameterError, match="target='box' is not among the labels"):
         tr.Marks(labels=both, target="box")
@@ -509,43 +387,15 @@ def test_to_avoid_nothing_is_an_error_where_something_could_be_meant():
     with pytest.raises(
         LabelError, match="names none, but its entry 'bbox' could be it: declare it"
     ):
-        avoid(
-            {
-                "image": tensor(),
-                "id": 1,
-                "bbox": [10, 20, 30, 40],
-            }
-        )
+        avoid({"image": tensor(), "id": 1, "bbox": [10, 20, 30, 40]})
     for entries in ({}, {"action": hj.Action("wait")}, {"target": None, "bbox": [10, 20, 30, 40]}):
-        avoid(
-            {
-                "image": tensor(),
-                "id": 1,
-                **entries,
-            }
-        )
+        avoid({"image": tensor(), "id": 1, **entries})
 
 
 def test_a_dictionary_of_ours_as_action_is_a_target():
-    for action in (
-        {
-            "type": "click",
-            "x": 190,
-            "y": 110,
-        },
-        hj.Action("click", 190, 110),
-    ):
-        out = tr.Marks(
-            seed=3,
-            number=60,
-            label_policy="avoid",
-            return_plan=True,
-        )(
-            {
-                "image": tensor(),
-                "id": 1,
-                "action": action,
-            }
+    for action in ({"type": "click", "x": 190, "y": 110}, hj.Action("click", 190, 110)):
+        out = tr.Marks(seed=3, number=60, label_policy="avoid", return_plan=True)(
+            {"image": tensor(), "id": 1, "action": action}
         )
         assert out["target_visible"] == target_visible(out["plan"], (190, 110)) == 1
 
@@ -560,28 +410,13 @@ def test_a_dictionary_of_ours_as_action_is_a_target():
         ({"target": [(5, 5, 50, 50), (60, 5, 90, 50)]}, "'target' holds 2 places.*leave that one"),
         ({"target_box": [[5, 5, 50, 50], [60, 5, 90, 50]]}, "'target_box' holds 2 places"),
         ({"elements": [[0.1, 0.1, 0.3, 0.2]]}, "'elements'.*fractions"),
-        (
-            {
-                "action": {
-                    "type": "click",
-                    "x": 5000,
-                    "y": 10,
-                }
-            },
-            "outside",
-        ),
+        ({"action": {"type": "click", "x": 5000, "y": 10}}, "outside"),
     ],
 )
 def test_targets_that_cannot_be_right_are_refused_by_every_corruption(entries, message):
     for transform in (tr.Marks(seed=3), tr.Resolution(scale=0.5)):
         with pytest.raises(ParameterError, match=message):
-            transform(
-                {
-                    "image": tensor(),
-                    "id": 1,
-                    **entries,
-                }
-            )
+            transform({"image": tensor(), "id": 1, **entries})
 
 
 def test_scenes_refuse_what_cannot_be_pixels():
@@ -609,12 +444,7 @@ def test_scenes_refuse_what_cannot_be_pixels():
     ] == [4, 4, 5, 5]
     half = hj.OneOf([hj.Marks()])
     with pytest.raises(ParameterError, match="fractions"):
-        half(
-            PIXELS[None],
-            ids=["a"],
-            targets=[(0.5, 0.5)],
-            seed=1,
-        )
+        half(PIXELS[None], ids=["a"], targets=[(0.5, 0.5)], seed=1)
 
 
 # --- how often
@@ -622,17 +452,8 @@ def test_scenes_refuse_what_cannot_be_pixels():
 
 def test_p_is_the_probability_that_a_sample_is_corrupted():
     for transform in (
-        tr.Marks(
-            seed=3,
-            number=1,
-            p=0.25,
-        ),
-        tr.OneOf(
-            [hj.Marks(number=1)],
-            p=0.5,
-            p_clean=0.5,
-            seed=3,
-        ),
+        tr.Marks(seed=3, number=1, p=0.25),
+        tr.OneOf([hj.Marks(number=1)], p=0.5, p_clean=0.5, seed=3),
     ):
         planner = transform.settings.planner
         clean = sum(not planner.plan(hj.Scene(SIZE), seed=3, sample=i).ops for i in range(1000))

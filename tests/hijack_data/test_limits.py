@@ -23,25 +23,9 @@ from hijack_data.kernels.cpu import pixels as cpu
 from hijack_data.plan import Paste, Plan, Resample, _digest
 
 MIB = 2**20
-FONT = {
-    "font": "DejaVuSans",
-    "color": "black",
-    "edge_color": "red",
-}
-TEXT = {
-    "draw": "text",
-    "lines": ["a"],
-    "size": 20,
-    "edge": 0,
-    **FONT,
-}
-WINDOW = {
-    "draw": "window",
-    "size": [90, 60],
-    "edge": 1,
-    "panels": [],
-    **FONT,
-}
+FONT = {"font": "DejaVuSans", "color": "black", "edge_color": "red"}
+TEXT = {"draw": "text", "lines": ["a"], "size": 20, "edge": 0, **FONT}
+WINDOW = {"draw": "window", "size": [90, 60], "edge": 1, "panels": [], **FONT}
 
 
 def peak(work) -> int:
@@ -67,11 +51,7 @@ def sealed(**fields) -> str:
 def test_a_resize_beyond_the_limit_is_refused(size):
     with pytest.raises(ParameterError, match=f"limit is {limits.PICTURE_PIXELS} pixels"):
         Resample(size)
-    op = {
-        "op": "resample",
-        "size": list(size),
-        "filter": "bicubic",
-    }
+    op = {"op": "resample", "size": list(size), "filter": "bicubic"}
     with pytest.raises(PlanError, match=f"limit is {limits.PICTURE_PIXELS} pixels"):
         Plan.from_json(sealed(ops=[op]))
 
@@ -85,12 +65,7 @@ def test_a_plan_for_a_picture_beyond_the_limit_is_refused():
 
 @given(st.integers(1, 9000), st.integers(1, 9000), st.floats(0.01, 16), st.booleans())
 @settings(max_examples=200, deadline=None)
-def test_whatever_resolution_allows_is_allowed(
-    height,
-    width,
-    scale,
-    restore,
-):
+def test_whatever_resolution_allows_is_allowed(height, width, scale, restore):
     spec = hj.Resolution(scale=scale, restore=restore)
     try:
         plan = spec.plan(hj.Scene((height, width)), seed=1)
@@ -129,41 +104,18 @@ def png_of_size(width: int, height: int) -> dict:
 
 
 def panel(**values) -> dict:
-    return {
-        "box": [0, 0, 90, 60],
-        "fill": "white",
-        "lines": [],
-        "font_size": 9,
-        **values,
-    }
+    return {"box": [0, 0, 90, 60], "fill": "white", "lines": [], "font_size": 9, **values}
 
 
 LARGE = {
-    "mark": {
-        "draw": "mark",
-        "shape": "star",
-        "size": 4097,
-        "color": "red",
-    },
+    "mark": {"draw": "mark", "shape": "star", "size": 4097, "color": "red"},
     "window": {**WINDOW, "size": [16_000, 16_000]},
     "wide window": {**WINDOW, "size": [2**20, 2**7]},
     "png": png_of_size(20_000, 20_000),
     "png of 2**31": png_of_size(2**31 - 1, 2**31 - 1),
-    "text of many letters": {
-        **TEXT,
-        "lines": ["W" * 50_000],
-        "size": 900,
-    },
-    "text of many lines": {
-        **TEXT,
-        "lines": ["a"] * 50_000,
-        "size": 4000,
-    },
-    "text with an edge": {
-        **TEXT,
-        "edge": 4096,
-        "lines": ["a"] * 9,
-    },
+    "text of many letters": {**TEXT, "lines": ["W" * 50_000], "size": 900},
+    "text of many lines": {**TEXT, "lines": ["a"] * 50_000, "size": 4000},
+    "text with an edge": {**TEXT, "edge": 4096, "lines": ["a"] * 9},
     "text with a margin": {**TEXT, "margin": 4096},
     "edge": {**TEXT, "edge": 5000},
     "negative edge": {**TEXT, "edge": -1},
@@ -185,12 +137,7 @@ def test_a_drawing_that_is_too_large_is_refused_before_it_is_made(name):
 
 
 def test_the_largest_mark_is_drawn():
-    recipe = {
-        "draw": "mark",
-        "shape": "circle",
-        "size": 4096,
-        "color": "#102030",
-    }
+    recipe = {"draw": "mark", "shape": "circle", "size": 4096, "color": "#102030"}
     plan = Plan("test-v1", (60, 80), ops=(Paste(recipe, ((-4000, -4000), (40, 40))),))
     after = np.zeros((60, 80, 3), np.uint8)
     assert peak(lambda: cpu.paste_plain(after, lower(plan.ops[0], plan.size))) < 1200 * MIB
@@ -214,34 +161,16 @@ def test_what_sticks_out_is_cut_off_without_a_copy(alpha):
 
 
 STAMPS = [
-    {
-        "draw": "mark",
-        "shape": "star",
-        "size": 9,
-        "color": "red",
-    },
-    {
-        **TEXT,
-        "edge": 2,
-        "lines": ["two", "lines"],
-        "size": 11,
-    },
-    {
-        **WINDOW,
-        "size": [40, 25],
-        "panels": [panel(box=[0, 0, 40, 20], lines=["ok"])],
-    },
+    {"draw": "mark", "shape": "star", "size": 9, "color": "red"},
+    {**TEXT, "edge": 2, "lines": ["two", "lines"], "size": 11},
+    {**WINDOW, "size": [40, 25], "panels": [panel(box=[0, 0, 40, 20], lines=["ok"])]},
     png_recipe(np.random.default_rng(0).integers(0, 256, (13, 17, 4), dtype=np.uint8)),
 ]
 
 
 @pytest.mark.parametrize("recipe", STAMPS, ids=lambda recipe: recipe["draw"])
 @pytest.mark.parametrize("pixels", [60, 200])
-def test_work_in_pieces_gives_the_same_bytes(
-    recipe,
-    pixels,
-    monkeypatch,
-):
+def test_work_in_pieces_gives_the_same_bytes(recipe, pixels, monkeypatch):
     torch, jnp = pytest.importorskip("torch"), pytest.importorskip("jax.numpy")
     from hijack_data.kernels.torch_ops import paste_ops
 

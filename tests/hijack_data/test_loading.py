@@ -23,23 +23,11 @@ ROOT = Path(__file__).resolve().parents[2]
 NAME = 'name: ClassVar[str] = "{}"'
 
 
-def run(
-    *words,
-    code=0,
-    env=None,
-    cwd=ROOT,
-):
+def run(*words, code=0, env=None, cwd=ROOT):
     command = [*lean.HIJACK, *map(str, words)]
     kept = {key: value for key, value in os.environ.items() if key != loading.VARIABLE}
     env = {**kept, **(env or {})}
-    done = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        cwd=cwd,
-        env=env,
-        timeout=300,
-    )
+    done = subprocess.run(command, capture_output=True, text=True, cwd=cwd, env=env, timeout=300)
     assert done.returncode == code, (done.returncode, done.stdout, done.stderr)
     assert "Traceback" not in done.stderr
     return done
@@ -130,11 +118,7 @@ def test_two_files_with_one_name_are_an_error(tmp_path):
         ("import nothing_of_this_name\n", "cannot be imported (line 1): ModuleNotFoundError: "),
     ],
 )
-def test_a_file_that_cannot_be_loaded_is_an_error(
-    tmp_path,
-    text,
-    reason,
-):
+def test_a_file_that_cannot_be_loaded_is_an_error(tmp_path, text, reason):
     file = tmp_path / "bad.py"
     file.write_text(text)
     assert f"error: {file}: {reason}" in run("--load", file, "list", code=2).stderr
@@ -200,12 +184,7 @@ def test_a_plugin_of_that_very_file_is_not_loaded_again(tmp_path):
         "assert file.module == 'scratch_module' and file.corruptions == ('bar',), file\n"
     )
     env = {**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"}
-    subprocess.run(
-        [sys.executable, "-c", code, str(module)],
-        env=env,
-        check=True,
-        timeout=60,
-    )
+    subprocess.run([sys.executable, "-c", code, str(module)], env=env, check=True, timeout=60)
 
 
 CHILD = """
@@ -223,11 +202,7 @@ def plan_elsewhere(spec, **env):
         [sys.executable, "-c", CHILD],
         input=pickle.dumps((spec, SCENE)),
         capture_output=True,
-        env={
-            **kept,
-            "PYTHONPATH": str(ROOT),
-            **env,
-        },
+        env={**kept, "PYTHONPATH": str(ROOT), **env},
         timeout=60,
     )
     return done.stdout.decode().strip() or done.stderr.decode().splitlines()[-1]
@@ -265,13 +240,7 @@ def test_processes_that_are_started_know_it(fresh):
     env = {**os.environ, "PYTHONPATH": str(ROOT)}
     command = [sys.executable, "-c", code]
     for folder in (ROOT, "/"):
-        done = subprocess.run(
-            command,
-            capture_output=True,
-            text=True,
-            env=env,
-            cwd=folder,
-        )
+        done = subprocess.run(command, capture_output=True, text=True, env=env, cwd=folder)
         assert done.stdout == "bar\n", done.stderr
 
 

@@ -33,12 +33,7 @@ def holder(request, tmp_path):
     if kind == "folder":
         path.mkdir()
     argv = [sys.executable, "-c", textwrap.dedent(HOLDER), str(path), kind]
-    process = subprocess.Popen(
-        argv,
-        stdout=subprocess.PIPE,
-        text=True,
-        cwd=ROOT,
-    )
+    process = subprocess.Popen(argv, stdout=subprocess.PIPE, text=True, cwd=ROOT)
     try:
         assert process.stdout is not None
         assert process.stdout.readline() == "held\n"

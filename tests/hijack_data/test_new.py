@@ -10,19 +10,9 @@ from support import lean
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def run(
-    folder,
-    *words,
-    code=0,
-):
+def run(folder, *words, code=0):
     command = [*lean.HIJACK, *words]
-    done = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        cwd=folder,
-        timeout=300,
-    )
+    done = subprocess.run(command, capture_output=True, text=True, cwd=folder, timeout=300)
     assert done.returncode == code, (done.stdout, done.stderr)
     assert "Traceback" not in done.stderr
     return done.stdout + done.stderr
@@ -51,10 +41,6 @@ def test_it_overwrites_nothing(tmp_path):
     ("name", "problem"),
     [("Dust", "lower-case letters"), ("clean", "means something else"), ("marks", "is taken")],
 )
-def test_names_that_cannot_be_are_refused(
-    tmp_path,
-    name,
-    problem,
-):
+def test_names_that_cannot_be_are_refused(tmp_path, name, problem):
     assert problem in run(tmp_path, "new", "corruption", name, code=2)
     assert not list(tmp_path.iterdir())

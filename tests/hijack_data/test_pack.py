@@ -83,11 +83,7 @@ def test_the_digest_names_what_is_in_it_and_not_where(folder: Path, tmp_path: Pa
     digest = AssetPack.load(folder).digest
     shutil.copytree(folder, tmp_path / "copy")
     assert AssetPack.load(tmp_path / "copy").digest == digest
-    thing = {
-        "name": "x",
-        "role": "y",
-        "box": [0, 0, 1, 1],
-    }
+    thing = {"name": "x", "role": "y", "box": [0, 0, 1, 1]}
     for change in (
         {"sha256": "0" * 64},
         {"targets": [thing]},
@@ -101,9 +97,7 @@ def test_the_digest_names_what_is_in_it_and_not_where(folder: Path, tmp_path: Pa
 
 
 def test_which_pack_is_the_default(
-    folder: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
+    folder: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(pack_module, "SHIPPED", folder)
     assert AssetPack.load().folder == folder
@@ -116,9 +110,7 @@ def test_which_pack_is_the_default(
 
 
 def plan_of(
-    recipe: dict[str, Any],
-    *at: tuple[int, int],
-    size: tuple[int, int] = (100, 150),
+    recipe: dict[str, Any], *at: tuple[int, int], size: tuple[int, int] = (100, 150)
 ) -> hj.Plan:
     return hj.Plan("test-v1", size, ops=(hj.Paste(recipe, at),))
 
@@ -159,9 +151,7 @@ def test_a_plan_is_replayed_from_its_json_in_a_new_process(
 
 
 def test_plans_whose_pack_is_not_there(
-    folder: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
+    folder: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     asset = AssetPack.load(folder).get("gimp-90x70")
     pack_module._known.clear()
@@ -188,9 +178,7 @@ def test_plans_whose_pack_is_not_there(
 
 
 def test_any_pack_that_was_loaded_is_looked_in(
-    folder: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
+    folder: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(pack_module, "SHIPPED", tmp_path / "none")
     asset = AssetPack.load(folder).get("view")
@@ -208,9 +196,7 @@ def test_any_pack_that_was_loaded_is_looked_in(
     ],
 )
 def test_files_that_are_not_what_the_index_says(
-    spoil: Callable[[Path], object],
-    reason: str,
-    folder: Path,
+    spoil: Callable[[Path], object], reason: str, folder: Path
 ) -> None:
     asset = AssetPack.load(folder).get("lock-small")
     spoil(asset.path)
@@ -249,9 +235,7 @@ def change(key: str, value: Any) -> Callable[[dict[str, Any]], object]:
     ],
 )
 def test_indexes_that_are_refused(
-    spoil: Callable[[dict[str, Any]], object],
-    reason: str,
-    folder: Path,
+    spoil: Callable[[dict[str, Any]], object], reason: str, folder: Path
 ) -> None:
     index = json.loads((folder / "index.json").read_text())
     spoil(index)

@@ -34,11 +34,7 @@ from hijack_data.errors import ParameterError, ParameterTypeError, UnknownNameEr
         ({"nmber": 3}, UnknownNameError, "no parameter 'nmber'; did you mean 'number'"),
     ],
 )
-def test_wrong_parameters(
-    values,
-    error,
-    message,
-):
+def test_wrong_parameters(values, error, message):
     with pytest.raises(error, match=message):
         hj.get("marks", **values)
 
@@ -58,11 +54,7 @@ def test_wrong_parameters(
         ("subtitle", {"subtitle_text": "a\x00b"}, "control character"),
     ],
 )
-def test_wrong_values(
-    name,
-    values,
-    message,
-):
+def test_wrong_values(name, values, message):
     with pytest.raises(ValueError, match=message):
         hj.get(name, **values)
 

@@ -10,12 +10,7 @@ import hijack_data as hj
 from hijack_data.errors import PlanError
 from hijack_data.plan import MAX_SIDE, Paste, Plan, Resample
 
-MARK = {
-    "draw": "mark",
-    "shape": "circle",
-    "size": 5,
-    "color": "blue",
-}
+MARK = {"draw": "mark", "shape": "circle", "size": 5, "color": "blue"}
 points = st.tuples(st.integers(-50, 3000), st.integers(-50, 3000))
 ops = st.one_of(
     st.builds(lambda at: Paste(MARK, tuple(at)), st.lists(points, max_size=5)),
@@ -91,57 +86,16 @@ def sealed(**changes) -> str:
         ({"size": [MAX_SIDE + 1, 5]}, "beyond"),
         ({"size": "big"}, "size"),
         ({"ops": [{"op": "explode"}]}, r"ops\[0\].op = 'explode'"),
+        ({"ops": [{"op": "resample", "size": [5, 5], "filter": "box"}]}, "only 'bicubic'"),
         (
-            {
-                "ops": [
-                    {
-                        "op": "resample",
-                        "size": [5, 5],
-                        "filter": "box",
-                    }
-                ]
-            },
-            "only 'bicubic'",
-        ),
-        (
-            {
-                "ops": [
-                    {
-                        "op": "paste",
-                        "sprite": {},
-                        "at": [[1, 2, 3]],
-                        "fingerprint": "0" * 16,
-                    }
-                ]
-            },
+            {"ops": [{"op": "paste", "sprite": {}, "at": [[1, 2, 3]], "fingerprint": "0" * 16}]},
             "wrong type",
         ),
         (
-            {
-                "ops": [
-                    {
-                        "op": "paste",
-                        "sprite": {},
-                        "at": [[1.5, 2]],
-                        "fingerprint": "0" * 16,
-                    }
-                ]
-            },
+            {"ops": [{"op": "paste", "sprite": {}, "at": [[1.5, 2]], "fingerprint": "0" * 16}]},
             "pixel coordinates",
         ),
-        (
-            {
-                "ops": [
-                    {
-                        "op": "paste",
-                        "sprite": {},
-                        "at": [],
-                        "fingerprint": "xyz",
-                    }
-                ]
-            },
-            "fingerprint",
-        ),
+        ({"ops": [{"op": "paste", "sprite": {}, "at": [], "fingerprint": "xyz"}]}, "fingerprint"),
         ({"ops": 7}, "wrong type"),
         ({"effects": [{}]}, "missing"),
     ],
@@ -182,22 +136,12 @@ def test_a_drawing_that_would_differ_is_refused(noise):
 @pytest.mark.parametrize(
     "sprite",
     [
-        {
-            "draw": "mark",
-            "shape": "blob",
-            "size": 5,
-            "color": "red",
-        },
+        {"draw": "mark", "shape": "blob", "size": 5, "color": "red"},
         {"draw": "mark", "shape": "star"},
         {"draw": "hologram"},
         {"draw": "png", "data": "!!!"},
         {"draw": "png", "data": "AAAA"},
-        {
-            "draw": "mark",
-            "shape": "star",
-            "size": 10**9,
-            "color": "red",
-        },
+        {"draw": "mark", "shape": "star", "size": 10**9, "color": "red"},
         {
             "draw": "text",
             "lines": ["x"],

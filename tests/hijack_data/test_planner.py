@@ -29,13 +29,7 @@ class Rarely(hj.Planner):
     def is_due(self, step: int) -> bool:
         return step % 10 == 0 and self.part.is_due(step)
 
-    def plan(
-        self,
-        scene: hj.Scene,
-        *,
-        step: int | None = None,
-        **key: Any,
-    ) -> hj.Plan:
+    def plan(self, scene: hj.Scene, *, step: int | None = None, **key: Any) -> hj.Plan:
         if (step or 0) % 10:
             return hj.Plan.clean(scene.size)
         return self.part.plan(scene, step=step, **key)
@@ -95,20 +89,10 @@ def test_a_corruption_declares_the_effects_of_its_plans(name):
 def test_a_batch_call_takes_it():
     batch = np.full((4, *SIZE, 3), 240, np.uint8)
     mixed = hj.OneOf([Rarely(Dots()), hj.Marks(number=3, mark_size=9)])
-    found = mixed(
-        batch,
-        ids=range(4),
-        seed=1,
-        steps=[0, 1, 10, 11],
-    )
+    found = mixed(batch, ids=range(4), seed=1, steps=[0, 1, 10, 11])
     kinds = [plan.corruption for plan in found.plans]
     assert kinds == [
-        mixed.plan(
-            hj.Scene(SIZE),
-            seed=1,
-            sample=key,
-            step=step,
-        ).corruption
+        mixed.plan(hj.Scene(SIZE), seed=1, sample=key, step=step).corruption
         for key, step in enumerate([0, 1, 10, 11])
     ]
     assert set(kinds) == {"marks-v1", "clean"}

@@ -40,22 +40,14 @@ LETTERS = st.text(
 
 @settings(max_examples=200, deadline=None)
 @given(LETTERS, st.sampled_from(sorted(p.stem for p in FONTS.glob("*.ttf"))), st.integers(1, 120))
-def test_widths_are_those_of_freetype(
-    line,
-    font,
-    size,
-):
+def test_widths_are_those_of_freetype(line, font, size):
     loaded = load_font(font, size)
     assert line_width(line, loaded) == loaded.getlength(line)
 
 
 @settings(max_examples=300, deadline=None)
 @given(LETTERS, st.sampled_from(sorted(p.stem for p in FONTS.glob("*.ttf"))), st.integers(1, 60))
-def test_lines_of_remembered_letters_are_those_that_pillow_draws(
-    line,
-    font,
-    size,
-):
+def test_lines_of_remembered_letters_are_those_that_pillow_draws(line, font, size):
     mask, (left, top) = letters.line_mask(line, font, size)
     loaded, at = load_font(font, size), (70, 70)
     image = Image.new("L", (math.ceil(loaded.getlength(line)) + 200, 300))
@@ -97,11 +89,7 @@ def random_window(seed):
     width, height = r.randint(1, 300), r.randint(1, 200)
     cut = r.randint(0, height)
 
-    def panel(
-        y1,
-        y2,
-        fill,
-    ):
+    def panel(y1, y2, fill):
         shift = r.choice([0, 0, -15, 15])
         lines = [
             "".join(r.choice(letters) for _ in range(r.randint(0, 20)))
@@ -185,14 +173,7 @@ def test_a_fingerprint_is_fixed_when_a_plan_is_written_down_or_pickled():
 
 
 def test_a_part_of_a_sprite_has_the_fingerprint_of_the_whole():
-    sprite = render(
-        {
-            "draw": "mark",
-            "shape": "star",
-            "size": 20,
-            "color": "red",
-        }
-    )
+    sprite = render({"draw": "mark", "shape": "star", "size": 20, "color": "red"})
     assert sprite.crop(3, 4, 20, 30).crop(0, 0, 5, 5).fingerprint == sprite.fingerprint
 
 

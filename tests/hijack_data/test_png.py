@@ -12,11 +12,7 @@ from hijack_data import png
 
 @pytest.mark.parametrize("size", [(1, 1), (7, 3), (1, 200), (48, 64)])
 @pytest.mark.parametrize("isal", [True, False], ids=["isal", "zlib"])
-def test_pillow_reads_the_same_pixels(
-    monkeypatch,
-    size,
-    isal,
-):
+def test_pillow_reads_the_same_pixels(monkeypatch, size, isal):
     if isal:
         pytest.importorskip("isal")
     else:

@@ -32,13 +32,7 @@ def tools(monkeypatch, tmp_path):
     monkeypatch.setattr(loading, "_files", {})
     monkeypatch.chdir(tmp_path)
     builtin = {"path": "pathlib:Path"}
-    return Registry(
-        "tool",
-        "tools",
-        builtin=builtin,
-        own_name="name",
-        problems=shaped,
-    )
+    return Registry("tool", "tools", builtin=builtin, own_name="name", problems=shaped)
 
 
 def write(text, name="mine.py"):
@@ -103,21 +97,13 @@ def test_a_class_of_a_users_file(tools):
     assert os.environ[loading.VARIABLE] == ""  # nobody else needs it
 
 
-def test_the_home_of_the_user_is_found(
-    tools,
-    monkeypatch,
-    tmp_path,
-):
+def test_the_home_of_the_user_is_found(tools, monkeypatch, tmp_path):
     monkeypatch.setenv("HOME", str(tmp_path))
     write(MINE)
     assert tools.find("~/mine.py:Axe") == "axe"
 
 
-def test_a_class_of_a_module(
-    tools,
-    monkeypatch,
-    tmp_path,
-):
+def test_a_class_of_a_module(tools, monkeypatch, tmp_path):
     write(MINE, "tool_module_of_mine.py")
     monkeypatch.syspath_prepend(tmp_path)
     assert tools.find("tool_module_of_mine:Axe") == "axe"
@@ -138,13 +124,7 @@ def test_a_class_of_a_module(
         ("", "no_such_module:Axe", PluginError, "there is no module 'no_such_module'; a file is"),
     ],
 )
-def test_what_is_wrong_with_a_reference(
-    tools,
-    text,
-    asked,
-    error,
-    words,
-):
+def test_what_is_wrong_with_a_reference(tools, text, asked, error, words):
     write(text)
     with pytest.raises(error, match=words):
         tools.find(asked)

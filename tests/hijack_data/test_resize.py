@@ -36,12 +36,7 @@ def pillow(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     return np.asarray(source.resize((w, h), Image.Resampling.BICUBIC))
 
 
-def picture(
-    seed: int,
-    height: int,
-    width: int,
-    contrast: bool = False,
-) -> np.ndarray:
+def picture(seed: int, height: int, width: int, contrast: bool = False) -> np.ndarray:
     """Noise; with `contrast` only 0 and 255, whose overshoots must be clipped at both ends."""
     rng = np.random.default_rng(seed)
     if contrast:
@@ -84,70 +79,14 @@ LAYOUTS = {
     layout=st.sampled_from(list(LAYOUTS)),
     threads=st.integers(1, 3),
 )
-@example(
-    seed=0,
-    source=(1, 1),
-    size=(1, 1),
-    contrast=False,
-    layout="channels first",
-    threads=3,
-)
-@example(
-    seed=0,
-    source=(1, 1),
-    size=(40, 70),
-    contrast=False,
-    layout="channels last",
-    threads=1,
-)
-@example(
-    seed=0,
-    source=(90, 61),
-    size=(90, 61),
-    contrast=False,
-    layout="channels first",
-    threads=2,
-)
-@example(
-    seed=0,
-    source=(90, 61),
-    size=(90, 33),
-    contrast=True,
-    layout="channels last",
-    threads=2,
-)
-@example(
-    seed=0,
-    source=(90, 61),
-    size=(200, 61),
-    contrast=True,
-    layout="channels first",
-    threads=2,
-)
-@example(
-    seed=0,
-    source=(16, 16),
-    size=(15, 15),
-    contrast=True,
-    layout="channels first",
-    threads=1,
-)
-@example(
-    seed=0,
-    source=(17, 17),
-    size=(48, 48),
-    contrast=True,
-    layout="channels first",
-    threads=1,
-)
-def test_gives_the_bytes_of_pillow(
-    seed,
-    source,
-    size,
-    contrast,
-    layout,
-    threads,
-):
+@example(seed=0, source=(1, 1), size=(1, 1), contrast=False, layout="channels first", threads=3)
+@example(seed=0, source=(1, 1), size=(40, 70), contrast=False, layout="channels last", threads=1)
+@example(seed=0, source=(90, 61), size=(90, 61), contrast=False, layout="channels first", threads=2)
+@example(seed=0, source=(90, 61), size=(90, 33), contrast=True, layout="channels last", threads=2)
+@example(seed=0, source=(90, 61), size=(200, 61), contrast=True, layout="channels first", threads=2)
+@example(seed=0, source=(16, 16), size=(15, 15), contrast=True, layout="channels first", threads=1)
+@example(seed=0, source=(17, 17), size=(48, 48), contrast=True, layout="channels first", threads=1)
+def test_gives_the_bytes_of_pillow(seed, source, size, contrast, layout, threads):
     image = picture(seed, *source, contrast)
     given = LAYOUTS[layout](image)
     np.testing.assert_array_equal(resize.resample(given, size, threads), pillow(image, size))
@@ -183,12 +122,7 @@ def test_every_memory_layout(layout):
         ((1079, 131), (809, 98)),
     ],
 )
-def test_extreme_and_tall_pictures(
-    source,
-    size,
-    layout,
-    contrast,
-):
+def test_extreme_and_tall_pictures(source, size, layout, contrast):
     image = picture(1, *source, contrast)
     for threads in (1, 2):
         np.testing.assert_array_equal(
@@ -286,13 +220,7 @@ def test_batches(size, threads):
         (np.zeros((4, 4, 3), np.uint8), (2, 2), 0, ParameterError, "threads is 0"),
     ],
 )
-def test_refusals_say_the_value(
-    image,
-    size,
-    threads,
-    error,
-    says,
-):
+def test_refusals_say_the_value(image, size, threads, error, says):
     with pytest.raises(error, match=says):
         resize.resample(image, size, threads)
 
@@ -316,11 +244,7 @@ def test_without_numba(monkeypatch):
 def test_compiles_without_a_cache_when_no_folder_is_writable():
     asked = []
 
-    def njit(
-        signature: str,
-        nogil: bool,
-        cache: bool = False,
-    ):
+    def njit(signature: str, nogil: bool, cache: bool = False):
         asked.append((signature, nogil, cache))
         if cache:
             raise RuntimeError("no locator available")

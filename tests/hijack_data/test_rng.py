@@ -26,12 +26,7 @@ def test_the_words_are_fixed_forever():
 
 
 @given(st.integers(0, 2**64 - 1), st.text(), st.integers(-5, 1000), st.integers(0, 100))
-def test_same_key_same_words(
-    seed,
-    sample,
-    step,
-    epoch,
-):
+def test_same_key_same_words(seed, sample, step, epoch):
     assert words(seed, "a", sample, step, epoch) == words(seed, "a", sample, step, epoch)
 
 
@@ -57,11 +52,7 @@ def test_numbers_and_their_text_are_one_sample():
 
 
 @given(st.integers(-100, 100), st.integers(0, 1000), st.integers(0, 50))
-def test_integers_stay_in_range(
-    low,
-    span,
-    seed,
-):
+def test_integers_stay_in_range(low, span, seed):
     stream = Stream(seed, "a")
     assert all(low <= stream.integer(low, low + span) <= low + span for _ in range(20))
 
@@ -104,11 +95,7 @@ def test_wrong_types(key):
     st.integers(0, 20),
     st.integers(0, 1000),
 )
-def test_integers_are_those_drawn_one_by_one(
-    ranges,
-    count,
-    sample,
-):
+def test_integers_are_those_drawn_one_by_one(ranges, count, sample):
     """Ranges of 2**62 reject every fourth word: the rest of the stream moves up, and what follows
     is the same, too."""
     one, many = Stream(3, "a-v1", sample), Stream(3, "a-v1", sample)

@@ -13,15 +13,7 @@ from hijack_data.safety import changed_pixels, covered, hidden, target_visible, 
 SIZE = (100, 200)
 
 
-def box_plan(
-    x,
-    y,
-    w,
-    h,
-    alpha=255,
-    size=SIZE,
-    after=(),
-):
+def box_plan(x, y, w, h, alpha=255, size=SIZE, after=()):
     rgba = np.full((h, w, 4), 7, np.uint8)
     rgba[..., 3] = alpha
     return Plan("test-v1", size, ops=(Paste(png_recipe(rgba), ((x, y),)), *after))
@@ -48,11 +40,7 @@ def test_without_a_target_there_is_no_answer():
 @pytest.mark.parametrize(
     ("target", "end", "share"), [((15, 15), (150, 80), 0.0), ((150, 80), (20, 10, 40, 30), 0.5)]
 )
-def test_the_lesser_share_of_a_drags_ends_counts(
-    target,
-    end,
-    share,
-):
+def test_the_lesser_share_of_a_drags_ends_counts(target, end, share):
     plan = box_plan(0, 0, 30, 40)
     assert (
         target_visible(plan, target, end)
@@ -138,19 +126,10 @@ def test_judge_puts_it_together():
         (None, (15, 15), 0.0),
     ],
 )
-def test_judge_takes_the_lesser_share_of_a_drags_ends(
-    target,
-    end,
-    share,
-):
+def test_judge_takes_the_lesser_share_of_a_drags_ends(target, end, share):
     before, plan = picture(SIZE), box_plan(0, 0, 30, 40)
     safety = hj.judge(
-        plan,
-        before,
-        hj.apply(plan, before),
-        target=target,
-        end=end,
-        boxes=[[0, 0, 9, 9]],
+        plan, before, hj.apply(plan, before), target=target, end=end, boxes=[[0, 0, 9, 9]]
     )
     assert safety.target_visible == target_visible(plan, target, end) == pytest.approx(share)
     assert safety.covered == (0,)

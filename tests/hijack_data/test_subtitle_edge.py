@@ -35,11 +35,7 @@ def lines_by_pillow(image: np.ndarray, plan: hj.Plan) -> np.ndarray:
 @pytest.mark.parametrize("font", ["DejaVuSans", "DejaVuSansMono-Bold"])
 @pytest.mark.parametrize("text", TEXTS)
 @pytest.mark.parametrize("size", [5, 14, 35, 61])
-def test_without_an_edge_it_is_what_pillow_draws(
-    font,
-    text,
-    size,
-):
+def test_without_an_edge_it_is_what_pillow_draws(font, text, size):
     """Letters that stick out of their line by a pixel or two are not cut off either."""
     spec = hj.Subtitle(
         subtitle_text=text,
@@ -71,19 +67,14 @@ def test_other_frameworks_draw_the_same():
 def test_the_colour_of_an_edge_that_is_not_there_is_nowhere():
     white = np.full((1080, 1920, 3), 255, np.uint8)
     screen = hj.Scene((1080, 1920))
-    spec = hj.Subtitle(
-        color="white",
-        edge_color="red",
-        edge_width=0,
-    )
+    spec = hj.Subtitle(color="white", edge_color="red", edge_width=0)
     assert np.array_equal(hj.apply(spec.plan(screen, seed=1), white), white)
     edged = spec.replace(edge_width=1).plan(screen, seed=1)
     assert not np.array_equal(hj.apply(edged, white), white)
 
 
 @pytest.mark.parametrize(
-    "path",
-    ["/no/such.ttf", "x" * 300, "~nobody-of-this-name/x.ttf", "a\ud800", "", ".", __file__],
+    "path", ["/no/such.ttf", "x" * 300, "~nobody-of-this-name/x.ttf", "a\ud800", "", ".", __file__]
 )
 def test_a_font_that_cannot_be_loaded_is_refused_when_it_is_named(path):
     message = r"subtitle\.font_path: font .* (is not a file|cannot be loaded)"

@@ -41,18 +41,9 @@ def some():
     ]
 
 
-def expected(
-    spec,
-    image,
-    **key,
-):
+def expected(spec, image, **key):
     plan = spec.plan(
-        hj.Scene(size=SIZE, target=key.pop("target", None)),
-        **{
-            "seed": 3,
-            "step": 0,
-            **key,
-        },
+        hj.Scene(size=SIZE, target=key.pop("target", None)), **{"seed": 3, "step": 0, **key}
     )
     return plan, torch.from_numpy(reference(plan, image.permute(1, 2, 0).numpy())).permute(2, 0, 1)
 
@@ -68,13 +59,7 @@ def test_the_contract():
     }
     before = copy.deepcopy(sample)
     out = tr.Marks(seed=3, return_plan=True)(sample)
-    plan, image = expected(
-        hj.Marks(),
-        sample["image"],
-        sample="row-1",
-        epoch=2,
-        target=(100, 50),
-    )
+    plan, image = expected(hj.Marks(), sample["image"], sample="row-1", epoch=2, target=(100, 50))
     assert out["plan"] == plan
     assert torch.equal(out["image"], image)
     assert out["target_visible"] == target_visible(plan, (100, 50))
@@ -98,18 +83,8 @@ def test_no_id_is_said():
     )
 
 
-def run(
-    transform,
-    key,
-    **more,
-):
-    return transform(
-        {
-            "image": tensor(),
-            "id": key,
-            **more,
-        }
-    )["image"]
+def run(transform, key, **more):
+    return transform({"image": tensor(), "id": key, **more})["image"]
 
 
 def test_id_seed_epoch_and_step_decide():
@@ -202,11 +177,7 @@ def test_boxes_points_and_actions_follow_the_pixels():
     assert (out["points"].tolist(), out["points"].canvas_size) == ([[5, 10]], (108, 192))
     assert out["mask"].shape == (108, 192)
     assert out["other"] is sample["other"]
-    same = tr.Resolution(
-        seed=3,
-        scale=0.5,
-        restore=True,
-    )(sample)
+    same = tr.Resolution(seed=3, scale=0.5, restore=True)(sample)
     assert (same["target"], same["boxes"].tolist()) == ([101, 51], [[10, 20, 31, 41]])
 
 
@@ -226,12 +197,7 @@ def test_targets_and_elements_as_bounding_boxes():
         "elements": boxes(plain["elements"], "XYXY"),
     }
     for transform in (
-        tr.PopUps(
-            seed=3,
-            width=200,
-            height=120,
-            return_plan=True,
-        ),
+        tr.PopUps(seed=3, width=200, height=120, return_plan=True),
         tr.Resolution(return_plan=True),
     ):
         one, two = transform(plain), transform(typed)
@@ -244,31 +210,12 @@ def test_targets_and_elements_as_bounding_boxes():
 def test_batches_get_a_plan_for_each_picture():
     batch = torch.stack([tensor(i) for i in range(6)])
     ids = [f"r{i}" for i in range(6)]
-    transform = tr.OneOf(
-        some(),
-        seed=3,
-        p_clean=0.2,
-        return_plan=True,
-    )
-    out = transform(
-        {
-            "image": batch,
-            "id": ids,
-            "target": [(9, 9)] * 6,
-            "epoch": 1,
-        }
-    )
+    transform = tr.OneOf(some(), seed=3, p_clean=0.2, return_plan=True)
+    out = transform({"image": batch, "id": ids, "target": [(9, 9)] * 6, "epoch": 1})
     assert isinstance(out["image"], torch.Tensor)
     assert len(out["target_visible"]) == 6
     for i, key in enumerate(ids):
-        one = transform(
-            {
-                "image": batch[i],
-                "id": key,
-                "target": (9, 9),
-                "epoch": 1,
-            }
-        )
+        one = transform({"image": batch[i], "id": key, "target": (9, 9), "epoch": 1})
         assert torch.equal(one["image"], out["image"][i])
         assert one["plan"] == out["plan"][i]
     as_list = transform(
@@ -286,11 +233,7 @@ def test_batches_get_a_plan_for_each_picture():
 
 def test_batches_whose_sizes_change():
     batch = tv_tensors.Image(torch.stack([tensor(i) for i in range(4)]))
-    sample = {
-        "image": batch,
-        "id": [0, 1, 2, 3],
-        "target": torch.tensor([[20, 20]] * 4),
-    }
+    sample = {"image": batch, "id": [0, 1, 2, 3], "target": torch.tensor([[20, 20]] * 4)}
     out = tr.Resolution(scale=0.5)(
         {**sample, "b": tv_tensors.BoundingBoxes([[2, 4, 6, 8]], format="XYXY", canvas_size=SIZE)}
     )
@@ -362,18 +305,7 @@ def test_combinators_and_configurations():
     assert tr.FromConfig("paper", label="subtitle", seed=5).settings.seed == 5
     with pytest.raises(ParameterError, match="no corruption 'pop'; it has marks, subtitle"):
         tr.FromConfig(config, label="pop")
-    assert (
-        len(
-            tr.Marks(
-                severity=4,
-                return_plan=True,
-                mark_size=4,
-            )(sample)["plan"]
-            .ops[0]
-            .at
-        )
-        == 100
-    )
+    assert len(tr.Marks(severity=4, return_plan=True, mark_size=4)(sample)["plan"].ops[0].at) == 100
 
 
 def test_subtitles_shrink_where_they_do_not_fit():
@@ -429,11 +361,7 @@ def test_in_a_pipeline():
         ("screen.png", ImageError, "holds no picture .it holds: str"),
     ],
 )
-def test_wrong_pictures(
-    image,
-    error,
-    message,
-):
+def test_wrong_pictures(image, error, message):
     with pytest.raises(error, match=message):
         tr.Marks()({"image": image, "id": 1})
 
@@ -453,11 +381,7 @@ def test_wrong_pictures(
         ({"id": ["a", "b", None]}, ParameterTypeError, "must be a string or an integer, got None"),
     ],
 )
-def test_wrong_batches(
-    more,
-    error,
-    message,
-):
+def test_wrong_batches(more, error, message):
     batch = torch.stack([tensor(i) for i in range(3)])
     with pytest.raises(error, match=message):
         tr.Marks()({"image": batch, **more})
@@ -473,28 +397,14 @@ def test_wrong_batches(
         ({"id": 1.5}, ParameterTypeError, "must be a string or an integer, got 1.5"),
     ],
 )
-def test_wrong_entries(
-    more,
-    error,
-    message,
-):
+def test_wrong_entries(more, error, message):
     with pytest.raises(error, match=message):
-        tr.Marks()(
-            {
-                "image": tensor(),
-                "id": 1,
-                **more,
-            }
-        )
+        tr.Marks()({"image": tensor(), "id": 1, **more})
 
 
 def test_boxes_outside_are_ignored_and_noted():
     out = tr.Marks(return_plan=True)(
-        {
-            "image": tensor(),
-            "id": 1,
-            "elements": [[900, 900, 950, 950], [1, 1, 9, 9]],
-        }
+        {"image": tensor(), "id": 1, "elements": [[900, 900, 950, 950], [1, 1, 9, 9]]}
     )
     assert out["plan"].notes[0].startswith("1 of 2 boxes")
 
@@ -530,11 +440,7 @@ def test_pictures_of_one_sample_must_agree():
         ),
     ],
 )
-def test_wrong_settings(
-    make,
-    error,
-    message,
-):
+def test_wrong_settings(make, error, message):
     with pytest.raises(error, match=message):
         make()
 

@@ -26,12 +26,7 @@ def test_label_policy_avoid():
     sample = {"image": tensor(), "target": (150, 80, 230, 140)}
     seen = {"keep": [], "avoid": []}
     for policy, shares in seen.items():
-        transform = tr.Marks(
-            seed=3,
-            number=12,
-            return_plan=True,
-            label_policy=policy,
-        )
+        transform = tr.Marks(seed=3, number=12, return_plan=True, label_policy=policy)
         shares += [transform({**sample, "id": i})["target_visible"] for i in range(20)]
     assert min(seen["keep"]) < 1.0
     assert min(seen["avoid"]) == 1.0
@@ -49,23 +44,10 @@ DRAG_CODE = {
     "more", [DRAG, DRAG_CODE, {**DRAG, "action_code": "pyautogui.click(1, 1)"}]
 )
 def test_a_drag_is_judged_at_both_ends(more):
-    sample, end = (
-        {
-            "image": tensor(),
-            "target": (190, 110),
-            **more,
-        },
-        (40, 50),
-    )
+    sample, end = ({"image": tensor(), "target": (190, 110), **more}, (40, 50))
     seen = {"keep": [], "avoid": []}
     for policy, shares in seen.items():
-        transform = tr.Marks(
-            seed=3,
-            number=12,
-            mark_size=30,
-            return_plan=True,
-            label_policy=policy,
-        )
+        transform = tr.Marks(seed=3, number=12, mark_size=30, return_plan=True, label_policy=policy)
         for i in range(20):
             out = transform({**sample, "id": i})
             shares.append(out["target_visible"])
@@ -97,18 +79,10 @@ def test_only_a_drag_with_a_target_has_an_end():
         {"action": "drag"},
     ):
         for i in range(12):
-            sample = {
-                "image": tensor(),
-                "id": i,
-                "target": (190, 110),
-            }
+            sample = {"image": tensor(), "id": i, "target": (190, 110)}
             for policy in ("keep", "avoid"):
                 transform = tr.Marks(
-                    seed=3,
-                    number=12,
-                    mark_size=30,
-                    return_plan=True,
-                    label_policy=policy,
+                    seed=3, number=12, mark_size=30, return_plan=True, label_policy=policy
                 )
                 one, two = transform(sample), transform({**sample, **more})
                 assert (one["plan"], one["target_visible"]) == (two["plan"], two["target_visible"])
@@ -118,30 +92,16 @@ def test_only_a_drag_with_a_target_has_an_end():
     "action", [DRAG["action"], hj.Action("click", 190, 110)], ids=["drag", "click"]
 )
 def test_without_a_target_the_point_of_the_action_is_the_target(action):
-    transform = tr.Marks(
-        seed=3,
-        number=12,
-        mark_size=30,
-        return_plan=True,
-        label_policy="avoid",
-    )
+    transform = tr.Marks(seed=3, number=12, mark_size=30, return_plan=True, label_policy="avoid")
     hidden = 0
     for i in range(12):
-        sample = {
-            "image": tensor(),
-            "id": i,
-            "action": action,
-        }
+        sample = {"image": tensor(), "id": i, "action": action}
         alone, named = transform(sample), transform({**sample, "target": action.point})
         assert (alone["plan"], alone["target_visible"]) == (named["plan"], named["target_visible"])
         hidden += alone["plan"] != transform({"image": tensor(), "id": i})["plan"]
     assert hidden
     assert "target_visible" not in transform(
-        {
-            "image": tensor(),
-            "id": 0,
-            "action": hj.Action("type", text="a"),
-        }
+        {"image": tensor(), "id": 0, "action": hj.Action("type", text="a")}
     )
 
 
@@ -154,12 +114,7 @@ def test_ends_of_a_batch_and_of_resized_screens():
         [tr.Resolution(scale=0.5), tr.Marks(number=25, mark_size=15)], seed=3, return_plan=True
     )
     out = mixed(
-        {
-            "image": batch,
-            "id": list(range(8)),
-            "target": [(190, 110)] * 8,
-            "action": actions,
-        }
+        {"image": batch, "id": list(range(8)), "target": [(190, 110)] * 8, "action": actions}
     )
     ends = [action.end for action in actions]
     assert out["target_visible"] == [

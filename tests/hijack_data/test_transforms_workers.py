@@ -29,13 +29,7 @@ class Rows(Dataset):
 
     def __getitem__(self, index):
         image = torch.from_numpy(np.roll(picture(SIZE), index, 0).copy()).permute(2, 0, 1)
-        return self.transform(
-            {
-                "image": image,
-                "id": f"row-{index}",
-                "target": (50, 50),
-            }
-        )
+        return self.transform({"image": image, "id": f"row-{index}", "target": (50, 50)})
 
 
 def augmentation():
@@ -44,12 +38,7 @@ def augmentation():
         tr.Marks(number=9, mark_size=5),
         tr.Resolution(scale=0.5, restore=True),
     ]
-    return tr.OneOf(
-        options,
-        seed=3,
-        p_clean=0.2,
-        return_plan=True,
-    )
+    return tr.OneOf(options, seed=3, p_clean=0.2, return_plan=True)
 
 
 def seen(transform=None, **options):
@@ -72,27 +61,13 @@ def alone():
 def test_forked_workers(alone, workers):
     if "fork" not in multiprocessing.get_all_start_methods():
         pytest.skip("this system cannot fork")
-    assert (
-        seen(
-            num_workers=workers,
-            multiprocessing_context="fork",
-            shuffle=True,
-        )
-        == alone
-    )
+    assert seen(num_workers=workers, multiprocessing_context="fork", shuffle=True) == alone
     assert len({plan for plan, _ in alone.values()}) > 6
 
 
 @pytest.mark.filterwarnings("ignore:This DataLoader will create")
 def test_spawned_workers(alone):
-    assert (
-        seen(
-            num_workers=1,
-            multiprocessing_context="spawn",
-            shuffle=True,
-        )
-        == alone
-    )
+    assert seen(num_workers=1, multiprocessing_context="spawn", shuffle=True) == alone
 
 
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning", "ignore:.*fork.*:RuntimeWarning")
@@ -145,18 +120,9 @@ def test_the_functional_form_gives_the_same():
         p_clean=0.2,
     )
     batch = torch.stack([row["image"] for row in rows])
-    res = spec(
-        batch,
-        ids=[row["id"] for row in rows],
-        targets=[(50, 50)] * 12,
-        seed=3,
-    )
+    res = spec(batch, ids=[row["id"] for row in rows], targets=[(50, 50)] * 12, seed=3)
     out = augmentation()(
-        {
-            "image": batch,
-            "id": [row["id"] for row in rows],
-            "target": [(50, 50)] * 12,
-        }
+        {"image": batch, "id": [row["id"] for row in rows], "target": [(50, 50)] * 12}
     )
     assert out["plan"] == res.plans
     assert torch.equal(out["image"], res.image)

@@ -34,11 +34,7 @@ SMALL = (
 
 def hijack(*words, timeout=400):
     return subprocess.run(
-        [*COMMAND, *map(str, words)],
-        capture_output=True,
-        text=True,
-        timeout=timeout,
-        check=False,
+        [*COMMAND, *map(str, words)], capture_output=True, text=True, timeout=timeout, check=False
     )
 
 
@@ -160,12 +156,7 @@ def test_ctrl_c_keeps_what_is_done_and_leaves_no_desktop(embedded_machine, tmp_p
         "--out",
         str(folder),
     ]
-    process = subprocess.Popen(
-        argv,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    process = subprocess.Popen(argv, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         there = folder / "records.jsonl"
         until(lambda: process.poll() is not None or (there.exists() and read(folder)), "a record")

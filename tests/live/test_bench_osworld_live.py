@@ -44,17 +44,13 @@ def records(embedded_machine: None, tmp_path_factory: pytest.TempPathFactory):
         folder,
         "t-solved",
         evaluator=judged_by("test -e /tmp/made && echo yes"),
-        config=[
-            {"type": "execute", "parameters": {"command": "touch /tmp/made", "shell": "true"}},
-        ],
+        config=[{"type": "execute", "parameters": {"command": "touch /tmp/made", "shell": "true"}}],
     )
     put(
         folder,
         "t-broken",
         evaluator=judged_by("echo yes"),
-        config=[
-            {"type": "launch", "parameters": {"command": ["/no/such/program"]}},
-        ],
+        config=[{"type": "launch", "parameters": {"command": ["/no/such/program"]}}],
     )
     run = folder / "run"
     words = ["embedded_small", "--tasks", folder, "--agent", f"{agent}:Ends"]

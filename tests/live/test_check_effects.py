@@ -84,12 +84,7 @@ class Folder:
 
     def execute(self, argv, timeout=60):
         done = subprocess.run(
-            argv,
-            capture_output=True,
-            text=True,
-            cwd=self.path,
-            timeout=timeout,
-            check=False,
+            argv, capture_output=True, text=True, cwd=self.path, timeout=timeout, check=False
         )
         return RunResult("success", done.stdout, done.stderr, done.returncode)
 
@@ -133,11 +128,7 @@ def test_a_good_effect_passes_every_check(registered, fresh):
 
 
 @pytest.mark.parametrize("lie", LIES)
-def test_each_lie_is_found(
-    lie,
-    registered,
-    fresh,
-):
+def test_each_lie_is_found(lie, registered, fresh):
     good, bad = LIES[lie]
     assert good in PLUGIN
     registered(PLUGIN.replace(good, bad))
@@ -176,12 +167,7 @@ def test_what_it_raises_is_a_problem_not_a_crash(registered, fresh):
         ),
     ],
 )
-def test_a_wrong_declaration_is_found_without_a_desktop(
-    good,
-    bad,
-    words,
-    registered,
-):
+def test_a_wrong_declaration_is_found_without_a_desktop(good, bad, words, registered):
     assert good in PLUGIN
     registered(PLUGIN.replace(good, bad))
     assert words in conformance.run_declared("note").problem
@@ -209,22 +195,12 @@ def test_without_a_desktop_it_says_what_was_not_checked(registered, monkeypatch)
     )
 
 
-def check(
-    tmp_path: Path,
-    text: str,
-    *words: str,
-):
+def check(tmp_path: Path, text: str, *words: str):
     """Run the command on a file."""
     file = tmp_path / "plugin.py"
     file.write_text(text)
     argv = [sys.executable, "-m", "hijack_data.cli", "check", str(file), *words]
-    return subprocess.run(
-        argv,
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
+    return subprocess.run(argv, capture_output=True, text=True, timeout=300, check=False)
 
 
 def test_the_command_without_a_desktop(tmp_path):
@@ -245,13 +221,7 @@ def test_the_command_under_python_o(tmp_path):
     file = tmp_path / "plugin.py"
     file.write_text(PLUGIN.replace('"files"', '"teleport"'))
     argv = [sys.executable, "-O", "-m", "hijack_data.cli", "check", str(file), "--no-desktop"]
-    done = subprocess.run(
-        argv,
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
+    done = subprocess.run(argv, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 1, done.stderr
     assert "needs names teleport" in done.stdout
 

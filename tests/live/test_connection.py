@@ -41,12 +41,7 @@ def test_an_empty_answer_does_not_block_the_next_request(url):
     connection = GuestConnection(url, None, 5)
     assert [
         bytes(connection.ask("GET", path).body) for path in ("/empty", "/full", "/empty", "/empty")
-    ] == [
-        b"",
-        b"full",
-        b"",
-        b"",
-    ]
+    ] == [b"", b"full", b"", b""]
     connection.close()
 
 

@@ -49,12 +49,7 @@ def corrupt(desktop, tmp_path):
             on,
         ]
         return subprocess.run(
-            argv,
-            capture_output=True,
-            text=True,
-            timeout=120,
-            check=False,
-            cwd=tmp_path,
+            argv, capture_output=True, text=True, timeout=120, check=False, cwd=tmp_path
         )
 
     return run
@@ -75,11 +70,7 @@ def recorded(desktop):
     return [entry["corruption"] for entry in Ledger(registry.folder(desktop.id)).entries()]
 
 
-def test_a_corruption_of_the_picture_is_saved_and_leaves_the_machine(
-    desktop,
-    corrupt,
-    tmp_path,
-):
+def test_a_corruption_of_the_picture_is_saved_and_leaves_the_machine(desktop, corrupt, tmp_path):
     before = shown(desktop)
     done = corrupt("resolution")
     assert done.returncode == 0, done.stderr
@@ -97,11 +88,7 @@ def test_a_corruption_of_the_picture_is_saved_and_leaves_the_machine(
     assert (refused.returncode, "nothing to undo" in refused.stderr) == (2, True)
 
 
-def test_windows_vanish_and_come_back_from_another_process(
-    desktop,
-    corrupt,
-    tmp_path,
-):
+def test_windows_vanish_and_come_back_from_another_process(desktop, corrupt, tmp_path):
     before = shown(desktop)
     done = corrupt("app_minimization", "-o", "seen.png")
     assert done.returncode == 0, done.stderr
@@ -243,11 +230,7 @@ def test_a_locker_that_crashed_is_told_of(desktop, corrupt):
         ([], "give the NAME of a corruption"),
     ],
 )
-def test_bad_usage(
-    words,
-    said,
-    corrupt,
-):
+def test_bad_usage(words, said, corrupt):
     done = corrupt(*words)
     assert (done.returncode, "Traceback" in done.stderr) == (2, False)
     assert said in done.stderr

@@ -53,13 +53,7 @@ class Answers:
         (0, "success", False, 0),
     ],
 )
-def test_the_exit_code_of_a_command_is_passed_on(
-    returncode,
-    status,
-    shell,
-    code,
-    monkeypatch,
-):
+def test_the_exit_code_of_a_command_is_passed_on(returncode, status, shell, code, monkeypatch):
     answer = RunResult(status, "out\n", "", returncode)
     monkeypatch.setattr(running, "attach", lambda name: Answers(answer))
     done = CliRunner().invoke(cli.desktop, ["run", "x", *(["--shell"] if shell else [])])
@@ -152,12 +146,7 @@ def test_installing_says_the_command_where_sudo_cannot(installing, monkeypatch):
 def page(tmp_path):
     """The page of a desktop that is none, served."""
     (tmp_path / "token").write_text("secret")
-    record = {
-        "id": "d1",
-        "screen": [80, 60],
-        "guest": "http://127.0.0.1:9",
-        "door": "/nowhere",
-    }
+    record = {"id": "d1", "screen": [80, 60], "guest": "http://127.0.0.1:9", "door": "/nowhere"}
     with Viewer({**record, "token_file": str(tmp_path / "token")}) as server:
         thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02})
         thread.start()
@@ -178,13 +167,7 @@ def ask(page):
     ("error", "told"),
     [(None, False), (ConnectionResetError("gone"), False), (ZeroDivisionError("a bug"), True)],
 )
-def test_a_page_that_is_closed_is_not_told_of(
-    page,
-    monkeypatch,
-    capfd,
-    error,
-    told,
-):
+def test_a_page_that_is_closed_is_not_told_of(page, monkeypatch, capfd, error, told):
     """Whoever closes the tab hangs up in the middle of a picture; a mistake of ours is told all the
     same."""
     closed, answered = threading.Event(), threading.Event()

@@ -93,9 +93,7 @@ def osworld(folder: Path) -> Iterator[Provided]:
     ids=lambda made: made.__name__,
 )
 def provided(
-    request: pytest.FixtureRequest,
-    embedded_machine: None,
-    tmp_path_factory: Any,
+    request: pytest.FixtureRequest, embedded_machine: None, tmp_path_factory: Any
 ) -> Iterator[Provided]:
     with request.param(tmp_path_factory.mktemp("desktop")) as provided:
         yield provided

@@ -29,11 +29,7 @@ def windows(desktop) -> str:
 @pytest.mark.parametrize(
     ("name", "window"), [("png", "ristretto"), ("pdf", "evince"), ("zip", "xarchiver")]
 )
-def test_a_file_opens_in_its_application(
-    files,
-    name,
-    window,
-):
+def test_a_file_opens_in_its_application(files, name, window):
     opened = files.execute(f"xdg-open /tmp/shown.{name}")
     assert opened.ok, opened.error
     until(lambda: window in windows(files).lower())
@@ -63,11 +59,7 @@ def test_a_shortcut_shows_the_desktop_and_the_windows_again(files, keys):
     ("keys", "window"),
     [(("alt", "f2"), "xfce4-appfinder"), (("printscreen",), "xfce4-screenshooter")],
 )
-def test_a_shortcut_opens_a_window(
-    files,
-    keys,
-    window,
-):
+def test_a_shortcut_opens_a_window(files, keys, window):
     assert files.run(f"pyautogui.hotkey(*{keys})").ok
     until(lambda: window in windows(files).lower())
     files.run("pyautogui.press('esc')")

@@ -52,10 +52,7 @@ def test_an_agent_a_task_and_a_corruption_of_files(embedded_machine, tmp_path):
     chosen = ["--agent", f"{tmp_path}/agent.py:Mine", "--tasks", f"{tmp_path}/task.py:SayHello"]
     words = [*chosen, "--corruptions", "clean,quiet_hours", "--out", tmp_path / "run"]
     done = subprocess.run(
-        [str(word) for word in [*command, *words]],
-        capture_output=True,
-        text=True,
-        timeout=400,
+        [str(word) for word in [*command, *words]], capture_output=True, text=True, timeout=400
     )
     assert done.returncode == 0, done.stdout + done.stderr
     lines = (tmp_path / "run" / "records.jsonl").read_text().splitlines()

@@ -61,11 +61,7 @@ def hijack(*arguments):
     return done.stdout
 
 
-def test_killed_controller_takes_its_desktop_with_it(
-    leaves_nothing,
-    controller,
-    up,
-):
+def test_killed_controller_takes_its_desktop_with_it(leaves_nothing, controller, up):
     name = f"{leaves_nothing}own"
     process, _ = controller(f"up(name={name!r})")
     os.kill(process.pid, signal.SIGKILL)

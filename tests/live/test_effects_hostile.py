@@ -118,11 +118,7 @@ def around(desktop, name):
 
 
 @pytest.mark.parametrize(("name", "maximised"), [("chromium", True), ("mousepad", False)])
-def test_a_window_that_fills_the_screen_is_tiled_and_fills_it_again(
-    desktop,
-    name,
-    maximised,
-):
+def test_a_window_that_fills_the_screen_is_tiled_and_fills_it_again(desktop, name, maximised):
     desktop.execute(["wmctrl", "-xa", name])
     wait(lambda: name in active(desktop)["class"].lower())
     change = "add" if maximised else "remove"

@@ -58,11 +58,7 @@ def desktop(answer=None, capabilities=CAPABILITIES):
         calls.append(argv)
         return answer
 
-    return SimpleNamespace(
-        execute=execute,
-        capabilities=capabilities,
-        calls=calls,
-    )
+    return SimpleNamespace(execute=execute, capabilities=capabilities, calls=calls)
 
 
 @pytest.fixture
@@ -121,11 +117,7 @@ def test_a_guest_that_was_taken_over_writes_nothing_into_the_rules_that_root_set
         return RunResult("success", "", "", 0)
 
     found = {"interfaces": ["eth0"], "hosts": ["192.0.2.1", host], "reached": []}
-    guest = SimpleNamespace(
-        capabilities=CAPABILITIES,
-        network_root=root,
-        tool=lambda *_: found,
-    )
+    guest = SimpleNamespace(capabilities=CAPABILITIES, network_root=root, tool=lambda *_: found)
     with pytest.raises(EffectError, match="the guest names a controlling host that is no address"):
         perform(Effect("firewall"), guest)
     assert scripts == ["nft list tables"]
@@ -212,17 +204,7 @@ def test_missing_capability_is_named_before_anything_is_done(kind):
 
 
 @pytest.mark.parametrize(
-    "broken",
-    [
-        {},
-        {"effect": "lock"},
-        {
-            "effect": "lock",
-            "params": 3,
-            "did": {},
-        },
-        {"did": 1},
-    ],
+    "broken", [{}, {"effect": "lock"}, {"effect": "lock", "params": 3, "did": {}}, {"did": 1}]
 )
 def test_damaged_records_are_refused(broken):
     with pytest.raises(EffectError, match="not the record of an applied effect"):
@@ -277,12 +259,7 @@ def test_tools_run_apart_from_all_that_is_the_users(tmp_path):
     hostile["DISPLAY"] = ":7"
     command = isolated(LOOK, "state", "{}")
     done = subprocess.run(
-        command,
-        env=hostile,
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=True,
+        command, env=hostile, cwd=tmp_path, capture_output=True, text=True, check=True
     )
     alone, program, folder, variables, given, module = json.loads(done.stdout)
     assert (alone, folder, given) == (1, "/", ["state", "{}"])
@@ -320,10 +297,7 @@ def in_namespace(script):
     ip addr add 192.0.2.2/24 dev eth0; ip route add default via 192.0.2.1
     """
     return subprocess.run(
-        ["unshare", "-n", "sh", "-c", setup + script],
-        capture_output=True,
-        text=True,
-        check=False,
+        ["unshare", "-n", "sh", "-c", setup + script], capture_output=True, text=True, check=False
     )
 
 
@@ -407,28 +381,10 @@ def test_reach_tells_what_answers():
         port = open_port.getsockname()[1]
         answering = threading.Thread(target=lambda: open_port.accept()[0].close(), daemon=True)
         answering.start()
-        found = nettool.reach(
-            [
-                {
-                    "kind": "tcp",
-                    "host": "127.0.0.1",
-                    "port": port,
-                }
-            ],
-            20,
-        )["reached"]
+        found = nettool.reach([{"kind": "tcp", "host": "127.0.0.1", "port": port}], 20)["reached"]
         answering.join()  # while it accepts, the port is open, whoever closes it
         assert (found[0]["ok"], found[0]["address"]) == (True, "127.0.0.1")
-    closed = nettool.reach(
-        [
-            {
-                "kind": "tcp",
-                "host": "127.0.0.1",
-                "port": port,
-            }
-        ],
-        20,
-    )["reached"][0]
+    closed = nettool.reach([{"kind": "tcp", "host": "127.0.0.1", "port": port}], 20)["reached"][0]
     assert not closed["ok"]
     assert "refused" in closed["error"]
     assert nettool.reach([], 1) == {"reached": []}
@@ -442,12 +398,7 @@ def tree(*apps):
     return f"<desktop-frame {spaces}>{''.join(apps)}</desktop-frame>"
 
 
-def node(
-    role,
-    name,
-    x,
-    extra='st:enabled="true"',
-):
+def node(role, name, x, extra='st:enabled="true"'):
     place = f'cp:screencoord="({x}, 5)" cp:size="(20, 10)"'
     return f'<{role} name="{name}" st:showing="true" st:visible="true" {place} {extra}/>'
 
@@ -472,10 +423,7 @@ def test_elements_keep_what_acts():
 
 
 def window(
-    name: str,
-    kind: str,
-    frame: list[int],
-    states: list[str] | None = None,
+    name: str, kind: str, frame: list[int], states: list[str] | None = None
 ) -> dict[str, Any]:
     """Return a window as `xtool state` describes it."""
     found = {"id": id(frame), "class": f"{name}.{name.title()}", "type": kind, "frame": frame}
@@ -504,11 +452,7 @@ PREFERENCES = window("xfce4-panel", "dialog", [50, 10, 150, 70])
     ],
 )
 def test_a_touch_leaves_launchers_out_but_not_their_dialogs(
-    app,
-    at,
-    windows,
-    with_launchers,
-    without,
+    app, at, windows, with_launchers, without
 ):
     x, y = at
     element = Element(app, "push-button", "it", (x - 2, y - 2, x + 2, y + 2))
@@ -545,11 +489,7 @@ def test_misplaced_allows_for_what_cannot_be_smaller():
     asked = [960, 0, 1920, 1043]
     assert _misplaced(window, asked) == []
     assert _misplaced({**window, "frame": [900, 0, 1860, 1043]}, asked)
-    wide = {
-        **window,
-        "frame": [960, 0, 2100, 1043],
-        "box": [961, 24, 2099, 1042],
-    }
+    wide = {**window, "frame": [960, 0, 2100, 1043], "box": [961, 24, 2099, 1042]}
     assert _misplaced(wide, asked)
     assert not _misplaced({**wide, "least": [1138, 0]}, asked)
     assert _misplaced(None, asked) == ["the window beside it is gone"]
@@ -559,11 +499,7 @@ def test_a_window_behind_its_modal_dialog_is_not_touched():
     from online_env.effects.accidental_touch import _can_be_clicked
     from online_env.effects.elements import Element
 
-    def window(
-        number,
-        frame,
-        **more,
-    ):
+    def window(number, frame, **more):
         return {
             "id": number,
             "mapped": True,
@@ -576,11 +512,7 @@ def test_a_window_behind_its_modal_dialog_is_not_touched():
 
     main, beside = window(1, [0, 0, 100, 100]), window(2, [200, 0, 300, 100])
     dialog = window(3, [40, 40, 60, 60], type="dialog", **{"for": 1}, states=["modal"])
-    places = {
-        "main": (10, 10, 20, 20),
-        "dialog": (45, 45, 55, 55),
-        "beside": (210, 10, 220, 20),
-    }
+    places = {"main": (10, 10, 20, 20), "dialog": (45, 45, 55, 55), "beside": (210, 10, 220, 20)}
 
     def seen(*windows):
         state = {"windows": list(windows)}

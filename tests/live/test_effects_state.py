@@ -11,15 +11,7 @@ from online_env.effects import EffectError, perform, resume, undo
 from online_env.effects import network_error as firewall_module
 from online_env.effects.guest import Guest
 
-from support.effects import (
-    WithSudo,
-    applied,
-    boxes,
-    browser_to_front,
-    open_apps,
-    reach,
-    refused,
-)
+from support.effects import WithSudo, applied, boxes, browser_to_front, open_apps, reach, refused
 from support.waiting import until as wait
 
 pytestmark = pytest.mark.usefixtures("browser_machine")
@@ -109,11 +101,7 @@ def test_network_that_was_down_before_is_not_our_doing(desktop):
 
 
 @pytest.mark.parametrize("tool", ["nft", "iptables"])
-def test_firewall_through_sudo(
-    desktop,
-    tool,
-    tmp_path,
-):
+def test_firewall_through_sudo(desktop, tool, tmp_path):
     """As in a virtual machine; with iptables where there is no nft."""
     guest = WithSudo(desktop, tmp_path)
     guest.give(tool)
@@ -218,13 +206,7 @@ def test_probe_of_the_lock_believes_no_locker_that_only_says_so(desktop, monkeyp
     """A locker that claims to be active, on a screen that anybody can use."""
     liar = Locker("true", "echo it is active", " is active", " is inactive", "true", "true")
     monkeypatch.setattr("online_env.effects.verification.BY_NAME", {"true": liar})
-    record = {
-        "effect": "lock",
-        "params": {},
-        "did": {"locker": "true"},
-        "probes": [],
-        "undone": [],
-    }
+    record = {"effect": "lock", "params": {}, "did": {"locker": "true"}, "probes": [], "undone": []}
     found = resume(record, desktop).probe()
     assert not found.ok
     assert "keyboard is free" in found.problem

@@ -65,14 +65,7 @@ def test_touch_draws_from_the_stream_alike_and_leaves_launchers_out(desktop, mon
     monkeypatch.setattr("online_env.effects.accidental_touch.ATTEMPTS", 1)
     home_page(desktop)
     # A click that is only claimed, so that the page stays as it is.
-    idle = Liar(
-        desktop,
-        click={
-            "moved": False,
-            "pointer": [0, 0],
-            "delivered": True,
-        },
-    )
+    idle = Liar(desktop, click={"moved": False, "pointer": [0, 0], "delivered": True})
     drawn = [
         perform(Effect("touch", {}), idle, Stream(seed, "t")).record["did"]["attempts"]
         for seed in (3, 3, 5, 8)
@@ -103,11 +96,7 @@ def test_touch_may_take_launchers(desktop, stream):
     assert all(attempt["element"]["app"] != "xfce4-panel" for attempt in left_out["attempts"])
 
 
-def test_sabotaged_touch_is_found_out(
-    desktop,
-    stream,
-    monkeypatch,
-):
+def test_sabotaged_touch_is_found_out(desktop, stream, monkeypatch):
     monkeypatch.setattr("online_env.effects.accidental_touch.ATTEMPTS", 2)
     home_page(desktop)
     desktop.run("pyautogui.moveTo(1500, 700)")
@@ -125,11 +114,7 @@ def test_sabotaged_touch_is_found_out(
     assert "nothing changed" in found.problem or "did not see the button" in found.problem
 
 
-def test_touch_notices_an_element_that_moves(
-    desktop,
-    stream,
-    monkeypatch,
-):
+def test_touch_notices_an_element_that_moves(desktop, stream, monkeypatch):
     monkeypatch.setattr("online_env.effects.accidental_touch.ATTEMPTS", 3)
     home_page(desktop)
     desktop.execute(

@@ -50,13 +50,7 @@ def test_minimise_twice_and_undo_twice(desktop):
 
 
 def test_sabotaged_minimise_is_found_out(desktop):
-    claim = {
-        "managed": True,
-        "hidden": [1],
-        "active": 0,
-        "by": "show_desktop",
-        "already": False,
-    }
+    claim = {"managed": True, "hidden": [1], "active": 0, "by": "show_desktop", "already": False}
     found = perform(Effect("minimise"), Liar(desktop, minimise=claim)).probe()
     assert not found.ok
     assert "Mousepad" in found.problem
@@ -97,14 +91,7 @@ def test_launch_tiles_two_windows_and_puts_the_first_back(desktop):
 
 @needs.needs_apps("geany")
 def test_geany_stands_in_for_the_code_editor_that_is_not_there(desktop):
-    effect = Effect(
-        "launch_app",
-        {
-            "app": "vscode",
-            "then": ["chrome"],
-            "tile": True,
-        },
-    )
+    effect = Effect("launch_app", {"app": "vscode", "then": ["chrome"], "tile": True})
     with applied(effect, desktop) as done:
         found = done.probe()
         assert found.ok, found
@@ -145,12 +132,7 @@ def test_launch_takes_the_next_when_one_hangs_or_is_not_installed(desktop, monke
     monkeypatch.setattr(launch_module, "LAUNCH", 10.0)
     monkeypatch.setattr(launch_module, "DRAW", 8.0)
     effect = Effect(
-        "launch_app",
-        {
-            "app": "gimp",
-            "then": ["vlc", "thunderbird", "VS Code"],
-            "tile": True,
-        },
+        "launch_app", {"app": "gimp", "then": ["vlc", "thunderbird", "VS Code"], "tile": True}
     )
     with applied(effect, desktop) as done:
         found = done.probe()

@@ -26,13 +26,7 @@ from online_env.embedded.desktop import EmbeddedDesktop
 def hijack(*arguments, code=0):
     """Run the command in a process of its own; returns what it printed."""
     command = [sys.executable, "-m", "hijack_data.cli", "desktop", *arguments]
-    done = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        timeout=90,
-        check=False,
-    )
+    done = subprocess.run(command, capture_output=True, text=True, timeout=90, check=False)
     assert done.returncode == code, done.stderr + done.stdout
     return done.stdout if code == 0 else done.stderr
 
@@ -74,13 +68,7 @@ def test_unknown_desktop_is_told(embedded_machine):
 def test_view_starts_a_desktop_where_none_runs(embedded_machine, monkeypatch):
     shown = []
 
-    def look(
-        record,
-        port,
-        say,
-        lasting,
-        buttons,
-    ):
+    def look(record, port, say, lasting, buttons):
         with EmbeddedDesktop.attach(record["id"]) as there:
             shown.append(
                 (record["id"], there.screenshot().shape, port, lasting, len(buttons.all()))
@@ -115,12 +103,7 @@ def test_buttons_of_the_page_corrupt_the_desktop_and_take_it_back(viewer, embedd
     parts = urlsplit(viewer.url)
     secret = {"X-Token": viewer.token}
     address = f"http://{parts.netloc}"
-    with httpx.Client(
-        base_url=address,
-        headers=secret,
-        trust_env=False,
-        timeout=60,
-    ) as client:
+    with httpx.Client(base_url=address, headers=secret, trust_env=False, timeout=60) as client:
 
         def press(name):
             return client.post("/press", content=name).raise_for_status().json()
@@ -162,15 +145,7 @@ def test_view_shows_and_controls(viewer, embedded_desktop):
         frame = client.get("/frame", headers=secret)
         with Image.open(io.BytesIO(frame.content)) as picture:
             assert picture.size == (1920, 1080)
-        events = {
-            "events": [
-                {
-                    "type": "move",
-                    "x": 77,
-                    "y": 88,
-                }
-            ]
-        }
+        events = {"events": [{"type": "move", "x": 77, "y": 88}]}
         assert client.post("/input", json=events, headers=secret).status_code == 200
         assert "x:77 y:88" in embedded_desktop.execute("xdotool getmouselocation").output
         moved = client.get("/frame", headers={**secret, "X-Seen": frame.headers["X-Frame"]})
@@ -182,11 +157,7 @@ def test_view_shows_and_controls(viewer, embedded_desktop):
 @pytest.mark.parametrize("headers", [{}, {"X-Token": "wrong"}, {"X-Token": "é".encode()}])
 def test_view_needs_the_token(viewer, headers):
     base = f"http://127.0.0.1:{viewer.server_address[1]}"
-    with httpx.Client(
-        base_url=base,
-        trust_env=False,
-        headers=headers,
-    ) as client:
+    with httpx.Client(base_url=base, trust_env=False, headers=headers) as client:
         assert client.get("/").status_code == 401
         assert client.get("/frame").status_code == 401
         assert client.post("/input", json={}).status_code == 401
@@ -194,11 +165,7 @@ def test_view_needs_the_token(viewer, headers):
 
 def test_view_refuses_other_host_names_and_big_bodies(viewer):
     base = f"http://127.0.0.1:{viewer.server_address[1]}"
-    with httpx.Client(
-        base_url=base,
-        trust_env=False,
-        headers={"X-Token": viewer.token},
-    ) as client:
+    with httpx.Client(base_url=base, trust_env=False, headers={"X-Token": viewer.token}) as client:
         assert client.get("/frame", headers={"Host": "evil.example:80"}).status_code == 401
         assert client.post("/input", content=b"x" * (2 << 20)).status_code == 413
         assert client.get("/nothing").status_code == 404

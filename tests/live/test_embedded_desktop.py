@@ -20,11 +20,7 @@ from support.waiting import still
 from support.waiting import until as _wait
 
 
-def shell(
-    desktop,
-    command,
-    timeout=30,
-):
+def shell(desktop, command, timeout=30):
     """What a shell command of the desktop's user printed."""
     result = desktop.execute(command, timeout)
     return result.output.strip()
@@ -129,11 +125,7 @@ def test_width_and_height_in_the_wrong_order_are_told():
 
 
 def test_a_dead_spare_is_replaced(up, leaves_nothing):
-    desktop = up(
-        standby=True,
-        name=f"{leaves_nothing}a",
-        size=(600, 800),
-    )
+    desktop = up(standby=True, name=f"{leaves_nothing}a", size=(600, 800))
     assert desktop.wait_for_standby()
     spare = registry.load(f"{leaves_nothing}a-2")
     os.kill(spare["init"][0], signal.SIGKILL)
@@ -204,11 +196,7 @@ def test_attach_reaches_and_never_ends_it(up):
         ({"size": 5}, "height, width"),
     ],
 )
-def test_wrong_wishes_are_refused_at_once(
-    up,
-    options,
-    message,
-):
+def test_wrong_wishes_are_refused_at_once(up, options, message):
     with pytest.raises((ParameterError, TypeError), match=message):
         up(**options)
 

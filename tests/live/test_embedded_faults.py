@@ -164,11 +164,7 @@ with EmbeddedDesktop.up(size=(600, 800)) as desktop:
 
 def test_two_controllers_at_once(embedded_machine):
     command = [sys.executable, "-c", SHORT_CONTROLLER]
-    pipes = {
-        "stdin": subprocess.PIPE,
-        "stdout": subprocess.PIPE,
-        "text": True,
-    }
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
     both = [subprocess.Popen(command, **pipes) for _ in range(2)]
     names = {one.stdout.readline().strip() for one in both}
     for one in both:
@@ -193,13 +189,7 @@ def test_two_controllers_at_once(embedded_machine):
         ),
     ],
 )
-def test_failure_to_start_names_the_log(
-    embedded_machine,
-    leaves_nothing,
-    monkeypatch,
-    spoil,
-    told,
-):
+def test_failure_to_start_names_the_log(embedded_machine, leaves_nothing, monkeypatch, spoil, told):
     broken = handle._KEEPER.replace("from online", f"{spoil}; from online")
     monkeypatch.setattr(handle, "_KEEPER", broken)
     with pytest.raises(DesktopError, match=told):

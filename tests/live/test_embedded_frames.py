@@ -66,28 +66,12 @@ def whole(frames):
 
 @pytest.mark.parametrize("place", [(400, 300), (0, 0), (802, 300), (500, 600)])
 def test_it_is_the_guests_own_picture_with_one_pointer(desktop, place):
-    desktop.client.input(
-        [
-            {
-                "type": "move",
-                "x": place[0],
-                "y": place[1],
-            }
-        ]
-    )
+    desktop.client.input([{"type": "move", "x": place[0], "y": place[1]}])
     picture = same(desktop)
     assert (picture.shape, picture.dtype) == ((601, 803, 3), np.uint8)
     assert picture.flags.c_contiguous
     assert picture.flags.writeable
-    desktop.client.input(
-        [
-            {
-                "type": "move",
-                "x": 200,
-                "y": 450,
-            }
-        ]
-    )
+    desktop.client.input([{"type": "move", "x": 200, "y": 450}])
     different = (picture != same(desktop)).any(axis=2)
     different[560:, 600:] = False  # the clock
     changed = np.argwhere(different)
@@ -98,15 +82,7 @@ def test_it_is_the_guests_own_picture_with_one_pointer(desktop, place):
 
 
 def test_a_frame_is_never_two_halves(desktop):
-    desktop.client.input(
-        [
-            {
-                "type": "move",
-                "x": 802,
-                "y": 600,
-            }
-        ]
-    )
+    desktop.client.input([{"type": "move", "x": 802, "y": 600}])
     desktop.client.launch(["/usr/bin/python3", "-c", FLICKER])
     seen = set()
 
@@ -161,13 +137,7 @@ def test_without_the_guest_server_it_says_so_and_then_goes_on(desktop):
     st.integers(-50, 50),
     st.integers(-50, 50),
 )
-def test_what_the_guest_tells_arrives(
-    width,
-    height,
-    until,
-    left,
-    top,
-):
+def test_what_the_guest_tells_arrives(width, height, until, left, top):
     argb = np.random.default_rng(width).integers(0, 2**32, (height, width), dtype=np.uint32)
     got = FrozenScreen.unpack(
         FrozenScreen(width, height, until, PointerImage(left, top, argb)).pack()

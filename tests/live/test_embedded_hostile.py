@@ -71,14 +71,7 @@ def test_an_application_that_hangs_or_is_killed_holds_nobody_up(editor, how):
     assert editor.screenshot().any()
     assert editor.accessibility().startswith("<desktop-frame")
     editor.client.input(
-        [
-            {
-                "type": "click",
-                "x": 400,
-                "y": 300,
-            },
-            {"type": "type", "text": "unheard"},
-        ]
+        [{"type": "click", "x": 400, "y": 300}, {"type": "type", "text": "unheard"}]
     )
     assert editor.run("pyautogui.moveTo(5, 5)").ok
     assert editor.execute(["true"]).ok
@@ -152,16 +145,7 @@ def test_two_controllers_of_one_desktop_at_once(desktop):
             for act in (
                 lambda one=one: [one.screenshot().shape for _ in range(15)],
                 lambda one=one: [
-                    one.client.input(
-                        [
-                            {
-                                "type": "move",
-                                "x": n,
-                                "y": 9,
-                            }
-                        ]
-                    )
-                    for n in range(15)
+                    one.client.input([{"type": "move", "x": n, "y": 9}]) for n in range(15)
                 ],
             )
         ]

@@ -72,11 +72,7 @@ def test_without_control_groups_nothing_is_said_to_be_limited(groups):
     assert limits.join_groups("x", ORDER) == []
 
 
-def paths_of(
-    monkeypatch,
-    place,
-    prefix="/usr",
-):
+def paths_of(monkeypatch, place, prefix="/usr"):
     """What is hidden where our packages lie in `place`."""
     spec = SimpleNamespace(submodule_search_locations=[])
     monkeypatch.setattr(
@@ -163,12 +159,7 @@ def test_only_a_connection_that_its_owner_holds_is_let_in():
             line.close()
 
 
-def run(
-    program,
-    architecture,
-    number,
-    argument=0,
-):
+def run(program, architecture, number, argument=0):
     """What a filter answers to a system call: the kernel's own rules, in a few lines."""
     data = struct.pack("iIQ6Q", number, architecture, 0, argument, 0, 0, 0, 0, 0)
     steps = list(struct.iter_unpack("HBBI", program))

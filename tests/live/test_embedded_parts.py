@@ -60,11 +60,7 @@ def test_a_desktop_whose_internet_ends_again_and_again_is_given_up(tmp_path, mon
     python.write_text("#!/bin/sh\necho no module of ours >&2\n")
     python.chmod(0o755)
     order = DesktopConfig(
-        name="d1",
-        screen=(640, 480),
-        layer="",
-        search_path=(),
-        python=str(python),
+        name="d1", screen=(640, 480), layer="", search_path=(), python=str(python)
     )
     sites = internet.Internet(order, "d1")
     for _ in range(internet.RESTARTS):
@@ -83,10 +79,7 @@ class Flaky(BaseHTTPRequestHandler):
 
     def do_GET(self):
         type(self).asked += 1
-        answers = {
-            1: b"HTTP/1.0 200 OK\r\nContent-Length: 4\r\n\r\nfu",
-            2: b"rubbish\r\n\r\n",
-        }
+        answers = {1: b"HTTP/1.0 200 OK\r\nContent-Length: 4\r\n\r\nfu", 2: b"rubbish\r\n\r\n"}
         full = b"HTTP/1.0 200 OK\r\nContent-Length: 4\r\n\r\nfull"
         self.wfile.write(answers.get(self.asked, full))
         self.close_connection = True
@@ -158,13 +151,7 @@ def test_the_desktops_of_one_order_have_names_that_are_allowed(name, number):
     st.booleans(),
     st.none() | st.tuples(st.integers(1), st.integers(1)),
 )
-def test_an_order_survives_json(
-    width,
-    height,
-    apps,
-    osworld,
-    controller,
-):
+def test_an_order_survives_json(width, height, apps, osworld, controller):
     order = DesktopConfig(
         name=None,
         screen=(width, height),
@@ -200,11 +187,7 @@ def test_records_come_back_and_broken_ones_are_told(tmp_path, monkeypatch):
     (tmp_path / "broken" / registry.RECORD).write_text("{")
     states = {record["id"]: registry.state(record) for record in registry.records()}
     # the controller of d2 is gone
-    assert states == {
-        "d1": "starting",
-        "d2": "orphan",
-        "broken": "orphan",
-    }
+    assert states == {"d1": "starting", "d2": "orphan", "broken": "orphan"}
     with pytest.raises(SetupError, match="there already"):
         registry.claim("broken", keeper, None, {})
 
@@ -303,13 +286,7 @@ def test_doctor_json(monkeypatch):
     result = CliRunner().invoke(desktop, ["doctor", "--json"])
     assert result.exit_code == 0
     assert json.loads(result.output) == [
-        {
-            "name": "a",
-            "ok": False,
-            "detail": "b",
-            "fix": "c",
-            "required": False,
-        }
+        {"name": "a", "ok": False, "detail": "b", "fix": "c", "required": False}
     ]
 
 

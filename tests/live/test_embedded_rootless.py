@@ -53,13 +53,7 @@ class User:
     def __init__(self, home: Path) -> None:
         self.home = home
         self.who = (
-            {
-                "user": NOBODY,
-                "group": NOBODY,
-                "extra_groups": [],
-            }
-            if os.geteuid() == 0
-            else {}
+            {"user": NOBODY, "group": NOBODY, "extra_groups": []} if os.geteuid() == 0 else {}
         )
         self.python = sys.executable
         if not self._runs(sys.executable):
@@ -125,9 +119,7 @@ def home():
     """The user's home; not below pytest's folder, which every run of pytest makes root's alone
     again."""
     with tempfile.TemporaryDirectory(
-        prefix="hijack-home-",
-        dir="/tmp",
-        ignore_cleanup_errors=True,
+        prefix="hijack-home-", dir="/tmp", ignore_cleanup_errors=True
     ) as name:
         folder = Path(name)
         folder.chmod(0o755)
@@ -222,11 +214,7 @@ def test_the_agent_has_no_rights_over_the_machine_or_the_namespaces(desktop, tmp
         ("names.py", ("agenthijack", "hijack_data", "online_env", str(ROOT))),
     ],
 )
-def test_the_red_team_gets_nothing(
-    desktop,
-    script,
-    arguments,
-):
+def test_the_red_team_gets_nothing(desktop, script, arguments):
     """What `test_redteam` tries with root and shows to work where there is no fence."""
     desktop.write_file(f"/tmp/{script}", (ROOT / "tests/live/redteam" / script).read_bytes())
     done = desktop.execute(["/usr/bin/python3", f"/tmp/{script}", *arguments], 120)

@@ -35,11 +35,7 @@ def visit(desktop, address):
     )
 
 
-def named(
-    desktop,
-    tag,
-    part,
-):
+def named(desktop, tag, part):
     """The first showing node whose name holds `part`, once it is there."""
 
     def found():
@@ -50,15 +46,7 @@ def named(
 
 def press(desktop, node):
     x, y = (int(v) for v in node.get(f"{CP}screencoord").strip("()").split(","))
-    desktop.client.input(
-        [
-            {
-                "type": "click",
-                "x": x + 8,
-                "y": y + 8,
-            }
-        ]
-    )
+    desktop.client.input([{"type": "click", "x": x + 8, "y": y + 8}])
 
 
 def test_an_error_page_is_told_and_the_page_before_it_is_not(browser):

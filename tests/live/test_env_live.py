@@ -78,11 +78,7 @@ def begin(stage, tmp_path):
 def play(begin):
     """Begin an episode and take some actions; returns its environment."""
 
-    def start(
-        corruption,
-        *actions,
-        **options,
-    ):
+    def start(corruption, *actions, **options):
         env, _ = begin(corruption, **options)
         for action in actions:
             env.step(action)
@@ -94,10 +90,7 @@ def play(begin):
 def test_gymnasium_finds_nothing_to_complain_of(embedded_machine):
     register_envs()
     env = gymnasium.make(
-        "AgentHijack/Embedded-v0",
-        size=(480, 800),
-        corruption="resolution",
-        standby=False,
+        "AgentHijack/Embedded-v0", size=(480, 800), corruption="resolution", standby=False
     )
     try:
         assert env.observation_space["screenshot"].shape == (240, 400, 3)
@@ -113,11 +106,7 @@ def test_gymnasium_finds_nothing_to_complain_of(embedded_machine):
 
 
 @pytest.mark.parametrize("name", VISUAL)
-def test_what_an_agent_saw_is_made_again_offline(
-    play,
-    tmp_path,
-    name,
-):
+def test_what_an_agent_saw_is_made_again_offline(play, tmp_path, name):
     env = play(name, CLICK, "pyautogui.write('hello')", "DONE")
     assert (env.record["status"], env.record["score"], env.record["steps"]) == ("ok", 0.0, 3)
     report = rebuild(tmp_path)
@@ -125,11 +114,7 @@ def test_what_an_agent_saw_is_made_again_offline(
     assert (report.steps, report.disturbed) == (4, 4)
 
 
-def test_a_visual_and_a_state_corruption_compose(
-    play,
-    stage,
-    tmp_path,
-):
+def test_a_visual_and_a_state_corruption_compose(play, stage, tmp_path):
     env = play(hj.Sequence([hj.Subtitle(fit="shrink"), hj.NetworkError()]), CLICK)
     assert not reach(stage.desktop)
     env.step("DONE")
@@ -174,13 +159,7 @@ class NoFirewall(Around):
 class NoSuchWindows(Around):
     """The tool that minimises is told to look instead."""
 
-    def tool(
-        self,
-        name,
-        operation,
-        fields,
-        timeout=60,
-    ):
+    def tool(self, name, operation, fields, timeout=60):
         if operation == "minimise":
             return {
                 "managed": True,
@@ -199,13 +178,7 @@ class NoSuchWindows(Around):
         ("app_minimization", NoSuchWindows, "still on the screen"),
     ],
 )
-def test_a_sabotaged_effect_makes_the_episode_invalid(
-    play,
-    stage,
-    name,
-    around,
-    words,
-):
+def test_a_sabotaged_effect_makes_the_episode_invalid(play, stage, name, around, words):
     stage.around = around(stage._desktop)
     env = play(STATE[name][0], "WAIT")
     assert (env.record["status"], env.record["score"]) == ("invalid", None)
@@ -313,11 +286,7 @@ def words_given(env, given, words):
 
 
 @pytest.mark.parametrize("name", STATE)
-def test_each_effect_is_proved_tells_nothing_and_is_undone(
-    begin,
-    stage,
-    name,
-):
+def test_each_effect_is_proved_tells_nothing_and_is_undone(begin, stage, name):
     corruption, _, kind = STATE[name]
     env, first = begin(None, corruption=corruption, label="sesame")
     given = [first, *map(env.step, ("WAIT", "WAIT", "REQUEST_REINIT"))]
@@ -341,11 +310,7 @@ def test_a_picture_that_is_corrupted_tells_the_guest_nothing(play, stage):
     assert env.record["status"] == "ok"
 
 
-def test_an_episode_is_on_disk_where_the_desktops_user_cannot_read_it(
-    play,
-    stage,
-    tmp_path: Path,
-):
+def test_an_episode_is_on_disk_where_the_desktops_user_cannot_read_it(play, stage, tmp_path: Path):
     env = play("subtitle", "DONE")
     folder = tmp_path / "episodes" / env.record["id"]
     assert (folder / "episode.json").exists()

@@ -28,11 +28,7 @@ def task(**more):
     show = {"type": "launch", "parameters": {"command": ["thunar"]}}
     evaluator = {
         "func": "exact_match",
-        "result": {
-            "type": "vm_command_line",
-            "command": "cat ~/made",
-            "shell": True,
-        },
+        "result": {"type": "vm_command_line", "command": "cat ~/made", "shell": True},
         "expected": {"type": "rule", "rules": {"expected": "yes"}},
     }
     return {
@@ -55,22 +51,14 @@ def stage(embedded_machine, tmp_path_factory):
         yield OsworldStage(env, late_files=0.5)  # no application writes what is judged here
 
 
-def make(
-    stage,
-    folder,
-    **options,
-):
+def make(stage, folder, **options):
     return CorruptedEnv(
         stage, log=folder, settle=Settle(quiet=0.2, cap=2), allow_code=True, max_steps=4, **options
     )
 
 
 @pytest.mark.parametrize("name", hj.names()[:9])
-def test_all_nine_on_a_task_that_is_scored(
-    stage,
-    tmp_path,
-    name,
-):
+def test_all_nine_on_a_task_that_is_scored(stage, tmp_path, name):
     corruption = hj.get(name, **ONE_STEP.get(name, {"fit": "shrink"} if name == "subtitle" else {}))
     env = make(stage, tmp_path, corruption=corruption)
     obs, _ = env.reset(seed=2, options={"task": task()})
@@ -104,12 +92,7 @@ def test_doing_nothing_scores_nothing_and_a_reset_is_pristine(stage, tmp_path):
 @pytest.mark.parametrize(
     ("last", "score"), [("FAIL", 1.0), ("DONE", 0.0), ("pyautogui.press('a')", 0.0)]
 )
-def test_an_infeasible_task_is_judged_by_the_agents_last_action(
-    stage,
-    tmp_path,
-    last,
-    score,
-):
+def test_an_infeasible_task_is_judged_by_the_agents_last_action(stage, tmp_path, last, score):
     """What is injected is none of the agent's actions."""
     env = make(stage, tmp_path, corruption=hj.AppMinimization(step=1))
     env.reset(seed=0, options={"task": task(evaluator={"func": "infeasible"})})

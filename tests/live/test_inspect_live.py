@@ -13,10 +13,7 @@ pytest.importorskip("lxml", reason=needs.ONLINE)
 from support.docs import ROOT, blocks_of
 
 PAGE = ROOT / "docs" / "score_my_agent.md"
-pytestmark = [
-    pytest.mark.usefixtures("embedded_machine"),
-    pytest.mark.filterwarnings("ignore"),
-]
+pytestmark = [pytest.mark.usefixtures("embedded_machine"), pytest.mark.filterwarnings("ignore")]
 
 
 def block_with(words):

@@ -28,11 +28,7 @@ def bare(monkeypatch):
         ("Xvfb", "core"),
     ],
 )
-def test_a_program_is_named_with_the_profile_that_has_it(
-    program,
-    profile,
-    bare,
-):
+def test_a_program_is_named_with_the_profile_that_has_it(program, profile, bare):
     line = f"not installed: {program}; .venv/bin/hijack desktop install --profile {profile}"
     assert needs.lack_of_apps(program) == line
     mark = needs.needs_apps(program).mark

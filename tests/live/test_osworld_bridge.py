@@ -38,11 +38,7 @@ class Guest(ThreadingHTTPServer):
         self.commands: list[Any] = []
         self.answers: dict[str, str] = {}
         self.status = 200
-        threading.Thread(
-            target=self.serve_forever,
-            args=(0.01,),
-            daemon=True,
-        ).start()
+        threading.Thread(target=self.serve_forever, args=(0.01,), daemon=True).start()
 
     def address(self, **more: Any) -> Address:
         return Address("127.0.0.1", self.server_address[1], **more)
@@ -82,14 +78,7 @@ class Handler(BaseHTTPRequestHandler):
             text = command if isinstance(command, str) else " ".join(command or [])
             found = [answer for key, answer in self.server.answers.items() if key in text]
             output = found[0] if found else ""
-            self.reply_json(
-                {
-                    "status": "success",
-                    "output": output,
-                    "error": "",
-                    "returncode": 0,
-                }
-            )
+            self.reply_json({"status": "success", "output": output, "error": "", "returncode": 0})
 
     def note(self) -> None:
         self.server.seen.append((self.path, self.headers.get("Authorization", "")))
@@ -132,11 +121,7 @@ def guest(tmp_path: Path, noise: Any) -> Iterator[Guest]:
 
 
 @pytest.fixture
-def env(
-    python: Path,
-    guest: Guest,
-    tmp_path: Path,
-) -> Iterator[OsworldEnv]:
+def env(python: Path, guest: Guest, tmp_path: Path) -> Iterator[OsworldEnv]:
     made = OsworldEnv(
         python, guest.address, OSWorldSettings(tmp_path / "cache", tree=True), tmp_path / "log"
     )
@@ -145,30 +130,17 @@ def env(
 
 
 def task(
-    func: Any,
-    result: Any = None,
-    expected: Any = None,
-    config: Any = (),
-    **more: Any,
+    func: Any, result: Any = None, expected: Any = None, config: Any = (), **more: Any
 ) -> dict[str, Any]:
     evaluator: dict[str, Any] = {"func": func, **more}
     evaluator |= {"result": result} if result else {}
     evaluator |= {"expected": {"type": "rule", "rules": expected}} if expected else {}
-    return {
-        "id": "t-1",
-        "instruction": "do it",
-        "config": list(config),
-        "evaluator": evaluator,
-    }
+    return {"id": "t-1", "instruction": "do it", "config": list(config), "evaluator": evaluator}
 
 
 EXISTS = task(
     "exact_match",
-    {
-        "type": "vm_command_line",
-        "command": "ls x",
-        "shell": True,
-    },
+    {"type": "vm_command_line", "command": "ls x", "shell": True},
     {"expected": "yes\n"},
 )
 VLC = task("check_qt_bgcone", {"type": "vlc_config", "dest": "vlcrc"}, {"expected_qt_bgcone": 0})
@@ -200,9 +172,7 @@ def test_infeasible_wants_fail_as_the_last_action(env: OsworldEnv) -> None:
 
 
 def test_an_evaluator_that_raises_is_no_zero(
-    env: OsworldEnv,
-    guest: Guest,
-    monkeypatch: pytest.MonkeyPatch,
+    env: OsworldEnv, guest: Guest, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     guest.answers["platform"] = "Plan 9\n"
     env.reset(VLC)
@@ -221,13 +191,7 @@ def test_missing_packages_are_refused_before_the_reset(env: OsworldEnv, guest: G
         )
     before = len(guest.seen)
     wants = task(
-        "compare_table",
-        {
-            "type": "vm_file",
-            "path": "/a.xlsx",
-            "dest": "a.xlsx",
-        },
-        {"x": 1},
+        "compare_table", {"type": "vm_file", "path": "/a.xlsx", "dest": "a.xlsx"}, {"x": 1}
     )
     with pytest.raises(TaskRefusedError, match="openpyxl"):
         env.reset(wants)
@@ -265,10 +229,7 @@ def test_functions_that_the_wheel_lacks_are_there(env: OsworldEnv, guest: Guest)
 
 
 def test_every_reset_but_the_first_asks_for_a_fresh_guest(
-    python: Path,
-    tmp_path: Path,
-    guest: Guest,
-    noise: Any,
+    python: Path, tmp_path: Path, guest: Guest, noise: Any
 ) -> None:
     second = Guest(guest.folder, encode_png(noise[:100]))
     turn = iter([guest, second, guest])
@@ -293,10 +254,7 @@ def test_every_reset_but_the_first_asks_for_a_fresh_guest(
 
 
 def test_the_token_goes_to_the_guest_only(
-    python: Path,
-    tmp_path: Path,
-    guest: Guest,
-    noise: Any,
+    python: Path, tmp_path: Path, guest: Guest, noise: Any
 ) -> None:
     other = Guest(guest.folder, b"")
     url = f"http://127.0.0.1:{other.server_address[1]}/hello.txt"
@@ -438,10 +396,5 @@ try:
 except ImportError:
     print("gone")
 """
-    done = subprocess.run(
-        [python, "-c", code],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = subprocess.run([python, "-c", code], capture_output=True, text=True, check=False)
     assert (done.stdout, done.stderr) == ("gone\n", "")

@@ -84,11 +84,7 @@ def desktop(env: Env) -> OsworldDesktop:
     return OsworldDesktop(env)
 
 
-def test_it_is_a_desktop(
-    desktop: OsworldDesktop,
-    env: Env,
-    noise: np.ndarray,
-) -> None:
+def test_it_is_a_desktop(desktop: OsworldDesktop, env: Env, noise: np.ndarray) -> None:
     assert isinstance(desktop, Desktop)
     assert desktop.size == (216, 384)
     np.testing.assert_array_equal(desktop.screenshot(), noise)
@@ -102,9 +98,7 @@ def test_it_is_a_desktop(
 
 
 def test_what_it_does_is_no_action_of_the_agent(
-    desktop: OsworldDesktop,
-    env: Env,
-    tmp_path: Path,
+    desktop: OsworldDesktop, env: Env, tmp_path: Path
 ) -> None:
     assert desktop.run("print(6 * 7)").output == "42\n"
     desktop.execute("true")
@@ -132,9 +126,7 @@ def test_commands(desktop: OsworldDesktop) -> None:
 
 
 def test_files_in_the_guests_home_do_not_break_commands(
-    desktop: OsworldDesktop,
-    env: Env,
-    tmp_path: Path,
+    desktop: OsworldDesktop, env: Env, tmp_path: Path
 ) -> None:
     for name in ("json", "signal", "subprocess", "tempfile", "random"):
         (tmp_path / f"{name}.py").write_text("raise SystemExit(3)")
@@ -164,9 +156,7 @@ def test_a_large_file_goes_in_pieces(desktop: OsworldDesktop, tmp_path: Path) ->
 
 
 def test_a_piece_that_is_sent_again_is_written_once(
-    desktop: OsworldDesktop,
-    env: Env,
-    tmp_path: Path,
+    desktop: OsworldDesktop, env: Env, tmp_path: Path
 ) -> None:
     """OSWorld's client repeats a command whose answer was lost."""
     once = env.controller.execute_python_command
@@ -237,9 +227,7 @@ echo as root: "$@" >> "$0.log"
     ("password", "allowed"), [("pa'ss $word", True), ("wrong", False), (None, False)]
 )
 def test_the_firewall_is_ours_only_with_the_password(
-    tmp_path: Path,
-    password: str | None,
-    allowed: bool,
+    tmp_path: Path, password: str | None, allowed: bool
 ) -> None:
     """A guest whose user is nobody in particular and whose sudo asks."""
     for name, text in (("sudo", SUDO), ("id", "#!/bin/sh\necho 1000\n")):
@@ -248,13 +236,7 @@ def test_the_firewall_is_ours_only_with_the_password(
 
     def execute(argv: Any, timeout: float) -> RunResult:
         place = {"PATH": f"{tmp_path}:/usr/bin:/bin"}
-        done = subprocess.run(
-            argv,
-            capture_output=True,
-            text=True,
-            check=False,
-            env=place,
-        )
+        done = subprocess.run(argv, capture_output=True, text=True, check=False, env=place)
         return RunResult("success", done.stdout, done.stderr, done.returncode)
 
     assert ("firewall" in survey(execute, password)) is allowed
@@ -285,13 +267,7 @@ def test_a_locker_that_hangs_costs_one_wait(tmp_path: Path) -> None:
 
     def execute(argv: Any, timeout: float) -> RunResult:
         place = {"PATH": f"{tmp_path}:/usr/bin:/bin"}
-        done = subprocess.run(
-            argv,
-            capture_output=True,
-            text=True,
-            check=False,
-            env=place,
-        )
+        done = subprocess.run(argv, capture_output=True, text=True, check=False, env=place)
         return RunResult("success", done.stdout, done.stderr, done.returncode)
 
     assert "lock" not in survey(execute, None)

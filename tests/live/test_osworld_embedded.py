@@ -27,28 +27,14 @@ def env(embedded_machine: None, tmp_path_factory: pytest.TempPathFactory) -> Ite
         yield made
 
 
-def task(
-    command: str,
-    config: Any = (),
-    func: str = "exact_match",
-    **more: Any,
-) -> OsworldTask:
+def task(command: str, config: Any = (), func: str = "exact_match", **more: Any) -> OsworldTask:
     evaluator = {
         "func": func,
-        "result": {
-            "type": "vm_command_line",
-            "command": command,
-            "shell": True,
-        },
+        "result": {"type": "vm_command_line", "command": command, "shell": True},
         "expected": {"type": "rule", "rules": {"expected": "yes\n"}},
         **more,
     }
-    content = {
-        "id": "t-1",
-        "instruction": "x",
-        "config": list(config),
-        "evaluator": evaluator,
-    }
+    content = {"id": "t-1", "instruction": "x", "config": list(config), "evaluator": evaluator}
     return OsworldTask("t-1", "os", content, Path("t-1.json"))
 
 
@@ -132,11 +118,7 @@ def test_a_task_without_config_and_one_with_a_history_are_provided_for(
     plain = OsworldTask(
         "t-0",
         "os",
-        {
-            "id": "t-0",
-            "instruction": "x",
-            "evaluator": {"func": "infeasible"},
-        },
+        {"id": "t-0", "instruction": "x", "evaluator": {"func": "infeasible"}},
         Path("t"),
     )
     wants = task("", [{"type": "update_browse_history", "parameters": {"history": []}}])

@@ -34,11 +34,7 @@ def stage(embedded_desktop):
 
 
 @contextlib.contextmanager
-def opened(
-    stage,
-    name,
-    box,
-):
+def opened(stage, name, box):
     """An application's window, closed afterwards."""
     top = next(app for app in APPS if app.name == name).open(stage)
     try:
@@ -117,21 +113,12 @@ def test_a_desktop_and_the_button_that_brings_the_window_back(stage, monkeypatch
     assert found.app == "mousepad"
 
 
-def test_an_oracle_is_recorded_and_built(
-    embedded_machine,
-    tmp_path,
-    capsys,
-):
+def test_an_oracle_is_recorded_and_built(embedded_machine, tmp_path, capsys):
     from online_env.recording.command import RecordOptions, run
     from pipelines import build, open_dataset
 
     notes = tmp_path / "notes"
-    options = RecordOptions(
-        output=notes,
-        task="write_note",
-        seed=3,
-        size=(768, 1024),
-    )
+    options = RecordOptions(output=notes, task="write_note", seed=3, size=(768, 1024))
     assert run(options) == 0
     assert capsys.readouterr().out.startswith("write_note-3: ")
     report = build(tmp_path / "notes", tmp_path / "built", corruptions="marks", seed=1)
@@ -164,16 +151,9 @@ def test_a_person_is_recorded(stage):
         thread.start()
         page = f"http://127.0.0.1:{viewer.server_address[1]}"
         with httpx.Client(
-            base_url=page,
-            headers={"X-Token": viewer.token},
-            trust_env=False,
-            timeout=30,
+            base_url=page, headers={"X-Token": viewer.token}, trust_env=False, timeout=30
         ) as client:
-            spot = {
-                "x": 650,
-                "y": 520,
-                "button": "left",
-            }
+            spot = {"x": 650, "y": 520, "button": "left"}
             for events in (
                 [{"type": "down", **spot}, {"type": "up", **spot}],
                 [{"type": "type", "text": "h"}],
@@ -213,20 +193,10 @@ def test_a_person_is_recorded(stage):
         (["--assets", "x", "--sizes", "big"], "WIDTHxHEIGHT"),
     ],
 )
-def test_options_that_do_not_go_together_are_told(
-    arguments,
-    words,
-    embedded_machine,
-    tmp_path,
-):
+def test_options_that_do_not_go_together_are_told(arguments, words, embedded_machine, tmp_path):
     command = [sys.executable, "-m", "hijack_data.cli", "desktop", "record", *arguments]
     done = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-        cwd=tmp_path,
+        command, capture_output=True, text=True, timeout=60, check=False, cwd=tmp_path
     )
     assert (done.returncode, words in done.stderr) == (2, True), done.stderr
     assert not list(tmp_path.iterdir())

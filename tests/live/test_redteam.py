@@ -48,12 +48,7 @@ def as_root():
         needs.skip("root inside needs root outside", "run the tests with sudo")
 
 
-def inside(
-    desktop,
-    who,
-    *argv,
-    timeout=60,
-):
+def inside(desktop, who, *argv, timeout=60):
     """What a command prints inside, which must end well."""
     sudo = ["sudo", "-n"] if who == "root" else []
     done = desktop.execute([*sudo, *map(str, argv)], timeout)
@@ -61,31 +56,16 @@ def inside(
     return done.output
 
 
-def attack(
-    desktop,
-    who,
-    script,
-    *arguments,
-):
+def attack(desktop, who, script, *arguments):
     """What a script of the red team prints inside."""
     desktop.write_file(f"/tmp/{script}", (SCRIPTS / script).read_bytes())
     return inside(desktop, who, PYTHON, f"/tmp/{script}", *arguments)
 
 
-def on_machine(
-    script,
-    *arguments,
-    enter=(),
-):
+def on_machine(script, *arguments, enter=()):
     """What the same script prints on the machine."""
     command = [*enter, PYTHON, str(SCRIPTS / script), *map(str, arguments)]
-    return subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=True,
-    ).stdout
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=True).stdout
 
 
 @pytest.fixture(scope="module")
@@ -135,12 +115,7 @@ def test_services_of_the_machine_are_out_of_reach(desktop, who):
     name = f"red-{os.getpid()}-{who}"
     everywhere = service(socket.AF_INET, ("0.0.0.0", 0))
     with everywhere as (_, port), service(socket.AF_UNIX, f"\0{name}"):
-        listed = subprocess.run(
-            ["hostname", "-I"],
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        listed = subprocess.run(["hostname", "-I"], capture_output=True, text=True, check=False)
         hosts = ["127.0.0.1", desktop.record["address"], *listed.stdout.split()]
         places = [f"{host}:{port}" for host in hosts if ":" not in host]
         guest = desktop.record["guest"].partition("//")[2]
@@ -196,23 +171,14 @@ def key():
         command = [sys.executable, "-c", code]
     else:
         command = ["keyctl", "add", "user", "canary", "KEY-OF-THE-MACHINE", "@u"]
-    number = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        check=True,
-    ).stdout.strip()
+    number = subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
     if int(number) < 0:
         needs.skip("the kernel has no key rings", "run it on a kernel with CONFIG_KEYS")
     return number
 
 
 @pytest.mark.parametrize("who", USERS)
-def test_key_rings_of_the_machine_are_out_of_reach(
-    desktop,
-    key,
-    who,
-):
+def test_key_rings_of_the_machine_are_out_of_reach(desktop, key, who):
     found = attack(desktop, who, "keyring.py", key, platform.machine())
     assert found == "tried\n"
     assert "KEY-OF-THE-MACHINE" in on_machine("keyring.py", key, platform.machine())
@@ -253,11 +219,7 @@ def owners():
 
 
 @pytest.mark.parametrize("who", USERS)
-def test_runs_and_our_own_files_are_not_there(
-    desktop,
-    folders,
-    who,
-):
+def test_runs_and_our_own_files_are_not_there(desktop, folders, who):
     assert inside(desktop, who, "cat", folders / "open/record") == SECRET.decode()
     later = folders / "later/run"
     later.mkdir(parents=True, exist_ok=True)  # after the desktop has come up
@@ -322,18 +284,10 @@ def test_other_users_of_the_machine_are_turned_away(desktop):
         "s.sendall(b'POST /execute HTTP/1.1\\r\\nHost: x\\r\\nContent-Type: application/json\\r\\n"
         "Content-Length: %d\\r\\n\\r\\n' % len(b) + b); s.close()"
     )
-    stranger = {
-        "user": STRANGER,
-        "group": STRANGER,
-        "extra_groups": [],
-    }
+    stranger = {"user": STRANGER, "group": STRANGER, "extra_groups": []}
     url = desktop.record["guest"]
 
-    def run(
-        code,
-        *arguments,
-        **who,
-    ):
+    def run(code, *arguments, **who):
         command = [PYTHON, "-c", code, *arguments]
         return subprocess.run(
             command, capture_output=True, text=True, check=True, cwd="/", timeout=60, **who
@@ -372,18 +326,12 @@ def test_a_web_page_cannot_have_commands_run(desktop, kind):
     for path in ("/execute", "/setup/execute", "/setup/launch", "/run_python", "/run_bash_script"):
         headers = {"Content-Type": kind} if kind else {}
         answer = httpx.post(
-            desktop.record["guest"] + path,
-            content=body,
-            headers=headers,
-            trust_env=False,
+            desktop.record["guest"] + path, content=body, headers=headers, trust_env=False
         )
         assert answer.status_code == 415, answer.text
     headers = {"Content-Type": "application/json; charset=utf-8"}
     good = httpx.post(
-        desktop.record["guest"] + "/execute",
-        content=body,
-        headers=headers,
-        trust_env=False,
+        desktop.record["guest"] + "/execute", content=body, headers=headers, trust_env=False
     )
     assert good.json()["returncode"] == 0
 

@@ -31,10 +31,7 @@ TOKEN = "correct-horse-battery-staple"
 START = 180  # seconds
 KEEPER = "runtime.keeper"
 WRITTEN = "~/Documents/{name}"
-pytestmark = [
-    pytest.mark.usefixtures("embedded_machine"),
-    pytest.mark.filterwarnings("ignore"),
-]
+pytestmark = [pytest.mark.usefixtures("embedded_machine"), pytest.mark.filterwarnings("ignore")]
 
 
 @contextlib.contextmanager
@@ -43,12 +40,7 @@ def serving(*words):
     command = [sys.executable, "-m", "hijack_data.cli", "serve", "embedded", "--port", "0"]
     command += ["--tasks", "write_note", "--size", "1280x720", "--desktops", "1", *words]
     environment = {**os.environ, "AGENTHIJACK_SERVE_TOKEN": TOKEN}
-    process = subprocess.Popen(
-        command,
-        stdout=subprocess.PIPE,
-        text=True,
-        env=environment,
-    )
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
     timer = threading.Timer(START, process.kill)
     timer.start()
     try:
@@ -69,11 +61,7 @@ def serving(*words):
 
 def client(url):
     headers = {"Authorization": f"Bearer {TOKEN}"}
-    return GenericEnvClient(
-        base_url=url,
-        message_timeout_s=300,
-        headers=headers,
-    ).sync()
+    return GenericEnvClient(base_url=url, message_timeout_s=300, headers=headers).sync()
 
 
 def keepers(pid):
@@ -174,9 +162,7 @@ def test_one_desktop_meets_what_clients_and_machines_do():
             assert env.state()["record"]["malformed"] == 1
 
         vanishing = subprocess.Popen(
-            [sys.executable, "-c", VANISHING, url, TOKEN],
-            stdout=subprocess.PIPE,
-            text=True,
+            [sys.executable, "-c", VANISHING, url, TOKEN], stdout=subprocess.PIPE, text=True
         )
         assert vanishing.stdout.readline() == "begun\n"
         assert free(url) == 0

@@ -31,9 +31,7 @@ def place(embedded_machine: None) -> Iterator[tuple[Any, SiteState]]:
 
 @pytest.mark.parametrize("name", sets.members("sample"))
 def test_the_oracle_does_what_nobody_did_before(
-    place: tuple[Any, SiteState],
-    request: pytest.FixtureRequest,
-    name: str,
+    place: tuple[Any, SiteState], request: pytest.FixtureRequest, name: str
 ) -> None:
     if name == "register_course":
         request.getfixturevalue("browser_machine")
@@ -57,8 +55,7 @@ def test_the_oracle_does_what_nobody_did_before(
 
 
 def test_an_application_that_is_missing_is_named_before_anything_is_done(
-    place: tuple[Any, SiteState],
-    monkeypatch: pytest.MonkeyPatch,
+    place: tuple[Any, SiteState], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     absent = dataclasses.replace(APPS["gimp"], argv=("no-such-program",))
     monkeypatch.setitem(APPS, "gimp", absent)
@@ -67,9 +64,7 @@ def test_an_application_that_is_missing_is_named_before_anything_is_done(
         machine.check_installed(["thunar", "gimp"])
 
 
-def test_a_snapshot_tells_what_was_added_changed_and_removed(
-    place: tuple[Any, SiteState],
-) -> None:
+def test_a_snapshot_tells_what_was_added_changed_and_removed(place: tuple[Any, SiteState]) -> None:
     machine = tasks.Machine(*place)
     machine.begin()
     for name in ("kept", "changed", "removed", "moded"):
@@ -97,10 +92,7 @@ def test_a_snapshot_tells_what_was_added_changed_and_removed(
 @pytest.mark.parametrize(
     "corruption", ["accidental_touch", "app_minimization", "multi_apps", "verification"]
 )
-def test_a_careful_user_does_the_task_all_the_same(
-    embedded_machine: None,
-    corruption: str,
-) -> None:
+def test_a_careful_user_does_the_task_all_the_same(embedded_machine: None, corruption: str) -> None:
     from online_env import CorruptedEnv, EmbeddedDesktop, SmallTasks
     from online_env.agents.registry import make
     from online_env.bench.episodes import play

@@ -65,10 +65,7 @@ def test_an_agent_of_osworld_gets_a_png_and_the_instruction_and_nothing_else():
         ("FAIL", ["FAIL"]),
         (None, []),
         ([{"action_type": "CLICK", "x": 3, "y": 4}], ["pyautogui.click(3, 4)"]),
-        (
-            [{"action_type": "SCROLL", "parameters": {"dx": 2, "dy": 0}}],
-            ["pyautogui.hscroll(2)"],
-        ),
+        ([{"action_type": "SCROLL", "parameters": {"dx": 2, "dy": 0}}], ["pyautogui.hscroll(2)"]),
         ({"action_type": "DONE"}, ["DONE"]),
         ([{"name": "computer", "command": "pyautogui.press('a')"}], ["pyautogui.press('a')"]),
         (

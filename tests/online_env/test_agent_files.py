@@ -217,10 +217,7 @@ def test_a_benchmark_finds_files_and_keeps_their_digest(tmp_path):
     bench = override(load_bench("embedded_small"), f"{path},gpt-4o,oracle")
     assert bench.agents == (str(path), "gpt-4o", "oracle")
     code = bench.to_data()["code"]
-    assert code[str(path)] == {
-        "path": str(path),
-        "sha256": files.read_agent(str(path)).sha256,
-    }
+    assert code[str(path)] == {"path": str(path), "sha256": files.read_agent(str(path)).sha256}
     assert code["gpt-4o"]["path"] == "agents/gpt-4o"
     assert "oracle" not in code
 

@@ -37,12 +37,7 @@ def test_random_actions_can_be_repeated_anywhere():
         "picture = np.random.default_rng(0).integers(0, 256, (90, 160, 3), dtype=np.uint8);"
         "print(make('random').predict('write hello', {'screenshot': picture})[1][0])"
     )
-    other = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    other = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert other.stdout.strip() == first[0]
 
 

@@ -101,11 +101,7 @@ def oracle_for(task):
     return oracle, desktop
 
 
-def actions_of(
-    oracle,
-    size=SIZE,
-    most=10,
-):
+def actions_of(oracle, size=SIZE, most=10):
     found = []
     while len(found) < most and found[-1:] not in (["DONE"], ["FAIL"]):
         said, actions = oracle.predict("do it", seen(size))
@@ -220,11 +216,7 @@ class Env:
         assert self.record is None, "stepped after the end"
         self.done.append(action)
         if len(self.done) == self.steps:
-            self.record = {
-                "status": "ok",
-                "score": 0.5,
-                "said": self.said,
-            }
+            self.record = {"status": "ok", "score": 0.5, "said": self.said}
         return self.obs(), 0.0, False, False, {}
 
     def hear(self, said):
@@ -264,11 +256,7 @@ class Speaker:
 def test_an_agent_is_shown_instruction_and_screenshot_and_nothing_else():
     env, agent = Env(), Speaker(["a"], ["b", "c"])
     record = play(env, agent, JOB, 0, None)
-    assert record == {
-        "status": "ok",
-        "score": 0.5,
-        "said": "said 2",
-    }
+    assert record == {"status": "ok", "score": 0.5, "said": "said 2"}
     assert env.done == ["a", "b", "c"]
     assert agent.resets == 1
     assert [(text, set(obs)) for text, obs in agent.shown] == [("do it", {"screenshot"})] * 2
@@ -414,12 +402,7 @@ class Planless(Speaker):
 
 @pytest.mark.parametrize(
     ("kind", "given"),
-    [
-        (Speaker, []),
-        (Planless, []),
-        (Prepared, ["task"]),
-        (PreparedAndTold, ["task", "plan"]),
-    ],
+    [(Speaker, []), (Planless, []), (Prepared, ["task"]), (PreparedAndTold, ["task", "plan"])],
 )
 def test_only_the_privileged_are_shown_more_and_the_record_says_so(kind, given):
     env, shown = Env(steps=1), []
@@ -479,8 +462,5 @@ class Unspeaking:
     ],
 )
 def test_what_cannot_be_shown_ends_an_episode_and_not_the_run(how, problem):
-    with (
-        Apart(lambda: Unspeaking(how)) as agent,
-        pytest.raises(AgentError, match=f"^{problem}$"),
-    ):
+    with Apart(lambda: Unspeaking(how)) as agent, pytest.raises(AgentError, match=f"^{problem}$"):
         agent.predict("do it", {})

@@ -157,11 +157,7 @@ retries: yes
         (f"max_steps: {'9' * 60}", "a whole number of 60 digits"),
     ],
 )
-def test_mistakes(
-    text,
-    words,
-    tmp_path,
-):
+def test_mistakes(text, words, tmp_path):
     found = mistakes(tmp_path, text)
     assert any(words in problem for problem in found), found
 
@@ -169,11 +165,7 @@ def test_mistakes(
 def test_the_command_line_overrides():
     bench = load_bench("embedded_small")
     changed = override(
-        bench,
-        agent="do_nothing",
-        task="rename_file, write_note",
-        corruption="clean,marks",
-        seeds=3,
+        bench, agent="do_nothing", task="rename_file, write_note", corruption="clean,marks", seeds=3
     )
     assert changed.agents == ("do_nothing",)
     assert changed.tasks == ("rename_file", "write_note")
@@ -203,11 +195,7 @@ def test_labels_of_the_file_can_be_chosen(tmp_path):
         ({"corruption": "marks,marks"}, ParameterError, "--corruptions names 'marks' twice"),
     ],
 )
-def test_overrides_that_are_refused(
-    options,
-    error,
-    words,
-):
+def test_overrides_that_are_refused(options, error, words):
     with pytest.raises(error, match=words.replace("?", r"\?")):
         override(load_bench("embedded_small"), **options)
 

@@ -32,13 +32,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 def hijack(*words):
     argv = [sys.executable, "-m", "hijack_data.cli", *map(str, words)]
-    return subprocess.run(
-        argv,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
+    return subprocess.run(argv, capture_output=True, text=True, timeout=120, check=False)
 
 
 @pytest.fixture(scope="module")
@@ -83,12 +77,7 @@ HOLDER = """
 def test_a_second_writer_is_refused_until_the_first_process_is_dead(tmp_path):
     folder = tmp_path / "run"
     argv = [sys.executable, "-c", textwrap.dedent(HOLDER), str(folder)]
-    process = subprocess.Popen(
-        argv,
-        stdout=subprocess.PIPE,
-        text=True,
-        cwd=ROOT,
-    )
+    process = subprocess.Popen(argv, stdout=subprocess.PIPE, text=True, cwd=ROOT)
     try:
         assert process.stdout.readline() == "held\n"
         for begin in (records.hold, lambda path: records.resume(path, {}, [])):
@@ -183,11 +172,7 @@ def test_a_run_that_never_began_is_begun(tmp_path):
         ({"corruptions": ["clean", {"marks": {"number": 4}}]}, "corruptions was"),
     ],
 )
-def test_another_run_is_not_gone_on_with(
-    run,
-    change,
-    words,
-):
+def test_another_run_is_not_gone_on_with(run, change, words):
     with pytest.raises(RunError, match=words):
         records.resume(run, config(**change), IDS)
     records.resume(run, config(source="elsewhere.yaml"), IDS)
@@ -237,21 +222,13 @@ def test_a_desktop_that_dies_is_run_again_and_counts_where_it_dies_again(tmp_pat
             "problem": "x",
         }
         if ended in ("machine", "agent"):
-            return {
-                **record,
-                "status": "error",
-                "cause": ended,
-            }
+            return {**record, "status": "error", "cause": ended}
         return {**record, "status": ended}
 
     with records.create(folder, config(), IDS):
         statuses = runner.run_jobs(JOBS, folder, 1, episode, Silent())
     assert asked == [(name, k) for name, ended in endings.items() for k in range(len(ended))]
-    assert dict(statuses) == {
-        "error": 2,
-        "ok": 1,
-        "invalid": 1,
-    }
+    assert dict(statuses) == {"error": 2, "ok": 1, "invalid": 1}
     rows = scores.rows(records.read(folder).records)
     counted = {row["corruption"]: [row[key] for key in KEYS] for row in rows}
     assert counted == {
@@ -278,15 +255,7 @@ def test_a_report_says_what_is_missing(run):
         assert "1 of 4 planned episodes are there, 3 are missing" in done.stdout + done.stderr
     assert json.loads(done.stdout)[0]["n"] == 1
     head = json.loads((run / "run.json").read_text())
-    (run / "run.json").write_text(
-        json.dumps(
-            {
-                **head,
-                "version": 1,
-                "episodes": None,
-            }
-        )
-    )
+    (run / "run.json").write_text(json.dumps({**head, "version": 1, "episodes": None}))
     done = hijack("report", run)
     assert (done.returncode, "1 of 4 planned episodes" in done.stdout) == (1, True)
 
@@ -347,14 +316,7 @@ def test_a_full_disk_has_an_exit_code_of_its_own(tmp_path):
         "-o",
         str(tmp_path / "m.png"),
     ]
-    done = subprocess.run(
-        argv,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-        cwd=ROOT,
-    )
+    done = subprocess.run(argv, capture_output=True, text=True, timeout=120, check=False, cwd=ROOT)
     assert (done.returncode, "cannot be written" in done.stderr) == (3, True), done.stderr
     assert "Traceback" not in done.stderr
 

@@ -13,24 +13,12 @@ from online_env.bench.jobs import Job, attempts, jobs
 from online_env.bench.progress import LONGEST, ProgressDisplay, shorten
 from online_env.bench.runner import needs_attempt
 
-BENCH = Bench(
-    tasks=("write_note",),
-    corruptions={"clean": None},
-    seeds=(0, 1),
-    max_steps=10,
-)
+BENCH = Bench(tasks=("write_note",), corruptions={"clean": None}, seeds=(0, 1), max_steps=10)
 JOB = Job("mine", "write_note", "clean", 0)
 
 
 def record(status, **more):
-    return {
-        "status": status,
-        "steps": 3,
-        "seconds": 1.25,
-        "reason": "",
-        "problem": "",
-        **more,
-    }
+    return {"status": status, "steps": 3, "seconds": 1.25, "reason": "", "problem": "", **more}
 
 
 def printed(*ended):
@@ -94,13 +82,7 @@ def test_the_rate_and_the_time_left_count_what_was_played_now():
 def test_jobs_find_their_attempts_by_task_and_seed():
     first, second = jobs(BENCH)
     rows = [
-        {
-            "agent": "oracle",
-            "task": task,
-            "corruption": "clean",
-            "seed": seed,
-            "attempt": attempt,
-        }
+        {"agent": "oracle", "task": task, "corruption": "clean", "seed": seed, "attempt": attempt}
         for task, seed, attempt in (
             ("write_note-0", 0, 0),
             ("write_note-1", 1, 0),
@@ -126,9 +108,5 @@ def test_jobs_find_their_attempts_by_task_and_seed():
         ([record("invalid"), record("ok")], 3, False),
     ],
 )
-def test_only_failures_of_the_machine_are_run_again(
-    made,
-    retries,
-    again,
-):
+def test_only_failures_of_the_machine_are_run_again(made, retries, again):
     assert needs_attempt(made, retries) == again

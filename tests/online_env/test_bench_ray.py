@@ -40,11 +40,7 @@ ray = pytest.importorskip("ray", reason="Ray is not installed: pip install 'agen
 cluster_utils = pytest.importorskip("ray.cluster_utils")
 
 ROOT = Path(__file__).resolve().parents[2]
-NODE = {
-    "num_cpus": 1,
-    "object_store_memory": 80 * 2**20,
-    "memory": MEMORY,
-}
+NODE = {"num_cpus": 1, "object_store_memory": 80 * 2**20, "memory": MEMORY}
 SOON = {
     "health_check_initial_delay_ms": 0,
     "health_check_period_ms": 500,
@@ -115,32 +111,15 @@ def bench(seeds=3, **settings):
     )
 
 
-def played(
-    folder,
-    engine="local",
-    chosen=None,
-    address=None,
-    desktops=None,
-):
+def played(folder, engine="local", chosen=None, address=None, desktops=None):
     """Run all episodes; what `run_jobs` returned."""
     chosen = chosen or bench()
     listed = jobs(chosen)
     records.create(folder, chosen.to_data(), [job.id for job in listed])
-    setup = WorkerSetup(
-        bench=chosen,
-        folder=folder,
-        references=references(chosen),
-    )
+    setup = WorkerSetup(bench=chosen, folder=folder, references=references(chosen))
     with open_pool(engine, setup, len(listed), desktops, address) as pool:
         return run_jobs(
-            listed,
-            folder,
-            0,
-            pool,
-            Silent(),
-            at_once=pool.most,
-            stop=pool.stop,
-            place=pool.place,
+            listed, folder, 0, pool, Silent(), at_once=pool.most, stop=pool.stop, place=pool.place
         )
 
 

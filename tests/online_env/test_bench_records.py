@@ -137,10 +137,7 @@ def test_records_of_a_run_whose_head_is_gone_are_not_taken_for_those_of_a_new_on
     assert read(folder).missing == 1
 
 
-@pytest.mark.parametrize(
-    "git",
-    ["a text", ["x"], {"agenthijack": "a text"}, None],
-)
+@pytest.mark.parametrize("git", ["a text", ["x"], {"agenthijack": "a text"}, None])
 def test_a_head_that_names_no_commit_lets_a_run_go_on_and_says_so(git, run):
     path = run / "run.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {"git": git}))
@@ -157,12 +154,7 @@ def test_a_run_that_goes_on_with_the_same_code_says_nothing(tmp_path):
     told = []
     for goes_on in (False, True):
         held = records.begin(
-            tmp_path / "run",
-            CONFIG,
-            ["x"],
-            goes_on=goes_on,
-            notice=told.append,
-            desktops=2,
+            tmp_path / "run", CONFIG, ["x"], goes_on=goes_on, notice=told.append, desktops=2
         )
         held.release()
     assert told == []
@@ -183,9 +175,7 @@ def test_a_run_that_goes_on_with_the_same_code_says_nothing(tmp_path):
     ],
 )
 def test_a_run_of_an_older_version_counts_its_episodes_by_its_configuration(
-    config,
-    planned,
-    missing,
+    config, planned, missing
 ):
     again = {**made("a", "t", "x"), "attempt": 1}
     found = [made("a", "t", "x"), again, made("a", "u", "x")]
@@ -264,9 +254,7 @@ def test_no_agent_takes_more_steps_than_a_run_allows():
     known = sets.measured()[TASK]
     assert known.actions > 3
     oracle, idle = expected(
-        short,
-        [Job("oracle", TASK, "clean", 0), Job("do_nothing", TASK, "clean", 0)],
-        History(),
+        short, [Job("oracle", TASK, "clean", 0), Job("do_nothing", TASK, "clean", 0)], History()
     )
     assert oracle == idle
     assert oracle.seconds < known.seconds

@@ -24,15 +24,7 @@ CONFIG = {
 }
 
 
-def made(
-    task="t",
-    corruption="clean",
-    status="ok",
-    score=1.0,
-    agent="oracle",
-    seed=0,
-    **more,
-):
+def made(task="t", corruption="clean", status="ok", score=1.0, agent="oracle", seed=0, **more):
     """A record with what the report reads."""
     score = score if status == "ok" else None
     return {
@@ -61,13 +53,7 @@ def folder(tmp_path):
 
 def hijack(*words):
     argv = [sys.executable, "-m", "hijack_data.cli", *map(str, words)]
-    return subprocess.run(
-        argv,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
+    return subprocess.run(argv, capture_output=True, text=True, timeout=120, check=False)
 
 
 # The folder
@@ -142,11 +128,7 @@ def test_damaged_lines_are_named_and_skipped(folder):
         ),
     ],
 )
-def test_what_is_no_run_is_refused(
-    content,
-    words,
-    tmp_path,
-):
+def test_what_is_no_run_is_refused(content, words, tmp_path):
     if content is not None:
         (tmp_path / "run.json").write_text(content)
     with pytest.raises(RunError, match=words):
@@ -376,20 +358,10 @@ class Log:
     def __init__(self):
         self.said = []
 
-    def begins(
-        self,
-        job,
-        number,
-        attempt,
-    ):
+    def begins(self, job, number, attempt):
         self.said.append((number, attempt))
 
-    def ended(
-        self,
-        job,
-        number,
-        record,
-    ):
+    def ended(self, job, number, record):
         self.said.append(record["status"])
 
 
@@ -412,11 +384,7 @@ def test_invalid_episodes_are_run_again_then_reported(folder):
         return next(answers)
 
     statuses = runner.run_jobs([job] * 3, folder, 1, episode, log)
-    assert dict(statuses) == {
-        "ok": 1,
-        "invalid": 1,
-        "error": 1,
-    }
+    assert dict(statuses) == {"ok": 1, "invalid": 1, "error": 1}
     assert asked == [0, 1, 0, 1, 0]
     assert log.said == [
         (1, 0),

@@ -67,11 +67,7 @@ def test_the_interval_of_many_tasks_is_that_of_the_normal_approximation():
 
 
 @pytest.mark.parametrize(("score", "low", "high"), [(0.0, 0.0, 0.2775), (1.0, 0.7225, 1.0)])
-def test_ten_of_ten_is_not_certainty(
-    score,
-    low,
-    high,
-):
+def test_ten_of_ten_is_not_certainty(score, low, high):
     """Wilson's interval of 0 of 10 is 0 to 0.2775."""
     found = s.mean_interval([score] * 10, list(range(10)))
     assert (found.value, found.low, found.high) == (
@@ -148,18 +144,9 @@ def test_retention_is_unbounded_where_clean_success_is_rare():
 
 @pytest.mark.parametrize(
     ("lost", "won", "p"),
-    [
-        (0, 0, 1.0),
-        (5, 0, 2 * 0.5**5),
-        (8, 1, 2 * (1 + 9) * 0.5**9),
-        (3, 3, 1.0),
-    ],
+    [(0, 0, 1.0), (5, 0, 2 * 0.5**5), (8, 1, 2 * (1 + 9) * 0.5**9), (3, 3, 1.0)],
 )
-def test_mcnemars_exact_test(
-    lost,
-    won,
-    p,
-):
+def test_mcnemars_exact_test(lost, won, p):
     clean = [1] * lost + [0] * won + [1, 1, 0]
     corrupted = [0] * lost + [1] * won + [1, 1, 0]
     assert s.mcnemar(clean, corrupted) == pytest.approx(p)
@@ -201,20 +188,8 @@ def test_a_partial_score_is_not_a_success():
 
 
 def test_holm_multiplies_the_smallest_by_their_number_and_never_decreases():
-    found = s.holm(
-        {
-            "marks": 0.01,
-            "subtitle": 0.04,
-            "pop_ups": 0.03,
-        }
-    )
-    assert found == pytest.approx(
-        {
-            "marks": 0.03,
-            "subtitle": 0.06,
-            "pop_ups": 0.06,
-        }
-    )
+    found = s.holm({"marks": 0.01, "subtitle": 0.04, "pop_ups": 0.03})
+    assert found == pytest.approx({"marks": 0.03, "subtitle": 0.06, "pop_ups": 0.06})
     assert s.holm({}) == {}
 
 
@@ -234,11 +209,7 @@ def test_no_power_without_spread():
 
 
 def test_pass_hat_k():
-    outcomes = {
-        "a": [True, True, False],
-        "b": [True, True, True],
-        "c": [True],
-    }
+    outcomes = {"a": [True, True, False], "b": [True, True, True], "c": [True]}
     assert s.pass_hat_k(outcomes, 1) == pytest.approx((2 / 3 + 1 + 1) / 3)
     assert s.pass_hat_k(outcomes, 2) == pytest.approx((1 / 3 + 1) / 2)
     assert s.pass_hat_k(outcomes, 4) is None

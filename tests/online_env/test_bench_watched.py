@@ -61,9 +61,7 @@ def test_an_agent_that_cannot_be_made_fails_its_episode_and_not_the_run(tmp_path
 
 @pytest.mark.parametrize(("limit", "status", "steps"), [(0.0, "error", 1), (600.0, "ok", 5)])
 def test_an_episode_that_takes_longer_than_its_limit_is_ended_after_the_answer(
-    limit,
-    status,
-    steps,
+    limit, status, steps
 ):
     env = CorruptedEnv(FakeStage(FakeDesktop(), score=1.0), settle=AT_ONCE, max_steps=9)
     with no_machine(), Apart(Teller) as agent:

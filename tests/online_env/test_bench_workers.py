@@ -61,15 +61,7 @@ def test_jobs_run_side_by_side_and_each_is_recorded_once(folder):
     listed = [job(f"t{n}") for n in range(6)]
     log = Log()
     with pool_in(folder) as pool:
-        ended = run_jobs(
-            listed,
-            folder,
-            1,
-            pool,
-            log,
-            at_once=2,
-            stop=pool.stop,
-        )
+        ended = run_jobs(listed, folder, 1, pool, log, at_once=2, stop=pool.stop)
     assert ended == {"ok": 6}
     kept = records.read(folder).records
     assert sorted(record["task"] for record in kept) == [f"t{n}" for n in range(6)]
@@ -153,10 +145,7 @@ def test_files_of_users_are_loaded_in_the_processes(tmp_path):
     path = tmp_path / "mine.py"
     path.write_text("class Mine:\n    def predict(self, a, b): return '', []\n")
     done = subprocess.run(
-        [sys.executable, "-c", REFERENCES, str(path)],
-        capture_output=True,
-        text=True,
-        check=True,
+        [sys.executable, "-c", REFERENCES, str(path)], capture_output=True, text=True, check=True
     )
     assert f"reference='{path}:Mine'" in done.stdout
 

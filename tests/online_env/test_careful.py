@@ -52,13 +52,7 @@ def test_a_window_without_a_button_cannot_be_restored() -> None:
     assert set(desktop.ran) == {"pyautogui.press('escape')"}
 
 
-@pytest.mark.parametrize(
-    ("other", "closed"),
-    [
-        ("xfce4-appfinder", False),
-        ("galculator", True),
-    ],
-)
+@pytest.mark.parametrize(("other", "closed"), [("xfce4-appfinder", False), ("galculator", True)])
 def test_what_the_hand_may_have_opened_itself_is_not_in_its_way(other: str, closed: bool) -> None:
     opened = f'<application name="{other}"><frame name="it" {PLACE}/></application>'
     shown = tree(SHOWN)
@@ -121,8 +115,7 @@ ESCAPE = "pyautogui.press('escape')"
     ],
 )
 def test_before_another_try_the_dialogs_of_the_last_one_are_left(
-    seen: list[str],
-    ran: list[str],
+    seen: list[str], ran: list[str]
 ) -> None:
     desktop = Trees([office(windows) for windows in seen])
     careful.CarefulHand(desktop, ["libreoffice_calc"], patience=0.3).begin_again()
@@ -144,9 +137,7 @@ TAKE_BACK = "pyautogui.hotkey('ctrl', 'z')"
     ],
 )
 def test_before_another_try_what_was_done_in_the_document_is_taken_back(
-    seen: list[str],
-    times: int,
-    monkeypatch: pytest.MonkeyPatch,
+    seen: list[str], times: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(careful, "PAUSE", 0.0)
     desktop = Trees([office(windows) for windows in seen])
@@ -194,11 +185,7 @@ def test_before_another_try_every_window_gets_an_escape_and_the_first_one_the_ke
 
 
 @pytest.mark.parametrize(
-    ("app", "ran"),
-    [
-        ("soffice", ["pyautogui.press('f6')", ESCAPE]),
-        ("geany", [ESCAPE]),
-    ],
+    ("app", "ran"), [("soffice", ["pyautogui.press('f6')", ESCAPE]), ("geany", [ESCAPE])]
 )
 def test_a_tool_of_libreoffice_does_not_keep_the_keyboard(app: str, ran: list[str]) -> None:
     tool = f'<push-button name="Text Box" {PLACE} st:focused="true"/>'
@@ -220,9 +207,7 @@ DELETE = f'<push-button name="Delete" {PLACE.replace("(100, 200)", "(300, 300)")
     ],
 )
 def test_what_is_taken_back_may_be_deleted_and_nothing_else_is_agreed_to(
-    question: str,
-    ran: list[str],
-    monkeypatch: pytest.MonkeyPatch,
+    question: str, ran: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(careful, "PAUSE", 0.0)
     shown = [f"{FOLDER}{UNDO}", f"{FOLDER}{UNDO}", question, f"{FOLDER}{DONE}"]
@@ -264,9 +249,7 @@ INTO_TO = "pyautogui.click(340, 350)"
     ],
 )
 def test_a_field_that_got_something_else_is_filled_again(
-    then: str,
-    typed: str,
-    again: list[str],
+    then: str, typed: str, again: list[str]
 ) -> None:
     role = "combo-box" if "combo-box" in then else "entry"
     desktop = Trees([fields("a", role=role), then])
@@ -363,9 +346,7 @@ def test_another_node_is_clicked_on_after_a_disturbance() -> None:
 
 @pytest.mark.parametrize(("hidden", "moves"), [(True, ["pyautogui.moveTo(140, 250)"]), (False, [])])
 def test_the_wheel_turns_over_the_window_that_was_restored(
-    hidden: bool,
-    moves: list[str],
-    monkeypatch: pytest.MonkeyPatch,
+    hidden: bool, moves: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(careful, "LOST", 5.0)  # nothing is looked for before the page was scrolled
     wanted = tree(f'{SHOWN}<link name="below" {PLACE}/>')

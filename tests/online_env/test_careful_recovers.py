@@ -24,10 +24,7 @@ def screen(*applications: tuple[str, str]) -> str:
 
 
 def hand_on(
-    *trees: str,
-    apps: tuple[str, ...] = ("thunar",),
-    start: str = "",
-    password: str = "it's",
+    *trees: str, apps: tuple[str, ...] = ("thunar",), start: str = "", password: str = "it's"
 ) -> tuple[CarefulHand, list[str]]:
     """Return a hand, and the code that it runs."""
     desktop = Trees(list(trees))

@@ -205,10 +205,7 @@ def test_a_summary_without_words_leaves_the_agents_own(tmp_path):
 @pytest.mark.parametrize("key", ["k-secret-7\n", "k-secret-7\r", " k-secret-7", "k-secret-\xfc"])
 @pytest.mark.parametrize("client", ["openai", "anthropic"])
 def test_a_key_that_no_request_can_carry_is_told_before_the_first_one(
-    tmp_path,
-    monkeypatch,
-    client,
-    key,
+    tmp_path, monkeypatch, client, key
 ):
     monkeypatch.setenv("MY_KEY", key)
     said = (

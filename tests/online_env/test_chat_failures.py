@@ -82,10 +82,7 @@ def test_what_does_not_pass_is_an_error_in_the_end(tmp_path, failure, problem):
 @pytest.mark.parametrize("status", [400, 404, 413, 422])
 def test_a_request_that_is_refused_is_not_sent_again(tmp_path, status):
     refused = Raw(b'{"error": {"message": "too many pictures"}}', status=status)
-    with (
-        serving(refused) as endpoint,
-        pytest.raises(EndpointError, match="too many pictures"),
-    ):
+    with serving(refused) as endpoint, pytest.raises(EndpointError, match="too many pictures"):
         ask(agent_of(tmp_path, endpoint.url))
     assert len(endpoint.asked) == 1
 
@@ -187,10 +184,7 @@ def test_an_answer_may_begin_with_a_mark_and_hold_what_json_does_not_have(tmp_pa
         (f"{GOOD}\nand then\n```", [f"{GOOD}\nand then\n```"]),
         ("```python\npyautogui.click('1', '2')\n```", ["pyautogui.click('1', '2')"]),
         ("```python\npyautogui.click(float('nan'), 2)\n```", ["pyautogui.click(float('nan'), 2)"]),
-        (
-            Call("click", {"x": 1}),
-            ['{"name": "click", "arguments": {"x": 1}}'],
-        ),
+        (Call("click", {"x": 1}), ['{"name": "click", "arguments": {"x": 1}}']),
         ("<think>```DONE```</think>\n```WAIT```", ["WAIT"]),
         ("<|begin_of_box|>```WAIT```<|end_of_box|>", ["WAIT"]),
     ],
@@ -279,12 +273,7 @@ def test_a_tool_that_is_not_called(tmp_path, client, parser, answer, actions):
 
 @pytest.mark.parametrize(
     "arguments",
-    [
-        {"action": "left_click", "coordinate": "[1, 2]"},
-        {"action": "fly"},
-        {},
-        "left_click",
-    ],
+    [{"action": "left_click", "coordinate": "[1, 2]"}, {"action": "fly"}, {}, "left_click"],
 )
 def test_a_tool_that_is_called_wrongly_gets_its_result_all_the_same(tmp_path, arguments):
     keys = {"client": "anthropic", "prompt": "anthropic", "parser": "anthropic"}

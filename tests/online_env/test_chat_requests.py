@@ -77,11 +77,7 @@ def test_messages_in_text(tmp_path):
     with serving(CLICK, "", DONE) as endpoint:
         url = endpoint.url.removesuffix("/v1")
         agent = agent_of(tmp_path, url, client="anthropic", history=1)
-        assert play(agent, 3) == [
-            (CLICK, ["pyautogui.click(1, 2)"]),
-            ("", [""]),
-            (DONE, ["DONE"]),
-        ]
+        assert play(agent, 3) == [(CLICK, ["pyautogui.click(1, 2)"]), ("", [""]), (DONE, ["DONE"])]
     body = endpoint.asked[2]
     each = "The screen now. What is the next action?"[:LENGTH]
     assert outline(body["messages"]) == [

@@ -111,10 +111,7 @@ class TinyModel:
     def __call__(self, body):
         talk = [_plain(message) for message in body["messages"]]
         inputs = self.processor.apply_chat_template(
-            talk,
-            tokenize=True,
-            return_dict=True,
-            return_tensors="pt",
+            talk, tokenize=True, return_dict=True, return_tensors="pt"
         )
         _, rows, columns = inputs["image_grid_thw"][-1].tolist()
         self.seen.append((rows * 14, columns * 14))

@@ -173,11 +173,7 @@ DAMAGES = (
         *(json.dumps([ENTRY | damage]) for damage in DAMAGES),
     ],
 )
-def test_a_damaged_ledger_counts_as_empty(
-    ledger,
-    tmp_path,
-    text,
-):
+def test_a_damaged_ledger_counts_as_empty(ledger, tmp_path, text):
     (tmp_path / FILE).write_text(text)
     assert ledger.entries() == []
     refuse_twice(FakeDesktop(), ByHand(), ledger, "d1")

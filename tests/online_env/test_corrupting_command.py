@@ -26,11 +26,7 @@ class Windows(FakeDesktop):
         self.is_stubborn = False
 
     def tool(
-        self,
-        name: str,
-        operation: str,
-        fields: dict[str, Any],
-        timeout: float,
+        self, name: str, operation: str, fields: dict[str, Any], timeout: float
     ) -> dict[str, Any]:
         if operation == "minimise":
             self.hidden = [] if self.is_stubborn else [1, 2]
@@ -144,8 +140,7 @@ def test_what_an_agent_sees_is_saved(desktop: Windows, tmp_path: Path) -> None:
 
 
 def test_without_a_record_it_goes_by_what_the_machine_shows(
-    desktop: Windows,
-    tmp_path: Path,
+    desktop: Windows, tmp_path: Path
 ) -> None:
     nothing = run("--undo")
     assert (nothing.exit_code, nothing.output) == (1, "")

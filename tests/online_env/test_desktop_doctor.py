@@ -36,12 +36,7 @@ def switches(tmp_path, monkeypatch):
         ("max_user_namespaces", "0", "user.max_user_namespaces=10000"),
     ],
 )
-def test_each_switch_of_the_kernel_is_named(
-    switches,
-    name,
-    value,
-    command,
-):
+def test_each_switch_of_the_kernel_is_named(switches, name, value, command):
     switches[name].write_text(f"{value}\n")
     assert rootless.way_out("unshare(0x10000000): Operation not permitted") == (
         f"sudo sysctl {command}"

@@ -84,8 +84,7 @@ def png(picture: Image.Image) -> bytes:
 
 
 def test_a_guest_without_our_routes_is_asked_once_whether_it_is_ours(
-    desktop: HttpDesktop,
-    guest: PlainGuest,
+    desktop: HttpDesktop, guest: PlainGuest
 ) -> None:
     assert not desktop.is_ours
     assert not desktop.is_ours
@@ -96,8 +95,7 @@ def test_a_guest_without_our_routes_is_asked_once_whether_it_is_ours(
 
 
 def test_a_picture_of_any_mode_is_a_screen_in_colours(
-    desktop: HttpDesktop,
-    guest: PlainGuest,
+    desktop: HttpDesktop, guest: PlainGuest
 ) -> None:
     picture = Image.new("RGBA", (3, 2), (10, 20, 30, 0))
     guest.says("/screenshot", png(picture))
@@ -110,9 +108,7 @@ def test_a_picture_of_any_mode_is_a_screen_in_colours(
 
 @pytest.mark.parametrize("data", [b"", b"<html>", b"\x89PNG\r\n\x1a\n", "cut off"])
 def test_what_is_no_picture_is_an_error_of_the_guest(
-    desktop: HttpDesktop,
-    guest: PlainGuest,
-    data: bytes | str,
+    desktop: HttpDesktop, guest: PlainGuest, data: bytes | str
 ) -> None:
     if data == "cut off":
         data = png(Image.effect_noise((99, 99), 50))[:2000]
@@ -122,8 +118,7 @@ def test_what_is_no_picture_is_an_error_of_the_guest(
 
 
 def test_a_picture_that_would_fill_the_memory_is_not_read(
-    desktop: HttpDesktop,
-    guest: PlainGuest,
+    desktop: HttpDesktop, guest: PlainGuest
 ) -> None:
     header = b"IHDR" + struct.pack(">2I5B", 70_000, 1000, 8, 0, 0, 0, 0)
     chunks = [header, b"IDAT"]
@@ -138,9 +133,7 @@ def test_a_picture_that_would_fill_the_memory_is_not_read(
     [{}, {"width": 10}, {"width": "10", "height": "20"}, {"width": 1.5, "height": 2}, [], b"?"],
 )
 def test_a_size_that_is_none_is_an_error_of_the_guest(
-    desktop: HttpDesktop,
-    guest: PlainGuest,
-    answer: object,
+    desktop: HttpDesktop, guest: PlainGuest, answer: object
 ) -> None:
     guest.says("/screen_size", answer)
     with pytest.raises(GuestError, match=r"/screen_size answered .*, not a width and a height"):
@@ -148,8 +141,7 @@ def test_a_size_that_is_none_is_an_error_of_the_guest(
 
 
 def test_a_size_may_change_and_one_that_is_given_is_not_asked_for(
-    desktop: HttpDesktop,
-    guest: PlainGuest,
+    desktop: HttpDesktop, guest: PlainGuest
 ) -> None:
     guest.says("/screen_size", {"width": 1920, "height": 1080})
     assert desktop.size == (1080, 1920)
@@ -170,8 +162,7 @@ def test_a_tree_is_a_text(desktop: HttpDesktop, guest: PlainGuest) -> None:
 
 
 def test_code_runs_after_what_osworld_puts_before_it(
-    desktop: HttpDesktop,
-    guest: PlainGuest,
+    desktop: HttpDesktop, guest: PlainGuest
 ) -> None:
     done = {"status": "success", "output": "ü\n", "error": "", "returncode": 0}
     guest.says("/execute", done)
@@ -187,9 +178,7 @@ def test_code_runs_after_what_osworld_puts_before_it(
 
 @pytest.mark.parametrize("status", [500, 504])
 def test_a_command_that_fails_in_the_guest_is_a_result(
-    desktop: HttpDesktop,
-    guest: PlainGuest,
-    status: int,
+    desktop: HttpDesktop, guest: PlainGuest, status: int
 ) -> None:
     guest.says("/execute", {"status": "error", "message": "Command timed out"}, status)
     result = desktop.execute(["sleep", "99"])
@@ -200,10 +189,7 @@ def test_a_command_that_fails_in_the_guest_is_a_result(
     ("status", "body"), [(500, b"<h1>broken</h1>"), (400, b'{"status": "error"}'), (404, b"none")]
 )
 def test_a_server_that_refuses_a_command_is_an_error(
-    desktop: HttpDesktop,
-    guest: PlainGuest,
-    status: int,
-    body: bytes,
+    desktop: HttpDesktop, guest: PlainGuest, status: int, body: bytes
 ) -> None:
     guest.says("/execute", body, status)
     with pytest.raises(GuestError) as caught:
@@ -215,9 +201,7 @@ def test_a_server_that_refuses_a_command_is_an_error(
 
 @pytest.mark.parametrize("path", ["/home/user/a b.txt", "/tmp/50% & more=?.txt", "/tmp/ü/設定"])
 def test_a_file_is_asked_for_by_its_whole_path(
-    desktop: HttpDesktop,
-    guest: PlainGuest,
-    path: str,
+    desktop: HttpDesktop, guest: PlainGuest, path: str
 ) -> None:
     guest.says("/file", b"\x00\xff")
     assert desktop.read_file(path) == b"\x00\xff"
@@ -271,18 +255,13 @@ def test_windows_are_read_from_what_wmctrl_lists(desktop: HttpDesktop, guest: Pl
         (lambda desktop: desktop.reset(), "can't be reset over HTTP: give HttpDesktop a resetter"),
     ],
 )
-def test_what_a_plain_guest_cannot_do_is_said(
-    desktop: HttpDesktop,
-    act: Any,
-    words: str,
-) -> None:
+def test_what_a_plain_guest_cannot_do_is_said(desktop: HttpDesktop, act: Any, words: str) -> None:
     with pytest.raises(MissingCapabilityError, match=words):
         act(desktop)
 
 
 def test_what_is_known_of_a_guest_is_asked_again_where_a_reset_gave_another(
-    desktop: HttpDesktop,
-    guest: PlainGuest,
+    desktop: HttpDesktop, guest: PlainGuest
 ) -> None:
     tasks: list[Any] = []
 

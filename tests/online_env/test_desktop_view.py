@@ -49,9 +49,7 @@ def shown(monkeypatch):
     monkeypatch.setattr(view, "serve", serve)
     monkeypatch.setattr(EmbeddedDesktop, "up", up)
     monkeypatch.setattr(
-        EmbeddedDesktop,
-        "attach",
-        lambda name: contextlib.nullcontext(Present(registry.load(name))),
+        EmbeddedDesktop, "attach", lambda name: contextlib.nullcontext(Present(registry.load(name)))
     )
     return found
 

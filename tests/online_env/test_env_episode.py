@@ -170,11 +170,9 @@ def test_the_order_of_events():
     ]
     run, screen = stage.desktop.calls.index("run"), stage.desktop.calls.index("screenshot")
     assert run < screen < stage.desktop.calls.index("apply")
-    assert stage.desktop.calls[-3:] == [
-        "probe",
-        "screenshot",
-        "probe",
-    ], "the picture is between two probes"
+    assert stage.desktop.calls[-3:] == ["probe", "screenshot", "probe"], (
+        "the picture is between two probes"
+    )
     stage.desktop.calls.clear()
     env.step("DONE")
     # Judged as the agent left it, then put back, the last first.

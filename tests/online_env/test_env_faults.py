@@ -187,11 +187,7 @@ def test_an_episode_that_is_broken_off_is_put_back_and_on_record(how, tmp_path):
 
 @pytest.mark.parametrize(("policy", "helped"), [("none", 0), ("repair", 1), ("reset", 1)])
 def test_recovery_is_only_on_request(policy, helped):
-    env, stage = make(
-        corruption=Marking(0, 2),
-        recovery=policy,
-        max_steps=9,
-    )
+    env, stage = make(corruption=Marking(0, 2), recovery=policy, max_steps=9)
     env.reset(seed=5, options={"task": "write"})
     env.step("REQUEST_REINIT")
     assert stage.desktop.state == (set() if helped else {"marked"})
@@ -211,11 +207,7 @@ def test_recovery_is_only_on_request(policy, helped):
 
 @pytest.mark.parametrize("policy", ["none", "repair", "reset"])
 def test_a_request_without_need_is_a_false_alarm(policy):
-    env, _ = make(
-        corruption=Marking(2),
-        recovery=policy,
-        max_steps=9,
-    )
+    env, _ = make(corruption=Marking(2), recovery=policy, max_steps=9)
     play(env, "REQUEST_REINIT", "WAIT", "REQUEST_REINIT", "REQUEST_REINIT", "DONE")
     alarms = 1 if policy == "none" else 2
     helped = int(policy != "none")
@@ -237,13 +229,7 @@ class Later(hj.Planner):
     def parts(self):
         return (self.part,)
 
-    def plan(
-        self,
-        scene,
-        *,
-        step=None,
-        **key,
-    ):
+    def plan(self, scene, *, step=None, **key):
         return self.part.plan(scene, step=(step or 0) - 1, **key)
 
 

@@ -25,11 +25,7 @@ def lines(folder: Path):
     return [json.loads(line) for line in (folder / "steps.jsonl").read_text().splitlines()]
 
 
-def make(
-    tmp_path,
-    corruption=None,
-    **options,
-):
+def make(tmp_path, corruption=None, **options):
     return CorruptedEnv(
         FakeStage(), corruption=corruption, settle=AT_ONCE, log=tmp_path, agent="tester", **options
     )
@@ -53,12 +49,7 @@ def test_each_line_holds_an_observation_and_the_action_taken_on_it(tmp_path):
     ]
     assert [row["code"] for row in rows] == ["pyautogui.click(5, 6)", None, "DONE", None]
     assert [bool(row["error"]) for row in rows] == [False, True, False, False]
-    assert rows[0]["result"] == {
-        "status": "success",
-        "output": "",
-        "error": "",
-        "returncode": 0,
-    }
+    assert rows[0]["result"] == {"status": "success", "output": "", "error": "", "returncode": 0}
     for row, obs in zip(rows, (first, second, None, last), strict=True):
         clean, seen = (load_image(folder / row[key])[0] for key in ("image", "seen"))
         plan = hj.Plan.from_data(row["plan"])
@@ -166,11 +157,7 @@ class Restless(FakeDesktop):
 
 
 def test_a_screen_counts_as_settled_when_nothing_changes():
-    rule = Settle(
-        quiet=0.05,
-        cap=5,
-        look=0.005,
-    )
+    rule = Settle(quiet=0.05, cap=5, look=0.005)
     desktop = Restless(10)
     found = wait_until_settled(desktop, rule, False)
     assert found.in_time
@@ -181,15 +168,7 @@ def test_a_screen_counts_as_settled_when_nothing_changes():
 
 def test_the_tree_is_not_older_than_the_picture():
     desktop = Restless(20)
-    found = wait_until_settled(
-        desktop,
-        Settle(
-            quiet=0.02,
-            cap=5,
-            look=0.005,
-        ),
-        True,
-    )
+    found = wait_until_settled(desktop, Settle(quiet=0.02, cap=5, look=0.005), True)
     last = len(desktop.calls) - 1 - desktop.calls[::-1].index("tree")
     assert found.in_time
     assert desktop.calls[last:].count("screenshot") >= 1
@@ -201,15 +180,7 @@ def test_the_tree_is_not_older_than_the_picture():
 @pytest.mark.parametrize("with_tree", [False, True])
 def test_a_screen_that_never_rests_is_taken_as_it_is(with_tree):
     desktop = Restless(10**9)
-    found = wait_until_settled(
-        desktop,
-        Settle(
-            quiet=0.3,
-            cap=0.1,
-            look=0.01,
-        ),
-        with_tree,
-    )
+    found = wait_until_settled(desktop, Settle(quiet=0.3, cap=0.1, look=0.01), with_tree)
     assert not found.in_time
     assert (found.tree is not None) == with_tree
     if with_tree:

@@ -60,10 +60,7 @@ def test_what_is_gone_before_the_agent_acts_is_the_machines_failure(when, step):
     ],
 )
 def test_what_is_gone_later_is_the_agents_doing_unless_a_fresh_desktop_shows_the_same(
-    when,
-    action,
-    faulty,
-    status,
+    when, action, faulty, status
 ):
     env, stage = make(corruption=Marking(1))
     env.reset(seed=4, options={"task": "write"})
@@ -205,12 +202,7 @@ FAULTS = [
 
 @pytest.mark.parametrize(("where", "how"), FAULTS)
 @pytest.mark.parametrize("step", [0, 1])
-def test_whatever_breaks_ends_one_episode_and_never_the_run(
-    tmp_path,
-    how,
-    where,
-    step,
-):
+def test_whatever_breaks_ends_one_episode_and_never_the_run(tmp_path, how, where, step):
     env, stage = make(corruption=Marking(step))
     stage.desktop.faulty = True
     stage.desktop.on[where] = fail(how)
@@ -231,19 +223,9 @@ def test_whatever_breaks_ends_one_episode_and_never_the_run(
 
 
 class Silent:
-    def begins(
-        self,
-        job,
-        number,
-        attempt,
-    ): ...
+    def begins(self, job, number, attempt): ...
 
-    def ended(
-        self,
-        job,
-        number,
-        record,
-    ): ...
+    def ended(self, job, number, record): ...
 
 
 @pytest.mark.parametrize("how", BREAKS, ids=lambda how: type(how).__name__)
@@ -269,25 +251,11 @@ def test_a_desktop_that_ends_counts_against_an_agent_that_had_it_in_its_hands(ac
 
 
 def test_what_each_status_scores():
-    base = {
-        "agent": "a",
-        "task": "t",
-        "corruption": "c",
-        "task_seed": 0,
-    }
+    base = {"agent": "a", "task": "t", "corruption": "c", "task_seed": 0}
     found = [
         {"status": "ok", "score": 1.0},
         {"status": "error", "score": None},
         {"status": "invalid", "score": None},
     ]
-    (row,) = rows(
-        [
-            {
-                **base,
-                "seed": seed,
-                **one,
-            }
-            for seed, one in enumerate(found)
-        ]
-    )
+    (row,) = rows([{**base, "seed": seed, **one} for seed, one in enumerate(found)])
     assert (row["n"], row["success"], row["errors"], row["invalid"]) == (2, 0.5, 1, 1)

@@ -47,10 +47,7 @@ def test_an_agent_that_walks_all_it_is_given_finds_nothing(tmp_path):
             "Walked-v0", entry_point=lambda **kw: CorruptedEnv(FakeStage(), settle=AT_ONCE, **kw)
         )
         env = gymnasium.make(
-            "Walked-v0",
-            corruption=corruption,
-            log=tmp_path / "sesame",
-            agent="marked",
+            "Walked-v0", corruption=corruption, log=tmp_path / "sesame", agent="marked"
         )
         gymnasium.registry.pop("Walked-v0")
         wrapped = gymnasium.wrappers.TimeLimit(gymnasium.wrappers.RecordEpisodeStatistics(env), 50)

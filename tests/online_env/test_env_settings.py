@@ -70,11 +70,7 @@ def test_samples_are_actions():
         ({"attempt": -1}, ParameterTypeError, "attempt must be an integer"),
     ],
 )
-def test_mistakes_are_refused_with_the_fix(
-    options,
-    error,
-    words,
-):
+def test_mistakes_are_refused_with_the_fix(options, error, words):
     env, stage = make()
     with pytest.raises(error, match=words):
         env.reset(seed=0, options=options)
@@ -106,12 +102,7 @@ def test_wrong_settings_are_refused():
 
 
 def test_settings_are_given_together_or_by_keyword():
-    shared = EvalSettings(
-        settle=AT_ONCE,
-        max_steps=1,
-        agent="mine",
-        recovery="repair",
-    )
+    shared = EvalSettings(settle=AT_ONCE, max_steps=1, agent="mine", recovery="repair")
     for env, expected in (
         (CorruptedEnv(FakeStage(), settings=shared), (1, "mine", "repair")),
         (CorruptedEnv(FakeStage(), settings=shared, agent="other"), (1, "other", "repair")),
@@ -174,10 +165,7 @@ def test_registration_and_a_cheap_import():
         " print('gymnasium' in sys.modules)"
     )
     printed = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        check=True,
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
     ).stdout
     assert printed.split() == ["True", "False"]
     for name in online_env._HOMES:

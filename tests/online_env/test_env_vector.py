@@ -91,12 +91,7 @@ def test_gymnasiums_own_checker_is_content():
 @pytest.mark.parametrize("how", ["reset", "close"])
 def test_an_episode_that_an_outer_limit_ends_is_judged(how, tmp_path):
     stage = FakeStage(score=0.5)
-    inner = CorruptedEnv(
-        stage,
-        corruption=Marking(0),
-        settle=AT_ONCE,
-        log=tmp_path,
-    )
+    inner = CorruptedEnv(stage, corruption=Marking(0), settle=AT_ONCE, log=tmp_path)
     env = gymnasium.wrappers.TimeLimit(inner, 2)
     env.reset(seed=0)
     env.step(CLICK)

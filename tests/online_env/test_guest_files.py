@@ -57,10 +57,7 @@ def test_an_upload_cannot_take_the_place_of_a_folder_or_lie_below_a_file(guest, 
     assert said(upload(guest, folder)) == (400, f"{folder} is a folder, not a file")
     below = home / "a-file/below"
     status, message = said(upload(guest, below))
-    assert (status, message) in [
-        (404, f"File not found: {below}"),
-        (500, f"{below}: File exists"),
-    ]
+    assert (status, message) in [(404, f"File not found: {below}"), (500, f"{below}: File exists")]
     assert list(folder.iterdir()) == []
 
 

@@ -257,8 +257,7 @@ def test_a_verification_is_tried_until_its_time_is_over(guest, home):
 @pytest.mark.parametrize("wanted", ["window_exists", ["command_success"], 5])
 def test_a_verification_that_is_none_does_not_pass(guest, home, wanted):
     answer = guest.post(
-        "/execute_with_verification",
-        json={"command": "touch ~/done", "verification": wanted},
+        "/execute_with_verification", json={"command": "touch ~/done", "verification": wanted}
     )
     assert said(answer) == (400, f"verification must be an object, got {wanted!r}")
     assert not (home / "done").exists(), "the command ran before the request was looked at"

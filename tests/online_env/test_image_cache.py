@@ -217,11 +217,7 @@ def test_a_changed_image_is_not_exported(tmp_path):
 
 
 @pytest.mark.parametrize("part", [0.0, 0.3, 0.6, 0.95])
-def test_a_file_that_is_cut_off_is_refused_and_leaves_nothing(
-    packed,
-    folder,
-    part,
-):
+def test_a_file_that_is_cut_off_is_refused_and_leaves_nothing(packed, folder, part):
     data = packed.read_bytes()
     packed.write_bytes(data[: int(len(data) * part)])
     with pytest.raises(DesktopImageError, match=r"cut off|is no image"):
@@ -243,10 +239,7 @@ def repack(path, change):
     """Write an image's file again, with each member as `change(info, content)` gives it."""
     raw = zstandard.ZstdDecompressor().stream_reader(path.read_bytes())
     out = io.BytesIO()
-    with (
-        tarfile.open(fileobj=raw, mode="r|") as old,
-        tarfile.open(fileobj=out, mode="w") as new,
-    ):
+    with tarfile.open(fileobj=raw, mode="r|") as old, tarfile.open(fileobj=out, mode="w") as new:
         for info in old:
             file = old.extractfile(info) if info.isfile() else None
             content = b"" if file is None else file.read()
@@ -299,8 +292,7 @@ def test_an_image_with_a_file_below_a_link_is_refused(tmp_path):
     (folder / manifest.FILES).write_text(tree.listing(entries))
     (tmp_path / "escaped").write_text("x")
     found = dataclasses.replace(
-        images.fill(_new(tmp_path)),
-        files_sha256=tree.digest(folder / manifest.FILES),
+        images.fill(_new(tmp_path)), files_sha256=tree.digest(folder / manifest.FILES)
     )
     (folder / manifest.NAME).write_text(found.to_json())
     archive.write(folder, tmp_path / "bad.tar.zst")

@@ -52,14 +52,7 @@ def run(*words):
         (None, 0, True, False),
     ],
 )
-def test_only_root_on_debian_12_gets_packages(
-    tmp_path,
-    monkeypatch,
-    text,
-    user,
-    apt,
-    expected,
-):
+def test_only_root_on_debian_12_gets_packages(tmp_path, monkeypatch, text, user, apt, expected):
     monkeypatch.setattr(install.os, "geteuid", lambda: user)
     monkeypatch.setattr(install.shutil, "which", lambda name: name if apt else None)
     release = tmp_path / "os-release"

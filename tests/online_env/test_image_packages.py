@@ -170,12 +170,7 @@ def archive(tmp_path):
     return [sources.AptSource(s.url, s.suite, None) for s in sources_of_it]
 
 
-def write_suite(
-    top,
-    suite,
-    text,
-    listed=None,
-):
+def write_suite(top, suite, text, listed=None):
     folder = top / "dists" / suite
     (folder / "main/binary-amd64").mkdir(parents=True, exist_ok=True)
     data = lzma.compress(text.encode())
@@ -303,15 +298,7 @@ def test_a_manifest_pins_every_package(archive, monkeypatch):
     with pytest.raises(DesktopImageError, match=r"1 versions.*other-shell 0\.9"):
         build.choose(recipe)
     exact = Manifest(
-        "bookworm",
-        "amd64",
-        ("core",),
-        "tls",
-        (Pin("other-shell", "1", "16"),),
-        (),
-        0,
-        0,
-        "",
+        "bookworm", "amd64", ("core",), "tls", (Pin("other-shell", "1", "16"),), (), 0, 0, ""
     )
     recipe = build.Recipe(("core",), tuple(archive), True, exact, ("other-shell",))
     assert [package.name for package in build.choose(recipe).all] == ["other-shell"]

@@ -26,16 +26,9 @@ from online_env.inspect.tool import FWXGA, OVER, computer_tool, display_of
 
 from support.squares import SIZE, SquareDesktop, register_square
 
-pytestmark = [
-    pytest.mark.usefixtures("no_waiting"),
-    pytest.mark.filterwarnings("ignore"),
-]
+pytestmark = [pytest.mark.usefixtures("no_waiting"), pytest.mark.filterwarnings("ignore")]
 BENCH = Bench(
-    provider="squares",
-    size=SIZE,
-    tasks=("square",),
-    corruptions={"clean": None},
-    max_steps=3,
+    provider="squares", size=SIZE, tasks=("square",), corruptions={"clean": None}, max_steps=3
 )
 
 
@@ -110,10 +103,7 @@ def test_an_action_that_is_not_understood_does_not_stop_the_others(session, made
 @pytest.mark.parametrize(
     ("call", "code"),
     [
-        (
-            {"action": "key", "text": "Tab", "repeat": 3},
-            "\n".join(["pyautogui.press('tab')"] * 3),
-        ),
+        ({"action": "key", "text": "Tab", "repeat": 3}, "\n".join(["pyautogui.press('tab')"] * 3)),
         ({"action": "type", "text": "a", "press_enter": True}, "pyautogui.write('a\\n')"),
         ({"action": "forward_click"}, "pyautogui.hotkey('alt', 'right')"),
         (

@@ -123,8 +123,7 @@ def test_the_order_within_folders_does_not_count_and_the_folder_does(machine: Ma
 
 
 def test_what_the_browser_writes_last_counts_where_the_time_is_over(
-    machine: Machine,
-    monkeypatch: pytest.MonkeyPatch,
+    machine: Machine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     machine.write(f"{chromium.PROFILE}/SingletonLock", "")
     monkeypatch.setattr(chromium, "LAG", -1.0)

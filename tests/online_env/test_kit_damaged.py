@@ -80,9 +80,7 @@ def overwritten(data: bytes) -> bytes:
     ],
 )
 def test_a_damaged_document_is_a_wrong_result(
-    machine: Machine,
-    name: str,
-    damage: Callable[[bytes], bytes],
+    machine: Machine, name: str, damage: Callable[[bytes], bytes]
 ) -> None:
     task: Task = get(name)
     task.prepare(machine)
@@ -160,9 +158,7 @@ RATE, CHUNK = slice(24, 28), slice(16, 20)  # bytes of a WAV file's header
     ],
 )
 def test_a_sound_with_an_impossible_header_is_none(
-    machine: Machine,
-    field: slice,
-    value: int,
+    machine: Machine, field: slice, value: int
 ) -> None:
     data = bytearray(recordings.played([220.0]))
     data[field] = value.to_bytes(field.stop - field.start, "little")
@@ -208,8 +204,7 @@ def test_what_is_no_address_in_a_playlist_is_a_name(machine: Machine) -> None:
 
 @pytest.mark.parametrize("stored", ["[]", "null", '"text"', "12"])
 def test_a_profile_that_holds_no_object_is_an_error_with_its_path(
-    machine: Machine,
-    stored: str,
+    machine: Machine, stored: str
 ) -> None:
     machine.write(chromium.BOOKMARKS, stored)
     machine.write(chromium.PREFERENCES, stored)

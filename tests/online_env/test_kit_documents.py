@@ -93,9 +93,7 @@ def first_of(made: Any) -> documents.ParagraphContent:
     ],
 )
 def test_each_change_of_a_text_is_told_unless_it_was_asked_for(
-    name: str,
-    change: Callable[[Any], object],
-    told: str,
+    name: str, change: Callable[[Any], object], told: str
 ) -> None:
     now = changed_text(change)
     assert list(documents.text_changes(now, text_before())) == [told]

@@ -87,11 +87,7 @@ def test_quoted_lines_letter_case_and_spaces_do_not_count(machine: Machine) -> N
     ],
 )
 def test_a_letter_that_differs_is_wrong(
-    machine: Machine,
-    to: list[str],
-    subject: str,
-    body: str,
-    cc: list[str],
+    machine: Machine, to: list[str], subject: str, body: str, cc: list[str]
 ) -> None:
     mail.store(machine, to, subject, body, cc=cc)
     assert len(list(mail.problems(machine, sent=[LETTER]))) == 1
@@ -114,9 +110,7 @@ def test_parts_must_be_there_or_must_not(machine: Machine) -> None:
     ],
 )
 def test_an_amount_may_be_written_in_several_ways(
-    machine: Machine,
-    body: str,
-    problem: list[str],
+    machine: Machine, body: str, problem: list[str]
 ) -> None:
     mail.store(machine, ["oda@mail.test"], "", body)
     letter = mail.Letter(to=["oda@mail.test"], amounts=[96.5])
@@ -133,15 +127,11 @@ def test_an_amount_may_be_written_in_several_ways(
     ],
 )
 def test_a_text_is_passed_on_below_some_words(
-    machine: Machine,
-    body: str,
-    problem: list[str],
+    machine: Machine, body: str, problem: list[str]
 ) -> None:
     mail.store(machine, ["oda@mail.test"], "", body)
     letter = mail.Letter(
-        to=["oda@mail.test"],
-        passes_on="One.\n\nTwo.",
-        holds=["Please read this."],
+        to=["oda@mail.test"], passes_on="One.\n\nTwo.", holds=["Please read this."]
     )
     assert list(mail.problems(machine, sent=[letter])) == problem
 
@@ -178,11 +168,7 @@ def test_a_word_is_not_found_within_another_or_a_quotation(machine: Machine) -> 
         ("It was 7.45", False),
     ],
 )
-def test_a_number_is_not_found_within_another(
-    machine: Machine,
-    body: str,
-    is_there: bool,
-) -> None:
+def test_a_number_is_not_found_within_another(machine: Machine, body: str, is_there: bool) -> None:
     mail.store(machine, ["oda@mail.test"], "", body)
     letter = mail.Letter(to=["oda@mail.test"], holds=["45"])
     found = list(mail.problems(machine, sent=[letter]))
@@ -242,10 +228,7 @@ def test_the_letter_of_which_little_is_asked_takes_the_mail_that_fits_no_other(
     ],
 )
 def test_who_gets_a_copy_is_told_in_any_letter_case(
-    machine: Machine,
-    given: str,
-    due: str,
-    problem: list[str],
+    machine: Machine, given: str, due: str, problem: list[str]
 ) -> None:
     mail.store(machine, ["jun@mail.test"], "", "", cc=[given] if given else [])
     letter = mail.Letter(to=["jun@mail.test"], cc=[due])

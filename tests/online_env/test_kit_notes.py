@@ -15,8 +15,7 @@ def machine(tmp_path: Path) -> Machine:
 
 
 @pytest.mark.parametrize(
-    "text",
-    ["12 h 25 min\nTea\n", "  12 h  25 min.\r\n\r\nTEA", '"12 h 25 min"\ntea\n\n'],
+    "text", ["12 h 25 min\nTea\n", "  12 h  25 min.\r\n\r\nTEA", '"12 h 25 min"\ntea\n\n']
 )
 def test_what_does_not_matter_is_forgiven(machine: Machine, text: str) -> None:
     machine.write("note.txt", text)
@@ -24,8 +23,7 @@ def test_what_does_not_matter_is_forgiven(machine: Machine, text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "text",
-    ["12 h 25 min", "Tea\n12 h 25 min", "12 h 25 min\nTea\nCoffee", "12 h 25 min Tea", ""],
+    "text", ["12 h 25 min", "Tea\n12 h 25 min", "12 h 25 min\nTea\nCoffee", "12 h 25 min Tea", ""]
 )
 def test_what_matters_is_not(machine: Machine, text: str) -> None:
     machine.write("note.txt", text)
@@ -51,9 +49,7 @@ def test_a_list_in_any_order_may_have_marks(machine: Machine) -> None:
     [("ls -A\n", False), (" `ls  -A`", False), ("ls -a", True), ("ls -A.", True)],
 )
 def test_a_verbatim_line_has_its_capitals_and_no_full_stop(
-    machine: Machine,
-    text: str,
-    is_wrong: bool,
+    machine: Machine, text: str, is_wrong: bool
 ) -> None:
     machine.write("note.txt", text)
     assert bool(list(notes.unlike(machine, "note.txt", ["ls -A"], verbatim=True))) == is_wrong

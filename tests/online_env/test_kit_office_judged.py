@@ -111,9 +111,7 @@ def test_what_was_done_to_the_look_of_a_cell_is_read(look: dict[str, Any], mark:
     ],
 )
 def test_numbers_are_as_exact_as_they_are_stored(
-    found: sheets.CellValue,
-    wanted: float,
-    is_it: bool,
+    found: sheets.CellValue, wanted: float, is_it: bool
 ) -> None:
     assert sheets.is_number(found, wanted) == is_it
 

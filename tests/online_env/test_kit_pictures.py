@@ -113,10 +113,7 @@ def test_a_dab_of_the_brush_is_seen(machine, drawing):
     assert list(pictures.picture_problems(machine, "a.png", drawing)) != []
 
 
-@pytest.mark.parametrize(
-    ("opacity", "is_right"),
-    [(255, True), (0, False), (200, False)],
-)
+@pytest.mark.parametrize(("opacity", "is_right"), [(255, True), (0, False), (200, False)])
 def test_what_cannot_be_seen_is_not_the_picture(machine, drawing, opacity, is_right):
     faint = drawing.convert("RGBA")
     faint.putalpha(opacity)

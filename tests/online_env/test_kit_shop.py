@@ -68,9 +68,7 @@ def test_the_order_of_the_cart_does_not_count(machine: Machine) -> None:
     ],
 )
 def test_an_order_that_differs_is_wrong(
-    machine: Machine,
-    lines: dict[str, int],
-    changed: dict[str, Any],
+    machine: Machine, lines: dict[str, int], changed: dict[str, Any]
 ) -> None:
     wanted = {"lines": LINES, "delivery": "standard", **PERSON}
     shop.order(machine, lines, PERSON, **changed)
@@ -118,8 +116,7 @@ def test_what_is_no_part_of_an_order_is_a_present_or_a_message(machine: Machine)
 
 
 @pytest.mark.parametrize(
-    ("weight", "grams"),
-    [({"Weight": "320 g"}, 320), ({"Weight": "1.5 kg"}, 1500), ({}, 0)],
+    ("weight", "grams"), [({"Weight": "320 g"}, 320), ({"Weight": "1.5 kg"}, 1500), ({}, 0)]
 )
 def test_weights_are_compared_in_grams(weight: dict[str, str], grams: int) -> None:
     assert shop.grams(SimpleNamespace(details=weight)) == grams

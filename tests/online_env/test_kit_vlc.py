@@ -72,10 +72,7 @@ def test_playlists_are_read_in_both_formats(machine):
     wanted = ["/home/user/Music/Kraków Waltz.wav", "http://news.test/a.mp3"]
     assert vlc.playlist(machine, "Music/a.xspf") == wanted
     machine.write("Music/a.m3u", "#EXTM3U\n#EXTINF:5,Waltz\na.wav\n\n/home/user/b.wav\n")
-    assert vlc.playlist(machine, "Music/a.m3u") == [
-        machine.path("Music/a.wav"),
-        "/home/user/b.wav",
-    ]
+    assert vlc.playlist(machine, "Music/a.m3u") == [machine.path("Music/a.wav"), "/home/user/b.wav"]
 
 
 def test_addresses_in_a_playlist_may_begin_at_its_folder(machine):

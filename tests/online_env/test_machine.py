@@ -76,11 +76,7 @@ def test_what_is_no_file_cannot_be_read(machine: Machine, home: Path) -> None:
         (b"a\rb", "a\rb"),
     ],
 )
-def test_a_text_has_plain_line_ends_and_no_mark(
-    machine: Machine,
-    data: bytes,
-    text: str,
-) -> None:
+def test_a_text_has_plain_line_ends_and_no_mark(machine: Machine, data: bytes, text: str) -> None:
     machine.write("a.txt", data)
     assert machine.text("a.txt") == text
 
@@ -148,11 +144,7 @@ def test_an_empty_home_can_be_compared(machine: Machine, home: Path) -> None:
         lambda path: (path.unlink(), os.mkfifo(path)),
     ],
 )
-def test_a_file_that_became_another_thing_was_changed(
-    machine: Machine,
-    home: Path,
-    change,
-) -> None:
+def test_a_file_that_became_another_thing_was_changed(machine: Machine, home: Path, change) -> None:
     for name in ("a.txt", "b.txt"):
         machine.write(name, "one")
         (home / name).chmod(0o644)

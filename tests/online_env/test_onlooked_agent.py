@@ -47,13 +47,7 @@ def agent(tmp_path, url, onlooker, **keys):
     return agent_of(tmp_path, url, f"onlooker: {onlooker}", **given)
 
 
-def watched(
-    tmp_path,
-    onlooker,
-    steps,
-    *checks,
-    **keys,
-):
+def watched(tmp_path, onlooker, steps, *checks, **keys):
     """The actions of some steps, and the outlines of all requests."""
     with serving(Voices(*checks)) as endpoint:
         one = agent(tmp_path, endpoint.url, onlooker, **keys)
@@ -86,10 +80,7 @@ def test_what_each_prompt_holds_with_all_modules(tmp_path):
 def test_old_pictures_go_and_their_summaries_stay(tmp_path):
     _, asked, _ = watched(tmp_path, "{check: false}", 4, history=1)
     assert asked[-1] == [
-        (
-            "user",
-            [ACTOR, LEFT_OUT, "Step 1: d_0", LEFT_OUT, "Step 2: d_1", 2, "Step 3: d_2", 3],
-        )
+        ("user", [ACTOR, LEFT_OUT, "Step 1: d_0", LEFT_OUT, "Step 2: d_1", 2, "Step 3: d_2", 3])
     ]
 
 

@@ -27,12 +27,7 @@ from online_env.osworld.wanted import Wanted, wanted
 BODY = b"0123456789" * 100
 
 
-def put(
-    folder: Path,
-    name: str,
-    domain: str = "os",
-    **more: Any,
-) -> Path:
+def put(folder: Path, name: str, domain: str = "os", **more: Any) -> Path:
     """Write a task of OSWorld, which needs nothing but what `more` says."""
     config = {
         "id": name,
@@ -60,8 +55,7 @@ def launch(*words: str) -> list[dict[str, Any]]:
 
 @pytest.mark.parametrize("files", [5, None, "x", {"url": "http://h/x"}, ["x"], [None]])
 def test_files_of_a_download_that_are_no_list_of_objects_are_named(
-    tmp_path: Path,
-    files: Any,
+    tmp_path: Path, files: Any
 ) -> None:
     path = put(tmp_path, "a1", config=[{"type": "download", "parameters": {"files": files}}])
     with pytest.raises(ConfigError) as caught:
@@ -95,9 +89,7 @@ def test_a_download_of_nothing_wants_nothing(tmp_path: Path) -> None:
     ],
 )
 def test_a_download_that_cannot_be_had_names_its_field(
-    tmp_path: Path,
-    entry: dict[str, Any],
-    said: str,
+    tmp_path: Path, entry: dict[str, Any], said: str
 ) -> None:
     path = put(tmp_path, "a1", config=download({"url": "http://h/y", "path": "/y"}, entry))
     (task,) = load(tmp_path)
@@ -182,10 +174,7 @@ def fetched(cache: Path, *addresses: str) -> dict[str, str]:
 
 @pytest.mark.parametrize(("place", "begins"), [("/shifted", "7"), ("/unsaid", "?")])
 def test_a_server_that_goes_on_at_another_place_is_not_believed(
-    url: str,
-    tmp_path: Path,
-    place: str,
-    begins: str,
+    url: str, tmp_path: Path, place: str, begins: str
 ) -> None:
     assert fetched(tmp_path, f"{url}{place}") == {
         "t/0": f"{url}{place}: the server sent from byte {begins} where 100 was asked for (5 tries)"
@@ -230,9 +219,7 @@ def test_the_other_files_come_although_an_address_cannot_be_used(url: str, tmp_p
     ],
 )
 def test_hosts_are_those_that_an_address_can_have(
-    tmp_path: Path,
-    instruction: str,
-    web: str | None,
+    tmp_path: Path, instruction: str, web: str | None
 ) -> None:
     put(tmp_path, "a1", instruction=instruction)
     (task,) = load(tmp_path)
@@ -283,8 +270,7 @@ def needs_command(source: Path, *words: str) -> Any:
 
 
 def test_the_files_of_tasks_that_work_are_listed_as_bench_takes_them(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tasks = load(many(tmp_path))
     status = {"a-nothing": "works", "c-files": "fails", "e-gnome": "works"}

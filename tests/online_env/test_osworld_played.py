@@ -64,9 +64,7 @@ def test_a_folder_names_all_its_tasks_and_a_file_one(folder: Path) -> None:
 
 @pytest.mark.parametrize("name", ["small", "write_note", "all"])
 def test_names_of_ours_come_before_folders(
-    name: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     expected = bench_of(name).tasks
     (tmp_path / name).mkdir()
@@ -212,10 +210,7 @@ def test_missing_packages_are_named_before_a_run(folder: Path, osworld_venv) -> 
     ],
 )
 def test_the_command_refuses_what_it_cannot_play(
-    words: list[str],
-    problem: str,
-    folder: Path,
-    tmp_path: Path,
+    words: list[str], problem: str, folder: Path, tmp_path: Path
 ) -> None:
     file = folder / "examples" / "os" / "t-one.json"
     given = ["--tasks", str(file), *(word.format(file=file) for word in words)]

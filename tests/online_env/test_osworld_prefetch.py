@@ -35,20 +35,12 @@ class Server(ThreadingHTTPServer):
 
     def __init__(self) -> None:
         super().__init__(("127.0.0.1", 0), Handler)
-        self.files = {
-            "/a": BODY,
-            "/b": b"bee",
-            "/empty": b"",
-        }
+        self.files = {"/a": BODY, "/b": b"bee", "/empty": b""}
         self.etags = {"/a": '"1"', "/b": '"1"'}
         self.cut: list[int] = []
         self.errors: list[int] = []
         self.requests: list[tuple[str, str]] = []
-        threading.Thread(
-            target=self.serve_forever,
-            args=(0.01,),
-            daemon=True,
-        ).start()
+        threading.Thread(target=self.serve_forever, args=(0.01,), daemon=True).start()
 
     def url(self, path: str) -> str:
         return f"http://127.0.0.1:{self.server_address[1]}{path}"
@@ -158,9 +150,7 @@ def test_a_later_run_goes_on_too_and_nothing_half_is_visible(
 
 @pytest.mark.parametrize("etag", ['"2"', 'W/"1"', ""])
 def test_a_file_that_changed_meanwhile_starts_over(
-    server: Server,
-    tmp_path: Path,
-    etag: str,
+    server: Server, tmp_path: Path, etag: str
 ) -> None:
     server.cut = [1000] * module.TRIES
     prefetch([Wanted(server.url("/a"), "t/a")], tmp_path, sleep=Waits())
@@ -247,11 +237,7 @@ def test_two_at_once_and_a_bad_folder_are_refused(tmp_path: Path) -> None:
         prefetch([], tmp_path / "file")
 
 
-def task(
-    evaluator: dict[str, Any] | None = None,
-    config: Any = (),
-    id_: str = "t",
-) -> OsworldTask:
+def task(evaluator: dict[str, Any] | None = None, config: Any = (), id_: str = "t") -> OsworldTask:
     return OsworldTask(
         id_, "os", {"evaluator": evaluator or {"func": "f"}, "config": list(config)}, Path("t.json")
     )
@@ -262,11 +248,7 @@ def test_names_are_those_that_osworld_looks_for() -> None:
         "type": "download",
         "parameters": {"files": [{"url": "http://h/a b?x", "path": "/home/user/D.txt"}]},
     }
-    cloud = {
-        "type": "cloud_file",
-        "path": "http://h/g",
-        "dest": "gold.txt",
-    }
+    cloud = {"type": "cloud_file", "path": "http://h/g", "dest": "gold.txt"}
     multi = {
         "type": "cloud_file",
         "multi": True,
@@ -305,14 +287,7 @@ def test_names_are_those_that_osworld_looks_for() -> None:
         ),
         ({"path": "http://h/x", "dest": "/etc/x"}, "must stay"),
         ({"path": "http://h/x", "dest": None}, "must stay"),
-        (
-            {
-                "path": ["http://h/x"],
-                "dest": ["a", "b"],
-                "multi": True,
-            },
-            "must start",
-        ),
+        ({"path": ["http://h/x"], "dest": ["a", "b"], "multi": True}, "must start"),
     ],
 )
 def test_bad_addresses_and_names_are_refused(cloud: dict[str, Any], message: str) -> None:
@@ -344,11 +319,7 @@ def test_the_command(server: Server, tmp_path: Path) -> None:
         "config": [],
         "evaluator": {
             "func": "f",
-            "expected": {
-                "type": "cloud_file",
-                "path": server.url("/b"),
-                "dest": "b",
-            },
+            "expected": {"type": "cloud_file", "path": server.url("/b"), "dest": "b"},
         },
     }
     source = tmp_path / "set/examples/os"

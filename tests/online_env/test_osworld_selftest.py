@@ -67,17 +67,8 @@ class Env:
         return score
 
 
-def task(
-    name="aa11",
-    func="exact_match",
-    **more,
-):
-    config = {
-        "id": name,
-        "instruction": "Do it",
-        "evaluator": {"func": func},
-        **more,
-    }
+def task(name="aa11", func="exact_match", **more):
+    config = {"id": name, "instruction": "Do it", "evaluator": {"func": func}, **more}
     return OsworldTask(name, "os", config, None)
 
 
@@ -104,12 +95,7 @@ def row_of(env, one):
         ([EvaluatorError("it raised", "KeyError", ["WARNING x"])], task(), "error", "it raised"),
     ],
 )
-def test_a_task_that_cannot_be_scored_says_why(
-    scores,
-    one,
-    status,
-    reason,
-):
+def test_a_task_that_cannot_be_scored_says_why(scores, one, status, reason):
     if not one.feasible:
         scores = [0, 0]
     row = row_of(Env(scores), one)

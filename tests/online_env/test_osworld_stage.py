@@ -25,11 +25,7 @@ HISTORY = {"type": "update_browse_history", "parameters": {}}
 class Env:
     """What the stage calls of OSWorld's environment; `logs` are its warnings, setup by setup."""
 
-    def __init__(
-        self,
-        *logs: list[str],
-        made: bytes | None = b"history",
-    ) -> None:
+    def __init__(self, *logs: list[str], made: bytes | None = b"history") -> None:
         self.logs = list(logs)
         self.warnings: list[str] = []
         self.action_history: list[Any] = []
@@ -144,9 +140,7 @@ def test_the_history_is_made_anew_for_each_episode_unless_the_user_has_one(
 
 @pytest.mark.parametrize("made", [None, b""])
 def test_a_browser_that_makes_no_history_is_told_before_the_setup(
-    task: Any,
-    tmp_path: Path,
-    made: bytes | None,
+    task: Any, tmp_path: Path, made: bytes | None
 ) -> None:
     task(HISTORY)
     env = Env(made=made)

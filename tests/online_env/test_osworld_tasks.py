@@ -25,11 +25,7 @@ GOOD: dict[str, Any] = {
 }
 
 
-def put(
-    folder: Path,
-    *tasks: dict[str, Any] | str,
-    domain: str = "os",
-) -> Path:
+def put(folder: Path, *tasks: dict[str, Any] | str, domain: str = "os") -> Path:
     for number, task in enumerate(tasks):
         name = (
             task["id"]
@@ -47,10 +43,7 @@ def put(
     [("osworld_verified", "osworld-verified", 29), ("osworld_fork", "agenthijack-fork", 30)],
 )
 def test_both_revisions_load_and_are_named(
-    shared_data: Path,
-    folder: str,
-    revision: str,
-    infeasible: int,
+    shared_data: Path, folder: str, revision: str, infeasible: int
 ) -> None:
     tasks = load(shared_data / "tasks" / folder)
     assert len(tasks) == 369
@@ -131,11 +124,7 @@ BROKEN: list[tuple[Any, str]] = [
 
 
 @pytest.mark.parametrize(("content", "message"), BROKEN)
-def test_mistakes_name_file_and_field(
-    tmp_path: Path,
-    content: Any,
-    message: str,
-) -> None:
+def test_mistakes_name_file_and_field(tmp_path: Path, content: Any, message: str) -> None:
     with pytest.raises(ConfigError, match=message) as caught:
         load(put(tmp_path, content))
     assert str(tmp_path / "examples" / "os") in str(caught.value)
@@ -143,16 +132,7 @@ def test_mistakes_name_file_and_field(
 
 def test_all_mistakes_are_told_at_once(tmp_path: Path) -> None:
     put(tmp_path, "{", {**GOOD, "id": "a1"})
-    put(
-        tmp_path,
-        {**GOOD, "id": "a1"},
-        {
-            **GOOD,
-            "id": "a2",
-            "instruction": 3,
-        },
-        domain="vlc",
-    )
+    put(tmp_path, {**GOOD, "id": "a1"}, {**GOOD, "id": "a2", "instruction": 3}, domain="vlc")
     (tmp_path / "examples" / "os" / "other.json").write_text(json.dumps(GOOD))
     (tmp_path / "examples" / "os" / "bytes.json").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ConfigError) as caught:

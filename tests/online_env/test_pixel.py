@@ -71,12 +71,7 @@ def read_together(folder: Path) -> tuple[tuple[TextLine, ...], int]:
     return reader.read(renaming(5)), reader.counts.calls
 
 
-def line(
-    text: str,
-    x: int = 0,
-    y: int = 0,
-    since: int = 0,
-) -> TextLine:
+def line(text: str, x: int = 0, y: int = 0, since: int = 0) -> TextLine:
     return TextLine(text=text, box=(x, y, x + 10 * len(text), y + 20), since=since)
 
 

@@ -20,12 +20,7 @@ DARK = np.zeros((*SIZE, 3), np.uint8)
 TALL = 20
 
 
-def line(
-    text,
-    x=0,
-    y=0,
-    since=0,
-):
+def line(text, x=0, y=0, since=0):
     return TextLine(text=text, box=(x, y, x + 10 * len(text), y + TALL), since=since)
 
 

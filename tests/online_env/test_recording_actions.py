@@ -39,24 +39,10 @@ def told(*events):
     return [parse_pyautogui(code, (1080, 1920)) for _, code in found]
 
 
-def press(
-    x,
-    y,
-    button="left",
-):
+def press(x, y, button="left"):
     return [
-        {
-            "type": "down",
-            "x": x,
-            "y": y,
-            "button": button,
-        },
-        {
-            "type": "up",
-            "x": x,
-            "y": y,
-            "button": button,
-        },
+        {"type": "down", "x": x, "y": y, "button": button},
+        {"type": "up", "x": x, "y": y, "button": button},
     ]
 
 
@@ -91,32 +77,12 @@ def test_two_clicks_are_one_double_click_only_if_they_are_quick_and_in_one_place
 
 def test_a_trembling_hand_clicks_and_one_that_goes_away_drags():
     down, up = press(30, 40)
-    assert told(
-        down,
-        {
-            "type": "move",
-            "x": 33,
-            "y": 41,
-        },
-        {
-            **up,
-            "x": 33,
-            "y": 41,
-        },
-    ) == [Action("click", 30, 40)]
-    assert told(
-        down,
-        {
-            "type": "move",
-            "x": 90,
-            "y": 41,
-        },
-        {
-            **up,
-            "x": 90,
-            "y": 41,
-        },
-    ) == [Action("drag", 30, 40, 90, 41)]
+    assert told(down, {"type": "move", "x": 33, "y": 41}, {**up, "x": 33, "y": 41}) == [
+        Action("click", 30, 40)
+    ]
+    assert told(down, {"type": "move", "x": 90, "y": 41}, {**up, "x": 90, "y": 41}) == [
+        Action("drag", 30, 40, 90, 41)
+    ]
 
 
 def test_letters_are_one_text_until_there_is_a_pause_or_a_click():
@@ -154,31 +120,10 @@ def test_a_click_with_a_key_held():
 
 @pytest.mark.parametrize(("amounts", "wanted"), [((-1, -1, -1), [-3]), ((-1, 1), [-1, 1])])
 def test_turns_of_the_wheel_in_one_direction_are_one_scroll(amounts, wanted):
-    found = told(
-        *(
-            {
-                "type": "scroll",
-                "x": 9,
-                "y": 9,
-                "amount": amount,
-            }
-            for amount in amounts
-        )
-    )
+    found = told(*({"type": "scroll", "x": 9, "y": 9, "amount": amount} for amount in amounts))
     assert [action.amount for action in found] == wanted
     assert {action.point for action in found} == {(9, 9)}
 
 
 def test_moves_and_unknown_events_are_no_actions():
-    assert (
-        told(
-            {
-                "type": "move",
-                "x": 1,
-                "y": 1,
-            },
-            {"type": "dance"},
-            {},
-        )
-        == []
-    )
+    assert told({"type": "move", "x": 1, "y": 1}, {"type": "dance"}, {}) == []

@@ -22,62 +22,27 @@ from online_env.recording.looks import GOLDEN, LOOKS
 from online_env.recording.pack import Pack
 from online_env.recording.picture import ClickTarget, Picture
 from online_env.recording.scenes import parts
-from online_env.recording.trajectory import (
-    EpisodeRecording,
-    RecordedView,
-    kept,
-    save,
-    target_of,
-)
+from online_env.recording.trajectory import EpisodeRecording, RecordedView, kept, save, target_of
 
 SCREEN = (600, 800)
 
 
-def picture(
-    kind="menu",
-    box=(100, 50, 160, 90),
-    value=7,
-    **more,
-):
+def picture(kind="menu", box=(100, 50, 160, 90), value=7, **more):
     pixels = np.full((box[3] - box[1], box[2] - box[0], 3), value, np.uint8)
     return Picture(kind, "geany", box, pixels, "made up", **more)
 
 
 def test_places_are_told_in_pixels_of_the_picture():
-    recover = {
-        "type": "click",
-        "x": 110,
-        "y": 60,
-        "target_box": [105, 55, 120, 70],
-    }
+    recover = {"type": "click", "x": 110, "y": 60, "target_box": [105, 55, 120, 70]}
     entry = picture(
         targets=[ClickTarget("OK", "push-button", (105, 55, 200, 70))],
         recover=recover,
-        opened_by={
-            "type": "right_click",
-            "x": 99,
-            "y": 49,
-        },
+        opened_by={"type": "right_click", "x": 99, "y": 49},
     ).entry()
     assert entry["box"] == [100, 50, 160, 90]
-    assert entry["targets"] == [
-        {
-            "name": "OK",
-            "role": "push-button",
-            "box": [5, 5, 60, 20],
-        }
-    ]
-    assert entry["recover"] == {
-        "type": "click",
-        "x": 10,
-        "y": 10,
-        "target_box": [5, 5, 20, 20],
-    }
-    assert entry["opened_by"] == {
-        "type": "right_click",
-        "x": -1,
-        "y": -1,
-    }
+    assert entry["targets"] == [{"name": "OK", "role": "push-button", "box": [5, 5, 60, 20]}]
+    assert entry["recover"] == {"type": "click", "x": 10, "y": 10, "target_box": [5, 5, 20, 20]}
+    assert entry["opened_by"] == {"type": "right_click", "x": -1, "y": -1}
     assert picture(recover={"type": "hotkey", "keys": ["esc"]}).entry()["recover"] == {
         "type": "hotkey",
         "keys": ["esc"],

@@ -34,29 +34,12 @@ SIZE = (300, 400)
 SPACE = "https://accessibility.ubuntu.example.org/ns"
 
 
-def window(
-    number,
-    box,
-    name="geany.Geany",
-    client=0,
-    free=False,
-):
+def window(number, box, name="geany.Geany", client=0, free=False):
     """A window as `xlook` reports it."""
-    return {
-        "id": number,
-        "client": client,
-        "class": name,
-        "box": list(box),
-        "free": free,
-    }
+    return {"id": number, "client": client, "class": name, "box": list(box), "free": free}
 
 
-def element(
-    role,
-    name,
-    box,
-    states="showing visible enabled",
-):
+def element(role, name, box, states="showing visible enabled"):
     """A node of the accessibility tree."""
     x1, y1, x2, y2 = box
     marks = " ".join(f'st:{state}="true"' for state in states.split())
@@ -203,12 +186,7 @@ def test_a_window_below_another_is_not_cut_out(desktop):
 def test_actions_of_the_pack_are_clicks_in_the_middle():
     target = ClickTarget("OK", "push-button", (10, 20, 30, 41))
     action = click("right_click", target)
-    assert action == {
-        "type": "right_click",
-        "x": 20,
-        "y": 30,
-        "target_box": [10, 20, 30, 41],
-    }
+    assert action == {"type": "right_click", "x": 20, "y": 30, "target_box": [10, 20, 30, 41]}
     assert code_of(action) == "pyautogui.rightClick(20, 30)"
     assert "esc" in code_of(menus.ESCAPE)
 
@@ -237,11 +215,7 @@ def test_a_failure_of_the_desktop_loses_one_scene_only():
         (("menu-item",), False, "dialog"),
     ],
 )
-def test_what_opened_is_a_menu_or_a_dialog(
-    roles,
-    free,
-    kind,
-):
+def test_what_opened_is_a_menu_or_a_dialog(roles, free, kind):
     targets = [ClickTarget("x", role, (0, 0, 1, 1)) for role in roles]
     assert menus._kind(Top(1, 0, "a", (0, 0, 9, 9), free), targets) == kind
 

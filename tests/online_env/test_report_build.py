@@ -280,11 +280,7 @@ def test_a_report_comes_back_from_its_json(tmp_path):
         ({"run": None}, "run: must be an object"),
     ],
 )
-def test_what_is_no_report_is_refused(
-    change,
-    words,
-    tmp_path,
-):
+def test_what_is_no_report_is_refused(change, words, tmp_path):
     report = build_report(read_run(tmp_path / "run", scored("a", "clean", [1, 0])))
     with pytest.raises(ReportError, match=words):
         from_data({**report.to_data(), **change}, "r.json")
@@ -437,10 +433,7 @@ def test_scores_by_name(tmp_path):
 
 
 def test_of_two_agents_the_greater_error_counts(tmp_path):
-    found = [
-        made("a", "t0", malformed=0),
-        made("b", "t0", malformed=3, score=None),
-    ]
+    found = [made("a", "t0", malformed=0), made("b", "t0", malformed=3, score=None)]
     named = scores_by_name(build_report(read_run(tmp_path / "run", found)))
     assert (named["errors"], named["malformed"], named["clean"]) == (1, 0.75, 0)
 

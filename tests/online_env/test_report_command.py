@@ -173,9 +173,7 @@ def test_a_file_where_no_folder_can_be_made_is_one_line(two, capsys, tmp_path):
 
 
 def test_rows_go_to_a_file_and_a_run_that_is_refused_leaves_the_file_as_it_was(
-    two,
-    capsys,
-    tmp_path,
+    two, capsys, tmp_path
 ):
     path = tmp_path / "rows.json"
     _, shown, _ = hijack(capsys, "report", two[0], "--json")

@@ -37,10 +37,7 @@ def test_cases_are_paired_by_task_corruption_and_seed(tmp_path):
         *scored("a", "marks", [1, 1], seed=1),
         *scored("a", "subtitle", [1]),
     ]
-    after = [
-        *scored("a", "clean", [1, 0, 1, 1]),
-        *scored("a", "marks", [1, 1, 1, 1, 1, 1]),
-    ]
+    after = [*scored("a", "clean", [1, 0, 1, 1]), *scored("a", "marks", [1, 1, 1, 1, 1, 1])]
     found = compare(read_run(tmp_path / "old", before), read_run(tmp_path / "new", after))
     clean, marks, subtitle = found.cells
     assert (clean.n, clean.success_before, clean.success_after) == (4, 0.5, 0.75)

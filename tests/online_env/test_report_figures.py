@@ -224,12 +224,7 @@ def test_agents_with_the_same_mean_share_a_rank_and_the_next_one_is_left_free():
         standing("tied too", 0.5, clean=0.75),
         standing("first", 0.75),
     )
-    assert found == [
-        (1, "first", ""),
-        (2, "tied too", ""),
-        (2, "tied", ""),
-        (4, "last", ""),
-    ]
+    assert found == [(1, "first", ""), (2, "tied too", ""), (2, "tied", ""), (4, "last", "")]
 
 
 def test_who_has_no_rank_takes_none_from_the_others():

@@ -310,12 +310,7 @@ def test_a_page_stands_alone_and_escapes(hostile):
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_a_page_in_a_browser(
-    folder,
-    capsys,
-    tmp_path,
-    scheme,
-):
+def test_a_page_in_a_browser(folder, capsys, tmp_path, scheme):
     hijack(capsys, "report", folder, "--paper", "-o", tmp_path / "r.html")
     with chromium(tmp_path / "profile") as browser:
         browser.open(f"file://{tmp_path / 'r.html'}", scheme=scheme)
@@ -387,12 +382,7 @@ def test_what_the_paper_does_not_have_is_left_out(tmp_path, capsys):
         (["--json", "--reference", "oracle"], "--json is a list of rows, without --reference"),
     ],
 )
-def test_a_mistake_is_one_line_with_its_remedy(
-    words,
-    said,
-    folder,
-    capsys,
-):
+def test_a_mistake_is_one_line_with_its_remedy(words, said, folder, capsys):
     code, out, err = hijack(capsys, "report", folder, *words)
     assert (code, out, len(err.splitlines())) == (2, "", 1)
     assert err.startswith("hijack: error: ")

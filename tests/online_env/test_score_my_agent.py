@@ -43,12 +43,7 @@ def file_of(section):
     return next(block for block in blocks_of(PAGE)[number:] if block.language == "python").text
 
 
-def played(
-    section,
-    folder,
-    max_steps=5,
-    edit=lambda code: code,
-):
+def played(section, folder, max_steps=5, edit=lambda code: code):
     """The record of an episode that the agent of a section plays, and its desktop."""
     file = folder / "my_agent.py"
     file.write_text(edit(file_of(section)))

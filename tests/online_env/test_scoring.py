@@ -80,14 +80,7 @@ def edit(folder, name, change):
 
 def hijack(*words, **more):
     argv = [sys.executable, "-m", "hijack_data.cli", *map(str, words)]
-    return subprocess.run(
-        argv,
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-        **more,
-    )
+    return subprocess.run(argv, capture_output=True, text=True, timeout=300, check=False, **more)
 
 
 def test_steps_are_scored_and_paired(clicks, agents, tmp_path):

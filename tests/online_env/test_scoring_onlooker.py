@@ -65,21 +65,9 @@ def over_all(run):
 
 @pytest.mark.parametrize(
     ("agent", "precision", "recall", "false_alarms"),
-    [
-        ("Informed", 1, 1, 0),
-        ("Always", 0.5, 1, 1),
-        ("Never", None, 0, 0),
-    ],
+    [("Informed", 1, 1, 0), ("Always", 0.5, 1, 1), ("Never", None, 0, 0)],
 )
-def test_reminders_of_an_export(
-    agent,
-    precision,
-    recall,
-    false_alarms,
-    folders,
-    agents,
-    tmp_path,
-):
+def test_reminders_of_an_export(agent, precision, recall, false_alarms, folders, agents, tmp_path):
     run = played(folders[1], f"{agents}:{agent}", tmp_path / "run")
     row = over_all(run)
     assert row["n"] == 6

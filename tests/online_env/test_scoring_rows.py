@@ -184,10 +184,7 @@ def test_corrupted_rows_without_a_clean_one_are_counted():
 @pytest.mark.parametrize(
     ("chosen", "said"),
     [
-        (
-            Selection(split="test"),
-            "--split: no 'test' in the dataset; known: train (it has train)",
-        ),
+        (Selection(split="test"), "--split: no 'test' in the dataset; known: train (it has train)"),
         (
             Selection(corruptions=("mark",)),
             "--corruptions: no 'mark' in the dataset; did you mean 'marks'? (it has clean, marks,"

@@ -43,12 +43,7 @@ class WriteWord(Task):
 """
 
 
-def outcomes(
-    folder: Path,
-    old: str = "",
-    new: str = "",
-    with_desktop: bool = False,
-) -> list[Any]:
+def outcomes(folder: Path, old: str = "", new: str = "", with_desktop: bool = False) -> list[Any]:
     """Return the outcomes of the checks of a task in which a piece of text is another one."""
     name = f"write_word_{len(TASKS.names())}"
     text = TASK.format(name=name)
@@ -106,10 +101,7 @@ def judgement(folder: Path, old: str, new: str) -> Result:
     ],
 )
 def test_a_mistake_in_a_task_is_told_with_its_line(
-    tmp_path: Path,
-    old: str,
-    new: str,
-    problem: str,
+    tmp_path: Path, old: str, new: str, problem: str
 ) -> None:
     assert judgement(tmp_path, old, new).problem.startswith(problem)
 
@@ -175,10 +167,7 @@ def test_a_sound_task_passes_on_a_desktop(tmp_path: Path, desktop: Played) -> No
     ],
 )
 def test_a_task_that_cannot_be_prepared_there_fails_and_is_not_left_out(
-    tmp_path: Path,
-    desktop: Played,
-    statement: str,
-    problem: str,
+    tmp_path: Path, desktop: Played, statement: str, problem: str
 ) -> None:
     # In the folder of the first check, `opens` is never called.
     opens = f"def opens(self, machine):\n        {statement}\n\n    def draw"
@@ -199,9 +188,7 @@ def test_an_oracle_that_raises_or_does_another_thing_fails(tmp_path: Path, deskt
 
 @pytest.mark.parametrize("error", [MissingPackageError, DesktopError])
 def test_without_a_desktop_the_rest_is_left_out(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    error: type[DesktopError],
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: type[DesktopError]
 ) -> None:
     def refuse() -> None:
         raise error("Xvfb is missing")

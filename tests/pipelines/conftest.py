@@ -18,11 +18,7 @@ WIDTH, HEIGHT = 320, 200
 Recording = Callable[..., Path]
 
 
-def picture(
-    number: int,
-    width: int = WIDTH,
-    height: int = HEIGHT,
-) -> np.ndarray:
+def picture(number: int, width: int = WIDTH, height: int = HEIGHT) -> np.ndarray:
     """A picture of coloured blocks, another for each number."""
     blocks = np.random.default_rng(number).integers(
         0, 256, (height // 10, width // 10, 3), dtype=np.uint8
@@ -30,11 +26,7 @@ def picture(
     return blocks.repeat(10, axis=0).repeat(10, axis=1)
 
 
-def line(
-    trajectory: str,
-    step: int,
-    **changes: Any,
-) -> dict[str, Any]:
+def line(trajectory: str, step: int, **changes: Any) -> dict[str, Any]:
     """One line of a recording: a click at (100 + step, 50) on a known box.
 
     Another action has no code, unless it is given.
@@ -44,11 +36,7 @@ def line(
         "step": step,
         "instruction": f"do {trajectory}",
         "image": f"images/{trajectory}-{step}.png",
-        "action": {
-            "type": "click",
-            "x": 100 + step,
-            "y": 50,
-        },
+        "action": {"type": "click", "x": 100 + step, "y": 50},
         "action_code": "" if "action" in changes else f"pyautogui.click({100 + step}, 50)",
         "target_box": [90, 40, 130, 60],
         "elements": [[90, 40, 130, 60], [10, 10, 60, 30]],
@@ -62,21 +50,13 @@ def line(
 def recording(tmp_path: Path) -> Recording:
     """Make a recording: `recording("name", trajectories=2, steps=3)` returns its folder."""
 
-    def make(
-        name: str = "source",
-        trajectories: int = 2,
-        steps: int = 3,
-    ) -> Path:
+    def make(name: str = "source", trajectories: int = 2, steps: int = 3) -> Path:
         return record(tmp_path / name, trajectories, steps)
 
     return make
 
 
-def record(
-    folder: Path,
-    trajectories: int = 2,
-    steps: int = 3,
-) -> Path:
+def record(folder: Path, trajectories: int = 2, steps: int = 3) -> Path:
     """Make a recording in a folder."""
     (folder / "images").mkdir(parents=True)
     rows = [line(f"t{t}", s) for t in range(trajectories) for s in range(steps)]
@@ -120,18 +100,10 @@ def assets(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def small() -> dict[str, Any]:
     """Corruptions that fit the small pictures."""
     return {
-        "pop_ups": hj.PopUps(
-            width=150,
-            height=90,
-            avoid_elements=False,
-        ),
+        "pop_ups": hj.PopUps(width=150, height=90, avoid_elements=False),
         "resolution": hj.Resolution(scale=0.5),
         "marks": hj.Marks(number=4, mark_size=8),
-        "subtitle": hj.Subtitle(
-            subtitle_text="hello",
-            font_size=12,
-            padding=5,
-        ),
+        "subtitle": hj.Subtitle(subtitle_text="hello", font_size=12, padding=5),
     }
 
 

@@ -112,11 +112,7 @@ WHOLE = {label: {"foreign": 1} for label in ("multi_apps", "app_minimization", "
 ONLINE = {**WHOLE, "network_error": {"foreign": 1}}
 
 
-def made(
-    reader: str,
-    maker: Callable[..., Path],
-    **expected: Any,
-) -> Case:
+def made(reader: str, maker: Callable[..., Path], **expected: Any) -> Case:
     """A recording that is made of the session's screens."""
     lacks: Reasons = {
         "accidental_touch": {NO_MENU.format("gimp"): 1},
@@ -124,13 +120,7 @@ def made(
     }
     if "shown" in expected:
         lacks = {"accidental_touch": {NO_MENU.format("chrome"): 1}}
-    about = {
-        "steps": STEPS,
-        "shown": WHOLE,
-        "lacks": lacks,
-        "points": POINTS,
-        **expected,
-    }
+    about = {"steps": STEPS, "shown": WHOLE, "lacks": lacks, "points": POINTS, **expected}
     return Case(reader, lambda data, folder: maker(folder, shots=session(data)), **about)
 
 
@@ -150,11 +140,7 @@ def first_steps(data: Path, folder: Path) -> Path:
     return folder
 
 
-def real(
-    reader: str,
-    name: str,
-    **expected: Any,
-) -> Case:
+def real(reader: str, name: str, **expected: Any) -> Case:
     return Case(
         reader, lambda data, folder: first_steps(data / "trajectories" / name, folder), **expected
     )
@@ -292,9 +278,7 @@ class Built:
 
 @pytest.fixture(scope="module", params=list(CASES))
 def built(
-    request: Any,
-    shared_data: Path,
-    tmp_path_factory: pytest.TempPathFactory,
+    request: Any, shared_data: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[Built]:
     case, folder = CASES[request.param], tmp_path_factory.mktemp(request.param)
     (folder / "source").mkdir()
@@ -389,11 +373,7 @@ def test_lazy_and_materialised_are_equal_and_verified(built: Built) -> None:
         assert found.regenerated == total - built.case.steps
 
 
-def test_datasets_loads_it(
-    built: Built,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_datasets_loads_it(built: Built, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = load(built.whole, tmp_path / "cache", monkeypatch)
     lazy = load(built.lazy, tmp_path / "cache", monkeypatch).with_transform(render)
     assert whole["id"] == lazy["id"] == [row["id"] for row in built.about()]
@@ -447,11 +427,7 @@ OF_DESKTOPS: Reasons = {
     ],
 )
 def test_phones_and_pages_are_no_desktops(
-    maker: str,
-    more: dict[str, Any],
-    lacks: Reasons,
-    shared_data: Path,
-    tmp_path: Path,
+    maker: str, more: dict[str, Any], lacks: Reasons, shared_data: Path, tmp_path: Path
 ) -> None:
     """A window of a desktop is never pasted on a phone, nor on a page that has no screen around
     it."""
@@ -486,20 +462,12 @@ def test_phones_and_pages_are_no_desktops(
     ],
 )
 def test_a_window_takes_no_part_of_an_action(
-    code: str,
-    reason: str,
-    shared_data: Path,
-    tmp_path: Path,
+    code: str, reason: str, shared_data: Path, tmp_path: Path
 ) -> None:
     """Both ends of a drag and what is between stay as they were; a click that names no place goes
     to the pointer."""
     picture = {"bytes": session(shared_data).picture(0), "path": None}
-    row = {
-        "task_id": "t",
-        "instruction": "do it",
-        "actions": [code],
-        "screenshots": [picture],
-    }
+    row = {"task_id": "t", "instruction": "do it", "actions": [code], "screenshots": [picture]}
     write_table(tmp_path / "source" / "a.parquet", [row])
     report = build(tmp_path / "source", tmp_path / "out", corruptions="multi_apps", **FOREIGN)
     assert report.not_applicable == ({"multi_apps": {reason: 1}} if reason else {})

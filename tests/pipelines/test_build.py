@@ -46,11 +46,7 @@ def load(out: Path, cache: Path) -> Any:
     return datasets.load_dataset(str(out), cache_dir=str(cache))
 
 
-def test_rows_have_the_columns_of_the_contract(
-    recording: Any,
-    small: Any,
-    tmp_path: Path,
-) -> None:
+def test_rows_have_the_columns_of_the_contract(recording: Any, small: Any, tmp_path: Path) -> None:
     report = build(recording(), tmp_path / "out", corruptions=small, seed=3)
     rows = list(open_dataset(tmp_path / "out"))
     assert report.exit_code == 0
@@ -88,12 +84,7 @@ def test_rows_have_the_columns_of_the_contract(
         clean["params"],
         clean["changed_pixels"],
         clean["target_visible"],
-    ) == (
-        None,
-        "{}",
-        0,
-        1.0,
-    )
+    ) == (None, "{}", 0, 1.0)
     assert (marks["seed"], marks["fidelity"], marks["severity"]) == (3, "exact", None)
     assert json.loads(marks["params"]) == small["marks"].params()
     assert json.loads(marks["plan"])["digest"] == marks["plan_digest"]
@@ -101,19 +92,10 @@ def test_rows_have_the_columns_of_the_contract(
 
 
 def test_load_dataset_reads_it_without_our_code(
-    recording: Any,
-    small: Any,
-    tmp_path: Path,
-    offline: Path,
+    recording: Any, small: Any, tmp_path: Path, offline: Path
 ) -> None:
     folder = recording()
-    build(
-        folder,
-        tmp_path / "out",
-        corruptions=small,
-        seed=2**64 - 1,
-        rows_per_shard=15,
-    )
+    build(folder, tmp_path / "out", corruptions=small, seed=2**64 - 1, rows_per_shard=15)
     loaded = load(tmp_path / "out", offline)
     assert list(loaded) == ["train"]
     features = loaded["train"].features
@@ -134,10 +116,7 @@ def test_load_dataset_reads_it_without_our_code(
 
 
 def test_datasets_of_one_name_do_not_share_a_cache(
-    recording: Any,
-    small: Any,
-    tmp_path: Path,
-    offline: Path,
+    recording: Any, small: Any, tmp_path: Path, offline: Path
 ) -> None:
     """A cache named by the card alone would give the rows of the first for both."""
     folder = recording()
@@ -148,11 +127,7 @@ def test_datasets_of_one_name_do_not_share_a_cache(
     )
 
 
-def test_pictures_are_those_of_a_fresh_plan(
-    recording: Any,
-    small: Any,
-    tmp_path: Path,
-) -> None:
+def test_pictures_are_those_of_a_fresh_plan(recording: Any, small: Any, tmp_path: Path) -> None:
     folder = recording()
     build(folder, tmp_path / "out", corruptions=small, seed=5)
     steps = {(t.id, s.index): s for t in get_reader("jsonl").read(folder) for s in t.steps}  # type: ignore[union-attr]
@@ -163,10 +138,7 @@ def test_pictures_are_those_of_a_fresh_plan(
         plan = hj.Plan.clean(scene.size)
         if row["corruption"] != "clean":
             plan = small[row["corruption"]].plan(
-                scene,
-                seed=5,
-                sample=row["trajectory_id"],
-                step=row["step"],
+                scene, seed=5, sample=row["trajectory_id"], step=row["step"]
             )
         expected = hj.apply(plan, image)
         stored = np.asarray(row["screenshot"])
@@ -181,10 +153,7 @@ def test_pictures_are_those_of_a_fresh_plan(
 
 
 def test_actions_follow_the_resolution(
-    recording: Any,
-    add_line: Any,
-    good_line: Any,
-    tmp_path: Path,
+    recording: Any, add_line: Any, good_line: Any, tmp_path: Path
 ) -> None:
     folder = recording(trajectories=1, steps=1)
     action = {
@@ -229,11 +198,7 @@ def test_actions_follow_the_resolution(
 
 
 def test_code_that_cannot_be_mapped_is_put_on_record(
-    recording: Any,
-    add_line: Any,
-    good_line: Any,
-    small: Any,
-    tmp_path: Path,
+    recording: Any, add_line: Any, good_line: Any, small: Any, tmp_path: Path
 ) -> None:
     folder = recording(trajectories=1, steps=1)
     code = "x, y = pyautogui.position()\npyautogui.click(x, y)"
@@ -251,33 +216,11 @@ def test_code_that_cannot_be_mapped_is_put_on_record(
     assert quarantined(tmp_path / "out")[0]["field"] == "action_code"
 
 
-def test_the_same_input_gives_the_same_bytes(
-    recording: Any,
-    small: Any,
-    tmp_path: Path,
-) -> None:
+def test_the_same_input_gives_the_same_bytes(recording: Any, small: Any, tmp_path: Path) -> None:
     folder = recording(trajectories=3, steps=2)
-    build(
-        folder,
-        tmp_path / "a",
-        corruptions=small,
-        seed=1,
-        rows_per_shard=10,
-    )
-    build(
-        folder,
-        tmp_path / "b",
-        corruptions=small,
-        seed=1,
-        rows_per_shard=10,
-    )
-    build(
-        folder,
-        tmp_path / "c",
-        corruptions=small,
-        seed=2,
-        rows_per_shard=10,
-    )
+    build(folder, tmp_path / "a", corruptions=small, seed=1, rows_per_shard=10)
+    build(folder, tmp_path / "b", corruptions=small, seed=1, rows_per_shard=10)
+    build(folder, tmp_path / "c", corruptions=small, seed=2, rows_per_shard=10)
     first = data_hashes(tmp_path / "a")
     assert list(first) == ["train-00000.parquet", "train-00001.parquet", "train-00002.parquet"]
     assert data_hashes(tmp_path / "b") == first
@@ -287,12 +230,7 @@ def test_the_same_input_gives_the_same_bytes(
     ).read_bytes()
 
 
-def test_workers_change_nothing(
-    recording: Any,
-    small: Any,
-    add_line: Any,
-    tmp_path: Path,
-) -> None:
+def test_workers_change_nothing(recording: Any, small: Any, add_line: Any, tmp_path: Path) -> None:
     folder = recording(trajectories=8, steps=1)
     (folder / "images" / "t3-0.png").write_bytes(b"\x89PNG\r\n\x1a\n")
     add_line(folder, b"rubbish")
@@ -323,11 +261,7 @@ def test_workers_change_nothing(
 def test_planners_that_cannot_be_sent_to_workers(recording: Any, tmp_path: Path) -> None:
     planners = {
         "later": hj.Schedule(
-            lambda epoch: hj.Marks(
-                number=3,
-                mark_size=5,
-                avoid_elements=epoch == 0,
-            )
+            lambda epoch: hj.Marks(number=3, mark_size=5, avoid_elements=epoch == 0)
         )
     }
     with pytest.raises(BuildError, match="workers=1"):
@@ -339,11 +273,7 @@ def test_planners_that_cannot_be_sent_to_workers(recording: Any, tmp_path: Path)
     assert not (tmp_path / "out2" / "config.yaml").exists()
 
 
-def test_combinations(
-    recording: Any,
-    small: Any,
-    tmp_path: Path,
-) -> None:
+def test_combinations(recording: Any, small: Any, tmp_path: Path) -> None:
     planners = {
         "both": hj.Sequence([small["marks"], small["resolution"]]),
         "mix": hj.OneOf([hj.Marks.at(1, mark_size=5), small["subtitle"]], p_clean=0.4),
@@ -373,12 +303,7 @@ def test_what_cannot_be_placed_is_counted_and_gives_no_row(recording: Any, tmp_p
         "same": hj.Resolution(scale=1.0),
     }
     report = build(recording(trajectories=1, steps=2), tmp_path / "out", corruptions=planners)
-    assert dict(report.rows) == {
-        "clean": 2,
-        "wide": 0,
-        "none": 0,
-        "same": 0,
-    }
+    assert dict(report.rows) == {"clean": 2, "wide": 0, "none": 0, "same": 0}
     assert (report.exit_code, report.rejected) == (0, 0)
     assert {
         label: sum(reasons.values()) for label, reasons in report.not_applicable.items()
@@ -400,22 +325,12 @@ def test_a_plan_that_changes_no_pixel_gives_no_row(recording: Any, tmp_path: Pat
     assert list(report.not_applicable["red"]) == ["no pixel differs from the clean picture"]
 
 
-COVER = hj.PopUps(
-    width=320,
-    height=200,
-    avoid_elements=False,
-)
+COVER = hj.PopUps(width=320, height=200, avoid_elements=False)
 
 
 def test_label_policies(recording: Any, tmp_path: Path) -> None:
     folder = recording(trajectories=4, steps=5)
-    marks = {
-        "marks": hj.Marks(
-            number=25,
-            mark_size=12,
-            mark_type="rectangle",
-        )
-    }
+    marks = {"marks": hj.Marks(number=25, mark_size=12, mark_type="rectangle")}
     out = {policy: tmp_path / policy for policy in ("keep", "drop", "avoid")}
     reports = {
         policy: build(folder, out[policy], corruptions=marks, label_policy=policy) for policy in out
@@ -434,18 +349,11 @@ def test_label_policies(recording: Any, tmp_path: Path) -> None:
 
 
 def test_a_point_is_a_target_too(
-    recording: Any,
-    add_line: Any,
-    good_line: Any,
-    tmp_path: Path,
+    recording: Any, add_line: Any, good_line: Any, tmp_path: Path
 ) -> None:
     folder = recording(trajectories=1, steps=1)
     point = {
-        "action": {
-            "type": "click",
-            "x": 310,
-            "y": 190,
-        },
+        "action": {"type": "click", "x": 310, "y": 190},
         "target_box": None,
         "image": "images/t0-0.png",
     }
@@ -461,10 +369,7 @@ def test_a_point_is_a_target_too(
 
 
 def test_a_drag_shows_where_both_its_ends_do(
-    recording: Any,
-    add_line: Any,
-    good_line: Any,
-    tmp_path: Path,
+    recording: Any, add_line: Any, good_line: Any, tmp_path: Path
 ) -> None:
     folder = recording(trajectories=1, steps=1)
     for name, start, end in (
@@ -472,28 +377,9 @@ def test_a_drag_shows_where_both_its_ends_do(
         ("t2", (310, 190), (20, 20)),
         ("t3", (20, 20), (90, 30)),
     ):
-        drag = {
-            "type": "drag",
-            "x": start[0],
-            "y": start[1],
-            "x2": end[0],
-            "y2": end[1],
-        }
-        add_line(
-            folder,
-            good_line(
-                name,
-                0,
-                action=drag,
-                target_box=None,
-                image="images/t0-0.png",
-            ),
-        )
-    for policy, shown in {
-        "keep": [0.0, 0.0, 1.0],
-        "drop": [1.0],
-        "avoid": [1.0],
-    }.items():
+        drag = {"type": "drag", "x": start[0], "y": start[1], "x2": end[0], "y2": end[1]}
+        add_line(folder, good_line(name, 0, action=drag, target_box=None, image="images/t0-0.png"))
+    for policy, shown in {"keep": [0.0, 0.0, 1.0], "drop": [1.0], "avoid": [1.0]}.items():
         build(
             folder,
             tmp_path / policy,
@@ -506,10 +392,7 @@ def test_a_drag_shows_where_both_its_ends_do(
 
 
 def test_elements_of_the_recording_come_before_the_detector(
-    recording: Any,
-    add_line: Any,
-    good_line: Any,
-    tmp_path: Path,
+    recording: Any, add_line: Any, good_line: Any, tmp_path: Path
 ) -> None:
     pytest.importorskip("cv2")
     folder = recording(trajectories=1, steps=1)
@@ -538,21 +421,10 @@ def test_elements_of_the_recording_come_before_the_detector(
 
 
 def test_planners_are_told_all_that_is_known(
-    recording: Any,
-    add_line: Any,
-    good_line: Any,
-    tmp_path: Path,
+    recording: Any, add_line: Any, good_line: Any, tmp_path: Path
 ) -> None:
     folder = recording(trajectories=1, steps=1)
-    point = {
-        "action": {
-            "type": "click",
-            "x": 8,
-            "y": 9,
-        },
-        "target_box": None,
-        "elements": None,
-    }
+    point = {"action": {"type": "click", "x": 8, "y": 9}, "target_box": None, "elements": None}
     add_line(folder, good_line("t1", 0, **point, apps=["vlc"], image="images/t0-0.png"))
     seen: list[tuple[hj.Scene, dict[str, Any]]] = []
 
@@ -565,19 +437,11 @@ def test_planners_are_told_all_that_is_known(
     assert seen == [
         (
             hj.Scene((200, 320), [(90, 40, 130, 60), (10, 10, 60, 30)], target=(90, 40, 130, 60)),  # type: ignore[arg-type]
-            {
-                "seed": 6,
-                "sample": "t0",
-                "step": 0,
-            },
+            {"seed": 6, "sample": "t0", "step": 0},
         ),
         (
             hj.Scene((200, 320), apps=("vlc",), target=(0, 1, 16, 17)),
-            {
-                "seed": 6,
-                "sample": "t1",
-                "step": 0,
-            },
+            {"seed": 6, "sample": "t1", "step": 0},
         ),
     ]
 
@@ -599,10 +463,7 @@ def test_the_fingerprint_covers_every_pixel_of_the_source(recording: Any, tmp_pa
 
 
 def test_row_groups_stay_small(
-    recording: Any,
-    small: Any,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    recording: Any, small: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("pipelines.building.writers.GROUP_ROWS", 4)
     build(recording(), tmp_path / "rows", corruptions=small)
@@ -615,11 +476,7 @@ def test_row_groups_stay_small(
     assert groups == [8, 30]
 
 
-def test_the_card_says_how_to_build_it_again(
-    recording: Any,
-    small: Any,
-    tmp_path: Path,
-) -> None:
+def test_the_card_says_how_to_build_it_again(recording: Any, small: Any, tmp_path: Path) -> None:
     build(recording(), tmp_path / "out", corruptions=small, seed=4)
     card = (tmp_path / "out" / "README.md").read_text()
     assert card.startswith("---\n")
@@ -636,11 +493,7 @@ def test_the_real_recordings(shared_data: Path, tmp_path: Path) -> None:
         tmp_path / "out",
         corruptions="marks,resolution",
     )
-    assert dict(report.rows) == {
-        "clean": 15,
-        "marks": 15,
-        "resolution": 15,
-    }
+    assert dict(report.rows) == {"clean": 15, "marks": 15, "resolution": 15}
     half = next(
         row
         for row in open_dataset(tmp_path / "out")

@@ -64,17 +64,11 @@ def split_of(out: Path) -> dict[str, str]:
 
 
 def test_load_dataset_finds_the_splits(
-    recording: Any,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     datasets = pytest.importorskip("datasets")
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
-    shares = {
-        "train": 0.4,
-        "validation": 0.3,
-        "test": 0.3,
-    }
+    shares = {"train": 0.4, "validation": 0.3, "test": 0.3}
     build(recording(trajectories=12, steps=1), tmp_path / "out", corruptions=HALF, splits=shares)
     loaded = datasets.load_dataset(str(tmp_path / "out"), cache_dir=str(tmp_path / "cache"))
     assert {name: len(part) for name, part in loaded.items()} == {
@@ -102,19 +96,11 @@ def test_shares_are_kept_and_the_order_of_their_names_means_nothing() -> None:
     assert 0.17 < sum(one.of(name) == "test" for name in ids) / len(ids) < 0.23
 
 
-def test_only_the_first_trajectories(
-    recording: Any,
-    add_line: Any,
-    tmp_path: Path,
-) -> None:
+def test_only_the_first_trajectories(recording: Any, add_line: Any, tmp_path: Path) -> None:
     folder = recording(trajectories=4)
     calls: list[tuple[int, int, str]] = []
     report = build(
-        folder,
-        tmp_path / "out",
-        corruptions={},
-        limit=2,
-        progress=lambda *call: calls.append(call),
+        folder, tmp_path / "out", corruptions={}, limit=2, progress=lambda *call: calls.append(call)
     )
     assert (report.total, calls[-1]) == (6, (6, 6, "steps"))
     assert "first 2 trajectories" in (tmp_path / "out" / "README.md").read_text()
@@ -123,21 +109,12 @@ def test_only_the_first_trajectories(
 
 
 def test_a_trial_counts_as_the_build_does_and_writes_nothing(
-    recording: Any,
-    add_line: Any,
-    browsing: Path,
-    assets: Path,
-    nine: Any,
-    tmp_path: Path,
+    recording: Any, add_line: Any, browsing: Path, assets: Path, nine: Any, tmp_path: Path
 ) -> None:
     add_line(browsing, b"rubbish")
     image = browsing / "images" / "t1-1.png"
     image.write_bytes(image.read_bytes()[:-1000])
-    options: dict[str, Any] = {
-        "corruptions": nine,
-        "assets": assets,
-        "label_policy": "drop",
-    }
+    options: dict[str, Any] = {"corruptions": nine, "assets": assets, "label_policy": "drop"}
     tried = build(browsing, tmp_path / "out", **options, dry_run=True)
     assert not (tmp_path / "out").exists()
     made = build(browsing, tmp_path / "out", **options)
@@ -163,13 +140,7 @@ def test_overwriting_replaces_a_dataset_once_the_new_one_is_whole(
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        build(
-            folder,
-            out,
-            corruptions={},
-            overwrite=True,
-            progress=fail,
-        )
+        build(folder, out, corruptions={}, overwrite=True, progress=fail)
     assert contents(out) == old
     build(folder, out, corruptions={}, overwrite=True)
     build(folder, tmp_path / "fresh", corruptions={}, overwrite=True)
@@ -192,11 +163,7 @@ def test_a_new_dataset_that_was_killed_halfway_is_begun_anew(
 
 
 @pytest.mark.parametrize("name", ["notes.txt", "data/mine.parquet"])
-def test_overwriting_spares_what_is_not_ours(
-    name: str,
-    recording: Any,
-    tmp_path: Path,
-) -> None:
+def test_overwriting_spares_what_is_not_ours(name: str, recording: Any, tmp_path: Path) -> None:
     folder, out = recording(), tmp_path / "out"
     build(folder, out, corruptions={})
     (out / name).write_text("mine")
@@ -214,9 +181,7 @@ def test_overwriting_wants_a_dataset_of_ours(recording: Any, tmp_path: Path) -> 
 
 
 def test_the_old_dataset_stays_where_renaming_fails(
-    recording: Any,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "out"
     build(recording(), out, corruptions={})
@@ -235,9 +200,7 @@ def test_the_old_dataset_stays_where_renaming_fails(
 
 
 def test_a_failed_attempt_is_not_in_the_way_of_the_next(
-    recording: Any,
-    add_line: Any,
-    tmp_path: Path,
+    recording: Any, add_line: Any, tmp_path: Path
 ) -> None:
     folder, out = recording(), tmp_path / "out"
     add_line(folder, b"rubbish")

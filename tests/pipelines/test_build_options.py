@@ -52,13 +52,7 @@ def test_config_and_arguments(recording: Any, tmp_path: Path) -> None:
     build(folder, tmp_path / "a", config=config)
     (row,) = open_dataset(tmp_path / "a")
     assert (row["corruption"], row["seed"], json.loads(row["params"])["number"]) == ("few", 9, 3)
-    build(
-        folder,
-        tmp_path / "b",
-        config=config,
-        seed=4,
-        clean=True,
-    )
+    build(folder, tmp_path / "b", config=config, seed=4, clean=True)
     assert [(r["corruption"], r["seed"]) for r in open_dataset(tmp_path / "b")] == [
         ("clean", 4),
         ("few", 4),
@@ -69,11 +63,7 @@ def test_config_and_arguments(recording: Any, tmp_path: Path) -> None:
         build(folder, tmp_path / "x", config={"corruptions": ["markss"]})
 
 
-def test_names_of_corruptions(
-    recording: Any,
-    assets: Path,
-    tmp_path: Path,
-) -> None:
+def test_names_of_corruptions(recording: Any, assets: Path, tmp_path: Path) -> None:
     folder = recording(trajectories=1, steps=1)
     visual = [
         "clean",
@@ -129,11 +119,7 @@ def test_names_of_corruptions(
     ],
 )
 def test_what_is_refused(
-    arguments: dict[str, Any],
-    error: type[Exception],
-    reason: str,
-    recording: Any,
-    tmp_path: Path,
+    arguments: dict[str, Any], error: type[Exception], reason: str, recording: Any, tmp_path: Path
 ) -> None:
     with pytest.raises(error, match=reason):
         build(recording(), tmp_path / "out", **arguments)
@@ -167,22 +153,13 @@ def test_a_source_of_which_nothing_is_readable(recording: Any, tmp_path: Path) -
 
 
 def test_strict_stops_at_the_first_bad_input(
-    recording: Any,
-    add_line: Any,
-    small: Any,
-    tmp_path: Path,
+    recording: Any, add_line: Any, small: Any, tmp_path: Path
 ) -> None:
     folder = recording(trajectories=3)
     image = (folder / "images" / "t1-0.png").read_bytes()
     (folder / "images" / "t1-0.png").write_bytes(image[:-2000])
     with pytest.raises(SourceError, match=r"images/t1-0.png.*t1, step 0"):
-        build(
-            folder,
-            tmp_path / "late",
-            corruptions=small,
-            strict=True,
-            rows_per_shard=1,
-        )
+        build(folder, tmp_path / "late", corruptions=small, strict=True, rows_per_shard=1)
     # the third trajectory was not begun
     assert len(list((tmp_path / "late" / "data").iterdir())) == 2
     add_line(folder, b"rubbish")
@@ -191,11 +168,7 @@ def test_strict_stops_at_the_first_bad_input(
     assert not (tmp_path / "early" / "manifest.json").exists()
 
 
-def test_progress_reaches_the_total(
-    recording: Any,
-    small: Any,
-    tmp_path: Path,
-) -> None:
+def test_progress_reaches_the_total(recording: Any, small: Any, tmp_path: Path) -> None:
     calls: list[tuple[int, int, str]] = []
     build(
         recording(), tmp_path / "out", corruptions=small, progress=lambda *call: calls.append(call)
@@ -217,10 +190,7 @@ def test_folders_that_cannot_be_written_to(recording: Any, tmp_path: Path) -> No
 
 
 def test_a_disk_that_is_full(
-    recording: Any,
-    small: Any,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    recording: Any, small: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(*_: Any, **__: Any) -> None:
         raise OSError(28, "No space left on device")

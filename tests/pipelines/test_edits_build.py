@@ -35,19 +35,8 @@ def rows_by_label(folder: Path) -> dict[str, list[dict[str, Any]]]:
     return found
 
 
-def test_all_nine(
-    browsing: Path,
-    nine: Any,
-    assets: Path,
-    tmp_path: Path,
-) -> None:
-    report = build(
-        browsing,
-        tmp_path / "out",
-        corruptions=nine,
-        seed=3,
-        assets=assets,
-    )
+def test_all_nine(browsing: Path, nine: Any, assets: Path, tmp_path: Path) -> None:
+    report = build(browsing, tmp_path / "out", corruptions=nine, seed=3, assets=assets)
     assert report.exit_code == 0
     assert dict(report.not_applicable) == {}
     visual = dict.fromkeys(("clean", "pop_ups", "resolution", "marks", "subtitle"), 10)
@@ -81,11 +70,7 @@ def test_all_nine(
     assert len(set(every)) == len(every)
 
 
-def test_what_each_row_teaches(
-    browsing: Path,
-    assets: Path,
-    tmp_path: Path,
-) -> None:
+def test_what_each_row_teaches(browsing: Path, assets: Path, tmp_path: Path) -> None:
     build(browsing, tmp_path / "out", corruptions=",".join(FIVE), assets=assets)
     found = {label: rows[0] for label, rows in rows_by_label(tmp_path / "out").items()}
     pack = AssetPack.load(assets)
@@ -126,9 +111,7 @@ def test_what_each_row_teaches(
 
 
 def test_the_button_of_a_dialog_is_visible_although_it_was_pasted(
-    browsing: Path,
-    tmp_path: Path,
-    assets: Path,
+    browsing: Path, tmp_path: Path, assets: Path
 ) -> None:
     """`keep`, `avoid` and `drop` agree: what an event shows does not hide its own target."""
     seen = {}
@@ -151,11 +134,7 @@ def test_the_button_of_a_dialog_is_visible_although_it_was_pasted(
     assert all(entry[2] == 1.0 for entry in dialogs)
 
 
-def test_effects_together_with_pictures(
-    browsing: Path,
-    assets: Path,
-    tmp_path: Path,
-) -> None:
+def test_effects_together_with_pictures(browsing: Path, assets: Path, tmp_path: Path) -> None:
     report = build(browsing, tmp_path / "out", corruptions=COMBINED, assets=assets)
     found = rows_by_label(tmp_path / "out")
     names = {
@@ -203,11 +182,7 @@ def test_effects_together_with_pictures(
     )
 
 
-def test_what_is_done_follows_the_resolution(
-    browsing: Path,
-    assets: Path,
-    tmp_path: Path,
-) -> None:
+def test_what_is_done_follows_the_resolution(browsing: Path, assets: Path, tmp_path: Path) -> None:
     build(browsing, tmp_path / "out", corruptions={"half": COMBINED["half"]}, assets=assets)
     row = next(row for row in open_dataset(tmp_path / "out") if row["inserted"])
     assert (row["width"], row["height"], row["target_box"]) == (160, 100, [10, 90, 40, 100])
@@ -220,9 +195,7 @@ def test_what_is_done_follows_the_resolution(
 
 
 def test_pictures_over_an_event_avoid_its_target(
-    browsing: Path,
-    assets: Path,
-    tmp_path: Path,
+    browsing: Path, assets: Path, tmp_path: Path
 ) -> None:
     planner = hj.Sequence([hj.AppMinimization(step=1), hj.Marks(number=40, mark_size=12)])
     seen = {}
@@ -250,11 +223,7 @@ def test_pictures_over_an_event_avoid_its_target(
     [(0, [1]), (2, [4]), ((0, 4), [1, 8]), (hj.Every(2), [4, 8]), (-1, [1]), ((-1, 1), [1, 2])],
 )
 def test_steps_are_counted_from_0_whatever_their_numbers(
-    step: Any,
-    expected: list[int],
-    recording: Any,
-    assets: Path,
-    tmp_path: Path,
+    step: Any, expected: list[int], recording: Any, assets: Path, tmp_path: Path
 ) -> None:
     """The recording leaves step 3 out and begins at 1; the third step that was read is step 2."""
     numbers = [1, 2, 4, 7, 8]
@@ -267,9 +236,7 @@ def test_steps_are_counted_from_0_whatever_their_numbers(
 
 
 def test_recordings_that_end_too_soon_are_counted(
-    recording: Any,
-    assets: Path,
-    tmp_path: Path,
+    recording: Any, assets: Path, tmp_path: Path
 ) -> None:
     report = build(
         recording(trajectories=2, steps=3),
@@ -288,11 +255,7 @@ def test_recordings_that_end_too_soon_are_counted(
 
 
 def test_where_an_event_would_not_be_true_there_is_no_row(
-    recording: Any,
-    add_line: Any,
-    good_line: Any,
-    assets: Path,
-    tmp_path: Path,
+    recording: Any, add_line: Any, good_line: Any, assets: Path, tmp_path: Path
 ) -> None:
     folder = recording(trajectories=1, steps=1)
     Image.new("RGB", (300, 150), "white").save(folder / "images" / "other.png")
@@ -313,10 +276,7 @@ def test_where_an_event_would_not_be_true_there_is_no_row(
 
 
 def test_elements_are_looked_for_where_none_are_recorded(
-    recording: Any,
-    assets: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    recording: Any, assets: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = with_apps(
         recording(trajectories=1, steps=4),

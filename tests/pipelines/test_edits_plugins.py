@@ -21,10 +21,7 @@ from support.events import FIVE
 
 
 def test_plug_ins_whose_look_is_not_known_are_refused(
-    browsing: Path,
-    assets: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    browsing: Path, assets: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(registry.CORRUPTIONS, "entries", dict(registry.CORRUPTIONS.entries))
 
@@ -38,12 +35,7 @@ def test_plug_ins_whose_look_is_not_known_are_refused(
         scope: ClassVar[Any] = "state"
         effects: ClassVar[tuple[str, ...]] = ("mute",)
 
-        def make_plan(
-            self,
-            scene: hj.Scene,
-            stream: hj.Stream,
-            step: int,
-        ) -> hj.Draft:
+        def make_plan(self, scene: hj.Scene, stream: hj.Stream, step: int) -> hj.Draft:
             return hj.Draft(effects=(hj.Effect("mute"),))
 
     for asked in ("all", "muted", {"x": hj.OneOf([hj.Sequence([Muted()])])}):
@@ -67,10 +59,7 @@ def test_plug_ins_whose_look_is_not_known_are_refused(
 
 
 def test_plug_ins_with_a_known_effect_are_built(
-    browsing: Path,
-    assets: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    browsing: Path, assets: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(registry.CORRUPTIONS, "entries", dict(registry.CORRUPTIONS.entries))
 
@@ -84,24 +73,14 @@ def test_plug_ins_with_a_known_effect_are_built(
         scope: ClassVar[Any] = "state"
         effects: ClassVar[tuple[str, ...]] = ("lock",)
 
-        def make_plan(
-            self,
-            scene: hj.Scene,
-            stream: hj.Stream,
-            step: int,
-        ) -> hj.Draft:
+        def make_plan(self, scene: hj.Scene, stream: hj.Stream, step: int) -> hj.Draft:
             return hj.Draft(effects=(hj.Effect("lock"),))
 
     report = build(browsing, tmp_path / "out", corruptions="locked_out", assets=assets)
     assert dict(report.rows) == {"clean": 10, "locked_out": 10}
 
 
-def test_what_people_are_told(
-    browsing: Path,
-    nine: Any,
-    assets: Path,
-    tmp_path: Path,
-) -> None:
+def test_what_people_are_told(browsing: Path, nine: Any, assets: Path, tmp_path: Path) -> None:
     build(browsing, tmp_path / "out", corruptions=nine, assets=assets)
     card = (tmp_path / "out" / "README.md").read_text()
     for text in (
@@ -129,11 +108,7 @@ def test_what_people_are_told(
     assert "Action: WAIT" in text
 
 
-def test_the_command(
-    browsing: Path,
-    assets: Path,
-    tmp_path: Path,
-) -> None:
+def test_the_command(browsing: Path, assets: Path, tmp_path: Path) -> None:
     command = ["build", str(browsing), "--label-policy", "recover", "--corruptions"]
     run = CliRunner().invoke(
         hijack, [*command, ",".join(FIVE), "--assets", str(assets), "--out", str(tmp_path / "out")]
@@ -161,23 +136,14 @@ class EveryOther(hj.Planner):
     def is_due(self, step: int) -> bool:
         return step % 2 == 0
 
-    def plan(
-        self,
-        scene: hj.Scene,
-        *,
-        step: int | None = None,
-        **key: Any,
-    ) -> hj.Plan:
+    def plan(self, scene: hj.Scene, *, step: int | None = None, **key: Any) -> hj.Plan:
         if (step or 0) % 2:
             return hj.Plan.clean(scene.size)
         return self.part.plan(scene, step=step, **key)
 
 
 def test_a_planner_of_somebody_else_is_built(
-    browsing: Path,
-    assets: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    browsing: Path, assets: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     planners = {
         "dots": EveryOther(hj.Marks(number=3, mark_size=8)),

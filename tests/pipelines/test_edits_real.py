@@ -25,13 +25,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Our own recordings under the five, both kinds."""
     folder = tmp_path_factory.mktemp("real")
     for output in ("lazy", "materialised"):
-        report = build(
-            RECORDINGS,
-            folder / output,
-            corruptions=OURS,
-            seed=2,
-            output=output,
-        )
+        report = build(RECORDINGS, folder / output, corruptions=OURS, seed=2, output=output)
     assert dict(report.rows) == {
         "clean": 23,
         "multi_apps": 3,
@@ -129,11 +123,7 @@ def test_where_a_menu_is_open_no_other_opens(tmp_path: Path) -> None:
     ],
 )
 def test_real_recordings(
-    source: str,
-    rows: dict[str, int],
-    reasons: dict[str, str],
-    shared_data: Path,
-    tmp_path: Path,
+    source: str, rows: dict[str, int], reasons: dict[str, str], shared_data: Path, tmp_path: Path
 ) -> None:
     """What each kind of recording gives, and why it does not give the rest."""
     pytest.importorskip("cv2")
@@ -158,15 +148,7 @@ def test_real_recordings_of_a_foreign_desktop(shared_data: Path, tmp_path: Path)
     """Asked for, and with the application named, they are made, and each says what it is."""
     pytest.importorskip("cv2")
     source, out = shared_data / "trajectories" / "agentnet_raw", tmp_path / "out"
-    build(
-        source,
-        out,
-        corruptions=FIVE,
-        clean=False,
-        output="lazy",
-        foreign=True,
-        apps="chrome",
-    )
+    build(source, out, corruptions=FIVE, clean=False, output="lazy", foreign=True, apps="chrome")
     found = {row["corruption"]: row["fidelity"] for row in open_dataset(out)}
     assert set(found.values()) == {"foreign"}
     assert found.keys() == set(FIVE.split(",")) - {"accidental_touch"}  # no menu of a browser there
@@ -181,20 +163,10 @@ def test_osworld_in_a_browser(tmp_path: Path) -> None:
     screen = next((RECORDINGS / "images").glob("*.png")).read_bytes()
     for picture in folder.rglob("*.png"):
         picture.write_bytes(screen)
-    about: dict[str, Any] = {
-        "id": "x",
-        "instruction": "find it",
-        "related_apps": ["chrome"],
-    }
+    about: dict[str, Any] = {"id": "x", "instruction": "find it", "related_apps": ["chrome"]}
     (task,) = (folder / "examples" / "gimp").iterdir()
     write_json(task, about)
-    report = build(
-        folder,
-        tmp_path / "out",
-        corruptions="network_error",
-        clean=False,
-        foreign=True,
-    )
+    report = build(folder, tmp_path / "out", corruptions="network_error", clean=False, foreign=True)
     assert dict(report.rows) == {"network_error": 1}
     (row,) = open_dataset(tmp_path / "out")
     assert (row["fidelity"], row["action_code"], row["step"]) == ("foreign", "WAIT", 1)

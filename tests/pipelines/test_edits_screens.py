@@ -15,18 +15,10 @@ from pipelines.edits import EDITS, NotApplicable
 from support.assets import BACKGROUND, PackMaker, page, pixels
 from support.frames import drawn, frame_of
 
-SPARE = {
-    "lock": "lock_screen",
-    "minimise": "desktop",
-    "firewall": "error_page",
-}
+SPARE = {"lock": "lock_screen", "minimise": "desktop", "firewall": "error_page"}
 
 
-def edit(
-    kind: str,
-    pack: Path,
-    **frame: Any,
-) -> Any:
+def edit(kind: str, pack: Path, **frame: Any) -> Any:
     made = frame_of(pack, **frame)
     found = EDITS[kind].apply(made, Effect(kind))
     return found, drawn(made, found)
@@ -55,9 +47,7 @@ def test_a_screen_of_nearly_the_same_shape_is_scaled_down(
 @pytest.mark.parametrize("size", [(401, 640), (400, 641), (190, 320), (200, 260), (1080, 1920)])
 @pytest.mark.parametrize("kind", list(SPARE))
 def test_nothing_is_scaled_up_or_out_of_shape(
-    size: tuple[int, int],
-    kind: str,
-    assets: Path,
+    size: tuple[int, int], kind: str, assets: Path
 ) -> None:
     with pytest.raises(NotApplicable, match="was recorded on a screen of this size"):
         edit(kind, assets, size=size, apps=("chrome",))
@@ -94,11 +84,7 @@ def several(tmp_path: Path) -> Path:
             "desktop",
             pixels(30 + number, 320, 200),
             app=app,
-            recover={
-                "type": "click",
-                "x": number,
-                "y": 190,
-            },
+            recover={"type": "click", "x": number, "y": 190},
         )
     made.add(
         "window",
@@ -107,13 +93,7 @@ def several(tmp_path: Path) -> Path:
         app="chromium",
         screen=[320, 200],
         box=[0, 0, 320, 180],
-        targets=[
-            {
-                "name": "Reload",
-                "role": "button",
-                "box": [10, 20, 30, 40],
-            }
-        ],
+        targets=[{"name": "Reload", "role": "button", "box": [10, 20, 30, 40]}],
     )
     made.add(
         "half",
@@ -128,19 +108,11 @@ def several(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize(("apps", "domain"), [(("GIMP", "vlc"), ""), ((), "gimp")])
 def test_only_windows_of_the_recording_are_brought_back(
-    apps: tuple[str, ...],
-    domain: str,
-    several: Path,
+    apps: tuple[str, ...], domain: str, several: Path
 ) -> None:
     """Which other one to bring back, nobody could learn from a screen that does not show it."""
     chosen = {
-        edit(
-            "minimise",
-            several,
-            apps=apps,
-            domain=domain,
-            seed=k,
-        )[0].response.action.x
+        edit("minimise", several, apps=apps, domain=domain, seed=k)[0].response.action.x
         for k in range(8)
     }
     assert chosen == {1}
@@ -168,9 +140,7 @@ def test_where_no_window_is_open_none_is_minimised(assets: Path) -> None:
 
 @pytest.mark.parametrize(("count", "applies"), [(0, False), (1, True), (2, False)])
 def test_on_a_foreign_desktop_the_only_window_is_brought_back(
-    count: int,
-    applies: bool,
-    tmp_path: Path,
+    count: int, applies: bool, tmp_path: Path
 ) -> None:
     made = PackMaker(tmp_path / "pack")
     names = ["Applications", *[f"{k}.txt - Editor" for k in range(count)]]
@@ -179,25 +149,13 @@ def test_on_a_foreign_desktop_the_only_window_is_brought_back(
         "desktop",
         pixels(4, 320, 200),
         app="mousepad",
-        recover={
-            "type": "click",
-            "x": 50,
-            "y": 190,
-        },
+        recover={"type": "click", "x": 50, "y": 190},
         targets=[
-            {
-                "name": name,
-                "role": "toggle-button",
-                "box": [20 * k, 180, 20 * k + 20, 200],
-            }
+            {"name": name, "role": "toggle-button", "box": [20 * k, 180, 20 * k + 20, 200]}
             for k, name in enumerate(names)
         ],
     )
-    about: dict[str, Any] = {
-        "platform": "windows",
-        "foreign": True,
-        "apps": ("excel",),
-    }
+    about: dict[str, Any] = {"platform": "windows", "foreign": True, "apps": ("excel",)}
     if applies:
         assert edit("minimise", made.write(), **about)[0].response.action.x == 50
         return
@@ -250,16 +208,8 @@ def test_the_panel_lists_no_window_but_the_one_with_the_error_page(
     made = PackMaker(tmp_path / "pack")
     panel = pixels(30, 320, 200)
     buttons = [
-        {
-            "name": "Search - Chromium",
-            "role": "toggle-button",
-            "box": [100, 180, 190, 200],
-        },
-        {
-            "name": "12:00",
-            "role": "toggle-button",
-            "box": [240, 180, 320, 200],
-        },
+        {"name": "Search - Chromium", "role": "toggle-button", "box": [100, 180, 190, 200]},
+        {"name": "12:00", "role": "toggle-button", "box": [240, 180, 320, 200]},
     ]
     made.add("desktop", "desktop", panel, app="chromium", targets=buttons)
     made.add(
@@ -269,13 +219,7 @@ def test_the_panel_lists_no_window_but_the_one_with_the_error_page(
         app="chromium",
         screen=[320, 200],
         box=[0, 0, 320, 180],
-        targets=[
-            {
-                "name": f"{title} - Network error",
-                "role": "page-tab",
-                "box": [0, 0, 9, 9],
-            }
-        ],
+        targets=[{"name": f"{title} - Network error", "role": "page-tab", "box": [0, 0, 9, 9]}],
     )
     _, picture = edit("firewall", made.write(), apps=("chrome",))
     if title == "news.test":  # 50 free pixels cover 90
@@ -335,11 +279,7 @@ def test_the_page_of_the_nearest_width_is_taken(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("kind", "spare"), SPARE.items())
-def test_a_pack_without_such_pictures(
-    kind: str,
-    spare: str,
-    tmp_path: Path,
-) -> None:
+def test_a_pack_without_such_pictures(kind: str, spare: str, tmp_path: Path) -> None:
     made = PackMaker(tmp_path / "pack")
     made.add("x", "window", pixels(1, 20, 20))
     folder = made.write()

@@ -26,11 +26,7 @@ from support.events import COMBINED, FIVE
 
 @pytest.mark.parametrize("clean", [True, False])
 def test_both_kinds_are_equal_row_by_row(
-    clean: bool,
-    browsing: Path,
-    nine: Any,
-    assets: Path,
-    tmp_path: Path,
+    clean: bool, browsing: Path, nine: Any, assets: Path, tmp_path: Path
 ) -> None:
     planners = {
         **nine,
@@ -61,21 +57,12 @@ def test_both_kinds_are_equal_row_by_row(
 
 
 def test_load_dataset_reads_events(
-    browsing: Path,
-    assets: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    browsing: Path, assets: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
     datasets = pytest.importorskip("datasets")
     datasets.disable_progress_bars()
-    build(
-        browsing,
-        tmp_path / "out",
-        corruptions=",".join(FIVE),
-        assets=assets,
-        output="lazy",
-    )
+    build(browsing, tmp_path / "out", corruptions=",".join(FIVE), assets=assets, output="lazy")
     loaded = datasets.load_dataset(
         str(tmp_path / "out"), split="train", cache_dir=str(tmp_path / "cache")
     )
@@ -102,16 +89,9 @@ def hashes(folder: Path) -> dict[str, str]:
 
 
 def test_a_resumed_build_ends_in_the_same_bytes(
-    browsing: Path,
-    nine: Any,
-    assets: Path,
-    tmp_path: Path,
+    browsing: Path, nine: Any, assets: Path, tmp_path: Path
 ) -> None:
-    options: dict[str, Any] = {
-        "corruptions": nine,
-        "assets": assets,
-        "rows_per_shard": 45,
-    }
+    options: dict[str, Any] = {"corruptions": nine, "assets": assets, "rows_per_shard": 45}
     build(browsing, tmp_path / "out", **options)
     before = hashes(tmp_path / "out")
     assert len(before) == 2
@@ -126,20 +106,12 @@ def test_a_resumed_build_ends_in_the_same_bytes(
 
 
 def test_a_build_is_not_resumed_with_another_pack(
-    browsing: Path,
-    assets: Path,
-    tmp_path: Path,
+    browsing: Path, assets: Path, tmp_path: Path
 ) -> None:
     build(browsing, tmp_path / "out", corruptions="verification", assets=assets)
     other = changed_pack(assets, tmp_path / "other")
     with pytest.raises(BuildError, match=r"assets was .*, is"):
-        build(
-            browsing,
-            tmp_path / "out",
-            corruptions="verification",
-            assets=other,
-            resume=True,
-        )
+        build(browsing, tmp_path / "out", corruptions="verification", assets=other, resume=True)
     shutil.copytree(assets, tmp_path / "same")
     again = build(
         browsing,
@@ -151,11 +123,7 @@ def test_a_build_is_not_resumed_with_another_pack(
     assert again.kept == 1
 
 
-def changed_pack(
-    assets: Path,
-    folder: Path,
-    name: str = "lock-small",
-) -> Path:
+def changed_pack(assets: Path, folder: Path, name: str = "lock-small") -> Path:
     """The pack with another picture in the place of one."""
     shutil.copytree(assets, folder)
     picture = np.full((200, 320, 3), 77, np.uint8)
@@ -183,11 +151,7 @@ def fresh(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 @pytest.mark.parametrize("output", ["materialised", "lazy"])
 def test_verify_says_when_the_pack_differs(
-    output: str,
-    browsing: Path,
-    assets: Path,
-    fresh: Any,
-    tmp_path: Path,
+    output: str, browsing: Path, assets: Path, fresh: Any, tmp_path: Path
 ) -> None:
     build(
         browsing,
@@ -224,10 +188,7 @@ def test_verify_says_when_the_pack_differs(
 
 
 def test_builds_of_pictures_alone_need_no_pack(
-    recording: Any,
-    small: Any,
-    fresh: Any,
-    tmp_path: Path,
+    recording: Any, small: Any, fresh: Any, tmp_path: Path
 ) -> None:
     fresh(tmp_path / "none")
     build(recording(), tmp_path / "out", corruptions=small)
@@ -241,10 +202,7 @@ def test_builds_of_pictures_alone_need_no_pack(
 
 
 def test_the_pack_of_the_environment_is_used_by_workers(
-    browsing: Path,
-    assets: Path,
-    fresh: Any,
-    tmp_path: Path,
+    browsing: Path, assets: Path, fresh: Any, tmp_path: Path
 ) -> None:
     fresh(assets)
     options = {"corruptions": "verification", "rows_per_shard": 10}
@@ -254,10 +212,7 @@ def test_the_pack_of_the_environment_is_used_by_workers(
 
 
 def test_a_recording_may_name_the_key_of_its_draws(
-    browsing: Path,
-    assets: Path,
-    tmp_path: Path,
-    small: Any,
+    browsing: Path, assets: Path, tmp_path: Path, small: Any
 ) -> None:
     """Two runs of one task get the same plans, and lazy rows still hold a recipe."""
     planners = (("marks", small["marks"]), ("touch", hj.AccidentalTouch(step=0)))
@@ -266,12 +221,7 @@ def test_a_recording_may_name_the_key_of_its_draws(
     for name, sample in (("run-a", "task"), ("run-b", "task"), ("task", None), ("other", None)):
         trajectory = replace(items[0], id=name, sample=sample)  # type: ignore[type-var]
         step = trajectory.steps[0]  # type: ignore[union-attr]
-        settings = RowSettings(
-            planners,
-            lazy=True,
-            clean=False,
-            assets=str(assets),
-        )
+        settings = RowSettings(planners, lazy=True, clean=False, assets=str(assets))
         rows = rows_of(trajectory, step, Path(step.image).read_bytes(), "x", settings, RowCounts())  # type: ignore[arg-type]
         made.append(list(rows))
     digests = [[row["plan_digest"] for row in rows] for rows in made]

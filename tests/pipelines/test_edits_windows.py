@@ -18,23 +18,12 @@ from pipelines.edits.open_menus import menu_state
 from support.assets import PackMaker, pixels
 from support.frames import drawn, frame_of
 
-LAUNCH = Effect(
-    "launch_app",
-    {
-        "app": "vscode",
-        "then": ["chrome", "gimp", "thunar"],
-        "tile": True,
-    },
-)
+LAUNCH = Effect("launch_app", {"app": "vscode", "then": ["chrome", "gimp", "thunar"], "tile": True})
 ELEMENTS = [(5, 15, 45, 25), (280, 100, 310, 120), (5, 165, 45, 180)]
 BUTTON = (230, 100, 280, 120)  # of the size that opens what `assets` has
 
 
-def window(
-    pack: Path,
-    effect: Effect = LAUNCH,
-    **frame: Any,
-) -> tuple[Any, np.ndarray, Any]:
+def window(pack: Path, effect: Effect = LAUNCH, **frame: Any) -> tuple[Any, np.ndarray, Any]:
     made = frame_of(pack, **frame)
     found = EDITS["launch_app"].apply(made, effect)
     return found, drawn(made, found), made
@@ -71,9 +60,7 @@ def test_a_window_is_pasted_as_it_was_recorded(assets: Path) -> None:
     ],
 )
 def test_an_application_of_the_recording_is_never_the_second(
-    about: dict[str, Any],
-    expected: str,
-    assets: Path,
+    about: dict[str, Any], expected: str, assets: Path
 ) -> None:
     assert pasted(window(assets, **about)[0])[0].startswith(expected)
     with pytest.raises(
@@ -97,45 +84,25 @@ def test_browsers_are_one_family(tmp_path: Path) -> None:
 def test_without_known_applications_none_is_another(assets: Path, tmp_path: Path) -> None:
     with pytest.raises(NotApplicable, match=r"does not say which applications it uses.*--apps"):
         window(assets, apps=())
-    found = window(
-        assets,
-        apps=(),
-        platform=None,
-        foreign=True,
-    )[0]
+    found = window(assets, apps=(), platform=None, foreign=True)[0]
     assert found.notes[-1] == "which applications the recording uses is not known"
     made = PackMaker(tmp_path / "pack")
     made.add("browser", "window", pixels(1, 60, 50), app="chromium", screen=[320, 200])
     with pytest.raises(NotApplicable, match="no window of an application"):
-        window(
-            made.write(),
-            apps=(),
-            platform="windows",
-            foreign=True,
-        )
+        window(made.write(), apps=(), platform="windows", foreign=True)
 
 
 def test_the_plan_says_which_application_comes_first(assets: Path) -> None:
     for app in ("gimp", "thunar"):
         found, _, _ = window(
-            assets,
-            Effect(
-                "launch_app",
-                {
-                    "app": app,
-                    "then": ["gimp"],
-                    "tile": True,
-                },
-            ),
+            assets, Effect("launch_app", {"app": app, "then": ["gimp"], "tile": True})
         )
         assert pasted(found)[0].startswith(app)
         assert found.notes == ()
 
 
 @settings(
-    max_examples=80,
-    deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
+    max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(st.data())
 def test_the_target_and_the_screen_are_left_whole(assets: Path, data: st.DataObject) -> None:
@@ -145,10 +112,7 @@ def test_the_target_and_the_screen_are_left_whole(assets: Path, data: st.DataObj
     action = Action("click", data.draw(st.integers(0, 319)), data.draw(st.integers(0, 199)))
     try:
         found, _, frame = window(
-            assets,
-            boxes=boxes,
-            action=action,
-            seed=data.draw(st.integers(0, 50)),
+            assets, boxes=boxes, action=action, seed=data.draw(st.integers(0, 50))
         )
     except NotApplicable:
         assume(False)
@@ -202,12 +166,7 @@ def test_screens_without_room(size: tuple[int, int], assets: Path) -> None:
         window(assets, size=size, action=Action("click", size[1] // 2, size[0] // 2))
 
 
-def touch(
-    pack: Path,
-    boxes: Any,
-    without_app: bool = True,
-    **frame: Any,
-) -> tuple[Any, np.ndarray]:
+def touch(pack: Path, boxes: Any, without_app: bool = True, **frame: Any) -> tuple[Any, np.ndarray]:
     made = frame_of(pack, boxes=boxes, **frame)
     found = EDITS["touch"].apply(
         made, Effect("touch", {"boxes": [list(box) for box in boxes], "without_app": without_app})
@@ -215,11 +174,7 @@ def touch(
     return found, drawn(made, found)
 
 
-def only(
-    kind: str,
-    folder: Path,
-    **more: Any,
-) -> Path:
+def only(kind: str, folder: Path, **more: Any) -> Path:
     """A pack with one menu or dialog of 60x40, of the application of `frame_of`."""
     made = PackMaker(folder)
     about: dict[str, Any] = {
@@ -232,21 +187,12 @@ def only(
     return made.write()
 
 
-def clicked(
-    element: Any,
-    x: int = 0,
-    gap: int = 0,
-) -> dict[str, Any]:
+def clicked(element: Any, x: int = 0, gap: int = 0) -> dict[str, Any]:
     """A click on an element of this size, `gap` pixels above the menu and `x` to the right of its
     left side."""
     width, height = element[2] - element[0], element[3] - element[1]
     box = [x, -gap - height, x + width, -gap]
-    return {
-        "type": "click",
-        "x": x + 1,
-        "y": -gap - 1,
-        "target_box": box,
-    }
+    return {"type": "click", "x": x + 1, "y": -gap - 1, "target_box": box}
 
 
 @pytest.mark.parametrize(
@@ -261,11 +207,7 @@ def clicked(
     ],
 )
 def test_a_menu_hangs_from_what_was_clicked(
-    element: Any,
-    x: int,
-    gap: int,
-    corner: tuple[int, int],
-    tmp_path: Path,
+    element: Any, x: int, gap: int, corner: tuple[int, int], tmp_path: Path
 ) -> None:
     folder = only("menu", tmp_path / "pack", opened_by=clicked(element, x, gap))
     found, picture = touch(folder, [element])
@@ -285,29 +227,11 @@ def test_a_menu_hangs_from_what_was_clicked(
 
 
 def test_a_dialog_comes_in_the_middle_with_its_button(tmp_path: Path) -> None:
-    recover = {
-        "type": "click",
-        "x": 25,
-        "y": 30,
-        "target_box": [10, 25, 40, 35],
-    }
-    target = {
-        "name": "Cancel",
-        "role": "push-button",
-        "box": [10, 25, 40, 35],
-    }
-    opened_by = {
-        "type": "click",
-        "x": -20,
-        "y": 5,
-        "target_box": [-30, 0, 10, 10],
-    }
+    recover = {"type": "click", "x": 25, "y": 30, "target_box": [10, 25, 40, 35]}
+    target = {"name": "Cancel", "role": "push-button", "box": [10, 25, 40, 35]}
+    opened_by = {"type": "click", "x": -20, "y": 5, "target_box": [-30, 0, 10, 10]}
     folder = only(
-        "dialog",
-        tmp_path / "pack",
-        recover=recover,
-        targets=[target],
-        opened_by=opened_by,
+        "dialog", tmp_path / "pack", recover=recover, targets=[target], opened_by=opened_by
     )
     found, picture = touch(folder, ELEMENTS)
     assert np.array_equal(picture[80:120, 130:190], pixels(5, 60, 40))
@@ -345,12 +269,7 @@ def test_launchers_are_left_out_as_they_are_live(assets: Path) -> None:
 def test_a_menu_of_the_panel_hangs_from_the_panel(tmp_path: Path) -> None:
     """It opens upwards there, from nothing else, and whatever the applications are: that screen has
     it always."""
-    opened = {
-        "type": "click",
-        "x": 10,
-        "y": 50,
-        "target_box": [0, 42, 30, 54],
-    }
+    opened = {"type": "click", "x": 10, "y": 50, "target_box": [0, 42, 30, 54]}
     folder = only("menu", tmp_path / "pack", app="desktop", opened_by=opened)
     for apps in ((), ("gimp", "vlc"), ("editor",)):
         found, picture = touch(folder, [(40, 188, 73, 200)], without_app=False, apps=apps)
@@ -360,12 +279,7 @@ def test_a_menu_of_the_panel_hangs_from_the_panel(tmp_path: Path) -> None:
         touch(folder, [(40, 88, 70, 100)], without_app=False)
     with pytest.raises(NotApplicable, match="names no application whose menus could open"):
         touch(
-            folder,
-            [(40, 188, 73, 200)],
-            without_app=False,
-            apps=(),
-            platform="linux",
-            foreign=True,
+            folder, [(40, 188, 73, 200)], without_app=False, apps=(), platform="linux", foreign=True
         )
 
 
@@ -380,24 +294,10 @@ def test_without_a_target_any_element_will_do(assets: Path) -> None:
         {"recover": None},
         {"opened_by": {**clicked((0, 0, 40, 10)), "type": "right_click"}},
         {"opened_by": None},  # by more than a click
-        {
-            "opened_by": {
-                "type": "click",
-                "x": 1,
-                "y": 2,
-            }
-        },
+        {"opened_by": {"type": "click", "x": 1, "y": 2}},
         {"opened_by": clicked((0, 0, 44, 10))},  # by something else
         {"box": [0, 0, 600, 400]},
-        {
-            "targets": [
-                {
-                    "name": "harbour-walk.txt",
-                    "role": "menu-item",
-                    "box": [0, 0, 9, 9],
-                }
-            ]
-        },
+        {"targets": [{"name": "harbour-walk.txt", "role": "menu-item", "box": [0, 0, 9, 9]}]},
         {"made_by": "editor: click on Bookmark this tab"},
         {"app": "thunar"},
         {"app": "desktop"},
@@ -489,23 +389,9 @@ CLICK, TYPED = Action("click", 1, 1), Action("type", text="x")
     ],
 )
 def test_whether_a_menu_is_open(
-    boxes: Any,
-    before: Any,
-    action: Action,
-    state: str,
-    assets: Path,
+    boxes: Any, before: Any, action: Action, state: str, assets: Path
 ) -> None:
-    assert (
-        menu_state(
-            frame_of(
-                assets,
-                boxes=boxes,
-                before=before,
-                action=action,
-            )
-        )
-        == state
-    )
+    assert menu_state(frame_of(assets, boxes=boxes, before=before, action=action)) == state
 
 
 def test_no_menu_opens_over_a_menu(tmp_path: Path) -> None:

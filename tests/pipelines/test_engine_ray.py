@@ -88,11 +88,7 @@ def once(flag: Path) -> bool:
     return True
 
 
-def kill_self(
-    flag: Path,
-    sample: str,
-    **_: Any,
-) -> None:
+def kill_self(flag: Path, sample: str, **_: Any) -> None:
     if sample == "t3" and once(flag):
         os.kill(os.getpid(), signal.SIGKILL)
 
@@ -101,11 +97,7 @@ def kill_self_always(**_: Any) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-def kill_node(
-    flag: Path,
-    raylet: int,
-    **_: Any,
-) -> None:
+def kill_node(flag: Path, raylet: int, **_: Any) -> None:
     if os.getppid() == raylet and once(flag):
         os.kill(raylet, signal.SIGKILL)
         os.kill(os.getpid(), signal.SIGKILL)
@@ -123,22 +115,14 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
     os.chdir(tmp_path_factory.mktemp("elsewhere"))
-    options = {
-        "num_cpus": 1,
-        "object_store_memory": STORE,
-        "include_dashboard": False,
-    }
+    options = {"num_cpus": 1, "object_store_memory": STORE, "include_dashboard": False}
     nodes = cluster_utils.Cluster(
         initialize_head=True, head_node_args={**options, "_system_config": SOON}
     )
     try:
         nodes.add_node(num_cpus=1, object_store_memory=STORE)
         os.chdir(before)
-        ray.init(
-            address=nodes.address,
-            log_to_driver=False,
-            logging_level="CRITICAL",
-        )
+        ray.init(address=nodes.address, log_to_driver=False, logging_level="CRITICAL")
         yield nodes
     finally:
         os.chdir(before)
@@ -150,12 +134,7 @@ def raylet(node: Any) -> int:
     return node.all_processes["raylet"][0].process.pid
 
 
-def on_ray(
-    source: Path,
-    out: Path,
-    deed: Any = None,
-    **options: Any,
-) -> Any:
+def on_ray(source: Path, out: Path, deed: Any = None, **options: Any) -> Any:
     """Build one shard a trajectory with two workers of the cluster."""
     planners = {"marks": Marks(deed)}
     return build(
@@ -183,11 +162,7 @@ def test_the_same_bytes_as_a_local_build(
     picture = source / "images" / "t1-1.png"
     picture.write_bytes(picture.read_bytes()[:-1000])
     planners = {"marks": hj.Marks(number=4, mark_size=8), "half": hj.Resolution()}
-    options: dict[str, Any] = {
-        "corruptions": planners,
-        "rows_per_shard": 1,
-        "output": output,
-    }
+    options: dict[str, Any] = {"corruptions": planners, "rows_per_shard": 1, "output": output}
     # the nodes work in another folder: relative paths must not be theirs
     monkeypatch.chdir(tmp_path)
     here = build("source", "here", **options)
@@ -209,9 +184,7 @@ def test_the_same_bytes_as_a_local_build(
 
 
 def test_a_worker_that_is_killed_in_the_middle_of_a_shard(
-    recording: Any,
-    cluster: Any,
-    tmp_path: Path,
+    recording: Any, cluster: Any, tmp_path: Path
 ) -> None:
     source = recording(trajectories=6, steps=2)
     report = on_ray(source, tmp_path / "out", partial(kill_self, tmp_path / "flag"))
@@ -222,10 +195,7 @@ def test_a_worker_that_is_killed_in_the_middle_of_a_shard(
 
 
 def test_a_shard_that_kills_every_worker_is_given_up(
-    recording: Any,
-    cluster: Any,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    recording: Any, cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(engine, "RETRIES", 1)
     source, out = recording(trajectories=2, steps=1), tmp_path / "out"
@@ -238,11 +208,7 @@ def test_a_shard_that_kills_every_worker_is_given_up(
     assert contents(out) == locally(source, tmp_path / "whole")
 
 
-def test_a_node_that_dies(
-    recording: Any,
-    cluster: Any,
-    tmp_path: Path,
-) -> None:
+def test_a_node_that_dies(recording: Any, cluster: Any, tmp_path: Path) -> None:
     source, out = recording(trajectories=8, steps=1), tmp_path / "out"
     node = cluster.add_node(num_cpus=1, object_store_memory=STORE)
     try:
@@ -267,11 +233,7 @@ def test_a_node_that_dies(
     [(stumble, r"ZeroDivisionError.*a mistake in a planner.*resume=True"), (None, "effects")],
 )
 def test_mistakes_reach_the_caller(
-    deed: Any,
-    reason: str,
-    recording: Any,
-    cluster: Any,
-    tmp_path: Path,
+    deed: Any, reason: str, recording: Any, cluster: Any, tmp_path: Path
 ) -> None:
     class Live(hj.Augmentation):
         def plan(self, scene: hj.Scene, **key: Any) -> hj.Plan:
@@ -282,11 +244,7 @@ def test_mistakes_reach_the_caller(
         build(recording(steps=1), tmp_path / "out", corruptions=planners, engine="ray")
 
 
-def test_strict_stops_at_the_first_bad_input(
-    recording: Any,
-    cluster: Any,
-    tmp_path: Path,
-) -> None:
+def test_strict_stops_at_the_first_bad_input(recording: Any, cluster: Any, tmp_path: Path) -> None:
     source = recording(trajectories=2, steps=1)
     picture = source / "images" / "t0-0.png"
     picture.write_bytes(picture.read_bytes()[:-1000])
@@ -300,10 +258,7 @@ def tasks_of(source: Path) -> list[ShardTask]:
 
 
 def test_the_source_is_read_as_shards_are_done(
-    recording: Any,
-    cluster: Any,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    recording: Any, cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(engine, "FIRST", 1)
     monkeypatch.setattr(engine, "MOST", 2)
@@ -336,27 +291,18 @@ mount -t tmpfs tmpfs "$1" && exec {python} -m ray.scripts.scripts start --addres
     reason="only root can hide a folder from a node",
 )
 def test_a_node_that_does_not_share_the_output(
-    recording: Any,
-    cluster: Any,
-    tmp_path: Path,
+    recording: Any, cluster: Any, tmp_path: Path
 ) -> None:
     """A real third node, in a mount namespace where the output folder is another one."""
     source, out = recording(trajectories=6, steps=1), tmp_path / "out"
     out.mkdir()
     if subprocess.run(["unshare", "-m", "true"], capture_output=True, check=False).returncode:
         pytest.skip("mount namespaces are not allowed here")
-    script = NAMESPACE.format(
-        python=sys.executable,
-        address=cluster.address,
-        store=STORE,
-    )
+    script = NAMESPACE.format(python=sys.executable, address=cluster.address, store=STORE)
     command = ["unshare", "-m", "sh", "-c", script, "sh", str(out)]
     known = {n["NodeID"] for n in ray.nodes()}  # dead ones, too: a cluster learns of a death late
     node = subprocess.Popen(
-        command,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.STDOUT,
-        start_new_session=True,
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.STDOUT, start_new_session=True
     )
     try:
         deadline = time.monotonic() + 60
@@ -382,23 +328,14 @@ def test_a_node_that_does_not_share_the_output(
     assert contents(out) == locally(source, tmp_path / "whole")
 
 
-def test_a_cluster_that_runs_already(
-    recording: Any,
-    cluster: Any,
-    tmp_path: Path,
-) -> None:
+def test_a_cluster_that_runs_already(recording: Any, cluster: Any, tmp_path: Path) -> None:
     source, out = recording(trajectories=2, steps=1), tmp_path / "out"
     (tmp_path / "config.yaml").write_text(CONFIG)
     options = ["--config", str(tmp_path / "config.yaml"), "--engine", "ray", "--json"]
     command = [*COMMAND, str(source), "--out", str(out), *options]
     environment = {**os.environ, "RAY_ADDRESS": cluster.address}
     done = subprocess.run(
-        command,
-        cwd=ROOT,
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
+        command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["rows"] == 4
@@ -424,9 +361,7 @@ if __name__ == "__main__":
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
 def test_ctrl_c_and_kill_end_the_cluster_that_was_started(
-    how: signal.Signals,
-    recording: Any,
-    tmp_path: Path,
+    how: signal.Signals, recording: Any, tmp_path: Path
 ) -> None:
     source, out = recording(trajectories=60, steps=2), tmp_path / "out"
     (tmp_path / "config.yaml").write_text(CONFIG)
@@ -444,11 +379,7 @@ def test_ctrl_c_and_kill_end_the_cluster_that_was_started(
     said = tmp_path / "stdout", tmp_path / "stderr"
     with said[0].open("w") as first, said[1].open("w") as second:
         process = subprocess.Popen(
-            command,
-            env=environment,
-            stdout=first,
-            stderr=second,
-            start_new_session=True,
+            command, env=environment, stdout=first, stderr=second, start_new_session=True
         )
     deadline = time.monotonic() + 90
     while (
@@ -476,13 +407,7 @@ def test_ctrl_c_and_kill_end_the_cluster_that_was_started(
         time.sleep(0.1)
     assert set(marked(tmp_path)) <= idle
     assert 1 <= len(list((out / "data").glob("train-*.parquet"))) < 60
-    report = build(
-        source,
-        out,
-        config=tmp_path / "config.yaml",
-        rows_per_shard=1,
-        resume=True,
-    )
+    report = build(source, out, config=tmp_path / "config.yaml", rows_per_shard=1, resume=True)
     assert report.kept >= 1
     build(source, tmp_path / "whole", config=tmp_path / "config.yaml", rows_per_shard=1)
     assert differences(out, tmp_path / "whole") == []

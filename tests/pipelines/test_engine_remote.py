@@ -38,9 +38,7 @@ def errand(tmp_path: Path) -> remote.Errand:
 
 
 def test_a_node_that_sees_other_files_or_has_other_libraries(
-    errand: remote.Errand,
-    recording: Any,
-    monkeypatch: pytest.MonkeyPatch,
+    errand: remote.Errand, recording: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(remote, "PATIENCE", 0)
     task = task_of(recording(trajectories=1, steps=2))
@@ -66,9 +64,7 @@ def test_a_node_that_sees_other_files_or_has_other_libraries(
 
 
 def test_a_shard_that_was_written_elsewhere(
-    errand: remote.Errand,
-    recording: Any,
-    monkeypatch: Any,
+    errand: remote.Errand, recording: Any, monkeypatch: Any
 ) -> None:
     monkeypatch.setattr(remote, "PATIENCE", 0)
     task = task_of(recording(trajectories=1, steps=1))
@@ -98,20 +94,14 @@ def test_messages_of_ray_do_not_mix_with_the_output(capsys: Any) -> None:
     assert said.out.count("state-dump") == 2
 
 
-def test_without_ray(
-    recording: Any,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_without_ray(recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(MissingDependencyError, match=r"pip install .*\[ray\]'"):
         build(recording(), tmp_path / "out", corruptions={"marks": MARKS}, engine="ray")
 
 
 def test_engines_and_clusters_that_are_not_there(
-    recording: Any,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ray = pytest.importorskip("ray")
     source, out = recording(), tmp_path / "out"

@@ -48,24 +48,14 @@ def in_browser(folder: Path, **more: Any) -> Path:
     file = folder / "trajectories.jsonl"
     rows = [json.loads(line) for line in file.read_text().splitlines()]
     lines = [
-        {
-            **row,
-            "apps": ["chrome"],
-            **{name: make(row) for name, make in more.items()},
-        }
+        {**row, "apps": ["chrome"], **{name: make(row) for name, make in more.items()}}
         for row in rows
     ]
     file.write_text("".join(json.dumps(line) + "\n" for line in lines))
     return folder
 
 
-def made(
-    source: Path,
-    assets: Path,
-    out: Path,
-    corruptions: Any = None,
-    **options: Any,
-) -> Path:
+def made(source: Path, assets: Path, out: Path, corruptions: Any = None, **options: Any) -> Path:
     build(
         source,
         out,
@@ -79,11 +69,7 @@ def made(
 
 
 @pytest.fixture
-def dataset(
-    source: Path,
-    assets: Path,
-    tmp_path: Path,
-) -> Path:
+def dataset(source: Path, assets: Path, tmp_path: Path) -> Path:
     return made(source, assets, tmp_path / "set")
 
 
@@ -118,12 +104,7 @@ def said(row: dict[str, Any], pictures: int) -> tuple[str, str]:
 
 
 @pytest.mark.parametrize("output", ["materialised", "lazy"])
-def test_reminders(
-    source: Path,
-    assets: Path,
-    tmp_path: Path,
-    output: str,
-) -> None:
+def test_reminders(source: Path, assets: Path, tmp_path: Path, output: str) -> None:
     dataset = made(source, assets, tmp_path / "set", output=output)
     report = export(dataset, tmp_path / "out", to="onlooker")
     rows, original = table(tmp_path / "out", "reminders"), by_id(dataset)
@@ -153,13 +134,7 @@ def test_reminders(
 @pytest.mark.parametrize(
     ("balance", "without", "short"), [(0, 0, 0), (0.5, 3, 0), (3, 18, 0), (1000, 51, 5949)]
 )
-def test_balance(
-    dataset: Path,
-    tmp_path: Path,
-    balance: float,
-    without: int,
-    short: int,
-) -> None:
+def test_balance(dataset: Path, tmp_path: Path, balance: float, without: int, short: int) -> None:
     """All that have none are 3 trajectories of 5 steps clean and under two corruptions, and 6
     inserted ones."""
     report = export(dataset, tmp_path / "out", to="onlooker", balance=balance)
@@ -168,12 +143,7 @@ def test_balance(
     assert (sum(report.none.values()), report.short) == (without, short)
     assert any("more frames without" in line for line in report.lines()) == bool(short)
     if without == 51:
-        assert dict(report.none) == {
-            "same_step": 3,
-            "clean": 12,
-            "picture": 30,
-            "event": 6,
-        }
+        assert dict(report.none) == {"same_step": 3, "clean": 12, "picture": 30, "event": 6}
 
 
 @pytest.mark.parametrize(
@@ -189,22 +159,14 @@ def test_balance(
     ids=["low", "high", "nan", "giant", "bool", "text"],
 )
 def test_a_balance_that_cannot_be(
-    dataset: Path,
-    tmp_path: Path,
-    balance: Any,
-    error: type[Exception],
+    dataset: Path, tmp_path: Path, balance: Any, error: type[Exception]
 ) -> None:
     with pytest.raises(error, match="balance must be"):
         export(dataset, tmp_path / "out", to="onlooker", balance=balance)
 
 
 @pytest.mark.parametrize("output", ["materialised", "lazy"])
-def test_summaries(
-    source: Path,
-    assets: Path,
-    tmp_path: Path,
-    output: str,
-) -> None:
+def test_summaries(source: Path, assets: Path, tmp_path: Path, output: str) -> None:
     dataset = made(source, assets, tmp_path / "set", output=output)
     report = export(dataset, tmp_path / "out", to="onlooker")
     rows, original = table(tmp_path / "out", "summaries"), by_id(dataset)
@@ -264,9 +226,7 @@ def test_summaries(
 
 
 def test_without_clean_rows_no_change_is_claimed(
-    source: Path,
-    assets: Path,
-    tmp_path: Path,
+    source: Path, assets: Path, tmp_path: Path
 ) -> None:
     dataset = made(source, assets, tmp_path / "set", clean=False)
     report = export(dataset, tmp_path / "out", to="onlooker")
@@ -286,9 +246,7 @@ def test_without_clean_rows_no_change_is_claimed(
 
 
 def test_a_step_that_is_missing_breaks_the_chain(
-    recording: Any,
-    assets: Path,
-    tmp_path: Path,
+    recording: Any, assets: Path, tmp_path: Path
 ) -> None:
     """Steps 0, 1, 3, 4, 5: the screen of step 3 is not what the action of step 1 led to."""
     numbers = [0, 1, 3, 4, 5]
@@ -305,9 +263,7 @@ def test_a_step_that_is_missing_breaks_the_chain(
 
 
 def test_events_among_the_steps_of_one_corruption(
-    recording: Any,
-    assets: Path,
-    tmp_path: Path,
+    recording: Any, assets: Path, tmp_path: Path
 ) -> None:
     """The chain goes through the event, on the screens of its own corruption, and never on from a
     waiting step."""
@@ -339,11 +295,7 @@ def test_events_among_the_steps_of_one_corruption(
 
 
 @pytest.mark.parametrize("dialect", ["pyautogui", "ui_tars"])
-def test_recovery(
-    dataset: Path,
-    tmp_path: Path,
-    dialect: str,
-) -> None:
+def test_recovery(dataset: Path, tmp_path: Path, dialect: str) -> None:
     report = export(dataset, tmp_path / "out", to="onlooker", dialect=dialect)
     rows, original = table(tmp_path / "out", "recovery"), by_id(dataset)
     assert [row["id"] for row in rows] == [
@@ -365,19 +317,10 @@ def test_recovery(
 
 
 def test_a_recovery_that_cannot_be_seen_is_no_label(
-    source: Path,
-    assets: Path,
-    tmp_path: Path,
+    source: Path, assets: Path, tmp_path: Path
 ) -> None:
     covered = hj.Sequence(
-        [
-            hj.AppMinimization(),
-            hj.Marks(
-                number=9000,
-                mark_size=30,
-                avoid_elements=False,
-            ),
-        ]
+        [hj.AppMinimization(), hj.Marks(number=9000, mark_size=30, avoid_elements=False)]
     )
     planners = {"covered": covered, "lock": hj.Verification()}
     dataset = made(source, assets, tmp_path / "set", planners)
@@ -389,11 +332,7 @@ def test_a_recovery_that_cannot_be_seen_is_no_label(
     )
 
 
-def test_actions_that_nothing_is_known_of(
-    recording: Any,
-    assets: Path,
-    tmp_path: Path,
-) -> None:
+def test_actions_that_nothing_is_known_of(recording: Any, assets: Path, tmp_path: Path) -> None:
     """What was recorded is quoted; where nothing was, there is no summary."""
     codes = {
         0: "Scroll [2]; <image> down",
@@ -428,12 +367,7 @@ def test_one_step_is_read_at_a_time() -> None:
         for number in range(20):
             taken.append(number)
             yield RowFrame(
-                {
-                    "trajectory_id": "t",
-                    "step": number // 4,
-                    "corruption": f"c{number % 4}",
-                },
-                b"",
+                {"trajectory_id": "t", "step": number // 4, "corruption": f"c{number % 4}"}, b""
             )
 
     steps = frames_by_step(shots())
@@ -442,9 +376,7 @@ def test_one_step_is_read_at_a_time() -> None:
 
 
 def test_lazy_and_materialised_give_the_same_bytes(
-    source: Path,
-    assets: Path,
-    tmp_path: Path,
+    source: Path, assets: Path, tmp_path: Path
 ) -> None:
     for name, output in (("a", "materialised"), ("b", "lazy")):
         export(
@@ -470,11 +402,7 @@ def test_lazy_and_materialised_give_the_same_bytes(
             )
 
 
-def test_tables_load(
-    dataset: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_tables_load(dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
     datasets = pytest.importorskip("datasets")
     datasets.disable_progress_bars()
@@ -488,17 +416,11 @@ def test_tables_load(
         assert picture.size == (320, 200)
         assert loaded[0]["messages"][1]["role"] == "assistant"
     assert sum(sizes.values()) == report.total
-    assert sizes == {
-        "reminders": 12,
-        "summaries": 42,
-        "recovery": 6,
-    }
+    assert sizes == {"reminders": 12, "summaries": 42, "recovery": 6}
 
 
 def test_a_dataset_without_reminders_says_what_to_build(
-    source: Path,
-    assets: Path,
-    tmp_path: Path,
+    source: Path, assets: Path, tmp_path: Path
 ) -> None:
     dataset = made(source, assets, tmp_path / "set", {"marks": PLANNERS["marks"]})
     with pytest.raises(

@@ -22,11 +22,7 @@ frames = st.lists(
 
 
 @given(st.lists(frames, max_size=5), st.integers(0, 40), st.integers(0, 2**64 - 1))
-def test_what_is_drawn(
-    trajectories: list[list[tuple[int, str]]],
-    tenths: int,
-    seed: int,
-) -> None:
+def test_what_is_drawn(trajectories: list[list[tuple[int, str]]], tenths: int, seed: int) -> None:
     """Everything with a reminder, nothing twice, and as many others as are owed so far or are
     there."""
     rows = [
@@ -88,22 +84,9 @@ def test_words_for_every_action() -> None:
     empty: dict[str, Any] = dict.fromkeys(ACTION)
     found = {kind: did({**empty, "type": kind}, "") for kind in ACTION_TYPES}
     assert len(set(found.values())) == len(ACTION_TYPES)
-    full = {
-        **empty,
-        "x": 1,
-        "y": 2,
-        "x2": 3,
-        "y2": 4,
-        "text": 'a "b"\n',
-        "keys": ["ctrl", "s"],
-    }
+    full = {**empty, "x": 1, "y": 2, "x2": 3, "y2": 4, "text": 'a "b"\n', "keys": ["ctrl", "s"]}
     says = lambda kind, **more: did(  # noqa: E731
-        {
-            **full,
-            "type": kind,
-            **more,
-        },
-        "",
+        {**full, "type": kind, **more}, ""
     )
     assert says("right_click", keys=["shift"]) == "right-clicked at (1, 2) while holding shift"
     assert says("drag", keys=None) == "dragged from (1, 2) to (3, 4)"
@@ -121,10 +104,7 @@ def test_words_for_every_action() -> None:
     assert [
         message["content"].count("<image>")
         for message in summary_messages("<image>", "<image>", "<image>")
-    ] == [
-        2,
-        0,
-    ]
+    ] == [2, 0]
 
 
 def screen(*boxes: tuple[int, int, int, int], value: int = 200) -> np.ndarray:

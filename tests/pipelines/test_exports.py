@@ -22,42 +22,23 @@ from pipelines.errors import BuildError, DatasetError
 from pipelines.exports import FORMATS, ExportReport, export, push_to_hub
 
 PLANNERS: dict[str, Any] = {
-    "cover": hj.PopUps(
-        width=320,
-        height=200,
-        avoid_elements=False,
-    ),
+    "cover": hj.PopUps(width=320, height=200, avoid_elements=False),
     "half": hj.Resolution(),
     "marks": hj.Marks(number=4, mark_size=8),
 }
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def make(
-    source: Path,
-    out: Path,
-    **options: Any,
-) -> Path:
+def make(source: Path, out: Path, **options: Any) -> Path:
     build(source, out, corruptions=PLANNERS, rows_per_shard=8, **options)
     return out
 
 
 @pytest.fixture
-def source(
-    recording: Any,
-    add_line: Any,
-    good_line: Any,
-) -> Path:
+def source(recording: Any, add_line: Any, good_line: Any) -> Path:
     folder = recording(trajectories=3, steps=2)
     picture = {"image": "images/t0-0.png", "action_code": ""}
-    hidden = {
-        "action": {
-            "type": "click",
-            "x": 310,
-            "y": 190,
-        },
-        "target_box": [300, 180, 320, 200],
-    }
+    hidden = {"action": {"type": "click", "x": 310, "y": 190}, "target_box": [300, 180, 320, 200]}
     add_line(folder, good_line("u", 0, **picture, **hidden, instruction="find the <image> tag"))
     add_line(folder, good_line("v", 0, **picture, action={"type": "other"}, target_box=None))
     add_line(
@@ -68,11 +49,7 @@ def source(
 
 
 @pytest.fixture(params=["materialised", "lazy"])
-def dataset(
-    request: Any,
-    source: Path,
-    tmp_path: Path,
-) -> Path:
+def dataset(request: Any, source: Path, tmp_path: Path) -> Path:
     return make(source, tmp_path / "set", output=request.param)
 
 
@@ -123,31 +100,20 @@ def test_chat(dataset: Path, tmp_path: Path) -> None:
     assert {info["tags"]["role_tag"], info["tags"]["content_tag"]} == {"role", "content"}
 
 
-def test_chat_rows_load(
-    dataset: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_chat_rows_load(dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
     datasets = pytest.importorskip("datasets")
     datasets.disable_progress_bars()
     export(dataset, tmp_path / "out", to="chat")
     file = str(tmp_path / "out" / "train.jsonl")
     loaded = datasets.load_dataset(
-        "json",
-        data_files=file,
-        split="train",
-        cache_dir=str(tmp_path / "cache"),
+        "json", data_files=file, split="train", cache_dir=str(tmp_path / "cache")
     )
     assert len(loaded) == 27
     assert loaded[0]["messages"][0]["content"].startswith("<image>\n")
 
 
-def test_verl(
-    dataset: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_verl(dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The columns of verl's own preprocessing examples, read as its dataset reads them."""
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
     datasets = pytest.importorskip("datasets")
@@ -216,21 +182,14 @@ def test_webdataset(dataset: Path, tmp_path: Path) -> None:
 
 
 def test_webdataset_streams_through_datasets(
-    dataset: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
     datasets = pytest.importorskip("datasets")
     export(dataset, tmp_path / "out", to="webdataset")
     files = sorted(str(file) for file in (tmp_path / "out").glob("train-0000[0-3].tar"))
     loaded = list(
-        datasets.load_dataset(
-            "webdataset",
-            data_files=files,
-            split="train",
-            streaming=True,
-        )
+        datasets.load_dataset("webdataset", data_files=files, split="train", streaming=True)
     )
     assert len(loaded) == 27
     assert loaded[0]["json"]["id"] == "t0/0000/clean"
@@ -238,11 +197,7 @@ def test_webdataset_streams_through_datasets(
 
 
 @pytest.mark.parametrize("to", list(FORMATS))
-def test_the_same_rows_give_the_same_bytes(
-    to: str,
-    source: Path,
-    tmp_path: Path,
-) -> None:
+def test_the_same_rows_give_the_same_bytes(to: str, source: Path, tmp_path: Path) -> None:
     for name, output in (("a", "materialised"), ("b", "lazy")):
         make(source, tmp_path / f"set-{name}", output=output)
         export(tmp_path / f"set-{name}", tmp_path / name, to=to)
@@ -373,32 +328,16 @@ class Hub:
 
 
 def test_push_to_hub_passes_on_what_it_is_told(
-    source: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    source: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     hub = pytest.importorskip("huggingface_hub")
     dataset = make(source, tmp_path / "set")
     monkeypatch.setattr(hub, "HfApi", Hub)
-    url = push_to_hub(
-        dataset,
-        "me/set",
-        token="t",
-        revision="r",
-        endpoint="http://e",
-        message="m",
-    )
+    url = push_to_hub(dataset, "me/set", token="t", revision="r", endpoint="http://e", message="m")
     assert url == "https://hub.example/commit/1"
     init, create, upload = Hub.last.calls
     assert init[2] == {"endpoint": "http://e", "token": "t"}
-    assert create[1:] == (
-        ("me/set",),
-        {
-            "repo_type": "dataset",
-            "private": True,
-            "exist_ok": True,
-        },
-    )
+    assert create[1:] == (("me/set",), {"repo_type": "dataset", "private": True, "exist_ok": True})
     assert upload[2]["folder_path"] == str(dataset)
     assert (upload[2]["repo_id"], upload[2]["revision"], upload[2]["commit_message"]) == (
         "me/set",
@@ -435,18 +374,10 @@ TOKENS = [
 
 @pytest.mark.parametrize("to", ["chat", "verl", "webdataset"])
 def test_no_special_token_of_a_chat_model_gets_through(
-    to: str,
-    recording: Any,
-    add_line: Any,
-    good_line: Any,
-    tmp_path: Path,
+    to: str, recording: Any, add_line: Any, good_line: Any, tmp_path: Path
 ) -> None:
     folder = recording(trajectories=1, steps=1)
-    picture = {
-        "image": "images/t0-0.png",
-        "action_code": "",
-        "target_box": None,
-    }
+    picture = {"image": "images/t0-0.png", "action_code": "", "target_box": None}
     for number, token in enumerate(TOKENS):
         add_line(folder, good_line(f"ask{number}", 0, **picture, instruction=f"a{token}b if x < y"))
         typed = {"type": "type", "text": f"a{token}"}

@@ -16,11 +16,7 @@ from pipelines.exports.dialects import DIALECTS, action_text
 SIZE = (1080, 1920)
 
 
-def row(
-    action: Action,
-    code: str = "",
-    size: tuple[int, int] = SIZE,
-) -> dict[str, Any]:
+def row(action: Action, code: str = "", size: tuple[int, int] = SIZE) -> dict[str, Any]:
     values = {name: getattr(action, name) for name in ACTION}
     keys = None if action.keys is None else list(action.keys)
     return {
@@ -92,11 +88,7 @@ SAID = [
 
 
 @pytest.mark.parametrize(("action", "code", "tars"), SAID)
-def test_the_texts(
-    action: Action,
-    code: str | None,
-    tars: str | None,
-) -> None:
+def test_the_texts(action: Action, code: str | None, tars: str | None) -> None:
     for dialect, text in (("pyautogui", code), ("ui_tars", tars)):
         if text is None:
             with pytest.raises(ActionError, match=f"{dialect} cannot say '{action.type}'"):
@@ -151,11 +143,7 @@ def test_code_is_read_back(action: Action) -> None:
     st.text(max_size=20),
 )
 def test_ui_tars_is_read_back_to_the_same_place(
-    x: int,
-    y: int,
-    x2: int,
-    y2: int,
-    text: str,
+    x: int, y: int, x2: int, y2: int, text: str
 ) -> None:
     (drag,) = parse_actions(
         action_text(row(Action("drag", x, y, x2, y2)), "ui_tars"), "ui_tars", SIZE

@@ -68,20 +68,12 @@ def results(tmp_path: Path) -> Path:
         for screen, step in zip(screens, recorded[name], strict=False):
             shutil.copy(IMAGES / step["image"], folder / screen)
         (folder / "result.txt").write_text(f"{score}\n")
-        about = {
-            "id": task,
-            "instruction": steps[0]["instruction"],
-            "related_apps": apps,
-        }
+        about = {"id": task, "instruction": steps[0]["instruction"], "related_apps": apps}
         write_json(tmp_path / "results" / "examples" / domain / f"{task}.json", about)
     return tmp_path / "results"
 
 
-def run(
-    language: str,
-    code: str,
-    folder: Path,
-) -> str:
+def run(language: str, code: str, folder: Path) -> str:
     """Run a block of the page, `hijack` lines one by one."""
     if language == "py":
         return shell([sys.executable, "-W", "error", "-c", code], folder)
@@ -102,12 +94,7 @@ def run(
 def look(words: list[str], folder: Path) -> str:
     """Serve a page, open it, then press Ctrl-C."""
     command = [sys.executable, "-m", "hijack_data.cli", *words]
-    with subprocess.Popen(
-        command,
-        cwd=folder,
-        stdout=subprocess.PIPE,
-        text=True,
-    ) as process:
+    with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None
             told = process.stdout.readline()
@@ -123,21 +110,13 @@ def look(words: list[str], folder: Path) -> str:
 
 
 def shell(command: list[str], folder: Path) -> str:
-    done = subprocess.run(
-        command,
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
 
 def test_the_page_from_top_to_bottom(
-    results: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for module in ("cv2", "datasets", "torch"):
         pytest.importorskip(module)

@@ -17,10 +17,7 @@ from pipelines.dataset.images import HEAD, LEVEL, Base, deflate, encode, touched
 
 @given(st.integers(1, 40), st.integers(1, 40), st.integers(0, 2**32 - 1), st.booleans())
 def test_what_is_encoded_decodes_to_the_same_pixels(
-    height: int,
-    width: int,
-    seed: int,
-    flat: bool,
+    height: int, width: int, seed: int, flat: bool
 ) -> None:
     high = 2 if flat else 256
     image = np.random.default_rng(seed).integers(0, high, (height, width, 3), dtype=np.uint8)
@@ -51,10 +48,7 @@ def test_anything_but_uint8_rgb_is_refused(image: np.ndarray) -> None:
 
 @given(st.integers(1, 130), st.integers(1, 20), st.integers(0, 2**32 - 1), st.data())
 def test_a_part_encoded_again_is_the_whole_encoded_again(
-    height: int,
-    width: int,
-    seed: int,
-    data: st.DataObject,
+    height: int, width: int, seed: int, data: st.DataObject
 ) -> None:
     numbers = np.random.default_rng(seed)
     before = numbers.integers(0, 4, (height, width, 3), dtype=np.uint8)

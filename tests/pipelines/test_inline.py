@@ -60,11 +60,7 @@ def test_the_clean_rows_are_named() -> None:
         ("clean:number=3", 1, "takes no settings"),
     ],
 )
-def test_mistakes_say_where_they_are(
-    text: str,
-    place: int,
-    reason: str,
-) -> None:
+def test_mistakes_say_where_they_are(text: str, place: int, reason: str) -> None:
     with pytest.raises(BuildError) as caught:
         parse(text)
     assert f"at character {place}: " in str(caught.value)

@@ -19,23 +19,13 @@ from support.formats import FORMATS, png, write_lines
 
 
 def test_what_a_source_holds(
-    recording: Any,
-    add_line: Any,
-    good_line: Any,
-    small: Any,
-    tmp_path: Path,
+    recording: Any, add_line: Any, good_line: Any, small: Any, tmp_path: Path
 ) -> None:
     folder = recording(trajectories=4, steps=3)
     add_line(folder, b"rubbish")
     add_line(
         folder,
-        good_line(
-            "new",
-            0,
-            image="images/t0-0.png",
-            action={"type": "wait"},
-            apps=["chrome"],
-        ),
+        good_line("new", 0, image="images/t0-0.png", action={"type": "wait"}, apps=["chrome"]),
     )
     (folder / "notes.json").write_text("{}")
     found = inspect(folder, corruptions=small, sample=2)
@@ -52,17 +42,9 @@ def test_what_a_source_holds(
 
 
 def test_the_outlook_is_that_of_the_build(
-    browsing: Path,
-    nine: Any,
-    assets: Path,
-    tmp_path: Path,
+    browsing: Path, nine: Any, assets: Path, tmp_path: Path
 ) -> None:
-    found = inspect(
-        browsing,
-        corruptions=nine,
-        assets=assets,
-        sample=9,
-    )
+    found = inspect(browsing, corruptions=nine, assets=assets, sample=9)
     report = build(browsing, tmp_path / "out", corruptions=nine, assets=assets)
     assert found.outlook is not None
     assert (found.outlook.rows, found.outlook.not_applicable) == (
@@ -82,11 +64,7 @@ def test_the_outlook_is_that_of_the_build(
     ],
 )
 def test_the_outlook_follows_what_the_user_states(
-    options: dict[str, Any],
-    recording: Any,
-    nine: Any,
-    assets: Path,
-    tmp_path: Path,
+    options: dict[str, Any], recording: Any, nine: Any, assets: Path, tmp_path: Path
 ) -> None:
     source = with_apps(recording(trajectories=1, steps=2), [], platform=lambda row: None)
     found = inspect(source, corruptions=nine, assets=assets, **options)

@@ -85,14 +85,7 @@ def osworld_snapshot(folder: Path) -> Path:
     """A task that names its snapshot only."""
     osworld(folder)
     (task,) = (folder / "examples" / "gimp").iterdir()
-    write_json(
-        task,
-        {
-            "id": "x",
-            "instruction": "find it",
-            "snapshot": "chrome",
-        },
-    )
+    write_json(task, {"id": "x", "instruction": "find it", "snapshot": "chrome"})
     return folder
 
 
@@ -148,11 +141,7 @@ SOURCES: list[Any] = [
 
 @pytest.mark.parametrize(("reader", "make", "apps", "platform"), SOURCES)
 def test_what_a_source_says_is_read(
-    reader: str,
-    make: Any,
-    apps: set[str] | None,
-    platform: str | None,
-    tmp_path: Path,
+    reader: str, make: Any, apps: set[str] | None, platform: str | None, tmp_path: Path
 ) -> None:
     found = first(reader, make(tmp_path / "source"))
     assert found.platform == platform
@@ -223,12 +212,7 @@ def without(folder: Path) -> Path:
     ],
 )
 def test_our_desktop_is_shown_on_its_own_platform_or_on_request(
-    options: Any,
-    fidelity: str | None,
-    reason: str,
-    recording: Any,
-    assets: Path,
-    tmp_path: Path,
+    options: Any, fidelity: str | None, reason: str, recording: Any, assets: Path, tmp_path: Path
 ) -> None:
     source, out = without(recording(trajectories=1, steps=1)), tmp_path / "out"
     report = build(source, out, corruptions="verification", clean=False, assets=assets, **options)
@@ -239,17 +223,11 @@ def test_our_desktop_is_shown_on_its_own_platform_or_on_request(
 
 
 def test_options_hold_where_the_source_does_not_say(
-    browsing: Path,
-    assets: Path,
-    tmp_path: Path,
+    browsing: Path, assets: Path, tmp_path: Path
 ) -> None:
     """The recording is of Chrome on Xfce, whatever the options are; `linux` leaves open which
     desktop it is."""
-    options: dict[str, Any] = {
-        "corruptions": ",".join(FIVE),
-        "assets": assets,
-        "clean": False,
-    }
+    options: dict[str, Any] = {"corruptions": ",".join(FIVE), "assets": assets, "clean": False}
     plain = build(browsing, tmp_path / "plain", **options)
     told = build(browsing, tmp_path / "told", apps="gimp", platform="windows", **options)
     assert (told.rows, told.not_applicable) == (plain.rows, {}) == (dict.fromkeys(FIVE, 2), {})
@@ -262,18 +240,10 @@ def test_options_hold_where_the_source_does_not_say(
     }  # type: ignore[union-attr]
 
 
-def test_manifest_and_card_know_what_was_told(
-    recording: Any,
-    assets: Path,
-    tmp_path: Path,
-) -> None:
+def test_manifest_and_card_know_what_was_told(recording: Any, assets: Path, tmp_path: Path) -> None:
     source, out = without(recording(trajectories=1, steps=1)), tmp_path / "out"
     options: dict[str, Any] = {"corruptions": "multi_apps", "assets": assets}
-    told = {
-        "apps": ["Google Chrome", "code"],
-        "platform": "Win11",
-        "foreign": True,
-    }
+    told = {"apps": ["Google Chrome", "code"], "platform": "Win11", "foreign": True}
     build(source, out, **options, **told)
     parameters = parameters_in(out)
     assert parameters["recordings"] == {"apps": ["chrome", "vscode"], "platform": "windows"}
@@ -302,21 +272,14 @@ def test_manifest_and_card_know_what_was_told(
     ],
 )
 def test_slips_in_options_are_errors(
-    options: Any,
-    error: str,
-    recording: Any,
-    tmp_path: Path,
+    options: Any, error: str, recording: Any, tmp_path: Path
 ) -> None:
     with pytest.raises((ParameterError, ParameterTypeError), match=error):
         build(recording(), tmp_path / "out", **options)
     assert not (tmp_path / "out").exists()
 
 
-def test_the_command_takes_what_is_known(
-    recording: Any,
-    assets: Path,
-    tmp_path: Path,
-) -> None:
+def test_the_command_takes_what_is_known(recording: Any, assets: Path, tmp_path: Path) -> None:
     source = str(without(recording(trajectories=1, steps=1)))
     command = [
         "build",
@@ -333,9 +296,7 @@ def test_the_command_takes_what_is_known(
 
 
 def test_a_file_in_the_source_says_it_by_trajectory(
-    recording: Any,
-    assets: Path,
-    tmp_path: Path,
+    recording: Any, assets: Path, tmp_path: Path
 ) -> None:
     """It wins over the records; options hold for what it leaves open."""
     source = with_apps(recording(trajectories=3, steps=1), ["gimp"], platform=lambda row: "windows")
@@ -351,11 +312,7 @@ def test_a_file_in_the_source_says_it_by_trajectory(
         ("t2", ("gimp",), "windows"),
     ]
     report = build(
-        source,
-        tmp_path / "out",
-        corruptions="network_error",
-        clean=False,
-        assets=assets,
+        source, tmp_path / "out", corruptions="network_error", clean=False, assets=assets
     )
     assert [row["trajectory_id"] for row in open_dataset(tmp_path / "out")] == ["t0"]
     assert report.rejected == 0
@@ -402,10 +359,7 @@ def test_an_entry_that_matches_nothing_is_counted(recording: Any, tmp_path: Path
     ],
 )
 def test_mistakes_in_the_file_name_place_and_fix(
-    text: str,
-    errors: list[str],
-    recording: Any,
-    tmp_path: Path,
+    text: str, errors: list[str], recording: Any, tmp_path: Path
 ) -> None:
     source = recording()
     (source / SIDECAR).write_text(text)
@@ -426,9 +380,7 @@ def test_the_file_is_a_file_of_the_source(recording: Any, tmp_path: Path) -> Non
 
 
 def test_only_pixels_drawn_over_it_make_a_recorded_screen_composited(
-    browsing: Path,
-    assets: Path,
-    tmp_path: Path,
+    browsing: Path, assets: Path, tmp_path: Path
 ) -> None:
     import hijack_data as hj
 

@@ -28,33 +28,21 @@ from support.tampering import renew
 PLANNERS: dict[str, Any] = {
     "marks": hj.Marks(number=4, mark_size=8),
     "half": hj.Resolution(),
-    "words": hj.Subtitle(
-        subtitle_text="hello",
-        font_size=12,
-        padding=5,
-    ),
+    "words": hj.Subtitle(subtitle_text="hello", font_size=12, padding=5),
     "free": hj.PopUps(width=150, height=90),  # depends on the elements
     "both": hj.Sequence([hj.Marks(number=3, mark_size=6), hj.Resolution()]),
     "mix": hj.OneOf([hj.Marks(number=2, mark_size=9), hj.Resolution(scale=2.0)], p_clean=0.2),
 }
 
 
-def pair(
-    source: Path,
-    folder: Path,
-    **options: Any,
-) -> tuple[Path, Path]:
+def pair(source: Path, folder: Path, **options: Any) -> tuple[Path, Path]:
     """Build both kinds of one source."""
     for output in ("materialised", "lazy"):
         build(
             source,
             folder / output,
             output=output,
-            **{
-                "corruptions": PLANNERS,
-                "seed": 11,
-                **options,
-            },
+            **{"corruptions": PLANNERS, "seed": 11, **options},
         )
     return folder / "materialised", folder / "lazy"
 
@@ -62,10 +50,7 @@ def pair(
 @pytest.mark.parametrize("label_policy", ["keep", "avoid", "drop", "recover"])
 @pytest.mark.parametrize("clean", [True, False])
 def test_both_kinds_are_equal_row_by_row(
-    label_policy: str,
-    clean: bool,
-    recording: Any,
-    tmp_path: Path,
+    label_policy: str, clean: bool, recording: Any, tmp_path: Path
 ) -> None:
     whole, lazy = pair(recording(steps=4), tmp_path, label_policy=label_policy, clean=clean)
     count = assert_same_rows(open_dataset(whole), open_dataset(lazy))
@@ -96,9 +81,7 @@ def test_the_real_recordings(shared_data: Path, tmp_path: Path) -> None:
 
 
 def test_each_picture_is_stored_once(
-    recording: Any,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
         "pipelines.building.writers.GROUP_ROWS", 3
@@ -116,10 +99,7 @@ def test_each_picture_is_stored_once(
 
 @pytest.mark.parametrize("group_bytes", [1, 2**30])
 def test_groups_close_at_both_limits(
-    group_bytes: int,
-    recording: Any,
-    tmp_path: Path,
-    monkeypatch: Any,
+    group_bytes: int, recording: Any, tmp_path: Path, monkeypatch: Any
 ) -> None:
     monkeypatch.setattr("pipelines.building.writers.GROUP_BYTES", group_bytes)
     _, lazy = pair(recording(), tmp_path)
@@ -164,9 +144,7 @@ def test_a_row_that_can_be_derived_costs_64_bytes(recording: Any, tmp_path: Path
 
 
 def test_load_dataset_and_one_line(
-    recording: Any,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole, lazy = pair(recording(), tmp_path)
     raw = load(lazy, tmp_path / "cache", monkeypatch)
@@ -188,11 +166,7 @@ def test_load_dataset_and_one_line(
         raw.select_columns([BASE, "id"]).with_transform(render)[0]
 
 
-def test_streaming(
-    recording: Any,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_streaming(recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
     datasets = pytest.importorskip("datasets")
     whole, lazy = pair(recording(), tmp_path)
@@ -259,10 +233,7 @@ def edit(lazy: Path, change: Any) -> None:
     ],
 )
 def test_verify_finds_what_was_changed(
-    change: Any,
-    reason: str,
-    recording: Any,
-    tmp_path: Path,
+    change: Any, reason: str, recording: Any, tmp_path: Path
 ) -> None:
     _, lazy = pair(recording(), tmp_path)
     edit(lazy, change)
@@ -292,11 +263,7 @@ def test_reading_a_stale_row_is_an_error(recording: Any, tmp_path: Path) -> None
 
 def test_a_resumed_lazy_build_ends_in_the_same_bytes(recording: Any, tmp_path: Path) -> None:
     source = recording(trajectories=4)
-    options: dict[str, Any] = {
-        "corruptions": PLANNERS,
-        "output": "lazy",
-        "rows_per_shard": 21,
-    }
+    options: dict[str, Any] = {"corruptions": PLANNERS, "output": "lazy", "rows_per_shard": 21}
     build(source, tmp_path / "out", **options)
     before = {file.name: file.read_bytes() for file in (tmp_path / "out" / "data").iterdir()}
     (tmp_path / "out" / "data" / "train-00001.parquet").unlink()
@@ -339,18 +306,8 @@ def test_the_configuration_and_the_card_of_a_lazy_build(recording: Any, tmp_path
     st.text(min_size=1, max_size=8),
     st.integers(0, 2**31 - 1),
 )
-def test_recipes_give_back_the_plan(
-    spec: hj.Corruption,
-    seed: int,
-    sample: str,
-    step: int,
-) -> None:
-    plan = spec.plan(
-        hj.Scene((600, 800)),
-        seed=seed,
-        sample=sample,
-        step=step,
-    )
+def test_recipes_give_back_the_plan(spec: hj.Corruption, seed: int, sample: str, step: int) -> None:
+    plan = spec.plan(hj.Scene((600, 800)), seed=seed, sample=sample, step=step)
     row = {
         "id": "x",
         "params": params_json(plan),
@@ -360,26 +317,12 @@ def test_recipes_give_back_the_plan(
     }
     recipe = stored_plan(plan, row)
     assert len(recipe) < 80
-    assert (
-        plan_of(
-            {
-                **row,
-                "plan": recipe,
-                "plan_digest": plan.digest(),
-            },
-            plan.size,
-        )
-        == plan
-    )
+    assert plan_of({**row, "plan": recipe, "plan_digest": plan.digest()}, plan.size) == plan
     other = stored_plan(plan, {**row, "seed": seed ^ 1})
     assert hj.Plan.from_json(other) == plan if other != recipe else not hasattr(spec, "number")
 
 
-def test_the_command(
-    recording: Any,
-    config: Path,
-    tmp_path: Path,
-) -> None:
+def test_the_command(recording: Any, config: Path, tmp_path: Path) -> None:
     for options, lazy in ((["--lazy"], True), (["--materialised"], False), ([], True)):
         out = tmp_path / "-".join(["out", *options])
         run = CliRunner().invoke(

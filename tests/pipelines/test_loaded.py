@@ -25,14 +25,7 @@ def run(*words: Any, code: int = 0) -> str:
     """Run the command; what it says on standard error."""
     env = {key: value for key, value in os.environ.items() if key != loading.VARIABLE}
     command = [*COMMAND, *map(str, words)]
-    done = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        cwd=ROOT,
-        env=env,
-        timeout=300,
-    )
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=env, timeout=300)
     assert done.returncode == code, (done.returncode, done.stdout, done.stderr)
     assert "Traceback" not in done.stderr
     return done.stderr
@@ -60,23 +53,13 @@ def fresh(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 @pytest.mark.parametrize("how", ["--materialised", "--lazy"])
-def test_the_command_asks_for_the_file(
-    recording: Any,
-    tmp_path: Path,
-    how: str,
-) -> None:
+def test_the_command_asks_for_the_file(recording: Any, tmp_path: Path, how: str) -> None:
     source, out, file = recording(), tmp_path / "out", write(tmp_path, "mine")
     sha256 = loading.hashlib.sha256(file.read_bytes()).hexdigest()
     make = ("build", source, "--out", out, "--corruptions", "bar", how)
     run("--load", file, *make)
     manifest = json.loads((out / "manifest.json").read_text())
-    recorded = [
-        {
-            "file": "mine.py",
-            "sha256": sha256,
-            "corruptions": ["bar"],
-        }
-    ]
+    recorded = [{"file": "mine.py", "sha256": sha256, "corruptions": ["bar"]}]
     assert manifest["parameters"]["loaded"] == recorded
     card = (out / "README.md").read_text()
     assert "hijack --load mine.py build " in card
@@ -111,12 +94,7 @@ def test_an_unfinished_build_asks_for_the_file(recording: Any, tmp_path: Path) -
     assert json.loads((out / "manifest.json").read_text()) == manifest
 
 
-def test_files_in_use_are_recorded(
-    recording: Any,
-    tmp_path: Path,
-    fresh: Any,
-    small: Any,
-) -> None:
+def test_files_in_use_are_recorded(recording: Any, tmp_path: Path, fresh: Any, small: Any) -> None:
     loading.load_file(write(tmp_path, "one", name='name: ClassVar[str] = "one"'))
     loading.load_file(write(tmp_path, "two", name='name: ClassVar[str] = "two"'))
     source = recording()
@@ -138,10 +116,7 @@ def test_files_in_use_are_recorded(
 
 
 def test_a_module_of_the_same_bytes_will_do(
-    recording: Any,
-    tmp_path: Path,
-    fresh: Any,
-    monkeypatch: pytest.MonkeyPatch,
+    recording: Any, tmp_path: Path, fresh: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Who imports the file as a module needs not load it, too."""
     file = write(tmp_path, "a_module_of_mine")
@@ -155,11 +130,7 @@ def test_a_module_of_the_same_bytes_will_do(
     assert verify(tmp_path / "out").ok
 
 
-def test_a_resumed_build_refuses_a_changed_file(
-    recording: Any,
-    tmp_path: Path,
-    fresh: Any,
-) -> None:
+def test_a_resumed_build_refuses_a_changed_file(recording: Any, tmp_path: Path, fresh: Any) -> None:
     source, out = recording(), tmp_path / "out"
     loading.load_file(write(tmp_path))
     build(source, out, corruptions="bar")
@@ -174,30 +145,19 @@ def test_a_resumed_build_refuses_a_changed_file(
 
 
 def test_a_corruption_that_raises_is_named_and_the_others_are_built(
-    recording: Any,
-    tmp_path: Path,
-    fresh: Any,
-    small: Any,
+    recording: Any, tmp_path: Path, fresh: Any, small: Any
 ) -> None:
     loading.load_file(write(tmp_path, code="1 // 0"))
     made = build(
         recording(), tmp_path / "out", corruptions={"x": hj.get("bar"), "m": small["marks"]}
     )
-    assert dict(made.rows) == {
-        "clean": 6,
-        "x": 0,
-        "m": 6,
-    }
+    assert dict(made.rows) == {"clean": 6, "x": 0, "m": 6}
     ((reason, count),) = made.not_applicable["x"].items()
     assert reason.startswith("bar-vN: make_plan raised ZeroDivisionError")
     assert count == 6
 
 
-def test_a_damaged_record_is_told(
-    recording: Any,
-    tmp_path: Path,
-    fresh: Any,
-) -> None:
+def test_a_damaged_record_is_told(recording: Any, tmp_path: Path, fresh: Any) -> None:
     loading.load_file(write(tmp_path))
     build(recording(), tmp_path / "out", corruptions="bar")
     manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
@@ -208,18 +168,10 @@ def test_a_damaged_record_is_told(
             verify(tmp_path / "out")
 
 
-def test_workers_make_the_same_bytes(
-    recording: Any,
-    tmp_path: Path,
-    fresh: Any,
-) -> None:
+def test_workers_make_the_same_bytes(recording: Any, tmp_path: Path, fresh: Any) -> None:
     loading.load_file(write(tmp_path))
     source = recording(trajectories=4, steps=2)
-    shared = {
-        "corruptions": "bar,marks",
-        "rows_per_shard": 1,
-        "output": "lazy",
-    }
+    shared = {"corruptions": "bar,marks", "rows_per_shard": 1, "output": "lazy"}
     build(source, tmp_path / "one", **shared)
     build(source, tmp_path / "two", workers=2, **shared)
     assert len(shards(tmp_path / "one")) == 4
@@ -241,21 +193,11 @@ print(dict(report.rows))
 """
 
 
-def test_a_cluster_that_is_there_knows_it(
-    recording: Any,
-    tmp_path: Path,
-    fresh: Any,
-) -> None:
+def test_a_cluster_that_is_there_knows_it(recording: Any, tmp_path: Path, fresh: Any) -> None:
     pytest.importorskip("ray", reason="Ray is not installed: pip install 'agenthijack[ray]'")
     file, source = write(tmp_path), recording(trajectories=3, steps=2)
     command = [sys.executable, "-c", RAY, str(file), str(source), str(tmp_path / "ray")]
-    done = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        cwd=ROOT,
-        timeout=300,
-    )
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=300)
     assert done.stdout.strip().endswith("{'clean': 6, 'bar': 6}"), done.stderr
     loading.load_file(file)
     build(source, tmp_path / "local", corruptions="bar", rows_per_shard=1)

@@ -19,31 +19,13 @@ PLANNERS: dict[str, Any] = {"marks": hj.Marks(number=4, mark_size=8), "half": hj
 
 
 @pytest.fixture(params=["materialised", "lazy"])
-def dataset(
-    request: Any,
-    recording: Any,
-    add_line: Any,
-    good_line: Any,
-    tmp_path: Path,
-) -> Path:
+def dataset(request: Any, recording: Any, add_line: Any, good_line: Any, tmp_path: Path) -> Path:
     source = recording(trajectories=4, steps=3)
     add_line(
         source,
-        good_line(
-            "t9",
-            0,
-            image="images/t0-0.png",
-            target_box=None,
-            action={"type": "wait"},
-        ),
+        good_line("t9", 0, image="images/t0-0.png", target_box=None, action={"type": "wait"}),
     )
-    build(
-        source,
-        tmp_path / "out",
-        corruptions=PLANNERS,
-        output=request.param,
-        rows_per_shard=18,
-    )
+    build(source, tmp_path / "out", corruptions=PLANNERS, output=request.param, rows_per_shard=18)
     return tmp_path / "out"
 
 
@@ -95,10 +77,7 @@ def test_torch_data_loader(workers: int, dataset: Path) -> None:
     items = TorchDataset(dataset)
     items[0]  # a file is open already when the workers fork
     loader = torch.utils.data.DataLoader(
-        items,
-        batch_size=3,
-        num_workers=workers,
-        collate_fn=collate,
+        items, batch_size=3, num_workers=workers, collate_fn=collate
     )
     batches = list(loader)
     rows = list(open_dataset(dataset))
@@ -140,12 +119,7 @@ def test_one_row_reads_one_row_group(dataset: Path, monkeypatch: pytest.MonkeyPa
     read: list[int] = []
     real = pq.ParquetFile.read_row_group
 
-    def counted(
-        self: Any,
-        group: int,
-        *args: Any,
-        **options: Any,
-    ) -> Any:
+    def counted(self: Any, group: int, *args: Any, **options: Any) -> Any:
         read.append(group)
         return real(self, group, *args, **options)
 

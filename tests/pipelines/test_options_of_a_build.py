@@ -42,11 +42,7 @@ def test_options_of_a_configuration_are_options_of_a_build() -> None:
 
 
 def test_an_object_and_keywords(recording: Any, tmp_path: Path) -> None:
-    options = BuildOptions(
-        corruptions="clean",
-        seed=3,
-        limit=1,
-    )
+    options = BuildOptions(corruptions="clean", seed=3, limit=1)
     build(recording(), tmp_path / "one", options)
     build(tmp_path / "source", tmp_path / "two", options, limit=2)
     one, two = open_dataset(tmp_path / "one"), open_dataset(tmp_path / "two")
@@ -55,12 +51,7 @@ def test_an_object_and_keywords(recording: Any, tmp_path: Path) -> None:
 
 
 def test_resolved_options_come_from_the_caller_then_the_configuration() -> None:
-    config = {
-        "corruptions": ["marks"],
-        "seed": 5,
-        "clean": False,
-        "output": "lazy",
-    }
+    config = {"corruptions": ["marks"], "seed": 5, "clean": False, "output": "lazy"}
     found = BuildOptions(config=config, seed=7).resolved()
     assert (found.seed, found.clean, found.output, found.label_policy) == (7, False, "lazy", "keep")
     assert BuildOptions(config=config, corruptions="clean").resolved().clean is True
@@ -75,11 +66,7 @@ def test_unknown_keywords_are_refused(recording: Any, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("kept_steps", "times"), [(6, 1), (5, 2)])
 def test_progress_reads_a_small_source_once(
-    kept_steps: int,
-    times: int,
-    recording: Any,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    kept_steps: int, times: int, recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     real = Jsonl.read
     opened: list[Any] = []

@@ -44,13 +44,7 @@ def png_file(
     return png.SIGNATURE + chunk(b"IHDR", header) + extra + body + chunk(b"IEND", b"")
 
 
-def filtered(
-    width: int,
-    height: int,
-    channels: int,
-    seed: int,
-    kinds: list[int],
-) -> bytes:
+def filtered(width: int, height: int, channels: int, seed: int, kinds: list[int]) -> bytes:
     """Random bytes behind chosen filters: whatever they are, they are some picture."""
     raw = np.random.default_rng(seed).integers(
         0, 256, (height, 1 + channels * width), dtype=np.uint8
@@ -74,11 +68,7 @@ def pillow(data: bytes) -> np.ndarray:
     st.lists(st.integers(0, 4), min_size=1, max_size=5),
 )
 def test_every_filter_is_undone_as_pillow_does(
-    width: int,
-    height: int,
-    colour: int,
-    seed: int,
-    kinds: list[int],
+    width: int, height: int, colour: int, seed: int, kinds: list[int]
 ) -> None:
     pytest.importorskip("numba")
     data = png_file(

@@ -21,16 +21,8 @@ RAW = {
     "task_id": "raw",
     "instruction": "raise the volume",
     "traj": [
-        {
-            "index": 0,
-            "image": "a.png",
-            "value": {"code": "pyautogui.click(x=0.5, y=0.25)"},
-        },
-        {
-            "index": 1,
-            "image": "a.png",
-            "value": {"code": "computer.terminate(status='success')"},
-        },
+        {"index": 0, "image": "a.png", "value": {"code": "pyautogui.click(x=0.5, y=0.25)"}},
+        {"index": 1, "image": "a.png", "value": {"code": "computer.terminate(status='success')"}},
     ],
 }
 BENCH = {
@@ -104,11 +96,7 @@ def test_a_task_with_the_annotators_description_only(source: Path) -> None:
     assert read(source)[0][0].instruction == "louder"
 
 
-def change(
-    record: dict[str, Any],
-    path: str,
-    value: object,
-) -> dict[str, Any]:
+def change(record: dict[str, Any], path: str, value: object) -> dict[str, Any]:
     """Return a copy with the value at `path` (`traj.0.image`) replaced; `None` removes it."""
     changed = copy.deepcopy(record)
     *parents, last = [int(key) if key.isdigit() else key for key in path.split(".")]
@@ -131,12 +119,7 @@ def change(
     ],
 )
 def test_a_bad_trajectory_is_rejected_whole(
-    record: dict[str, Any],
-    path: str,
-    value: object,
-    field: str,
-    reason: str,
-    source: Path,
+    record: dict[str, Any], path: str, value: object, field: str, reason: str, source: Path
 ) -> None:
     bad = change(record, path, value)
     (source / "bad.json").write_text(json.dumps(bad))
@@ -184,12 +167,7 @@ def test_a_bad_trajectory_is_rejected_whole(
     ],
 )
 def test_a_bad_step_is_rejected_and_the_others_stay(
-    record: dict[str, Any],
-    path: str,
-    value: object,
-    field: str,
-    reason: str,
-    source: Path,
+    record: dict[str, Any], path: str, value: object, field: str, reason: str, source: Path
 ) -> None:
     (source / "some.json").write_text(json.dumps(change(record, path, value)))
     (source.parent / "b.png").write_bytes((source / "images" / "a.png").read_bytes())
@@ -251,19 +229,8 @@ def test_the_real_agentnet_recording(shared_data: Path) -> None:
     assert [s.index for s in trajectory.steps] == list(range(15))
     # 0.9722, 0.9701 of 1276x718
     assert trajectory.steps[0].action == Action("click", x=1241, y=697)
-    assert trajectory.steps[3].action == Action(
-        "drag",
-        x=580,
-        y=193,
-        x2=524,
-        y2=199,
-    )
-    assert trajectory.steps[5].action == Action(
-        "scroll",
-        x=505,
-        y=563,
-        amount=-3,
-    )
+    assert trajectory.steps[3].action == Action("drag", x=580, y=193, x2=524, y2=199)
+    assert trajectory.steps[5].action == Action("scroll", x=505, y=563, amount=-3)
     assert trajectory.steps[14].action == Action("done")
 
 

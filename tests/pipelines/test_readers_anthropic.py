@@ -25,39 +25,19 @@ def messages(folder: Path) -> list[Any]:
 def image(number: int) -> dict[str, Any]:
     return {
         "type": "image",
-        "source": {
-            "type": "base64",
-            "media_type": "image/png",
-            "data": text_of(number),
-        },
+        "source": {"type": "base64", "media_type": "image/png", "data": text_of(number)},
     }
 
 
 def result(name: str, *content: Any) -> dict[str, Any]:
     return {
         "role": "user",
-        "content": [
-            {
-                "type": "tool_result",
-                "tool_use_id": name,
-                "content": list(content),
-            }
-        ],
+        "content": [{"type": "tool_result", "tool_use_id": name, "content": list(content)}],
     }
 
 
-def use(
-    name: str,
-    given: Any,
-    **more: Any,
-) -> dict[str, Any]:
-    return {
-        "type": "tool_use",
-        "id": name,
-        "name": "computer",
-        "input": given,
-        **more,
-    }
+def use(name: str, given: Any, **more: Any) -> dict[str, Any]:
+    return {"type": "tool_use", "id": name, "name": "computer", "input": given, **more}
 
 
 NO_PICTURE = {"type": "base64", "data": "aGk="}
@@ -86,12 +66,7 @@ def test_the_shapes_of_a_log(shape: str, tmp_path: Path) -> None:
 def test_the_member_tools_of_the_toolset(tmp_path: Path) -> None:
     click = {**use("b", {"coordinate": [7, 8]}, toolset_name="computer"), "name": "right_click"}
     look = {**use("a", {}, toolset_name="computer"), "name": "screenshot"}
-    other = {
-        "type": "tool_use",
-        "id": "c",
-        "name": "bash",
-        "input": {"command": "ls"},
-    }
+    other = {"type": "tool_use", "id": "c", "name": "bash", "input": {"command": "ls"}}
     given = [
         {"role": "user", "content": [{"type": "text", "text": "go"}]},
         {"role": "assistant", "content": [{"type": "thinking", "thinking": "..."}, look]},
@@ -162,11 +137,7 @@ def test_a_turn_with_several_actions(tmp_path: Path) -> None:
     ],
 )
 def test_what_is_broken_is_counted(
-    number: int,
-    message: Any,
-    fields: list[str],
-    reason: str,
-    tmp_path: Path,
+    number: int, message: Any, fields: list[str], reason: str, tmp_path: Path
 ) -> None:
     given = messages(tmp_path)
     given[number] = (

@@ -27,10 +27,7 @@ AGENTNET = '{"task_id": "a", "traj": []}'
     ],
 )
 def test_the_format_is_found(
-    files: dict[str, str],
-    path: str,
-    expected: str,
-    tmp_path: Path,
+    files: dict[str, str], path: str, expected: str, tmp_path: Path
 ) -> None:
     for name, content in files.items():
         (tmp_path / name).write_text(content, encoding="latin-1")
@@ -51,10 +48,7 @@ def test_the_format_is_found(
     ],
 )
 def test_a_source_that_cannot_be_told(
-    files: dict[str, str],
-    path: str,
-    reason: str,
-    tmp_path: Path,
+    files: dict[str, str], path: str, reason: str, tmp_path: Path
 ) -> None:
     for name, content in files.items():
         (tmp_path / name).write_text(content)
@@ -139,10 +133,6 @@ def test_importing_pipelines_loads_nothing_heavy() -> None:
     heavy = ["datasets", "torch", "jax", "pyarrow", "cv2", "pandas", "isal"]
     root = Path(__file__).resolve().parents[2]
     done = subprocess.run(
-        [sys.executable, "-c", code, *heavy],
-        cwd=root,
-        capture_output=True,
-        text=True,
-        check=True,
+        [sys.executable, "-c", code, *heavy], cwd=root, capture_output=True, text=True, check=True
     )
     assert done.stdout.split() == []

@@ -22,12 +22,7 @@ SIZES = [(200, 400), (1080, 1920)]
 PLAIN, FAR, CORNER = (40, 30, 200, 60), (300, 100, 390, 190), (0, 0, 10, 10)
 
 
-def write(
-    file: Path,
-    boxes: list[Any],
-    order: str,
-    scale: str = "pixels",
-) -> None:
+def write(file: Path, boxes: list[Any], order: str, scale: str = "pixels") -> None:
     """A table of boxes, given as corners in a 400x200 picture, written in an order and a space."""
     rows = []
     for x1, y1, x2, y2 in boxes:
@@ -35,13 +30,7 @@ def write(
         sides = (400, 200, 400, 200) if scale == "fractions" else (1, 1, 1, 1)
         bbox = [float(n) / side for n, side in zip(numbers, sides, strict=True)]
         picture = {"bytes": png(0), "path": None}
-        rows.append(
-            {
-                "image": picture,
-                "instruction": "the button",
-                "bbox": bbox,
-            }
-        )
+        rows.append({"image": picture, "instruction": "the button", "bbox": bbox})
     write_table(file, rows)
 
 
@@ -56,11 +45,7 @@ def read(path: Path, **choices: str) -> tuple[list[Any], list[Rejected]]:
 
 @pytest.mark.parametrize("order", ["xywh", "xyxy"])
 @pytest.mark.parametrize("scale", ["pixels", "fractions"])
-def test_one_row_decides_for_all(
-    order: str,
-    scale: str,
-    tmp_path: Path,
-) -> None:
+def test_one_row_decides_for_all(order: str, scale: str, tmp_path: Path) -> None:
     boxes = [PLAIN, CORNER, FAR, PLAIN]  # only FAR can be nothing else, in either order
     write(tmp_path / "a.parquet", boxes, order, scale)
     assert read(tmp_path) == (boxes, [])
@@ -82,16 +67,8 @@ def test_rows_that_disagree_refuse_the_table(tmp_path: Path) -> None:
     only = [380.0, 5.0, 10.0, 10.0]
     picture = {"bytes": png(0), "path": None}
     rows = [
-        {
-            "image": picture,
-            "instruction": "a",
-            "bbox": [float(n) for n in FAR],
-        },
-        {
-            "image": picture,
-            "instruction": "b",
-            "bbox": only,
-        },
+        {"image": picture, "instruction": "a", "bbox": [float(n) for n in FAR]},
+        {"image": picture, "instruction": "b", "bbox": only},
     ]
     write_table(tmp_path / "a.parquet", rows)
     found, (rejected,) = read(tmp_path)

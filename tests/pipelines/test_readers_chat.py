@@ -22,33 +22,21 @@ from support.formats import png, ui_tars, write_json, write_lines, write_table
 BIG = (1920, 1080)
 
 
-def read(
-    path: Path,
-    name: str = "chat",
-    **choices: str,
-) -> tuple[list[Trajectory], list[Rejected]]:
+def read(path: Path, name: str = "chat", **choices: str) -> tuple[list[Trajectory], list[Rejected]]:
     items = list(with_choices(get_reader(name), ReaderOptions(**choices)).read(path))
     return [i for i in items if isinstance(i, Trajectory)], [
         i for i in items if isinstance(i, Rejected)
     ]
 
 
-def files(
-    folder: Path,
-    count: int = 1,
-    size: tuple[int, int] = (400, 200),
-) -> list[str]:
+def files(folder: Path, count: int = 1, size: tuple[int, int] = (400, 200)) -> list[str]:
     (folder / "images").mkdir(parents=True, exist_ok=True)
     for number in range(count):
         (folder / "images" / f"{number}.png").write_bytes(png(number, *size))
     return [f"images/{number}.png" for number in range(count)]
 
 
-def openai_row(
-    replies: list[str],
-    names: list[str],
-    ask: str = "open it",
-) -> dict[str, Any]:
+def openai_row(replies: list[str], names: list[str], ask: str = "open it") -> dict[str, Any]:
     messages = [
         {"role": role, "content": text}
         for index, reply in enumerate(replies)
@@ -57,11 +45,7 @@ def openai_row(
     return {"messages": messages, "images": names}
 
 
-def sharegpt_row(
-    replies: list[str],
-    names: list[str],
-    ask: str = "open it",
-) -> dict[str, Any]:
+def sharegpt_row(replies: list[str], names: list[str], ask: str = "open it") -> dict[str, Any]:
     row = openai_row(replies, names, ask)
     roles = {"user": "human", "assistant": "gpt"}
     turns = [{"from": roles[m["role"]], "value": m["content"]} for m in row["messages"]]
@@ -73,11 +57,7 @@ CODES = ["pyautogui.click(100, 50)", "```python\npyautogui.press('enter')\n```",
 
 @pytest.mark.parametrize("make", [openai_row, sharegpt_row])
 @pytest.mark.parametrize("suffix", ["json", "jsonl"])
-def test_layouts_and_pairing(
-    make: Any,
-    suffix: str,
-    tmp_path: Path,
-) -> None:
+def test_layouts_and_pairing(make: Any, suffix: str, tmp_path: Path) -> None:
     rows = [make(CODES, files(tmp_path, 3)), make(CODES[:1], files(tmp_path, 1), "close it")]
     (write_json if suffix == "json" else write_lines)(tmp_path / f"train.{suffix}", rows)
     assert detect_format(tmp_path) == detect_format(tmp_path / f"train.{suffix}") == "chat"
@@ -133,11 +113,7 @@ def test_pictures_as_data_urls_and_from_the_source(tmp_path: Path) -> None:
         (None, "must be a path"),
     ],
 )
-def test_pictures_that_are_not_there(
-    name: Any,
-    reason: str,
-    tmp_path: Path,
-) -> None:
+def test_pictures_that_are_not_there(name: Any, reason: str, tmp_path: Path) -> None:
     names = files(tmp_path)
     write_lines(tmp_path / "a.jsonl", [openai_row(CODES[:1], [name]), openai_row(CODES[:1], names)])
     (found,), (rejected,) = read(tmp_path)
@@ -182,11 +158,7 @@ def test_aguvis_has_thoughts_and_actions_in_one_turn_each(tmp_path: Path) -> Non
             "from": "human",
             "value": "<image>\nMove on.\n\nInstruction: buy it\n\nPrevious actions:\nNone",
         },
-        {
-            "from": "gpt",
-            "value": "Action: click on Buy",
-            "recipient": "all",
-        },
+        {"from": "gpt", "value": "Action: click on Buy", "recipient": "all"},
         {
             "from": "gpt",
             "value": "pyautogui.click(x=0.25, y=0.25)",
@@ -227,19 +199,10 @@ def test_aguvis_has_thoughts_and_actions_in_one_turn_each(tmp_path: Path) -> Non
         ("long_press(x=0.25, y=0.25)", Action("other", 100, 50), ""),
     ],
 )
-def test_scale_cua(
-    calls: str,
-    expected: Action,
-    code: str,
-    tmp_path: Path,
-) -> None:
+def test_scale_cua(calls: str, expected: Action, code: str, tmp_path: Path) -> None:
     reply = f"<think>\nhm\n</think>\n<operation>\ndo\n</operation>\n<action>\n{calls}\n</action>"
     ask = "Please generate the next move.\n\nTask: read it\n\nPrevious operations:\nNone"
-    row = {
-        **sharegpt_row([reply], files(tmp_path), ask),
-        "width": 400,
-        "height": 200,
-    }
+    row = {**sharegpt_row([reply], files(tmp_path), ask), "width": 400, "height": 200}
     write_lines(tmp_path / "a.jsonl", [row])
     (found,), rejected = read(tmp_path, coordinates="fractions")
     assert not rejected
@@ -261,11 +224,7 @@ def test_scale_cua(
         ("<ref>OK</ref><box>[[250,200,350,300]]</box>", Action("click", 120, 50)),
     ],
 )
-def test_os_atlas(
-    reply: str,
-    expected: Action,
-    tmp_path: Path,
-) -> None:
+def test_os_atlas(reply: str, expected: Action, tmp_path: Path) -> None:
     write_json(tmp_path / "a.json", [sharegpt_row([reply], files(tmp_path))])
     (found,), rejected = read(tmp_path)
     assert not rejected
@@ -290,12 +249,7 @@ def uitars(x: int, y: int) -> str:
 @pytest.mark.parametrize("reply", [computer_use, uitars])
 @pytest.mark.parametrize("size", [(400, 200), BIG])
 @pytest.mark.parametrize("where", ["parquet", "json"])
-def test_text_of_models_needs_its_space(
-    reply: Any,
-    size: Any,
-    where: str,
-    tmp_path: Path,
-) -> None:
+def test_text_of_models_needs_its_space(reply: Any, size: Any, where: str, tmp_path: Path) -> None:
     width, height = size
     seen = smart_resize(height, width)
     points = {
@@ -325,9 +279,7 @@ def test_text_of_models_needs_its_space(
     [("1000x1000", (250, 250)), ("1932x1092", (483, 273)), ("960x540", (240, 135))],
 )
 def test_a_prompt_that_states_the_resolution_says_the_space(
-    resolution: str,
-    point: Any,
-    tmp_path: Path,
+    resolution: str, point: Any, tmp_path: Path
 ) -> None:
     row = openai_row([computer_use(*point)], files(tmp_path, 1, BIG))
     prompt = f"* The screen's resolution is {resolution}.\n* ..."
@@ -378,11 +330,7 @@ def test_arguments_of_a_call_that_are_no_object_are_rejected(
 
 
 @pytest.mark.parametrize("dialect", ["pyautogui", "ui_tars", "ui_tars_1.5"])
-def test_our_own_export_comes_back(
-    recording: Any,
-    dialect: str,
-    tmp_path: Path,
-) -> None:
+def test_our_own_export_comes_back(recording: Any, dialect: str, tmp_path: Path) -> None:
     build(
         recording(trajectories=2, steps=2),
         tmp_path / "set",

@@ -57,11 +57,7 @@ def test_a_choice_reads_every_text_in_every_space(dialect: str, space: str) -> N
 @pytest.mark.parametrize("dialect", sorted(SAID))
 @pytest.mark.parametrize("point", [(0.25, 0.25), (0.0, 0.5), (1, 0.001)])
 @pytest.mark.parametrize("default", ["pixels", "thousand", "resized", None])
-def test_fractions_are_never_a_corner(
-    dialect: str,
-    point: Any,
-    default: str | None,
-) -> None:
+def test_fractions_are_never_a_corner(dialect: str, point: Any, default: str | None) -> None:
     with pytest.raises(FieldError, match=r"fits .*fractions.*--coordinates"):
         recorded(SAID[dialect].format(*point), dialect, SIZE, "f", None, default)
 
@@ -79,11 +75,7 @@ def test_fractions_are_never_a_corner(
     ],
 )
 @pytest.mark.parametrize("dialect", sorted(SAID))
-def test_points_out_of_the_space_are_refused(
-    dialect: str,
-    space: str,
-    point: Any,
-) -> None:
+def test_points_out_of_the_space_are_refused(dialect: str, space: str, point: Any) -> None:
     with pytest.raises(FieldError):
         recorded(SAID[dialect].format(*point), dialect, SIZE, "f", space, None)
 
@@ -98,10 +90,7 @@ def test_what_points_nowhere_needs_no_choice() -> None:
 @pytest.mark.parametrize("point", [(0.3271, 0.2694), (0.5, 1), (0.0, 0.1)])
 @pytest.mark.parametrize("names", ["xy", ("x2", "y2")])
 def test_our_own_format_refuses_fractions(
-    recording: Any,
-    point: Any,
-    names: Any,
-    tmp_path: Path,
+    recording: Any, point: Any, names: Any, tmp_path: Path
 ) -> None:
     folder = recording(trajectories=1, steps=1)
     file = folder / "trajectories.jsonl"
@@ -160,13 +149,7 @@ def test_the_command_takes_the_choice_and_resume_knows_it(tmp_path: Path) -> Non
     again = CliRunner().invoke(hijack, [*command, "--coordinates", "fractions", "--resume"])
     assert again.exit_code == 0, again.output
     with pytest.raises(BuildError, match="coordinates"):
-        build(
-            tmp_path / "source",
-            out,
-            corruptions="resolution",
-            coordinates="pixels",
-            resume=True,
-        )
+        build(tmp_path / "source", out, corruptions="resolution", coordinates="pixels", resume=True)
     unsaid = CliRunner().invoke(hijack, [*command[:3], str(tmp_path / "other")])
     assert unsaid.exit_code == 1
     assert "--coordinates" in unsaid.output

@@ -19,11 +19,7 @@ SIZE = (200, 400)
 HALF = CoordMap((100, 200), SIZE)
 
 
-def observed(
-    code: Any,
-    dialect: str,
-    coords: CoordMap = HALF,
-) -> Any:
+def observed(code: Any, dialect: str, coords: CoordMap = HALF) -> Any:
     text = code_of(code, "action")
     made = observed_code(coords, RecordedStep(0, "", Action("other"), text, dialect=dialect))
     assert (
@@ -40,54 +36,20 @@ def observed(
     [
         ("pyautogui.click(100, 50)", "pyautogui", "pyautogui.click(50, 25)"),
         (
-            {
-                "action_type": "CLICK",
-                "x": 100,
-                "y": 50,
-            },
+            {"action_type": "CLICK", "x": 100, "y": 50},
             "computer_13",
-            {
-                "action_type": "CLICK",
-                "x": 50,
-                "y": 25,
-            },
+            {"action_type": "CLICK", "x": 50, "y": 25},
         ),
         (
             {"action_type": "TYPING", "text": "é 100"},
             "computer_13",
             {"action_type": "TYPING", "text": "é 100"},
         ),
+        ({"type": "click", "x": 100, "y": 50}, "openai", {"type": "click", "x": 50, "y": 25}),
         (
-            {
-                "type": "click",
-                "x": 100,
-                "y": 50,
-            },
+            [{"type": "move", "x": 100, "y": 50}, {"type": "wait"}],
             "openai",
-            {
-                "type": "click",
-                "x": 50,
-                "y": 25,
-            },
-        ),
-        (
-            [
-                {
-                    "type": "move",
-                    "x": 100,
-                    "y": 50,
-                },
-                {"type": "wait"},
-            ],
-            "openai",
-            [
-                {
-                    "type": "move",
-                    "x": 50,
-                    "y": 25,
-                },
-                {"type": "wait"},
-            ],
+            [{"type": "move", "x": 50, "y": 25}, {"type": "wait"}],
         ),
         (
             {"action": "left_click", "coordinate": [100, 50]},
@@ -105,9 +67,7 @@ def observed(
     ],
 )
 def test_the_code_follows_the_picture_in_its_own_dialect(
-    code: Any,
-    dialect: str,
-    expected: Any,
+    code: Any, dialect: str, expected: Any
 ) -> None:
     assert observed(code, dialect) == expected
 
@@ -134,16 +94,8 @@ def test_a_plain_step_is_pyautogui() -> None:
 @given(st.integers(0, 399), st.integers(0, 199))
 def test_action_and_code_stay_together(x: int, y: int) -> None:
     made: dict[str, Any] = {
-        "computer_13": {
-            "action_type": "CLICK",
-            "x": x,
-            "y": y,
-        },
-        "openai": {
-            "type": "click",
-            "x": x,
-            "y": y,
-        },
+        "computer_13": {"action_type": "CLICK", "x": x, "y": y},
+        "openai": {"type": "click", "x": x, "y": y},
         "anthropic": {"action": "left_click", "coordinate": [x, y]},
         "pyautogui": f"pyautogui.click({x}, {y})",
     }
@@ -160,11 +112,7 @@ def test_action_and_code_stay_together(x: int, y: int) -> None:
 def test_points_outside_are_refused_in_every_dialect(point: tuple[int, int]) -> None:
     x, y = point
     made: dict[str, Any] = {
-        "computer_13": {
-            "action_type": "CLICK",
-            "x": x,
-            "y": y,
-        },
+        "computer_13": {"action_type": "CLICK", "x": x, "y": y},
         "openai": {"type": "drag", "path": [{"x": 0, "y": 0}, {"x": x, "y": y}]},
         "anthropic": {
             "action": "left_click_drag",
@@ -183,14 +131,7 @@ def test_points_outside_are_refused_in_every_dialect(point: tuple[int, int]) -> 
     [
         ("pyautogui.write('\\ud800')", "pyautogui"),
         ({"type": "type", "text": "x" * 2_000_000}, "openai"),
-        (
-            {
-                "action": "hold_key",
-                "text": "a",
-                "duration": 1e300,
-            },
-            "anthropic",
-        ),
+        ({"action": "hold_key", "text": "a", "duration": 1e300}, "anthropic"),
         ({"action": "key", "text": "\ud800"}, "anthropic"),
         (None, "pyautogui"),
         (5, "openai"),

@@ -69,11 +69,7 @@ def test_a_recording_is_told_by_its_file_alone(name: str, source: Path) -> None:
 
 
 @pytest.mark.parametrize(("one", "other"), list(combinations(sorted(EVERY), 2)))
-def test_two_formats_in_one_folder_are_never_guessed(
-    one: str,
-    other: str,
-    source: Path,
-) -> None:
+def test_two_formats_in_one_folder_are_never_guessed(one: str, other: str, source: Path) -> None:
     for name in (one, other):
         # these look at the top folder only
         place = source if name in ("agentnet", "jsonl", "runs") else source / name
@@ -140,9 +136,7 @@ CODES = {
 
 @pytest.mark.parametrize("name", sorted(FORMATS))
 def test_a_build_puts_points_and_code_where_they_belong(
-    name: str,
-    source: Path,
-    tmp_path: Path,
+    name: str, source: Path, tmp_path: Path
 ) -> None:
     FORMATS[name](source)
     out = tmp_path / "out"
@@ -189,9 +183,7 @@ def test_what_is_dangerous_is_refused_and_counted(name: str, source: Path) -> No
     "content", [b"", b"\xff\xfe\x00", b"[" * 100_000, b'{"a": 1}', b"null", b"\x80\x04K\x01."]
 )
 def test_a_broken_file_is_counted_and_the_rest_is_read(
-    name: str,
-    content: bytes,
-    source: Path,
+    name: str, content: bytes, source: Path
 ) -> None:
     FORMATS[name](source)
     records = next(
@@ -247,11 +239,7 @@ def places(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
     return [path, *(place for key, one in inner for place in places(one, (*path, key)))]
 
 
-def replaced(
-    value: Any,
-    path: tuple[Any, ...],
-    new: Any,
-) -> Any:
+def replaced(value: Any, path: tuple[Any, ...], new: Any) -> Any:
     if not path:
         return new
     copy = dict(value) if isinstance(value, dict) else list(value)
@@ -260,20 +248,11 @@ def replaced(
 
 
 @settings(
-    max_examples=150,
-    deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
+    max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
-@given(
-    name=st.sampled_from(JSON_FORMATS),
-    odd=st.sampled_from(ODD),
-    data=st.data(),
-)
+@given(name=st.sampled_from(JSON_FORMATS), odd=st.sampled_from(ODD), data=st.data())
 def test_no_value_stops_a_reader(
-    name: str,
-    odd: Any,
-    data: st.DataObject,
-    tmp_path_factory: Any,
+    name: str, odd: Any, data: st.DataObject, tmp_path_factory: Any
 ) -> None:
     source = FORMATS[name](tmp_path_factory.mktemp("odd"))
     file = data.draw(

@@ -26,105 +26,43 @@ def fractions(box: Any) -> list[float]:
     return [n / side for n, side in zip(box, (400, 200, 400, 200), strict=True)]
 
 
-def screenspot(
-    name: str,
-    box: Any,
-    text: str,
-) -> dict[str, Any]:
+def screenspot(name: str, box: Any, text: str) -> dict[str, Any]:
     about = {"data_type": "icon", "data_source": "gitlab"}
-    return {
-        "img_filename": name,
-        "bbox": xywh(box),
-        "instruction": text,
-        **about,
-    }
+    return {"img_filename": name, "bbox": xywh(box), "instruction": text, **about}
 
 
-def screenspot_pro(
-    name: str,
-    box: Any,
-    text: str,
-) -> dict[str, Any]:
+def screenspot_pro(name: str, box: Any, text: str) -> dict[str, Any]:
     about = {
         "img_size": [400, 200],
         "platform": "windows",
         "application": "excel",
         "ui_type": "text",
     }
-    return {
-        "img_filename": name,
-        "bbox": list(box),
-        "instruction": text,
-        **about,
-    }
+    return {"img_filename": name, "bbox": list(box), "instruction": text, **about}
 
 
-def osworld_g(
-    name: str,
-    box: Any,
-    text: str,
-) -> dict[str, Any]:
-    about = {
-        "box_type": "bbox",
-        "image_size": [400, 200],
-        "GUI_types": ["Icon"],
-    }
-    return {
-        "image_path": name,
-        "box_coordinates": xywh(box),
-        "instruction": text,
-        **about,
-    }
+def osworld_g(name: str, box: Any, text: str) -> dict[str, Any]:
+    about = {"box_type": "bbox", "image_size": [400, 200], "GUI_types": ["Icon"]}
+    return {"image_path": name, "box_coordinates": xywh(box), "instruction": text, **about}
 
 
-def ui_vision(
-    name: str,
-    box: Any,
-    text: str,
-) -> dict[str, Any]:
+def ui_vision(name: str, box: Any, text: str) -> dict[str, Any]:
     about = {"image_size": [400, 200], "platform": "GIMP"}
-    return {
-        "image_path": name,
-        "bbox": list(box),
-        "prompt_to_evaluate": text,
-        **about,
-    }
+    return {"image_path": name, "bbox": list(box), "prompt_to_evaluate": text, **about}
 
 
-def groundcua(
-    name: str,
-    box: Any,
-    text: str,
-) -> dict[str, Any]:
-    return {
-        "image_path": name,
-        "bbox": list(box),
-        "text": text,
-        "category": "Button",
-        "id": "x",
-    }
+def groundcua(name: str, box: Any, text: str) -> dict[str, Any]:
+    return {"image_path": name, "bbox": list(box), "text": text, "category": "Button", "id": "x"}
 
 
-def os_atlas(
-    name: str,
-    box: Any,
-    text: str,
-) -> dict[str, Any]:
-    return {
-        "img_filename": name,
-        "bbox": fractions(box),
-        "instruction": text,
-    }
+def os_atlas(name: str, box: Any, text: str) -> dict[str, Any]:
+    return {"img_filename": name, "bbox": fractions(box), "instruction": text}
 
 
 LAYOUTS = [screenspot, screenspot_pro, osworld_g, ui_vision, groundcua, os_atlas]
 
 
-def make(
-    folder: Path,
-    rows: list[Any],
-    suffix: str = "json",
-) -> Path:
+def make(folder: Path, rows: list[Any], suffix: str = "json") -> Path:
     for number in range(3):
         (folder / "images").mkdir(parents=True, exist_ok=True)
         (folder / "images" / f"{number}.png").write_bytes(png(number))
@@ -143,12 +81,7 @@ def read(path: Path, **choices: str) -> tuple[list[Trajectory], list[Rejected]]:
 @pytest.mark.parametrize("suffix", ["json", "jsonl"])
 # one row tells nothing by itself, the second that it is beyond a width
 @pytest.mark.parametrize("count", [1, 3])
-def test_published_layouts(
-    layout: Any,
-    suffix: str,
-    count: int,
-    tmp_path: Path,
-) -> None:
+def test_published_layouts(layout: Any, suffix: str, count: int, tmp_path: Path) -> None:
     rows = [layout(f"{i}.png", box, f"text {i}") for i, box in enumerate(CORNERS[:count])]
     make(tmp_path, rows, suffix)
     assert detect_format(tmp_path) == detect_format(tmp_path / f"set.{suffix}") == "grounding"
@@ -181,16 +114,7 @@ def test_boxes_of_one_picture_are_its_elements(tmp_path: Path) -> None:
 
 def test_elements_of_os_atlas(tmp_path: Path) -> None:
     parts = [{"instruction": f"text {i}", "bbox": fractions(box)} for i, box in enumerate(CORNERS)]
-    make(
-        tmp_path,
-        [
-            {
-                "img_filename": "0.png",
-                "url": "x",
-                "elements": parts,
-            }
-        ],
-    )
+    make(tmp_path, [{"img_filename": "0.png", "url": "x", "elements": parts}])
     found, rejected = read(tmp_path)
     assert not rejected
     assert [(t.id, t.steps[0].target_box) for t in found] == [
@@ -210,11 +134,7 @@ def test_elements_of_os_atlas(tmp_path: Path) -> None:
         ({"img_size": [800, 400]}, "the picture is 400x200"),
     ],
 )
-def test_a_bad_row_never_loses_the_rest(
-    change: Any,
-    reason: str,
-    tmp_path: Path,
-) -> None:
+def test_a_bad_row_never_loses_the_rest(change: Any, reason: str, tmp_path: Path) -> None:
     rows = [screenspot_pro("0.png", box, "a") for box in CORNERS]
     rows[0].update(change)
     found, (rejected,) = read(make(tmp_path, rows))
@@ -239,26 +159,14 @@ def test_what_osworld_g_has_beside_boxes(kind: str, tmp_path: Path) -> None:
 
 
 def test_a_set_that_is_not_known_needs_a_choice_where_nothing_decides(tmp_path: Path) -> None:
-    rows = [
-        {
-            "image_path": "0.png",
-            "bbox": list(CORNERS[0]),
-            "instruction": "a",
-        }
-    ]
+    rows = [{"image_path": "0.png", "bbox": list(CORNERS[0]), "instruction": "a"}]
     found, (rejected,) = read(make(tmp_path, rows))
     assert not found
     assert "--boxes" in rejected.reason
     assert (
         read(tmp_path, boxes="xyxy", coordinates="pixels")[0][0].steps[0].target_box == CORNERS[0]
     )
-    thousand = [
-        {
-            "image_path": "0.png",
-            "bbox": [100, 150, 500, 300],
-            "instruction": "a",
-        }
-    ]
+    thousand = [{"image_path": "0.png", "bbox": [100, 150, 500, 300], "instruction": "a"}]
     write_json(tmp_path / "set.json", thousand)
     assert (
         read(tmp_path, boxes="xyxy", coordinates="thousand")[0][0].steps[0].target_box == CORNERS[0]
@@ -276,12 +184,7 @@ def test_the_sample_of_every_reader(tmp_path: Path) -> None:
 # The sets that are asked for by name
 
 
-def published(
-    folder: Path,
-    table: str,
-    pictures: str,
-    rows: list[Any],
-) -> Path:
+def published(folder: Path, table: str, pictures: str, rows: list[Any]) -> Path:
     for number in range(3):
         place = folder / pictures / f"{number}.png"
         place.parent.mkdir(parents=True, exist_ok=True)
@@ -361,12 +264,7 @@ def test_another_layout_is_an_error_that_says_the_right_one(name: str, tmp_path:
         ("osworld_g", {"box_type": "polygon", "box_coordinates": [0, 0, 900, 0, 0, 9]}, "leaves"),
     ],
 )
-def test_a_bad_row_of_a_set_is_named(
-    name: str,
-    change: Any,
-    reason: str,
-    tmp_path: Path,
-) -> None:
+def test_a_bad_row_of_a_set_is_named(name: str, change: Any, reason: str, tmp_path: Path) -> None:
     found, (rejected,) = read_as(name, PUBLISHED[name](tmp_path, **change))
     assert [t.steps[0].target_box for t in found] == CORNERS[1:]
     assert rejected.where == "row 0"

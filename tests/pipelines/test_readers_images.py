@@ -47,11 +47,7 @@ def test_metadata_of_an_image_folder(pictures: Path, tmp_path: Path) -> None:
         {
             "file_name": "a.png",
             "instruction": "click it",
-            "action": {
-                "type": "click",
-                "x": 5,
-                "y": 6,
-            },
+            "action": {"type": "click", "x": 5, "y": 6},
             "label": 3,
         },
         {
@@ -95,24 +91,14 @@ def test_a_json_object_beside_a_picture(pictures: Path) -> None:
         ({"file_name": "a.png", "elemnts": []}, "a.png", "did you mean 'elements'"),
         ({"file_name": "a.png", "bbox": [1, 2, 3, 4]}, "a.png", "did you mean 'target_box'"),
         (
-            {
-                "file_name": "a.png",
-                "action": {
-                    "type": "click",
-                    "x": 900,
-                    "y": 1,
-                },
-            },
+            {"file_name": "a.png", "action": {"type": "click", "x": 900, "y": 1}},
             "a.png",
             "outside the screenshot",
         ),
     ],
 )
 def test_what_is_wrong_with_metadata_is_said(
-    line: Any,
-    where: str,
-    reason: str,
-    pictures: Path,
+    line: Any, where: str, reason: str, pictures: Path
 ) -> None:
     (pictures / "metadata.jsonl").write_text(json.dumps(line))
     found, (rejected,) = read(pictures)

@@ -59,11 +59,7 @@ def test_lines_may_stand_in_any_order(recording: Any) -> None:
     assert [t.id for t in trajectories] == ["t0", "t2", "t1"]
 
 
-def test_all_fields_of_an_action(
-    recording: Any,
-    add_line: Any,
-    good_line: Any,
-) -> None:
+def test_all_fields_of_an_action(recording: Any, add_line: Any, good_line: Any) -> None:
     folder = recording()
     action = {
         "type": "drag",
@@ -77,14 +73,7 @@ def test_all_fields_of_an_action(
     }
     add_line(
         folder,
-        good_line(
-            "t0",
-            7,
-            image="images/t0-0.png",
-            action=action,
-            apps=None,
-            domain="tests",
-        ),
+        good_line("t0", 7, image="images/t0-0.png", action=action, apps=None, domain="tests"),
     )
     step = read(folder)[0][0].steps[-1]
     assert step.action == Action("drag", 2, 2, 319, 199, "é", ("ctrl", "a"), -3.0)
@@ -99,11 +88,7 @@ def test_a_byte_order_mark_and_windows_line_ends(recording: Any) -> None:
 
 
 NAN, INF = float("nan"), float("inf")
-CLICK = {
-    "type": "click",
-    "x": 5,
-    "y": 5,
-}
+CLICK = {"type": "click", "x": 5, "y": 5}
 BAD = {
     "no trajectory": ({"trajectory_id": None}, "trajectory_id", "missing"),
     "empty trajectory": ({"trajectory_id": "  "}, "trajectory_id", "empty"),
@@ -148,13 +133,7 @@ BAD = {
     "y is past the edge": ({"action": {**CLICK, "y": 199.5}}, "action.y", "outside the screenshot"),
     "x is negative": ({"action": {**CLICK, "x": -1}}, "action.x", "outside the screenshot"),
     "end of drag outside": (
-        {
-            "action": {
-                **CLICK,
-                "x2": 3,
-                "y2": 200,
-            }
-        },
+        {"action": {**CLICK, "x2": 3, "y2": 200}},
         "action.y2",
         "outside the screenshot",
     ),
@@ -178,10 +157,7 @@ BAD = {
 
 @pytest.mark.parametrize("case", BAD)
 def test_a_bad_line_is_rejected_and_the_rest_goes_on(
-    case: str,
-    recording: Any,
-    add_line: Any,
-    good_line: Any,
+    case: str, recording: Any, add_line: Any, good_line: Any
 ) -> None:
     changes, field, reason = BAD[case]
     folder = recording()
@@ -235,11 +211,7 @@ def test_a_line_of_more_than_50_mib_is_not_taken_into_memory(recording: Any, add
     assert (len(trajectories), [r.reason for r in rejected]) == (2, ["longer than 50 MiB"])
 
 
-def test_an_id_that_is_used_twice(
-    recording: Any,
-    add_line: Any,
-    good_line: Any,
-) -> None:
+def test_an_id_that_is_used_twice(recording: Any, add_line: Any, good_line: Any) -> None:
     folder = recording()
     add_line(folder, good_line("t0", 8, image="images/t0-0.png", id="a"))
     add_line(folder, good_line("t0", 9, image="images/t0-0.png", id="a"))
@@ -249,9 +221,7 @@ def test_an_id_that_is_used_twice(
 
 
 def test_a_key_twice_is_refused_where_it_stands(
-    recording: Any,
-    add_line: Any,
-    good_line: Any,
+    recording: Any, add_line: Any, good_line: Any
 ) -> None:
     folder = recording()
     text = json.dumps(good_line("t0", 8, image="images/t0-0.png"))
@@ -264,11 +234,7 @@ def test_a_key_twice_is_refused_where_it_stands(
 
 
 @pytest.fixture
-def read_with(
-    recording: Any,
-    add_line: Any,
-    good_line: Any,
-) -> Any:
+def read_with(recording: Any, add_line: Any, good_line: Any) -> Any:
     """Return what reads a recording with one more step, of an action and its code."""
 
     def read_it(action: Any, code: str) -> Any:
@@ -308,10 +274,7 @@ def read_with(
     ],
 )
 def test_code_that_contradicts_its_action_is_refused(
-    action: Any,
-    code: str,
-    reason: str,
-    read_with: Any,
+    action: Any, code: str, reason: str, read_with: Any
 ) -> None:
     _, rejected = read_with(action, code)
     assert [(r.where, r.field) for r in rejected] == [("line 7", "action_code")]
@@ -333,20 +296,14 @@ def test_code_that_contradicts_its_action_is_refused(
         ({"type": "click", "x": 100, "y": 50}, "click(start_box='(9,9)')"),
     ],
 )
-def test_code_that_may_be_the_same_action_is_kept(
-    action: Any,
-    code: str,
-    read_with: Any,
-) -> None:
+def test_code_that_may_be_the_same_action_is_kept(action: Any, code: str, read_with: Any) -> None:
     trajectories, rejected = read_with(action, code)
     assert not rejected
     assert trajectories[0].steps[-1].action_code == code
 
 
 def test_links_inside_the_source_are_followed(
-    recording: Any,
-    add_line: Any,
-    good_line: Any,
+    recording: Any, add_line: Any, good_line: Any
 ) -> None:
     folder = recording()
     (folder / "images" / "link.png").symlink_to("t0-0.png")
@@ -367,9 +324,7 @@ def test_records_that_are_a_link_to_another_folder_are_not_read(
 
 
 def test_a_pipe_in_place_of_an_image_does_not_block(
-    recording: Any,
-    add_line: Any,
-    good_line: Any,
+    recording: Any, add_line: Any, good_line: Any
 ) -> None:
     folder = recording()
     os.mkfifo(folder / "images" / "pipe.png")
@@ -422,11 +377,7 @@ def test_no_bytes_stop_the_reader(bare: Path, data: bytes) -> None:
 def test_no_values_stop_the_reader_and_what_passes_is_inside(
     bare: Path, changes: dict[str, Any]
 ) -> None:
-    record = {
-        **GOOD,
-        "trajectory_id": "odd",
-        **changes,
-    }
+    record = {**GOOD, "trajectory_id": "odd", **changes}
     (bare / "trajectories.jsonl").write_text(json.dumps(record) + "\n" + json.dumps(GOOD))
     trajectories, rejected = read(bare)
     assert len(trajectories) + len(rejected) == 2
@@ -453,12 +404,7 @@ def test_everything_that_is_wrong_with_a_line_is_said_at_once(
     recording: Any, add_line: Any
 ) -> None:
     folder = recording()
-    action = {
-        "type": "clik",
-        "x": "5",
-        "y": 5000,
-        "buton": 1,
-    }
+    action = {"type": "clik", "x": "5", "y": 5000, "buton": 1}
     add_line(
         folder,
         {
@@ -471,13 +417,7 @@ def test_everything_that_is_wrong_with_a_line_is_said_at_once(
     )
     add_line(
         folder,
-        {
-            "trajectory_id": "t9",
-            "step": 0,
-            "instruction": "i",
-            "image": "none.png",
-            "action": None,
-        },
+        {"trajectory_id": "t9", "step": 0, "instruction": "i", "image": "none.png", "action": None},
     )
     one, two = read(folder)[1]
     assert (one.where, one.field) == ("line 7", "trajectory_id")
@@ -506,28 +446,16 @@ def test_everything_that_is_wrong_with_a_line_is_said_at_once(
     ],
 )
 def test_a_name_that_is_near_a_field_is_not_lost(
-    name: str,
-    meant: str,
-    recording: Any,
-    add_line: Any,
-    good_line: Any,
+    name: str, meant: str, recording: Any, add_line: Any, good_line: Any
 ) -> None:
     folder = recording()
-    record = {
-        **good_line("t0", 8, image="images/t0-0.png"),
-        meant: None,
-        name: [1, 2, 3, 4],
-    }
+    record = {**good_line("t0", 8, image="images/t0-0.png"), meant: None, name: [1, 2, 3, 4]}
     add_line(folder, record)
     (rejected,) = read(folder)[1]
     assert f"{name}: is not a field; did you mean {meant!r}?" in str(rejected)
 
 
-def test_other_fields_are_kept(
-    recording: Any,
-    add_line: Any,
-    good_line: Any,
-) -> None:
+def test_other_fields_are_kept(recording: Any, add_line: Any, good_line: Any) -> None:
     folder = recording()
     more = {
         "thought": "ä",
@@ -545,10 +473,7 @@ def test_other_fields_are_kept(
 
 @pytest.mark.parametrize("value", [NAN, "\ud800", "x" * 2**20])
 def test_other_fields_that_a_dataset_cannot_hold(
-    value: Any,
-    recording: Any,
-    add_line: Any,
-    good_line: Any,
+    value: Any, recording: Any, add_line: Any, good_line: Any
 ) -> None:
     folder = recording()
     add_line(folder, good_line("t0", 8, image="images/t0-0.png", thought=value))
@@ -566,10 +491,7 @@ def test_the_schema_names_the_fields_that_are_read() -> None:
 
 @pytest.mark.parametrize("field", FIELDS)
 def test_the_schema_requires_what_the_reader_requires(
-    field: str,
-    recording: Any,
-    add_line: Any,
-    good_line: Any,
+    field: str, recording: Any, add_line: Any, good_line: Any
 ) -> None:
     folder = recording()
     add_line(folder, {**good_line("t0", 9, image="images/t0-0.png", domain=None), field: None})

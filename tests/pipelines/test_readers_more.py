@@ -15,9 +15,7 @@ from pipelines.readers.screens import screen_of
 from support.formats import Shots, android_control, cua, gui_odyssey, png, write_json, write_table
 
 TALL = Shots(
-    picture=lambda number: png(number, 1080, 2400),
-    size=(1080, 2400),
-    clicks=((0, 0), (10, 10)),
+    picture=lambda number: png(number, 1080, 2400), size=(1080, 2400), clicks=((0, 0), (10, 10))
 )
 
 
@@ -28,11 +26,7 @@ def read(path: Path, name: str) -> tuple[list[Any], list[Rejected]]:
     ]
 
 
-def change(
-    file: Path,
-    *keys: Any,
-    value: Any,
-) -> None:
+def change(file: Path, *keys: Any, value: Any) -> None:
     record = part = json.loads(file.read_text())
     for key in keys[:-1]:
         part = part[key]
@@ -67,33 +61,13 @@ def test_cua_without_a_look_has_no_screen_for_the_first_action(tmp_path: Path) -
 @pytest.mark.parametrize(
     ("action", "reason"),
     [
-        (
-            {
-                "type": "click",
-                "button": "left",
-                "x": 400,
-                "y": 0,
-            },
-            "outside the 400x200",
-        ),
-        (
-            {
-                "type": "click",
-                "button": "left",
-                "x": 0.25,
-                "y": 0.25,
-            },
-            "fractions",
-        ),
+        ({"type": "click", "button": "left", "x": 400, "y": 0}, "outside the 400x200"),
+        ({"type": "click", "button": "left", "x": 0.25, "y": 0.25}, "fractions"),
         ({"type": "fly"}, "fly"),
         (None, "dict"),
     ],
 )
-def test_a_bad_call_of_cua_never_loses_the_rest(
-    action: Any,
-    reason: str,
-    tmp_path: Path,
-) -> None:
+def test_a_bad_call_of_cua_never_loses_the_rest(action: Any, reason: str, tmp_path: Path) -> None:
     cua(tmp_path)
     (file,) = tmp_path.glob("*/turn_001/*_computer_call_result.json")
     change(file, "item", "action", value=action)
@@ -114,12 +88,7 @@ def test_a_function_of_cua_does_not_say_its_space(tmp_path: Path) -> None:
     ("name", "maker"), [("gui_odyssey", gui_odyssey), ("android_control", android_control)]
 )
 @pytest.mark.parametrize("shots", [Shots(), TALL])
-def test_phones(
-    name: str,
-    maker: Any,
-    shots: Shots,
-    tmp_path: Path,
-) -> None:
+def test_phones(name: str, maker: Any, shots: Shots, tmp_path: Path) -> None:
     maker(tmp_path, shots=shots)
     (found,), rejected = read(tmp_path, name)
     assert not rejected
@@ -145,23 +114,10 @@ def test_phones(
         ({"action": "FLY", "info": ""}, "FLY"),
     ],
 )
-def test_actions_of_gui_odyssey(
-    step: Any,
-    expected: Any,
-    tmp_path: Path,
-) -> None:
+def test_actions_of_gui_odyssey(step: Any, expected: Any, tmp_path: Path) -> None:
     gui_odyssey(tmp_path)
     file = tmp_path / "annotations" / "e1.json"
-    change(
-        file,
-        "steps",
-        0,
-        value={
-            "step": 0,
-            "screenshot": "e1_0.png",
-            **step,
-        },
-    )
+    change(file, "steps", 0, value={"step": 0, "screenshot": "e1_0.png", **step})
     (found,), rejected = read(tmp_path, "gui_odyssey")
     if isinstance(expected, str):
         assert [expected in r.reason for r in rejected] == [True]
@@ -176,49 +132,19 @@ def test_actions_of_gui_odyssey(
         ({"action_type": "input_text", "text": "hello"}, Action("type", text="hello")),
         ({"action_type": "scroll", "direction": "down"}, Action("other")),
         ({"action_type": "open_app", "app_name": "Clock"}, Action("other")),
+        ({"action_type": "long_press", "x": 100, "y": 50}, Action("other", 100, 50)),
         (
-            {
-                "action_type": "long_press",
-                "x": 100,
-                "y": 50,
-            },
-            Action("other", 100, 50),
-        ),
-        (
-            {
-                "action_type": "type",
-                "x": 100,
-                "y": 50,
-                "text": "a",
-            },
+            {"action_type": "type", "x": 100, "y": 50, "text": "a"},
             Action("other", 100, 50, text="a"),
         ),
         ({"action_type": "wait"}, Action("wait", amount=5)),
-        (
-            {
-                "action_type": "click",
-                "x": 400,
-                "y": 50,
-            },
-            "outside",
-        ),
-        (
-            {
-                "action_type": "click",
-                "x": 0.25,
-                "y": 0.25,
-            },
-            "fractions",
-        ),
+        ({"action_type": "click", "x": 400, "y": 50}, "outside"),
+        ({"action_type": "click", "x": 0.25, "y": 0.25}, "fractions"),
         ({"action_type": "click"}, "number"),
         ({"action_type": "scroll", "direction": "away"}, "away"),
     ],
 )
-def test_actions_of_android_control(
-    action: Any,
-    expected: Any,
-    tmp_path: Path,
-) -> None:
+def test_actions_of_android_control(action: Any, expected: Any, tmp_path: Path) -> None:
     android_control(tmp_path)
     change(tmp_path / "7.json", "actions", 0, value=action)
     (found,), rejected = read(tmp_path, "android_control")
@@ -240,33 +166,19 @@ def test_tfrecord_is_refused_with_the_way_out(name: str, tmp_path: Path) -> None
 
 
 def mind2web_row(
-    number: int,
-    op: str,
-    rect: str = "80,40,40,20",
-    value: str = "",
-    **more: Any,
+    number: int, op: str, rect: str = "80,40,40,20", value: str = "", **more: Any
 ) -> dict[str, Any]:
     attributes = json.dumps({"bounding_box_rect": rect, "class": "x"})
     wrong = {
         "attributes": json.dumps({"bounding_box_rect": "0,0,5,5"}),
         "is_original_target": False,
     }
-    target = {
-        "tag": "a",
-        "attributes": attributes,
-        "is_original_target": True,
-    }
+    target = {"tag": "a", "attributes": attributes, "is_original_target": True}
     return {
         "annotation_id": "a1",
         "action_uid": f"u{number}",
         "confirmed_task": "buy it",
-        "operation": json.dumps(
-            {
-                "op": op,
-                "original_op": op,
-                "value": value,
-            }
-        ),
+        "operation": json.dumps({"op": op, "original_op": op, "value": value}),
         "pos_candidates": [json.dumps(wrong), json.dumps(target)],
         "neg_candidates": [],
         "website": "shop",

@@ -23,17 +23,8 @@ def items(folder: Path) -> list[Any]:
     return [json.loads(line) for line in (openai(folder) / "run.jsonl").read_text().splitlines()]
 
 
-def call(
-    name: str,
-    action: Any,
-    **more: Any,
-) -> dict[str, Any]:
-    return {
-        "type": "computer_call",
-        "call_id": name,
-        "action": action,
-        **more,
-    }
+def call(name: str, action: Any, **more: Any) -> dict[str, Any]:
+    return {"type": "computer_call", "call_id": name, "action": action, **more}
 
 
 def shot(name: str, number: int) -> dict[str, Any]:
@@ -57,11 +48,7 @@ def test_the_shapes_of_a_log(shape: str, tmp_path: Path) -> None:
     elif shape == "bodies":
         write_json(
             tmp_path / "a.json",
-            {
-                "model": "computer-use-preview",
-                "input": given[:4],
-                "output": given[4:],
-            },
+            {"model": "computer-use-preview", "input": given[:4], "output": given[4:]},
         )
     else:  # the second request holds the first again
         write_lines(
@@ -90,18 +77,10 @@ def test_an_input_that_is_text_and_a_picture_in_the_first_message(tmp_path: Path
 def test_a_batch_of_actions_is_one_step(tmp_path: Path) -> None:
     listed = [
         {"type": "screenshot"},
-        {
-            "type": "click",
-            "x": 7,
-            "y": 8,
-        },
+        {"type": "click", "x": 7, "y": 8},
         {"type": "type", "text": "a"},
     ]
-    batch = {
-        "type": "computer_call",
-        "call_id": "1",
-        "actions": listed,
-    }
+    batch = {"type": "computer_call", "call_id": "1", "actions": listed}
     write_json(tmp_path / "a.json", [{"role": "user", "content": "go"}, shot("0", 0), batch])
     (trajectory,), rejected = read(tmp_path)
     assert not rejected
@@ -123,42 +102,14 @@ def test_pictures_may_be_files_of_the_folder(tmp_path: Path) -> None:
 
 
 def with_output(output: Any) -> Any:
-    return {
-        "type": "computer_call_output",
-        "call_id": "c1",
-        "output": output,
-    }
+    return {"type": "computer_call_output", "call_id": "c1", "output": output}
 
 
 @pytest.mark.parametrize(
     ("number", "item", "fields", "reason"),
     [
-        (
-            4,
-            call(
-                "c1",
-                {
-                    "type": "click",
-                    "x": 400,
-                    "y": 0,
-                },
-            ),
-            ["action"],
-            "outside the 400x200",
-        ),
-        (
-            4,
-            call(
-                "c1",
-                {
-                    "type": "click",
-                    "x": "a",
-                    "y": 0,
-                },
-            ),
-            ["action"],
-            "number",
-        ),
+        (4, call("c1", {"type": "click", "x": 400, "y": 0}), ["action"], "outside the 400x200"),
+        (4, call("c1", {"type": "click", "x": "a", "y": 0}), ["action"], "number"),
         (4, call("c1", {"type": "dance"}), ["action"], "dance"),
         (4, call("c1", None), ["action"], "object"),
         (4, {"type": "computer_call", "action": {"type": "wait"}}, ["call_id"], "missing"),
@@ -189,11 +140,7 @@ def with_output(output: Any) -> Any:
     ],
 )
 def test_what_is_broken_is_counted(
-    number: int,
-    item: Any,
-    fields: list[str],
-    reason: str,
-    tmp_path: Path,
+    number: int, item: Any, fields: list[str], reason: str, tmp_path: Path
 ) -> None:
     given = items(tmp_path)
     given[number] = item

@@ -83,14 +83,7 @@ def test_several_actions_of_one_reply_share_its_number(tmp_path: Path) -> None:
     ("action", "expected", "code"),
     [
         (
-            {
-                "action_type": "CLICK",
-                "parameters": {
-                    "x": 7,
-                    "y": 8,
-                    "button": "right",
-                },
-            },
+            {"action_type": "CLICK", "parameters": {"x": 7, "y": 8, "button": "right"}},
             Action("right_click", 7, 8),
             '{"action_type": "CLICK", "parameters": {"x": 7, "y": 8, "button": "right"}}',
         ),
@@ -112,22 +105,13 @@ def test_several_actions_of_one_reply_share_its_number(tmp_path: Path) -> None:
             CLICK,
         ),
         (
-            {
-                "action_space": "pyautogui",
-                "action": CLICK,
-                "call_id": "c",
-            },
+            {"action_space": "pyautogui", "action": CLICK, "call_id": "c"},
             Action("click", 100, 50),
             CLICK,
         ),
     ],
 )
-def test_actions_that_are_objects(
-    action: Any,
-    expected: Action,
-    code: str,
-    tmp_path: Path,
-) -> None:
+def test_actions_that_are_objects(action: Any, expected: Action, code: str, tmp_path: Path) -> None:
     osworld(tmp_path, [action])
     (trajectory,), rejected = read(tmp_path)
     assert not rejected
@@ -143,25 +127,14 @@ def test_actions_that_are_objects(
         ("pyautogui.click(", "action", "line 1"),
         ("pyautogui.write('\\ud800')", "action", "surrogate"),
         ({"action_type": "JUMP"}, "action", "JUMP"),
-        (
-            {
-                "action_type": "CLICK",
-                "x": 1e400,
-                "y": 1,
-            },
-            "action",
-            "finite",
-        ),
+        ({"action_type": "CLICK", "x": 1e400, "y": 1}, "action", "finite"),
         ({"action_type": "tool_use", "input": {"coordinate": [1, 1]}}, "action.command", "missing"),
         (None, "action", "must be code"),
         ([CLICK], "action", "must be code"),
     ],
 )
 def test_a_bad_action_is_counted_and_the_next_step_keeps_its_screen(
-    action: Any,
-    field: str,
-    reason: str,
-    tmp_path: Path,
+    action: Any, field: str, reason: str, tmp_path: Path
 ) -> None:
     osworld(tmp_path, [CLICK, action, "DONE"])
     (trajectory,), (rejected,) = read(tmp_path)
@@ -231,11 +204,7 @@ def test_a_run_that_was_cut_off_has_no_result_and_still_counts(tmp_path: Path) -
         ("examples/chrome/" + TASK + ".json", ""),
     ],
 )
-def test_where_the_instruction_may_be(
-    place: str,
-    expected: str,
-    tmp_path: Path,
-) -> None:
+def test_where_the_instruction_may_be(place: str, expected: str, tmp_path: Path) -> None:
     osworld(tmp_path)
     (tmp_path / "examples" / "gimp" / f"{TASK}.json").unlink()
     write_json(tmp_path / place, {"instruction": "from afar"})
@@ -285,9 +254,7 @@ REPLY = "I will click.\n```python\nimport pyautogui\npyautogui.click(1, 1)\n```"
     ],
 )
 def test_the_authors_write_the_reply_before_the_action(
-    text: str,
-    code: str,
-    tmp_path: Path,
+    text: str, code: str, tmp_path: Path
 ) -> None:
     osworld(tmp_path, [text])
     write_lines(tmp_path / RECORDS, [{**lines(tmp_path)[0], "summary": "None"}])

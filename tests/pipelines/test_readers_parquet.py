@@ -34,20 +34,11 @@ def picture(number: int) -> dict[str, Any]:
 
 
 def trajectory(
-    name: str,
-    numbers: list[int],
-    actions: list[str] | None = None,
-    **more: Any,
+    name: str, numbers: list[int], actions: list[str] | None = None, **more: Any
 ) -> dict[str, Any]:
     actions = [CLICK] * len(numbers) if actions is None else actions
     shots = [picture(number) for number in numbers]
-    return {
-        "task_id": name,
-        "instruction": "go",
-        "actions": actions,
-        "screenshots": shots,
-        **more,
-    }
+    return {"task_id": name, "instruction": "go", "actions": actions, "screenshots": shots, **more}
 
 
 def test_rows_of_several_files_and_groups(tmp_path: Path) -> None:
@@ -107,10 +98,7 @@ def test_actions_are_code_or_computer_13(tmp_path: Path) -> None:
     ],
 )
 def test_a_bad_row_is_counted(
-    change: dict[str, Any],
-    field: str,
-    reason: str,
-    tmp_path: Path,
+    change: dict[str, Any], field: str, reason: str, tmp_path: Path
 ) -> None:
     rows = [trajectory("good", [0]), {**trajectory("bad", [1]), **change}, trajectory("last", [2])]
     write_table(tmp_path / "source" / "a.parquet", rows)
@@ -205,17 +193,9 @@ def cua(*calls: dict[str, Any], batch: bool = False) -> list[dict[str, Any]]:
     ]
 
 
-def chat(
-    messages: Any,
-    numbers: int = 2,
-    **more: Any,
-) -> dict[str, Any]:
+def chat(messages: Any, numbers: int = 2, **more: Any) -> dict[str, Any]:
     text = messages if isinstance(messages, str) else json.dumps(messages)
-    return {
-        "messages": text,
-        "images": [picture(i) for i in range(numbers)],
-        **more,
-    }
+    return {"messages": text, "images": [picture(i) for i in range(numbers)], **more}
 
 
 @pytest.mark.parametrize(
@@ -224,12 +204,7 @@ def chat(
         (call("click", coordinate=[250, 250]), Action("click", 100, 50)),
         (call("click", coordinate=[250, 250], button="right"), Action("right_click", 100, 50)),
         (
-            call(
-                "click",
-                coordinate=[250, 250],
-                clicks=2,
-                button=None,
-            ),
+            call("click", coordinate=[250, 250], clicks=2, button=None),
             Action("double_click", 100, 50),
         ),
         (call("tap", coordinate=[999, 999]), Action("click", 399, 199)),
@@ -240,12 +215,7 @@ def chat(
             Action("drag", 0, 0, 200, 100),
         ),
         (
-            call(
-                "scroll",
-                coordinate=[500, 500],
-                direction="down",
-                amount=3,
-            ),
+            call("scroll", coordinate=[500, 500], direction="down", amount=3),
             Action("scroll", 200, 100, amount=-3),
         ),
         (call("scroll", direction="left", amount=3), Action("other")),
@@ -260,10 +230,7 @@ def chat(
 )
 @pytest.mark.parametrize("batch", [False, True])
 def test_tool_calls_count_in_thousandths(
-    action: Any,
-    expected: Action,
-    batch: bool,
-    tmp_path: Path,
+    action: Any, expected: Action, batch: bool, tmp_path: Path
 ) -> None:
     messages = cua(call("screenshot"), action, batch=batch)
     write_table(tmp_path / "a.parquet", [chat(messages)])
@@ -366,12 +333,7 @@ def test_placeholders_and_blocks_of_code(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_a_bad_chat_is_counted(
-    messages: Any,
-    field: str,
-    reason: str,
-    tmp_path: Path,
-) -> None:
+def test_a_bad_chat_is_counted(messages: Any, field: str, reason: str, tmp_path: Path) -> None:
     write_table(
         tmp_path / "a.parquet", [chat(messages), chat(cua(call("click", coordinate=[1, 1])))]
     )
@@ -422,11 +384,7 @@ def test_boxes_in_fractions_and_in_pixels(bbox: list[float], tmp_path: Path) -> 
         (None, "missing"),
     ],
 )
-def test_a_bad_box_is_counted(
-    bbox: Any,
-    reason: str,
-    tmp_path: Path,
-) -> None:
+def test_a_bad_box_is_counted(bbox: Any, reason: str, tmp_path: Path) -> None:
     write_table(tmp_path / "a.parquet", [box(bbox), box([0.1, 0.1, 0.2, 0.2])])
     (found,), (rejected,) = read(tmp_path)
     assert found.id == "a/000001"

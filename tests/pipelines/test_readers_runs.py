@@ -41,11 +41,7 @@ def played(
 ):
     """One episode under `folder`; returns its record."""
     env = CorruptedEnv(
-        FakeStage(FakeDesktop(size)),
-        corruption=corruption,
-        settle=AT_ONCE,
-        log=folder,
-        max_steps=6,
+        FakeStage(FakeDesktop(size)), corruption=corruption, settle=AT_ONCE, log=folder, max_steps=6
     )
     env.reset(seed=3, options=options)
     for action in actions:

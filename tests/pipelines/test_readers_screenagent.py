@@ -25,27 +25,13 @@ def change(folder: Path, **values: Any) -> None:
     (folder / FIRST).write_text(json.dumps({**record, **values}, ensure_ascii=False))
 
 
-def mouse(
-    kind: str,
-    x: float | None = 100,
-    y: float = 50,
-    **more: Any,
-) -> dict[str, Any]:
+def mouse(kind: str, x: float | None = 100, y: float = 50, **more: Any) -> dict[str, Any]:
     place = {} if x is None else {"mouse_position": {"width": x, "height": y}}
-    return {
-        "action_type": "MouseAction",
-        "mouse_action_type": kind,
-        **place,
-        **more,
-    }
+    return {"action_type": "MouseAction", "mouse_action_type": kind, **place, **more}
 
 
 def keys(kind: str, **more: Any) -> dict[str, Any]:
-    return {
-        "action_type": "KeyboardAction",
-        "keyboard_action_type": kind,
-        **more,
-    }
+    return {"action_type": "KeyboardAction", "keyboard_action_type": kind, **more}
 
 
 TALK = {"action_type": "PlanAction", "element": "打开"}
@@ -69,11 +55,7 @@ TALK = {"action_type": "PlanAction", "element": "打开"}
         ([TALK, mouse("click"), keys("text", keyboard_text="a")], Action("click", 100, 50)),
     ],
 )
-def test_actions(
-    actions: list[Any],
-    expected: Action,
-    tmp_path: Path,
-) -> None:
+def test_actions(actions: list[Any], expected: Action, tmp_path: Path) -> None:
     change(screenagent(tmp_path), actions=actions)
     (trajectory,), rejected = read(tmp_path)
     assert not rejected
@@ -107,10 +89,7 @@ def test_actions(
     ],
 )
 def test_a_bad_step_is_counted_and_the_others_stay(
-    changes: dict[str, Any],
-    field: str,
-    reason: str,
-    tmp_path: Path,
+    changes: dict[str, Any], field: str, reason: str, tmp_path: Path
 ) -> None:
     change(screenagent(tmp_path), **changes)
     (trajectory,), (rejected,) = read(tmp_path)

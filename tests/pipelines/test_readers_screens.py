@@ -26,11 +26,7 @@ def test_of_our_formats_one_shows_pages_whatever_its_domain(tmp_path: Path) -> N
         first, *_ = get_reader(name).read(every[name](tmp_path / name))
         assert isinstance(first, Trajectory)
         found[name] = screen_of(first)
-    others = {
-        "webvoyager": "web page",
-        "gui_odyssey": "phone",
-        "android_control": "phone",
-    }
+    others = {"webvoyager": "web page", "gui_odyssey": "phone", "android_control": "phone"}
     assert found == {**dict.fromkeys(every, "desktop"), **others}
 
 

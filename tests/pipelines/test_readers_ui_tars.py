@@ -64,11 +64,7 @@ def test_a_full_screen_by_hand(tmp_path: Path) -> None:
         ("doubao-1-5-ui-tars-250428", "ui_tars"),
     ],
 )
-def test_the_model_says_which_version_it_is(
-    model: str,
-    expected: str,
-    tmp_path: Path,
-) -> None:
+def test_the_model_says_which_version_it_is(model: str, expected: str, tmp_path: Path) -> None:
     ui_tars(tmp_path, model)
     assert detect_format(tmp_path) == expected
 
@@ -140,11 +136,7 @@ def test_an_instruction_of_its_own_and_content_in_parts(tmp_path: Path) -> None:
     ],
 )
 def test_what_is_broken_is_counted(
-    number: int,
-    message: Any,
-    fields: list[str],
-    reason: str,
-    tmp_path: Path,
+    number: int, message: Any, fields: list[str], reason: str, tmp_path: Path
 ) -> None:
     ui_tars(tmp_path)
     given = lines(tmp_path)

@@ -22,11 +22,7 @@ def read(path: Path) -> tuple[list[Trajectory], list[Rejected]]:
     ]
 
 
-def change(
-    folder: Path,
-    number: int,
-    message: Any,
-) -> None:
+def change(folder: Path, number: int, message: Any) -> None:
     messages = json.loads((folder / RECORDS).read_text())
     messages[number] = message
     write_json(folder / RECORDS, messages)
@@ -48,11 +44,7 @@ def change(
         ("ANSWER; it is 5\nor 6", Action("done", text="it is 5\nor 6")),
     ],
 )
-def test_actions(
-    text: str,
-    expected: Action,
-    tmp_path: Path,
-) -> None:
+def test_actions(text: str, expected: Action, tmp_path: Path) -> None:
     change(
         webvoyager(tmp_path),
         2,
@@ -84,12 +76,7 @@ def test_replies_go_with_the_screenshots_of_their_number(tmp_path: Path) -> None
         ("hello", "", "object"),
     ],
 )
-def test_a_bad_message_is_counted(
-    message: Any,
-    field: str,
-    reason: str,
-    tmp_path: Path,
-) -> None:
+def test_a_bad_message_is_counted(message: Any, field: str, reason: str, tmp_path: Path) -> None:
     change(webvoyager(tmp_path), 2, message)
     (trajectory,), (rejected,) = read(tmp_path)
     assert (rejected.file, rejected.where, rejected.field) == (RECORDS, "message 2", field)
@@ -108,11 +95,7 @@ def test_a_reply_without_a_screenshot(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("messages", "field"), [([], ""), ([{"role": "user", "content": "a"}], ""), ({}, "")]
 )
-def test_a_task_without_steps(
-    messages: Any,
-    field: str,
-    tmp_path: Path,
-) -> None:
+def test_a_task_without_steps(messages: Any, field: str, tmp_path: Path) -> None:
     write_json(webvoyager(tmp_path) / "b" / "interact_messages.json", messages)
     trajectories, (rejected,) = read(tmp_path)
     assert len(trajectories) == 1

@@ -26,11 +26,7 @@ CASES = {
     "clean": None,
     "pop_ups": hj.PopUps(width=420, height=260),
     "resolution": hj.Resolution(scale=0.5),
-    "marks": hj.Marks(
-        number=3,
-        mark_size=8,
-        avoid_elements=True,
-    ),
+    "marks": hj.Marks(number=3, mark_size=8, avoid_elements=True),
     "subtitle": hj.Subtitle(subtitle_text="hello", font_size=12),
     "sequence": hj.Sequence(
         [hj.Marks(number=2), hj.Resolution(scale=0.75), hj.NetworkError(step=99)]
@@ -54,12 +50,7 @@ def played(folder: Path, *labels: str) -> list[Path]:
     return made
 
 
-def edit(
-    folder: Path,
-    step: int,
-    /,
-    **changes,
-) -> None:
+def edit(folder: Path, step: int, /, **changes) -> None:
     """Change a line of a log."""
     path = folder / "steps.jsonl"
     rows = [json.loads(line) for line in path.read_text().splitlines()]
@@ -96,11 +87,7 @@ def test_one_episode_can_be_checked_alone(tmp_path):
         ({"apps": 5, "boxes": [[1, 2]]}, "shape"),
     ],
 )
-def test_whatever_differs_is_named_with_file_and_step(
-    tmp_path,
-    change,
-    words,
-):
+def test_whatever_differs_is_named_with_file_and_step(tmp_path, change, words):
     folder, _ = played(tmp_path, "marks", "pop_ups")
     edit(folder, 1, **change)
     report = rebuild(tmp_path)

@@ -52,22 +52,12 @@ def contents(out: Path) -> dict[str, bytes]:
     return {str(p.relative_to(out)): p.read_bytes() for p in files}
 
 
-def start(
-    source: Path,
-    out: Path,
-    workers: int,
-    resume: str,
-) -> "subprocess.Popen[str]":
+def start(source: Path, out: Path, workers: int, resume: str) -> "subprocess.Popen[str]":
     script = source.parent / "script.py"
     script.write_text(SCRIPT)
     command = [sys.executable, str(script), str(source), str(out), str(workers), resume]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    return subprocess.Popen(
-        command,
-        stdout=subprocess.PIPE,
-        text=True,
-        env=environment,
-    )
+    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
 
 
 def kill_after(process: "subprocess.Popen[str]", steps: int) -> list[int]:
@@ -92,11 +82,7 @@ def is_running(pid: int) -> bool:
         return False
 
 
-def test_kill_and_resume_and_kill_and_resume(
-    recording: Any,
-    planners: Any,
-    tmp_path: Path,
-) -> None:
+def test_kill_and_resume_and_kill_and_resume(recording: Any, planners: Any, tmp_path: Path) -> None:
     source = recording(trajectories=6, steps=3)
     build(source, tmp_path / "whole", corruptions=planners, rows_per_shard=9)
     out = tmp_path / "out"
@@ -111,22 +97,14 @@ def test_kill_and_resume_and_kill_and_resume(
     kill_after(start(source, out, 1, "resume"), 11)
     assert len(list((out / "data").glob("train-*.parquet"))) == 3
     (out / "data" / ".train-00003.parquet.abc.tmp").write_text("half a file")
-    report = build(
-        source,
-        out,
-        corruptions=planners,
-        rows_per_shard=9,
-        resume=True,
-    )
+    report = build(source, out, corruptions=planners, rows_per_shard=9, resume=True)
     assert (report.kept, report.shards, report.total) == (3, 6, 54)
     assert contents(out) == contents(tmp_path / "whole")
     assert verify(out).ok
 
 
 def test_workers_end_with_a_build_that_is_killed(
-    recording: Any,
-    planners: Any,
-    tmp_path: Path,
+    recording: Any, planners: Any, tmp_path: Path
 ) -> None:
     source = recording(trajectories=8, steps=3)
     out = tmp_path / "out"
@@ -136,13 +114,7 @@ def test_workers_end_with_a_build_that_is_killed(
     while any(map(is_running, children)) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not [pid for pid in children if is_running(pid)]
-    report = build(
-        source,
-        out,
-        corruptions=planners,
-        rows_per_shard=9,
-        resume=True,
-    )
+    report = build(source, out, corruptions=planners, rows_per_shard=9, resume=True)
     build(source, tmp_path / "whole", corruptions=planners, rows_per_shard=9)
     assert report.kept >= 1
     assert contents(out) == contents(tmp_path / "whole")
@@ -162,15 +134,7 @@ class Case:
             label: hj.get(name, **given)
             for label, (name, given) in self.options["corruptions"].items()
         }
-        build(
-            self.source,
-            out,
-            **{
-                **self.options,
-                "corruptions": planners,
-                **more,
-            },
-        )
+        build(self.source, out, **{**self.options, "corruptions": planners, **more})
 
 
 @pytest.fixture(scope="module")
@@ -180,12 +144,7 @@ def killing() -> Iterator[Killer]:
 
 
 @pytest.fixture
-def six(
-    recording: Any,
-    add_line: Any,
-    tmp_path: Path,
-    killing: Killer,
-) -> Case:
+def six(recording: Any, add_line: Any, tmp_path: Path, killing: Killer) -> Case:
     """Six shards, and inputs that are rejected."""
     source = recording(trajectories=6, steps=2)
     image = source / "images" / "t2-1.png"
@@ -270,10 +229,7 @@ def test_killed_at_random_instants(six: Case, tmp_path: Path) -> None:
 
 
 def test_resuming_what_is_finished_changes_nothing(
-    recording: Any,
-    planners: Any,
-    add_line: Any,
-    tmp_path: Path,
+    recording: Any, planners: Any, add_line: Any, tmp_path: Path
 ) -> None:
     source, out = recording(trajectories=3), tmp_path / "out"
     add_line(source, b"rubbish")
@@ -281,13 +237,7 @@ def test_resuming_what_is_finished_changes_nothing(
     image.write_bytes(image.read_bytes()[:-1000])
     build(source, out, corruptions=planners, rows_per_shard=9)
     before = contents(out)
-    report = build(
-        source,
-        out,
-        corruptions=planners,
-        rows_per_shard=9,
-        resume=True,
-    )
+    report = build(source, out, corruptions=planners, rows_per_shard=9, resume=True)
     assert (report.kept, report.total, report.rejected) == (3, 24, 2)
     assert contents(out) == before
     assert before["quarantine.jsonl"].count(b"\n") == 2
@@ -295,11 +245,7 @@ def test_resuming_what_is_finished_changes_nothing(
         build(source, out, corruptions=planners, rows_per_shard=9)
 
 
-def test_resume_repairs_what_was_damaged(
-    recording: Any,
-    planners: Any,
-    tmp_path: Path,
-) -> None:
+def test_resume_repairs_what_was_damaged(recording: Any, planners: Any, tmp_path: Path) -> None:
     source, out = recording(trajectories=4), tmp_path / "out"
     build(source, out, corruptions=planners, rows_per_shard=9)
     before = contents(out)
@@ -308,34 +254,18 @@ def test_resume_repairs_what_was_damaged(
     damaged[100] ^= 1
     (out / "data" / "train-00002.parquet").write_bytes(damaged)
     (out / "data" / "train-00009.parquet").write_bytes(b"stray")
-    report = build(
-        source,
-        out,
-        corruptions=planners,
-        rows_per_shard=9,
-        resume=True,
-    )
+    report = build(source, out, corruptions=planners, rows_per_shard=9, resume=True)
     assert (report.kept, report.shards) == (2, 4)
     assert contents(out) == before
 
 
 def test_a_source_that_changed_is_built_anew_where_it_did(
-    recording: Any,
-    planners: Any,
-    add_line: Any,
-    good_line: Any,
-    tmp_path: Path,
+    recording: Any, planners: Any, add_line: Any, good_line: Any, tmp_path: Path
 ) -> None:
     source, out = recording(trajectories=3), tmp_path / "out"
     build(source, out, corruptions=planners, rows_per_shard=9)
     add_line(source, good_line("t1", 7, image="images/t0-0.png"))
-    report = build(
-        source,
-        out,
-        corruptions=planners,
-        rows_per_shard=9,
-        resume=True,
-    )
+    report = build(source, out, corruptions=planners, rows_per_shard=9, resume=True)
     assert (report.kept, report.total) == (2, 30)
     build(source, tmp_path / "whole", corruptions=planners, rows_per_shard=9)
     assert contents(out) == contents(tmp_path / "whole")
@@ -355,34 +285,18 @@ def test_a_source_that_changed_is_built_anew_where_it_did(
     ],
 )
 def test_other_parameters_cannot_resume(
-    changes: Any,
-    key: str,
-    recording: Any,
-    planners: Any,
-    tmp_path: Path,
+    changes: Any, key: str, recording: Any, planners: Any, tmp_path: Path
 ) -> None:
     source, out = recording(trajectories=1, steps=1), tmp_path / "out"
     build(source, out, corruptions=planners, rows_per_shard=9)
     before = contents(out)
     with pytest.raises(BuildError, match=key):
-        build(
-            source,
-            out,
-            **{
-                "corruptions": planners,
-                "rows_per_shard": 9,
-                **changes,
-            },
-            resume=True,
-        )
+        build(source, out, **{"corruptions": planners, "rows_per_shard": 9, **changes}, resume=True)
     assert contents(out) == before
 
 
 def test_other_libraries_cannot_resume(
-    recording: Any,
-    planners: Any,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    recording: Any, planners: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     source, out = recording(trajectories=1, steps=1), tmp_path / "out"
     build(source, out, corruptions=planners)
@@ -392,9 +306,7 @@ def test_other_libraries_cannot_resume(
 
 
 def test_folders_that_are_not_ours_are_left_alone(
-    recording: Any,
-    planners: Any,
-    tmp_path: Path,
+    recording: Any, planners: Any, tmp_path: Path
 ) -> None:
     source, out = recording(trajectories=1, steps=1), tmp_path / "out"
     out.mkdir()
@@ -405,20 +317,12 @@ def test_folders_that_are_not_ours_are_left_alone(
     assert os.listdir(out) == ["thesis.tex"]
 
 
-def test_resume_of_nothing_is_a_fresh_build(
-    recording: Any,
-    planners: Any,
-    tmp_path: Path,
-) -> None:
+def test_resume_of_nothing_is_a_fresh_build(recording: Any, planners: Any, tmp_path: Path) -> None:
     report = build(recording(), tmp_path / "out", corruptions=planners, resume=True)
     assert (report.kept, report.total) == (0, 18)
 
 
-def test_a_damaged_state_is_named(
-    recording: Any,
-    planners: Any,
-    tmp_path: Path,
-) -> None:
+def test_a_damaged_state_is_named(recording: Any, planners: Any, tmp_path: Path) -> None:
     source, out = recording(trajectories=1, steps=1), tmp_path / "out"
     (out / ".build").mkdir(parents=True)
     (out / ".build" / "00000.json").write_text(json.dumps({"index": 0}))
@@ -427,11 +331,7 @@ def test_a_damaged_state_is_named(
         build(source, out, corruptions=planners, resume=True)
 
 
-def test_two_builds_of_one_folder(
-    recording: Any,
-    planners: Any,
-    tmp_path: Path,
-) -> None:
+def test_two_builds_of_one_folder(recording: Any, planners: Any, tmp_path: Path) -> None:
     source, out = recording(), tmp_path / "out"
     seen: list[str] = []
 
@@ -464,17 +364,10 @@ def bitmaps(recording: Any) -> Path:
 
 @pytest.mark.parametrize("output", ["materialised", "lazy"])
 def test_a_picture_that_changed_and_kept_its_size(
-    output: str,
-    bitmaps: Path,
-    planners: Any,
-    tmp_path: Path,
+    output: str, bitmaps: Path, planners: Any, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
-    options: dict[str, Any] = {
-        "corruptions": planners,
-        "rows_per_shard": 6,
-        "output": output,
-    }
+    options: dict[str, Any] = {"corruptions": planners, "rows_per_shard": 6, "output": output}
     build(bitmaps, out, **options)
     assert build(bitmaps, out, **options, resume=True).kept == 4
     turned_round(bitmaps / "images" / "t2-1.png")
@@ -485,22 +378,14 @@ def test_a_picture_that_changed_and_kept_its_size(
 
 
 def test_a_killed_build_mixes_nothing_with_pictures_that_changed(
-    bitmaps: Path,
-    planners: Any,
-    tmp_path: Path,
+    bitmaps: Path, planners: Any, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
     kill_after(start(bitmaps, out, 1, "fresh"), 5)
     done = len(list((out / "data").glob("train-*.parquet")))
     assert 1 <= done < 4
     turned_round(bitmaps / "images" / "t0-1.png")
-    report = build(
-        bitmaps,
-        out,
-        corruptions=planners,
-        rows_per_shard=9,
-        resume=True,
-    )
+    report = build(bitmaps, out, corruptions=planners, rows_per_shard=9, resume=True)
     assert report.kept == done - 1
     build(bitmaps, tmp_path / "fresh", corruptions=planners, rows_per_shard=9)
     assert contents(out) == contents(tmp_path / "fresh")

@@ -31,53 +31,18 @@ PLANNERS: dict[str, Any] = {
 
 
 @pytest.fixture(params=["materialised", "lazy"])
-def dataset(
-    request: Any,
-    recording: Any,
-    add_line: Any,
-    good_line: Any,
-    tmp_path: Path,
-) -> Path:
+def dataset(request: Any, recording: Any, add_line: Any, good_line: Any, tmp_path: Path) -> Path:
     source = recording(trajectories=2, steps=2)
-    drag = {
-        "type": "drag",
-        "x": 21,
-        "y": 41,
-        "x2": 299,
-        "y2": 181,
-        "keys": ["shift"],
-        "amount": 2,
-    }
+    drag = {"type": "drag", "x": 21, "y": 41, "x2": 299, "y2": 181, "keys": ["shift"], "amount": 2}
     code = "pyautogui.moveTo(21, 41)\npyautogui.dragTo(x=299, y=181)"
     box = [11, 31, 31, 51]
     for name, change in {
-        "drag": {
-            "action": drag,
-            "action_code": code,
-            "target_box": box,
-        },
-        "wait": {
-            "action": {"type": "wait"},
-            "action_code": "",
-            "target_box": None,
-        },
-        "point": {
-            "action": {
-                "type": "click",
-                "x": 33,
-                "y": 77,
-            },
-            "target_box": None,
-        },
+        "drag": {"action": drag, "action_code": code, "target_box": box},
+        "wait": {"action": {"type": "wait"}, "action_code": "", "target_box": None},
+        "point": {"action": {"type": "click", "x": 33, "y": 77}, "target_box": None},
     }.items():
         add_line(source, good_line(name, 0, image="images/t0-0.png", **change))
-    build(
-        source,
-        tmp_path / "out",
-        corruptions=PLANNERS,
-        output=request.param,
-        seed=SEED,
-    )
+    build(source, tmp_path / "out", corruptions=PLANNERS, output=request.param, seed=SEED)
     return tmp_path / "out"
 
 
@@ -86,11 +51,7 @@ def same(made: Any, built: dict[str, Any]) -> None:
     # a name that the configuration chose; a transform has the names of the parts
     if built["corruption"] == "both":
         name = "resolution+marks"
-        built = {
-            **built,
-            "corruption": name,
-            "id": built["id"].replace("both", name),
-        }
+        built = {**built, "corruption": name, "id": built["id"].replace("both", name)}
     for key, value in built.items():
         if key == "screenshot":
             picture = (
@@ -151,9 +112,7 @@ def test_grain_rows_do_so_too(dataset: Path) -> None:
 
 
 def test_rows_of_datasets_do_so_too(
-    dataset: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     datasets = pytest.importorskip("datasets")
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
@@ -227,17 +186,8 @@ def test_a_row_without_some_columns_keeps_the_others_true(dataset: Path) -> None
 
 def test_avoid_protects_the_target_of_a_row(dataset: Path) -> None:
     data = TorchDataset(dataset)
-    avoid = tr.Marks(
-        seed=1,
-        number=60,
-        label_policy="avoid",
-        return_plan=True,
-    )
-    keep = tr.Marks(
-        seed=1,
-        number=60,
-        return_plan=True,
-    )
+    avoid = tr.Marks(seed=1, number=60, label_policy="avoid", return_plan=True)
+    keep = tr.Marks(seed=1, number=60, return_plan=True)
     hidden = 0
     for i in range(len(data)):
         row = data[i]
@@ -280,9 +230,7 @@ CLICK, DRAG = Action("click", 961, 541), Action("drag", 100, 200, 300, 400)
     ],
 )
 def test_the_dialect_of_a_row_is_told_by_what_it_says(
-    code: str,
-    dialect: str,
-    action: Action,
+    code: str, dialect: str, action: Action
 ) -> None:
     found = dialect_of(code, action, SIZE)
     assert found == dialect or (found, dialect) == (SIZELESS, "ui_tars")

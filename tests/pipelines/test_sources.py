@@ -75,25 +75,13 @@ def test_a_mixed_folder_gives_the_same_bytes_wherever_it_lies_and_however_it_is_
     mixed: Path, tmp_path: Path
 ) -> None:
     build(mixed, tmp_path / "one", corruptions=HALF, rows_per_shard=6)
-    build(
-        mixed,
-        tmp_path / "two",
-        corruptions=HALF,
-        rows_per_shard=6,
-        workers=2,
-    )
+    build(mixed, tmp_path / "two", corruptions=HALF, rows_per_shard=6, workers=2)
     moved = tmp_path / "elsewhere" / "other"
     moved.parent.mkdir()
     mixed.rename(moved)
     build(moved, tmp_path / "three", corruptions=HALF, rows_per_shard=6)
     (tmp_path / "three" / "data" / "train-00001.parquet").unlink()
-    report = build(
-        moved,
-        tmp_path / "three",
-        corruptions=HALF,
-        rows_per_shard=6,
-        resume=True,
-    )
+    report = build(moved, tmp_path / "three", corruptions=HALF, rows_per_shard=6, resume=True)
     assert report.kept == report.shards - 1
     assert shards(tmp_path / "one") == shards(tmp_path / "two") == shards(tmp_path / "three")
 
@@ -171,9 +159,7 @@ def test_several_sources(recording: Any, tmp_path: Path) -> None:
 
 
 def test_what_is_rejected_is_named_with_its_source(
-    recording: Any,
-    add_line: Any,
-    tmp_path: Path,
+    recording: Any, add_line: Any, tmp_path: Path
 ) -> None:
     one, two = recording("a/same"), recording("b/same")
     add_line(two, b"rubbish")
@@ -272,10 +258,7 @@ def test_blobs_beside_a_folder_that_is_no_cache_are_not_followed(snapshot: Path)
 
 
 def test_names_that_are_not_utf8(
-    recording: Any,
-    add_line: Any,
-    good_line: Any,
-    tmp_path: Path,
+    recording: Any, add_line: Any, good_line: Any, tmp_path: Path
 ) -> None:
     folder = recording()
     odd = os.fsencode(folder) + b"/\xff\xfe"
@@ -314,11 +297,7 @@ def test_a_dataset_names_its_source_without_the_machine(given: str, expected: st
     assert published(given) == expected
 
 
-def test_no_absolute_path_is_published(
-    recording: Any,
-    add_line: Any,
-    tmp_path: Path,
-) -> None:
+def test_no_absolute_path_is_published(recording: Any, add_line: Any, tmp_path: Path) -> None:
     folder = recording("secret_place")
     add_line(folder, b"rubbish")
     build(folder, tmp_path / "out", corruptions=HALF)
@@ -337,11 +316,7 @@ def test_the_real_folders_are_read_whole(shared_data: Path) -> None:
         name: sum(len(t.steps) for t in trajectories if t.source == name)
         for name in {t.source for t in trajectories}
     }
-    assert steps == {
-        "agentnet": 46,
-        "screenagent": 119,
-        "webvoyager": 9,
-    }
+    assert steps == {"agentnet": 46, "screenagent": 119, "webvoyager": 9}
 
 
 def test_a_dataset_that_was_built_is_no_source(recording: Any, tmp_path: Path) -> None:

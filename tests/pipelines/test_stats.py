@@ -15,51 +15,26 @@ from pipelines.dataset.stats_page import page
 from pipelines.errors import DatasetError
 
 PLANNERS: dict[str, Any] = {
-    "cover": hj.PopUps(
-        width=320,
-        height=200,
-        avoid_elements=False,
-    ),
+    "cover": hj.PopUps(width=320, height=200, avoid_elements=False),
     "half": hj.Resolution(),
     "mild": hj.Marks.at(1, mark_size=5),
-    "note": hj.Subtitle(
-        subtitle_text="x",
-        font_size=12,
-        padding=2,
-    ),
+    "note": hj.Subtitle(subtitle_text="x", font_size=12, padding=2),
     "wide": hj.Subtitle(subtitle_text="W" * 300),
 }
 
 
 @pytest.fixture(params=["materialised", "lazy"])
-def dataset(
-    request: Any,
-    recording: Any,
-    add_line: Any,
-    good_line: Any,
-    tmp_path: Path,
-) -> Path:
+def dataset(request: Any, recording: Any, add_line: Any, good_line: Any, tmp_path: Path) -> Path:
     source = recording(trajectories=3, steps=2)
     # hidden, partly hidden, visible
     for number, (x, y) in enumerate([(310, 190), (160, 110), (20, 20)]):
         point = {
-            "action": {
-                "type": "click",
-                "x": x,
-                "y": y,
-            },
+            "action": {"type": "click", "x": x, "y": y},
             "target_box": [x - 20, y - 10, x + 10, y + 10],
         }
         add_line(source, good_line(f"<b>{number}", 0, image="images/t0-0.png", **point))
     add_line(
-        source,
-        good_line(
-            "w",
-            0,
-            image="images/t0-0.png",
-            action={"type": "wait"},
-            target_box=None,
-        ),
+        source, good_line("w", 0, image="images/t0-0.png", action={"type": "wait"}, target_box=None)
     )
     add_line(source, b"rubbish")
     build(
@@ -129,21 +104,9 @@ def test_bins_of_visibility(share: float, name: str) -> None:
         "width": 2,
         "height": 2,
     }
-    found.add(
-        {
-            **row,
-            "target_visible": share,
-            "event": None,
-            "reminder": None,
-            "inserted": False,
-        }
-    )
+    found.add({**row, "target_visible": share, "event": None, "reminder": None, "inserted": False})
     assert [BINS[k] for k, count in enumerate(found.visible) if count] == [name]
-    assert found.to_data()["changed"] == {
-        "min": 0.25,
-        "median": 0.25,
-        "max": 0.25,
-    }
+    assert found.to_data()["changed"] == {"min": 0.25, "median": 0.25, "max": 0.25}
     assert found.to_data()["severity"] == {"3": 1}
 
 

@@ -139,12 +139,7 @@ TAMPERINGS = {
     "the number of steps": both(steps=3),
     "how many were malformed": both(malformed=0),
     "the requests": both(
-        recovery={
-            "policy": "none",
-            "requests": 0,
-            "false_alarms": 0,
-            "repaired": 0,
-        }
+        recovery={"policy": "none", "requests": 0, "false_alarms": 0, "repaired": 0}
     ),
     # what it was
     "the params of the journal": record(params={}),
@@ -226,12 +221,7 @@ def test_a_field_of_the_wrong_kind_is_named(tamper, problem, run):
 
 def test_a_second_attempt_that_was_removed_is_missed(run):
     """What is invalid is run again: where that is not there, it was taken out."""
-    both(
-        HALF,
-        status="invalid",
-        score=None,
-        problem="x",
-    )(run)
+    both(HALF, status="invalid", score=None, problem="x")(run)
     chained_anew(run)
     assert rebuild(run).problems == [f"run.json: {HALF} was not run again, and retries is 1"]
 
@@ -340,11 +330,7 @@ def test_an_edited_seal_is_no_longer_signed(run, keys):
     assert rebuild(run).problems == ["seal.json.sig: is missing"]
 
 
-def test_what_is_not_whole_is_not_signed(
-    run,
-    keys,
-    tmp_path,
-):
+def test_what_is_not_whole_is_not_signed(run, keys, tmp_path):
     mine, _ = keys
     both(score=1.0)(run)
     done = command("sign", run, "--key", mine)

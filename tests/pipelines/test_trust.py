@@ -45,11 +45,7 @@ def config(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def whole(
-    recording: Any,
-    config: Path,
-    tmp_path: Path,
-) -> tuple[Path, dict[str, bytes]]:
+def whole(recording: Any, config: Path, tmp_path: Path) -> tuple[Path, dict[str, bytes]]:
     """A source, and the data that an undisturbed build makes of it."""
     source = recording(trajectories=8, steps=4)
     build(source, tmp_path / "whole", config=config)
@@ -61,21 +57,13 @@ def rest(out: Path) -> set[str]:
     return {file.name for file in out.rglob("*") if file.name.endswith(".tmp")}
 
 
-def resumed(
-    source: Path,
-    out: Path,
-    config: Path,
-) -> dict[str, bytes]:
+def resumed(source: Path, out: Path, config: Path) -> dict[str, bytes]:
     build(source, out, config=config, resume=True)
     assert verify(out).ok
     return contents(out / "data")
 
 
-def test_files_that_may_not_grow(
-    whole: Any,
-    config: Path,
-    tmp_path: Path,
-) -> None:
+def test_files_that_may_not_grow(whole: Any, config: Path, tmp_path: Path) -> None:
     """RLIMIT_FSIZE makes the write fail that a full disk would fail."""
     source, data = whole
     out = tmp_path / "out"
@@ -112,21 +100,11 @@ def small_disk(whole: Any, tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", folder], check=True)
 
 
-def test_a_disk_that_is_full(
-    small_disk: Path,
-    whole: Any,
-    config: Path,
-) -> None:
+def test_a_disk_that_is_full(small_disk: Path, whole: Any, config: Path) -> None:
     source, data = whole
     out = small_disk / "out"
     command = [*COMMAND, str(source), "--out", str(out), "--config", str(config)]
-    done = subprocess.run(
-        command,
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert "No space left on device" in done.stderr
     assert "Traceback" not in done.stderr
@@ -161,23 +139,14 @@ main(["build", source, "--out", locked, "--config", config])
 
 @pytest.mark.parametrize("name", ["locked", "locked/new"])
 def test_a_folder_that_may_not_be_written_to(
-    name: str,
-    whole: Any,
-    config: Path,
-    open_folder: Path,
+    name: str, whole: Any, config: Path, open_folder: Path
 ) -> None:
     shutil.copytree(whole[0], open_folder / "source")
     shutil.copy(config, open_folder / "config.yaml")
     (open_folder / "locked").mkdir(mode=0o555)
     paths = [str(open_folder / part) for part in ("source", "config.yaml", "fine", name)]
     command = [sys.executable, "-c", UNPRIVILEGED, *paths]
-    done = subprocess.run(
-        command,
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 2, done.stderr
     assert f"{open_folder / name}" in done.stderr
     assert "Permission denied" in done.stderr
@@ -186,12 +155,7 @@ def test_a_folder_that_may_not_be_written_to(
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_ctrl_c(
-    workers: int,
-    whole: Any,
-    config: Path,
-    tmp_path: Path,
-) -> None:
+def test_ctrl_c(workers: int, whole: Any, config: Path, tmp_path: Path) -> None:
     source, _ = whole
     options: dict[str, Any] = {"config": config, "rows_per_shard": 1}
     build(source, tmp_path / "cut", **options)
@@ -240,10 +204,7 @@ def test_ctrl_c(
 
 
 def test_several_corruptions_of_one_screenshot_decode_it_once(
-    recording: Any,
-    small: Any,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    recording: Any, small: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     real, calls = pipelines.building.rows.decode, []
 
@@ -254,11 +215,7 @@ def test_several_corruptions_of_one_screenshot_decode_it_once(
     monkeypatch.setattr(pipelines.building.rows, "decode", counted)
     for output in ("materialised", "lazy"):
         calls.clear()
-        planners = {
-            **small,
-            "more": hj.Marks(number=2),
-            "most": hj.Marks(number=3),
-        }
+        planners = {**small, "more": hj.Marks(number=2), "most": hj.Marks(number=3)}
         report = build(
             recording(output), tmp_path / f"out-{output}", corruptions=planners, output=output
         )
@@ -267,9 +224,7 @@ def test_several_corruptions_of_one_screenshot_decode_it_once(
 
 
 def test_what_rows_of_a_step_share_is_compressed_once(
-    recording: Any,
-    tmp_path: Path,
-    monkeypatch: Any,
+    recording: Any, tmp_path: Path, monkeypatch: Any
 ) -> None:
     """A subtitle leaves most bands of the picture alone: only those that it touches are compressed
     again."""
@@ -282,13 +237,7 @@ def test_what_rows_of_a_step_share_is_compressed_once(
         return real(image, k)
 
     monkeypatch.setattr(pipelines.dataset.images, "_band", counted)
-    words = {
-        "words": hj.Subtitle(
-            subtitle_text="hello",
-            font_size=12,
-            padding=5,
-        )
-    }
+    words = {"words": hj.Subtitle(subtitle_text="hello", font_size=12, padding=5)}
     build(recording(trajectories=1, steps=1), tmp_path / "out", corruptions=words)
     assert bands[:9] == list(range(9))
     assert 1 <= len(bands[9:]) <= 3

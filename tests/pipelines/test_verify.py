@@ -13,20 +13,13 @@ from support.tampering import renew
 
 
 @pytest.fixture
-def dataset(
-    recording: Any,
-    small: Any,
-    tmp_path: Path,
-) -> Path:
+def dataset(recording: Any, small: Any, tmp_path: Path) -> Path:
     build(recording(), tmp_path / "out", corruptions=small, rows_per_shard=15)
     return tmp_path / "out"
 
 
 def edit(
-    dataset: Path,
-    change: Callable[[list[dict[str, Any]]], object],
-    *,
-    honest: bool = False,
+    dataset: Path, change: Callable[[list[dict[str, Any]]], object], *, honest: bool = False
 ) -> None:
     """Change the rows of the first file; an `honest` edit makes the manifest fit, but for what it
     counts."""
@@ -114,9 +107,7 @@ def other_picture_with_its_hash(rows: list[dict[str, Any]]) -> None:
     ],
 )
 def test_a_row_that_was_changed_is_found_even_with_a_new_hash(
-    dataset: Path,
-    change: Callable[[list[dict[str, Any]]], object],
-    reason: str,
+    dataset: Path, change: Callable[[list[dict[str, Any]]], object], reason: str
 ) -> None:
     edit(dataset, change, honest=True)
     (problem,) = verify(dataset).problems
@@ -144,11 +135,7 @@ def test_only_the_first_problems_are_shown(dataset: Path) -> None:
         ('{"format": "agenthijack-dataset", "version": 1}', "damaged"),
     ],
 )
-def test_folders_without_a_sound_manifest(
-    content: str | None,
-    reason: str,
-    tmp_path: Path,
-) -> None:
+def test_folders_without_a_sound_manifest(content: str | None, reason: str, tmp_path: Path) -> None:
     if content is not None:
         (tmp_path / "manifest.json").write_text(content)
     for function in (verify, open_dataset):

@@ -11,12 +11,7 @@ from pipelines import build, verify
 from support.events import COMBINED
 
 
-def check(
-    source: Path,
-    out: Path,
-    planners: Any,
-    **options: Any,
-) -> None:
+def check(source: Path, out: Path, planners: Any, **options: Any) -> None:
     build(source, out, corruptions=planners, **options)
     for given in (None, source):
         assert verify(out, source=given).problems == []
@@ -55,22 +50,14 @@ def test_combinations(
     check(
         browsing,
         tmp_path / "out",
-        {
-            **planners,
-            "some": small,
-            "twice": twice,
-        },
+        {**planners, "some": small, "twice": twice},
         output=output,
         clean=clean,
     )
 
 
 def test_inputs_that_are_rejected(
-    recording: Any,
-    small: Any,
-    add_line: Any,
-    good_line: Any,
-    tmp_path: Path,
+    recording: Any, small: Any, add_line: Any, good_line: Any, tmp_path: Path
 ) -> None:
     source = recording(trajectories=3, steps=2)
     (source / "images" / "t1-0.png").write_bytes(b"no picture")
@@ -85,12 +72,7 @@ def test_inputs_that_are_rejected(
 @pytest.mark.parametrize("output", ["materialised", "lazy"])
 @pytest.mark.parametrize("clean", [True, False])
 def test_what_else_a_recording_says(
-    output: str,
-    clean: bool,
-    recording: Any,
-    add_line: Any,
-    good_line: Any,
-    tmp_path: Path,
+    output: str, clean: bool, recording: Any, add_line: Any, good_line: Any, tmp_path: Path
 ) -> None:
     source = recording(trajectories=1, steps=1)
     more = {"thought": "The column is too narrow.", "reward": 0.5, "huge": 10**400}

@@ -43,11 +43,7 @@ class Built:
 
 
 @pytest.fixture(scope="module")
-def built(
-    assets: Path,
-    tmp_path_factory: pytest.TempPathFactory,
-    pictures: Any,
-) -> Built:
+def built(assets: Path, tmp_path_factory: pytest.TempPathFactory, pictures: Any) -> Built:
     folder = tmp_path_factory.mktemp("built")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("AGENTHIJACK_ASSETS", str(assets))
@@ -64,13 +60,7 @@ def built(
             ("lazy", 0, "lazy"),
             ("two", 1, "materialised"),
         ):
-            build(
-                source,
-                folder / name,
-                corruptions=planners,
-                seed=seed,
-                output=output,
-            )
+            build(source, folder / name, corruptions=planners, seed=seed, output=output)
         others = pq.read_table(folder / "two" / SHARD).to_pylist()
     return Built(source, folder / "one", folder / "lazy", others)
 
@@ -188,15 +178,7 @@ CAUGHT: dict[str, tuple[Callable[[Rows], object], str]] = {
     "event": (sets(LOCKED, event="It rained."), "event is 'It rained.'"),
     "recovery action": (acted(TOUCH, type="wait"), "'wait'"),
     "recovery box": (sets(TOUCH, target_box=[0, 0, 9, 9]), "target_box is [0, 0, 9, 9]"),
-    "answer to an event": (
-        acted(
-            LOCKED,
-            type="click",
-            x=3,
-            y=3,
-        ),
-        "it should be {'type': 'wait'",
-    ),
+    "answer to an event": (acted(LOCKED, type="click", x=3, y=3), "it should be {'type': 'wait'"),
     "fidelity": (sets(LOCKED, fidelity="exact"), "contradict"),
     "inserted": (sets(TOUCH, inserted=False), "inserted is False"),
     "a null": (sets(MARKS, action=None), "row t0/0000/marks: "),
@@ -205,12 +187,7 @@ CAUGHT: dict[str, tuple[Callable[[Rows], object], str]] = {
 
 @pytest.mark.parametrize("kind", ["materialised", "lazy"])
 @pytest.mark.parametrize("name", CAUGHT)
-def test_a_row_that_was_changed(
-    name: str,
-    kind: str,
-    built: Built,
-    tmp_path: Path,
-) -> None:
+def test_a_row_that_was_changed(name: str, kind: str, built: Built, tmp_path: Path) -> None:
     change, words = CAUGHT[name]
     out = built.copy(kind, tmp_path)
     tamper(out, change)
@@ -245,11 +222,7 @@ SOURCED: dict[str, Callable[[Rows], object]] = {
 
 
 @pytest.mark.parametrize("name", SOURCED)
-def test_what_only_the_source_knows(
-    name: str,
-    built: Built,
-    tmp_path: Path,
-) -> None:
+def test_what_only_the_source_knows(name: str, built: Built, tmp_path: Path) -> None:
     out = built.copy("materialised", tmp_path)
     assert verify(out, source=built.source).problems == []
     tamper(out, SOURCED[name])
@@ -269,11 +242,7 @@ def test_a_plan_that_avoids_elements_is_made_again_from_the_source(
 
 
 @pytest.mark.parametrize("file", ["README.md", "config.yaml", "quarantine.jsonl"])
-def test_a_file_beside_the_rows(
-    file: str,
-    built: Built,
-    tmp_path: Path,
-) -> None:
+def test_a_file_beside_the_rows(file: str, built: Built, tmp_path: Path) -> None:
     out = built.copy("lazy", tmp_path)
     with (out / file).open("a") as text:
         text.write("\n")
@@ -298,12 +267,7 @@ EDITED: dict[str, Callable[[dict[str, Any]], object]] = {
 
 @pytest.mark.parametrize("name", EDITED)
 @pytest.mark.parametrize("fits", [True, False])
-def test_a_manifest_that_was_edited(
-    name: str,
-    fits: bool,
-    built: Built,
-    tmp_path: Path,
-) -> None:
+def test_a_manifest_that_was_edited(name: str, fits: bool, built: Built, tmp_path: Path) -> None:
     """With a new digest it is found by what it is derived from, without one by the digest."""
     out = built.copy("lazy", tmp_path)
     if fits:
@@ -320,11 +284,7 @@ def test_a_manifest_that_was_edited(
 @pytest.mark.parametrize(
     "name", ["more.parquet", "old/train-00000.parquet", "data/notes.txt", "rows.csv", "a/b.jsonl"]
 )
-def test_files_that_a_loader_may_take_for_rows(
-    name: str,
-    built: Built,
-    tmp_path: Path,
-) -> None:
+def test_files_that_a_loader_may_take_for_rows(name: str, built: Built, tmp_path: Path) -> None:
     out = built.copy("lazy", tmp_path)
     (out / name).parent.mkdir(exist_ok=True)
     shutil.copy(out / SHARD, out / name)
@@ -336,11 +296,7 @@ def test_files_that_a_loader_may_take_for_rows(
 @pytest.mark.parametrize(
     "name", ["LICENSE", "notes.md", "stats.html", ".gitattributes", ".cache/huggingface/x.json"]
 )
-def test_files_that_no_loader_takes_for_rows(
-    name: str,
-    built: Built,
-    tmp_path: Path,
-) -> None:
+def test_files_that_no_loader_takes_for_rows(name: str, built: Built, tmp_path: Path) -> None:
     out = built.copy("lazy", tmp_path)
     (out / name).parent.mkdir(parents=True, exist_ok=True)
     (out / name).write_text("text")

@@ -12,11 +12,7 @@ SCREEN = (320, 200)
 BACKGROUND = (32, 33, 36)
 
 
-def pixels(
-    number: int,
-    width: int,
-    height: int,
-) -> np.ndarray:
+def pixels(number: int, width: int, height: int) -> np.ndarray:
     """A picture of coloured blocks, another for each number; none is of the kind that recordings
     are made of."""
     blocks = np.random.default_rng(1000 + number).integers(
@@ -25,11 +21,7 @@ def pixels(
     return np.ascontiguousarray(blocks.repeat(5, axis=0).repeat(5, axis=1)[:height, :width])
 
 
-def page(
-    width: int,
-    height: int,
-    content: tuple[int, int] = (60, 40),
-) -> np.ndarray:
+def page(width: int, height: int, content: tuple[int, int] = (60, 40)) -> np.ndarray:
     """A plain page with something in the middle of its upper part."""
     out = np.full((height, width, 3), BACKGROUND, np.uint8)
     w, h = content
@@ -45,13 +37,7 @@ class PackMaker:
         self.entries: list[dict[str, Any]] = []
         folder.mkdir(parents=True, exist_ok=True)
 
-    def add(
-        self,
-        name: str,
-        kind: str,
-        picture: np.ndarray,
-        **more: Any,
-    ) -> dict[str, Any]:
+    def add(self, name: str, kind: str, picture: np.ndarray, **more: Any) -> dict[str, Any]:
         """Add a picture, whole screen unless `screen` says otherwise."""
         Image.fromarray(picture).save(self.folder / f"{name}.webp", lossless=True, exact=True)
         height, width = picture.shape[:2]
@@ -94,33 +80,13 @@ def make_pack(folder: Path) -> Path:
         "error_page",
         pixels(3, *SCREEN),
         app="chromium",
-        targets=[
-            {
-                "name": "Reload",
-                "role": "button",
-                "box": [200, 100, 240, 120],
-            }
-        ],
+        targets=[{"name": "Reload", "role": "button", "box": [200, 100, 240, 120]}],
     )
     made.add("view", "error_view", page(400, 260), app="chromium")
-    button = {
-        "name": "Editor",
-        "role": "push-button",
-        "box": [20, 180, 80, 200],
-    }
-    restore = {
-        "type": "click",
-        "x": 50,
-        "y": 190,
-        "target_box": button["box"],
-    }
+    button = {"name": "Editor", "role": "push-button", "box": [20, 180, 80, 200]}
+    restore = {"type": "click", "x": 50, "y": 190, "target_box": button["box"]}
     made.add(
-        "desktop",
-        "desktop",
-        pixels(4, *SCREEN),
-        app="chromium",
-        targets=[button],
-        recover=restore,
+        "desktop", "desktop", pixels(4, *SCREEN), app="chromium", targets=[button], recover=restore
     )
     for number, (app, size) in enumerate(
         [("gimp", (90, 70)), ("thunar", (60, 50)), ("thunar", (120, 150))]
@@ -138,32 +104,12 @@ def make_pack(folder: Path) -> Path:
         app="chromium",
         screen=list(SCREEN),
         box=[30, 40, 90, 80],
-        targets=[
-            {
-                "name": "Open",
-                "role": "menu-item",
-                "box": [2, 2, 58, 18],
-            }
-        ],
+        targets=[{"name": "Open", "role": "menu-item", "box": [2, 2, 58, 18]}],
         recover={"type": "hotkey", "keys": ["esc"]},
-        opened_by={
-            "type": "click",
-            "x": 10,
-            "y": -6,
-            "target_box": [0, -22, 50, -2],
-        },
+        opened_by={"type": "click", "x": 10, "y": -6, "target_box": [0, -22, 50, -2]},
     )
-    cancel = {
-        "name": "Cancel",
-        "role": "push-button",
-        "box": [10, 30, 40, 45],
-    }
-    close = {
-        "type": "click",
-        "x": 25,
-        "y": 37,
-        "target_box": cancel["box"],
-    }
+    cancel = {"name": "Cancel", "role": "push-button", "box": [10, 30, 40, 45]}
+    close = {"type": "click", "x": 25, "y": 37, "target_box": cancel["box"]}
     made.add(
         "dialog",
         "dialog",
@@ -173,11 +119,6 @@ def make_pack(folder: Path) -> Path:
         box=[50, 50, 150, 100],
         targets=[cancel],
         recover=close,
-        opened_by={
-            "type": "click",
-            "x": -20,
-            "y": 25,
-            "target_box": [-40, 15, 10, 35],
-        },
+        opened_by={"type": "click", "x": -20, "y": 25, "target_box": [-40, 15, 10, 35]},
     )
     return made.write()

@@ -90,7 +90,7 @@ REFUSED = {
             "methods": (
                 "more: InitVar[int] = 3\n"  # two lines of the class
                 "def __post_init__(self, more): super().__post_init__()"
-            ),
+            )
         },
     ),
     "a field in the place of a class variable": (
@@ -113,10 +113,7 @@ REFUSED = {
         "not JSON serializable",
         {"fields": 'half: int = hj.param(np.int64(9), "Radius", kind="int", low=1, high=99)'},
     ),
-    "a start that raises": (
-        "ZeroDivisionError",
-        {"methods": "def __post_init__(self): 1 // 0"},
-    ),
+    "a start that raises": ("ZeroDivisionError", {"methods": "def __post_init__(self): 1 // 0"}),
     "four levels": ("must hold 5 entries", {"about": "severities: ClassVar[Any] = ({},) * 4"}),
     "levels as a number": ("must be a tuple", {"about": "severities: ClassVar[Any] = 5"}),
     "a third level that is not empty": (

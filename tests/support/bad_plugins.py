@@ -13,13 +13,7 @@ TRANSITION = {"scope": f'scope: ClassVar[str] = "transition"\n{DECLARED}'}
 AT = "hj.Draft(ops=(hj.Paste(recipe, {}),))"
 HALF = 'half: int = hj.param(9, "Radius", low=1, high=99)'
 RECIPE = 'RECIPE = {"draw": "mark", "shape": "circle", "size": 9, "color": "red"}'
-LOOK = {
-    "font": "DejaVuSans",
-    "size": 20,
-    "color": "red",
-    "edge_color": "red",
-    "edge": 0,
-}
+LOOK = {"font": "DejaVuSans", "size": 20, "color": "red", "edge_color": "red", "edge": 0}
 ONCE = """
 @functools.lru_cache
 def once(name):
@@ -34,7 +28,7 @@ RANDOM = {
     "NumPy's legacy generator": {"code": "x = int(np.random.randint(99))"},
     "Python's generator, seeded": {"code": "random.seed(5); x = random.randint(0, 9)"},
     "NumPy's legacy generator, seeded": {
-        "code": "np.random.seed(5); x = int(np.random.randint(99))",
+        "code": "np.random.seed(5); x = int(np.random.randint(99))"
     },
     "a fresh NumPy generator": {"code": "x = int(np.random.default_rng().integers(999))"},
     "a fresh Python generator": {"code": "x = random.Random().randint(0, 999)"},
@@ -51,7 +45,7 @@ RANDOM = {
         "code": "self.made.append(1); x = len(self.made)",
     },
     "a counter in itself": {
-        "code": "object.__setattr__(self, 'seen', getattr(self, 'seen', 0) + 1); x = self.seen",
+        "code": "object.__setattr__(self, 'seen', getattr(self, 'seen', 0) + 1); x = self.seen"
     },
     "the last place": {"top": "LAST = [0]", "code": "x, LAST[0] = LAST[0], x"},
     "what it saw before": {"top": "SEEN = set()", "code": "SEEN.add(x); x = len(SEEN)"},
@@ -217,21 +211,13 @@ TOUCHED = {
 }
 
 KEPT = {
-    "one recipe": {
-        "top": RECIPE,
-        "code": "RECIPE['size'] = 1 + x % 9",
-        "recipe": "RECIPE",
-    },
+    "one recipe": {"top": RECIPE, "code": "RECIPE['size'] = 1 + x % 9", "recipe": "RECIPE"},
     "one list in a recipe": {
         "top": f"LINES = ['']\nLOOK = {LOOK}",
         "code": "LINES[0] = str(x)",
         "recipe": '{"draw": "text", "lines": LINES, **LOOK}',
     },
-    "a recipe that grows": {
-        "top": RECIPE,
-        "code": "RECIPE[str(x)] = y",
-        "recipe": "RECIPE",
-    },
+    "a recipe that grows": {"top": RECIPE, "code": "RECIPE[str(x)] = y", "recipe": "RECIPE"},
 }
 
 READ = "x = int(scene.boxes[0][0]) if len(scene.boxes) else 0"
@@ -252,7 +238,7 @@ ELEMENTS = {
     },
     "a box, now and then": {"code": f"if x % 2: {READ}"},
     "boxes in a note": {
-        "draft": 'hj.Draft((hj.Paste(recipe, ((x, y),)),), (), (f"{len(scene.boxes)} boxes",))',
+        "draft": 'hj.Draft((hj.Paste(recipe, ((x, y),)),), (), (f"{len(scene.boxes)} boxes",))'
     },
     "boxes in an effect": {
         **STATE,
@@ -299,17 +285,14 @@ VISIBLE = {
         },
     ),
     "a state without an effect": ("has no effect", {**STATE, "draft": "hj.Draft()"}),
-    "a transition without an effect": (
-        "has no effect",
-        {**TRANSITION, "draft": "hj.Draft()"},
-    ),
+    "a transition without an effect": ("has no effect", {**TRANSITION, "draft": "hj.Draft()"}),
 }
 
 BACKENDS = {
     "a foreign fingerprint": (
         "draws differently",
         {"draft": 'hj.Draft(ops=(hj.Paste(recipe, ((x, y),), "0" * 16),))'},
-    ),
+    )
 }
 
 

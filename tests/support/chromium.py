@@ -50,11 +50,7 @@ class Browser:
             end, null = theirs.fileno(), subprocess.DEVNULL
             start = ["bash", "-c", f'exec "$@" 3<&{end} 4>&{end}', "sh", *command]
             self._process = subprocess.Popen(
-                start,
-                pass_fds=(end,),
-                stdin=null,
-                stdout=null,
-                stderr=null,
+                start, pass_fds=(end,), stdin=null, stdout=null, stderr=null
             )
         self._rest, self._ids, self._session = b"", itertools.count(1), dict[str, str]()
         self.events: list[dict[str, Any]] = []
@@ -85,12 +81,7 @@ class Browser:
     def call(self, method: str, **params: Any) -> dict[str, Any]:
         """Send a command of the protocol and return its result."""
         number = next(self._ids)
-        request = {
-            "id": number,
-            "method": method,
-            "params": params,
-            **self._session,
-        }
+        request = {"id": number, "method": method, "params": params, **self._session}
         self._link.sendall(json.dumps(request).encode() + b"\0")
         while (answer := self._message()).get("id") != number:
             self.events.append(answer)
@@ -101,13 +92,7 @@ class Browser:
         """The parameters of the events of these kinds."""
         return [event["params"] for event in self.events if event.get("method") in methods]
 
-    def open(
-        self,
-        url: str,
-        width: int = 1400,
-        height: int = 1000,
-        scheme: str = "light",
-    ) -> None:
+    def open(self, url: str, width: int = 1400, height: int = 1000, scheme: str = "light") -> None:
         """Open an address in a fresh page, and return when it is complete."""
         self.call(
             "Emulation.setDeviceMetricsOverride",
@@ -142,28 +127,12 @@ class Browser:
             assert time.monotonic() < end, f"{expression} is {found!r}, not {wanted!r}"
             time.sleep(0.02)
 
-    def mouse(
-        self,
-        kind: str,
-        x: float,
-        y: float,
-    ) -> None:
+    def mouse(self, kind: str, x: float, y: float) -> None:
         self.call(
-            "Input.dispatchMouseEvent",
-            type=kind,
-            x=x,
-            y=y,
-            button="left",
-            buttons=1,
-            clickCount=1,
+            "Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=1, clickCount=1
         )
 
-    def key(
-        self,
-        name: str,
-        code: int,
-        shift: bool = False,
-    ) -> None:
+    def key(self, name: str, code: int, shift: bool = False) -> None:
         held = {"modifiers": 8 if shift else 0, "windowsVirtualKeyCode": code}
         for kind in ("rawKeyDown", "keyUp"):
             self.call("Input.dispatchKeyEvent", type=kind, key=name, code=name, **held)

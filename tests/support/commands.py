@@ -94,11 +94,7 @@ def usage(module: str) -> str:
     """What a module prints for `--help`."""
     command = [sys.executable, "-m", module, "--help"]
     done = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        env=surroundings(True, ROOT),
+        command, capture_output=True, text=True, timeout=60, env=surroundings(True, ROOT)
     )
     return done.stdout
 

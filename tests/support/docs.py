@@ -140,11 +140,7 @@ def surroundings(active: bool, folder: Path) -> dict[str, str]:
     kept = {
         name: value for name, value in os.environ.items() if name not in ("VIRTUAL_ENV", "PATH")
     }
-    return {
-        **kept,
-        "PATH": path,
-        "PYTHONPATH": ours,
-    }
+    return {**kept, "PATH": path, "PYTHONPATH": ours}
 
 
 def run_python(code: str, folder: Path) -> str:

@@ -68,12 +68,7 @@ def both(name=MARKS, /, **changes):
     return lambda run: [part(name, **changes)(run) for part in (episode, record)]
 
 
-def step(
-    number,
-    name=MARKS,
-    /,
-    **changes,
-):
+def step(number, name=MARKS, /, **changes):
     """Change a line."""
     return steps(lambda rows: rows[number].update(changes), name)
 
@@ -167,13 +162,7 @@ def relabelled(run):
     name = MARKS.replace("marks", "clean")
     removed(CLEAN)(run)
     journal(lambda rows: [row for row in rows if row["id"] != CLEAN])(run)
-    both(
-        MARKS,
-        id=name,
-        corruption="clean",
-        params={},
-        planner="clean",
-    )(run)
+    both(MARKS, id=name, corruption="clean", params={}, planner="clean")(run)
     home(run).rename(home(run, name))
 
 

@@ -34,13 +34,7 @@ class Liar(Around):
         super().__init__(desktop)
         self.answers = answers
 
-    def tool(
-        self,
-        name,
-        operation,
-        fields,
-        timeout=60,
-    ):
+    def tool(self, name, operation, fields, timeout=60):
         if operation in self.answers:
             return self.answers[operation]
         return self.desktop.tool(name, operation, fields, timeout)
@@ -72,12 +66,7 @@ class WithSudo(Around):
     `folder` holds the programs that root finds there.
     """
 
-    def __init__(
-        self,
-        desktop,
-        folder,
-        password="password",
-    ):
+    def __init__(self, desktop, folder, password="password"):
         self.desktop, self.folder, self.password = desktop, folder, password
         fake = folder / "sudo"
         fake.write_text(
@@ -122,11 +111,7 @@ class WithSudo(Around):
 
 
 @contextlib.contextmanager
-def applied(
-    effect,
-    desktop,
-    **options,
-):
+def applied(effect, desktop, **options):
     """An effect that is surely undone."""
     done = perform(effect, desktop, **options)
     try:
@@ -145,11 +130,7 @@ def boxes(desktop):
     return {w["id"]: (w["box"], w["mapped"]) for w in windows(desktop) if w["type"] == "normal"}
 
 
-def refused(
-    effect,
-    desktop,
-    words,
-):
+def refused(effect, desktop, words):
     """What a machine lacks is said before anything is changed."""
     before = boxes(desktop)
     with pytest.raises(MissingCapabilityError, match=words):
@@ -184,17 +165,7 @@ def browser_to_front(desktop):
     still(desktop.screenshot)
 
 
-def reach(
-    desktop,
-    host="10.77.0.1",
-    port=80,
-):
+def reach(desktop, host="10.77.0.1", port=80):
     """Whether a new connection from the desktop comes through."""
-    targets = [
-        {
-            "kind": "tcp",
-            "host": host,
-            "port": port,
-        }
-    ]
+    targets = [{"kind": "tcp", "host": host, "port": port}]
     return Guest(desktop, "", None).net("reach", 0.5, targets=targets)["reached"][0]["ok"]

@@ -13,12 +13,7 @@ def make(stage=None, **options):
     return CorruptedEnv(stage, settle=AT_ONCE, **options), stage
 
 
-def play(
-    env,
-    *actions,
-    seed=0,
-    **options,
-):
+def play(env, *actions, seed=0, **options):
     """An episode of these actions; returns what each step gave."""
     env.reset(seed=seed, options=options)
     return [env.step(action) for action in actions]

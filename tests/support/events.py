@@ -9,14 +9,7 @@ import hijack_data as hj
 FIVE = ("multi_apps", "accidental_touch", "app_minimization", "network_error", "verification")
 COMBINED: dict[str, Any] = {
     "locked": hj.Sequence(
-        [
-            hj.Subtitle(
-                subtitle_text="hello",
-                font_size=12,
-                padding=5,
-            ),
-            hj.Verification(),
-        ]
+        [hj.Subtitle(subtitle_text="hello", font_size=12, padding=5), hj.Verification()]
     ),
     "half": hj.Sequence([hj.Resolution(), hj.AppMinimization(step=1)]),
     "dots": hj.Sequence([hj.AccidentalTouch(step=(1, 2)), hj.Marks(number=4, mark_size=8)]),
@@ -29,22 +22,11 @@ COMBINED: dict[str, Any] = {
 }
 
 
-def with_apps(
-    folder: Path,
-    apps: list[str],
-    **more: Any,
-) -> Path:
+def with_apps(folder: Path, apps: list[str], **more: Any) -> Path:
     """Say in every line of a recording which applications it uses, and more, each from the line."""
     rows = [json.loads(line) for line in (folder / "trajectories.jsonl").read_text().splitlines()]
     lines = [
-        json.dumps(
-            {
-                **row,
-                "apps": apps,
-                **{k: v(row) for k, v in more.items()},
-            }
-        )
-        + "\n"
+        json.dumps({**row, "apps": apps, **{k: v(row) for k, v in more.items()}}) + "\n"
         for row in rows
     ]
     (folder / "trajectories.jsonl").write_text("".join(lines))

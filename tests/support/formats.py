@@ -22,11 +22,7 @@ POINT = (100, 50)
 TASK = "5ced85fc-fa1a-4217-95fd-0fb530545ce2"
 
 
-def png(
-    number: int = 0,
-    width: int = WIDTH,
-    height: int = HEIGHT,
-) -> bytes:
+def png(number: int = 0, width: int = WIDTH, height: int = HEIGHT) -> bytes:
     """A picture of coloured blocks, another for each number."""
     blocks = np.random.default_rng(number).integers(
         0, 256, (height // 10, width // 10, 3), dtype=np.uint8
@@ -105,10 +101,7 @@ def write_json(file: Path, data: Any) -> None:
 
 
 def osworld(
-    folder: Path,
-    actions: list[Any] | None = None,
-    initial: bool = True,
-    shots: Shots = SMALL,
+    folder: Path, actions: list[Any] | None = None, initial: bool = True, shots: Shots = SMALL
 ) -> Path:
     """OSWorld: result folder, pictures after the actions, the task's JSON under `examples`."""
     actions = shots.codes if actions is None else actions
@@ -132,38 +125,18 @@ def osworld(
         (task / "initial_state.png").unlink()
     (task / "result.txt").write_text("1.0\n")
     (task / "runtime.log").write_text("...\n")
-    about = {
-        "id": TASK,
-        "instruction": "make it brighter",
-        "related_apps": ["gimp"],
-    }
+    about = {"id": TASK, "instruction": "make it brighter", "related_apps": ["gimp"]}
     write_json(folder / "examples" / "gimp" / f"{TASK}.json", about)
     return folder
 
 
 def jsonl(folder: Path, shots: Shots = SMALL) -> Path:
     """Our plain format."""
-    actions = [
-        *(
-            {
-                "type": "click",
-                "x": x,
-                "y": y,
-            }
-            for x, y in shots.pixels
-        ),
-        {"type": "done"},
-    ]
+    actions = [*({"type": "click", "x": x, "y": y} for x, y in shots.pixels), {"type": "done"}]
     names = [f"{i}.png" for i in range(len(actions))]
     about = {"trajectory_id": "t", "instruction": "do it"}
     lines = [
-        {
-            **about,
-            "step": i,
-            "image": f"images/{name}",
-            "action": action,
-            "action_code": code,
-        }
+        {**about, "step": i, "image": f"images/{name}", "action": action, "action_code": code}
         for i, (name, action, code) in enumerate(zip(names, actions, shots.codes, strict=True))
     ]
     write_lines(folder / "trajectories.jsonl", lines)
@@ -176,34 +149,16 @@ def agentnet(folder: Path, shots: Shots = SMALL) -> Path:
     clicks = [f"pyautogui.click(x={x / 40}, y={y / 40})" for x, y in shots.clicks]
     steps = [*clicks, "computer.terminate(status='success')"]
     traj = [
-        {
-            "index": i,
-            "image": f"{i}.png",
-            "value": {"code": code},
-        }
-        for i, code in enumerate(steps)
+        {"index": i, "image": f"{i}.png", "value": {"code": code}} for i, code in enumerate(steps)
     ]
-    write_lines(
-        folder / "a.jsonl",
-        [
-            {
-                "task_id": "a",
-                "instruction": "do it",
-                "traj": traj,
-            }
-        ],
-    )
+    write_lines(folder / "a.jsonl", [{"task_id": "a", "instruction": "do it", "traj": traj}])
     shots.files(folder / "images", [entry["image"] for entry in traj])
     return folder
 
 
 def screenagent(folder: Path, shots: Shots = SMALL) -> Path:
     """ScreenAgent: pixels, `width` is x."""
-    click = {
-        "action_type": "MouseAction",
-        "mouse_action_type": "click",
-        "mouse_button": "left",
-    }
+    click = {"action_type": "MouseAction", "mouse_action_type": "click", "mouse_button": "left"}
     end = {"action_type": "EvaluateSubTaskAction", "situation": "ok"}
     places = [{"width": x, "height": y} for x, y in shots.pixels]
     actions = [*({**click, "mouse_position": place} for place in places), end]
@@ -249,29 +204,13 @@ def openai(folder: Path, shots: Shots = SMALL) -> Path:
     """OpenAI: items of the Responses API, a line each."""
 
     def call(number: int, action: dict[str, Any]) -> dict[str, Any]:
-        return {
-            "type": "computer_call",
-            "call_id": f"c{number}",
-            "action": action,
-        }
+        return {"type": "computer_call", "call_id": f"c{number}", "action": action}
 
     def output(number: int, kind: str = "input_image") -> dict[str, Any]:
         shown = {"type": kind, "image_url": shots.url(number)}
-        return {
-            "type": "computer_call_output",
-            "call_id": f"c{number}",
-            "output": shown,
-        }
+        return {"type": "computer_call_output", "call_id": f"c{number}", "output": shown}
 
-    clicks = [
-        {
-            "type": "click",
-            "button": "left",
-            "x": x,
-            "y": y,
-        }
-        for x, y in shots.pixels
-    ]
+    clicks = [{"type": "click", "button": "left", "x": x, "y": y} for x, y in shots.pixels]
     items = [
         {"role": "user", "content": [{"type": "input_text", "text": "do it"}]},
         call(0, {"type": "screenshot"}),
@@ -290,32 +229,15 @@ def anthropic(folder: Path, shots: Shots = SMALL) -> Path:
     def use(name: str, given: dict[str, Any]) -> dict[str, Any]:
         return {
             "role": "assistant",
-            "content": [
-                {
-                    "type": "tool_use",
-                    "id": name,
-                    "name": "computer",
-                    "input": given,
-                }
-            ],
+            "content": [{"type": "tool_use", "id": name, "name": "computer", "input": given}],
         }
 
     def result(name: str, number: int) -> dict[str, Any]:
-        source = {
-            "type": "base64",
-            "media_type": "image/png",
-            "data": shots.text(number),
-        }
+        source = {"type": "base64", "media_type": "image/png", "data": shots.text(number)}
         content = [{"type": "text", "text": "ok"}, {"type": "image", "source": source}]
         return {
             "role": "user",
-            "content": [
-                {
-                    "type": "tool_result",
-                    "tool_use_id": name,
-                    "content": content,
-                }
-            ],
+            "content": [{"type": "tool_result", "tool_use_id": name, "content": content}],
         }
 
     clicks = [{"action": "left_click", "coordinate": list(point)} for point in shots.pixels]
@@ -332,11 +254,7 @@ def anthropic(folder: Path, shots: Shots = SMALL) -> Path:
     return folder
 
 
-def ui_tars(
-    folder: Path,
-    model: str = "UI-TARS-7B-DPO",
-    shots: Shots = SMALL,
-) -> Path:
+def ui_tars(folder: Path, model: str = "UI-TARS-7B-DPO", shots: Shots = SMALL) -> Path:
     """UI-TARS 1.0: 0..1000."""
     return _ui_tars(folder, model, [f"({x},{y})" for x, y in shots.points(1000, 1000)], shots)
 
@@ -349,12 +267,7 @@ def ui_tars_15(folder: Path, shots: Shots = SMALL) -> Path:
     return _ui_tars(folder, "UI-TARS-1.5-7B", boxes, shots)
 
 
-def _ui_tars(
-    folder: Path,
-    model: str,
-    boxes: list[str],
-    shots: Shots,
-) -> Path:
+def _ui_tars(folder: Path, model: str, boxes: list[str], shots: Shots) -> Path:
     prompt = "You are a GUI agent.\n\n## User Instruction\ndo it\n"
 
     def look(link: str) -> dict[str, Any]:
@@ -411,24 +324,10 @@ def chat_calls(folder: Path, shots: Shots = SMALL) -> Path:
         {"role": "user", "content": [{"type": "text", "text": "do it"}]}
     ]
     for index, point in enumerate(shots.points(1000, 1000)):
-        given = {
-            "actions": [
-                {
-                    "action": "click",
-                    "coordinate": list(point),
-                    "button": "left",
-                }
-            ]
-        }
+        given = {"actions": [{"action": "click", "coordinate": list(point), "button": "left"}]}
         call = {"type": "function", "function": {"name": "computer", "arguments": given}}
         messages.append({"role": "tool", "content": [{"type": "image", "index": index}]})
-        messages.append(
-            {
-                "role": "assistant",
-                "content": [],
-                "tool_calls": [call],
-            }
-        )
+        messages.append({"role": "assistant", "content": [], "tool_calls": [call]})
     messages.append({"role": "tool", "content": [{"type": "image", "index": len(shots.clicks)}]})
     messages.append({"role": "assistant", "content": [{"type": "text", "text": "Done."}]})
     write_table(
@@ -503,26 +402,14 @@ def cua(folder: Path, shots: Shots = SMALL) -> Path:
     write_json(
         home / "metadata.json", {"trajectory_id": home.name, "kwargs": {"messages": [message]}}
     )
-    clicks = [
-        {
-            "type": "click",
-            "button": "left",
-            "x": x,
-            "y": y,
-        }
-        for x, y in shots.pixels
-    ]
+    clicks = [{"type": "click", "button": "left", "x": x, "y": y} for x, y in shots.pixels]
     number = 0
     for turn, action in enumerate([{"type": "screenshot"}, *clicks, {"type": "wait"}]):
         place = home / f"turn_{turn:03d}"
         write_json(place / f"{number:04d}_agent_response.json", {"model": "m", "response": {}})
         shown = min(turn, len(clicks))
         (place / f"{number + 1:04d}_screenshot_after.png").write_bytes(shots.picture(shown))
-        item = {
-            "type": "computer_call",
-            "call_id": f"c{turn}",
-            "action": action,
-        }
+        item = {"type": "computer_call", "call_id": f"c{turn}", "action": action}
         write_json(
             place / f"{number + 2:04d}_computer_call_result.json", {"item": item, "result": []}
         )
@@ -535,25 +422,11 @@ def gui_odyssey(folder: Path, shots: Shots = SMALL) -> Path:
     """GUI-Odyssey: 0..1000."""
     clicks = [{"action": "CLICK", "info": [list(point)]} for point in shots.points(1000, 1000)]
     steps = [
-        {
-            "step": i,
-            "screenshot": f"e1_{i}.png",
-            "ps": "",
-            **step,
-        }
+        {"step": i, "screenshot": f"e1_{i}.png", "ps": "", **step}
         for i, step in enumerate([*clicks, {"action": "COMPLETE", "info": ""}])
     ]
-    task = {
-        "category": "Multi_Apps",
-        "app": ["Chrome"],
-        "task": "do",
-        "instruction": "do it",
-    }
-    device = {
-        "device_name": "Pixel 7 Pro",
-        "w": shots.size[0],
-        "h": shots.size[1],
-    }
+    task = {"category": "Multi_Apps", "app": ["Chrome"], "task": "do", "instruction": "do it"}
+    device = {"device_name": "Pixel 7 Pro", "w": shots.size[0], "h": shots.size[1]}
     record = {
         "episode_id": "e1",
         "device_info": device,
@@ -569,23 +442,11 @@ def gui_odyssey(folder: Path, shots: Shots = SMALL) -> Path:
 def android_control(folder: Path, shots: Shots = SMALL) -> Path:
     """AndroidControl, converted to a JSON an episode: pixels."""
     actions = [
-        *(
-            {
-                "action_type": "click",
-                "x": x,
-                "y": y,
-            }
-            for x, y in shots.pixels
-        ),
+        *({"action_type": "click", "x": x, "y": y} for x, y in shots.pixels),
         {"action_type": "navigate_home"},
     ]
     names = [f"{i}.png" for i in range(len(actions) + 1)]
-    record = {
-        "episode_id": 7,
-        "goal": "do it",
-        "screenshots": names,
-        "actions": actions,
-    }
+    record = {"episode_id": 7, "goal": "do it", "screenshots": names, "actions": actions}
     write_json(folder / "7.json", record)
     shots.files(folder / "screenshots", names)
     return folder
@@ -618,11 +479,7 @@ def runs(folder: Path, shots: Shots = SMALL) -> Path:
     return folder
 
 
-def write_table(
-    file: Path,
-    rows: list[dict[str, Any]],
-    group: int = 2,
-) -> None:
+def write_table(file: Path, rows: list[dict[str, Any]], group: int = 2) -> None:
     """Write a Parquet file with row groups of `group` rows."""
     import pyarrow as pa
     import pyarrow.parquet as pq

@@ -32,9 +32,5 @@ def run(code: str, cache: Path) -> str:
     environment = {"NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": f"{ROOT}:{ROOT / 'tests'}"}
     command = [sys.executable, "-W", "error", "-c", code]
     return subprocess.run(
-        command,
-        env=environment,
-        check=True,
-        capture_output=True,
-        text=True,
+        command, env=environment, check=True, capture_output=True, text=True
     ).stdout

@@ -38,11 +38,7 @@ def guest_client(token: str | None = TOKEN, osworld: bool = False) -> Iterator[A
     with (
         served(make_app(GuestMachine(), token, osworld)) as url,
         httpx.Client(
-            base_url=url,
-            headers=headers,
-            timeout=60,
-            verify=False,
-            trust_env=False,
+            base_url=url, headers=headers, timeout=60, verify=False, trust_env=False
         ) as client,
     ):
         yield client

@@ -20,12 +20,7 @@ def install(package: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str
     target = tmp_path_factory.mktemp("site")
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", *_builder()]
     command = [*pip, "--target", str(target), str(source)]
-    done = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         pytest.skip(f"pip cannot install here: {done.stderr.strip().splitlines()[-1:]}")
     return {**os.environ, "PYTHONPATH": str(target)}

@@ -29,46 +29,25 @@ class Killer:
         self._process = process
 
     def at_rename(
-        self,
-        source: Path,
-        out: Path,
-        options: dict[str, Any],
-        number: int,
-        before: bool,
+        self, source: Path, out: Path, options: dict[str, Any], number: int, before: bool
     ) -> bool:
         """Build until right before or after the `number`-th rename; return whether it came to
         that."""
         return self._ask(source, out, options, number=number, before=before)["killed"]
 
     def at_step(
-        self,
-        source: Path,
-        out: Path,
-        options: dict[str, Any],
-        step: int,
-        delay: float,
+        self, source: Path, out: Path, options: dict[str, Any], step: int, delay: float
     ) -> bool:
         """Build until `delay` seconds after `step` steps are done; return whether it was killed
         before the end."""
         return self._ask(source, out, options, step=step, delay=delay)["killed"]
 
-    def renames(
-        self,
-        source: Path,
-        out: Path,
-        options: dict[str, Any],
-    ) -> list[str]:
+    def renames(self, source: Path, out: Path, options: dict[str, Any]) -> list[str]:
         """Build undisturbed, and return the names of the files in the order in which they are put
         in place."""
         return self._ask(source, out, options)["names"]
 
-    def _ask(
-        self,
-        source: Path,
-        out: Path,
-        options: dict[str, Any],
-        **how: Any,
-    ) -> dict[str, Any]:
+    def _ask(self, source: Path, out: Path, options: dict[str, Any], **how: Any) -> dict[str, Any]:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         print(
@@ -85,13 +64,7 @@ def killer() -> Iterator[Killer]:
     command = [sys.executable, __file__]
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[2])}
     pipe = subprocess.PIPE
-    with subprocess.Popen(
-        command,
-        stdin=pipe,
-        stdout=pipe,
-        text=True,
-        env=environment,
-    ) as process:
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=environment) as process:
         yield Killer(process)
         assert process.stdin is not None
         process.stdin.close()
@@ -140,12 +113,7 @@ def _warm_up(folder: Path) -> None:
     )
 
 
-def _kill_later(
-    pid: int,
-    shared: mmap.mmap,
-    step: int,
-    delay: float,
-) -> None:
+def _kill_later(pid: int, shared: mmap.mmap, step: int, delay: float) -> None:
     deadline = time.monotonic() + PATIENCE
     while int.from_bytes(shared[:8], "big") < step and time.monotonic() < deadline:
         time.sleep(0.0005)
@@ -156,11 +124,7 @@ def _kill_later(
 
 
 def _build(
-    source: str,
-    out: str,
-    options: dict[str, Any],
-    how: dict[str, Any],
-    shared: mmap.mmap,
+    source: str, out: str, options: dict[str, Any], how: dict[str, Any], shared: mmap.mmap
 ) -> None:
     import hijack_data as hj
     from pipelines import build

@@ -25,12 +25,7 @@ class Without:
     def __getattr__(self, name: str) -> Any:
         return getattr(self.finder, name)
 
-    def find_spec(
-        self,
-        fullname: str,
-        path: Any = None,
-        target: Any = None,
-    ) -> Any:
+    def find_spec(self, fullname: str, path: Any = None, target: Any = None) -> Any:
         if fullname.partition(".")[0] in self.modules:
             return None
         return self.finder.find_spec(fullname, path, target)

@@ -28,11 +28,7 @@ TREE = (
 )
 
 
-RAISES = {
-    "effect": EffectError,
-    "desktop": DesktopError,
-    "missing": MissingCapabilityError,
-}
+RAISES = {"effect": EffectError, "desktop": DesktopError, "missing": MissingCapabilityError}
 
 
 class FakeDesktop:
@@ -94,12 +90,7 @@ class FakeDesktop:
 class FakeStage:
     """One task; `score` is what the evaluation says."""
 
-    def __init__(
-        self,
-        desktop=None,
-        score=1.0,
-        infeasible=False,
-    ):
+    def __init__(self, desktop=None, score=1.0, infeasible=False):
         self.desktop = desktop or FakeDesktop()
         self.score, self.infeasible = score, infeasible
         self.resets: list[tuple[Any, int]] = []
@@ -172,23 +163,10 @@ class Marking(Planner):
 
     needs_elements = False
 
-    def __init__(
-        self,
-        *steps,
-        kind="test_mark",
-        **params,
-    ):
+    def __init__(self, *steps, kind="test_mark", **params):
         self.steps, self.kind, self.given = steps, kind, params
 
-    def plan(
-        self,
-        scene: Scene,
-        *,
-        seed,
-        sample=0,
-        step=None,
-        epoch=0,
-    ):
+    def plan(self, scene: Scene, *, seed, sample=0, step=None, epoch=0):
         due = step in self.steps
         return Plan(
             "marking-v1", scene.size, {}, (), (Effect(self.kind, self.given),) if due else ()

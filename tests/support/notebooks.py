@@ -17,13 +17,7 @@ def run(name: str, folder: Path) -> Path:
     for module in ("nbclient", "ipykernel"):
         pytest.importorskip(module, reason="needs the extra [dev]; make env")
     command = [sys.executable, str(NOTEBOOKS / "run.py"), name, "--out", str(folder)]
-    done = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr
     return folder / f"{name}.ipynb"
 

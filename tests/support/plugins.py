@@ -71,11 +71,7 @@ def source(**slots: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def write(
-    folder: Path,
-    stem: str = "bar",
-    **slots: str,
-) -> Path:
+def write(folder: Path, stem: str = "bar", **slots: str) -> Path:
     """Write a plug-in to a file."""
     path = folder / f"{stem}.py"
     path.write_text(source(**slots))

@@ -81,11 +81,7 @@ class World:
         self._main = types.ModuleType("__main__")
         self._builtins = types.ModuleType("builtins")  # programs may change them
         vars(self._builtins).update(vars(builtins))
-        shell = types.SimpleNamespace(
-            run=self._shell,
-            system=self._shell,
-            Popen=self._shell,
-        )
+        shell = types.SimpleNamespace(run=self._shell, system=self._shell, Popen=self._shell)
         other = {name: Elsewhere(self._notes) for name in LIBRARIES}
         self._modules = {
             "pyautogui": self._gui,
@@ -97,12 +93,7 @@ class World:
         }
         vars(self._main).update({module.__name__: module for module in STANDARD})
         vars(self._main).update(
-            {
-                "pyautogui": self._gui,
-                "click": self._gui.click,
-                "subprocess": shell,
-                **other,
-            },
+            {"pyautogui": self._gui, "click": self._gui.click, "subprocess": shell, **other},
             __builtins__=vars(self._builtins),
             __main__=self._main,
         )
@@ -115,12 +106,7 @@ class World:
             exec(code, vars(self._main))
         return outcome.error
 
-    def _shell(
-        self,
-        command,
-        *args,
-        **kwargs,
-    ):
+    def _shell(self, command, *args, **kwargs):
         text = command if isinstance(command, str) else " ".join(command)
         if any(tool in text for tool in TOOLS):
             self._notes.append(("shell", (text, 1), kwargs))
@@ -168,11 +154,7 @@ def programs(text):
     return text.strip("\n").split("\n\n")
 
 
-def scaled(
-    coords,
-    name,
-    point,
-):
+def scaled(coords, name, point):
     """What the coordinates of a call of `name` must become; what is no point stays."""
     if len(point) != 2:
         return tuple(point)
@@ -181,11 +163,7 @@ def scaled(
     return tuple(None if old is None else new for old, new in zip(point, full, strict=True))
 
 
-def judge(
-    code,
-    coords,
-    around=dict,
-):
+def judge(code, coords, around=dict):
     """Run a program before and after the mapping, and compare what it does.
 
     Returns "refused" (with line and column), "right", or what went wrong; and whether the program

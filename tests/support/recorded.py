@@ -19,11 +19,7 @@ from .live import AT_ONCE, FakeDesktop, FakeStage, Mark
 
 PLANNERS = {
     "clean": None,
-    "marks": hj.Marks(
-        number=3,
-        mark_size=8,
-        avoid_elements=True,
-    ),
+    "marks": hj.Marks(number=3, mark_size=8, avoid_elements=True),
     "app_minimization": hj.AppMinimization(step=1),
     "resolution": hj.Resolution(scale=0.5),
 }
@@ -102,13 +98,7 @@ class Episodes:
     def __call__(self, job: Job, attempt: int) -> dict[str, Any]:
         self.played.append((job.corruption, attempt))
         stage = FakeStage(FakeDesktop(), score=self.scores[job.corruption])
-        env = CorruptedEnv(
-            stage,
-            settle=AT_ONCE,
-            max_steps=9,
-            log=self.folder,
-            agent=job.agent,
-        )
+        env = CorruptedEnv(stage, settle=AT_ONCE, max_steps=9, log=self.folder, agent=job.agent)
         return play(env, Teller(), job, attempt, PLANNERS[job.corruption])
 
 

@@ -39,10 +39,7 @@ def made(
 
 
 def scored(
-    agent: str,
-    corruption: str,
-    scores: Sequence[float],
-    seed: int = 0,
+    agent: str, corruption: str, scores: Sequence[float], seed: int = 0
 ) -> list[dict[str, Any]]:
     """Records of the tasks t0, t1, ... with these scores."""
     return [
@@ -50,11 +47,7 @@ def scored(
     ]
 
 
-def run_of(
-    folder: Path,
-    found: Iterable[Mapping[str, Any]],
-    **config: Any,
-) -> Path:
+def run_of(folder: Path, found: Iterable[Mapping[str, Any]], **config: Any) -> Path:
     """Write a run; its configuration follows from its records, unless it is given."""
     listed = [dict(record) for record in found]
     settings = {
@@ -73,11 +66,7 @@ def run_of(
     return folder
 
 
-def read_run(
-    folder: Path,
-    found: Iterable[Mapping[str, Any]],
-    **config: Any,
-) -> reading.Run:
+def read_run(folder: Path, found: Iterable[Mapping[str, Any]], **config: Any) -> reading.Run:
     """Write a run, and read it."""
     return reading.read(run_of(folder, found, **config))
 

@@ -30,11 +30,7 @@ def assert_same_rows(one: Any, other: Any) -> int:
     return count
 
 
-def load(
-    folder: Path,
-    cache: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> Any:
+def load(folder: Path, cache: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     """Read a dataset with `datasets`, without the network."""
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
     datasets = pytest.importorskip("datasets")

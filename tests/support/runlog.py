@@ -32,11 +32,7 @@ def make_run(folder: Path) -> Path:
     return folder
 
 
-def episode(
-    folder: Path,
-    corruption: str,
-    score: float,
-) -> dict[str, Any]:
+def episode(folder: Path, corruption: str, score: float) -> dict[str, Any]:
     """Write one episode and return its record."""
     slug = f"write_note__{corruption}__s0__oracle"
     home = folder / "episodes" / slug
@@ -61,21 +57,13 @@ def episode(
     return record
 
 
-def step(
-    home: Path,
-    k: int,
-    corruption: str,
-) -> dict[str, Any]:
+def step(home: Path, k: int, corruption: str) -> dict[str, Any]:
     """Write the frames of one observation and return its line."""
     seen = f"frames/{k:04d}.seen.png" if corruption != "clean" and k else None
     Image.fromarray(np.full((*SIZE[::-1], 3), 200, np.uint8)).save(home / f"frames/{k:04d}.png")
     if seen:
         Image.fromarray(np.full((*SIZE[::-1], 3), 40 * k, np.uint8)).save(home / seen)
-    event = {
-        "step": k,
-        "effect": "minimise",
-        "record": {"windows": 2},
-    }
+    event = {"step": k, "effect": "minimise", "record": {"windows": 2}}
     return {
         "step": k,
         "image": f"frames/{k:04d}.png",

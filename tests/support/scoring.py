@@ -181,11 +181,7 @@ class WrongOnlooker(Knows):
 '''
 
 
-def record_steps(
-    folder: Path,
-    steps: list[dict],
-    size: tuple[int, int] = (WIDTH, HEIGHT),
-) -> Path:
+def record_steps(folder: Path, steps: list[dict], size: tuple[int, int] = (WIDTH, HEIGHT)) -> Path:
     """Record steps in the plain format; what a step leaves out is a click on `BOX`."""
     width, height = size
     (folder / "images").mkdir(parents=True)
@@ -209,10 +205,7 @@ def record_steps(
 
 
 def dataset(
-    folder: Path,
-    steps: list[dict],
-    corruptions: str = "resolution:scale=0.5",
-    **options: object,
+    folder: Path, steps: list[dict], corruptions: str = "resolution:scale=0.5", **options: object
 ) -> Path:
     """Build a dataset of steps."""
     record_steps(folder / "source", steps)

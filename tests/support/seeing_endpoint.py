@@ -245,12 +245,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(data)
 
 
-def _function_call(
-    names: list[str],
-    place: Any,
-    number: int,
-    seen: Endpoint,
-) -> dict[str, Any]:
+def _function_call(names: list[str], place: Any, number: int, seen: Endpoint) -> dict[str, Any]:
     """A call of the function `computer`, of `submit` at the end, or of one that nobody has."""
     name, given = "computer", {"action": "left_click", "coordinate": place}
     if seen.unknown_tool:

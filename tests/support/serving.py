@@ -38,13 +38,7 @@ class Desktops:
         self.stages.remove(stage)
 
 
-def pool_of(
-    desktops,
-    count=1,
-    *,
-    line=1,
-    patience=5.0,
-):
+def pool_of(desktops, count=1, *, line=1, patience=5.0):
     return DesktopPool(desktops.make, count=count, line=line, patience=patience)
 
 
@@ -64,12 +58,7 @@ def service_on(
     """A service that runs, and is ended after the block."""
     if planners is None:
         planners = {"clean": None, "marks": hj.get("marks"), "subtitle": hj.get("subtitle")}
-    settings = EvalSettings(
-        max_steps=4,
-        settle=AT_ONCE,
-        log=log,
-        agent="client",
-    )
+    settings = EvalSettings(max_steps=4, settle=AT_ONCE, log=log, agent="client")
     service = DesktopService(
         pool_of(desktops, count, line=line, patience=patience),
         EpisodeDraws(TASKS, planners, held_out=held_out, **draws),
@@ -92,14 +81,7 @@ def until(condition, seconds=10.0):
 
 
 @contextlib.contextmanager
-def server(
-    desktops=None,
-    count=1,
-    *,
-    token=None,
-    sessions=4,
-    **options,
-):
+def server(desktops=None, count=1, *, token=None, sessions=4, **options):
     """A server in a thread; yields its address and its service."""
     import uvicorn
 

@@ -132,13 +132,7 @@ class Theatre:
     def __call__(self, job: Straw, attempt: int) -> dict[str, Any]:
         pictures = self.cast.screens or plain_screens()
         stage = Room(Screens(pictures), score=self.scores.get(job.corruption, 0.5))
-        env = CorruptedEnv(
-            stage,
-            settle=AT_ONCE,
-            max_steps=9,
-            log=self.folder,
-            agent=job.agent,
-        )
+        env = CorruptedEnv(stage, settle=AT_ONCE, max_steps=9, log=self.folder, agent=job.agent)
         record = play(env, Speaker(job.agent), job, attempt, PLANNERS[job.corruption])
         if job.agent == self.cast.shared_model:
             _log_requests(self.folder, str(record["id"]), int(record["steps"]))

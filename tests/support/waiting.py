@@ -12,12 +12,7 @@ Found = TypeVar("Found")
 PATIENCE = 90.0
 
 
-def until(
-    condition: Callable[[], Found],
-    what: str = "it",
-    *,
-    pause: float = 0.05,
-) -> Found:
+def until(condition: Callable[[], Found], what: str = "it", *, pause: float = 0.05) -> Found:
     """The first true value of `condition`; fails the test where none comes."""
     end = time.monotonic() + PATIENCE
     while not (found := condition()):

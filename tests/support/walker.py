@@ -97,11 +97,7 @@ def walk(starts: Iterable[Any], raised: set[str]) -> Iterator[str]:
         todo.extend(neighbours(thing, raised))
 
 
-def found(
-    words: Iterable[str],
-    *starts: Any,
-    raising: Iterable[str] = (),
-) -> set[str]:
+def found(words: Iterable[str], *starts: Any, raising: Iterable[str] = ()) -> set[str]:
     """Which of `words` can be reached, in any case.
 
     An attribute that raises may hide something: it has to be in `raising` (as `module.Class.name`),

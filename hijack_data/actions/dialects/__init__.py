@@ -46,11 +46,7 @@ _PARSERS: dict[str, Callable[[object, Scaling], Action]] = {
 DIALECTS = ("pyautogui", *_MAPPERS)
 
 
-def map_typed(
-    action: Any,
-    dialect: str,
-    scaling: Scaling,
-) -> Any:
+def map_typed(action: Any, dialect: str, scaling: Scaling) -> Any:
     """Return `action` with its coordinates scaled, in the same form.
 
     Text of `ui_tars` and `qwen3_vl` comes back as it is: 0..1000 of the picture is the same point
@@ -63,11 +59,7 @@ def map_typed(
     return _MAPPERS[dialect](action, scaling)
 
 
-def parse_actions(
-    action: Any,
-    dialect: str,
-    size: Size | None = None,
-) -> list[Action]:
+def parse_actions(action: Any, dialect: str, size: Size | None = None) -> list[Action]:
     """Parse the text, code or dict of an agent into `Action`s, in pixels of the picture.
 
     The result is a list because a reply may have several actions. Raises `UnknownNameError` for an
@@ -99,12 +91,7 @@ def parse_actions(
     return [_PARSERS[dialect](action, scaling)]
 
 
-def code_of(
-    action: Any,
-    dialect: str,
-    size: Size,
-    resized: Size | None = None,
-) -> list[str]:
+def code_of(action: Any, dialect: str, size: Size, resized: Size | None = None) -> list[str]:
     """Return a typed action of an agent as pyautogui code in pixels of its picture.
 
     Each item of the result is code, or `WAIT`, `DONE` or `FAIL`; a reply with several actions has
@@ -128,11 +115,7 @@ def code_of(
     return WRITERS[dialect](action, _scaling_of(dialect, as_size(size), resized))
 
 
-def _scaling_of(
-    dialect: str,
-    size: Size,
-    resized: Size | None,
-) -> Scaling:
+def _scaling_of(dialect: str, size: Size, resized: Size | None) -> Scaling:
     if dialect in THOUSANDTHS:
         return Scaling.fractions(size, 1000)
     if dialect not in RESIZED_DIALECTS:

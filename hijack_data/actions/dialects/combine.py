@@ -69,11 +69,7 @@ def _is_held(calls: Sequence[Action]) -> bool:
     return first.type == "key_down" and last.type == "key_up"
 
 
-def _held(
-    key: Action,
-    inner: Sequence[Action],
-    size: Size | None,
-) -> Action:
+def _held(key: Action, inner: Sequence[Action], size: Size | None) -> Action:
     if not inner:
         return replace(key, type="hotkey")
     action = combine(inner, size)
@@ -82,11 +78,7 @@ def _held(
     return replace(action, keys=(key.keys or ()) + (action.keys or ()))
 
 
-def _merge(
-    a: Action,
-    b: Action,
-    pixels: Scaling,
-) -> Action:
+def _merge(a: Action, b: Action, pixels: Scaling) -> Action:
     """Return the action of two calls; `"other"` if they are two actions."""
     found = None
     if a.type == "move":
@@ -104,11 +96,7 @@ def _merge(
     return _other(a.point or b.point)
 
 
-def _after_move(
-    move: Action,
-    b: Action,
-    pixels: Scaling,
-) -> Action | None:
+def _after_move(move: Action, b: Action, pixels: Scaling) -> Action | None:
     if b.type in _POINTED:
         x = move.x if b.x is None else b.x
         y = move.y if b.y is None else b.y

@@ -32,11 +32,7 @@ NAMES = (
 _NEED_POINT = ("MOVE_TO", "DRAG_TO")
 # A point is allowed in every action, and is mapped.
 _FIELDS = ("x", "y", "button", "num_clicks", "dx", "dy", "text", "key", "keys")
-_KEYS = {
-    "PRESS": "hotkey",
-    "KEY_DOWN": "key_down",
-    "KEY_UP": "key_up",
-}
+_KEYS = {"PRESS": "hotkey", "KEY_DOWN": "key_down", "KEY_UP": "key_up"}
 
 
 def map_computer_13(action: object, scaling: Scaling) -> Any:

@@ -37,11 +37,7 @@ _OTHER_BUTTONS = {
     "middle": "middle_click",
     "wheel": "middle_click",
 }
-_REPEATED = {
-    1: "click",
-    2: "double_click",
-    3: "triple_click",
-}
+_REPEATED = {1: "click", 2: "double_click", 3: "triple_click"}
 
 
 def as_fields(action: object, dialect: str) -> dict[str, Any]:
@@ -58,11 +54,7 @@ def as_fields(action: object, dialect: str) -> dict[str, Any]:
     return {str(key): value for key, value in items}
 
 
-def unknown(
-    dialect: str,
-    name: object,
-    known: Iterable[str],
-) -> NoReturn:
+def unknown(dialect: str, name: object, known: Iterable[str]) -> NoReturn:
     """Refuse an action name that the dialect does not have.
 
     Raises:
@@ -122,11 +114,7 @@ def text(value: object, what: str) -> str:
     return value
 
 
-def key_names(
-    value: object,
-    what: str,
-    separators: str = "",
-) -> tuple[str, ...]:
+def key_names(value: object, what: str, separators: str = "") -> tuple[str, ...]:
     """Return keys under pyautogui's names in lower case, from a list or a separated string.
 
     Raises:
@@ -149,11 +137,7 @@ def key_names(
     return tuple(_key_name(key) for key in keys)
 
 
-def combination(
-    value: object,
-    what: str,
-    separators: str = "",
-) -> tuple[str, ...]:
+def combination(value: object, what: str, separators: str = "") -> tuple[str, ...]:
     """Return keys that are pressed together, as `key_names`; letters among them are lower case.
 
     Tools write `["CTRL", "S"]` for Ctrl+S; to pyautogui a capital `S` is Shift as well.
@@ -182,11 +166,7 @@ def click_type(button: object, clicks: object) -> str:
     return _OTHER_BUTTONS.get(button.lower(), "other")
 
 
-def at(
-    type: str,
-    place: tuple[int, int] | None,
-    **rest: Any,
-) -> Action:
+def at(type: str, place: tuple[int, int] | None, **rest: Any) -> Action:
     """Return an action at a point, or, for `None`, at the pointer."""
     if place is None:
         return Action(type, **rest)

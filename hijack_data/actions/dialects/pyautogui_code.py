@@ -27,11 +27,7 @@ from ..program.values import Bindings, Value
 from ..scaling import Scaling
 
 
-def map_code(
-    code: str,
-    scaling: Scaling,
-    screen: Size | None,
-) -> str:
+def map_code(code: str, scaling: Scaling, screen: Size | None) -> str:
     """Return `code` with its coordinates scaled.
 
     Args:
@@ -90,12 +86,7 @@ def check_text(code: object) -> None:
 
 
 class _Mapper:
-    def __init__(
-        self,
-        source: ParsedSource,
-        scaling: Scaling,
-        screen: Size | None,
-    ) -> None:
+    def __init__(self, source: ParsedSource, scaling: Scaling, screen: Size | None) -> None:
         self._source = source
         self._names = Names(source.tree)
         self._folder = Folder(self._names, screen)

@@ -28,20 +28,12 @@ _PLAIN = {
     "move": MOVE_BY,
     "hscroll": "other",
 }
-_CLICKS = {
-    "click": 1,
-    "doubleClick": 2,
-    "tripleClick": 3,
-}
+_CLICKS = {"click": 1, "doubleClick": 2, "tripleClick": 3}
 _HOLDS = {"mouseDown": "mouse_down", "mouseUp": "mouse_up"}
 _STATUS = {"success": "done", "failure": "fail"}
 
 
-def parse_pyautogui(
-    code: str,
-    size: Size | None,
-    normalized: bool = False,
-) -> Action:
+def parse_pyautogui(code: str, size: Size | None, normalized: bool = False) -> Action:
     """Parse pyautogui code into one `Action`.
 
     Raises `ActionError` for code that is not Python and for a coordinate that is not a constant.
@@ -81,12 +73,7 @@ def parse_pyautogui(
 
 
 class _Reader:
-    def __init__(
-        self,
-        source: ParsedSource,
-        scaling: Scaling,
-        screen: Size | None,
-    ) -> None:
+    def __init__(self, source: ParsedSource, scaling: Scaling, screen: Size | None) -> None:
         self._tree = source.tree
         self._names = Names(source.tree)
         self._folder = Folder(self._names, screen)
@@ -111,12 +98,7 @@ class _Reader:
         if action is not None:
             self._calls.append(action)
 
-    def _action(
-        self,
-        callee: Callee,
-        call: ast.Call,
-        env: Bindings,
-    ) -> Action | None:
+    def _action(self, callee: Callee, call: ast.Call, env: Bindings) -> Action | None:
         module, name = callee
         if module == "pyautogui" and (name in POINTER or name in KEYBOARD):
             if id(call) not in self._plain:
@@ -133,31 +115,18 @@ class _Reader:
             return _with_text(CLIPBOARD, self._first(call, env))
         return None
 
-    def _first(
-        self,
-        call: ast.Call,
-        env: Bindings,
-        name: str = "value",
-    ) -> MaybeValue:
+    def _first(self, call: ast.Call, env: Bindings, name: str = "value") -> MaybeValue:
         for argument in arguments(call, (name,), self._folder, env).values():
             return argument.value
         return None
 
     def _values(
-        self,
-        call: ast.Call,
-        parameters: Sequence[str],
-        env: Bindings,
+        self, call: ast.Call, parameters: Sequence[str], env: Bindings
     ) -> dict[str, MaybeValue]:
         given = arguments(call, parameters, self._folder, env)
         return {name: argument.value for name, argument in given.items()}
 
-    def _pointer(
-        self,
-        name: str,
-        call: ast.Call,
-        env: Bindings,
-    ) -> Action:
+    def _pointer(self, name: str, call: ast.Call, env: Bindings) -> Action:
         x, y, _ = self._pointing.place(call, name, env)
         given = self._values(call, POINTER[name], env)
         button = given.get("button", "left")
@@ -179,12 +148,7 @@ class _Reader:
             return Action("drag", x2=x, y2=y)
         return Action(DRAG_BY, x, y)
 
-    def _keyboard(
-        self,
-        name: str,
-        call: ast.Call,
-        env: Bindings,
-    ) -> Action:
+    def _keyboard(self, name: str, call: ast.Call, env: Bindings) -> Action:
         given = self._values(call, KEYBOARD[name], env)
         if name in ("write", "typewrite"):
             return _with_text("type", given.get("message"))

@@ -7,11 +7,7 @@ from dataclasses import fields
 from ...errors import ActionError
 from ...types import Action
 
-_WORDS = {
-    "wait": "WAIT",
-    "done": "DONE",
-    "fail": "FAIL",
-}
+_WORDS = {"wait": "WAIT", "done": "DONE", "fail": "FAIL"}
 _CLICKS = {
     "click": "click",
     "double_click": "doubleClick",

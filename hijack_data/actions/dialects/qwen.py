@@ -43,17 +43,7 @@ NAMES = (
     "open",
 )
 _POINTS = ("coordinate", "coordinate2", "start_coordinate")
-_FIELDS = (
-    "action",
-    "keys",
-    "text",
-    "pixels",
-    "time",
-    "status",
-    "button",
-    "description",
-    *_POINTS,
-)
+_FIELDS = ("action", "keys", "text", "pixels", "time", "status", "button", "description", *_POINTS)
 _CLICKS = {
     "click": "click",
     "left_click": "click",
@@ -172,11 +162,7 @@ def _arguments(call: _Call) -> tuple[dict[str, Any], str]:
     return given, cast("str", name)
 
 
-def _action(
-    given: dict[str, Any],
-    name: str,
-    scaling: Scaling,
-) -> Action:
+def _action(given: dict[str, Any], name: str, scaling: Scaling) -> Action:
     places = {
         key: scaling.point(*point(given[key], f"{name} {key}"))
         for key in _POINTS

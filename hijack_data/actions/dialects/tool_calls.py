@@ -80,13 +80,7 @@ def map_openai(action: object, scaling: Scaling) -> dict[str, Any]:
         path = [scaling.point(*p) for p in drag_points(fields)]
         given = cast("list[Any]", fields["path"])
         fields["path"] = [
-            {
-                **cast("dict[str, Any]", old),
-                "x": x,
-                "y": y,
-            }
-            if isinstance(old, dict)
-            else [x, y]
+            {**cast("dict[str, Any]", old), "x": x, "y": y} if isinstance(old, dict) else [x, y]
             for old, (x, y) in zip(given, path, strict=True)
         ]
     elif name in _OPENAI_POINT:
@@ -214,12 +208,7 @@ def _anthropic(action: object) -> tuple[dict[str, Any], str]:
     return fields, name
 
 
-def _name(
-    fields: dict[str, Any],
-    field: str,
-    dialect: str,
-    known: Sequence[str],
-) -> str:
+def _name(fields: dict[str, Any], field: str, dialect: str, known: Sequence[str]) -> str:
     name = fields.get(field)
     if name not in known:
         unknown(dialect, name, known)
@@ -252,10 +241,7 @@ def drag_points(fields: dict[str, Any]) -> list[tuple[float, float]]:
 
 
 def _coordinate(
-    fields: dict[str, Any],
-    name: str,
-    field: str,
-    scaling: Scaling,
+    fields: dict[str, Any], name: str, field: str, scaling: Scaling
 ) -> tuple[int, int] | None:
     value = fields.get(field)
     if value is None and not (field == "coordinate" and name in _ANTHROPIC_POINT):

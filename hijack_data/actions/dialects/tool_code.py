@@ -17,12 +17,7 @@ from .computer_13 import parse_computer_13
 from .fields import as_fields, key_names, number
 from .pyautogui_write import hscroll_code, write_pyautogui
 from .qwen import parse_qwen, sideways_of_qwen
-from .tool_calls import (
-    PIXELS_PER_NOTCH,
-    drag_points,
-    parse_anthropic,
-    parse_openai,
-)
+from .tool_calls import PIXELS_PER_NOTCH, drag_points, parse_anthropic, parse_openai
 from .ui_tars import parse_ui_tars, sideways_of_ui_tars
 
 MOST_REPEATS = 100
@@ -117,12 +112,7 @@ def _openai_scroll(fields: dict[str, Any], parsed: Action) -> str:
     down = number(fields.get("scroll_y", 0), "scroll scroll_y")
     lines: list[str] = []
     if down or not across:
-        upright = replace(
-            parsed,
-            type="scroll",
-            amount=-down / PIXELS_PER_NOTCH,
-            keys=None,
-        )
+        upright = replace(parsed, type="scroll", amount=-down / PIXELS_PER_NOTCH, keys=None)
         lines.append(write_pyautogui(upright))
     if across:
         sideways = across / PIXELS_PER_NOTCH
@@ -179,11 +169,7 @@ def _held_for(action: Action) -> str:
     return _with_keys(action.keys, [f"pyautogui.sleep({seconds:g})"])
 
 
-def _typed(
-    action: Action,
-    fields: dict[str, Any],
-    scaling: Scaling,
-) -> str:
+def _typed(action: Action, fields: dict[str, Any], scaling: Scaling) -> str:
     """Return code that types a text, clicking a place first and pressing Enter last if asked to."""
     text = f"{action.text}\n" if fields.get("press_enter") is True else action.text
     line = write_pyautogui(replace(action, text=text))
@@ -197,12 +183,7 @@ def _typed(
 def _through(points: Sequence[tuple[int, int]]) -> list[str]:
     """Return code that drags through all points."""
     first, *others = [f"pyautogui.moveTo({x}, {y})" for x, y in points]
-    return [
-        first,
-        "pyautogui.mouseDown()",
-        *others,
-        "pyautogui.mouseUp()",
-    ]
+    return [first, "pyautogui.mouseDown()", *others, "pyautogui.mouseUp()"]
 
 
 def _with_keys(keys: Sequence[str] | None, lines: Sequence[str]) -> str:

@@ -21,19 +21,10 @@ from .unmapped import check_fields
 
 THOUSAND = (1000, 1000)
 
-_CLICKS = {
-    "click": "click",
-    "left_double": "double_click",
-    "right_single": "right_click",
-}
+_CLICKS = {"click": "click", "left_double": "double_click", "right_single": "right_click"}
 WAIT_SECONDS = 5.0  # the prompt says that wait() sleeps for 5 s
 # The action has no amount; UI-TARS's own code scrolls by 5.
-_NOTCHES = {
-    "up": 5,
-    "down": -5,
-    "left": None,
-    "right": None,
-}
+_NOTCHES = {"up": 5, "down": -5, "left": None, "right": None}
 
 _SIDEWAYS: dict[str, float] = {"left": -5, "right": 5}
 
@@ -46,14 +37,7 @@ _AFTER_TEXT = re.compile(r"""(?<!\\)['"]\s*,\s*(?:start_|end_)(?:box|point)\s*=\
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?", re.ASCII)
 _TOKENS = ("<|box_start|>", "<|box_end|>")
 _SHAPES = ("N,N", "(N,N)", "[N,N]", "N,N,N,N", "(N,N,N,N)", "[N,N,N,N]")
-_ESCAPES = {
-    "n": "\n",
-    "t": "\t",
-    "r": "\r",
-    "'": "'",
-    '"': '"',
-    "\\": "\\",
-}
+_ESCAPES = {"n": "\n", "t": "\t", "r": "\r", "'": "'", '"': '"', "\\": "\\"}
 
 
 class _Argument(NamedTuple):
@@ -133,11 +117,7 @@ def _arguments(call: Call, known: Collection[str]) -> dict[str, _Argument]:
     return found
 
 
-def _numbers(
-    call: Call,
-    argument: _Argument,
-    name: str,
-) -> list[re.Match[str]]:
+def _numbers(call: Call, argument: _Argument, name: str) -> list[re.Match[str]]:
     bare = argument.value
     for token in _TOKENS:
         bare = bare.replace(token, " ")

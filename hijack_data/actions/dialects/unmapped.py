@@ -18,11 +18,7 @@ _NUMERIC = re.compile(r"[^\w]*-?\d[\d\s.,;:()\[\]<>x-]*")
 _DEEPEST = 5
 
 
-def check_fields(
-    fields: Mapping[str, Any],
-    known: Collection[str],
-    what: str,
-) -> None:
+def check_fields(fields: Mapping[str, Any], known: Collection[str], what: str) -> None:
     """Check that every field is `known` or cannot hold coordinates.
 
     Unknown fields without coordinates (notes, ids, None) are accepted, since no mapping has to
@@ -39,11 +35,7 @@ def check_fields(
             )
 
 
-def _may_be_place(
-    name: str,
-    value: object,
-    depth: int = _DEEPEST,
-) -> bool:
+def _may_be_place(name: str, value: object, depth: int = _DEEPEST) -> bool:
     if isinstance(value, str) and _PLACE.search(name.lower()):
         return _NUMBER.search(value) is not None
     if name in _AMOUNTS and _is_one_number(value):

@@ -24,10 +24,7 @@ class Argument:
 
 
 def arguments(
-    call: ast.Call,
-    parameters: Sequence[str],
-    folder: Folder,
-    env: Bindings,
+    call: ast.Call, parameters: Sequence[str], folder: Folder, env: Bindings
 ) -> dict[str, Argument]:
     """Return the arguments of `call` by parameter name, without those that are not passed.
 
@@ -50,11 +47,7 @@ def arguments(
     return found if lost is None else {**dict.fromkeys(parameters, lost), **found}
 
 
-def positional(
-    nodes: Sequence[ast.expr],
-    folder: Folder,
-    env: Bindings,
-) -> Iterator[Argument]:
+def positional(nodes: Sequence[ast.expr], folder: Folder, env: Bindings) -> Iterator[Argument]:
     """Yield the positional arguments in order, unpacked ones expanded.
 
     A starred `node` without `siblings` is unknown.
@@ -68,11 +61,7 @@ def positional(
             yield from _unpacked(node, folder, env)
 
 
-def _unpacked(
-    node: ast.Starred,
-    folder: Folder,
-    env: Bindings,
-) -> Iterator[Argument]:
+def _unpacked(node: ast.Starred, folder: Folder, env: Bindings) -> Iterator[Argument]:
     value = _value(node.value, folder, env)
     if isinstance(value, tuple):
         for index, item in enumerate(value):
@@ -84,11 +73,7 @@ def _unpacked(
         yield Argument(Unknown(reason), node)
 
 
-def _value(
-    node: ast.expr,
-    folder: Folder,
-    env: Bindings,
-) -> MaybeValue:
+def _value(node: ast.expr, folder: Folder, env: Bindings) -> MaybeValue:
     try:
         # A list written in the call itself cannot have been changed before.
         if isinstance(node, ast.List):

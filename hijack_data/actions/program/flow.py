@@ -76,23 +76,13 @@ class Flow:
         except Unknown as unknown:
             return unknown
 
-    def _assign(
-        self,
-        targets: Sequence[ast.expr],
-        value: MaybeValue,
-        env: Bindings,
-    ) -> None:
+    def _assign(self, targets: Sequence[ast.expr], value: MaybeValue, env: Bindings) -> None:
         if len(targets) > 1 and any(True for _ in list_depths(value)):
             value = Unknown("a list with several names may be changed through each of them")
         for target in targets:
             self._assign_one(target, value, env)
 
-    def _assign_one(
-        self,
-        target: ast.expr,
-        value: MaybeValue,
-        env: Bindings,
-    ) -> None:
+    def _assign_one(self, target: ast.expr, value: MaybeValue, env: Bindings) -> None:
         match target:
             case ast.Name(id=name):
                 env[name] = value
@@ -270,10 +260,5 @@ def _sees_nothing(_: str) -> bool:
     return False
 
 
-def _forget(
-    env: Bindings,
-    names: Iterable[str],
-    why: str,
-    node: ast.AST,
-) -> None:
+def _forget(env: Bindings, names: Iterable[str], why: str, node: ast.AST) -> None:
     env.forget(names, why, getattr(node, "lineno", 1))

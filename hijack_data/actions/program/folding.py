@@ -134,11 +134,7 @@ class Folder:
         raise Unknown(f"the result of {function}() is known only when the code runs")
 
 
-def arithmetic(
-    op: ast.operator,
-    left: Value,
-    right: Value,
-) -> Value:
+def arithmetic(op: ast.operator, left: Value, right: Value) -> Value:
     """Return `left op right`, for numbers (and `+` for text).
 
     Raises:

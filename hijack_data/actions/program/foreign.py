@@ -52,11 +52,7 @@ def foreign_call(call: ast.Call, names: Names) -> str | None:
             return None
 
 
-def _named_call(
-    name: str,
-    call: ast.Call,
-    names: Names,
-) -> str | None:
+def _named_call(name: str, call: ast.Call, names: Names) -> str | None:
     if names.is_own_function(name):
         return None
     origin = names.imported(name)
@@ -71,12 +67,7 @@ def _named_call(
     return None
 
 
-def _method_call(
-    name: str,
-    owner: ast.expr,
-    call: ast.Call,
-    names: Names,
-) -> str | None:
+def _method_call(name: str, owner: ast.expr, call: ast.Call, names: Names) -> str | None:
     is_device = _last_word(owner, names) in DEVICES
     moves_device = is_device and count_numbers(call, names) > 0
     if moves_device or _moves(name, call, names):
@@ -84,11 +75,7 @@ def _method_call(
     return None
 
 
-def _moves(
-    name: str,
-    call: ast.Call,
-    names: Names,
-) -> bool:
+def _moves(name: str, call: ast.Call, names: Names) -> bool:
     numbers = count_numbers(call, names)
     if is_verb(name):
         return numbers > 0

@@ -31,22 +31,12 @@ class CallCoordinates(NamedTuple):
 class Pointing:
     """Reads the coordinates of the pointer calls of one program."""
 
-    def __init__(
-        self,
-        source: ParsedSource,
-        folder: Folder,
-        scaling: Scaling,
-    ) -> None:
+    def __init__(self, source: ParsedSource, folder: Folder, scaling: Scaling) -> None:
         self._source = source
         self._folder = folder
         self._scaling = scaling
 
-    def place(
-        self,
-        call: ast.Call,
-        function: str,
-        env: Bindings,
-    ) -> CallCoordinates:
+    def place(self, call: ast.Call, function: str, env: Bindings) -> CallCoordinates:
         """Return where `call` of a `function` in `POINTER` points.
 
         Raises `ActionError` if the place is not known before the code runs.
@@ -104,12 +94,7 @@ class Pointing:
             return CallCoordinates(numbers[0], numbers[1], [*changes])
         return CallCoordinates(numbers[0], numbers[1], [(x, tuple(numbers))])
 
-    def _check_point(
-        self,
-        call: ast.Call,
-        x: Argument | None,
-        values: list[MaybeValue],
-    ) -> None:
+    def _check_point(self, call: ast.Call, x: Argument | None, values: list[MaybeValue]) -> None:
         """Refuse a place in fractions of the picture, which mapping would turn into its corner."""
         numbers = [value for value in values if isinstance(value, int | float)]
         if x is None or len(numbers) != 2:
@@ -120,11 +105,7 @@ class Pointing:
             self._refuse(call, "x", x, str(error))
 
     def _scaled(
-        self,
-        call: ast.Call,
-        name: str,
-        argument: Argument | None,
-        scale: _Scale,
+        self, call: ast.Call, name: str, argument: Argument | None, scale: _Scale
     ) -> int | None:
         if argument is None or argument.value is None:
             return None
@@ -143,13 +124,7 @@ class Pointing:
             case _:
                 self._refuse(call, name, argument, "it is not a number")
 
-    def _refuse(
-        self,
-        call: ast.Call,
-        name: str,
-        argument: Argument,
-        reason: str,
-    ) -> NoReturn:
+    def _refuse(self, call: ast.Call, name: str, argument: Argument, reason: str) -> NoReturn:
         function = self._source.text(call.func)
         written = self._source.text(argument.node)
         self._source.refuse(

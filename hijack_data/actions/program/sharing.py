@@ -32,11 +32,7 @@ def changed_depths(tree: ast.Module, leaves_alone: LeavesAlone) -> dict[str, int
     return depths
 
 
-def _escapes_at(
-    name: ast.Name,
-    parents: dict[int, ast.AST],
-    leaves_alone: LeavesAlone,
-) -> int:
+def _escapes_at(name: ast.Name, parents: dict[int, ast.AST], leaves_alone: LeavesAlone) -> int:
     node: ast.AST = name
     depth = 0
     while True:

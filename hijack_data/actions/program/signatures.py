@@ -78,11 +78,7 @@ BARE = frozenset({*POINTER, *KEYBOARD, *REFUSED, *READERS, "sleep", "size", "pos
 PYAUTOGUI = frozenset({"pyautogui", "computer"})
 MODULES = frozenset({*PYAUTOGUI, "time", "pyperclip"})
 
-SPECIAL = {
-    "WAIT": "wait",
-    "DONE": "done",
-    "FAIL": "fail",
-}
+SPECIAL = {"WAIT": "wait", "DONE": "done", "FAIL": "fail"}
 
 
 def is_public(name: str) -> bool:

@@ -117,12 +117,7 @@ class ParsedSource:
             return found
         return found[: _SHOWN - 3] + "..."
 
-    def refuse(
-        self,
-        node: ast.AST,
-        problem: str,
-        fix: str,
-    ) -> NoReturn:
+    def refuse(self, node: ast.AST, problem: str, fix: str) -> NoReturn:
         """Raise an error that points at `node`.
 
         Raises:

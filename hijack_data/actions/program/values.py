@@ -89,12 +89,7 @@ class Bindings:
         """Return the bindings at the start of an inner block, which keeps its changes to itself."""
         return Bindings(self, sees)
 
-    def forget(
-        self,
-        names: Iterable[str],
-        why: str,
-        line: int,
-    ) -> None:
+    def forget(self, names: Iterable[str], why: str, line: int) -> None:
         """Make `names` unknown because of line `line`."""
         for name in names:
             self.changed[name] = Unknown(f"{name!r} {why} (line {line})")

@@ -51,13 +51,7 @@ def has_run() -> bool:
     return _calls > 0
 
 
-def _draw(
-    picture: int,
-    pitch: int,
-    step: int,
-    plane: int,
-    rows: StampRows,
-) -> None:
+def _draw(picture: int, pitch: int, step: int, plane: int, rows: StampRows) -> None:
     """Draw rows into the picture at the memory address `picture`.
 
     `pitch`, `step` and `plane` are its strides in bytes; `rows` documents the columns.
@@ -120,12 +114,7 @@ def _line(groups: tuple[int, ...], packed: bool) -> Callable[..., Any]:
     ) -> Any:
         t: Any = import_module("numba").types
 
-        def emit(
-            context: Any,
-            builder: Any,
-            _signature: Any,
-            args: Any,
-        ) -> Any:
+        def emit(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
             above = ABOVE_ALL
             for lanes in groups:
                 _Line(builder, args, lanes, packed).emit(above)
@@ -143,13 +132,7 @@ class _Line:
     `at` is where a group begins, in pixels of the line.
     """
 
-    def __init__(
-        self,
-        builder: Any,
-        args: Any,
-        lanes: int,
-        packed: bool,
-    ) -> None:
+    def __init__(self, builder: Any, args: Any, lanes: int, packed: bool) -> None:
         ir: Any = import_module("llvmlite.ir")
         self.i32 = ir.IntType(32)
         self.i64 = ir.IntType(64)
@@ -258,12 +241,7 @@ class _Line:
         """Emit the products of vectors."""
         return [self.builder.mul(one, other) for one, other in zip(cover, color, strict=True)]
 
-    def blend(
-        self,
-        at: IrValue,
-        cover: list[IrValue],
-        added: list[IrValue],
-    ) -> None:
+    def blend(self, at: IrValue, cover: list[IrValue], added: list[IrValue]) -> None:
         """Emit the blending of the three vectors of a group.
 
         It computes `d = (t + (t >> 8)) >> 8` with `t = d * (255 - cover) + added + 128` in 16 bits.
@@ -281,12 +259,7 @@ class _Line:
             out.append(b.trunc(rounded, self.bytes))
         self.store(at, out)
 
-    def mask(
-        self,
-        base: IrValue,
-        at: IrValue,
-        done: IrValue,
-    ) -> IrValue:
+    def mask(self, base: IrValue, at: IrValue, done: IrValue) -> IrValue:
         """Emit the loading of one group of a mask.
 
         The first `done` pixels, which are drawn already, become 0.
@@ -311,12 +284,7 @@ class _Line:
         first = b.add(self.to, b.mul(at, self.step))
         return b.inttoptr(b.add(first, offset), self.pointer)
 
-    def load(
-        self,
-        kind: Any,
-        base: IrValue,
-        offset: IrValue,
-    ) -> IrValue:
+    def load(self, kind: Any, base: IrValue, offset: IrValue) -> IrValue:
         """Emit the reading of a vector."""
         b = self.builder
         address = b.inttoptr(b.add(base, offset), self.pointer)

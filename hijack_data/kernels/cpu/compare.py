@@ -36,11 +36,7 @@ _population: Any = None
 _separate: Any = None
 
 
-def count(
-    before: UInt8Array,
-    after: UInt8Array,
-    boxes: BoxArray,
-) -> int:
+def count(before: UInt8Array, after: UInt8Array, boxes: BoxArray) -> int:
     """Count the pixels inside given boxes in which two pictures of one size differ.
 
     The time grows with the square of the number of boxes: for more than some hundred, one box for
@@ -79,11 +75,7 @@ def _pixel(image: UInt8Array) -> int:
     return 3 if image.strides[1:] == (3, 1) else 0
 
 
-def _count_by_numpy(
-    before: UInt8Array,
-    after: UInt8Array,
-    boxes: BoxArray,
-) -> int:
+def _count_by_numpy(before: UInt8Array, after: UInt8Array, boxes: BoxArray) -> int:
     inside = clip_boxes(boxes, before.shape[:2])
     holds_pixels = (inside[:, :2] < inside[:, 2:]).all(axis=1)
     apart = _disjoint(inside[holds_pixels])
@@ -142,11 +134,7 @@ def _differ_in_pixels(before: UInt8Array, after: UInt8Array) -> Any:
     return pixels
 
 
-def _separate_in_place(
-    boxes: BoxArray,
-    height: int,
-    width: int,
-) -> int:
+def _separate_in_place(boxes: BoxArray, height: int, width: int) -> int:
     """Clip boxes to the picture and make them disjoint as `_disjoint` does, in place.
 
     Returns the number of boxes that are left; they are at the beginning of the array.
@@ -182,11 +170,7 @@ def _separate_in_place(
     return kept
 
 
-def _count(
-    before: UInt8Array,
-    after: UInt8Array,
-    boxes: BoxArray,
-) -> int:
+def _count(before: UInt8Array, after: UInt8Array, boxes: BoxArray) -> int:
     """Count as `count` does; the boxes are changed.
 
     The channels of the pictures are interleaved, or each is a plane.
@@ -235,13 +219,7 @@ def _kernel(numba: Any) -> Counter:
     return jit.compile_now(numba.njit, _count, t.int64(picture, picture, boxes))
 
 
-def _emit_differ(
-    context: Any,
-    one: Any,
-    two: Any,
-    one_ahead: Any,
-    two_ahead: Any,
-) -> Any:
+def _emit_differ(context: Any, one: Any, two: Any, one_ahead: Any, two_ahead: Any) -> Any:
     """Emit the comparison of 64 bytes: bit `i` of a word is set if the bytes `i` differ.
 
     The cache lines `one_ahead` and `two_ahead` bytes ahead are prefetched, which is allowed even
@@ -250,12 +228,7 @@ def _emit_differ(
     ir: Any = import_module("llvmlite.ir")
     t: Any = import_module("numba").types
 
-    def emit(
-        _context: Any,
-        b: Any,
-        _signature: Any,
-        args: Any,
-    ) -> Any:
+    def emit(_context: Any, b: Any, _signature: Any, args: Any) -> Any:
         i32 = ir.IntType(32)
         pointer = ir.PointerType()
         vector = ir.VectorType(ir.IntType(8), LANES)
@@ -275,12 +248,7 @@ def _emit_population(context: Any, word: Any) -> Any:
     """Emit the count of the bits of a word that are set."""
     t: Any = import_module("numba").types
 
-    def emit(
-        _context: Any,
-        b: Any,
-        _signature: Any,
-        args: Any,
-    ) -> Any:
+    def emit(_context: Any, b: Any, _signature: Any, args: Any) -> Any:
         return b.ctpop(args[0])
 
     return t.int64(t.uint64), emit

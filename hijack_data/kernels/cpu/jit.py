@@ -119,11 +119,7 @@ def lazy(what: str) -> Callable[[Callable[[Any], T]], "_lru_cache_wrapper[T]"]:
     return decorate
 
 
-def compile_now(
-    njit: Any,
-    function: Callable[..., Any],
-    signature: object,
-) -> Callable[..., Any]:
+def compile_now(njit: Any, function: Callable[..., Any], signature: object) -> Callable[..., Any]:
     """Compile a function for one signature, or load it from Numba's cache on disk.
 
     The kernel runs without holding Python's global lock.

@@ -26,11 +26,7 @@ PASTE_SAVES = 0.2  # a picture
 RESAMPLE_SAVES = 3e-6  # a byte
 
 
-@dataclass(
-    frozen=True,
-    eq=False,
-    kw_only=True,
-)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class _Form:
     """The painted pixels of a sprite, the opaque ones (`solid`) and the others (`soft`).
 
@@ -45,11 +41,7 @@ class _Form:
     paint: npt.NDArray[np.uint32]
 
 
-@dataclass(
-    frozen=True,
-    eq=False,
-    kw_only=True,
-)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class _Offsets:
     """The offsets of a form's bytes from its corner, `[3 n]`, in pictures of certain strides."""
 
@@ -81,11 +73,7 @@ def paste(image: UInt8Array, stamps: list[Stamp]) -> UInt8Array:
     return _first_paste(image, stamps, rows)
 
 
-def _first_paste(
-    image: UInt8Array,
-    stamps: list[Stamp],
-    rows: npt.NDArray[np.int64],
-) -> UInt8Array:
+def _first_paste(image: UInt8Array, stamps: list[Stamp], rows: npt.NDArray[np.int64]) -> UInt8Array:
     """Paste with the compiled kernel; if it fails, restore the picture and paste without it."""
     before = image.copy()
 
@@ -124,11 +112,7 @@ def _areas(image: UInt8Array, stamp: Stamp) -> Iterator[UInt8Array]:
         yield image[y : y + h, x : x + w]
 
 
-def _paste_soft(
-    flat: UInt8Array,
-    strides: tuple[int, ...],
-    stamp: Stamp,
-) -> None:
+def _paste_soft(flat: UInt8Array, strides: tuple[int, ...], stamp: Stamp) -> None:
     """Blend the pixels of a sprite into the bytes of a picture with these strides."""
     form = _form(stamp.sprite)
     at = _offsets(stamp.sprite, strides)
@@ -202,11 +186,7 @@ def _offsets(sprite: Sprite, strides: tuple[int, ...]) -> _Offsets:
         form = _form(sprite)
         solid = _in_bytes(form.solid_at, strides)
         soft = _in_bytes(form.soft_at, strides)
-        found = _Offsets(
-            strides=strides,
-            solid=solid,
-            soft=soft,
-        )
+        found = _Offsets(strides=strides, solid=solid, soft=soft)
         sprite.scratch["offsets"] = found
     return found
 
@@ -218,11 +198,7 @@ def _in_bytes(at: Int32Array, strides: tuple[int, ...]) -> npt.NDArray[np.intp]:
     return (pixels[:, None] + channels).reshape(-1)
 
 
-def _blend(
-    below: UInt8Array,
-    form: _Form,
-    at: _Offsets,
-) -> None:
+def _blend(below: UInt8Array, form: _Form, at: _Offsets) -> None:
     below[at.solid] = form.solid
     if at.soft.size:
         total = below[at.soft] * form.keep

@@ -32,11 +32,7 @@ _transpose: Any = None
 _across: Any = None
 
 
-def resample(
-    image: UInt8Array,
-    size: Size,
-    threads: int = 1,
-) -> UInt8Array:
+def resample(image: UInt8Array, size: Size, threads: int = 1) -> UInt8Array:
     """Resize with Pillow's bicubic filter; the same bytes as `PIL.Image.resize((w, h), BICUBIC)`.
 
     A channels-first array viewed through `np.moveaxis(x, -3, -1)` gives a result with the same
@@ -76,11 +72,7 @@ def resample(
     return result if image.ndim == 4 else result[0]
 
 
-def _check(
-    image: UInt8Array,
-    size: Size,
-    threads: int,
-) -> None:
+def _check(image: UInt8Array, size: Size, threads: int) -> None:
     if image.dtype != np.uint8:
         raise ImageTypeError(f"resample: the picture is {image.dtype}, not uint8; convert it first")
     if image.ndim not in (3, 4) or image.shape[-1] != 3 or 0 in image.shape:
@@ -93,12 +85,7 @@ def _check(
         raise ParameterError(f"resample: threads is {threads}; give at least 1")
 
 
-def _resize(
-    batch: UInt8Array,
-    across: Weights,
-    down: Weights,
-    threads: int,
-) -> UInt8Array:
+def _resize(batch: UInt8Array, across: Weights, down: Weights, threads: int) -> UInt8Array:
     """Resize `[N, planes, H, columns]` along rows, then columns.
 
     Three planes are channels, a single one holds all three.
@@ -240,14 +227,7 @@ def _kernel(numba: Any) -> Callable[..., None]:
     return jit.compile_now(numba.njit, _band, band)
 
 
-def _emit_weighted_sum(
-    context: Any,
-    source: Any,
-    stride: Any,
-    taps: Any,
-    n: Any,
-    out: Any,
-) -> Any:
+def _emit_weighted_sum(context: Any, source: Any, stride: Any, taps: Any, n: Any, out: Any) -> Any:
     """Emit one weighted sum.
 
     It computes `out[i] = clip((half + sum_k taps[k] * source[k * stride + i]) >> PRECISION_BITS)`
@@ -268,12 +248,7 @@ def _emit_weighted_sum(
     zero = sums([0] * ROWS)
     top = sums([255] * ROWS)
 
-    def emit(
-        _context: Any,
-        b: Any,
-        _signature: Any,
-        args: Any,
-    ) -> Any:
+    def emit(_context: Any, b: Any, _signature: Any, args: Any) -> Any:
         source, stride, taps, n, out = args
 
         def at(base: Any, offset: Any) -> Any:
@@ -298,13 +273,7 @@ def _emit_weighted_sum(
     return t.void(*[t.intp] * 5), emit
 
 
-def _emit_transpose(
-    context: Any,
-    source: Any,
-    pitch: Any,
-    out: Any,
-    out_pitch: Any,
-) -> Any:
+def _emit_transpose(context: Any, source: Any, pitch: Any, out: Any, out_pitch: Any) -> Any:
     """Emit the transposition of a tile of `ROWS x ROWS` bytes."""
     ir: Any = import_module("llvmlite.ir")
     t: Any = import_module("numba").types
@@ -316,19 +285,10 @@ def _emit_transpose(
     orders = [[start + i // 2 + ROWS * (i % 2) for i in range(ROWS)] for start in (0, half)]
     zips = [lanes(order) for order in orders]
 
-    def emit(
-        _context: Any,
-        b: Any,
-        _signature: Any,
-        args: Any,
-    ) -> Any:
+    def emit(_context: Any, b: Any, _signature: Any, args: Any) -> Any:
         source, pitch, out, out_pitch = args
 
-        def at(
-            base: Any,
-            stride: Any,
-            i: int,
-        ) -> Any:
+        def at(base: Any, stride: Any, i: int) -> Any:
             return b.inttoptr(b.add(base, b.mul(stride, i64(i))), pointer)
 
         lines = [b.load(at(source, pitch, i), align=1, typ=pixels) for i in range(ROWS)]

@@ -114,12 +114,7 @@ def _order(image: Tensor, size: Size) -> tuple[int, int]:
     return (1, 2) if columns_first((height, width), size) else (2, 1)
 
 
-def _resize_due(
-    images: list[Tensor],
-    sizes: Sequence[Size],
-    due: list[int],
-    axis: int,
-) -> None:
+def _resize_due(images: list[Tensor], sizes: Sequence[Size], due: list[int], axis: int) -> None:
     """Resize, in the list, those of the pictures `due` whose side along an axis must change."""
     turn = [i for i in due if images[i].shape[axis] != sizes[i][axis - 1]]
     if not turn:
@@ -129,11 +124,7 @@ def _resize_due(
         images[i] = image
 
 
-def _pass(
-    images: list[Tensor],
-    sides: list[int],
-    axis: int,
-) -> list[Tensor]:
+def _pass(images: list[Tensor], sides: list[int], axis: int) -> list[Tensor]:
     """Resize along one axis, 1 for columns or 2 for rows."""
     kernels = _kernels()
     device = images[0].device
@@ -154,20 +145,11 @@ def _pass(
     (sent,) = _send([np.array(jobs, np.int64)], device)
     tall, wide = kernels.RESIZE_TILE
     grid = (max(-(-new.shape[1] // tall) * -(-new.shape[2] // wide) for new in made), len(made), 3)
-    kernels.resize[grid](
-        sent,
-        ALONG_ROWS=axis == 2,
-        TALL=tall,
-        WIDE=wide,
-    )
+    kernels.resize[grid](sent, ALONG_ROWS=axis == 2, TALL=tall, WIDE=wide)
     return made
 
 
-def _new(
-    image: Tensor,
-    height: int,
-    width: int,
-) -> Tensor:
+def _new(image: Tensor, height: int, width: int) -> Tensor:
     """Return a new tensor `[3, height, width]` with the channel layout of `image`."""
     channels_last = image.stride(0) == 1 and image.stride(2) != 1
     shape = (height, width, 3) if channels_last else (3, height, width)
@@ -191,12 +173,7 @@ def _stream(device: torch.device) -> int:
 _tables = Cache(TABLE_BYTES)
 
 
-def _table(
-    n_in: int,
-    n_out: int,
-    device: torch.device,
-    in_stream: int,
-) -> tuple[Tensor, Tensor]:
+def _table(n_in: int, n_out: int, device: torch.device, in_stream: int) -> tuple[Tensor, Tensor]:
     """Return the weights of a resize on the device, where the last ones are cached."""
     key = n_in, n_out, device, in_stream
     found = _tables.get(key)
@@ -235,11 +212,7 @@ _DTYPES = {
 }
 
 
-def _upload(
-    sprite: Sprite,
-    key: object,
-    device: torch.device,
-) -> StampRows:
+def _upload(sprite: Sprite, key: object, device: torch.device) -> StampRows:
     """Send the masks and pictures of a sprite to the device and return its rows.
 
     The sprite keeps what was sent under `("memory", key)`.

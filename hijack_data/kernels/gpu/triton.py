@@ -36,13 +36,7 @@ _HALF = tl.constexpr(1 << (PRECISION_BITS - 1))
 
 
 @triton.jit
-def paste(
-    jobs,
-    rows,
-    tiles,
-    TALL: tl.constexpr,
-    WIDE: tl.constexpr,
-):
+def paste(jobs, rows, tiles, TALL: tl.constexpr, WIDE: tl.constexpr):
     """Stamp the rows of a picture into one tile of it, in order.
 
     `tiles` is int32 `[n, 3]`: picture, row and column of the tile.
@@ -121,23 +115,14 @@ def paste(
 
 
 @triton.jit
-def _blend(
-    below,
-    keep,
-    added,
-):
+def _blend(below, keep, added):
     """Blend with exact rounding; a byte stays unchanged if all of it is kept and nothing added."""
     total = below * keep + added + 128
     return (total + (total >> 8)) >> 8
 
 
 @triton.jit
-def resize(
-    jobs,
-    ALONG_ROWS: tl.constexpr,
-    TALL: tl.constexpr,
-    WIDE: tl.constexpr,
-):
+def resize(jobs, ALONG_ROWS: tl.constexpr, TALL: tl.constexpr, WIDE: tl.constexpr):
     """Make one pass of a resize, along rows or along columns, for one tile of one channel."""
     job = jobs + tl.program_id(1) * _RESIZE_JOB
     plane = tl.program_id(2).to(tl.int64)

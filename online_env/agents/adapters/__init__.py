@@ -12,10 +12,4 @@ from .cua import CuaAgent
 from .loop import LoopAgent, LoopComputer
 from .osworld import OsworldAgent
 
-__all__ = [
-    "AgentS",
-    "CuaAgent",
-    "LoopAgent",
-    "LoopComputer",
-    "OsworldAgent",
-]
+__all__ = ["AgentS", "CuaAgent", "LoopAgent", "LoopComputer", "OsworldAgent"]

@@ -51,12 +51,7 @@ class AgentS(OsworldAgent):
             engine_params_for_grounding=dict(self.grounding),
         )
         module = extras.load(_AGENT, "Agent S3", EXTRA)
-        agent = module.AgentS3(
-            dict(self.engine),
-            self._aci,
-            platform="linux",
-            **self.options,
-        )
+        agent = module.AgentS3(dict(self.engine), self._aci, platform="linux", **self.options)
         super().__init__(agent)
 
     def predict(self, instruction: str, obs: Observation) -> tuple[str, Sequence[str]]:

@@ -19,10 +19,7 @@ from .loop import LoopAgent, LoopComputer
 EXTRA = "cua"
 # Unless these variables are set before the import, the package sends usage statistics, and its
 # model library downloads a price list.
-_QUIET = {
-    "CUA_TELEMETRY_ENABLED": "false",
-    "LITELLM_LOCAL_MODEL_COST_MAP": "True",
-}
+_QUIET = {"CUA_TELEMETRY_ENABLED": "false", "LITELLM_LOCAL_MODEL_COST_MAP": "True"}
 
 
 class CuaAgent(LoopAgent):
@@ -59,11 +56,7 @@ class CuaAgent(LoopAgent):
             "screenshot_delay": 0,  # the environment waits until the screen has settled
             **self.options,
         }
-        agent = self._package.ComputerAgent(
-            model=self.model,
-            tools=[computer],
-            **arguments,
-        )
+        agent = self._package.ComputerAgent(model=self.model, tools=[computer], **arguments)
         words = ""
         idle = 0
         before = 0
@@ -104,12 +97,7 @@ class CuaComputer:
         self.touched += 1
         return self._computer.png_base64()
 
-    async def click(
-        self,
-        x: int,
-        y: int,
-        button: str = "left",
-    ) -> None:
+    async def click(self, x: int, y: int, button: str = "left") -> None:
         """Click a button of the mouse."""
         await self._call(type="click", x=x, y=y, button=button)
 
@@ -117,13 +105,7 @@ class CuaComputer:
         """Click twice."""
         await self._call(type="double_click", x=x, y=y)
 
-    async def scroll(
-        self,
-        x: int,
-        y: int,
-        scroll_x: int,
-        scroll_y: int,
-    ) -> None:
+    async def scroll(self, x: int, y: int, scroll_x: int, scroll_y: int) -> None:
         """Turn the wheel at a place, in pixels; down and right are positive."""
         await self._call(type="scroll", x=x, y=y, scroll_x=scroll_x, scroll_y=scroll_y)
 

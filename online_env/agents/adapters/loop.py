@@ -135,12 +135,7 @@ class LoopComputer:
         """Return the present picture as PNG in base64, as endpoints want it."""
         return base64.b64encode(self.png()).decode("ascii")
 
-    def act(
-        self,
-        action: object,
-        dialect: str = PYAUTOGUI,
-        said: str = "",
-    ) -> UInt8Array:
+    def act(self, action: object, dialect: str = PYAUTOGUI, said: str = "") -> UInt8Array:
         """Take an action, which is one step of the episode, and return the next picture.
 
         After `DONE`, `FAIL` or the last step this does not return: `LoopEnd` ends the loop. An
@@ -225,10 +220,7 @@ class LoopAgent:
     def _begun(self, instruction: str, picture: UInt8Array) -> _Bridge:
         bridge = _Bridge(picture)
         self._thread = threading.Thread(
-            target=self._played,
-            args=(bridge, instruction),
-            name="loop",
-            daemon=True,
+            target=self._played, args=(bridge, instruction), name="loop", daemon=True
         )
         self._thread.start()
         return bridge

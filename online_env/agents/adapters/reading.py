@@ -11,11 +11,7 @@ PYAUTOGUI = "pyautogui"
 COMPUTER_13 = "computer_13"
 
 
-def codes_of(
-    action: object,
-    dialect: str,
-    size: Size,
-) -> tuple[list[str], str]:
+def codes_of(action: object, dialect: str, size: Size) -> tuple[list[str], str]:
     """Return an action as pyautogui code, WAIT, DONE or FAIL, and why it could not be read.
 
     An action that cannot be read becomes a text that the environment refuses: the step is used up
@@ -40,11 +36,7 @@ def unreadable(error: Exception) -> str:
     return f"unreadable action: {problem}"
 
 
-def _read(
-    action: object,
-    dialect: str,
-    size: Size,
-) -> list[str]:
+def _read(action: object, dialect: str, size: Size) -> list[str]:
     if dialect != PYAUTOGUI:
         codes = code_of(action, dialect, size)
         if not codes:

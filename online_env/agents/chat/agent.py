@@ -57,22 +57,14 @@ class ChatAgent:
         return self._act(instruction, ScreenPicture(obs["screenshot"]))
 
     def _act(
-        self,
-        instruction: str,
-        picture: ScreenPicture,
-        reminder: str = "",
+        self, instruction: str, picture: ScreenPicture, reminder: str = ""
     ) -> tuple[str, Sequence[str]]:
         reply = self._model.ask(self._query(instruction, picture, reminder), "act")
         said = reply.shown
         self._turns.append(_turn(picture, reply))
         return said, self._parser.read(reply, picture.size)
 
-    def _query(
-        self,
-        instruction: str,
-        picture: ScreenPicture,
-        reminder: str,
-    ) -> ModelQuery:
+    def _query(self, instruction: str, picture: ScreenPicture, reminder: str) -> ModelQuery:
         return ModelQuery(
             prompt=self._filled(instruction, picture, reminder),
             picture=picture,
@@ -85,12 +77,7 @@ class ChatAgent:
     def _summarised(self) -> bool:
         return False
 
-    def _filled(
-        self,
-        instruction: str,
-        picture: ScreenPicture,
-        reminder: str,
-    ) -> Prompt:
+    def _filled(self, instruction: str, picture: ScreenPicture, reminder: str) -> Prompt:
         height, width = self._parser.seen(picture.size)
         values = {
             "instruction": instruction,
@@ -160,10 +147,7 @@ class OnlookedAgent(ChatAgent):
             last = self._turns[-1]
             summary = self._onlooker.summarise(instruction, last, picture)
             self._turns[-1] = Turn(
-                picture=last.picture,
-                said=last.said,
-                raw=last.raw,
-                summary=summary,
+                picture=last.picture, said=last.said, raw=last.raw, summary=summary
             )
         return self._act(instruction, picture, self._reminder)
 
@@ -176,11 +160,7 @@ class OnlookedAgent(ChatAgent):
 
 
 def _turn(picture: ScreenPicture, reply: Reply) -> Turn:
-    return Turn(
-        picture=picture,
-        said=reply.shown[:MAX_SAID],
-        raw=reply.raw,
-    )
+    return Turn(picture=picture, said=reply.shown[:MAX_SAID], raw=reply.raw)
 
 
 def make_agent(settings: AgentSettings, run: ChatRun | None = None) -> ChatAgent:

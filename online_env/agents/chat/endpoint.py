@@ -87,11 +87,7 @@ class Endpoint:
             self._recorder.note(line)
         reply = self._wire.read(answer_of(line))
         self._meter.add(
-            reply.read,
-            reply.written,
-            self._settings.prices,
-            line["seconds"],
-            line["tries"],
+            reply.read, reply.written, self._settings.prices, line["seconds"], line["tries"]
         )
         return reply
 
@@ -109,12 +105,7 @@ class Endpoint:
             self._closing = weakref.finalize(self, self._client.close)
         return self._client
 
-    def _sent(
-        self,
-        step: int,
-        role: str,
-        body: Mapping[str, Any],
-    ) -> dict[str, Any]:
+    def _sent(self, step: int, role: str, body: Mapping[str, Any]) -> dict[str, Any]:
         """Send a request, and return its line of the log."""
         line: dict[str, Any] = {
             "step": step,

@@ -34,12 +34,7 @@ class Onlooker:
 
     REQUEST: ClassVar[str] = REINIT
 
-    def __init__(
-        self,
-        settings: AgentSettings,
-        run: ChatRun,
-        meter: UsageMeter,
-    ) -> None:
+    def __init__(self, settings: AgentSettings, run: ChatRun, meter: UsageMeter) -> None:
         chosen = settings.onlooker
         if chosen is None:
             raise AgentSetupError(f"{settings.source}: has no onlooker; add one: onlooker: {{}}")
@@ -49,11 +44,7 @@ class Onlooker:
         self._check = read_prompt(CHECK, folders)
         self._summary = read_prompt(SUMMARY, folders)
         self._model = Endpoint(
-            chosen.model,
-            meter,
-            run.recorder,
-            run.waits,
-            offline=run.replay is not None,
+            chosen.model, meter, run.recorder, run.waits, offline=run.replay is not None
         )
 
     @property
@@ -89,19 +80,10 @@ class Onlooker:
             return ""
         return reminder
 
-    def summarise(
-        self,
-        instruction: str,
-        turn: Turn,
-        after: ScreenPicture,
-    ) -> str:
+    def summarise(self, instruction: str, turn: Turn, after: ScreenPicture) -> str:
         """Return what happened between the picture of a turn and the one after it."""
         values = {"instruction": instruction, "action": turn.said}
-        query = ModelQuery(
-            prompt=self._summary.fill(values),
-            picture=after,
-            before=(turn.picture,),
-        )
+        query = ModelQuery(prompt=self._summary.fill(values), picture=after, before=(turn.picture,))
         return self._model.ask(query, "summarise").text.strip()
 
 

@@ -102,18 +102,9 @@ class ReplyParser:
         return size if pixels else self._resized(size)
 
     def _resized(self, size: Size) -> Size:
-        return smart_resize(
-            *size,
-            min_pixels=self.min_pixels,
-            max_pixels=self.max_pixels,
-        )
+        return smart_resize(*size, min_pixels=self.min_pixels, max_pixels=self.max_pixels)
 
-    def _called(
-        self,
-        reply: Reply,
-        text: str,
-        size: Size,
-    ) -> list[str]:
+    def _called(self, reply: Reply, text: str, size: Size) -> list[str]:
         """Return the calls of a computer tool; a reply without any ends the episode."""
         if reply.refused:
             return [self._malformed(reply.shown)]
@@ -127,12 +118,7 @@ class ReplyParser:
         last = re.findall(r"\w+", text)[-1:]
         return [FAIL] if last == [FAIL] else [DONE]
 
-    def _pyautogui(
-        self,
-        reply: Reply,
-        text: str,
-        size: Size,
-    ) -> list[str]:
+    def _pyautogui(self, reply: Reply, text: str, size: Size) -> list[str]:
         """Return each block of code as an action; text without a block is an action itself."""
         if reply.calls and not text:
             return [self._malformed(reply.shown)]

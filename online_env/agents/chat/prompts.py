@@ -19,15 +19,7 @@ OURS = Path(__file__).resolve().parent.parent / "prompts"
 SUFFIX = ".yaml"
 PATTERN = f"*{SUFFIX}"
 KEYS = ("system", "first", "each")
-FIELDS = (
-    "instruction",
-    "action",
-    "errors",
-    "language",
-    "reminder",
-    "width",
-    "height",
-)
+FIELDS = ("instruction", "action", "errors", "language", "reminder", "width", "height")
 _FIELD = re.compile(r"\{(" + "|".join(FIELDS) + r")\}")
 MAX_BYTES = 2**18
 

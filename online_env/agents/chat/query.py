@@ -140,11 +140,7 @@ def messages(query: ModelQuery) -> list[Said]:
     return found
 
 
-def _add(
-    found: list[Said],
-    role: str,
-    part: str | ScreenPicture,
-) -> None:
+def _add(found: list[Said], role: str, part: str | ScreenPicture) -> None:
     if part == "" and role == "user":
         return
     if not found or found[-1].role != role:

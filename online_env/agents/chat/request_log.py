@@ -24,12 +24,7 @@ _NEEDED = frozenset({"step", "role", "sha256", "request", "seconds", "tries"})
 class RequestRecorder(Protocol):
     """The interface that an endpoint consults before it sends a request, and informs afterwards."""
 
-    def recall(
-        self,
-        step: int,
-        role: str,
-        body: Any,
-    ) -> Mapping[str, Any] | None:
+    def recall(self, step: int, role: str, body: Any) -> Mapping[str, Any] | None:
         """Return the logged line of a request, or `None` if it must be sent."""
         ...
 
@@ -41,12 +36,7 @@ class RequestRecorder(Protocol):
 class NoRecorder:
     """A recorder that stores nothing."""
 
-    def recall(
-        self,
-        step: int,
-        role: str,
-        body: Any,
-    ) -> Mapping[str, Any] | None:
+    def recall(self, step: int, role: str, body: Any) -> Mapping[str, Any] | None:
         """Return `None`, so that every request is sent."""
         return None
 
@@ -101,12 +91,7 @@ class RequestReplay(NoRecorder):
         self._path = path
         self._left = _lines(path)
 
-    def recall(
-        self,
-        step: int,
-        role: str,
-        body: Any,
-    ) -> Mapping[str, Any]:
+    def recall(self, step: int, role: str, body: Any) -> Mapping[str, Any]:
         """Return the next line of the log, which must be for this request.
 
         Raises:
@@ -183,11 +168,7 @@ def _mistake(line: Mapping[str, Any]) -> str:
     return ""
 
 
-def _difference(
-    was: Any,
-    now: Any,
-    place: str = "the request",
-) -> str:
+def _difference(was: Any, now: Any, place: str = "the request") -> str:
     """Return the place of the first difference of two JSON values."""
     if isinstance(was, dict) and isinstance(now, dict):
         for key in {**was, **now}:

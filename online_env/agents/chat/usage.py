@@ -48,12 +48,7 @@ class UsageMeter:
         self._steps.append(TokenCounts())
 
     def add(
-        self,
-        read: int,
-        written: int,
-        prices: TokenPrices | None,
-        seconds: float,
-        tries: int,
+        self, read: int, written: int, prices: TokenPrices | None, seconds: float, tries: int
     ) -> None:
         """Count one answered request; `tries` is how often it was sent.
 

@@ -53,9 +53,7 @@ class SeenText:
 
 
 def find_text(
-    lines: Iterable[TextLine],
-    wanted: str,
-    near: Sequence[SeenText] = (),
+    lines: Iterable[TextLine], wanted: str, near: Sequence[SeenText] = ()
 ) -> SeenText | None:
     """Return where a text stands; `None` if it is not there.
 
@@ -96,9 +94,7 @@ def closest_text(lines: Iterable[TextLine], wanted: str) -> str:
     """Return the line that is most like a text, for messages; "" if there are no lines."""
     key = even(wanted)
     return max(
-        (line.text for line in lines),
-        key=lambda text: likeness(even(text), key),
-        default="",
+        (line.text for line in lines), key=lambda text: likeness(even(text), key), default=""
     )
 
 
@@ -171,12 +167,7 @@ def _are_words(text: str, first: int, last: int) -> bool:
     return not before.isalnum() and not after.isalnum()
 
 
-def _part(
-    line: TextLine,
-    first: int,
-    last: int,
-    likeness: float,
-) -> SeenText:
+def _part(line: TextLine, first: int, last: int, likeness: float) -> SeenText:
     """Return the place of some characters of a line, as if all had the same width."""
     left, top, right, bottom = line.box
     width = (right - left) / len(line.text)

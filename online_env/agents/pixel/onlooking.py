@@ -95,18 +95,11 @@ class PictureOnlooker:
             signs = SIGNS.get(error.name)
             if signs is None or not _shows(lines, signs):
                 continue
-            return ScreenFinding(
-                kind=error.name,
-                say=error.say,
-                steps=signs.steps,
-            )
+            return ScreenFinding(kind=error.name, say=error.say, steps=signs.steps)
         return None
 
     def watch(
-        self,
-        lines: Sequence[TextLine],
-        size: Size,
-        windows: Sequence[str],
+        self, lines: Sequence[TextLine], size: Size, windows: Sequence[str]
     ) -> ScreenFinding | None:
         """Return what is wrong with a screen during the task, or `None`.
 
@@ -145,11 +138,7 @@ class PictureOnlooker:
         return _cut(button, self._titles.get(window, ""))
 
     def summarise(
-        self,
-        step: str,
-        before: Sequence[TextLine],
-        after: Sequence[TextLine],
-        share: float,
+        self, step: str, before: Sequence[TextLine], after: Sequence[TextLine], share: float
     ) -> str:
         """Return what happened between two pictures (the paper's d_t).
 
@@ -186,9 +175,7 @@ def panel_buttons(lines: Sequence[TextLine], size: Size) -> list[TextLine]:
 
 
 def _gone(
-    above: Sequence[TextLine],
-    buttons: Sequence[TextLine],
-    window: str,
+    above: Sequence[TextLine], buttons: Sequence[TextLine], window: str
 ) -> ScreenFinding | None:
     """Return the finding that the window is not visible, if only desktop and panel are."""
     if not buttons or len(above) > _BARE or all_texts(above, window):
@@ -214,11 +201,7 @@ def _covered(foreign: Sequence[TextLine]) -> ScreenFinding | None:
     return ScreenFinding(
         kind=COVERED,
         say=f"{button} is not part of the task.",
-        steps=(
-            f'right-click {quoted(button)} near "Applications"',
-            'click "Close"',
-            "wait",
-        ),
+        steps=(f'right-click {quoted(button)} near "Applications"', 'click "Close"', "wait"),
     )
 
 

@@ -115,12 +115,7 @@ class PlanWalk:
         code = _CLICKS[step.verb].format(x=x, y=y)
         return self._taken(step, code, f"I read {seen.line.text!r}.")
 
-    def _not_seen(
-        self,
-        step: ToldStep,
-        lines: Sequence[TextLine],
-        size: Size,
-    ) -> Walked:
+    def _not_seen(self, step: ToldStep, lines: Sequence[TextLine], size: Size) -> Walked:
         if step.verb == "scroll" and self._turned < SCROLLS:
             self._turned += 1
             return Walked(said=self._words(step), action=wheel_code(step, size, WHEEL))
@@ -131,12 +126,7 @@ class PlanWalk:
         closest = closest_text(lines, step.text)
         return Walked(said=f"{said} The closest text is {closest!r}.", lost=True)
 
-    def _taken(
-        self,
-        step: ToldStep,
-        action: str,
-        note: str = "",
-    ) -> Walked:
+    def _taken(self, step: ToldStep, action: str, note: str = "") -> Walked:
         said = self._words(step, note)
         self._advance()
         return Walked(said=said, action=action)
@@ -153,11 +143,7 @@ def place_of(step: ToldStep, lines: Sequence[TextLine]) -> SeenText | None:
     return find_text(lines, step.text, anchors) if anchors else None
 
 
-def point_of(
-    step: ToldStep,
-    seen: SeenText,
-    size: Size,
-) -> Point:
+def point_of(step: ToldStep, seen: SeenText, size: Size) -> Point:
     """Return the pixel to click on: in the middle of a text, or beside it."""
     left, top, right, bottom = seen.box
     x, y = seen.centre
@@ -185,11 +171,7 @@ def keyboard_code(step: ToldStep) -> str:
     return "\n".join([f"pyautogui.hotkey({keys})"] * step.count)
 
 
-def wheel_code(
-    step: ToldStep,
-    size: Size,
-    clicks: int,
-) -> str:
+def wheel_code(step: ToldStep, size: Size, clicks: int) -> str:
     """Return the code that turns the wheel in the middle of the picture."""
     height, width = size
     way = -clicks if step.way == "down" else clicks

@@ -41,12 +41,7 @@ class Container(init.Init):
         guest: the socket of the guest server.
     """
 
-    def __init__(
-        self,
-        order: DesktopConfig,
-        token: str,
-        guest: socket.socket,
-    ) -> None:
+    def __init__(self, order: DesktopConfig, token: str, guest: socket.socket) -> None:
         # No user namespace, and the numbers inside are those outside.
         identity = Identity(-1, 0, False)
         framebuffer = Framebuffer(order.screen, FOLDER, identity)
@@ -127,11 +122,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _serve(
-    order: DesktopConfig,
-    token: str,
-    guest: socket.socket,
-    control: Control,
-    started: int,
+    order: DesktopConfig, token: str, guest: socket.socket, control: Control, started: int
 ) -> int:
     """Start sessions, one after the other, until one cannot be started or has ended."""
     while True:

@@ -61,11 +61,7 @@ def fill(order: DesktopConfig) -> None:
     _folder(f"{FOLDER}/logs", 0o700)
 
 
-def _folder(
-    name: str,
-    mode: int = 0o755,
-    uid: int = 0,
-) -> None:
+def _folder(name: str, mode: int = 0o755, uid: int = 0) -> None:
     path = Path(name)
     path.mkdir(parents=True, exist_ok=True)
     path.chmod(mode)
@@ -115,11 +111,7 @@ def mount_points(mounts: Path = Path("/proc/self/mountinfo")) -> frozenset[str]:
     return frozenset(_ESCAPED.sub(lambda found: chr(int(found[1], 8)), name) for name in names)
 
 
-def _changed(
-    folder: str,
-    passed: frozenset[str],
-    since: int,
-) -> Iterator[str]:
+def _changed(folder: str, passed: frozenset[str], since: int) -> Iterator[str]:
     with os.scandir(folder) as found:
         entries = list(found)
     for entry in entries:

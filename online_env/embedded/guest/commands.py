@@ -133,11 +133,7 @@ class Runner:
         return process.pid
 
     def _start(
-        self,
-        argv: Sequence[str],
-        folder: str | None,
-        output: int,
-        merge: bool,
+        self, argv: Sequence[str], folder: str | None, output: int, merge: bool
     ) -> "subprocess.Popen[bytes]":
         try:
             return subprocess.Popen(

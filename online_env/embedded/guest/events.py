@@ -164,11 +164,7 @@ _ACTS: dict[str, Callable[[_Player, Event], None]] = {
 }
 
 
-def _point(
-    event: Event,
-    x: str,
-    y: str,
-) -> tuple[int, int]:
+def _point(event: Event, x: str, y: str) -> tuple[int, int]:
     across = number(event, x, None, -FAR, FAR)
     down = number(event, y, None, -FAR, FAR)
     return round(across), round(down)

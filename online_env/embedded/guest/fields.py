@@ -58,11 +58,7 @@ def text(fields: dict[str, Any], name: str) -> str:
     return value
 
 
-def flag(
-    fields: dict[str, Any],
-    name: str,
-    default: bool = False,
-) -> bool:
+def flag(fields: dict[str, Any], name: str, default: bool = False) -> bool:
     """A field that is true or false; OSWorld's tasks also write the text `"true"`.
 
     OSWorld's server takes any text for true, even "false", so other texts are refused.

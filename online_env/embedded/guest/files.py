@@ -162,9 +162,5 @@ class _Listing:
         if entry.is_dir(follow_symlinks=False):
             return self.folder(entry.path, depth + 1)
         if entry.is_dir():
-            return {
-                "type": "directory",
-                "name": entry.name,
-                "children": [],
-            }
+            return {"type": "directory", "name": entry.name, "children": []}
         return {"type": "file", "name": entry.name}

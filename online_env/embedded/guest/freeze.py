@@ -27,12 +27,7 @@ class Freezer:
         screen: counts the frames.
     """
 
-    def __init__(
-        self,
-        door: socket.socket,
-        name: str,
-        screen: ScreenCapture,
-    ) -> None:
+    def __init__(self, door: socket.socket, name: str, screen: ScreenCapture) -> None:
         self._door = door
         self._screen = screen
         # of its own: while it has X grabbed, the others must wait
@@ -46,11 +41,7 @@ class Freezer:
     def _serve(self) -> None:
         while True:
             caller, _ = self._door.accept()
-            threading.Thread(
-                target=self._attend,
-                args=(caller,),
-                daemon=True,
-            ).start()
+            threading.Thread(target=self._attend, args=(caller,), daemon=True).start()
 
     def _attend(self, caller: socket.socket) -> None:
         # If the display or the machine is gone, the machine sees the connection close and asks by

@@ -36,17 +36,9 @@ class JsonAnswer(JSONResponse):
             return json.dumps(content).encode()
 
 
-def problem(
-    message: str,
-    status: int,
-    headers: Mapping[str, str] | None = None,
-) -> JSONResponse:
+def problem(message: str, status: int, headers: Mapping[str, str] | None = None) -> JSONResponse:
     """An error as OSWorld's clients read it: the text is under `message` and under `error`."""
-    body = {
-        "status": "error",
-        "message": message,
-        "error": message,
-    }
+    body = {"status": "error", "message": message, "error": message}
     return JsonAnswer(body, status, dict(headers or {}))
 
 
@@ -60,22 +52,12 @@ class Gate:
     Without one (OSWorld's mode) it must not be for a route of ours.
     """
 
-    def __init__(
-        self,
-        app: ASGIApp,
-        token: str | None,
-        osworld: bool,
-    ) -> None:
+    def __init__(self, app: ASGIApp, token: str | None, osworld: bool) -> None:
         self._app = app
         self._token = token.encode() if token else None
         self._osworld = osworld
 
-    async def __call__(
-        self,
-        scope: Scope,
-        receive: Receive,
-        send: Send,
-    ) -> None:
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve one connection (ASGI); a body over the limit is a `TooLargeError`."""
         if scope["type"] != "http":
             return

@@ -52,11 +52,7 @@ class Observe:
         """The screen as raw RGB; `X-Width`, `X-Height`, `X-Frame-Id` tell the rest."""
         image, number = self._machine.screen.capture()
         height, width, _ = image.shape
-        headers = {
-            "X-Width": str(width),
-            "X-Height": str(height),
-            "X-Frame-Id": str(number),
-        }
+        headers = {"X-Width": str(width), "X-Height": str(height), "X-Frame-Id": str(number)}
         return Response(image.tobytes(), media_type="application/octet-stream", headers=headers)
 
     def accessibility(self, _: Request) -> Response:

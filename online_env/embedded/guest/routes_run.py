@@ -156,12 +156,7 @@ class RunRoutes:
         await run_in_threadpool(self._machine.windows.activate, window.id)
         return PlainTextResponse("File opened and window activated successfully")
 
-    async def _await_window(
-        self,
-        before: set[int],
-        path: Path,
-        patience: float,
-    ) -> Window | None:
+    async def _await_window(self, before: set[int], path: Path, patience: float) -> Window | None:
         """A window that names the file, or a new one that has stayed a while.
 
         An application may show another window first.
@@ -194,12 +189,7 @@ class RunRoutes:
         """Ask a window to close."""
         return await self._act(request, self._machine.windows.close, "Window closed successfully.")
 
-    async def _act(
-        self,
-        request: Request,
-        act: Callable[[int], None],
-        done: str,
-    ) -> Response:
+    async def _act(self, request: Request, act: Callable[[int], None], done: str) -> Response:
         body = await body_of(request)
         name, strict, by_class = (
             text(body, "window_name"),
@@ -217,12 +207,7 @@ class RunRoutes:
         await run_in_threadpool(act, window.id)
         return PlainTextResponse(done)
 
-    async def _find(
-        self,
-        name: str,
-        strict: bool,
-        by_class: bool,
-    ) -> Window | None:
+    async def _find(self, name: str, strict: bool, by_class: bool) -> Window | None:
         return await run_in_threadpool(
             self._machine.windows.find, name, strict=strict, by_class=by_class
         )
@@ -236,13 +221,7 @@ class RunRoutes:
         except DesktopTimeoutError as error:
             answer = {"message": f"Execution timeout: {error}", "error": "TimeoutExpired"}
             return JSONResponse(
-                {
-                    "status": "error",
-                    "need_more": False,
-                    "output": None,
-                }
-                | answer,
-                500,
+                {"status": "error", "need_more": False, "output": None} | answer, 500
             )
         failed = outcome.returncode != 0
         complaint = outcome.error or (
@@ -309,12 +288,4 @@ def _success(outcome: CommandResult) -> dict[str, Any]:
 
 
 def _script_error(output: str, status: int) -> Response:
-    return JsonAnswer(
-        {
-            "status": "error",
-            "output": output,
-            "error": "",
-            "returncode": -1,
-        },
-        status,
-    )
+    return JsonAnswer({"status": "error", "output": output, "error": "", "returncode": -1}, status)

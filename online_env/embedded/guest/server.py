@@ -10,11 +10,7 @@ from .routes_observe import Observe
 from .routes_run import RunRoutes
 
 
-def make_app(
-    machine: GuestMachine,
-    token: str | None,
-    osworld: bool = False,
-) -> ASGIApp:
+def make_app(machine: GuestMachine, token: str | None, osworld: bool = False) -> ASGIApp:
     """Serve `machine`.
 
     Every request needs `token`; with `osworld` OSWorld's routes need none, and without a token ours

@@ -39,23 +39,13 @@ class Tools:
         limit: seconds after which an operation has failed, beyond the patience that it was given.
     """
 
-    def __init__(
-        self,
-        name: str,
-        display: SharedDisplay,
-        limit: float = LIMIT,
-    ) -> None:
+    def __init__(self, name: str, display: SharedDisplay, limit: float = LIMIT) -> None:
         self._name = name
         self._display = display
         self._limit = limit
         self._lock = threading.Lock()
 
-    def run(
-        self,
-        tool: str,
-        operation: str,
-        fields: _Facts,
-    ) -> _Facts:
+    def run(self, tool: str, operation: str, fields: _Facts) -> _Facts:
         """Carry out one operation of a tool.
 
         Args:
@@ -82,12 +72,7 @@ class Tools:
             return work(**fields)
         return self._in_time(f"{tool} {operation}", work, fields)
 
-    def _in_time(
-        self,
-        label: str,
-        work: _Work,
-        fields: _Facts,
-    ) -> _Facts:
+    def _in_time(self, label: str, work: _Work, fields: _Facts) -> _Facts:
         """Carry out an operation on the screen; give up one to which X does not answer.
 
         X and python-xlib know no time limit: while some program holds the server, all others wait.
@@ -98,9 +83,7 @@ class Tools:
         found: Future[_Facts] = Future()
         # a thread of its own: one that never ends must not be waited for when the server ends
         thread = threading.Thread(
-            target=_carry_out,
-            args=(found, partial(self._on_screen, work, fields)),
-            daemon=True,
+            target=_carry_out, args=(found, partial(self._on_screen, work, fields)), daemon=True
         )
         limit = self._limit + float(fields.get("patience", 0.0))
         thread.start()

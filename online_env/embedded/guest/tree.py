@@ -201,12 +201,7 @@ def to_xml(applications: list[Application]) -> str:
     return "".join(parts)
 
 
-def _write(
-    node: AtspiNode,
-    parts: list[str],
-    path: set[int],
-    depth: int,
-) -> None:
+def _write(node: AtspiNode, parts: list[str], path: set[int], depth: int) -> None:
     tag = _NOT_NAME.sub("-", node.role_name.strip()) or "unknown"
     if not _begins_name(tag):
         tag = f"role-{tag}"

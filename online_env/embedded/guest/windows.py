@@ -103,13 +103,7 @@ class Windows:
         x, y, width, height = found
         return x, y, x + width, y + height
 
-    def find(
-        self,
-        name: str,
-        *,
-        strict: bool = False,
-        by_class: bool = False,
-    ) -> Window | None:
+    def find(self, name: str, *, strict: bool = False, by_class: bool = False) -> Window | None:
         """The first window whose title (or class) contains `name`, in whatever case.
 
         With `strict` it must equal it, as in wmctrl.

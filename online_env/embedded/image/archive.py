@@ -54,22 +54,14 @@ def write(folder: Path, path: Path) -> None:
     replace_atomic(path, pack)
 
 
-def _add_bytes(
-    tar: tarfile.TarFile,
-    name: str,
-    data: bytes,
-) -> None:
+def _add_bytes(tar: tarfile.TarFile, name: str, data: bytes) -> None:
     info = tarfile.TarInfo(name)
     info.size = len(data)
     info.mode = 0o644
     tar.addfile(info, io.BytesIO(data))
 
 
-def _add(
-    tar: tarfile.TarFile,
-    folder: Path,
-    entry: Entry,
-) -> None:
+def _add(tar: tarfile.TarFile, folder: Path, entry: Entry) -> None:
     info = tarfile.TarInfo(entry.path)
     info.mode = entry.mode
     info.mtime = entry.time or tree.EPOCH
@@ -117,11 +109,7 @@ def read_manifest(path: Path) -> Manifest:
         raise DesktopImageError(f"{path}: cannot be read ({error.strerror or error})") from None
 
 
-def _head(
-    tar: tarfile.TarFile,
-    path: Path,
-    name: str,
-) -> bytes:
+def _head(tar: tarfile.TarFile, path: Path, name: str) -> bytes:
     info = tar.next()
     if info is None or info.name != name or not 0 <= info.size <= _MOST[name]:
         raise DesktopImageError(f"{path}: is no image of a desktop: its {name} is missing")
@@ -163,11 +151,7 @@ def unpack(path: Path, folder: Path) -> Manifest:
 
 
 def _extract(
-    tar: tarfile.TarFile,
-    path: Path,
-    folder: Path,
-    entry: Entry,
-    folders: set[str],
+    tar: tarfile.TarFile, path: Path, folder: Path, entry: Entry, folders: set[str]
 ) -> None:
     """Write the next file, which must be `entry`, below a folder that was made before.
 
@@ -190,12 +174,7 @@ def _extract(
         raise unwritable(target, error) from None
 
 
-def _write(
-    content: IO[bytes],
-    target: Path,
-    entry: Entry,
-    path: Path,
-) -> None:
+def _write(content: IO[bytes], target: Path, entry: Entry, path: Path) -> None:
     hasher = hashlib.sha256()
     with open(target, "xb") as out:
         while block := content.read(_BLOCK):

@@ -153,11 +153,7 @@ def _check_pins(found: Sequence[debian.Package], pinned: Manifest) -> None:
         )
 
 
-def build(
-    recipe: Recipe,
-    name: str | None,
-    report: Report,
-) -> tuple[str, Manifest]:
+def build(recipe: Recipe, name: str | None, report: Report) -> tuple[str, Manifest]:
     """Build an image into the cache.
 
     Args:
@@ -194,13 +190,7 @@ def build(
     return called, found
 
 
-def _fill(
-    fresh: Path,
-    choice: Choice,
-    paths: dict[str, Path],
-    log: Path,
-    say: Report,
-) -> list[Pin]:
+def _fill(fresh: Path, choice: Choice, paths: dict[str, Path], log: Path, say: Report) -> list[Pin]:
     began = time.time() - 1
     root = fresh / cache.ROOT
     _prepare(root, choice, paths)
@@ -237,11 +227,7 @@ def _last_commands(root: Path) -> list[list[str]]:
     return commands
 
 
-def _prepare(
-    root: Path,
-    choice: Choice,
-    paths: dict[str, Path],
-) -> None:
+def _prepare(root: Path, choice: Choice, paths: dict[str, Path]) -> None:
     for name in MERGED:
         if name == "lib64" and architecture() != "amd64":
             continue
@@ -263,23 +249,13 @@ def _prepare(
         shutil.copyfile(root / f"usr/share/base-passwd/{name}.master", root / "etc" / name)
 
 
-def _write(
-    path: Path,
-    text: str,
-    mode: int = 0o644,
-) -> None:
+def _write(path: Path, text: str, mode: int = 0o644) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text, encoding="utf-8")
     path.chmod(mode)
 
 
-def _install(
-    root: Path,
-    choice: Choice,
-    paths: dict[str, Path],
-    log: Path,
-    say: Report,
-) -> None:
+def _install(root: Path, choice: Choice, paths: dict[str, Path], log: Path, say: Report) -> None:
     base = [package.name for package in choice.base]
     first = [name for name in FIRST if name in base]
     rest = [name for name in base if name not in first]
@@ -382,12 +358,7 @@ def _forget_days(path: Path) -> None:
     path.chmod(mode & 0o7777)
 
 
-def describe(
-    fresh: Path,
-    recipe: Recipe,
-    choice: Choice,
-    python: Sequence[Pin],
-) -> Manifest:
+def describe(fresh: Path, recipe: Recipe, choice: Choice, python: Sequence[Pin]) -> Manifest:
     """Write the manifest of the image in `fresh`, and the list of its files, beside them.
 
     Raises:

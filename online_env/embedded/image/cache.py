@@ -147,11 +147,7 @@ def is_whole(folder: Path) -> bool:
         return False
 
 
-def name_it(
-    folder: Path,
-    name: str,
-    image: str,
-) -> None:
+def name_it(folder: Path, name: str, image: str) -> None:
     """Let `name` stand for the image with the id `image`; before, it may have stood for another."""
     write_atomic(folder / _NAMES / check_name(name), f"{image}\n")
 
@@ -289,11 +285,7 @@ def check_room(folder: Path, size: float) -> None:
         )
 
 
-def import_file(
-    path: Path,
-    name: str | None,
-    report: Report,
-) -> tuple[str, Manifest]:
+def import_file(path: Path, name: str | None, report: Report) -> tuple[str, Manifest]:
     """Read an image from a file into the cache.
 
     Args:

@@ -26,12 +26,7 @@ ENVIRONMENT = {
     "DEBCONF_NONINTERACTIVE_SEEN": "true",
 }
 DEVICES = ("null", "zero", "full", "random", "urandom", "tty")
-LINKS = {
-    "fd": "/proc/self/fd",
-    "stdin": "fd/0",
-    "stdout": "fd/1",
-    "stderr": "fd/2",
-}
+LINKS = {"fd": "/proc/self/fd", "stdin": "fd/0", "stdout": "fd/1", "stderr": "fd/2"}
 # chown and its like, mknod, and what changes users, groups or capabilities; by asm/unistd.h.
 _FAKED = {
     "x86_64": (
@@ -85,12 +80,7 @@ def run(
     between = os.fork()
     if between == 0:
         job = _Job(
-            root,
-            commands,
-            log,
-            shown or {},
-            lent or {},
-            {**ENVIRONMENT, **(environment or {})},
+            root, commands, log, shown or {}, lent or {}, {**ENVIRONMENT, **(environment or {})}
         )
         _enter_and_run(parent, job)
     _, status = os.waitpid(between, 0)
@@ -101,10 +91,7 @@ def run(
         )
 
 
-def _enter_and_run(
-    parent: int,
-    job: _Job,
-) -> NoReturn:
+def _enter_and_run(parent: int, job: _Job) -> NoReturn:
     try:
         kernel.die_with_parent()
         if os.getppid() != parent:

@@ -128,12 +128,7 @@ def _system(image: Path, path: Path) -> None:
         tar.addfile(info)
 
 
-def _add_entry(
-    tar: tarfile.TarFile,
-    name: str,
-    path: Path,
-    entry: tree.Entry,
-) -> None:
+def _add_entry(tar: tarfile.TarFile, name: str, path: Path, entry: tree.Entry) -> None:
     kinds = {"folder": tarfile.DIRTYPE, "link": tarfile.SYMTYPE, "file": tarfile.REGTYPE}
     info = _info(name, kinds[entry.kind], entry.mode, entry.time)
     if entry.kind == "link":
@@ -150,12 +145,7 @@ def _add_entry(
     tar.addfile(info, io.BytesIO(data))
 
 
-def _info(
-    name: str,
-    kind: bytes,
-    mode: int = 0o755,
-    time: int = 0,
-) -> tarfile.TarInfo:
+def _info(name: str, kind: bytes, mode: int = 0o755, time: int = 0) -> tarfile.TarInfo:
     info = tarfile.TarInfo(name)
     info.type = kind
     info.mode = mode
@@ -163,22 +153,13 @@ def _info(
     return info
 
 
-def _add_bytes(
-    tar: tarfile.TarFile,
-    name: str,
-    data: bytes,
-    mode: int = 0o644,
-) -> None:
+def _add_bytes(tar: tarfile.TarFile, name: str, data: bytes, mode: int = 0o644) -> None:
     info = _info(name, tarfile.REGTYPE, mode)
     info.size = len(data)
     tar.addfile(info, io.BytesIO(data))
 
 
-def _add_file(
-    tar: tarfile.TarFile,
-    name: str,
-    path: Path,
-) -> None:
+def _add_file(tar: tarfile.TarFile, name: str, path: Path) -> None:
     info = _info(name, tarfile.REGTYPE, 0o644)
     info.size = path.stat().st_size
     with open(path, "rb") as file:
@@ -189,12 +170,7 @@ def _desktop(image: Path, path: Path) -> None:
     """What a desktop lays over the system, the guest server, and the golden home."""
     layer = home.ensure_layer()
     order = DesktopConfig(
-        name=None,
-        screen=(0, 0),
-        layer=str(layer),
-        search_path=(),
-        python="",
-        image=str(image),
+        name=None, screen=(0, 0), layer=str(layer), search_path=(), python="", image=str(image)
     )
     server = SERVER.lstrip("/")
     with tempfile.TemporaryDirectory(prefix="agenthijack-layer-") as folder, _layer(path) as tar:
@@ -213,22 +189,14 @@ def _desktop(image: Path, path: Path) -> None:
         _add_code(tar, f"{server}/code")
 
 
-def _add_parents(
-    tar: tarfile.TarFile,
-    name: str,
-    top: str,
-) -> None:
+def _add_parents(tar: tarfile.TarFile, name: str, top: str) -> None:
     folder = Path(top)
     for part in Path(name).relative_to(top).parts:
         folder /= part
         tar.addfile(_info(str(folder), tarfile.DIRTYPE))
 
 
-def _add_tree(
-    tar: tarfile.TarFile,
-    top: Path,
-    name: str,
-) -> None:
+def _add_tree(tar: tarfile.TarFile, top: Path, name: str) -> None:
     for path in tree.walk(top):
         entry = replace(tree.look(path, top), time=tree.EPOCH)
         shown = f"{name}/{entry.path}".lstrip("/")
@@ -251,12 +219,7 @@ def _add_code(tar: tarfile.TarFile, name: str) -> None:
 def _modules() -> list[Path]:
     """The files of our modules that process 1 of a container loads."""
     command = [sys.executable, "-I", "-c", _MODULES, str(_CODE), *filter(os.path.isdir, sys.path)]
-    done = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise DesktopImageError(f"the guest server cannot be loaded: {done.stderr.strip()[-500:]}")
     found: list[Path] = []

@@ -87,11 +87,7 @@ def read(path: Path) -> Manifest:
         DesktopImageError: It is missing, or no manifest, or of a later version.
     """
     data = read_versioned_json(
-        path,
-        format=FORMAT,
-        version=VERSION,
-        what=WHAT,
-        error=DesktopImageError,
+        path, format=FORMAT, version=VERSION, what=WHAT, error=DesktopImageError
     )
     return _from_json(data, str(path))
 
@@ -107,12 +103,7 @@ def parse(text: bytes, where: str) -> Manifest:
     except (ValueError, RecursionError) as error:
         raise DesktopImageError(f"{where}: is not JSON ({error})") from None
     checked = check_versioned(
-        data,
-        format=FORMAT,
-        version=VERSION,
-        where=where,
-        what=WHAT,
-        error=DesktopImageError,
+        data, format=FORMAT, version=VERSION, where=where, what=WHAT, error=DesktopImageError
     )
     return _from_json(checked, where)
 

@@ -75,9 +75,7 @@ def from_machine(apt: Path = APT) -> list[AptSource]:
 
 
 def from_mirror(
-    mirror: str,
-    security: str | None = None,
-    keyring: Path | None = None,
+    mirror: str, security: str | None = None, keyring: Path | None = None
 ) -> list[AptSource]:
     """The suites of a mirror of Debian.
 
@@ -139,10 +137,7 @@ def _lines(text: str) -> list[AptSource]:
 
 
 def _sources(
-    urls: Iterable[str],
-    suites: Iterable[str],
-    components: Iterable[str],
-    signed_by: str,
+    urls: Iterable[str], suites: Iterable[str], components: Iterable[str], signed_by: str
 ) -> list[AptSource]:
     if COMPONENT not in components:
         return []
@@ -158,9 +153,7 @@ def _sources(
 
 
 def read(
-    sources: Iterable[AptSource],
-    architecture: str,
-    unsigned: bool = False,
+    sources: Iterable[AptSource], architecture: str, unsigned: bool = False
 ) -> tuple[debian.PackageIndex, str]:
     """Read the indices of all sources.
 
@@ -213,22 +206,13 @@ def _check_signature(raw: bytes, keyring: Path) -> str | None:
         plain = Path(folder, "Release")
         signed.write_bytes(raw)
         command = ["gpgv", "--keyring", str(keyring), "--output", str(plain), str(signed)]
-        done = subprocess.run(
-            command,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode != 0 or not plain.exists():
             return None
         return plain.read_text(encoding="utf-8", errors="replace")
 
 
-def _index(
-    source: AptSource,
-    release: str,
-    architecture: str,
-) -> str:
+def _index(source: AptSource, release: str, architecture: str) -> str:
     name = f"{COMPONENT}/binary-{architecture}/Packages.xz"
     _, _, sums = release.partition("\nSHA256:")
     line = re.search(rf"^ ([0-9a-f]{{64}}) +\d+ {re.escape(name)}$", sums, re.M)
@@ -271,9 +255,7 @@ def fetch(url: str, sha256: str | None = None) -> bytes:
 
 
 def fetch_packages(
-    packages: Iterable[debian.Package],
-    folder: Path,
-    report: Report,
+    packages: Iterable[debian.Package], folder: Path, report: Report
 ) -> dict[str, Path]:
     """Fetch the files of packages, those that `folder` has already excepted.
 

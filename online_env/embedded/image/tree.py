@@ -97,14 +97,7 @@ def look(path: Path, top: Path) -> Entry:
     mode = stat.S_IMODE(found.st_mode)
     if kind == "folder":
         return Entry(name, kind, mode)
-    return Entry(
-        name,
-        kind,
-        mode,
-        found.st_size,
-        int(found.st_mtime),
-        digest(path),
-    )
+    return Entry(name, kind, mode, found.st_size, int(found.st_mtime), digest(path))
 
 
 def digest(path: Path) -> str:
@@ -134,11 +127,7 @@ def settle(top: Path, began: float) -> None:
             os.utime(path, (int(found.st_mtime), int(found.st_mtime)))
 
 
-def differences(
-    top: Path,
-    entries: Iterable[Entry],
-    beside: Iterable[str] = (),
-) -> Iterator[str]:
+def differences(top: Path, entries: Iterable[Entry], beside: Iterable[str] = ()) -> Iterator[str]:
     """What is not as `entries` say below `top`: one line for each file that is not.
 
     Modification times are not compared.
@@ -157,11 +146,7 @@ def differences(
             yield f"{path}: is not a file of the image"
 
 
-def _difference(
-    path: Path,
-    entry: Entry,
-    top: Path,
-) -> Iterator[str]:
+def _difference(path: Path, entry: Entry, top: Path) -> Iterator[str]:
     try:
         found = look(path, top)
     except (FileNotFoundError, NotADirectoryError):

@@ -19,11 +19,7 @@ _HASH = (
 )
 
 
-def write_account(
-    root: Path,
-    passwordless_sudo: bool,
-    shadowed: bool = True,
-) -> None:
+def write_account(root: Path, passwordless_sudo: bool, shadowed: bool = True) -> None:
     """Add the account to the `/etc` under `root`: password `password`, sudo for everything.
 
     Args:

@@ -51,11 +51,7 @@ MACHINE_ID = "6a7d1e0c5b8f4c2e9d3a0f1b2c4d5e6f"
 QUIET = kernel.MS_NOSUID | kernel.MS_NODEV
 
 
-def enter_root(
-    order: DesktopConfig,
-    identity: Identity,
-    folder: Path,
-) -> None:
+def enter_root(order: DesktopConfig, identity: Identity, folder: Path) -> None:
     """Build the desktop's file system on `folder` and make it the root.
 
     It needs a mount namespace of its own. A mount that fails is a `SetupError`.
@@ -81,11 +77,7 @@ def shown_folders(system: str = "/") -> list[Path]:
     return [path for path in paths if path.is_dir() and not path.is_symlink()]
 
 
-def fill_upper(
-    upper: Path,
-    order: DesktopConfig,
-    identity: Identity,
-) -> None:
+def fill_upper(upper: Path, order: DesktopConfig, identity: Identity) -> None:
     """Write what lies over the system folders into `upper`, as it is to look from `/` on."""
     system = Path(order.system)
     for path in shown_folders(order.system):
@@ -160,11 +152,7 @@ def _copy(source: Path, target: Path) -> None:
             os.chown(target, found.st_uid, found.st_gid)
 
 
-def _merge(
-    source: Path,
-    upper: Path,
-    system: Path,
-) -> None:
+def _merge(source: Path, upper: Path, system: Path) -> None:
     """Copy a tree into `upper`, with new folders as the system's of that name are."""
     for path in sorted(source.rglob("*")):
         name = path.relative_to(source)
@@ -215,11 +203,7 @@ def name_browser(upper: Path, system: Path = ROOT) -> None:
     (target / "chrome").touch()  # the program itself is shown there
 
 
-def _system(
-    root: Path,
-    order: DesktopConfig,
-    identity: Identity,
-) -> None:
+def _system(root: Path, order: DesktopConfig, identity: Identity) -> None:
     kernel.bind(str(root), str(root))  # a mount of its own, to become the root
     shown = shown_folders(order.system)
     for name in SYSTEM_FOLDERS:
@@ -240,11 +224,7 @@ def _system(
         kernel.bind(str(root / CHROMIUM / "chromium"), str(browser))
 
 
-def _home(
-    root: Path,
-    order: DesktopConfig,
-    identity: Identity,
-) -> None:
+def _home(root: Path, order: DesktopConfig, identity: Identity) -> None:
     _own_folder(root / "home", identity)
     home = root / account.HOME.lstrip("/")
     home.mkdir()
@@ -254,11 +234,7 @@ def _home(
 
 
 def _overlay(
-    source: Path,
-    name: str,
-    target: Path,
-    order: DesktopConfig,
-    identity: Identity,
+    source: Path, name: str, target: Path, order: DesktopConfig, identity: Identity
 ) -> None:
     """Lay `up/name` over the folder `source`.
 
@@ -284,22 +260,13 @@ def _overlay(
         ) from None
 
 
-def _own_folder(
-    path: Path,
-    identity: Identity,
-    mode: int = 0o755,
-    uid: int = 0,
-) -> None:
+def _own_folder(path: Path, identity: Identity, mode: int = 0o755, uid: int = 0) -> None:
     path.mkdir()
     path.chmod(mode)
     identity.give(path, uid)
 
 
-def _system_mounts(
-    root: Path,
-    order: DesktopConfig,
-    identity: Identity,
-) -> None:
+def _system_mounts(root: Path, order: DesktopConfig, identity: Identity) -> None:
     none = kernel.MS_NOEXEC | QUIET
     own = identity.owner()
     _memory_folder(root / "run", QUIET, f"size={64 << 20},mode=755{own}")
@@ -316,21 +283,12 @@ def _system_mounts(
     _devices(root / "dev", none, order, identity)
 
 
-def _memory_folder(
-    path: Path,
-    flags: int,
-    options: str,
-) -> None:
+def _memory_folder(path: Path, flags: int, options: str) -> None:
     path.mkdir()
     kernel.mount("tmpfs", str(path), "tmpfs", flags, options)
 
 
-def _devices(
-    dev: Path,
-    none: int,
-    order: DesktopConfig,
-    identity: Identity,
-) -> None:
+def _devices(dev: Path, none: int, order: DesktopConfig, identity: Identity) -> None:
     for name in DEVICES:
         device = dev / name
         if order.rootless:

@@ -120,11 +120,7 @@ def listen(host: str, wanted: int = 0) -> socket.socket:
         return socket.create_server((host, 0), backlog=128)
 
 
-def start(
-    ports: "list[Port]",
-    owners: Owners,
-    network: Path,
-) -> int:
+def start(ports: "list[Port]", owners: Owners, network: Path) -> int:
     """Fork the process that serves `ports`; it ends with this process.
 
     Args:
@@ -144,12 +140,7 @@ def start(
     _serve(ports, owners, network, parent)
 
 
-def _serve(
-    ports: "list[Port]",
-    owners: Owners,
-    network: Path,
-    parent: tuple[int, int],
-) -> NoReturn:
+def _serve(ports: "list[Port]", owners: Owners, network: Path, parent: tuple[int, int]) -> NoReturn:
     try:
         kernel.die_with_parent()
         if not alive(parent):
@@ -166,11 +157,7 @@ def _serve(
         os._exit(1)
 
 
-def _attend(
-    port: Port,
-    owners: Owners,
-    network: Path,
-) -> None:
+def _attend(port: Port, owners: Owners, network: Path) -> None:
     if isinstance(port.target, int):
         # This thread, and those that it starts. A socket of the others has its path in the list of
         # the network that it was made in.
@@ -178,18 +165,10 @@ def _attend(
     while True:
         caller, _ = port.listener.accept()
         work = (caller, port.target, owners)
-        threading.Thread(
-            target=_connect,
-            args=work,
-            daemon=True,
-        ).start()
+        threading.Thread(target=_connect, args=work, daemon=True).start()
 
 
-def _connect(
-    caller: socket.socket,
-    target: "str | int",
-    owners: Owners,
-) -> None:
+def _connect(caller: socket.socket, target: "str | int", owners: Owners) -> None:
     with caller, contextlib.suppress(OSError):
         caller.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         if not owners.allow(caller):
@@ -198,11 +177,7 @@ def _connect(
             caller.recv(CHUNK)  # otherwise its request makes the answer be thrown away
             return
         with _reach(target) as desktop:
-            back = threading.Thread(
-                target=_pump,
-                args=(desktop, caller),
-                daemon=True,
-            )
+            back = threading.Thread(target=_pump, args=(desktop, caller), daemon=True)
             back.start()
             _pump(caller, desktop)
             back.join()

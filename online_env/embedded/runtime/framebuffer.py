@@ -29,12 +29,7 @@ class Framebuffer:
         identity: who the processes inside are.
     """
 
-    def __init__(
-        self,
-        screen: tuple[int, int],
-        folder: Path,
-        identity: Identity,
-    ) -> None:
+    def __init__(self, screen: tuple[int, int], folder: Path, identity: Identity) -> None:
         width, height = screen
         self.memory = os.memfd_create("screen", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
         os.ftruncate(self.memory, width * height * 4 + _ROOM)
@@ -75,12 +70,7 @@ class Doors:
     guest: socket.socket
 
     @classmethod
-    def make(
-        cls,
-        screen: tuple[int, int],
-        folder: Path,
-        identity: Identity,
-    ) -> "Doors":
+    def make(cls, screen: tuple[int, int], folder: Path, identity: Identity) -> "Doors":
         """Make them for a screen of `(width, height)` pixels in the run folder `folder`."""
         guest = socket.socket(socket.AF_UNIX)
         guest.bind(str(folder / GUEST_DOOR))

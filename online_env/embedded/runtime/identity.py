@@ -39,12 +39,7 @@ class Identity:
     base: int
     rootless: bool
 
-    def give(
-        self,
-        path: "str | Path",
-        uid: int,
-        gid: int | None = None,
-    ) -> None:
+    def give(self, path: "str | Path", uid: int, gid: int | None = None) -> None:
         """Make a file, or a link, the property of a user inside."""
         if not self.rootless:
             group = uid if gid is None else gid
@@ -79,11 +74,7 @@ class Identity:
         os.setresuid(account.UID, account.UID, account.UID)
 
 
-def make(
-    slot: int,
-    rootless: bool,
-    shown: Iterable[str],
-) -> Identity:
+def make(slot: int, rootless: bool, shown: Iterable[str]) -> Identity:
     """The identity of the desktop in `slot`, which is to see the folders `shown`.
 
     If none can be made, it is a `SetupError`.
@@ -143,11 +134,7 @@ def _namespace(numbers: str) -> int:
         os.waitpid(child, 0)
 
 
-def write_map(
-    pid: int,
-    users: str,
-    groups: str,
-) -> None:
+def write_map(pid: int, users: str, groups: str) -> None:
     """Say what the numbers in the user namespace of process `pid` are outside of it."""
     single = users.endswith(" 1")
     for name, text in (

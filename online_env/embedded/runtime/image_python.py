@@ -27,12 +27,7 @@ _CODE = (
 _HERE = Path(__file__).resolve().parents[3]
 
 
-def become(
-    order: DesktopConfig,
-    identity: Identity,
-    line: socket.socket,
-    logs: int,
-) -> NoReturn:
+def become(order: DesktopConfig, identity: Identity, line: socket.socket, logs: int) -> NoReturn:
     """Go on as `nest.resume` in the image's Python.
 
     Args:

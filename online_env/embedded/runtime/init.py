@@ -92,11 +92,7 @@ class Init:
         self._watch()
 
     def start(
-        self,
-        name: str,
-        argv: tuple[str, ...],
-        kept: tuple[int, ...] = (),
-        again: bool = True,
+        self, name: str, argv: tuple[str, ...], kept: tuple[int, ...] = (), again: bool = True
     ) -> int:
         """Start a program of the session with its own log and the descriptors `kept`.
 
@@ -110,12 +106,7 @@ class Init:
             self.commands[name] = argv
         return pid
 
-    def _become(
-        self,
-        name: str,
-        argv: tuple[str, ...],
-        kept: tuple[int, ...],
-    ) -> NoReturn:
+    def _become(self, name: str, argv: tuple[str, ...], kept: tuple[int, ...]) -> NoReturn:
         try:
             os.setsid()
             log = self._open_log(name)
@@ -162,10 +153,7 @@ class Init:
             os.close(reader)
 
     def _start_server(
-        self,
-        name: str,
-        command: Callable[[int], tuple[str, ...]],
-        kept: tuple[int, ...] = (),
+        self, name: str, command: Callable[[int], tuple[str, ...]], kept: tuple[int, ...] = ()
     ) -> int:
         reader, writer = os.pipe()
         self.start(name, command(writer), (writer, *kept), again=False)
@@ -192,23 +180,13 @@ class Init:
         self._read(serving, "guest", "the guest server to answer")
         os.close(serving)
 
-    def _await(
-        self,
-        reader: int,
-        wanted: set[str],
-        seen: set[str],
-    ) -> set[str]:
+    def _await(self, reader: int, wanted: set[str], seen: set[str]) -> set[str]:
         while not wanted <= seen:
             left = ", ".join(sorted(wanted - seen))
             seen |= set(self._read(reader, "windows", f"the window of {left}").split())
         return seen
 
-    def _read(
-        self,
-        reader: int,
-        name: str,
-        what: str,
-    ) -> str:
+    def _read(self, reader: int, name: str, what: str) -> str:
         """Read whole lines: Xvfb dies when the pipe closes before its second write.
 
         Raises:
@@ -224,12 +202,7 @@ class Init:
             text += piece
         return text
 
-    def _not_read(
-        self,
-        name: str,
-        what: str,
-        has_ended: bool,
-    ) -> SetupError:
+    def _not_read(self, name: str, what: str, has_ended: bool) -> SetupError:
         waited = f"waited {self.order.time_out:.0f} s in vain"
         looks = 1
         if has_ended:
@@ -343,12 +316,7 @@ def _authority_entries() -> bytes:
     return named + _authority_entry(FAMILY_WILD, b"", b"", cookie)
 
 
-def _authority_entry(
-    family: int,
-    host: bytes,
-    display: bytes,
-    cookie: bytes,
-) -> bytes:
+def _authority_entry(family: int, host: bytes, display: bytes, cookie: bytes) -> bytes:
     entry = family.to_bytes(2, "big")
     for field in (host, display, b"MIT-MAGIC-COOKIE-1", cookie):
         entry += len(field).to_bytes(2, "big") + field

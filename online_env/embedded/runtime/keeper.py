@@ -130,10 +130,7 @@ def _keep(
 
 
 def _ports(
-    order: DesktopConfig,
-    slot: int,
-    door: str,
-    listener: socket.socket,
+    order: DesktopConfig, slot: int, door: str, listener: socket.socket
 ) -> tuple[list[forward.Port], dict[str, Any]]:
     """The machine's ports of the desktop, and what its record says of them.
 
@@ -152,21 +149,12 @@ def _ports(
             found.append(forward.Port(more, target))
     port = listener.getsockname()[1]
     found.append(forward.Port(listener, door))
-    told = {
-        "address": host,
-        "source": host,
-        "guest": f"http://{host}:{port}",
-        "ports": ports,
-    }
+    told = {"address": host, "source": host, "guest": f"http://{host}:{port}", "ports": ports}
     return found, told
 
 
 def _follow(
-    order: DesktopConfig,
-    record: dict[str, Any],
-    reader: int,
-    wake: int,
-    internet: Internet,
+    order: DesktopConfig, record: dict[str, Any], reader: int, wake: int, internet: Internet
 ) -> int:
     """Pass on the desktop's reports until one of them ends it; return the exit code."""
     lifeline = [0] if order.lifeline else []
@@ -187,12 +175,7 @@ def _follow(
     return 0
 
 
-def _report(
-    record: dict[str, Any],
-    kind: str,
-    value: Any,
-    internet: Internet,
-) -> bool:
+def _report(record: dict[str, Any], kind: str, value: Any, internet: Internet) -> bool:
     """Write down one message of the desktop and pass it on; return whether the desktop goes on."""
     if kind == "init":
         record["init"] = [value, registry.process_start(value)]
@@ -211,11 +194,7 @@ def _report(
 
 
 def _launch(
-    order: DesktopConfig,
-    name: str,
-    token: str,
-    who: Identity,
-    doors: Doors,
+    order: DesktopConfig, name: str, token: str, who: Identity, doors: Doors
 ) -> tuple[int, int]:
     """Fork the launcher, which forks process 1.
 
@@ -255,12 +234,7 @@ def _launch(
 
 
 def _first_process(
-    order: DesktopConfig,
-    name: str,
-    token: str,
-    who: Identity,
-    doors: Doors,
-    writer: int,
+    order: DesktopConfig, name: str, token: str, who: Identity, doors: Doors, writer: int
 ) -> NoReturn:
     try:
         kernel.die_with_parent()
@@ -275,11 +249,7 @@ def _first_process(
         os._exit(0)
 
 
-def _say(
-    writer: int,
-    kind: str,
-    value: object,
-) -> None:
+def _say(writer: int, kind: str, value: object) -> None:
     os.write(writer, json.dumps([kind, value]).encode() + b"\n")
 
 

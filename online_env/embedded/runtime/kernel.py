@@ -26,14 +26,7 @@ MS_PRIVATE = 1 << 18
 MNT_DETACH = 2
 # statvfs(3) has other numbers than mount(2) for: nosuid, nodev, noexec, noatime, nodiratime,
 # relatime.
-_KEPT_FLAGS = {
-    2: 2,
-    4: 4,
-    8: 8,
-    1024: 1024,
-    2048: 2048,
-    4096: 1 << 21,
-}
+_KEPT_FLAGS = {2: 2, 4: 4, 8: 8, 1024: 1024, 2048: 2048, 4096: 1 << 21}
 _PR_SET_PDEATHSIG = 1
 _PR_SET_DUMPABLE = 4
 _PR_SET_NAME = 15
@@ -88,11 +81,7 @@ def join(descriptor: int, kind: int) -> None:
 
 
 def mount(
-    source: str,
-    target: str,
-    kind: str | None = None,
-    flags: int = 0,
-    options: str | None = None,
+    source: str, target: str, kind: str | None = None, flags: int = 0, options: str | None = None
 ) -> None:
     """Mount a file system by the system call of that name."""
     fstype = None if kind is None else kind.encode()
@@ -101,11 +90,7 @@ def mount(
     _check(done, f"mount {source} on {target}")
 
 
-def bind(
-    source: str,
-    target: str,
-    read_only: bool = False,
-) -> None:
+def bind(source: str, target: str, read_only: bool = False) -> None:
     """Show `source` at `target`, too."""
     mount(source, target, flags=MS_BIND)
     if read_only:

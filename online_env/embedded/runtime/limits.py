@@ -59,11 +59,7 @@ def groups(name: str, order: "DesktopConfig | None" = None) -> list[Group]:
     return _older_groups(group, processes, memory)
 
 
-def _unified_groups(
-    folder: Path,
-    processes: int,
-    memory: int,
-) -> list[Group]:
+def _unified_groups(folder: Path, processes: int, memory: int) -> list[Group]:
     """Version 2: one folder for all controllers."""
     offered = _words(GROUPS / "cgroup.controllers")
     found: list[Group] = []
@@ -75,11 +71,7 @@ def _unified_groups(
     return found
 
 
-def _older_groups(
-    group: str,
-    processes: int,
-    memory: int,
-) -> list[Group]:
+def _older_groups(group: str, processes: int, memory: int) -> list[Group]:
     """Version 1: a hierarchy for each controller."""
     limit = ("memory.limit_in_bytes", memory)
     with_swap = ("?memory.memsw.limit_in_bytes", memory)

@@ -35,12 +35,7 @@ class Nest:
     All methods raise `OSError` where it has ended.
     """
 
-    def __init__(
-        self,
-        order: DesktopConfig,
-        identity: Identity,
-        logs: int,
-    ) -> None:
+    def __init__(self, order: DesktopConfig, identity: Identity, logs: int) -> None:
         self._line, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self.pid = os.fork()
         if self.pid == 0:
@@ -58,20 +53,12 @@ class Nest:
         self._send({}, [own])
         os.close(own)
 
-    def show_windows(
-        self,
-        wanted: Iterable[str],
-        environment: Mapping[str, str],
-        out: int,
-    ) -> None:
+    def show_windows(self, wanted: Iterable[str], environment: Mapping[str, str], out: int) -> None:
         """Have it report on windows to the descriptor `out` (see windows.py)."""
         self._send({"windows": list(wanted), "environment": dict(environment)}, [out])
 
     def serve(
-        self,
-        environment: Mapping[str, str],
-        osworld: bool,
-        descriptors: tuple[int, int, int, int],
+        self, environment: Mapping[str, str], osworld: bool, descriptors: tuple[int, int, int, int]
     ) -> None:
         """Have it start a guest server, which becomes a child of process 1.
 
@@ -103,11 +90,7 @@ class _Nursery:
     """The process itself."""
 
     def __init__(
-        self,
-        order: DesktopConfig,
-        identity: Identity,
-        line: socket.socket,
-        logs: int,
+        self, order: DesktopConfig, identity: Identity, line: socket.socket, logs: int
     ) -> None:
         self.order = order
         self.identity = identity
@@ -221,14 +204,7 @@ class _Nursery:
             os.dup2(source, target)
 
 
-def resume(
-    text: int,
-    line: int,
-    logs: int,
-    namespace: int,
-    base: int,
-    rootless: int,
-) -> NoReturn:
+def resume(text: int, line: int, logs: int, namespace: int, base: int, rootless: int) -> NoReturn:
     """Go on where `image_python.become` stopped, in the image's Python.
 
     Args:

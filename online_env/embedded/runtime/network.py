@@ -107,21 +107,12 @@ def leftovers(known: set[str]) -> list[str]:
     return []
 
 
-def _batch(
-    ip: list[str],
-    lines: list[str],
-    namespace: str | None = None,
-) -> None:
+def _batch(ip: list[str], lines: list[str], namespace: str | None = None) -> None:
     argv = [*ip, *(["-n", namespace] if namespace else []), "-batch", "-"]
     text = "".join(f"{line}\n" for line in lines)
     try:
         done = subprocess.run(
-            argv,
-            input=text,
-            capture_output=True,
-            text=True,
-            timeout=20,
-            check=False,
+            argv, input=text, capture_output=True, text=True, timeout=20, check=False
         )
     except subprocess.TimeoutExpired:
         raise SetupError(f"`{' '.join(argv)}` did not end within 20 s") from None

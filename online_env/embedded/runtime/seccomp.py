@@ -71,11 +71,7 @@ _CALLS = {
     ),
 }
 # Families of sockets: raw frames, the kernel's ciphers, and the line to the machine's host.
-_FAMILIES = {
-    "AF_PACKET": 17,
-    "AF_ALG": 38,
-    "AF_VSOCK": 40,
-}
+_FAMILIES = {"AF_PACKET": 17, "AF_ALG": 38, "AF_VSOCK": 40}
 _LOAD = 0x20
 _EQUAL = 0x15
 _AT_LEAST = 0x35
@@ -128,10 +124,5 @@ def program(machine: str) -> bytes:
     return b"".join([*steps, _statement(_RETURN, _ALLOW)])
 
 
-def _statement(
-    code: int,
-    operand: int,
-    if_true: int = 0,
-    if_false: int = 0,
-) -> bytes:
+def _statement(code: int, operand: int, if_true: int = 0, if_false: int = 0) -> bytes:
     return struct.pack("HBBI", code, if_true, if_false, operand)

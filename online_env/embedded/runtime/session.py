@@ -126,10 +126,7 @@ def session_bus(report: int) -> tuple[str, ...]:
 
 
 def module_command(
-    python: str,
-    search_path: tuple[str, ...],
-    module: str,
-    *arguments: str,
+    python: str, search_path: tuple[str, ...], module: str, *arguments: str
 ) -> tuple[str, ...]:
     """Run a Python module with the controller's search path, whatever the environment says."""
     code = (

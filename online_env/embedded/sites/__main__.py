@@ -36,17 +36,9 @@ def _arguments(argv: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="python -m online_env.embedded.sites", description="The local internet of a desktop."
     )
+    parser.add_argument("--address", type=_address, required=True, help="IPv4 address to listen on")
     parser.add_argument(
-        "--address",
-        type=_address,
-        required=True,
-        help="IPv4 address to listen on",
-    )
-    parser.add_argument(
-        "--dns-port",
-        type=_port,
-        default=53,
-        help="UDP port of the DNS (default 53, 0 = any)",
+        "--dns-port", type=_port, default=53, help="UDP port of the DNS (default 53, 0 = any)"
     )
     parser.add_argument(
         "--http-port",
@@ -83,16 +75,7 @@ def main(argv: list[str] | None = None) -> int:
         print(error, file=sys.stderr)
         return 2
     dns, http = bound.ports
-    print(
-        json.dumps(
-            {
-                "address": str(arguments.address),
-                "dns": dns,
-                "http": http,
-            }
-        ),
-        flush=True,
-    )
+    print(json.dumps({"address": str(arguments.address), "dns": dns, "http": http}), flush=True)
     asyncio.run(serve(bound, arguments.answer or arguments.address, sites))
     return 0
 

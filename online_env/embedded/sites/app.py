@@ -46,12 +46,7 @@ class SitesApp:
         self._sites: dict[str, Starlette] = {module.HOST: module.make(sites) for module in makers}
         self._static = StaticFiles(directory=HERE / "static")
 
-    async def __call__(
-        self,
-        scope: AsgiScope,
-        receive: Receive,
-        send: Send,
-    ) -> None:
+    async def __call__(self, scope: AsgiScope, receive: Receive, send: Send) -> None:
         """Serve one request (ASGI)."""
         if scope["type"] != "http":
             return
@@ -79,12 +74,7 @@ class _Static:
         self._files = files
         self._site = site
 
-    async def __call__(
-        self,
-        scope: AsgiScope,
-        receive: Receive,
-        send: Send,
-    ) -> None:
+    async def __call__(self, scope: AsgiScope, receive: Receive, send: Send) -> None:
         path = self._files.get_path(scope)
         found = (
             "\0" not in path
@@ -114,13 +104,7 @@ async def _read_body(scope: AsgiScope, receive: Receive) -> bytes | None:
 
 
 def _replay(body: bytes, receive: Receive) -> Receive:
-    waiting = [
-        {
-            "type": "http.request",
-            "body": body,
-            "more_body": False,
-        }
-    ]
+    waiting = [{"type": "http.request", "body": body, "more_body": False}]
 
     async def again() -> MutableMapping[str, Any]:
         return waiting.pop() if waiting else await receive()

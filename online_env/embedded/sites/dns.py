@@ -32,11 +32,7 @@ _RECURSION_AVAILABLE = 0x0080
 _POINTER = 0xC000 | _HEADER.size  # back to the name in the question
 
 
-def answer(
-    packet: bytes,
-    names: Collection[str],
-    address: IPv4Address,
-) -> bytes | None:
+def answer(packet: bytes, names: Collection[str], address: IPv4Address) -> bytes | None:
     """The reply to a packet; `None` if it deserves none (too short, or a response itself)."""
     if len(packet) < _HEADER.size:
         return None
@@ -88,13 +84,7 @@ def _name(question: bytes) -> str:
     return ".".join(labels).lower()
 
 
-def _reply(
-    ident: int,
-    flags: int,
-    code: int,
-    question: bytes = b"",
-    record: bytes = b"",
-) -> bytes:
+def _reply(ident: int, flags: int, code: int, question: bytes = b"", record: bytes = b"") -> bytes:
     kept = flags & (_OPCODE | _RECURSION_DESIRED)
     set_here = _RESPONSE | _AUTHORITATIVE | _RECURSION_AVAILABLE
     header = _HEADER.pack(ident, set_here | kept | code, bool(question), bool(record), 0, 0)

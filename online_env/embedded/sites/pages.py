@@ -32,12 +32,7 @@ def _templates() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    env.filters.update(
-        money=money,
-        day=day,
-        long_date=long_date,
-        short_date=short_date,
-    )
+    env.filters.update(money=money, day=day, long_date=long_date, short_date=short_date)
     env.globals.update(today=TODAY)
     return env
 
@@ -47,20 +42,10 @@ def money(cents: int) -> str:
     return f"${cents // 100:,}.{cents % 100:02d}"
 
 
-def page(
-    request: Request,
-    template: str,
-    code: int = 200,
-    /,
-    **values: Any,
-) -> HTMLResponse:
+def page(request: Request, template: str, code: int = 200, /, **values: Any) -> HTMLResponse:
     """A rendered template of the site that was asked, such as `"cart.html"`."""
     site = request.app.state
-    common = {
-        "site": site.name,
-        "path": request.url.path,
-        **site.common(request),
-    }
+    common = {"site": site.name, "path": request.url.path, **site.common(request)}
     html = _templates().get_template(f"{site.name}/{template}").render({**common, **values})
     return HTMLResponse(html, code)
 
@@ -99,11 +84,7 @@ async def fields(request: Request) -> dict[str, list[str]]:
     return {name: [clean(v) for v in values] for name, values in found.items()}
 
 
-def first(
-    form: Mapping[str, Sequence[str]],
-    name: str,
-    default: str = "",
-) -> str:
+def first(form: Mapping[str, Sequence[str]], name: str, default: str = "") -> str:
     """The first value of a field."""
     return form.get(name, [default])[0]
 

@@ -27,11 +27,7 @@ class Bound:
         return self.dns.getsockname()[1], self.http.getsockname()[1]
 
 
-def bind(
-    address: IPv4Address,
-    dns_port: int,
-    http_port: int,
-) -> Bound:
+def bind(address: IPv4Address, dns_port: int, http_port: int) -> Bound:
     """Open both sockets.
 
     A `SiteAddressError` means that the address is not here, or a port is taken or forbidden.
@@ -45,12 +41,7 @@ def bind(
     return Bound(dns, http)
 
 
-def _open(
-    kind: socket.SocketKind,
-    address: IPv4Address,
-    port: int,
-    what: str,
-) -> socket.socket:
+def _open(kind: socket.SocketKind, address: IPv4Address, port: int, what: str) -> socket.socket:
     # Named, or asyncio does not know that it is TCP, leaves out TCP_NODELAY, and every page takes
     # 40 ms.
     protocol = socket.IPPROTO_TCP if kind == socket.SOCK_STREAM else socket.IPPROTO_UDP
@@ -68,12 +59,7 @@ def _open(
     return opened
 
 
-def _refuse(
-    what: str,
-    address: IPv4Address,
-    port: int,
-    error: OSError,
-) -> NoReturn:
+def _refuse(what: str, address: IPv4Address, port: int, error: OSError) -> NoReturn:
     from .errors import SiteAddressError
 
     raise SiteAddressError(
@@ -82,11 +68,7 @@ def _refuse(
     ) from error
 
 
-async def serve(
-    bound: Bound,
-    address: IPv4Address,
-    sites: SiteState,
-) -> None:
+async def serve(bound: Bound, address: IPv4Address, sites: SiteState) -> None:
     """Serve until SIGINT or SIGTERM. `address` is what DNS answers with."""
     config = uvicorn.Config(
         SitesApp(sites),

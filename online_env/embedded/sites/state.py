@@ -32,11 +32,7 @@ class SiteState:
     def __init__(self, folder: str | os.PathLike[str]) -> None:
         self.folder = Path(folder)
         try:
-            self.folder.mkdir(
-                parents=True,
-                exist_ok=True,
-                mode=0o700,
-            )
+            self.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         except OSError as error:
             problem = f"cannot be made: {error.strerror}; give another --state folder"
             _refuse(self.folder, problem, error)
@@ -108,11 +104,7 @@ class SiteState:
             _refuse(self.folder, f"cannot be locked: {error.strerror}", error)
 
 
-def _refuse(
-    path: Path,
-    problem: str,
-    cause: BaseException | None = None,
-) -> NoReturn:
+def _refuse(path: Path, problem: str, cause: BaseException | None = None) -> NoReturn:
     from .errors import SiteStateError
 
     raise SiteStateError(f"site state {path} {problem}") from cause

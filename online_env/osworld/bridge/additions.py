@@ -10,11 +10,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 PREFERENCES = "/home/user/.config/google-chrome/Default/Preferences"
-_MODES = {
-    0: "system",
-    1: "light",
-    2: "dark",
-}
+_MODES = {0: "system", 1: "light", 2: "dark"}
 
 
 def check_play_and_exit(config_path: str, rule: dict[str, Any]) -> float:
@@ -33,10 +29,7 @@ def check_play_and_exit(config_path: str, rule: dict[str, Any]) -> float:
 
 
 def check_structure_sim_with_threshold(
-    src_path: str | None,
-    tgt_path: str | None,
-    ssim_threshold: float = 0.85,
-    **_: Any,
+    src_path: str | None, tgt_path: str | None, ssim_threshold: float = 0.85, **_: Any
 ) -> float:
     """Return 1.0 if both pictures have one size and their similarity reaches `ssim_threshold`.
 

@@ -99,12 +99,7 @@ def _named(code: types.CodeType, names: _Names) -> Iterator[Any]:
                 yield from (vars(value).get(name) for name in code.co_names)
 
 
-def _imported(
-    name: str,
-    level: int,
-    wanted: tuple[str, ...],
-    names: _Names,
-) -> Iterator[Any]:
+def _imported(name: str, level: int, wanted: tuple[str, ...], names: _Names) -> Iterator[Any]:
     """Yield functions of `desktop_env` that an import gives, or the root of another package."""
     package = str(names.get("__package__") or "")
     full = importlib.util.resolve_name("." * level + name, package)
@@ -124,10 +119,7 @@ def as_list(value: Any) -> list[Any]:
 
 
 def task_functions(
-    task: _Names,
-    metrics: Any,
-    getters: Any,
-    setup: Any,
+    task: _Names, metrics: Any, getters: Any, setup: Any
 ) -> Iterator[tuple[str, Any]]:
     """Yield `(name, function or None)` for each metric, getter and setup step of a task."""
     evaluator = task.get("evaluator") or {}
@@ -144,12 +136,7 @@ def task_functions(
         yield f"setup {kind}", getattr(setup, f"_{kind}_setup", None)
 
 
-def problems(
-    task: _Names,
-    metrics: Any,
-    getters: Any,
-    setup: Any,
-) -> list[str]:
+def problems(task: _Names, metrics: Any, getters: Any, setup: Any) -> list[str]:
     """Return why a task cannot be evaluated here; nothing if it can.
 
     Named are functions that do not exist, and packages that are missing.

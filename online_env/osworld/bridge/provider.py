@@ -27,12 +27,7 @@ class Provider:
         self.fresh = fresh
         trust(first)
 
-    def start_emulator(
-        self,
-        path_to_vm: str,
-        headless: bool,
-        os_type: str | None = None,
-    ) -> None:
+    def start_emulator(self, path_to_vm: str, headless: bool, os_type: str | None = None) -> None:
         """It runs already."""
 
     def get_ip_address(self, path_to_vm: str) -> str:

@@ -158,11 +158,7 @@ _PICTURES: Mapping[str, Callable[[], bytes]] = {
 }
 
 
-_PROCESSES = {
-    "google-chrome": "chrome",
-    "libreoffice": "soffice.bin",
-    "gimp": "gimp-2.10",
-}
+_PROCESSES = {"google-chrome": "chrome", "libreoffice": "soffice.bin", "gimp": "gimp-2.10"}
 
 
 @dataclass(frozen=True)

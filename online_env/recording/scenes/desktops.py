@@ -58,11 +58,7 @@ def _pictures(stage: RecordingStage, apps: Sequence[App]) -> Iterator[Picture]:
             stage.close(top)
 
 
-def _picture(
-    stage: RecordingStage,
-    apps: Sequence[App],
-    opened: Sequence[Top],
-) -> Picture:
+def _picture(stage: RecordingStage, apps: Sequence[App], opened: Sequence[Top]) -> Picture:
     titles = {w["id"]: w["title"] for w in stage.guest.x("state")["windows"]}
     height, width = stage.desktop.size
     stage.park((width * 5 // 8, height // 2))
@@ -79,12 +75,7 @@ def _picture(
     return picture
 
 
-def _comes_back(
-    stage: RecordingStage,
-    picture: Picture,
-    top: Top,
-    button: ClickTarget,
-) -> None:
+def _comes_back(stage: RecordingStage, picture: Picture, top: Top, button: ClickTarget) -> None:
     if picture.recover is None:
         raise DesktopError("the picture of a minimised window has no click that brings it back")
     stage.run(code_of(picture.recover))

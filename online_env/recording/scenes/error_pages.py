@@ -39,12 +39,7 @@ def record(stage: RecordingStage) -> Iterator[Picture | Refused]:
         stage.close(top)
 
 
-def _pages(
-    stage: RecordingStage,
-    top: Top,
-    address: str,
-    offline: Applied,
-) -> Iterator[Picture]:
+def _pages(stage: RecordingStage, top: Top, address: str, offline: Applied) -> Iterator[Picture]:
     probe = offline.probe()
     if not probe.ok:
         raise DesktopError(f"the network is not cut off: {probe.problem}")

@@ -52,11 +52,7 @@ def _lock_screen(stage: RecordingStage, dialog: Box) -> Picture:
     entry = _entry(stage.settled(), dialog)
     targets = [entry, *(_button(stage, dialog, name, part) for name, part in BUTTONS)]
     stage.park()
-    action = {
-        "type": "type",
-        "text": f"{PASSWORD}\n",
-        "target_box": list(entry.box),
-    }
+    action = {"type": "type", "text": f"{PASSWORD}\n", "target_box": list(entry.box)}
     made = "effect lock; a key woke the dialog"
     picture = stage.whole("lock_screen", "", made, targets, recover=action)
     locker = _locker(stage)
@@ -93,10 +89,7 @@ def _dialog(stage: RecordingStage) -> Box:
 
 
 def _button(
-    stage: RecordingStage,
-    dialog: Box,
-    name: str,
-    part: tuple[float, float],
+    stage: RecordingStage, dialog: Box, name: str, part: tuple[float, float]
 ) -> ClickTarget:
     """Return the button that lights up when the pointer comes to it.
 

@@ -125,9 +125,7 @@ def record(stage: RecordingStage) -> Iterator[Picture | Refused]:
 
 
 def _in_app(
-    stage: RecordingStage,
-    app: App,
-    rows: Sequence[Sequence[Click]],
+    stage: RecordingStage, app: App, rows: Sequence[Sequence[Click]]
 ) -> Iterator[Picture | Refused]:
     top = stage.place(app.open(stage), PLACE)
     try:
@@ -138,10 +136,7 @@ def _in_app(
 
 
 def _each(
-    stage: RecordingStage,
-    app: str,
-    top: Top | None,
-    rows: Sequence[Sequence[Click]],
+    stage: RecordingStage, app: str, top: Top | None, rows: Sequence[Sequence[Click]]
 ) -> Iterator[Picture | Refused]:
     for clicks in rows:
         before = {other.key for other in stage.tops()}
@@ -154,10 +149,7 @@ def _each(
 
 
 def _picture(
-    stage: RecordingStage,
-    app: str,
-    top: Top | None,
-    clicks: Sequence[Click],
+    stage: RecordingStage, app: str, top: Top | None, clicks: Sequence[Click]
 ) -> Iterator[Picture]:
     stage.park()
     stage.settled()
@@ -194,12 +186,7 @@ def _kind(opened: Top, targets: Sequence[ClickTarget]) -> str:
     return "menu"
 
 
-def _bubble(
-    stage: RecordingStage,
-    app: str,
-    top: Top,
-    wanted: Click,
-) -> Iterator[Picture]:
+def _bubble(stage: RecordingStage, app: str, top: Top, wanted: Click) -> Iterator[Picture]:
     """Yield what opens inside the window: the node of the tree that was not there before.
 
     Raises:
@@ -233,11 +220,7 @@ def _no_bubble(stage: RecordingStage, box: Box) -> bool:
     return not any(node.box == box and node.role in BUBBLE_ROLES for node in found)
 
 
-def _aim(
-    stage: RecordingStage,
-    wanted: Click,
-    on: Top | None,
-) -> dict[str, Any]:
+def _aim(stage: RecordingStage, wanted: Click, on: Top | None) -> dict[str, Any]:
     """Return the click as an action, on a window, or on the desktop and its panel.
 
     Raises:
@@ -246,11 +229,7 @@ def _aim(
     surface = stage.screen if on is None else on.box
     if wanted.at is not None:
         x, y = spot(surface, wanted.at)
-        return {
-            "type": wanted.kind,
-            "x": x,
-            "y": y,
-        }
+        return {"type": wanted.kind, "x": x, "y": y}
 
     def owner(other: Top | None) -> bool:
         return on is None or (other is not None and other.key == on.key)
@@ -269,9 +248,7 @@ def _aim(
 
 
 def _leave(
-    stage: RecordingStage,
-    gone: Callable[[], bool],
-    targets: Sequence[ClickTarget],
+    stage: RecordingStage, gone: Callable[[], bool], targets: Sequence[ClickTarget]
 ) -> dict[str, Any]:
     """Close what is open as a person would; return the action that did it.
 

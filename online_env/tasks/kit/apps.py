@@ -45,10 +45,7 @@ def _office(part: str, ready: str) -> TaskApp:
 APPS: dict[str, TaskApp] = {
     "thunar": TaskApp(argv=("thunar",), processes=("thunar", "Thunar"), tree="thunar"),
     "mousepad": TaskApp(
-        argv=("mousepad",),
-        processes=("mousepad",),
-        tree="mousepad",
-        ready=("text",),
+        argv=("mousepad",), processes=("mousepad",), tree="mousepad", ready=("text",)
     ),
     "terminal": TaskApp(
         argv=("xfce4-terminal",),
@@ -94,16 +91,10 @@ APPS: dict[str, TaskApp] = {
         ready=("dialog",),
     ),
     "panel_settings": TaskApp(
-        argv=("xfce4-panel", "--preferences"),
-        processes=(),
-        tree="xfce4-panel",
-        ready=("dialog",),
+        argv=("xfce4-panel", "--preferences"), processes=(), tree="xfce4-panel", ready=("dialog",)
     ),
     "geany": TaskApp(
-        argv=("geany", "--new-instance"),
-        processes=("geany",),
-        tree="geany",
-        profile="office",
+        argv=("geany", "--new-instance"), processes=("geany",), tree="geany", profile="office"
     ),
     "libreoffice_calc": _office("calc", "table"),
     "libreoffice_writer": _office("writer", "paragraph"),

@@ -16,13 +16,7 @@ _TABBING = 2.0  # s until the next field has the focus
 _SCREENS = 30  # turns of the wheel until a page must have come to its end
 
 
-def visit(
-    hand: Hand,
-    address: str,
-    heading: Name,
-    *,
-    in_new_tab: bool = False,
-) -> None:
+def visit(hand: Hand, address: str, heading: Name, *, in_new_tab: bool = False) -> None:
     """Open an address in the tab that shows or in a new one, and wait for a heading of the page."""
     hand.press("ctrl", "t" if in_new_tab else "l")
     hand.find("entry", BAR, app=APP, state="focused")

@@ -38,12 +38,7 @@ def setting(machine: Machine, channel: str, name: str) -> StoredValue:
     return node.get("value")
 
 
-def store(
-    machine: Machine,
-    channel: str,
-    name: str,
-    value: str | list[str],
-) -> None:
+def store(machine: Machine, channel: str, name: str, value: str | list[str]) -> None:
     """Write a setting into the file of its channel, as `wrong` and `right` results do."""
     root = _tree(machine, channel)
     node = root
@@ -63,9 +58,7 @@ def store(
 
 
 def setting_problems(
-    machine: Machine,
-    channel: str,
-    wanted: Mapping[str, str | list[str]],
+    machine: Machine, channel: str, wanted: Mapping[str, str | list[str]]
 ) -> Iterator[str]:
     """Yield the settings that are not as wanted, after the time that the store needs.
 
@@ -81,10 +74,7 @@ def setting_problems(
 
 
 def awaited(
-    machine: Machine,
-    channel: str,
-    name: str,
-    test: Callable[[StoredValue], bool],
+    machine: Machine, channel: str, name: str, test: Callable[[StoredValue], bool]
 ) -> StoredValue:
     """Return a setting once it passes a test, or as it is after the time that the store needs."""
     lag = LAG if "accessibility" in machine.desktop.capabilities else 0
@@ -139,12 +129,7 @@ def choose_tab(hand: Hand, name: str, app: str) -> None:
     hand.find("page-tab", name, app, "selected")
 
 
-def set_number(
-    hand: Hand,
-    label: str | re.Pattern[str],
-    number: int,
-    app: str,
-) -> None:
+def set_number(hand: Hand, label: str | re.Pattern[str], number: int, app: str) -> None:
     """Type a number into the field to the right of a label."""
     beside = hand.find(("label", "check-box"), label, app)
     middle = beside.centre[1]

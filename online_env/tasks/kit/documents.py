@@ -127,11 +127,7 @@ def read_text(data: bytes) -> TextContent:
     )
 
 
-def text_changes(
-    now: TextContent,
-    before: TextContent,
-    but: Collection[str] = (),
-) -> Iterator[str]:
+def text_changes(now: TextContent, before: TextContent, but: Collection[str] = ()) -> Iterator[str]:
     """Yield what differs between two documents, except for some.
 
     Empty paragraphs at the end count as nothing.
@@ -149,12 +145,7 @@ def text_changes(
             yield f"the {name} are {found!r}, not {wanted!r}"
 
 
-def changed(
-    content: TextContent,
-    text: str,
-    /,
-    **changes: Any,
-) -> TextContent:
+def changed(content: TextContent, text: str, /, **changes: Any) -> TextContent:
     """Return a document in which the paragraph of a text is another one.
 
     Args:
@@ -188,9 +179,7 @@ def remove_paragraph(found: Any, text: str) -> None:
 
 
 def _paragraph_changes(
-    now: Sequence[ParagraphContent],
-    before: Sequence[ParagraphContent],
-    but: Collection[str],
+    now: Sequence[ParagraphContent], before: Sequence[ParagraphContent], but: Collection[str]
 ) -> Iterator[str]:
     if len(now) != len(before):
         yield f"the document has {len(now)} paragraphs, not {len(before)}"

@@ -40,10 +40,7 @@ def _picture(kind: str, text: str) -> bytes:
 
 
 def rearranged(
-    machine: Machine,
-    moved: Pairs = (),
-    copied: Pairs = (),
-    folders: Iterable[str] = (),
+    machine: Machine, moved: Pairs = (), copied: Pairs = (), folders: Iterable[str] = ()
 ) -> Iterator[str]:
     """Yield what is wrong if files should have been moved and copied, and nothing else done.
 
@@ -76,11 +73,7 @@ def rearranged(
             yield f"there is no folder {name}"
 
 
-def move_files(
-    machine: Machine,
-    pairs: Pairs,
-    command: str = "mv",
-) -> None:
+def move_files(machine: Machine, pairs: Pairs, command: str = "mv") -> None:
     """Move files, or copy them with `cp`, behind the screen; the folders are made.
 
     Args:

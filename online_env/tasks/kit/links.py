@@ -41,9 +41,6 @@ def bar(stream: Stream) -> list[tuple[str, list[tuple[str, str]]]]:
     return [(name, mixed[n * PER_FOLDER : (n + 1) * PER_FOLDER]) for n, name in enumerate(folders)]
 
 
-def without(
-    entries: Sequence[tuple[str, list[tuple[str, str]]]],
-    host: str,
-) -> list[Bookmark]:
+def without(entries: Sequence[tuple[str, list[tuple[str, str]]]], host: str) -> list[Bookmark]:
     """Return folders without the pages of a site."""
     return [(name, [p for p in pages if f"//{host}/" not in p[1]]) for name, pages in entries]

@@ -111,12 +111,7 @@ def _has(part: str, text: str) -> bool:
 
 
 def message(
-    ident: str,
-    sender: tuple[str, str],
-    subject: str,
-    body: str,
-    date: str,
-    **flags: object,
+    ident: str, sender: tuple[str, str], subject: str, body: str, date: str, **flags: object
 ) -> dict[str, Any]:
     """Return a received mail for `receive`.
 
@@ -145,11 +140,7 @@ def receive(machine: Machine, *messages: Mapping[str, Any]) -> None:
         state.setdefault("received", []).extend(dict(found) for found in messages)
 
 
-def flag(
-    machine: Machine,
-    *idents: str,
-    **flags: object,
-) -> None:
+def flag(machine: Machine, *idents: str, **flags: object) -> None:
     """Change the flags of received mails: `read`, `starred`, `folder`."""
     with machine.sites.update("mail") as state:
         for ident in idents:
@@ -203,9 +194,7 @@ def problems(
 
 
 def _moved(
-    before: Mapping[str, Any],
-    now: Mapping[str, Any],
-    wanted: Mapping[str, Flags],
+    before: Mapping[str, Any], now: Mapping[str, Any], wanted: Mapping[str, Flags]
 ) -> Iterator[str]:
     """Yield received mails with flags that they should not have."""
     was = {found["id"]: found for found in site.received(dict(before))}
@@ -255,14 +244,7 @@ def search(hand: Hand, words: str) -> None:
     hand.find("heading", f"Search: {words}", app=browser.APP)
 
 
-def compose(
-    hand: Hand,
-    *,
-    to: str = "",
-    cc: str = "",
-    subject: str = "",
-    text: str = "",
-) -> None:
+def compose(hand: Hand, *, to: str = "", cc: str = "", subject: str = "", text: str = "") -> None:
     """Fill the fields of the message that is open; those that get nothing stay as they are.
 
     The text comes above what is quoted.

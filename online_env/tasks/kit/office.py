@@ -188,12 +188,7 @@ def patiently(look: Callable[[], TreeNode]) -> TreeNode:
     return look()
 
 
-def open_document(
-    hand: Hand,
-    path: str,
-    role: str,
-    name: str,
-) -> None:
+def open_document(hand: Hand, path: str, role: str, name: str) -> None:
     """Open another document by the file dialog, unless it is open; that may take a minute.
 
     Args:

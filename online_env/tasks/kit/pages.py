@@ -37,20 +37,9 @@ def follow(hand: Hand, name: Name, title: str = "") -> None:
         arrived(hand, title)
 
 
-def enter(
-    hand: Hand,
-    name: Name,
-    text: str,
-    role: Roles = "entry",
-) -> None:
+def enter(hand: Hand, name: Name, text: str, role: Roles = "entry") -> None:
     """Type into a field, in the place of what it holds; it may be further down."""
-    hand.fill(
-        name,
-        text,
-        CHROME,
-        role,
-        scroll=True,
-    )
+    hand.fill(name, text, CHROME, role, scroll=True)
 
 
 def tick(hand: Hand, role: str, name: str) -> None:

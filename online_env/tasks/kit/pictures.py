@@ -67,11 +67,7 @@ def _color(stream: Stream, least: int) -> tuple[int, int, int]:
     return red, green, blue
 
 
-def encoded(
-    picture: Image.Image,
-    kind: str = "PNG",
-    quality: int | None = None,
-) -> bytes:
+def encoded(picture: Image.Image, kind: str = "PNG", quality: int | None = None) -> bytes:
     """Return the bytes of a picture's file.
 
     Args:
@@ -126,11 +122,7 @@ def has_quality(picture: Image.Image, quality: int) -> bool:
 
 
 def picture_problems(
-    machine: Machine,
-    path: str,
-    wanted: Image.Image,
-    kind: str = "PNG",
-    slack: float = _SLACK,
+    machine: Machine, path: str, wanted: Image.Image, kind: str = "PNG", slack: float = _SLACK
 ) -> Iterator[str]:
     """Yield how a picture file differs from what it should be.
 
@@ -186,10 +178,7 @@ def gimp_command(hand: Hand, words: str) -> None:
     hand.press("/")
     hand.find("frame", "Search Actions", GIMP)
     hand.type(words)
-    hand.wait(
-        f"commands for {words!r}",
-        lambda node: node.role in ENTRIES and node.text == words,
-    )
+    hand.wait(f"commands for {words!r}", lambda node: node.role in ENTRIES and node.text == words)
     hand.find("frame", "Search Actions", GIMP)
     hand.press("enter")
 
@@ -214,11 +203,7 @@ def undo_all(hand: Hand) -> None:
         hand.press("ctrl", "z")
 
 
-def gimp_export(
-    hand: Hand,
-    path: str,
-    quality: int | None = None,
-) -> None:
+def gimp_export(hand: Hand, path: str, quality: int | None = None) -> None:
     """Export the picture to a file, whose name decides the format.
 
     Args:
@@ -246,13 +231,7 @@ def gimp_export(
     hand.gone("dialog", app=GIMP)
 
 
-def set_canvas(
-    hand: Hand,
-    width: int,
-    height: int,
-    left: int,
-    top: int,
-) -> None:
+def set_canvas(hand: Hand, width: int, height: int, left: int, top: int) -> None:
     """Fill in the dialog for the size of the canvas, which is open; pixels."""
     fields, chain = _canvas_fields(hand)
     _enter(hand, fields[0], width)

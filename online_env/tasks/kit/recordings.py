@@ -53,11 +53,7 @@ def melody(stream: Stream, notes: int = 8) -> list[float]:
     return found
 
 
-def played(
-    pitches: Sequence[float],
-    channels: int = 1,
-    rate: int = _RATE,
-) -> bytes:
+def played(pitches: Sequence[float], channels: int = 1, rate: int = _RATE) -> bytes:
     """Return a WAV file of a melody, 16 bits a sample.
 
     Args:

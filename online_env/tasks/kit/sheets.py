@@ -158,11 +158,7 @@ def read_book(data: bytes) -> BookContent:
 
 
 def changes(
-    now: BookContent,
-    before: BookContent,
-    but: Collection[str] = (),
-    *,
-    frozen: bool = False,
+    now: BookContent, before: BookContent, but: Collection[str] = (), *, frozen: bool = False
 ) -> Iterator[str]:
     """Yield the cells and sheets that differ, except for some.
 
@@ -349,11 +345,7 @@ def _hidden(sheet: Any) -> tuple[str, ...]:
     return (*hidden, *(["all"] if sheet.sheet_state != "visible" else ()))
 
 
-def _is_excepted(
-    place: tuple[str, str],
-    first: str,
-    but: Collection[str],
-) -> bool:
+def _is_excepted(place: tuple[str, str], first: str, but: Collection[str]) -> bool:
     sheet, address = place
     if sheet in but or f"{sheet}!{address}" in but:
         return True
@@ -361,9 +353,7 @@ def _is_excepted(
 
 
 def _difference(
-    place: tuple[str, str],
-    now: SheetCell | None,
-    before: SheetCell | None,
+    place: tuple[str, str], now: SheetCell | None, before: SheetCell | None
 ) -> Iterator[str]:
     where = f"{place[1]} of {place[0]}"
     found = None if now is None else now.entry

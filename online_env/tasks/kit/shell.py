@@ -10,11 +10,7 @@ APP = "xfce4-terminal"
 _PROMPT = re.compile(r"\$ $")
 
 
-def command(
-    hand: Hand,
-    line: str,
-    patience: float = PATIENCE,
-) -> str:
+def command(hand: Hand, line: str, patience: float = PATIENCE) -> str:
     """Type a command at the prompt, and wait until the next prompt is there.
 
     Args:

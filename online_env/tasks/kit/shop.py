@@ -96,11 +96,7 @@ def in_category(category: str) -> list[str]:
     return [p["id"] for p in site.products().values() if p["category"] == category]
 
 
-def goods(
-    stream: Stream,
-    count: int,
-    category: str = "",
-) -> list[SimpleNamespace]:
+def goods(stream: Stream, count: int, category: str = "") -> list[SimpleNamespace]:
     """Draw different products of a category, or of all, as `product` returns them."""
     known = [p["id"] for p in site.products().values() if category in ("", p["category"])]
     return [product(ident) for ident in sample(stream, known, count)]

@@ -61,11 +61,7 @@ def presentation(slides: Sequence[tuple[str, str]]) -> Any:
     return made
 
 
-def add_slide(
-    made: Any,
-    title: str,
-    text: str = "",
-) -> None:
+def add_slide(made: Any, title: str, text: str = "") -> None:
     """Add a slide at the end of a presentation of python-pptx."""
     slide = made.slides.add_slide(made.slide_layouts[1])
     slide.shapes.title.text = title
@@ -100,9 +96,7 @@ def read_slides(data: bytes) -> tuple[SlideContent, ...]:
 
 
 def slide_changes(
-    now: Sequence[SlideContent],
-    wanted: Sequence[SlideContent],
-    but: Collection[str] = (),
+    now: Sequence[SlideContent], wanted: Sequence[SlideContent], but: Collection[str] = ()
 ) -> Iterator[str]:
     """Yield what differs between the slides as they are and as they should be.
 
@@ -124,13 +118,7 @@ def slide_changes(
                 yield f"the {name} of slide {number} are {getattr(found, name)!r}"
 
 
-def show_slide(
-    hand: Hand,
-    number: int,
-    title: str,
-    *,
-    of: int,
-) -> None:
+def show_slide(hand: Hand, number: int, title: str, *, of: int) -> None:
     """Show a slide by clicking on its small picture.
 
     Args:

@@ -57,12 +57,7 @@ def choose_to_open(hand: Hand, path: str, app: str) -> None:
     hand.gone("file-chooser", app=app)
 
 
-def begin(
-    hand: Hand,
-    path: str,
-    text: str,
-    app: str,
-) -> None:
+def begin(hand: Hand, path: str, text: str, app: str) -> None:
     """Make the editor show a file as it was at first, after whatever an earlier try left."""
     bring(hand, path, app)
     for _ in range(_UNDOS):
@@ -87,12 +82,7 @@ def _keyboard_at(hand: Hand, path: str, app: str) -> None:
     hand.find("frame", title(path), app, state="active")
 
 
-def go_to_line(
-    hand: Hand,
-    path: str,
-    number: int,
-    app: str,
-) -> None:
+def go_to_line(hand: Hand, path: str, number: int, app: str) -> None:
     """Put the cursor at the start of a line; the first line has the number 1.
 
     A dialog asks for the number, in Geany only if its window is too narrow for the field in the
@@ -113,13 +103,7 @@ def _is_focused_field(node: TreeNode, app: str) -> bool:
     return "focused" in node.states and "multi_line" not in node.states
 
 
-def rewrite_line(
-    hand: Hand,
-    path: str,
-    number: int,
-    line: str,
-    app: str,
-) -> None:
+def rewrite_line(hand: Hand, path: str, number: int, line: str, app: str) -> None:
     """Type a line in the place of another."""
     go_to_line(hand, path, number, app)
     hand.press("end")

@@ -37,12 +37,7 @@ def run(*commands: str) -> list[str]:
 
 def go(folder: str) -> list[str]:
     """Tell how to show a folder, given relative to the home folder, in the file manager."""
-    return [
-        "press ctrl+l",
-        f"type {quoted(f'/home/user/{folder}')}",
-        "press enter",
-        "wait",
-    ]
+    return ["press ctrl+l", f"type {quoted(f'/home/user/{folder}')}", "press enter", "wait"]
 
 
 def make_folder(name: str) -> list[str]:
@@ -110,11 +105,7 @@ def open_in_editor(path: str) -> list[str]:
 
 def save_as(path: str) -> list[str]:
     """Tell how to save what has no file yet; the path is relative to the home folder."""
-    return [
-        "press ctrl+s",
-        *name_file(path),
-        f"wait for {quoted(path.rpartition('/')[2])}",
-    ]
+    return ["press ctrl+s", *name_file(path), f"wait for {quoted(path.rpartition('/')[2])}"]
 
 
 def take_note(path: str, text: str) -> list[str]:
@@ -217,13 +208,7 @@ def search_mail(words: str) -> list[str]:
     ]
 
 
-def compose(
-    *,
-    to: str = "",
-    cc: str = "",
-    subject: str = "",
-    text: str = "",
-) -> list[str]:
+def compose(*, to: str = "", cc: str = "", subject: str = "", text: str = "") -> list[str]:
     """Tell how to fill the fields of the message that opens; without text they stay as they are."""
     steps = ['wait for "New message"', 'click "To"']
     for content in (to, cc, subject):

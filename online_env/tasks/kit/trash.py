@@ -9,12 +9,7 @@ _FILES = ".local/share/Trash/files"
 _INFO = ".local/share/Trash/info"
 
 
-def throw_away(
-    machine: Machine,
-    path: str,
-    data: bytes,
-    when: str = "2024-05-06T07:08:09",
-) -> None:
+def throw_away(machine: Machine, path: str, data: bytes, when: str = "2024-05-06T07:08:09") -> None:
     """Put a file into the trash that was at a path, relative to the home folder."""
     name = PurePosixPath(path).name
     info = f"[Trash Info]\nPath={quote(machine.path(path))}\nDeletionDate={when}\n"

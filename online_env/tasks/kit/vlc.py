@@ -180,18 +180,13 @@ def preferences(hand: Hand, page: str) -> None:
     hand.find("label", re.compile(f"{page[:8]}.*Settings"), VLC)
 
 
-def choose(
-    hand: Hand,
-    label: Name,
-    option: str,
-) -> None:
+def choose(hand: Hand, label: Name, option: str) -> None:
     """Choose an option of the drop-down list that stands beside a label."""
     wanted = hand.find("label", label, VLC)
     hand.click(hand.wait(f"list beside {label}", lambda node: _is_beside(node, wanted)))
     hand.type(f"{option}\n")
     hand.wait(
-        f"{option} beside {label}",
-        lambda node: node.name == option and _is_beside(node, wanted),
+        f"{option} beside {label}", lambda node: node.name == option and _is_beside(node, wanted)
     )
 
 

@@ -98,11 +98,7 @@ def even(text: str) -> str:
     return " ".join(straight(text).casefold().split())
 
 
-def sample(
-    stream: Stream,
-    options: Sequence[T],
-    count: int,
-) -> list[T]:
+def sample(stream: Stream, options: Sequence[T], count: int) -> list[T]:
     """Return `count` of the options, each at most once, in random order."""
     left = list(options)
     return [left.pop(stream.integer(0, len(left) - 1)) for _ in range(count)]

@@ -71,12 +71,7 @@ def export_onlooker(
 class _Tables:
     """Fills the tables, shard by shard."""
 
-    def __init__(
-        self,
-        folder: Path,
-        report: OnlookerReport,
-        keep_hidden: bool,
-    ) -> None:
+    def __init__(self, folder: Path, report: OnlookerReport, keep_hidden: bool) -> None:
         self.report = report
         self.keep_hidden = keep_hidden
         self.tables = {name: TableWriter(folder, name) for name in TABLES}
@@ -88,12 +83,7 @@ class _Tables:
     def __exit__(self, *_: object) -> None:
         self._finish_shard()
 
-    def shard(
-        self,
-        index: int,
-        frames: Iterable[RowFrame],
-        choice: Mapping[int, str],
-    ) -> None:
+    def shard(self, index: int, frames: Iterable[RowFrame], choice: Mapping[int, str]) -> None:
         """Write the examples of a shard; `choice` names the rows that become reminder pairs."""
         self.index = index
         before: StepFrames | None = None
@@ -164,12 +154,7 @@ class _Tables:
                 change = measure(before.clean.pixels, after.clean.pixels)
             self._summary(start, frame, change)
 
-    def _summary(
-        self,
-        start: RowFrame,
-        frame: RowFrame,
-        change: ScreenChange | None,
-    ) -> None:
+    def _summary(self, start: RowFrame, frame: RowFrame, change: ScreenChange | None) -> None:
         row = start.row
         event = frame.row["event"]
         if self._lacks_task("summary", row):

@@ -82,9 +82,7 @@ def frames_by_step(frames: Iterable[RowFrame]) -> Iterator[StepFrames]:
 
 
 def transitions(
-    before: StepFrames | None,
-    after: StepFrames,
-    skip: Callable[[str, str], object],
+    before: StepFrames | None, after: StepFrames, skip: Callable[[str, str], object]
 ) -> Iterator[tuple[RowFrame, RowFrame]]:
     """Yield pairs of frames under one corruption: that of an action, and the next one.
 

@@ -33,11 +33,7 @@ def reminder_messages(instruction: str, reminder: str) -> Messages:
     return chat(f"{IMAGE}\nTask: {plain(instruction)}\n{REMIND}", f"Reminder: {plain(reminder)}")
 
 
-def summary_messages(
-    instruction: str,
-    action: str,
-    summary: str,
-) -> Messages:
+def summary_messages(instruction: str, action: str, summary: str) -> Messages:
     """Return the chat of two frames and the action between them."""
     task = f"Task: {plain(instruction)}"
     done = f"Action: {plain(action)}"
@@ -45,11 +41,7 @@ def summary_messages(
     return chat(question, plain(summary))
 
 
-def summary_of(
-    row: _Fields,
-    event: str | None,
-    change: ScreenChange | None,
-) -> str:
+def summary_of(row: _Fields, event: str | None, change: ScreenChange | None) -> str:
     """Return a summary of what happened between two screens.
 
     Args:
@@ -82,11 +74,7 @@ def did(action: _Fields, code: str) -> str:
     return "did something that was not recorded"
 
 
-def _at(
-    action: _Fields,
-    end: str = "",
-    word: str = "at",
-) -> str:
+def _at(action: _Fields, end: str = "", word: str = "at") -> str:
     x = action[f"x{end}"]
     y = action[f"y{end}"]
     if x is None or y is None:

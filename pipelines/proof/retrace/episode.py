@@ -42,11 +42,7 @@ class Seen:
         self.disturbed += bool(found.plan.ops)
 
 
-def check_episode(
-    folder: Path,
-    journal: Journal,
-    seen: Seen,
-) -> Iterator[str]:
+def check_episode(folder: Path, journal: Journal, seen: Seen) -> Iterator[str]:
     """Yield the problems of an episode, each with its file.
 
     Args:
@@ -115,10 +111,7 @@ def _planner(record: Mapping[str, Any], journal: Journal) -> tuple[Planner | Non
 
 
 def _agrees(
-    record: Mapping[str, Any],
-    planner: Planner | None,
-    known: bool,
-    journal: Journal,
+    record: Mapping[str, Any], planner: Planner | None, known: bool, journal: Journal
 ) -> Iterator[str]:
     """Yield the differences of planner and rules between the record and the configuration."""
     if known:
@@ -142,11 +135,7 @@ def _recovery(record: Mapping[str, Any]) -> Mapping[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-def _key(
-    record: Mapping[str, Any],
-    planner: Planner | None,
-    known: bool,
-) -> Key:
+def _key(record: Mapping[str, Any], planner: Planner | None, known: bool) -> Key:
     return Key(
         seed=_seed(record),
         sample=fields.text(record, "sample"),
@@ -159,12 +148,7 @@ def _key(
     )
 
 
-def _lines(
-    folder: Path,
-    key: Key,
-    seen: Seen,
-    version: int,
-) -> Iterator[str]:
+def _lines(folder: Path, key: Key, seen: Seen, version: int) -> Iterator[str]:
     """Check each line on its own, and the hashes that chain the lines."""
     seen.last = digest_of(folder.name.encode())
     for place, line in enumerate(lines(folder / STEPS)):
@@ -307,12 +291,7 @@ def _due(seen: Seen, key: Key) -> list[_Due]:
         plans.pop()
     if key.known and key.planner is not None:
         scene = Scene(seen.plans[0].size, apps=key.apps)
-        first = key.planner.plan(
-            scene,
-            seed=key.seed,
-            sample=key.sample,
-            step=BEFORE,
-        )
+        first = key.planner.plan(scene, seed=key.seed, sample=key.sample, step=BEFORE)
         plans.insert(0, (BEFORE, first))
     return [(step, effect.kind) for step, plan in plans for effect in plan.effects]
 

@@ -46,22 +46,12 @@ class Key:
     allow_code: bool | None
     hashed: bool
 
-    def plan(
-        self,
-        scene: Scene,
-        step: int,
-        logged: Plan,
-    ) -> Plan:
+    def plan(self, scene: Scene, step: int, logged: Plan) -> Plan:
         """Return the plan of a step on a screen."""
         planner = self.planner if self.known else _planner_in(logged)
         if planner is None:
             return Plan.clean(scene.size)
-        return planner.plan(
-            scene,
-            seed=self.seed,
-            sample=self.sample,
-            step=step,
-        )
+        return planner.plan(scene, seed=self.seed, sample=self.sample, step=step)
 
 
 @dataclass
@@ -72,11 +62,7 @@ class ReplayedObservation:
     problems: list[str] = field(default_factory=list[str])
 
 
-def check_observation(
-    folder: Path,
-    line: Mapping[str, Any],
-    key: Key,
-) -> ReplayedObservation:
+def check_observation(folder: Path, line: Mapping[str, Any], key: Key) -> ReplayedObservation:
     """Compute an observation again, and the code that ran for the agent's answer.
 
     Args:
@@ -107,11 +93,7 @@ def check_observation(
     return seen
 
 
-def _plan_problems(
-    line: Mapping[str, Any],
-    logged: Plan,
-    plan: Plan,
-) -> list[str]:
+def _plan_problems(line: Mapping[str, Any], logged: Plan, plan: Plan) -> list[str]:
     found: list[str] = []
     stored = line.get("plan_digest")
     was = logged.digest()
@@ -124,11 +106,7 @@ def _plan_problems(
 
 
 def _picture_problems(
-    folder: Path,
-    line: Mapping[str, Any],
-    clean: UInt8Array,
-    plan: Plan,
-    hashed: bool,
+    folder: Path, line: Mapping[str, Any], clean: UInt8Array, plan: Plan, hashed: bool
 ) -> list[str]:
     name = line["image"]
     stored = line.get("seen")
@@ -144,11 +122,7 @@ def _picture_problems(
     return found
 
 
-def _action_problems(
-    line: Mapping[str, Any],
-    plan: Plan,
-    allow_code: bool | None,
-) -> list[str]:
+def _action_problems(line: Mapping[str, Any], plan: Plan, allow_code: bool | None) -> list[str]:
     """Compare the code that ran with the agent's answer, mapped to the real screen."""
     raw = line.get("raw")
     logged = line.get("code")
@@ -168,11 +142,7 @@ def _action_problems(
     return [f"read again the agent's answer (raw) {made}, code is {fields.shown(logged)}"]
 
 
-def _mapped(
-    raw: str,
-    plan: Plan,
-    allow_code: bool,
-) -> str | None:
+def _mapped(raw: str, plan: Plan, allow_code: bool) -> str | None:
     """Return the code for an answer, in pixels of the screen; `None` if it is refused."""
     try:
         request = read_action(raw, allow_code)

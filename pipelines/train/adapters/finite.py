@@ -11,13 +11,7 @@ from ..errors import TrainError
 class FiniteCallback(TrainerCallback):
     """Ends a run before a step that would make its weights NaN; for any trainer of transformers."""
 
-    def on_pre_optimizer_step(
-        self,
-        args: Any,
-        state: Any,
-        control: Any,
-        **kwargs: Any,
-    ) -> None:
+    def on_pre_optimizer_step(self, args: Any, state: Any, control: Any, **kwargs: Any) -> None:
         """Check the gradients.
 
         Raises:

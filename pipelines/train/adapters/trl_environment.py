@@ -45,24 +45,14 @@ class TrlEnvironment:
         make: makes the gymnasium environment, with the first `reset`.
     """
 
-    def __init__(
-        self,
-        number: int,
-        owner: "TrlEnvironments",
-        make: MakeEnvironment,
-    ) -> None:
+    def __init__(self, number: int, owner: "TrlEnvironments", make: MakeEnvironment) -> None:
         self._number = number
         self._owner = owner
         self._episode = DrivenEpisode(make)
         self._replayed: TokenRollout | None = None
         self._is_logged = False
 
-    def reset(
-        self,
-        task: str,
-        seed: int | None = None,
-        **_row: Any,
-    ) -> Content:
+    def reset(self, task: str, seed: int | None = None, **_row: Any) -> Content:
         """Begin a rollout under a drawn corruption, and return the end of the prompt.
 
         Args:
@@ -209,31 +199,15 @@ class TrlEnvironments:
         if ended and len(failed) == ended:
             raise TrainError(f"none of {ended} rollouts could be played; the first: {failed[0]}")
 
-    def request(
-        self,
-        task: str,
-        number: int,
-        seed: int | None,
-    ) -> RolloutRequest:
+    def request(self, task: str, number: int, seed: int | None) -> RolloutRequest:
         """Return the request for an environment in the current batch."""
         place = self._rank * self.per_process + number
         slot = place % self.rollouts
         if seed is None:
             stream = Stream(self.seed, "environment_seed-v1", task, self._batch)
             seed = stream.integer(0, 2**32 - 1)
-        draw = self.sampler.draw(
-            step=self._batch,
-            group=task,
-            slot=slot,
-            epoch=self._epoch,
-        )
-        return RolloutRequest(
-            step=self._batch,
-            group=task,
-            slot=slot,
-            seed=seed,
-            draw=draw,
-        )
+        draw = self.sampler.draw(step=self._batch, group=task, slot=slot, epoch=self._epoch)
+        return RolloutRequest(step=self._batch, group=task, slot=slot, seed=seed, draw=draw)
 
     def log(self, rollout: TokenRollout) -> None:
         """Write the line of a finished rollout."""
@@ -261,9 +235,7 @@ class TrlEnvironments:
 
 
 def format_reward(
-    completions: Sequence[Sequence[Any]],
-    environments: Sequence[TrlEnvironment],
-    **_: Any,
+    completions: Sequence[Sequence[Any]], environments: Sequence[TrlEnvironment], **_: Any
 ) -> list[float | None]:
     """Return -1 for each rollout with an answer in the wrong form, else 0 (paper, section 5).
 
@@ -284,10 +256,7 @@ def format_reward(
 
 
 def training_rows(
-    tasks: Iterable[str],
-    how: str,
-    *,
-    evaluation: Iterable[str] = (),
+    tasks: Iterable[str], how: str, *, evaluation: Iterable[str] = ()
 ) -> list[dict[str, Any]]:
     """Return a row for each training task: `prompt` (how to answer) and `task`.
 
@@ -320,11 +289,7 @@ def _image(seen: SeenObservation) -> dict[str, Any]:
     return {"type": "image", "image": picture_of(seen)}
 
 
-def _log_of(
-    folder: Path | None,
-    rank: int,
-    processes: int,
-) -> Path | None:
+def _log_of(folder: Path | None, rank: int, processes: int) -> Path | None:
     if folder is None:
         return None
     make_folder(folder)

@@ -66,20 +66,12 @@ class HijackLoop(AgentLoopBase):
         super().__init__(*args, **kwargs)
         self.environment = environment
         self.environment_args = _plain(environment_args or {})
-        self.sampler = CorruptionSampler(
-            planner_of(_plain(corruptions)),
-            per=per,
-            seed=seed,
-        )
+        self.sampler = CorruptionSampler(planner_of(_plain(corruptions)), per=per, seed=seed)
         self.seed = seed
         self.max_steps = max_steps
         self.format_weight = format_weight
 
-    async def run(
-        self,
-        sampling_params: dict[str, Any],
-        **kwargs: Any,
-    ) -> Any:
+    async def run(self, sampling_params: dict[str, Any], **kwargs: Any) -> Any:
         """Play one episode; return an `AgentLoopOutput`, or `[]` to leave it out of its group.
 
         Raises:
@@ -89,12 +81,7 @@ class HijackLoop(AgentLoopBase):
         request = self._request(kwargs)
         key, episode = self._taken()
         try:
-            output = await self._play(
-                episode,
-                request,
-                list(kwargs["raw_prompt"]),
-                sampling_params,
-            )
+            output = await self._play(episode, request, list(kwargs["raw_prompt"]), sampling_params)
         finally:
             _idle.setdefault(key, []).append(episode)
         return [] if output is None else output
@@ -145,11 +132,7 @@ class HijackLoop(AgentLoopBase):
                 break
             message = _message(seen)
             merged, longer, new = await self.ct_merge_context_msg(
-                messages,
-                [*messages, message],
-                ids,
-                mask,
-                logprobs or None,
+                messages, [*messages, message], ids, mask, logprobs or None
             )
             # checked before the picture is kept, because verl fails if pictures and their tokens
             # disagree
@@ -199,11 +182,7 @@ class HijackLoop(AgentLoopBase):
         slot = int(row["session_id"])
         stream = Stream(self.seed, "environment_seed-v1", task, step)
         seed = about.get("seed")
-        draw = self.sampler.draw(
-            step=step,
-            group=task,
-            slot=slot,
-        )
+        draw = self.sampler.draw(step=step, group=task, slot=slot)
         fixed = about.get("corruption")
         if fixed:
             planner = None if fixed == CLEAN else planner_of([fixed])

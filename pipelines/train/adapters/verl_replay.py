@@ -58,8 +58,7 @@ class HijackReplay(VerlBuffer):
             _rollout(rows[place], key, batch.tags[place]) for place, key in enumerate(batch.keys)
         ]
         check_split(
-            (rollout.request.group for rollout in rollouts),
-            what="the rows of data.train_files",
+            (rollout.request.group for rollout in rollouts), what="the rows of data.train_files"
         )
         for places in groups.values():
             group = [rollouts[place] for place in places]
@@ -71,13 +70,7 @@ class HijackReplay(VerlBuffer):
             for rollout in group:
                 self.stored.add(rollout)
 
-    def _put(
-        self,
-        batch: Any,
-        place: int,
-        row: Any,
-        stored: Any,
-    ) -> None:
+    def _put(self, batch: Any, place: int, row: Any, stored: Any) -> None:
         """Replace the rollout at `place` by a stored one, keeping group and number of the place."""
         fields, tag = stored.tokens
         whole = fields.clone(recurse=False)

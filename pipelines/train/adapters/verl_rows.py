@@ -17,20 +17,12 @@ _KINDS: dict[str, Kind] = {
     "prompt": [{"role": "string", "content": "string"}],
     "ability": "string",
     "reward_model": {"style": "string", "ground_truth": "string"},
-    "extra_info": {
-        "index": "int64",
-        "task": "string",
-        "corruption": "string",
-    },
+    "extra_info": {"index": "int64", "task": "string", "corruption": "string"},
 }
 
 
 def write_rows(
-    path: Path,
-    tasks: Iterable[str],
-    how: str,
-    *,
-    evaluation: Iterable[str] = (),
+    path: Path, tasks: Iterable[str], how: str, *, evaluation: Iterable[str] = ()
 ) -> int:
     """Write a Parquet file with a row for each training task; returns their number.
 
@@ -50,11 +42,7 @@ def write_rows(
 
 
 def write_evaluation_rows(
-    path: Path,
-    tasks: Iterable[str],
-    how: str,
-    *,
-    corruption: str = "clean",
+    path: Path, tasks: Iterable[str], how: str, *, corruption: str = "clean"
 ) -> int:
     """Write a Parquet file for `data.val_files`; every rollout meets the same corruption.
 
@@ -70,12 +58,7 @@ def write_evaluation_rows(
     return _write(path, list(dict.fromkeys(tasks)), how, corruption)
 
 
-def _write(
-    path: Path,
-    names: list[str],
-    how: str,
-    corruption: str,
-) -> int:
+def _write(path: Path, names: list[str], how: str, corruption: str) -> int:
     if not names:
         raise ParameterError(f"{path}: there are no tasks")
     rows: list[dict[str, Any]] = []

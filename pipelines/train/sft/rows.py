@@ -90,12 +90,7 @@ def read_rows(folder: Path) -> list[ChatRow]:
     )
 
 
-def check_rows(
-    rows: Sequence[ChatRow],
-    evaluation: Sequence[str] = (),
-    *,
-    what: str,
-) -> None:
+def check_rows(rows: Sequence[ChatRow], evaluation: Sequence[str] = (), *, what: str) -> None:
     """Refuse rows of tasks that are held out or reported.
 
     Args:
@@ -169,9 +164,7 @@ def _table_rows(folder: Path) -> list[ChatRow]:
 
 
 def _row(
-    row: Mapping[str, Any],
-    pictures: tuple[Path | tuple[Path, int, str], ...],
-    place: str,
+    row: Mapping[str, Any], pictures: tuple[Path | tuple[Path, int, str], ...], place: str
 ) -> ChatRow:
     messages = row.get("messages")
     roles = [message.get("role") for message in messages] if isinstance(messages, list) else None
@@ -203,11 +196,7 @@ def _opened(picture: Path | tuple[Path, int, str], place: str) -> Image.Image:
         raise DatasetError(f"{place}: a picture cannot be read ({error})") from None
 
 
-def _stored(
-    path: Path,
-    number: int,
-    column: str,
-) -> bytes:
+def _stored(path: Path, number: int, column: str) -> bytes:
     """Return the bytes of a picture; only its group of rows is read."""
     first = 0
     for group, length in enumerate(_groups(path)):
@@ -225,10 +214,6 @@ def _groups(path: Path) -> tuple[int, ...]:
 
 
 @lru_cache(maxsize=8)
-def _pictures(
-    path: Path,
-    group: int,
-    column: str,
-) -> tuple[bytes, ...]:
+def _pictures(path: Path, group: int, column: str) -> tuple[bytes, ...]:
     table = pyarrow().parquet.ParquetFile(path).read_row_group(group, columns=[column])
     return tuple(row[column]["bytes"] for row in table.to_pylist())

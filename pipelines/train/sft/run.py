@@ -90,11 +90,7 @@ def fine_tune(
     return summary
 
 
-def _trainer(
-    settings: SftSettings,
-    rows: list[ChatRow],
-    out: Path,
-) -> Any:
+def _trainer(settings: SftSettings, rows: list[ChatRow], out: Path) -> Any:
     from transformers import AutoModelForImageTextToText, AutoProcessor
 
     from ..adapters.finite import FiniteCallback
@@ -192,11 +188,7 @@ def _last_checkpoint(out: Path) -> str:
 
 
 def overridden(
-    settings: SftSettings,
-    *,
-    model: str | None,
-    data: tuple[str, ...],
-    epochs: int | None,
+    settings: SftSettings, *, model: str | None, data: tuple[str, ...], epochs: int | None
 ) -> SftSettings:
     """Return the settings with what the command line says instead."""
     changes: dict[str, Any] = {"model": model, "data": data or None, "epochs": epochs}

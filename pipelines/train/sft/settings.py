@@ -124,22 +124,14 @@ def load_sft(path_or_name: str | os.PathLike[str]) -> SftSettings:
     return SftSettings(**found)
 
 
-def _text(
-    key: str,
-    item: ConfigNode,
-    problems: Problems,
-) -> str:
+def _text(key: str, item: ConfigNode, problems: Problems) -> str:
     value = item.value if isinstance(item, ScalarNode) else None
     if not isinstance(value, str) or not value:
         problems.add(item.place, f"{key} is a text, got {kind_of(item)}")
     return str(value)
 
 
-def _names(
-    key: str,
-    item: ConfigNode,
-    problems: Problems,
-) -> tuple[str, ...]:
+def _names(key: str, item: ConfigNode, problems: Problems) -> tuple[str, ...]:
     names: list[str] = []
     for node in item.items if isinstance(item, SequenceNode) else [item]:
         name = _text(key, node, problems)

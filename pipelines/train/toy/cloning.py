@@ -52,11 +52,7 @@ def expert_answer(env: ToyEnv) -> tuple[str, tuple[int, int]]:
     return f"click({x}, {y})", answer_at(x, y)
 
 
-def demonstrations(
-    names: Sequence[str],
-    seed: int,
-    malformed: float,
-) -> list[PolicyTurn]:
+def demonstrations(names: Sequence[str], seed: int, malformed: float) -> list[PolicyTurn]:
     """Return what the expert does on clean screens, with some answers in a wrong form.
 
     Args:
@@ -76,23 +72,14 @@ def demonstrations(
                 tokens = stream.choice(
                     ((SAY, NOWHERE), (CLICK, NOWHERE), (FINISH, tokens[1] % PLACES))
                 )
-            answer = PolicyAnswer(
-                action=action,
-                tokens=tokens,
-                logprobs=(),
-                is_well_formed=True,
-            )
+            answer = PolicyAnswer(action=action, tokens=tokens, logprobs=(), is_well_formed=True)
             turns.append(PolicyTurn(seen, answer))
             seen, _, terminated, truncated, _ = env.step(action)
             over = terminated or truncated
     return turns
 
 
-def cloned(
-    names: Sequence[str],
-    seed: int,
-    settings: CloningSettings,
-) -> ToyNetwork:
+def cloned(names: Sequence[str], seed: int, settings: CloningSettings) -> ToyNetwork:
     """Return a network that imitates the expert.
 
     Args:

@@ -44,11 +44,7 @@ class ToyEnv(gymnasium.Env[dict[str, Any], str]):
     """
 
     def __init__(
-        self,
-        task: str = "toy-00000",
-        *,
-        corruption: Planner | None = None,
-        max_steps: int = 6,
+        self, task: str = "toy-00000", *, corruption: Planner | None = None, max_steps: int = 6
     ) -> None:
         self.observation_space = observations((HEIGHT, WIDTH))
         self.action_space = Text()
@@ -167,12 +163,7 @@ class ToyEnv(gymnasium.Env[dict[str, Any], str]):
         if self._planner is None or not self._planner.is_due(step):
             return None
         scene = hj.Scene(size=(HEIGHT, WIDTH), boxes=self.screen.boxes)
-        return self._planner.plan(
-            scene,
-            seed=self._seed,
-            sample=self._task.name,
-            step=step,
-        )
+        return self._planner.plan(scene, seed=self._seed, sample=self._task.name, step=step)
 
     def _disturb(self, step: int) -> None:
         """Apply the effects that are due."""

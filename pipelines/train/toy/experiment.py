@@ -54,11 +54,7 @@ class ToyJob:
 
 
 def run_replication(
-    replication: Replication,
-    folder: Path,
-    *,
-    workers: int = 2,
-    say: Say = lambda _: None,
+    replication: Replication, folder: Path, *, workers: int = 2, say: Say = lambda _: None
 ) -> list[dict[str, Any]]:
     """Carry out all missing runs; return the scores of every run.
 
@@ -107,11 +103,7 @@ def run_job(job: ToyJob) -> str:
     return f"{job.arm}, seed {job.seed}: {100 * clean:.1f} % of unseen tasks, clean"
 
 
-def evaluate(
-    policy: ToyPolicy,
-    replication: Replication,
-    seed: int,
-) -> dict[str, float]:
+def evaluate(policy: ToyPolicy, replication: Replication, seed: int) -> dict[str, float]:
     """Return the success of a policy on the evaluation's tasks by condition, each in 0..1."""
     envs = [ToyEnv(max_steps=replication.max_steps) for _ in range(_AT_ONCE)]
     conditions: dict[str, Planner | None] = {CLEAN: None}
@@ -138,11 +130,7 @@ def evaluate(
     return rates
 
 
-def trainer_of(
-    job: ToyJob,
-    network: ToyNetwork,
-    folder: Path | None,
-) -> Trainer:
+def trainer_of(job: ToyJob, network: ToyNetwork, folder: Path | None) -> Trainer:
     """Return the trainer of a run."""
     replication, arm = job.replication, ARMS[job.arm]
     options = list(replication.trained.values())
@@ -176,11 +164,7 @@ def _started(job: ToyJob) -> tuple[ToyNetwork, dict[str, Any]]:
     settings = CloningSettings(tasks=replication.start_tasks, epochs=replication.start_epochs)
     names = task_names(_FIRST_START, settings.tasks)
     network = cloned(names, job.seed, settings)
-    data = {
-        "format": _START_FORMAT,
-        "version": VERSION,
-        "policy": network.state_dict(),
-    }
+    data = {"format": _START_FORMAT, "version": VERSION, "policy": network.state_dict()}
     path = _start_path(job)
     make_folder(path.parent, path)
     replace_atomic(path, lambda place: torch.save(data, place))
@@ -220,11 +204,7 @@ def _start_path(job: ToyJob) -> Path:
 
 def _scores(job: ToyJob) -> dict[str, Any]:
     return read_versioned_json(
-        job.scores,
-        format=FORMAT,
-        version=VERSION,
-        what="the scores of a run",
-        error=TrainError,
+        job.scores, format=FORMAT, version=VERSION, what="the scores of a run", error=TrainError
     )
 
 
@@ -253,11 +233,7 @@ def _claim(replication: Replication, folder: Path) -> None:
     write_atomic(path, json.dumps(plan, indent=1) + "\n")
 
 
-def _run_all(
-    jobs: Sequence[ToyJob],
-    workers: int,
-    say: Say,
-) -> None:
+def _run_all(jobs: Sequence[ToyJob], workers: int, say: Say) -> None:
     """Run jobs in processes; one that fails ends the replication with its own error."""
     if workers < 2 or len(jobs) < 2:
         for job in jobs:

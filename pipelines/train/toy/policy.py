@@ -44,9 +44,7 @@ class ToyNetwork(nn.Module):
         nn.init.normal_(self.words.weight, std=0.3)
 
     def forward(
-        self,
-        screens: torch.Tensor,
-        words: torch.Tensor,
+        self, screens: torch.Tensor, words: torch.Tensor
     ) -> tuple[torch.Tensor, torch.Tensor]:
         """Return the logits.
 
@@ -150,11 +148,7 @@ def _inputs(observations: Sequence[SeenObservation]) -> tuple[torch.Tensor, torc
     return torch.from_numpy(screens), torch.tensor(words)
 
 
-def _answer(
-    verb: int,
-    place: int,
-    chances: tuple[float, float],
-) -> PolicyAnswer:
+def _answer(verb: int, place: int, chances: tuple[float, float]) -> PolicyAnswer:
     """Return an answer; a click needs a place, and nothing else may have one."""
     points = place != NOWHERE
     text: Any = "say"

@@ -113,10 +113,7 @@ def conditions_table(summary: Mapping[str, Any]) -> str:
     """Return the success under every corruption as Markdown."""
     success = summary["success"]
     names = [name for name in success[START] if name not in GROUPS or name == CLEAN]
-    lines = [
-        "| arm | " + " | ".join(names) + " |",
-        "| --- |" + " ---: |" * len(names),
-    ]
+    lines = ["| arm | " + " | ".join(names) + " |", "| --- |" + " ---: |" * len(names)]
     for arm, rates in success.items():
         cells = [f"{rates[name]:.1f}" for name in names]
         lines.append(f"| {arm} | " + " | ".join(cells) + " |")
@@ -169,10 +166,7 @@ def _conditions(parts: Mapping[str, Sequence[str]]) -> list[str]:
     return [label for labels in parts.values() for label in labels if label != CLEAN]
 
 
-def _means(
-    rates: Mapping[str, float],
-    parts: Mapping[str, Sequence[str]],
-) -> dict[str, float]:
+def _means(rates: Mapping[str, float], parts: Mapping[str, Sequence[str]]) -> dict[str, float]:
     """Return the success in percent of each group and each condition."""
     each = {label: 100 * rate for label, rate in rates.items()}
     groups = {

@@ -74,12 +74,7 @@ class ToyScreen:
         x1, y1, x2, y2 = box
         self.pixels[max(y1, 0) : max(y2, 0), max(x1, 0) : max(x2, 0)] = colour
 
-    def panel(
-        self,
-        box: Box,
-        colour: ToyColour,
-        edge: ToyColour = DARK,
-    ) -> None:
+    def panel(self, box: Box, colour: ToyColour, edge: ToyColour = DARK) -> None:
         """Fill a box with an edge of one pixel."""
         x1, y1, x2, y2 = box
         self.fill(box, edge)
@@ -130,11 +125,7 @@ def _lock(screen: ToyScreen) -> None:
     screen.clicks = [(button, "recover")]
 
 
-def _window(
-    screen: ToyScreen,
-    task: ToyTask,
-    state: ToyState,
-) -> None:
+def _window(screen: ToyScreen, task: ToyTask, state: ToyState) -> None:
     x, y = (0, task.corner[1]) if state.beside else task.corner
     ground = (task.shade, task.shade, task.shade)
     screen.panel((x, y, x + WINDOW[0], y + WINDOW[1]), ground)
@@ -155,13 +146,7 @@ def _window(
         _dialog(screen, x, y)
 
 
-def _menu_button(
-    screen: ToyScreen,
-    task: ToyTask,
-    state: ToyState,
-    x: int,
-    y: int,
-) -> None:
+def _menu_button(screen: ToyScreen, task: ToyTask, state: ToyState, x: int, y: int) -> None:
     button = (x + 2, y + 1, x + 12, y + TITLE)
     screen.fill(button, WHITE)
     for line in range(3):
@@ -171,11 +156,7 @@ def _menu_button(
         screen.panel((x + 44, y + 1, x + 60, y + TITLE), COLOURS[task.menu[0]])
 
 
-def _meaning(
-    task: ToyTask,
-    state: ToyState,
-    number: int,
-) -> ToyClick:
+def _meaning(task: ToyTask, state: ToyState, number: int) -> ToyClick:
     """Return what a click on a widget does."""
     if task.goal != "menu" and number < task.length:
         if number == state.done:
@@ -185,13 +166,7 @@ def _meaning(
     return "wrong"
 
 
-def _open_menu(
-    screen: ToyScreen,
-    task: ToyTask,
-    state: ToyState,
-    x: int,
-    y: int,
-) -> None:
+def _open_menu(screen: ToyScreen, task: ToyTask, state: ToyState, x: int, y: int) -> None:
     """Draw the menu over the window; while it is open, a click beside it only closes it."""
     screen.clicks = [((0, 0, WIDTH, HEIGHT), "close")]
     for row, item in enumerate(task.order):
@@ -203,11 +178,7 @@ def _open_menu(
         screen.clicks.append((box, "right" if is_right else "wrong"))
 
 
-def _dialog(
-    screen: ToyScreen,
-    x: int,
-    y: int,
-) -> None:
+def _dialog(screen: ToyScreen, x: int, y: int) -> None:
     """Draw what an accidental touch opened; nothing else answers until it is closed."""
     screen.panel((x + 10, y + 10, x + 54, y + 38), (206, 214, 226))
     for line in range(2):
@@ -217,11 +188,7 @@ def _dialog(
     screen.clicks = [(button, "recover")]
 
 
-def _error_page(
-    screen: ToyScreen,
-    x: int,
-    y: int,
-) -> None:
+def _error_page(screen: ToyScreen, x: int, y: int) -> None:
     """Draw the page of a browser without a network; its button loads the page again."""
     screen.fill((x + 1, y + TITLE, x + WINDOW[0] - 1, y + WINDOW[1] - 1), WHITE)
     screen.fill((x + 8, y + 12, x + 16, y + 20), GREY)
@@ -246,20 +213,12 @@ def _second(screen: ToyScreen) -> None:
         screen.clicks.append((box, "wrong"))
 
 
-def _box(
-    widget: ToyWidget,
-    x: int,
-    y: int,
-) -> Box:
+def _box(widget: ToyWidget, x: int, y: int) -> Box:
     left, top = x + widget.at[0], y + widget.at[1]
     return left, top, left + widget.size[0], top + widget.size[1]
 
 
-def _paint(
-    screen: ToyScreen,
-    widget: ToyWidget,
-    box: Box,
-) -> None:
+def _paint(screen: ToyScreen, widget: ToyWidget, box: Box) -> None:
     colour = COLOURS[widget.colour]
     x1, y1, x2, y2 = box
     if widget.shape == "button":

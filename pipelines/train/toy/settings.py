@@ -170,8 +170,7 @@ class _Reader:
         if value not in ENVIRONMENTS:
             advice = "others are trained on from Python, see docs/train.md"
             self._problems.add(
-                item.place,
-                f"environment: no {value!r}{suggest(value, ENVIRONMENTS)} ({advice})",
+                item.place, f"environment: no {value!r}{suggest(value, ENVIRONMENTS)} ({advice})"
             )
 
     def _arms(self, item: ConfigNode) -> tuple[str, ...]:

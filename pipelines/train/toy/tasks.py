@@ -113,9 +113,7 @@ def toy_task(name: str) -> ToyTask:
     widgets = tuple(
         _widget(kind, slot, stream)
         for kind, slot in zip(
-            _drawn(kinds, WIDGETS, stream),
-            _drawn(slots, WIDGETS, stream),
-            strict=True,
+            _drawn(kinds, WIDGETS, stream), _drawn(slots, WIDGETS, stream), strict=True
         )
     )
     return ToyTask(
@@ -131,11 +129,7 @@ def toy_task(name: str) -> ToyTask:
     )
 
 
-def _widget(
-    kind: tuple[str, str],
-    slot: tuple[int, int],
-    stream: Stream,
-) -> ToyWidget:
+def _widget(kind: tuple[str, str], slot: tuple[int, int], stream: Stream) -> ToyWidget:
     x = 2 + slot[0] * SLOT[0] + stream.integer(0, SLOT[0] - 14)
     y = TITLE + 1 + slot[1] * SLOT[1] + stream.integer(0, SLOT[1] - 9)
     return ToyWidget(*kind, (x, y))
@@ -152,11 +146,7 @@ def _shape(stream: Stream) -> Box:
     return x, y, x + stream.integer(8, 40), y + stream.integer(8, 30)
 
 
-def _drawn(
-    options: Sequence[T],
-    count: int,
-    stream: Stream,
-) -> list[T]:
+def _drawn(options: Sequence[T], count: int, stream: Stream) -> list[T]:
     """Return `count` different options.
 
     Raises:

@@ -43,11 +43,7 @@ class EpisodeLines:
     broken: dict[int, str] = field(default_factory=dict[int, str])
 
 
-def read_lines(
-    folder: Path,
-    name: str,
-    journal: Mapping[str, Any],
-) -> EpisodeLines:
+def read_lines(folder: Path, name: str, journal: Mapping[str, Any]) -> EpisodeLines:
     """Read the files of an episode; damage is noted, never raised.
 
     Args:
@@ -149,11 +145,7 @@ def fields_of(record: Mapping[str, Any], *without: str) -> Fields:
     return [(name, _cut(text_of(v))) for name, v in record.items() if name not in without]
 
 
-def picture_file(
-    home: Path,
-    line: Mapping[str, Any],
-    before: bool,
-) -> Path:
+def picture_file(home: Path, line: Mapping[str, Any], before: bool) -> Path:
     """Return the file of the clean screen, or of the agent's picture.
 
     Raises:
@@ -180,10 +172,7 @@ def read_picture(path: Path) -> tuple[bytes, UInt8Array]:
 
 
 def _step(
-    found: EpisodeLines,
-    place: int,
-    talk: TurnTalk | None,
-    effects: list[dict[str, Any]],
+    found: EpisodeLines, place: int, talk: TurnTalk | None, effects: list[dict[str, Any]]
 ) -> StepData:
     line = found.lines[place]
     raw = line.get("raw")

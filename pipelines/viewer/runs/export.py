@@ -24,11 +24,7 @@ WIDTH = 1280  # pixels; wider pictures are scaled down
 STYLES = ("view.css",)
 
 
-def export_file(
-    source: RunSource,
-    patterns: Sequence[str],
-    path: Path,
-) -> int:
+def export_file(source: RunSource, patterns: Sequence[str], path: Path) -> int:
     """Write the episodes whose ids match any pattern (as in a shell) to one file.
 
     Returns:

@@ -14,15 +14,7 @@ from typing import Any
 from hijack_data.errors import shown
 from hijack_data.files import read_regular
 from hijack_data.runs.given import given_of, given_words
-from hijack_data.runs.run_log import (
-    CHAINED,
-    EPISODE,
-    EPISODES,
-    RECORDS,
-    RUN,
-    VERSION,
-    digest_of,
-)
+from hijack_data.runs.run_log import CHAINED, EPISODE, EPISODES, RECORDS, RUN, VERSION, digest_of
 
 from ...errors import DatasetError
 from ...readers.fields import FieldError, mapping
@@ -37,16 +29,7 @@ INVALID = "invalid"
 UNFINISHED = "unfinished"
 UNREADABLE = "unreadable"
 # In the order in which the page lists them.
-OUTCOMES = (
-    SUCCESS,
-    PARTIAL,
-    FAILURE,
-    AGENT_ERROR,
-    MACHINE_ERROR,
-    INVALID,
-    UNFINISHED,
-    UNREADABLE,
-)
+OUTCOMES = (SUCCESS, PARTIAL, FAILURE, AGENT_ERROR, MACHINE_ERROR, INVALID, UNFINISHED, UNREADABLE)
 SAID = 160  # characters of the agent's last words that are searched
 NOTE = 300  # characters of the reason for an episode's end that the list shows
 NEEDED = ("agent", "task", "corruption", "status", "id")
@@ -109,11 +92,7 @@ class RunListing:
     problems: list[str]
 
 
-def read_listing(
-    folder: Path,
-    version: int,
-    head: bytes,
-) -> RunListing:
+def read_listing(folder: Path, version: int, head: bytes) -> RunListing:
     """Read all entries of a run.
 
     Args:
@@ -252,11 +231,7 @@ def _lines(folder: Path) -> list[bytes] | None:
         return None
 
 
-def _read_journal(
-    folder: Path,
-    listing: RunListing,
-    before: bytes | None,
-) -> None:
+def _read_journal(folder: Path, listing: RunListing, before: bytes | None) -> None:
     """Add the entries of the journal; `before` is what its first line must name, if anything."""
     last: EpisodeEntry | None = None
     known: dict[str, int] = {}  # the lines that episodes are on
@@ -294,10 +269,7 @@ def _checked(record: Mapping[str, Any]) -> EpisodeEntry:
 
 
 def _check_link(
-    record: Mapping[str, Any],
-    before: bytes,
-    last: EpisodeEntry | None,
-    problems: list[str],
+    record: Mapping[str, Any], before: bytes, last: EpisodeEntry | None, problems: list[str]
 ) -> None:
     """Note a problem if the previous line was changed after the next one was written."""
     if "previous" not in record:
@@ -315,11 +287,7 @@ def _check_link(
         )
 
 
-def _damaged(
-    folder: Path,
-    line: bytes,
-    why: str,
-) -> EpisodeEntry:
+def _damaged(folder: Path, line: bytes, why: str) -> EpisodeEntry:
     """Return the entry of a line that cannot be read, from the folder that it names if it can."""
     found = _ID.search(line)
     name = found[1].decode("utf-8", "replace") if found else ""
@@ -350,11 +318,7 @@ def _homes(folder: Path) -> list[str]:
         raise DatasetError(f"{folder / EPISODES}: cannot be read ({reason})") from None
 
 
-def _from_folder(
-    folder: Path,
-    name: str,
-    journal: bool,
-) -> EpisodeEntry:
+def _from_folder(folder: Path, name: str, journal: bool) -> EpisodeEntry:
     """Return the entry of an episode that the journal does not have, from its own record."""
     entry = _named(name)
     path = folder / EPISODES / name / EPISODE
@@ -380,9 +344,5 @@ def _named(name: str) -> EpisodeEntry:
     if len(parts) < 4:
         return EpisodeEntry(id=name, task=name)
     return EpisodeEntry(
-        id=name,
-        task=parts[0],
-        corruption=parts[1],
-        seed=parts[2].removeprefix("s"),
-        agent=parts[3],
+        id=name, task=parts[0], corruption=parts[1], seed=parts[2].removeprefix("s"), agent=parts[3]
     )

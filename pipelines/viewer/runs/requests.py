@@ -28,9 +28,7 @@ class TurnTalk:
 
 
 def read_talk(
-    folder: Path,
-    name: str,
-    record: Mapping[str, Any],
+    folder: Path, name: str, record: Mapping[str, Any]
 ) -> tuple[dict[int, TurnTalk], str]:
     """Return what is known of each turn, and what is wrong with the log of requests, or "".
 

@@ -129,12 +129,7 @@ class RunSource:
             found.append(str(error))
         return found
 
-    def picture(
-        self,
-        number: int,
-        step: int,
-        before: bool,
-    ) -> bytes:
+    def picture(self, number: int, step: int, before: bool) -> bytes:
         """Return a picture as a PNG file: what the agent saw, or the clean screen `before`.
 
         Raises:
@@ -143,21 +138,11 @@ class RunSource:
         data, pixels = self._picture(number, step, before)
         return data if data.startswith(_PNG) else encode(pixels)
 
-    def pixels(
-        self,
-        number: int,
-        step: int,
-        before: bool,
-    ) -> UInt8Array:
+    def pixels(self, number: int, step: int, before: bool) -> UInt8Array:
         """Return the pixels of a picture, uint8 RGB `[H, W, 3]`; errors as of `picture`."""
         return self._picture(number, step, before)[1]
 
-    def _picture(
-        self,
-        number: int,
-        step: int,
-        before: bool,
-    ) -> tuple[bytes, UInt8Array]:
+    def _picture(self, number: int, step: int, before: bool) -> tuple[bytes, UInt8Array]:
         entry = self._entry(number)
         if self._scored is not None:
             return b"", self._scored.pixels(self._record(entry), before)

@@ -15,12 +15,7 @@ class Half(hj.Corruption):
     category: ClassVar[str] = "visual_disruptor"
     scope: ClassVar[str] = "observation"
 
-    def make_plan(
-        self,
-        scene,
-        stream,
-        step,
-    ):
+    def make_plan(self, scene, stream, step):
         """Nothing."""
         return hj.Draft(notes=("nothing",))
 

@@ -17,11 +17,6 @@ class Plain(hj.Corruption):
 
     thickness: int = 3
 
-    def make_plan(
-        self,
-        scene,
-        stream,
-        step,
-    ):
+    def make_plan(self, scene, stream, step):
         """Nothing."""
         return hj.Draft(notes=("nothing",))

@@ -17,11 +17,6 @@ class OutOfRange(hj.Corruption):
 
     thickness: int = hj.param(0, "Thickness in pixels", low=1)
 
-    def make_plan(
-        self,
-        scene,
-        stream,
-        step,
-    ):
+    def make_plan(self, scene, stream, step):
         """Nothing."""
         return hj.Draft(notes=("nothing",))

@@ -15,17 +15,7 @@ class Whole(hj.Corruption):
     category: ClassVar[str] = "visual_disruptor"
     scope: ClassVar[str] = "observation"
 
-    def make_plan(
-        self,
-        scene,
-        stream,
-        step,
-    ):
+    def make_plan(self, scene, stream, step):
         """In the corner."""
-        recipe = {
-            "draw": "mark",
-            "shape": "circle",
-            "size": 20,
-            "color": "blue",
-        }
+        recipe = {"draw": "mark", "shape": "circle", "size": 20, "color": "blue"}
         return hj.Draft(ops=(hj.Paste(recipe, ((0, 0),)),))

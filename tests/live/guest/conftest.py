@@ -90,9 +90,7 @@ class Session:
         self.screen = screen
         self.url = f"http://127.0.0.1:{self.port}"
         self.client = httpx.Client(
-            base_url=self.url,
-            headers={"Authorization": f"Bearer {self.token}"},
-            timeout=120,
+            base_url=self.url, headers={"Authorization": f"Bearer {self.token}"}, timeout=120
         )
 
     def __enter__(self) -> "Session":
@@ -136,11 +134,7 @@ class Session:
 
     def execute(self, command: list[str] | str, **more: Any) -> dict[str, Any]:
         """Run a command in the session; a string goes to the shell."""
-        body = {
-            "command": command,
-            "shell": isinstance(command, str),
-            **more,
-        }
+        body = {"command": command, "shell": isinstance(command, str), **more}
         answer: dict[str, Any] = self.client.post("/execute", json=body).json()
         return answer
 
@@ -166,13 +160,7 @@ class Session:
         node = wait_for(path, lambda: self.shown(path))[0]
         x, y = (int(v) for v in node.get(f"{CP}screencoord").strip("()").split(","))
         width, height = (int(v) for v in node.get(f"{CP}size").strip("()").split(","))
-        self.input(
-            {
-                "type": "click",
-                "x": x + width // 2,
-                "y": y + height // 2,
-            }
-        )
+        self.input({"type": "click", "x": x + width // 2, "y": y + height // 2})
 
     def act(self, action: str, **fields: Any) -> None:
         """Do something to a window."""

@@ -79,11 +79,7 @@ def test_killed_display_is_told(guest_session, eventually):
             answer = session.client.request(method, path)
             assert answer.status_code == 500, path
             assert "X server" in answer.json()["message"], (path, answer.text)
-        event = {
-            "type": "move",
-            "x": 1,
-            "y": 1,
-        }
+        event = {"type": "move", "x": 1, "y": 1}
         assert (
             "X server"
             in session.client.post("/ah/input", json={"events": [event]}).json()["message"]

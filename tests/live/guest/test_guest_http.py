@@ -27,30 +27,14 @@ def test_frame_and_png_are_the_same_picture_with_the_pointer(desktop, session):
 
     from PIL import Image
 
-    desktop.input(
-        [
-            {
-                "type": "move",
-                "x": 640,
-                "y": 500,
-            }
-        ]
-    )
+    desktop.input([{"type": "move", "x": 640, "y": 500}])
     frame = desktop.screenshot()
     assert frame.dtype == np.uint8
     assert frame.flags.writeable
     png = np.asarray(Image.open(io.BytesIO(session.client.get("/screenshot").content)))
     clock = session.screen[1] - 40  # the panel's clock may turn
     assert (frame[:clock] == png[:clock]).all()
-    desktop.input(
-        [
-            {
-                "type": "move",
-                "x": 900,
-                "y": 600,
-            }
-        ]
-    )
+    desktop.input([{"type": "move", "x": 900, "y": 600}])
     moved = desktop.screenshot()
     changed = np.argwhere((frame[:clock] != moved[:clock]).any(axis=2))
     near = [(abs(changed - point) < 40).all(axis=1) for point in ((500, 640), (600, 900))]
@@ -62,15 +46,7 @@ def test_frame_and_png_are_the_same_picture_with_the_pointer(desktop, session):
 def test_pointer_at_every_edge(desktop, session):
     width, height = session.screen
     for x, y in ((0, 0), (width - 1, 0), (0, height - 1), (width - 1, height - 1)):
-        desktop.input(
-            [
-                {
-                    "type": "move",
-                    "x": x,
-                    "y": y,
-                }
-            ]
-        )
+        desktop.input([{"type": "move", "x": x, "y": y}])
         assert desktop.screenshot().shape == (height, width, 3)
 
 
@@ -90,11 +66,7 @@ def test_a_button_that_is_not_there_is_a_failure(desktop):
     assert desktop.run("pyautogui.click(1, 1, button='fourth')").returncode == 1
 
 
-def test_windows_and_input(
-    desktop,
-    session,
-    eventually,
-):
+def test_windows_and_input(desktop, session, eventually):
     session.close_windows()
     desktop.launch(["mousepad"])
     row = eventually(
@@ -209,13 +181,7 @@ def odd():
         ("/execute", (500, b"<html>"), lambda d: d.execute(["ls"]), "500"),
     ],
 )
-def test_odd_answers(
-    odd,
-    path,
-    answer,
-    act,
-    message,
-):
+def test_odd_answers(odd, path, answer, act, message):
     desktop, handler = odd
     handler.answers[path] = answer
     with pytest.raises(GuestError, match=message):
@@ -225,12 +191,7 @@ def test_odd_answers(
 def test_plain_osworld_guest(odd):
     desktop, handler = odd
     listed = "0x02000007  0 123  10 20 300 200 thunar.Thunar  host usr - Thunar\n"
-    answer = {
-        "status": "success",
-        "output": listed,
-        "error": "",
-        "returncode": 0,
-    }
+    answer = {"status": "success", "output": listed, "error": "", "returncode": 0}
     handler.answers["/execute"] = (200, json.dumps(answer).encode())
     assert desktop.windows() == [
         {

@@ -45,11 +45,7 @@ def clear(session):
 @pytest.mark.parametrize(
     "text", [ASCII, MIXED, MANY, "a\tb\nc\r\nd", "<" * 50, "x" * 700 + "é" + "y" * 700]
 )
-def test_text_is_typed_exactly(
-    editor,
-    eventually,
-    text,
-):
+def test_text_is_typed_exactly(editor, eventually, text):
     clear(editor)
     eventually("an empty text", lambda: content(editor) == "")
     editor.input({"type": "type", "text": text})
@@ -108,39 +104,16 @@ def test_held_shift_stays_held(editor, eventually):
         ([{"type": "type", "text": 5}], "must be a text"),
         ([{"type": "key", "key": "entr"}], "no key 'entr'"),
         ([{"type": "move", "x": 1}], "y must be a number"),
-        (
-            [
-                {
-                    "type": "move",
-                    "x": float("nan"),
-                    "y": 1,
-                }
-            ],
-            "x must be a number",
-        ),
+        ([{"type": "move", "x": float("nan"), "y": 1}], "x must be a number"),
         ([{"type": "click", "button": "fourth"}], "no mouse button 'fourth'"),
         ([{"type": "scroll", "amount": 1e9}], "amount"),
         ([{"type": "dance"}], "type must be one of move, click"),
         (["click"], "type must be one of"),
         ({"type": "click"}, "must be a list"),
-        (
-            [
-                {
-                    "type": "move",
-                    "x": 1,
-                    "y": 1,
-                }
-            ]
-            * 1001,
-            "at most 1000",
-        ),
+        ([{"type": "move", "x": 1, "y": 1}] * 1001, "at most 1000"),
     ],
 )
-def test_bad_events_are_refused(
-    editor,
-    events,
-    message,
-):
+def test_bad_events_are_refused(editor, events, message):
     import json
 
     headers = {"Content-Type": "application/json"}
@@ -188,60 +161,30 @@ def test_clicks_drags_and_scrolls_reach_the_application(editor, eventually):
         ].split(",")
     )
     editor.input(
-        {
-            "type": "click",
-            "x": x + 12,
-            "y": y + 10,
-            "clicks": 2,
-        },
-        {"type": "type", "text": "1"},
+        {"type": "click", "x": x + 12, "y": y + 10, "clicks": 2}, {"type": "type", "text": "1"}
     )
     eventually(
         "the first word replaced by a double click", lambda: content(editor) == "1 two three"
     )
     editor.input(
-        {
-            "type": "drag",
-            "x": x + 2,
-            "y": y + 10,
-            "x2": x + 400,
-            "y2": y + 10,
-        },
+        {"type": "drag", "x": x + 2, "y": y + 10, "x2": x + 400, "y2": y + 10},
         {"type": "key", "key": "delete"},
     )
     eventually("all dragged over and deleted", lambda: content(editor) == "")
     editor.input(
         {"type": "type", "text": "\n".join(str(i) for i in range(120))},
-        {
-            "type": "scroll",
-            "x": x + 9,
-            "y": y + 9,
-            "amount": -5,
-        },
+        {"type": "scroll", "x": x + 9, "y": y + 9, "amount": -5},
     )
     bars = "//application[@name='mousepad']//scroll-bar[@*[local-name()='vertical']]"
     value = "{https://accessibility.ubuntu.example.org/ns/value}value"
     bottom = float(eventually("a scroll bar", lambda: editor.shown(bars))[0].get(value))
-    editor.input(
-        {
-            "type": "scroll",
-            "x": x + 9,
-            "y": y + 9,
-            "amount": 10,
-        }
-    )
+    editor.input({"type": "scroll", "x": x + 9, "y": y + 9, "amount": 10})
     eventually("scrolled up", lambda: float(editor.shown(bars)[0].get(value)) < bottom)
 
 
 def test_points_beside_the_screen_are_moved_onto_it(session):
     width, _ = session.screen
-    session.input(
-        {
-            "type": "move",
-            "x": 99_999,
-            "y": -5,
-        }
-    )
+    session.input({"type": "move", "x": 99_999, "y": -5})
     assert session.client.get("/cursor_position").json() == [width - 1, 0]
 
 

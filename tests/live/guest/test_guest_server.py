@@ -35,11 +35,7 @@ def test_health(session):
         {"Authorization": "Bearer wröng".encode("latin-1")},
     ],
 )
-def test_no_request_without_the_token(
-    session,
-    path,
-    headers,
-):
+def test_no_request_without_the_token(session, path, headers):
     answer = httpx.get(session.url + path, headers=headers)
     assert answer.status_code == 401
     assert "token" in answer.json()["message"]
@@ -58,12 +54,7 @@ def test_token_in_either_header(session):
 @pytest.mark.parametrize(
     ("method", "path", "status"), [("GET", "/nothing", 404), ("GET", "/execute", 405)]
 )
-def test_unknown_routes_answer_in_json(
-    session,
-    method,
-    path,
-    status,
-):
+def test_unknown_routes_answer_in_json(session, method, path, status):
     answer = session.client.request(method, path)
     assert answer.status_code == status
     assert answer.json()["status"] == "error"
@@ -149,14 +140,7 @@ def test_missing_program_is_an_error(session):
 
 def test_endless_command_and_all_it_started_are_killed(session):
     script = "sleep 4321 & setsid sleep 4321 & (trap '' TERM; sleep 4321) & wait"
-    answer = session.client.post(
-        "/execute",
-        json={
-            "command": script,
-            "shell": True,
-            "timeout": 1,
-        },
-    )
+    answer = session.client.post("/execute", json={"command": script, "shell": True, "timeout": 1})
     assert answer.status_code == 504
     assert "timed out after 1 seconds" in answer.json()["message"]
     assert session.execute("pgrep -f 'sleep 432[1]'")["output"] == ""
@@ -232,10 +216,7 @@ def test_upload_and_file_round_trip(session):
     assert back.content == data
     assert session.execute(["stat", "-c", "%u %a", f"{session.home}/Documents/new/ä b.bin"])[
         "output"
-    ].split() == [
-        str(session.account.pw_uid),
-        "644",
-    ]
+    ].split() == [str(session.account.pw_uid), "644"]
     assert session.execute(["ls", "-A", f"{session.home}/Documents/new"])["output"] == "ä b.bin\n"
 
 
@@ -251,11 +232,7 @@ def test_upload_and_file_round_trip(session):
         ("~/link", 403),
     ],
 )
-def test_files_out_of_reach(
-    session,
-    path,
-    status,
-):
+def test_files_out_of_reach(session, path, status):
     session.execute("mkfifo ~/pipe; ln -s /etc/shadow ~/link")
     path = path.replace("~/../token", str(session.token_file))
     answer = session.client.post("/file", data={"file_path": path})
@@ -282,13 +259,7 @@ def test_upload_without_its_fields(session):
 def test_sizes_and_places(session):
     width, height = session.screen
     assert session.client.post("/screen_size").json() == {"width": width, "height": height}
-    session.input(
-        {
-            "type": "move",
-            "x": 321,
-            "y": 123,
-        }
-    )
+    session.input({"type": "move", "x": 321, "y": 123})
     assert session.client.get("/cursor_position").json() == [321, 123]
     assert session.client.post("/desktop_path").json() == {
         "desktop_path": str(session.home / "Desktop")
@@ -399,17 +370,7 @@ def test_recording(session):
     assert started.status_code == 200, started.text
     assert session.client.post("/start_recording").status_code == 400
     session.input(
-        {
-            "type": "move",
-            "x": 10,
-            "y": 10,
-        },
-        {
-            "type": "move",
-            "x": 600,
-            "y": 400,
-            "duration": 0.5,
-        },
+        {"type": "move", "x": 10, "y": 10}, {"type": "move", "x": 600, "y": 400, "duration": 0.5}
     )
     video = session.client.post("/end_recording")
     assert video.status_code == 200

@@ -178,14 +178,7 @@ def test_icons_of_the_desktop_are_where_they_look(clean, eventually):
     assert {"Trash", "Home", "readme.txt"} <= set(names)
     node = next(node for node in clean.shown(icons) if node.get("name") == "readme.txt")
     (x, y), (width, height) = pair(node, "screencoord"), pair(node, "size")
-    clean.input(
-        {
-            "type": "click",
-            "x": x + width // 2,
-            "y": y + height // 2,
-            "clicks": 2,
-        }
-    )
+    clean.input({"type": "click", "x": x + width // 2, "y": y + height // 2, "clicks": 2})
     eventually(
         "the file opened", lambda: any("readme.txt" in row["title"] for row in clean.windows())
     )
@@ -251,12 +244,7 @@ def lose_when_asked(wire: Wire) -> None:
         threading.Thread(target=lose, args=(theirs,), daemon=True).start()
 
 
-def read_twice(
-    bus: str,
-    display: str,
-    uid: int,
-    answers: Connection,
-) -> None:
+def read_twice(bus: str, display: str, uid: int, answers: Connection) -> None:
     """Read the tree as the session's user: directly where applications allow it, then not at all.
 
     Sends how many were asked directly, and the trees: directly, as the sockets are lost, by bus.
@@ -375,11 +363,7 @@ def test_chromium_page(clean, eventually):
 
 
 @pytest.mark.parametrize("name", ["Nothing", "mousepad"])
-def test_window_routes(
-    clean,
-    eventually,
-    name,
-):
+def test_window_routes(clean, eventually, name):
     if name == "Nothing":
         # OSWorld's server does not look at what wmctrl says
         for route in ("activate_window", "close_window"):
@@ -389,11 +373,7 @@ def test_window_routes(
         return
     first = clean.launch("mousepad", title="Mousepad")
     clean.launch("thunar", "/usr", title="Thunar")
-    ask = {
-        "window_name": "mousepad.Mousepad",
-        "strict": True,
-        "by_class": True,
-    }
+    ask = {"window_name": "mousepad.Mousepad", "strict": True, "by_class": True}
     assert clean.client.post("/setup/activate_window", json=ask).status_code == 200
     eventually(
         "it in front",

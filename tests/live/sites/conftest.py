@@ -47,12 +47,7 @@ class Internet:
     folder: Path
     client: Any
 
-    def ask(
-        self,
-        method: str,
-        url: str,
-        **options: Any,
-    ) -> Any:
+    def ask(self, method: str, url: str, **options: Any) -> Any:
         parts = urlsplit(url)
         path = parts.path + (f"?{parts.query}" if parts.query else "")
         headers = {"Host": parts.netloc, **options.pop("headers", {})}
@@ -83,11 +78,7 @@ def start(folder: Path, *options: str) -> "subprocess.Popen[str]":
         *options,
     ]
     return subprocess.Popen(
-        command,
-        cwd=ROOT,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
+        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
 
 
@@ -97,11 +88,7 @@ def serve(folder: Path) -> Iterator[Internet]:
     assert process.stderr is not None
     ready = json.loads(process.stdout.readline())
     try:
-        with httpx.Client(
-            trust_env=False,
-            verify=False,
-            timeout=10,
-        ) as client:
+        with httpx.Client(trust_env=False, verify=False, timeout=10) as client:
             yield Internet(process, ready["dns"], ready["http"], folder, client)
     finally:
         process.terminate()

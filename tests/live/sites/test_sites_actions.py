@@ -13,11 +13,7 @@ from online_env.embedded.sites.state import MAX_BYTES
 def test_a_registration_is_stored_and_confirmed(fresh: Any, registration: dict[str, Any]) -> None:
     reply = fresh.post("http://forms.test/register", **registration)
     assert (reply.status_code, reply.headers["location"]) == (303, "/registrations/1001")
-    stored = {
-        **registration,
-        "interests": ["carpool", "volunteer"],
-        "number": 1001,
-    }
+    stored = {**registration, "interests": ["carpool", "volunteer"], "number": 1001}
     del stored["agree"]
     assert fresh.state.read("forms") == {"registrations": [stored]}
     shown = fresh.get("http://forms.test/registrations/1001").text
@@ -45,11 +41,7 @@ def test_a_registration_is_stored_and_confirmed(fresh: Any, registration: dict[s
     ],
 )
 def test_a_wrong_field_is_named_and_nothing_is_stored(
-    web: Any,
-    field: str,
-    value: str,
-    parse: Callable[[str], Any],
-    registration: dict[str, Any],
+    web: Any, field: str, value: str, parse: Callable[[str], Any], registration: dict[str, Any]
 ) -> None:
     reply = web.post("http://forms.test/register", **{**registration, field: value})
     assert reply.status_code == 422
@@ -81,8 +73,7 @@ def test_concurrent_posts_are_all_stored(fresh: Any, registration: dict[str, Any
 
 
 def test_a_registration_is_found_changed_and_cancelled(
-    fresh: Any,
-    registration: dict[str, Any],
+    fresh: Any, registration: dict[str, Any]
 ) -> None:
     site = "http://forms.test"
     fresh.post(f"{site}/register", **registration)
@@ -131,11 +122,7 @@ def test_the_history_of_an_article_names_who_and_when(fresh: Any) -> None:
 def test_control_characters_are_not_stored(fresh: Any, registration: dict[str, Any]) -> None:
     fresh.post(
         "http://forms.test/register",
-        **{
-            **registration,
-            "name": " A\0B\x1b[31m ",
-            "notes": "one\r\ntwo",
-        },
+        **{**registration, "name": " A\0B\x1b[31m ", "notes": "one\r\ntwo"},
     )
     entry = fresh.state.read("forms")["registrations"][0]
     assert (entry["name"], entry["notes"]) == ("AB[31m", "one\ntwo")
@@ -167,16 +154,8 @@ def test_from_the_shelf_to_the_order(fresh: Any) -> None:
     state = fresh.state.read("shop")
     assert state["cart"] == {}
     assert state["orders"][0]["lines"] == [
-        {
-            "product": "mug",
-            "quantity": 3,
-            "cents": 4950,
-        },
-        {
-            "product": "knife",
-            "quantity": 6,
-            "cents": 53400,
-        },
+        {"product": "mug", "quantity": 3, "cents": 4950},
+        {"product": "knife", "quantity": 6, "cents": 53400},
     ]
     assert state["orders"][0]["total_cents"] == 4950 + 53400 + 1290
     assert state["orders"][0]["gift"] is True
@@ -189,9 +168,7 @@ def test_from_the_shelf_to_the_order(fresh: Any) -> None:
     [("gold", "1"), ("mug", "-1"), ("mug", "1e9"), ("mug", "9999"), ("mug", "²")],
 )
 def test_the_cart_refuses_what_is_no_product_or_number(
-    web: Any,
-    product: str,
-    quantity: str,
+    web: Any, product: str, quantity: str
 ) -> None:
     assert (
         web.post("http://shop.test/cart/add", product=product, quantity=quantity).status_code == 400
@@ -216,21 +193,9 @@ def test_mail_is_read_sent_and_kept_as_a_draft(fresh: Any) -> None:
     assert "AP-20417" in fresh.get(f"{mail}/folder/archive").text
     reply = fresh.get(f"{mail}/compose?reply=m03").text
     assert 'value="Re: Planets on Saturday"' in reply
-    refused = fresh.post(
-        f"{mail}/send",
-        action="send",
-        to="nobody",
-        subject="Hi",
-        body="there",
-    )
+    refused = fresh.post(f"{mail}/send", action="send", to="nobody", subject="Hi", body="there")
     assert (refused.status_code, "nobody is no e-mail address." in refused.text) == (422, True)
-    fresh.post(
-        f"{mail}/send",
-        action="draft",
-        to="",
-        subject="Later",
-        body="a\nb",
-    )
+    fresh.post(f"{mail}/send", action="draft", to="", subject="Later", body="a\nb")
     draft = fresh.state.read("mail")["drafts"][0]
     assert "Later" in fresh.get(f"{mail}/compose?draft={draft['id']}").text
     fresh.post(
@@ -284,11 +249,7 @@ def test_wiki_articles_are_edited_and_made(fresh: Any) -> None:
     text = fresh.get(f"{wiki}/wiki/Tea").text
     assert "<strong>Tea</strong> is &lt;script&gt;" in text
     assert fresh.state.read("wiki")["pages"]["Tea"]["revisions"] == [
-        {
-            "number": 1,
-            "size": 41,
-            "summary": "short",
-        }
+        {"number": 1, "size": 41, "summary": "short"}
     ]
     assert "short" in fresh.get(f"{wiki}/history/Tea").text
     assert fresh.get(f"{wiki}/wiki/Café_crème").status_code == 404

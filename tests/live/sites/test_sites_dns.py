@@ -15,12 +15,7 @@ from online_env.embedded.sites.dns import answer
 OURS = IPv4Address("10.77.0.1")
 
 
-def question(
-    name: str,
-    kind: int = 1,
-    ident: int = 77,
-    flags: int = 0x0100,
-) -> bytes:
+def question(name: str, kind: int = 1, ident: int = 77, flags: int = 0x0100) -> bytes:
     labels = b"".join(bytes([len(x)]) + x for x in name.encode().split(b"."))
     return (
         struct.pack("!6H", ident, flags, 1, 0, 0, 0) + labels + b"\0" + struct.pack("!2H", kind, 1)
@@ -114,11 +109,7 @@ def test_any_packet_gives_a_header_with_its_number_or_nothing(packet: bytes) -> 
 
 
 @given(st.binary(max_size=80), st.integers(0, 0xFFFF), st.sampled_from(HOSTS))
-def test_what_follows_the_question_is_ignored(
-    tail: bytes,
-    ident: int,
-    name: str,
-) -> None:
+def test_what_follows_the_question_is_ignored(tail: bytes, ident: int, name: str) -> None:
     reply = answer(question(name, ident=ident) + tail, HOSTS, OURS)
     assert reply == answer(question(name, ident=ident), HOSTS, OURS)
     assert reply is not None

@@ -23,11 +23,7 @@ from online_env.embedded.sites.library import plain, render
         ("course registration", "http://forms.test/register"),
     ],
 )
-def test_search_finds_the_page_that_is_meant(
-    web: Any,
-    text: str,
-    first: str,
-) -> None:
+def test_search_finds_the_page_that_is_meant(web: Any, text: str, first: str) -> None:
     text = web.get(f"http://search.test/search?q={text}").text
     assert re.search(r'<h2><a href="([^"]+)"', text)[1] == first  # type: ignore[index]
 
@@ -37,9 +33,7 @@ def test_search_finds_the_page_that_is_meant(
     ["<script>alert(1)</script>", '"><img src=x>', "{{7*7}}", "%", "a" * 5000, "\u202e", "zzzz"],
 )
 def test_search_repeats_any_words_harmlessly(
-    web: Any,
-    words: str,
-    parse: Callable[[str], Any],
+    web: Any, words: str, parse: Callable[[str], Any]
 ) -> None:
     reply = (
         web.ask("GET", "http://search.test/search", params={"q": words})

@@ -37,11 +37,7 @@ def test_host_names_never_fail(text: str) -> None:
 
 
 @pytest.mark.parametrize("host", HOSTS)
-def test_missing_pages_look_like_the_site(
-    web: Any,
-    host: str,
-    parse: Callable[[str], Any],
-) -> None:
+def test_missing_pages_look_like_the_site(web: Any, host: str, parse: Callable[[str], Any]) -> None:
     reply = web.get(f"http://{host}/no/such/page")
     assert reply.status_code == 404
     assert f"/static/{host.split('.')[0]}.css" in reply.text
@@ -96,9 +92,7 @@ def test_head_has_the_headers_of_get_and_no_body(web: Any) -> None:
     ],
 )
 def test_wrong_methods_are_refused_and_the_right_ones_named(
-    web: Any,
-    method: str,
-    url: str,
+    web: Any, method: str, url: str
 ) -> None:
     reply = web.ask(method, url)
     assert reply.status_code == 405
@@ -137,12 +131,7 @@ def test_a_size_that_is_too_large_is_refused_before_the_body_comes(web: Any, siz
         ("application/x-www-form-urlencoded", b"\xff\xfe\x00=%ff%00", 422),
     ],
 )
-def test_bodies_that_are_no_form_are_refused(
-    web: Any,
-    kind: str,
-    body: bytes,
-    status: int,
-) -> None:
+def test_bodies_that_are_no_form_are_refused(web: Any, kind: str, body: bytes, status: int) -> None:
     reply = web.ask(
         "POST", "http://forms.test/register", content=body, headers={"Content-Type": kind}
     )
@@ -162,9 +151,7 @@ def test_garbage_on_the_socket_does_not_end_the_server(web: Any) -> None:
 
 
 def test_ports_that_are_taken_and_bad_arguments_are_reported(
-    web: Any,
-    tmp_path: Path,
-    server: Callable[..., Any],
+    web: Any, tmp_path: Path, server: Callable[..., Any]
 ) -> None:
     for options, words in (
         (["--dns-port", "0", "--http-port", str(web.http)], "cannot listen on 127.0.0.1 port"),

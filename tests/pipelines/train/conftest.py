@@ -27,10 +27,7 @@ class Guess(gymnasium.Env[dict[str, Any], str]):
 
     def __init__(self, fails: Sequence[str] = ()) -> None:
         self.observation_space = spaces.Dict(
-            {
-                "screenshot": spaces.Box(0, 255, (*SIZE, 3), np.uint8),
-                "instruction": spaces.Text(20),
-            }
+            {"screenshot": spaces.Box(0, 255, (*SIZE, 3), np.uint8), "instruction": spaces.Text(20)}
         )
         self.action_space = spaces.Text(20)
         self.fails = fails
@@ -51,20 +48,13 @@ class Guess(gymnasium.Env[dict[str, Any], str]):
         over = self.left == 0
         score = float(over and action == self.options["task"][-1])
         if over:
-            self.record = {
-                "status": "ok",
-                "score": score,
-                "malformed": 0,
-            }
+            self.record = {"status": "ok", "score": score, "malformed": 0}
         return self._seen(), score, over, False, {}
 
     def _seen(self) -> dict[str, Any]:
         bright = 20 * (ord(self.options["task"][-1]) % 10)
         picture = np.full((*SIZE, 3), bright, np.uint8)
-        return {
-            "screenshot": picture,
-            "instruction": self.options["task"],
-        }
+        return {"screenshot": picture, "instruction": self.options["task"]}
 
 
 class Linear:
@@ -127,13 +117,7 @@ def made() -> Made:
         report: Any = lambda _: None,
         **settings: Any,
     ) -> Trainer:
-        chosen = {
-            "epochs": 3,
-            "batch": 2,
-            "learning_rate": 0.05,
-            "save_every": 1,
-            **settings,
-        }
+        chosen = {"epochs": 3, "batch": 2, "learning_rate": 0.05, "save_every": 1, **settings}
         numbers = TrainSettings(**chosen)
         environments = [Guess(fails) for _ in range(numbers.batch * numbers.rollouts)]
         return Trainer(

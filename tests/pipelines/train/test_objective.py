@@ -114,11 +114,6 @@ def test_equal_to_verl():
         }
     )
     loss, *_ = core_algos.compute_policy_loss_vanilla(
-        old,
-        new,
-        theirs,
-        mask.float(),
-        loss_agg_mode="seq-mean-token-mean",
-        config=config,
+        old, new, theirs, mask.float(), loss_agg_mode="seq-mean-token-mean", config=config
     )
     assert torch.allclose(loss, clipped_loss(new, old, ours, mask).mean(), atol=1e-5)

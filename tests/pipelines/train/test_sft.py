@@ -29,13 +29,7 @@ def exports(tmp_path_factory):
     place = tmp_path_factory.mktemp("exports")
     for to, corruptions in (("chat", "marks,subtitle"), ("onlooker", "verification")):
         dataset = place / f"{to}_dataset"
-        build(
-            RECORDINGS,
-            str(dataset),
-            corruptions=corruptions,
-            seed=7,
-            output="lazy",
-        )
+        build(RECORDINGS, str(dataset), corruptions=corruptions, seed=7, output="lazy")
         export(dataset, place / to, to=to)
     return place
 

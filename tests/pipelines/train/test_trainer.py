@@ -34,9 +34,7 @@ def grpo(trainer, steps):
     """Plain GRPO written out: no sampler, no replay, no corruption; rewards 0 and 1."""
     policy, settings = trainer.policy, trainer.settings
     optimiser = torch.optim.AdamW(
-        policy.network().parameters(),
-        lr=settings.learning_rate,
-        weight_decay=settings.weight_decay,
+        policy.network().parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay
     )
     per_epoch = trainer.steps_per_epoch
     for step in range(steps):

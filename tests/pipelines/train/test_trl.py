@@ -25,11 +25,7 @@ pytestmark = pytest.mark.filterwarnings("ignore")
 
 import hijack_data as hj  # noqa: E402
 from hijack_data.errors import ParameterError, UnknownNameError  # noqa: E402
-from pipelines.train.adapters.trl_environment import (  # noqa: E402
-    TrlEnvironments,
-    format_reward,
-    training_rows,
-)
+from pipelines.train.adapters.trl_environment import TrlEnvironments, format_reward, training_rows  # noqa: E402
 from pipelines.train.adapters.trl_trainer import DAGRPOTrainer  # noqa: E402
 from pipelines.train.errors import LeakError, TrainError  # noqa: E402
 from pipelines.train.objective import clipped_loss, group_advantage  # noqa: E402
@@ -151,11 +147,7 @@ def made(tmp_path, words):
         }
         args = GRPOConfig(**settings)
         environments = TrlEnvironments(
-            make,
-            args,
-            sampler=CorruptionSampler(planner, seed=7),
-            folder=tmp_path,
-            report=report,
+            make, args, sampler=CorruptionSampler(planner, seed=7), folder=tmp_path, report=report
         )
         trainer = kind(
             tiny_qwen3.model(words.tokenizer),
@@ -385,11 +377,7 @@ def test_the_example_runs_from_a_folder(tmp_path, words):
     command = [sys.executable, ROOT / "examples" / "train_trl.py", "--model", tmp_path / "model"]
     command += ["--config", config, "--out", out, "--tasks", "1"]
     done = subprocess.run(
-        list(map(str, command)),
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=900,
+        list(map(str, command)), capture_output=True, text=True, check=False, timeout=900
     )
     assert done.returncode == 0, done.stderr[-2000:]
     assert (out / "model" / "model.safetensors").is_file()

@@ -37,10 +37,7 @@ with warnings.catch_warnings():  # of ray and of verl, while they are imported
 
 from hijack_data.errors import ConfigError, ParameterError, UnknownNameError  # noqa: E402
 from pipelines.train.adapters.verl_loop import HijackLoop, close_idle, planner_of  # noqa: E402
-from pipelines.train.adapters.verl_rows import (  # noqa: E402
-    write_evaluation_rows,
-    write_rows,
-)
+from pipelines.train.adapters.verl_rows import write_evaluation_rows, write_rows  # noqa: E402
 from pipelines.train.errors import LeakError  # noqa: E402
 from pipelines.train.objective import clipped_loss, group_advantage  # noqa: E402
 from pipelines.train.sampler import CorruptionSampler  # noqa: E402
@@ -80,9 +77,7 @@ class Server:
         self.seen.append((len(image_data), list(prompt_ids).count(pad)))
         tokens = self.words.encode(self.says(self.env()) + "<|im_end|>", add_special_tokens=False)
         return TokenOutput(
-            token_ids=tokens,
-            log_probs=[-1.0] * len(tokens),
-            stop_reason="completed",
+            token_ids=tokens, log_probs=[-1.0] * len(tokens), stop_reason="completed"
         )
 
 
@@ -183,10 +178,7 @@ def test_each_rollout_meets_a_corruption_of_its_own(play):
     assert clean.extra_fields["reward_extra_info"]["corruption"] == "clean"
 
 
-@pytest.mark.parametrize(
-    ("says", "reward"),
-    [("DONE", 0.0), ("I do not know", -1.0)],
-)
+@pytest.mark.parametrize(("says", "reward"), [("DONE", 0.0), ("I do not know", -1.0)])
 def test_reward_is_success_and_format(play, says, reward):
     output, _ = play(lambda env: says, max_steps=2)
     assert output.reward_score == reward
@@ -255,12 +247,7 @@ def test_losses_of_a_step_are_ours(play, words, net):
     new = torch.stack([_log_probs(net, data, row) for row in range(2)])
     old = new.detach() + 0.5 * torch.randn_like(new).detach()
     loss, *_ = compute_policy_loss_vanilla(
-        old,
-        new,
-        theirs,
-        mask.float(),
-        loss_agg_mode="seq-mean-token-mean",
-        config=_actor(),
+        old, new, theirs, mask.float(), loss_agg_mode="seq-mean-token-mean", config=_actor()
     )
     expected = clipped_loss(new, old, ours, mask.bool()).mean()
     assert torch.allclose(loss, expected, atol=1e-5)
@@ -369,10 +356,7 @@ def queue():
     patch.setenv("RAY_raylet_start_wait_time_s", "300")  # on a busy machine
     patch.setenv("RAY_agent_register_timeout_ms", "300000")
     ray.init(
-        num_cpus=4,
-        include_dashboard=False,
-        log_to_driver=False,
-        object_store_memory=80 * 2**20,
+        num_cpus=4, include_dashboard=False, log_to_driver=False, object_store_memory=80 * 2**20
     )
     tq.init()
     yield
@@ -433,10 +417,7 @@ def _put(uid, rewards, step, task="toy-00000"):
             }
         )
     tq.kv_batch_put(
-        keys=keys,
-        fields=list_of_dict_to_tensordict(fields),
-        tags=tags,
-        partition_id="train",
+        keys=keys, fields=list_of_dict_to_tensordict(fields), tags=tags, partition_id="train"
     )
     prompt = {"is_prompt": True, "status": "finished", "global_steps": step}
     tq.kv_put(key=uid, partition_id="train", tag=prompt)

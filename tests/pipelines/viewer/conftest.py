@@ -12,20 +12,9 @@ from support.viewed_runs import play_run
 
 
 @pytest.fixture(params=["materialised", "lazy"])
-def dataset(
-    request: Any,
-    recording: Any,
-    small: Any,
-    tmp_path: Path,
-) -> Path:
+def dataset(request: Any, recording: Any, small: Any, tmp_path: Path) -> Path:
     """Two trajectories of three steps under four corruptions and clean: 30 rows in two files."""
-    build(
-        recording(),
-        tmp_path / "out",
-        corruptions=small,
-        output=request.param,
-        rows_per_shard=15,
-    )
+    build(recording(), tmp_path / "out", corruptions=small, output=request.param, rows_per_shard=15)
     return tmp_path / "out"
 
 

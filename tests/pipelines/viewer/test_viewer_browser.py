@@ -33,18 +33,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (source / "trajectories.jsonl").write_text(
         "".join(x for x in lines if json.loads(x)["trajectory_id"] == "notes")
     )
-    planners = {
-        "marks": hj.Marks(),
-        "subtitle": hj.Subtitle(),
-        "resolution": hj.Resolution(),
-    }
-    build(
-        source,
-        home / "rows",
-        corruptions=planners,
-        seed=7,
-        output="lazy",
-    )
+    planners = {"marks": hj.Marks(), "subtitle": hj.Subtitle(), "resolution": hj.Resolution()}
+    build(source, home / "rows", corruptions=planners, seed=7, output="lazy")
     return home / "rows"
 
 
@@ -55,11 +45,7 @@ def url(folder: Path) -> Iterator[str]:
 
 
 def visit(
-    browser: Browser,
-    url: str,
-    width: int = 1280,
-    height: int = 900,
-    scheme: str = "light",
+    browser: Browser, url: str, width: int = 1280, height: int = 900, scheme: str = "light"
 ) -> None:
     """Open an address, and wait until what it is about stands there."""
     browser.open(url, width, height, scheme)
@@ -78,11 +64,7 @@ def box(browser: Browser, selector: str) -> dict[str, float]:
     return browser.js(f"document.querySelector({selector!r}).getBoundingClientRect().toJSON()")
 
 
-def choose(
-    browser: Browser,
-    name: str,
-    value: str,
-) -> None:
+def choose(browser: Browser, name: str, value: str) -> None:
     field = f"document.querySelector('[name={name}]')"
     browser.js(
         f"{field}.value = {value!r}; {field}.dispatchEvent(new Event('input', {{bubbles: true}}))"
@@ -111,13 +93,7 @@ def test_filters_and_search_change_the_count_and_the_address(browser: Browser, u
     visit(browser, url)
     assert browser.js(
         "[...document.querySelector('[name=corruption]').options].map(o => o.textContent)"
-    ) == [
-        "all",
-        "clean (8)",
-        "marks (8)",
-        "subtitle (8)",
-        "resolution (8)",
-    ]
+    ) == ["all", "clean (8)", "marks (8)", "subtitle (8)", "resolution (8)"]
     choose(browser, "corruption", "marks")
     browser.until("document.getElementById('count').textContent", "8 of 32 rows")
     assert browser.js("location.hash") == "#corruption=marks"
@@ -182,11 +158,7 @@ def red(browser: Browser, frame: dict[str, float]) -> int:
 @pytest.mark.parametrize("row", ["notes/0000/marks", "notes/0000/resolution"])
 @pytest.mark.parametrize("width", [1280, 600])
 def test_the_overlay_lies_on_the_target(
-    browser: Browser,
-    url: str,
-    folder: Path,
-    row: str,
-    width: int,
+    browser: Browser, url: str, folder: Path, row: str, width: int
 ) -> None:
     stored = next(found for found in open_dataset(folder) if found["id"] == row)
     visit(browser, f"{url}#row={row}", width=width)
@@ -255,11 +227,7 @@ def test_a_clean_row_says_why_there_is_nothing_before(browser: Browser, url: str
     assert browser.of(*ERRORS) == []
 
 
-def test_all_columns_and_the_plan_are_there(
-    browser: Browser,
-    url: str,
-    folder: Path,
-) -> None:
+def test_all_columns_and_the_plan_are_there(browser: Browser, url: str, folder: Path) -> None:
     visit(browser, f"{url}#row=1")
     row = open_dataset(folder)[1]
     cells = (
@@ -274,11 +242,7 @@ def test_all_columns_and_the_plan_are_there(
     assert json.loads(plan) == json.loads(row["plan"])
 
 
-def test_what_is_broken_shows_its_message(
-    browser: Browser,
-    folder: Path,
-    tmp_path: Path,
-) -> None:
+def test_what_is_broken_shows_its_message(browser: Browser, folder: Path, tmp_path: Path) -> None:
     shutil.copytree(folder, tmp_path / "rows")
     file = next((tmp_path / "rows" / "data").iterdir())
     edit(
@@ -317,11 +281,7 @@ def test_what_is_broken_shows_its_message(
 
 def test_a_server_that_has_ended_is_said(browser: Browser, url: str) -> None:
     visit(browser, url)
-    network = {
-        "latency": 0,
-        "downloadThroughput": -1,
-        "uploadThroughput": -1,
-    }
+    network = {"latency": 0, "downloadThroughput": -1, "uploadThroughput": -1}
     browser.call("Network.emulateNetworkConditions", offline=True, **network)
     try:
         choose(browser, "corruption", "marks")
@@ -345,11 +305,7 @@ def test_help_and_search_have_keys(browser: Browser, url: str) -> None:
 
 
 @pytest.mark.parametrize("width", [360, 600, 1280, 2400])
-def test_the_page_fits_every_width(
-    browser: Browser,
-    url: str,
-    width: int,
-) -> None:
+def test_the_page_fits_every_width(browser: Browser, url: str, width: int) -> None:
     for place in ("", "#row=1"):
         visit(browser, url + place, width=width)
         browser.js("for (const d of document.querySelectorAll('details')) d.open = true")
@@ -366,10 +322,7 @@ def test_dark_and_light(browser: Browser, url: str) -> None:
 
 @pytest.mark.parametrize("size", [(400, 300), (320, 180), (240, 500), (900, 200)])
 def test_tiles_show_the_whole_picture_and_what_was_done(
-    size: tuple[int, int],
-    browser: Browser,
-    recording: Any,
-    tmp_path: Path,
+    size: tuple[int, int], browser: Browser, recording: Any, tmp_path: Path
 ) -> None:
     """A cell that grows with the picture would cut its lower part off."""
     source = recording(trajectories=1, steps=1)

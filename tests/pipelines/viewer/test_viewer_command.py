@@ -17,20 +17,12 @@ from pipelines import build
 
 def command(*words: object) -> subprocess.Popen[str]:
     line = [sys.executable, "-m", "hijack_data.cli", "view", *map(str, words)]
-    return subprocess.Popen(
-        line,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    return subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
 @pytest.mark.parametrize("harmed", [False, True])
 def test_the_command_serves_until_ctrl_c(
-    recording: Any,
-    small: Any,
-    tmp_path: Path,
-    harmed: bool,
+    recording: Any, small: Any, tmp_path: Path, harmed: bool
 ) -> None:
     build(recording(), tmp_path / "out", corruptions={"marks": small["marks"]}, rows_per_shard=6)
     if harmed:

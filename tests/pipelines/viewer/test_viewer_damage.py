@@ -29,11 +29,7 @@ def test_a_damaged_file_is_named_and_the_others_are_shown(dataset: Path) -> None
 
 
 @pytest.mark.parametrize("harm", ["missing", "column", "short", "outside"])
-def test_other_harm_to_a_file_is_named(
-    dataset: Path,
-    tmp_path: Path,
-    harm: str,
-) -> None:
+def test_other_harm_to_a_file_is_named(dataset: Path, tmp_path: Path, harm: str) -> None:
     file = min((dataset / "data").iterdir())
     if harm == "missing":
         file.unlink()
@@ -58,9 +54,7 @@ def test_other_harm_to_a_file_is_named(
 
 
 def test_a_row_that_cannot_be_drawn_says_why_and_the_others_are_there(
-    recording: Any,
-    small: Any,
-    tmp_path: Path,
+    recording: Any, small: Any, tmp_path: Path
 ) -> None:
     build(recording(), tmp_path / "out", corruptions={"marks": small["marks"]}, output="lazy")
     file = next((tmp_path / "out" / "data").iterdir())

@@ -23,10 +23,7 @@ WORDS = st.sampled_from(["", "marks", "clean", "Open the Door", "b/0001"])
     st.integers(1, 7),
 )
 def test_the_index_filters_counts_and_searches_as_a_list_does(
-    rows: list[tuple[str, str, int]],
-    corruption: str,
-    text: str,
-    part: int,
+    rows: list[tuple[str, str, int]], corruption: str, text: str, part: int
 ) -> None:
     index = Index(["fidelity"])
     for first in range(0, len(rows), part):
@@ -75,14 +72,7 @@ def test_filters_have_counts_and_pages(dataset: Path) -> None:
     assert (everything["found"], everything["page"], everything["pages"]) == (30, 1, 1)
     assert everything["filters"]["corruption"]["values"] == [[label, 6] for label in LABELS]
     assert everything["filters"]["trajectory"]["values"] == [["t0", 15], ["t1", 15]]
-    marks = answers.rows(
-        source,
-        {
-            "corruption": "marks",
-            "trajectory": "t1",
-            "page": "1",
-        },
-    )
+    marks = answers.rows(source, {"corruption": "marks", "trajectory": "t1", "page": "1"})
     assert [row["id"] for row in marks["rows"]] == [f"t1/{step:04d}/marks" for step in range(3)]
     assert marks["filters"]["corruption"]["values"] == [
         [label, 3] for label in LABELS

@@ -70,9 +70,7 @@ def test_large_pictures_have_small_thumbnails(tmp_path: Path, recording: Any) ->
 
 
 def test_without_clean_rows_only_a_lazy_dataset_has_a_picture_before(
-    recording: Any,
-    small: Any,
-    tmp_path: Path,
+    recording: Any, small: Any, tmp_path: Path
 ) -> None:
     marks = {"marks": small["marks"]}
     for output in ("materialised", "lazy"):

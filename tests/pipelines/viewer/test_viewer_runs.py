@@ -168,11 +168,7 @@ def test_what_verify_finds_is_told(played: Path, harmed: Path) -> None:
         ("x = 3", "other", []),
     ],
 )
-def test_actions_become_strokes(
-    code: str,
-    words: str,
-    strokes: list[Any],
-) -> None:
+def test_actions_become_strokes(code: str, words: str, strokes: list[Any]) -> None:
     assert strokes_of(code, (80, 100)) == (words, strokes)
 
 

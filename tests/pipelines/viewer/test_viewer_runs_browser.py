@@ -42,11 +42,7 @@ def url(played: Path) -> Iterator[str]:
 
 
 def visit(
-    browser: Browser,
-    url: str,
-    width: int = 1280,
-    height: int = 900,
-    scheme: str = "light",
+    browser: Browser, url: str, width: int = 1280, height: int = 900, scheme: str = "light"
 ) -> None:
     """Open an address, and wait until what it is about stands there."""
     browser.open(url, width, height, scheme)
@@ -61,11 +57,7 @@ def click(browser: Browser, selector: str) -> None:
     browser.js(f"document.querySelector({selector!r}).click()")
 
 
-def choose(
-    browser: Browser,
-    name: str,
-    value: str,
-) -> None:
+def choose(browser: Browser, name: str, value: str) -> None:
     field = f"document.querySelector('#filters [name={name}]')"
     browser.js(
         f"{field}.value = {value!r}; {field}.dispatchEvent(new Event('input', {{bubbles: true}}))"
@@ -186,8 +178,7 @@ def test_help_and_search_have_keys(browser: Browser, url: str) -> None:
 
 
 def test_the_divider_stands_between_the_clean_screen_and_the_corrupted(
-    browser: Browser,
-    url: str,
+    browser: Browser, url: str
 ) -> None:
     visit(browser, f"{url}#episode={MARKS}&step=1")
     browser.until("document.querySelector('.before').complete")
@@ -221,11 +212,7 @@ def test_beside_an_effect_stands_the_step_before_it(browser: Browser, url: str) 
 
 
 @pytest.mark.parametrize("width", [1280, 420])
-def test_actions_are_drawn_where_they_were(
-    browser: Browser,
-    url: str,
-    width: int,
-) -> None:
+def test_actions_are_drawn_where_they_were(browser: Browser, url: str, width: int) -> None:
     visit(browser, f"{url}#episode={MARKS}&step=0", width=width)
     frame, circle = (
         browser.js(f"document.querySelector({name!r}).getBoundingClientRect().toJSON()")
@@ -250,10 +237,7 @@ def test_actions_are_drawn_where_they_were(
     assert browser.js("getComputedStyle(document.querySelector('circle.action')).display") == "none"
 
 
-def test_two_agents_stand_beside_each_other_on_the_same_episode(
-    browser: Browser,
-    url: str,
-) -> None:
+def test_two_agents_stand_beside_each_other_on_the_same_episode(browser: Browser, url: str) -> None:
     visit(browser, f"{url}#episode={MARKS}&step=2")
     assert browser.js("[...document.getElementById('beside').options].map(o => o.textContent)") == [
         "nothing",
@@ -289,8 +273,7 @@ class LastFirst(Cast):
 
 
 def test_conditions_and_agents_stand_in_the_order_of_the_run(
-    browser: Browser,
-    tmp_path: Path,
+    browser: Browser, tmp_path: Path
 ) -> None:
     with served(play_run(tmp_path / "run", LastFirst())) as server:
         visit(browser, f"{server.url}#episode={MARKS}")
@@ -302,9 +285,7 @@ def test_conditions_and_agents_stand_in_the_order_of_the_run(
 
 
 def test_only_the_rows_in_view_are_in_the_page(
-    browser: Browser,
-    played: Path,
-    tmp_path: Path,
+    browser: Browser, played: Path, tmp_path: Path
 ) -> None:
     folder = many(played, tmp_path / "many", 1200)
     with served(folder) as server:
@@ -324,11 +305,7 @@ def test_only_the_rows_in_view_are_in_the_page(
         assert browser.of(*ERRORS) == []
 
 
-def many(
-    played: Path,
-    folder: Path,
-    count: int,
-) -> Path:
+def many(played: Path, folder: Path, count: int) -> Path:
     """A journal of so many episodes, whose folders are gone."""
     folder.mkdir()
     content = (played / "run.json").read_bytes()
@@ -343,9 +320,7 @@ def many(
 
 
 def test_chosen_episodes_open_without_a_server(
-    browser: Browser,
-    played: Path,
-    tmp_path: Path,
+    browser: Browser, played: Path, tmp_path: Path
 ) -> None:
     source = open_source(played)
     assert isinstance(source, RunSource)
@@ -390,10 +365,7 @@ def test_the_page_exports_what_was_chosen(browser: Browser, url: str) -> None:
     assert "</script><script>alert" not in page
 
 
-def test_damage_is_a_message_and_never_a_blank_page(
-    browser: Browser,
-    harmed: Path,
-) -> None:
+def test_damage_is_a_message_and_never_a_blank_page(browser: Browser, harmed: Path) -> None:
     home = harmed / "episodes" / MARKS
     (home / "frames" / "0001.seen.png").write_bytes(b"\x89PNG\r\n\x1a\n rubbish")
     (home / "frames" / "0002.png").unlink()
@@ -427,12 +399,7 @@ def test_damage_is_a_message_and_never_a_blank_page(
 
 @pytest.mark.parametrize("width", [360, 1280])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_the_page_fits_every_width(
-    browser: Browser,
-    url: str,
-    width: int,
-    scheme: str,
-) -> None:
+def test_the_page_fits_every_width(browser: Browser, url: str, width: int, scheme: str) -> None:
     for place in ("", f"#episode={MARKS}&step=3", f"#episode={MARKS}&beside={CLEAN}"):
         visit(browser, url + place, width=width, scheme=scheme)
         browser.js("for (const d of document.querySelectorAll('details')) d.open = true")

@@ -77,9 +77,7 @@ def home(run: Path) -> Path:
     ],
 )
 def test_damage_is_shown_with_its_episode(
-    harmed: Path,
-    harm: Callable[[Path], object],
-    words: str,
+    harmed: Path, harm: Callable[[Path], object], words: str
 ) -> None:
     harm(harmed)
     found = problems(harmed)

@@ -27,11 +27,7 @@ def serving() -> Iterator[Callable[[Path], Any]]:
         yield lambda folder: partial(fetch, servers.enter_context(served(folder)).server_address[1])
 
 
-def fetch(
-    port: int,
-    path: str,
-    **headers: str,
-) -> tuple[int, bytes, dict[str, str]]:
+def fetch(port: int, path: str, **headers: str) -> tuple[int, bytes, dict[str, str]]:
     """The status, body and headers that a path is answered with."""
     link = http.client.HTTPConnection("127.0.0.1", port, timeout=30)
     with contextlib.closing(link):

@@ -4,15 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ...settings import ModelSettings
-from ..query import (
-    LEFT_OUT,
-    EmbeddedPicture,
-    ModelQuery,
-    Reply,
-    Said,
-    ScreenPicture,
-    messages,
-)
+from ..query import LEFT_OUT, EmbeddedPicture, ModelQuery, Reply, Said, ScreenPicture, messages
 from .common import items, label, load, sampled, texts, tokens
 
 # Needs no size and no beta header; its calls have the names of actions.
@@ -72,10 +64,7 @@ class AnthropicMessages:
             calls=tuple(_call(block) for block in uses),
             raw=list(blocks),
             read=tokens(
-                usage,
-                "input_tokens",
-                "cache_creation_input_tokens",
-                "cache_read_input_tokens",
+                usage, "input_tokens", "cache_creation_input_tokens", "cache_read_input_tokens"
             ),
             written=tokens(usage, "output_tokens"),
             refused=answer.get("stop_reason") == "refusal",
@@ -92,32 +81,20 @@ def _call(block: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _message(message: Said) -> dict[str, Any]:
-    return {
-        "role": message.role,
-        "content": [_part(part) for part in message.parts],
-    }
+    return {"role": message.role, "content": [_part(part) for part in message.parts]}
 
 
 def _tool(kind: str, picture: ScreenPicture) -> dict[str, Any]:
     if kind == TOOLSET:
         return {"type": kind}
     height, width = picture.size
-    return {
-        "type": kind,
-        "name": NAME,
-        "display_width_px": width,
-        "display_height_px": height,
-    }
+    return {"type": kind, "name": NAME, "display_width_px": width, "display_height_px": height}
 
 
 def _part(part: str | ScreenPicture) -> dict[str, Any]:
     if isinstance(part, str):
         return {"type": "text", "text": part or "(nothing)"}  # an empty text is refused
-    source = {
-        "type": "base64",
-        "media_type": "image/png",
-        "data": EmbeddedPicture(part, prefix=""),
-    }
+    source = {"type": "base64", "media_type": "image/png", "data": EmbeddedPicture(part, prefix="")}
     return {"type": "image", "source": source}
 
 
@@ -140,9 +117,7 @@ def _with_calls(query: ModelQuery) -> list[dict[str, Any]]:
 
 
 def _results(
-    answered: list[Mapping[str, Any]],
-    shown: dict[str, Any],
-    query: ModelQuery,
+    answered: list[Mapping[str, Any]], shown: dict[str, Any], query: ModelQuery
 ) -> list[dict[str, Any]]:
     """Return the results of calls; all belong to one picture, which is part of the last result."""
     ids = [block["id"] for block in answered if block.get("type") == "tool_use"]
@@ -156,8 +131,4 @@ def _results(
 
 
 def _result(name: str, content: dict[str, Any]) -> dict[str, Any]:
-    return {
-        "type": "tool_result",
-        "tool_use_id": name,
-        "content": [content],
-    }
+    return {"type": "tool_result", "tool_use_id": name, "content": [content]}

@@ -13,11 +13,7 @@ from ...settings import AgentSettings, ModelSettings
 EXTRA = "agents"
 RETRIES = "tenacity"
 NO_KEY = "none"  # the key sent to endpoints that need none, since the client insists on one
-MODULES = {
-    "openai": "openai",
-    "openai_computer": "openai",
-    "anthropic": "anthropic",
-}
+MODULES = {"openai": "openai", "openai_computer": "openai", "anthropic": "anthropic"}
 
 
 def require_clients(settings: AgentSettings) -> None:
@@ -38,10 +34,7 @@ def openai_client(settings: ModelSettings, key: str) -> Any:
     """Return the official client `openai`, without retries, since the endpoint retries."""
     openai = load("openai", settings)
     return openai.OpenAI(
-        api_key=key or NO_KEY,
-        base_url=settings.base_url,
-        timeout=settings.timeout,
-        max_retries=0,
+        api_key=key or NO_KEY, base_url=settings.base_url, timeout=settings.timeout, max_retries=0
     )
 
 

@@ -22,11 +22,7 @@ class OpenAIChat:
         said = [_message(message) for message in messages(query)]
         if query.prompt.system:
             said.insert(0, {"role": "system", "content": query.prompt.system})
-        return {
-            "model": settings.model,
-            "messages": said,
-            **sampled(settings, "max_tokens"),
-        }
+        return {"model": settings.model, "messages": said, **sampled(settings, "max_tokens")}
 
     def send(self, client: Any, body: Mapping[str, Any]) -> str:
         """Send it."""
@@ -34,9 +30,7 @@ class OpenAIChat:
         model = others.pop("model")
         said = others.pop("messages")
         raw = client.chat.completions.with_raw_response.create(
-            model=model,
-            messages=said,
-            extra_body=others,
+            model=model, messages=said, extra_body=others
         )
         return raw.text
 

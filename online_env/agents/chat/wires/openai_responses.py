@@ -59,10 +59,7 @@ class OpenAIResponses:
         return Reply(
             text="\n".join(words),
             calls=tuple({"name": NAME, "arguments": action} for action in _actions(made)),
-            raw={
-                "id": label(answer, "id"),
-                "calls": [_kept(call) for call in made],
-            },
+            raw={"id": label(answer, "id"), "calls": [_kept(call) for call in made]},
             read=tokens(usage, "input_tokens"),
             written=tokens(usage, "output_tokens"),
             refused=refused,
@@ -99,11 +96,7 @@ def _tool(kind: str | None, picture: ScreenPicture) -> dict[str, Any]:
 def _message(text: str, query: ModelQuery) -> dict[str, Any]:
     content = [
         {"type": "input_text", "text": text},
-        {
-            "type": "input_image",
-            "image_url": EmbeddedPicture(query.picture),
-            "detail": "high",
-        },
+        {"type": "input_image", "image_url": EmbeddedPicture(query.picture), "detail": "high"},
     ]
     return {"role": "user", "content": content}
 
@@ -114,9 +107,6 @@ def _outputs(calls: list[Mapping[str, Any]], query: ModelQuery) -> Iterator[dict
         yield {
             "type": "computer_call_output",
             "call_id": call["call_id"],
-            "output": {
-                "type": "computer_screenshot",
-                "image_url": EmbeddedPicture(query.picture),
-            },
+            "output": {"type": "computer_screenshot", "image_url": EmbeddedPicture(query.picture)},
             "acknowledged_safety_checks": call["checks"],
         }

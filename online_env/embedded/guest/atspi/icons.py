@@ -65,12 +65,7 @@ def _label(section: str, home: Path) -> str:
     return ""
 
 
-def _cell(
-    row: int,
-    column: int,
-    size: int,
-    workarea: Box,
-) -> tuple[int, int, int, int]:
+def _cell(row: int, column: int, size: int, workarea: Box) -> tuple[int, int, int, int]:
     """Icon and first line of text of a place in the grid: `x, y, width, height`."""
     left, top, right, bottom = workarea
     cell = size * TEXT_SHARE + 2 * PADDING
@@ -81,11 +76,7 @@ def _cell(
     return round(x), round(y), width, height
 
 
-def _start(
-    index: int,
-    cell: float,
-    length: int,
-) -> float:
+def _start(index: int, cell: float, length: int) -> float:
     """Where a row or column begins.
 
     The rest of `length` goes between the cells, and what then is left to both ends.

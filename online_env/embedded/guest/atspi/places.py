@@ -34,11 +34,7 @@ def _fill_parent(pane: AtspiNode) -> None:
         _move(pane, (left - x, top - y), corners(pane.parent))
 
 
-def _move(
-    node: AtspiNode,
-    by: tuple[int, int],
-    room: Box,
-) -> None:
+def _move(node: AtspiNode, by: tuple[int, int], room: Box) -> None:
     """Move a node and all below it, except for what lies in its parent only if it stays."""
     if node.box is not None:
         stays = corners(node)

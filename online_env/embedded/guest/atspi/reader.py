@@ -175,10 +175,7 @@ class AtspiReader:
         return found
 
     def _plant(
-        self,
-        reference: Reference,
-        items: Iterable[m.CacheItem],
-        nodes: dict[Reference, AtspiNode],
+        self, reference: Reference, items: Iterable[m.CacheItem], nodes: dict[Reference, AtspiNode]
     ) -> AtspiNode:
         """Make the nodes of one application from its cache and hang them together."""
         parents: list[tuple[AtspiNode, Reference]] = []
@@ -323,12 +320,7 @@ class AtspiReader:
         cells: list[Reference] = [cell for cell in self.wire.ask(calls) if cell]
         return cells[:MAX_CHILDREN]
 
-    def _span(
-        self,
-        node: AtspiNode,
-        method: str,
-        indices: list[int],
-    ) -> range:
+    def _span(self, node: AtspiNode, method: str, indices: list[int]) -> range:
         """The rows or columns between two children of a table; none if it does not answer."""
         calls = [(node.reference, m.row_and_column(method, index)) for index in indices]
         places: list[int | None] = self.wire.ask(calls)

@@ -126,12 +126,7 @@ class VisibilityFilter:
             x1, y1, x2, y2 = part
             node.box = (x1, y1, x2 - x1, y2 - y1)
 
-    def _clip_below(
-        self,
-        node: AtspiNode,
-        part: Box,
-        clip: Box,
-    ) -> Box:
+    def _clip_below(self, node: AtspiNode, part: Box, clip: Box) -> Box:
         """The part of the screen that a node leaves to its children."""
         if node.role in CLIPPING:
             return part
@@ -140,11 +135,7 @@ class VisibilityFilter:
         return clip
 
     def _is_seen(
-        self,
-        box: Box,
-        surface: SurfaceLike | None,
-        in_menu: bool,
-        mine: list[SurfaceLike],
+        self, box: Box, surface: SurfaceLike | None, in_menu: bool, mine: list[SurfaceLike]
     ) -> bool:
         x1, y1, x2, y2 = box
         if x2 <= x1 or y2 <= y1:
@@ -185,10 +176,7 @@ def _has_known_window(application: Application, mine: list[SurfaceLike]) -> bool
 
 
 def _window_of(
-    node: AtspiNode,
-    mine: list[SurfaceLike],
-    above: SurfaceLike | None,
-    is_told: bool,
+    node: AtspiNode, mine: list[SurfaceLike], above: SurfaceLike | None, is_told: bool
 ) -> SurfaceLike | None:
     """The window that a top-level node is."""
     found = _matching(mine, corners(node), node.name) or above
@@ -204,11 +192,7 @@ def corners(node: AtspiNode) -> Box:
     return x, y, x + width, y + height
 
 
-def _matching(
-    surfaces: list[SurfaceLike],
-    box: Box,
-    name: str,
-) -> SurfaceLike | None:
+def _matching(surfaces: list[SurfaceLike], box: Box, name: str) -> SurfaceLike | None:
     """The window with a node's box; if several lie on one another, the one with its name."""
     found = [surface for surface in surfaces if _fits(surface, box)]
     for surface in found:

@@ -41,12 +41,7 @@ class Cursor:
 
     __slots__ = ("data", "end", "position", "start")
 
-    def __init__(
-        self,
-        data: bytes | bytearray,
-        start: int,
-        end: int,
-    ) -> None:
+    def __init__(self, data: bytes | bytearray, start: int, end: int) -> None:
         self.data = data
         self.start = start
         self.position = start
@@ -154,11 +149,7 @@ def _pad(data: bytes) -> bytes:
     return data + b"\0" * (-len(data) % 8)
 
 
-def _text_field(
-    code: int,
-    kind: bytes,
-    value: str,
-) -> bytes:
+def _text_field(code: int, kind: bytes, value: str) -> bytes:
     encoded = value.encode()
     return _pad(bytes((code, 1)) + kind + b"\0" + _UINT.pack(len(encoded)) + encoded + b"\0")
 
@@ -210,12 +201,7 @@ class Wire:
     after `begin`, is left alone from then on: it is in `silent`.
     """
 
-    def __init__(
-        self,
-        address: str,
-        patience: float,
-        budget: float,
-    ) -> None:
+    def __init__(self, address: str, patience: float, budget: float) -> None:
         self._connection: DBusConnection = open_dbus_connection(address)
         self._bus = _Channel(self._connection.sock)
         self._direct: dict[str, _Channel] = {}
@@ -300,12 +286,7 @@ class Wire:
         except (OSError, EOFError) as error:
             self._lost(channel, run, error)
 
-    def _lost(
-        self,
-        channel: _Channel,
-        run: "_Run",
-        error: Exception,
-    ) -> None:
+    def _lost(self, channel: _Channel, run: "_Run", error: Exception) -> None:
         """Ask again over the bus what an application that has gone was asked directly.
 
         Raises:
@@ -389,11 +370,7 @@ class _Run:
             self.waiting = {s: p for s, p in self.waiting.items() if self.calls[p][0][0] != name}
 
 
-def _reply_serial(
-    buffer: bytearray,
-    start: int,
-    end: int,
-) -> int:
+def _reply_serial(buffer: bytearray, start: int, end: int) -> int:
     """The header field with the number of the call that is answered.
 
     Fields begin at multiples of 8 from `start`.

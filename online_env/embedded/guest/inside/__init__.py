@@ -10,11 +10,7 @@ from functools import cache
 from pathlib import Path
 
 _FOLDER = Path(__file__).parent
-_SHARED = {
-    "locktool": ("ewmh",),
-    "xlook": ("ewmh",),
-    "xtool": ("ewmh",),
-}
+_SHARED = {"locktool": ("ewmh",), "xlook": ("ewmh",), "xtool": ("ewmh",)}
 # Makes modules of texts, in a package of their own, so that their relative imports work.
 _LOADER = """\
 import sys, types

@@ -146,29 +146,15 @@ class Screen:
         """Whether the window manager reports that it shows the desktop."""
         return self.numbers(self.root, "_NET_SHOWING_DESKTOP")[:1] == [1]
 
-    def send(
-        self,
-        window: Any,
-        kind: str,
-        data: Sequence[int],
-    ) -> None:
+    def send(self, window: Any, kind: str, data: Sequence[int]) -> None:
         """Send the window manager a request about a window."""
         words = [*data, *[0] * _MESSAGE_WORDS][:_MESSAGE_WORDS]
-        message = event.ClientMessage(
-            window=window,
-            client_type=self.atom(kind),
-            data=(32, words),
-        )
+        message = event.ClientMessage(window=window, client_type=self.atom(kind), data=(32, words))
         mask = X.SubstructureRedirectMask | X.SubstructureNotifyMask
         self.root.send_event(message, event_mask=mask)
         self.display.sync()
 
-    def switch(
-        self,
-        window: Any,
-        states: Sequence[str],
-        on: bool,
-    ) -> None:
+    def switch(self, window: Any, states: Sequence[str], on: bool) -> None:
         """Put a window into one or two states, or take it out of them."""
         first = self.atom(states[0])
         second = self.atom(states[1]) if len(states) > 1 else 0

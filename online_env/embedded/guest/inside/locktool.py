@@ -36,21 +36,13 @@ def lock(screen: Screen, typed: bool) -> _Facts:
     }
 
 
-def covers(
-    box: list[int],
-    width: int,
-    height: int,
-) -> bool:
+def covers(box: list[int], width: int, height: int) -> bool:
     """Whether a window, `xyxy`, leaves nothing of a screen of this size to be seen."""
     x1, y1, x2, y2 = box
     return x1 <= 0 and y1 <= 0 and x2 >= width and y2 >= height
 
 
-def _topmost(
-    screen: Screen,
-    width: int,
-    height: int,
-) -> _Facts | None:
+def _topmost(screen: Screen, width: int, height: int) -> _Facts | None:
     """The window on top of all that can be seen."""
     for window in reversed(screen.root.query_tree().children):
         with contextlib.suppress(*GONE):
@@ -137,19 +129,11 @@ def _keycode(screen: Screen, name: str) -> int:
     return screen.display.keysym_to_keycode(XK.string_to_keysym(name))
 
 
-def _press(
-    screen: Screen,
-    name: str,
-    *held: str,
-) -> None:
+def _press(screen: Screen, name: str, *held: str) -> None:
     _strike(screen, _keycode(screen, name), [_keycode(screen, other) for other in held])
 
 
-def _strike(
-    screen: Screen,
-    code: int,
-    held: list[int],
-) -> None:
+def _strike(screen: Screen, code: int, held: list[int]) -> None:
     for one in [*held, code]:
         xtest.fake_input(screen.display, X.KeyPress, one)
     for one in [code, *reversed(held)]:
@@ -165,11 +149,7 @@ def _key_came(screen: Screen) -> bool:
     return False
 
 
-OPERATIONS: dict[str, Callable[..., _Facts]] = {
-    "lock": lock,
-    "wake": wake,
-    "enter": enter,
-}
+OPERATIONS: dict[str, Callable[..., _Facts]] = {"lock": lock, "wake": wake, "enter": enter}
 
 
 def main(operation: str, fields: str) -> None:

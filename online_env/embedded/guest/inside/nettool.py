@@ -24,28 +24,11 @@ _Facts = dict[str, Any]
 
 def survey(sites: list[tuple[str, int]], patience: float) -> _Facts:
     """Interfaces of the default routes, controlling hosts, and what can be reached."""
-    targets: list[_Facts] = [
-        {
-            "kind": "tcp",
-            "host": host,
-            "port": port,
-        }
-        for host, port in sites
-    ]
+    targets: list[_Facts] = [{"kind": "tcp", "host": host, "port": port} for host, port in sites]
     outside = [server for server in name_servers() if not server.startswith(LOCAL)]
     if outside:
-        targets.append(
-            {
-                "kind": "dns",
-                "host": outside[0],
-                "name": sites[0][0],
-            }
-        )
-    return {
-        "interfaces": interfaces(),
-        "hosts": hosts(),
-        **reach(targets, patience),
-    }
+        targets.append({"kind": "dns", "host": outside[0], "name": sites[0][0]})
+    return {"interfaces": interfaces(), "hosts": hosts(), **reach(targets, patience)}
 
 
 def interfaces() -> list[str]:
@@ -122,11 +105,7 @@ def reach(targets: list[_Facts], patience: float) -> _Facts:
     return {"reached": reached}
 
 
-def _timed(
-    work: Callable[[_Facts, float], _Facts],
-    target: _Facts,
-    patience: float,
-) -> _Facts:
+def _timed(work: Callable[[_Facts, float], _Facts], target: _Facts, patience: float) -> _Facts:
     start = time.monotonic()
     try:
         found = {"ok": True, **work(target, patience)}

@@ -98,11 +98,7 @@ def _drawn(screen: Screen, window: Any) -> bool:
         return False
 
 
-def gone(
-    screen: Screen,
-    number: int,
-    patience: float,
-) -> _Facts:
+def gone(screen: Screen, number: int, patience: float) -> _Facts:
     """Whether a window goes away within `patience` seconds."""
     window = screen.window(number)
     end = time.monotonic() + patience

@@ -112,12 +112,7 @@ def minimise(screen: Screen, patience: float) -> _Facts:
     }
 
 
-def restore(
-    screen: Screen,
-    ids: "list[int] | None",
-    active: int,
-    patience: float,
-) -> _Facts:
+def restore(screen: Screen, ids: "list[int] | None", active: int, patience: float) -> _Facts:
     """Bring windows back, whatever hid them (`None`: all that are minimised).
 
     Those that were closed since are left out.
@@ -147,12 +142,7 @@ def _is_minimised(window: _Facts) -> bool:
     return "hidden" in window["states"] and window["type"] not in FIXED
 
 
-def await_window(
-    screen: Screen,
-    before: list[int],
-    classes: list[str],
-    patience: float,
-) -> _Facts:
+def await_window(screen: Screen, before: list[int], classes: list[str], patience: float) -> _Facts:
     """Wait for a new application window that stays.
 
     Args:
@@ -180,12 +170,7 @@ def await_window(
     return {"window": None}
 
 
-def drawn(
-    screen: Screen,
-    number: int,
-    frames: dict[str, list[int]],
-    patience: float,
-) -> _Facts:
+def drawn(screen: Screen, number: int, frames: dict[str, list[int]], patience: float) -> _Facts:
     """Give windows their places; tell whether new window `number` then draws itself.
 
     Otherwise it only shows what was there: it is painted over and told to draw, and whatever hangs
@@ -228,11 +213,7 @@ def _painted(window: Any) -> bool:
     return 2 * painted > len(parts) ** 2
 
 
-def place(
-    screen: Screen,
-    frames: dict[str, list[int]],
-    patience: float = PLACE,
-) -> _Facts:
+def place(screen: Screen, frames: dict[str, list[int]], patience: float = PLACE) -> _Facts:
     """Give windows (by number) their places; none stays maximised or full-screen.
 
     A place is what a person sees of the window, xyxy.
@@ -247,11 +228,7 @@ def place(
     return {"under": under}
 
 
-def _leave_full_screen(
-    screen: Screen,
-    number: int,
-    patience: float,
-) -> _Facts | None:
+def _leave_full_screen(screen: Screen, number: int, patience: float) -> _Facts | None:
     """Return what a window is like without filling the screen.
 
     Chromium first takes back the place that it had before, and may maximise itself a little later.
@@ -272,12 +249,7 @@ def _leave_full_screen(
     return {"frame": found["frame"], "states": found["states"]}
 
 
-def _place(
-    screen: Screen,
-    window: Any,
-    frame: list[int],
-    patience: float,
-) -> None:
+def _place(screen: Screen, window: Any, frame: list[int], patience: float) -> None:
     if screen.has(window, MAXIMISED):
         screen.switch(window, MAXIMISED, False)
         until(lambda: not screen.has(window, MAXIMISED), patience / 2)
@@ -293,22 +265,14 @@ def maximise(screen: Screen, number: int) -> _Facts:
     return {}
 
 
-def fill(
-    screen: Screen,
-    number: int,
-    patience: float = PLACE,
-) -> _Facts:
+def fill(screen: Screen, number: int, patience: float = PLACE) -> _Facts:
     """Let a window fill the screen."""
     window = screen.window(number)
     screen.switch(window, FULL_SCREEN, True)
     return {"filled": bool(until(lambda: screen.has(window, FULL_SCREEN), patience))}
 
 
-def activate(
-    screen: Screen,
-    number: int,
-    patience: float = PLACE,
-) -> _Facts:
+def activate(screen: Screen, number: int, patience: float = PLACE) -> _Facts:
     """Give a window the focus, if it is still there."""
 
     def has_it() -> bool:
@@ -320,11 +284,7 @@ def activate(
     return {"active": has_it()}
 
 
-def close(
-    screen: Screen,
-    ids: Iterable[int],
-    patience: float,
-) -> _Facts:
+def close(screen: Screen, ids: Iterable[int], patience: float) -> _Facts:
     """Ask windows and the dialogs before them to close; tell which are still there."""
     wanted = set(ids)
     end = time.monotonic() + patience
@@ -341,22 +301,14 @@ def close(
     return {"left": left()}
 
 
-def move(
-    screen: Screen,
-    x: int,
-    y: int,
-) -> _Facts:
+def move(screen: Screen, x: int, y: int) -> _Facts:
     """Move the pointer to a point."""
     xtest.fake_input(screen.display, X.MotionNotify, x=x, y=y)
     screen.display.sync()
     return {"pointer": _pointer(screen)}
 
 
-def click(
-    screen: Screen,
-    number: int,
-    frame: list[int],
-) -> _Facts:
+def click(screen: Screen, number: int, frame: list[int]) -> _Facts:
     """Click where the pointer is, if window `number` is still at `frame` (0: no matter).
 
     `delivered` is the server's own account of the button before, during and after.
@@ -374,11 +326,7 @@ def click(
         screen.display.sync()
         # A window manager that raises on click holds the event back until it has done so.
         seen.append(bool(until(lambda down=down: is_down() == down, KEY_PATIENCE)))
-    return {
-        "moved": False,
-        "pointer": _pointer(screen),
-        "delivered": all(seen),
-    }
+    return {"moved": False, "pointer": _pointer(screen), "delivered": all(seen)}
 
 
 OPERATIONS: dict[str, Callable[..., _Facts]] = {

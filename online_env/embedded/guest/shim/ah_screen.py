@@ -6,11 +6,7 @@ The system's Python has no faster way.
 from Xlib import X
 
 
-def grab(
-    connection,
-    filename,
-    region,
-):
+def grab(connection, filename, region):
     """The screen as a PIL image, saved as `filename` if one is given.
 
     Args:

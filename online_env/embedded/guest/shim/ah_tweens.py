@@ -11,12 +11,7 @@ OVERSHOOT = 1.70158  # of those that go back first
 GRAVITY = 7.5625  # of bouncing ones
 # Each bounce: its end, its middle (in parts of BOUNCES), its height.
 BOUNCES = 2.75
-HOPS = (
-    (1, 0, 0),
-    (2, 1.5, 0.75),
-    (2.5, 2.25, 0.9375),
-    (2.75, 2.625, 0.984375),
-)
+HOPS = ((1, 0, 0), (2, 1.5, 0.75), (2.5, 2.25, 0.9375), (2.75, 2.625, 0.984375))
 
 
 def linear(n):

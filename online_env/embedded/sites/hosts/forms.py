@@ -130,8 +130,7 @@ async def register(request: Request) -> Response:
 
 
 async def _answers(
-    request: Request,
-    number: int | None = None,
+    request: Request, number: int | None = None
 ) -> tuple[dict[str, Any], Response | None]:
     """What was entered, and the form once more if it cannot be accepted."""
     form = await fields(request)
@@ -140,13 +139,7 @@ async def _answers(
     problems = _problems(entry, agreed)
     if not problems:
         return entry, None
-    return entry, _sheet(
-        request,
-        entry,
-        number,
-        problems=problems,
-        agreed=agreed,
-    )
+    return entry, _sheet(request, entry, number, problems=problems, agreed=agreed)
 
 
 def _sheet(
@@ -194,12 +187,7 @@ async def change(request: Request) -> Response:
     """The form with what was entered, and its answers."""
     entry = _open(request, _kept(request))
     if request.method != "POST":
-        return _sheet(
-            request,
-            entry,
-            entry["number"],
-            agreed=True,
-        )
+        return _sheet(request, entry, entry["number"], agreed=True)
     answers, refused = await _answers(request, entry["number"])
     if refused is not None:
         return refused
@@ -229,12 +217,7 @@ async def find_registration(request: Request) -> Response:
             return see_other(f"/registrations/{number}")
     problem = "There is no registration with this number and e-mail." if number or email else ""
     return page(
-        request,
-        "find.html",
-        422 if problem else 200,
-        number=number,
-        email=email,
-        problem=problem,
+        request, "find.html", 422 if problem else 200, number=number, email=email, problem=problem
     )
 
 
@@ -250,13 +233,7 @@ async def feedback(request: Request) -> Response:
     sent = {**entry, "quote": first(form, "quote") == "yes"}
     if not fine:
         problem = "Please choose a course and how you liked it."
-        return page(
-            request,
-            "feedback.html",
-            422,
-            entry=sent,
-            problem=problem,
-        )
+        return page(request, "feedback.html", 422, entry=sent, problem=problem)
     with state_of(request).update("forms") as state:
         state.setdefault("feedback", []).append(sent)
     return see_other("/thanks")

@@ -59,11 +59,7 @@ def received(state: dict[str, Any]) -> list[dict[str, Any]]:
         "cc": [],
     }
     return [
-        {
-            **fresh,
-            **m,
-            **flags.get(m["id"], {}),
-        }
+        {**fresh, **m, **flags.get(m["id"], {})}
         for m in sorted(messages, key=lambda m: m["date"], reverse=True)
     ]
 
@@ -108,13 +104,7 @@ async def folder(request: Request) -> Response:
     if name not in FOLDERS:
         raise HTTPException(404)
     messages = _in_folder(state_of(request).read("mail"), name)
-    return page(
-        request,
-        "list.html",
-        folder=name,
-        heading=FOLDERS[name],
-        messages=messages,
-    )
+    return page(request, "list.html", folder=name, heading=FOLDERS[name], messages=messages)
 
 
 async def search(request: Request) -> Response:
@@ -149,11 +139,7 @@ async def message(request: Request) -> Response:
     return page(request, "message.html", message=found, folder=found["folder"])
 
 
-def _flag(
-    sites: SiteState,
-    ident: str,
-    change: dict[str, Any],
-) -> None:
+def _flag(sites: SiteState, ident: str, change: dict[str, Any]) -> None:
     with sites.update("mail") as state:
         state.setdefault("flags", {}).setdefault(ident, {}).update(change)
 
@@ -174,12 +160,7 @@ async def act(request: Request) -> Response:
 
 async def compose(request: Request) -> Response:
     """The form for a new message."""
-    draft = {
-        "to": query(request, "to"),
-        "cc": "",
-        "subject": "",
-        "body": "",
-    }
+    draft = {"to": query(request, "to"), "cc": "", "subject": "", "body": ""}
     replied = query(request, "reply")
     forwarded = query(request, "forward")
     opened = query(request, "draft")
@@ -192,20 +173,12 @@ async def compose(request: Request) -> Response:
             if original["subject"].startswith("Re: ")
             else f"Re: {original['subject']}"
         )
-        draft |= {
-            "to": original["from"]["address"],
-            "subject": subject,
-            "body": f"\n\n{quoted}",
-        }
+        draft |= {"to": original["from"]["address"], "subject": subject, "body": f"\n\n{quoted}"}
     if forwarded:
         draft |= _forward(_find(state, forwarded))
     for kept in state.get("drafts", []):
         if kept["id"] == opened:
-            draft = {
-                **kept,
-                "to": ", ".join(kept["to"]),
-                "cc": ", ".join(kept["cc"]),
-            }
+            draft = {**kept, "to": ", ".join(kept["to"]), "cc": ", ".join(kept["cc"])}
     return page(
         request,
         "compose.html",
@@ -237,11 +210,7 @@ async def send(request: Request) -> Response:
     }
     problem = "" if is_draft else _problem(to, cc)
     if problem:
-        draft = {
-            **written,
-            "to": first(form, "to"),
-            "cc": first(form, "cc"),
-        }
+        draft = {**written, "to": first(form, "to"), "cc": first(form, "cc")}
         return page(
             request,
             "compose.html",
@@ -268,12 +237,7 @@ def _problem(to: list[str], cc: list[str]) -> str:
     return f"{wrong[0]} is no e-mail address." if wrong else ""
 
 
-def _store(
-    sites: SiteState,
-    folder: str,
-    written: dict[str, Any],
-    replaces: str,
-) -> None:
+def _store(sites: SiteState, folder: str, written: dict[str, Any], replaces: str) -> None:
     with sites.update("mail") as state:
         state["drafts"] = [d for d in state.get("drafts", []) if d["id"] != replaces]
         state["count"] = state.get("count", 0) + 1

@@ -26,11 +26,7 @@ def documents() -> list[Document]:
 
 def _common(request: Request) -> dict[str, object]:
     del request
-    return {
-        "sections": SECTIONS,
-        "articles": list(articles(_FOLDER).values()),
-        "section": None,
-    }
+    return {"sections": SECTIONS, "articles": list(articles(_FOLDER).values()), "section": None}
 
 
 async def home(request: Request) -> Response:

@@ -74,11 +74,7 @@ def _common(request: Request) -> dict[str, object]:
 
 def _lines(cart: Mapping[str, int]) -> list[dict[str, Any]]:
     return [
-        {
-            "product": products()[i],
-            "quantity": n,
-            "cents": n * products()[i]["cents"],
-        }
+        {"product": products()[i], "quantity": n, "cents": n * products()[i]["cents"]}
         for i, n in cart.items()
     ]
 

@@ -118,23 +118,12 @@ async def edit(request: Request) -> Response:
     title = _title(request)
     if request.method != "POST":
         text = _current(_pages(request)).get(title, "")
-        return page(
-            request,
-            "edit.html",
-            title=title,
-            text=text,
-            problem="",
-        )
+        return page(request, "edit.html", title=title, text=text, problem="")
     form = await fields(request)
     text = first(form, "text")
     if not text:
         return page(
-            request,
-            "edit.html",
-            422,
-            title=title,
-            text="",
-            problem="An article cannot be empty.",
+            request, "edit.html", 422, title=title, text="", problem="An article cannot be empty."
         )
     with state_of(request).update("wiki") as state:
         entry = state.setdefault("pages", {}).setdefault(title, {"revisions": []})

@@ -80,10 +80,7 @@ class CopyTemplate(Task):
             'wait for "list.txt"',
         ]
         for name in (drawn.a, drawn.b, drawn.c):
-            steps += [
-                "press ctrl+v",
-                *told.rename(drawn.template, name),
-            ]
+            steps += ["press ctrl+v", *told.rename(drawn.template, name)]
         return steps
 
     def wrong(self):

@@ -58,10 +58,7 @@ class MoveBiggest(Task):
         thunar.move(hand, [self.drawn.biggest], self.drawn.target)
 
     def plan(self):
-        return [
-            'window "Thunar"',
-            *told.move([self.drawn.biggest], self.drawn.target),
-        ]
+        return ['window "Thunar"', *told.move([self.drawn.biggest], self.drawn.target)]
 
     def wrong(self):
         biggest, second = self.move(self.drawn.biggest), self.move(self.drawn.second)

@@ -55,10 +55,7 @@ class RenameFile(Task):
         hand.find(ITEMS, self.drawn.new, app="thunar")
 
     def plan(self):
-        return [
-            'window "Thunar"',
-            *told.rename(self.drawn.old, self.drawn.new),
-        ]
+        return ['window "Thunar"', *told.rename(self.drawn.old, self.drawn.new)]
 
     def wrong(self):
         place, new = self.drawn.place, self.drawn.new

@@ -39,10 +39,7 @@ class GreyPicture(pictures.PictureTask):
         pictures.gimp_export(hand, self.drawn.result)
 
     def plan(self):
-        return [
-            *told.command_of_gimp("grayscale"),
-            *told.export_from_gimp(self.drawn.new),
-        ]
+        return [*told.command_of_gimp("grayscale"), *told.export_from_gimp(self.drawn.new)]
 
     def wrong(self):
         path, result, picture = self.drawn.path, self.drawn.result, self.picture()

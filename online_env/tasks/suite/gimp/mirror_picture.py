@@ -58,10 +58,7 @@ class MirrorPicture(pictures.PictureTask):
         pictures.gimp_export(hand, self.drawn.result)
 
     def plan(self):
-        return [
-            *told.command_of_gimp(self.drawn.command),
-            *told.export_from_gimp(self.drawn.new),
-        ]
+        return [*told.command_of_gimp(self.drawn.command), *told.export_from_gimp(self.drawn.new)]
 
     def wrong(self):
         path, result, picture = self.drawn.path, self.drawn.result, self.picture()

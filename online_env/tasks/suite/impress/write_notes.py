@@ -3,13 +3,7 @@
 from dataclasses import replace
 
 from online_env.tasks.kit.office import menu, save
-from online_env.tasks.kit.slides import (
-    SlideTask,
-    presentation,
-    show_slide,
-    slide_changes,
-    write_in,
-)
+from online_env.tasks.kit.slides import SlideTask, presentation, show_slide, slide_changes, write_in
 from online_env.tasks.kit.talks import talk
 from online_env.tasks.plan_words import quoted
 

@@ -58,12 +58,7 @@ class RenameMissing(Task):
 
     def plan(self):
         said = f"there is no {self.drawn.old}, neither in the folder nor in the trash"
-        return [
-            'window "Thunar"',
-            'click "Trash" near "Places"',
-            "wait",
-            f"give up {quoted(said)}",
-        ]
+        return ['window "Thunar"', 'click "Trash" near "Places"', "wait", f"give up {quoted(said)}"]
 
     def wrong(self):
         place, new, names = self.drawn.place, self.drawn.new, self.drawn.names

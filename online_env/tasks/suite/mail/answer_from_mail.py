@@ -31,10 +31,7 @@ class AnswerFromMail(mail.MailTask):
         thing, subject, low, high = stream.choice(QUESTIONS)
         old, new = sample(stream, range(low, high), 2)
         day = stream.integer(12, 20)
-        told = (
-            (third, old, f"2026-02-{day}T10:05"),
-            (teller, new, f"2026-02-{day + 4}T16:20"),
-        )
+        told = ((third, old, f"2026-02-{day}T10:05"), (teller, new, f"2026-02-{day + 4}T16:20"))
         mails = [
             mail.message(
                 f"r{index}",
@@ -67,10 +64,7 @@ class AnswerFromMail(mail.MailTask):
         yield from machine.untouched()
         drawn = self.drawn
         letter = mail.Letter(
-            to=["asker@mail.test"],
-            subject="Re: A question",
-            holds=[drawn.new],
-            lacks=[drawn.old],
+            to=["asker@mail.test"], subject="Re: A question", holds=[drawn.new], lacks=[drawn.old]
         )
         yield from mail.problems(machine, sent=[letter])
 

@@ -55,11 +55,7 @@ class ArchiveSender(mail.MailTask):
     def plan(self):
         steps = ['window "Chromium"']
         for subject in self.drawn.subjects:
-            steps += [
-                f"click {quoted(subject)}",
-                'click "Archive" near "Back"',
-                'wait for "Inbox"',
-            ]
+            steps += [f"click {quoted(subject)}", 'click "Archive" near "Back"', 'wait for "Inbox"']
         return steps
 
     def wrong(self):

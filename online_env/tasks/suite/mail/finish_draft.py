@@ -58,10 +58,7 @@ class FinishDraft(mail.MailTask):
     def problems(self, machine):
         yield from machine.untouched()
         letter = mail.Letter(
-            to=[self.drawn.to],
-            subject=self.drawn.subject,
-            text=self.whole,
-            last=self.drawn.line,
+            to=[self.drawn.to], subject=self.drawn.subject, text=self.whole, last=self.drawn.line
         )
         yield from mail.problems(machine, sent=[letter], finished=[self.ident])
 

@@ -45,10 +45,7 @@ class WriteWithCopy(mail.MailTask):
         yield from machine.untouched()
         drawn = self.drawn
         letter = mail.Letter(
-            to=[drawn.to],
-            cc=[drawn.cc0, drawn.cc1],
-            subject=drawn.subject,
-            text=drawn.text,
+            to=[drawn.to], cc=[drawn.cc0, drawn.cc1], subject=drawn.subject, text=drawn.text
         )
         yield from mail.problems(machine, sent=[letter])
 
@@ -66,10 +63,7 @@ class WriteWithCopy(mail.MailTask):
             'window "Chromium"',
             'click "Compose"',
             *told.compose(
-                to=drawn.to,
-                cc=f"{drawn.cc0}, {drawn.cc1}",
-                subject=drawn.subject,
-                text=drawn.text,
+                to=drawn.to, cc=f"{drawn.cc0}, {drawn.cc1}", subject=drawn.subject, text=drawn.text
             ),
             *told.SEND,
         ]

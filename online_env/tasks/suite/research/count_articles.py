@@ -59,10 +59,7 @@ class CountArticles(Task):
         take_note(hand, self.drawn.path, str(self.drawn.total))
 
     def plan(self):
-        return [
-            'window "Chromium"',
-            *told.take_note(self.drawn.path, str(self.drawn.total)),
-        ]
+        return ['window "Chromium"', *told.take_note(self.drawn.path, str(self.drawn.total))]
 
     def wrong(self):
         path, drawn = self.drawn.path, self.drawn

@@ -47,10 +47,7 @@ class BuyCheapestRated(shop.ShopTask):
         shop.add(hand, self.drawn.count)
 
     def plan(self):
-        return [
-            'window "Chromium"',
-            *told.put_into_cart(self.drawn.chosen, self.drawn.count),
-        ]
+        return ['window "Chromium"', *told.put_into_cart(self.drawn.chosen, self.drawn.count)]
 
     def wrong(self):
         chosen, count = self.drawn.chosen.id, self.drawn.count

@@ -37,10 +37,7 @@ class SpendBudget(shop.ShopTask):
         shop.add(hand, self.drawn.count)
 
     def plan(self):
-        return [
-            'window "Chromium"',
-            *told.put_into_cart(self.drawn.chosen, self.drawn.count),
-        ]
+        return ['window "Chromium"', *told.put_into_cart(self.drawn.chosen, self.drawn.count)]
 
     def wrong(self):
         ident, count = self.drawn.chosen.id, self.drawn.count

@@ -53,8 +53,7 @@ class FindMention(Task):
 
     def plan(self):
         return told.run(
-            f"grep -rw {self.drawn.number} Documents/Letters",
-            f"cp '{self.drawn.wanted}' Desktop/",
+            f"grep -rw {self.drawn.number} Documents/Letters", f"cp '{self.drawn.wanted}' Desktop/"
         )
 
     def wrong(self):

@@ -71,10 +71,7 @@ class SetPermissions(Task):
 
     def plan(self):
         return told.run(
-            f"cd ~/{self.drawn.place}",
-            "chmod +x *.sh",
-            f"chmod 600 {self.drawn.secret}",
-            "ls -l",
+            f"cd ~/{self.drawn.place}", "chmod +x *.sh", f"chmod 600 {self.drawn.secret}", "ls -l"
         )
 
     def wrong(self):

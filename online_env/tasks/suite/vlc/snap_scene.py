@@ -70,7 +70,4 @@ class SnapScene(Task):
 
     def scene(self, place):
         """Return the picture of a scene."""
-        return recordings.scene(
-            Stream(self.seed, f"snap_scene {place}"),
-            self.drawn.titles[place],
-        )
+        return recordings.scene(Stream(self.seed, f"snap_scene {place}"), self.drawn.titles[place])

@@ -27,9 +27,7 @@ class ListToSheet(SheetTask):
         rows = [
             (f"{first} {stream.choice(LAST_NAMES)}", thing)
             for first, thing in zip(
-                sample(stream, FIRST_NAMES, count),
-                sample(stream, GOODS, count),
-                strict=True,
+                sample(stream, FIRST_NAMES, count), sample(stream, GOODS, count), strict=True
             )
         ]
         event = stream.choice(("picnic", "camp", "party", "fair"))

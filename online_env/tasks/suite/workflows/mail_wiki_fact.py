@@ -62,9 +62,7 @@ class MailWikiFact(Task):
         yield from machine.untouched()
         drawn = self.drawn
         letter = mail.Letter(
-            to=["quiz@mail.test"],
-            subject=f"Re: {drawn.subject}",
-            holds=[drawn.fact],
+            to=["quiz@mail.test"], subject=f"Re: {drawn.subject}", holds=[drawn.fact]
         )
         yield from mail.problems(machine, sent=[letter])
 

@@ -60,8 +60,7 @@ class TotalInLetter(TextTask):
     def prepare(self, machine):
         super().prepare(machine)
         machine.write(
-            self.drawn.bill,
-            dump(book({"Bill": [("Article", "Euros"), *self.drawn.rows]})),
+            self.drawn.bill, dump(book({"Bill": [("Article", "Euros"), *self.drawn.rows]}))
         )
 
     def sentence(self, total):

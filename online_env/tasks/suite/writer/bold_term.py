@@ -45,12 +45,7 @@ class BoldTerm(TextTask):
         save(hand)
 
     def plan(self):
-        return [
-            told.WRITER,
-            *told.find_in_writer(self.drawn.term),
-            "press ctrl+b",
-            *told.SAVE_DOCX,
-        ]
+        return [told.WRITER, *told.find_in_writer(self.drawn.term), "press ctrl+b", *told.SAVE_DOCX]
 
     def wrong(self):
         sentence, term = self.drawn.sentence, self.drawn.term

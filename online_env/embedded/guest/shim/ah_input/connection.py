@@ -32,13 +32,7 @@ class Connection:
         """`(width, height)` of the screen in pixels."""
         return self.screen.width_in_pixels, self.screen.height_in_pixels
 
-    def fake(
-        self,
-        kind: int,
-        detail: int = 0,
-        x: int = 0,
-        y: int = 0,
-    ) -> None:
+    def fake(self, kind: int, detail: int = 0, x: int = 0, y: int = 0) -> None:
         """Send one XTEST event; `flush` or `sync` delivers it."""
         cast(Any, xtest).fake_input(self.display, kind, detail, x=x, y=y)
 
@@ -67,9 +61,7 @@ class Connection:
             self.display.intern_atom("_NET_WM_PING"),
         )
         message = event.ClientMessage(
-            window=window,
-            client_type=protocols,
-            data=(32, [ping, self._pings, window.id, 0, 0]),
+            window=window, client_type=protocols, data=(32, [ping, self._pings, window.id, 0, 0])
         )
         self.root.change_attributes(event_mask=X.SubstructureNotifyMask)
         try:

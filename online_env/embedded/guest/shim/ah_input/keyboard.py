@@ -86,12 +86,7 @@ class Keyboard:
         self._held.clear()
         self._connection.sync()
 
-    def _type_run(
-        self,
-        keys: Sequence[KeyStroke],
-        layout: KeyboardLayout,
-        interval: float,
-    ) -> None:
+    def _type_run(self, keys: Sequence[KeyStroke], layout: KeyboardLayout, interval: float) -> None:
         held = self._connection.root.query_pointer().mask & X.ShiftMask
         shift = layout.keys[SHIFT][0]
         for position, (code, shifted) in enumerate(keys, 1):
@@ -143,13 +138,7 @@ class Keyboard:
                 with layout.lent([symbol]) as keys:
                     self._type_run([keys[symbol]], layout, 0.0)
 
-    def _send(
-        self,
-        code: int,
-        shifted: bool,
-        layout: KeyboardLayout,
-        down: bool,
-    ) -> None:
+    def _send(self, code: int, shifted: bool, layout: KeyboardLayout, down: bool) -> None:
         # As pyautogui does, Shift goes down for the moment of the press only.
         lift = shifted and down and not self._connection.root.query_pointer().mask & X.ShiftMask
         if lift:

@@ -141,12 +141,7 @@ KEYSYMS = NAMED
 SHIFT = 0xFFE1
 CAPS_LOCK = 0xFFE5
 
-CONTROL = {
-    "\n": 0xFF0D,
-    "\r": 0xFF0D,
-    "\t": 0xFF09,
-    "\b": 0xFF08,
-}
+CONTROL = {"\n": 0xFF0D, "\r": 0xFF0D, "\t": 0xFF09, "\b": 0xFF08}
 
 
 def keysym_of(character: str) -> int:

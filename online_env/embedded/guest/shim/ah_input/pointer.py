@@ -7,13 +7,7 @@ from Xlib import X
 
 from .connection import Connection
 
-BUTTONS: dict[str, int] = {
-    "left": 1,
-    "middle": 2,
-    "right": 3,
-    "primary": 1,
-    "secondary": 3,
-}
+BUTTONS: dict[str, int] = {"left": 1, "middle": 2, "right": 3, "primary": 1, "secondary": 3}
 MOST_BUTTONS = 9
 UP, DOWN, LEFT, RIGHT = 4, 5, 6, 7  # the wheel's buttons
 RATE = 60  # moves a second on the way
@@ -61,11 +55,7 @@ class Pointer:
         return where.root_x, where.root_y
 
     def move(
-        self,
-        x: int,
-        y: int,
-        duration: float = 0.0,
-        tween: Callable[[float], float] | None = None,
+        self, x: int, y: int, duration: float = 0.0, tween: Callable[[float], float] | None = None
     ) -> None:
         """Move to a point on a straight line.
 
@@ -91,12 +81,7 @@ class Pointer:
             self._held.remove(number)
         self._send(X.ButtonRelease, number)
 
-    def click(
-        self,
-        button: str | int = "left",
-        clicks: int = 1,
-        interval: float = 0.0,
-    ) -> None:
+    def click(self, button: str | int = "left", clicks: int = 1, interval: float = 0.0) -> None:
         """Click where the pointer is."""
         for index in range(clicks):
             if index:
@@ -120,11 +105,7 @@ class Pointer:
             self.up(button)
 
     def drag_move(
-        self,
-        x: int,
-        y: int,
-        duration: float = 0.0,
-        tween: Callable[[float], float] | None = None,
+        self, x: int, y: int, duration: float = 0.0, tween: Callable[[float], float] | None = None
     ) -> None:
         """Move as in a drag: by steps that a toolkit recognises, even where no time is given."""
         duration = max(duration, DRAG_TIME)
@@ -153,12 +134,7 @@ class Pointer:
             self.up(number)
 
     def _move(
-        self,
-        x: int,
-        y: int,
-        duration: float,
-        steps: int,
-        tween: Callable[[float], float] | None,
+        self, x: int, y: int, duration: float, steps: int, tween: Callable[[float], float] | None
     ) -> None:
         start_x, start_y = self.position
         for step in range(1, steps):
