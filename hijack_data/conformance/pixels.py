@@ -65,7 +65,7 @@ def _without_numba(plan: Plan, image: UInt8Array) -> UInt8Array:
     out = image.copy()
     for op in plan.ops:
         if isinstance(op, Paste):
-            out = cpu.paste_plain(out, lower(op, (out.shape[0], out.shape[1])))
+            out = cpu.paste(out, lower(op, (out.shape[0], out.shape[1])))
         else:
             out = cpu.resample_plain(out, op.size)
     return out

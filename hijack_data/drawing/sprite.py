@@ -258,13 +258,16 @@ def _blend(below: UInt8Array, layer: Layer, channels: slice) -> None:
     if not layer.covers:
         below[:] = colors[0] if picture is None else picture
         return
-    keep = np.repeat(255 - layer.alpha, per, axis=1)
-    total = np.multiply(below, keep, dtype=np.uint16)
+    total = np.multiply(below, _per_byte(255 - layer.alpha, per), dtype=np.uint16)
     if picture is not None:
         total += picture
     for cover, color in zip(layer.covers, colors, strict=False):
-        covered = np.repeat(cover, per, axis=1)
-        total += np.multiply(covered, color, dtype=np.uint16)
+        total += np.multiply(_per_byte(cover, per), color, dtype=np.uint16)
     total += 128  # at most 65153, so every step fits into 16 bits
     total += total >> 8
     np.right_shift(total, 8, out=below, casting="unsafe")
+
+
+def _per_byte(mask: UInt8Array, channels: int) -> UInt8Array:
+    """Repeat each pixel of a mask `[h, w]` for the channels that lie beside each other."""
+    return mask if channels == 1 else np.repeat(mask, channels, axis=1)

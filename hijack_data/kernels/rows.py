@@ -1,4 +1,4 @@
-"""Write stamps as rows of numbers, the input of compiled kernels on the CPU and on a GPU.
+"""Write stamps as rows of numbers, the input of the compiled kernel on a GPU.
 
 One row, `COLUMNS` int64, is one layer of one stamp, in the order of drawing:
 
@@ -58,15 +58,6 @@ def rows_of(stamps: Iterable[Stamp], key: object, make: Callable[[Sprite], Stamp
 def rows_of_sprite(sprite: Sprite, place: Addressing) -> StampRows:
     """Return the rows of a sprite that lies at (0, 0); `place` returns where its arrays are."""
     return np.array([_row(layer, place) for layer in sprite.layers], np.int64)
-
-
-def on_host(sprite: Sprite) -> StampRows:
-    """Return the rows of a sprite at (0, 0) whose arrays are in this process's memory."""
-    return rows_of_sprite(sprite, _in_memory)
-
-
-def _in_memory(array: npt.NDArray[Any]) -> tuple[int, int]:
-    return array.ctypes.data, array.strides[0] // array.itemsize
 
 
 def _row(layer: Layer, place: Addressing) -> tuple[int, ...]:

@@ -1,9 +1,7 @@
-"""Pasting on the CPU, compiled and not: the bytes of the definition for every sprite, place and
+"""Pasting on the CPU: the bytes of the definition for every sprite, place and
 memory layout."""
 
-import sys
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,22 +12,9 @@ import hijack_data as hj
 from hijack_data.conformance import picture, reference
 from hijack_data.drawing.raster import png_recipe
 from hijack_data.drawing.sprite import Layer, Sprite
-from hijack_data.errors import MissingDependencyError
 from hijack_data.kernels import Stamp, lower
-from hijack_data.kernels.cpu import blend, jit
 from hijack_data.kernels.cpu import pixels as kernels
-from hijack_data.kernels.rows import on_host, rows_of
 from hijack_data.plan import Paste, Plan
-
-from support.guarded import run
-
-needs_numba = pytest.mark.skipif(
-    not jit.available(), reason="needs Numba: pip install 'agenthijack[fast]'"
-)
-PATHS = [
-    pytest.param(kernels.paste, marks=needs_numba, id="compiled"),
-    pytest.param(kernels.paste_plain, id="plain"),
-]
 
 SIDE = st.one_of(st.integers(1, 20), st.integers(1, 80))
 COLOR = st.sampled_from(["red", "#ffffff", "#000000", "#01fe80", "#7f8081"])
@@ -124,29 +109,28 @@ def noise(*shape: int) -> np.ndarray:
     return np.random.default_rng(sum(shape)).integers(0, 256, shape, dtype=np.uint8)
 
 
-def check(paste, layout: str, image: np.ndarray, stamps: list[Stamp], expected: np.ndarray) -> None:
+def check(layout: str, image: np.ndarray, stamps: list[Stamp], expected: np.ndarray) -> None:
     """The picture becomes `expected`; the memory around and between its pixels stays as it was."""
     memory, view = LAYOUTS[layout](*image.shape[:2])
     before = memory.copy()
     own = view.copy()
     view[...] = image
-    assert paste(view, stamps) is view
+    assert kernels.paste(view, stamps) is view
     np.testing.assert_array_equal(view, expected)
     view[...] = own
     np.testing.assert_array_equal(memory, before)
 
 
-@pytest.mark.parametrize("paste", PATHS)
 @settings(max_examples=150, deadline=None)
 @given(
     size=st.tuples(SIDE, SIDE),
     ops=st.lists(PASTES, min_size=1, max_size=3),
     layout=st.sampled_from(list(LAYOUTS)),
 )
-def test_any_sprite_anywhere_in_any_layout(paste, size, ops, layout):
+def test_any_sprite_anywhere_in_any_layout(size, ops, layout):
     image = noise(*size, 3)
     expected = reference(Plan("test-v1", size, ops=tuple(ops)), image)
-    check(paste, layout, image, [stamp for op in ops for stamp in lower(op, size)], expected)
+    check(layout, image, [stamp for op in ops for stamp in lower(op, size)], expected)
 
 
 def stamp(layer: Layer, y: int = 0, x: int = 0) -> Stamp:
@@ -159,10 +143,9 @@ def blended(below: np.ndarray, alpha: np.ndarray, paint: np.ndarray) -> np.ndarr
     return ((2 * total + 255) // 510).astype(np.uint8)
 
 
-@pytest.mark.parametrize("paste", PATHS)
 @pytest.mark.parametrize("layout", ["channels last", "channels first", "every second pixel"])
 @pytest.mark.parametrize("level", [0, 1, 127, 254, 255])
-def test_every_byte_under_every_opacity(paste, layout, level):
+def test_every_byte_under_every_opacity(layout, level):
     """All that 16 bits must hold, for one colour, for two and for a picture."""
     alpha, below = np.mgrid[0:256, 0:256].astype(np.uint8)
     image = np.stack([below, 255 - below, below], axis=-1)
@@ -178,7 +161,7 @@ def test_every_byte_under_every_opacity(paste, layout, level):
         (Layer(box, (first, second), (color, other)), two),
         (Layer(box, (alpha,), picture=one.astype(np.uint16)), one),
     ):
-        check(paste, layout, image, [stamp(layer)], blended(image, alpha, paint))
+        check(layout, image, [stamp(layer)], blended(image, alpha, paint))
 
 
 def layers(width: int) -> list[Layer]:
@@ -204,11 +187,10 @@ def layers(width: int) -> list[Layer]:
     ]
 
 
-@pytest.mark.parametrize("paste", PATHS)
 @pytest.mark.parametrize(
     "layout", ["channels last", "channels last, a part", "channels first", "mirrored"]
 )
-def test_every_width(paste, layout):
+def test_every_width(layout):
     """Narrower than a vector, its multiples and what is left over, in pictures as wide and
     wider."""
     for width in range(1, 100):
@@ -220,20 +202,18 @@ def test_every_width(paste, layout):
                     (slice(1, 4), slice(beside // 2, beside // 2 + width)),
                 )
                 expected[part] = blended(image[part], layer.alpha, layer.paint)
-                check(paste, layout, image, [stamp(layer, 1, beside // 2)], expected)
+                check(layout, image, [stamp(layer, 1, beside // 2)], expected)
 
 
-@pytest.mark.parametrize("paste", PATHS)
-def test_nothing_to_stamp(paste):
+def test_nothing_to_stamp():
     image = noise(40, 50, 3)
     mark = hj.Marks(number=1).plan(hj.Scene(size=(400, 400)), seed=1).ops[0]
     nowhere = lower(Paste(mark.sprite, ((-100, 0), (50, 3))), (40, 50))
     for stamps in ([], nowhere, [stamp for stamp in nowhere for _ in range(3)]):
-        assert np.array_equal(paste(image.copy(), stamps), image)
+        assert np.array_equal(kernels.paste(image.copy(), stamps), image)
 
 
-@pytest.mark.parametrize("paste", PATHS)
-def test_threads_share_sprites(paste):
+def test_threads_share_sprites():
     size = (300, 500)
     specs = [
         hj.Marks(number=9, mark_size=8),
@@ -245,120 +225,10 @@ def test_threads_share_sprites(paste):
     with ThreadPoolExecutor(4) as pool:
         outs = list(
             pool.map(
-                lambda plan, image: paste(image.copy(), lower(plan.ops[0], size)), plans, images
+                lambda plan, image: kernels.paste(image.copy(), lower(plan.ops[0], size)),
+                plans,
+                images,
             )
         )
     for plan, image, out in zip(plans, images, outs, strict=True):
         np.testing.assert_array_equal(out, reference(plan, image))
-
-
-@needs_numba
-def test_the_compiled_paste_is_the_one_that_runs(monkeypatch):
-    monkeypatch.setattr(kernels, "paste_plain", lambda *_: pytest.fail("NumPy pasted"))
-    plan = hj.Marks(number=3, mark_size=8).plan(hj.Scene(size=(90, 120)), seed=5)
-    assert np.array_equal(hj.apply(plan, picture((90, 120))), reference(plan, picture((90, 120))))
-
-
-def test_without_numba(monkeypatch):
-    def absent(name: str) -> object:
-        raise ModuleNotFoundError(name, name=name)
-
-    plan, image = (
-        hj.Subtitle(font_size=9).plan(hj.Scene(size=(200, 400)), seed=5),
-        picture((200, 400)),
-    )
-    stamps = lower(plan.ops[0], (200, 400))
-    monkeypatch.setattr(jit, "import_module", absent)
-    jit._importable.cache_clear()
-    blend._kernel.cache_clear()
-    try:
-        assert np.array_equal(kernels.paste(image.copy(), stamps), reference(plan, image))
-        with pytest.raises(MissingDependencyError, match=r"pip install .*\[fast\]'"):
-            blend.paste(image, rows_of(stamps, "host-rows", on_host))
-    finally:
-        jit._importable.cache_clear()
-        blend._kernel.cache_clear()
-
-
-@pytest.fixture(scope="module")
-def cache(tmp_path_factory) -> Path:
-    return tmp_path_factory.mktemp("numba")
-
-
-COLD = """
-import sys
-import numpy as np
-import hijack_data as hj
-from hijack_data.kernels.cpu import jit, pixels
-jit.start()
-assert "numba" not in sys.modules, "importing the kernels loads Numba"
-plan = hj.Marks(number=1, mark_size=9, mark_type="rectangle").plan(hj.Scene(size=(60, 60)), seed=1)
-assert (hj.apply(plan, np.zeros((60, 60, 3), np.uint8)) == (255, 0, 0)).all(-1).sum() == 18 * 18
-"""
-
-
-@needs_numba
-def test_a_cold_start_warns_of_nothing_and_fills_the_cache(cache):
-    run(COLD, cache)
-    assert {path.name.split("-")[0] for path in cache.rglob("*.nbc")} == {"blend._draw"}
-
-
-GUARDED = """
-import numpy as np
-from hijack_data.kernels import Stamp
-from hijack_data.kernels.cpu import blend
-from hijack_data.kernels.rows import on_host, rows_of
-from hijack_data.drawing.sprite import Layer, Sprite
-from support.guarded import guarded
-
-to, one, two = guarded(16), guarded(16), guarded(16)
-zero = np.array([0], np.int32)
-one[:], two[:] = 100, 90
-
-def at(memory, end, shape, dtype=np.uint8):
-    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
-    return (memory[-size:] if end else memory[:size]).view(dtype).reshape(shape)
-
-for width in (1, 2, 15, 16, 17, 31, 32, 33, 40, 48, 63, 64, 65, 200):
-    for end in (False, True):
-        box, mask, color = (0, 0, width, 3), at(one, end, (3, width)), (1, 2, 3)
-        layers = [
-            Layer(box, colors=(color,)),
-            Layer(box, (mask,), (color,)),
-            Layer(box, (mask, at(two, end, (3, width))), (color, color)),
-            Layer(box, picture=at(two, end, (3, width, 3))),
-            Layer(box, (mask,), picture=at(two, end, (3, width, 3), np.uint16)),
-        ]
-        images = [at(to, end, (3, width, 3)), at(to, end, (3, 3, width)).transpose(1, 2, 0)]
-        for layer in layers:
-            rows = rows_of([Stamp(Sprite(layer.size, (layer,), False), zero, zero)], "key", on_host)
-            for image in (*images, *(image[:, ::-1] for image in images)):
-                blend.paste(image, rows)
-print("done")
-"""
-
-
-@needs_numba
-@pytest.mark.skipif(sys.platform != "linux", reason="needs mprotect")
-def test_reads_and_writes_nothing_beyond_pictures_and_masks(cache):
-    assert run(GUARDED, cache) == "done\n"
-
-
-@needs_numba
-def test_a_few_pictures_are_done_before_numba_would_have_been_loaded(tmp_path):
-    run(FEW, tmp_path)
-
-
-FEW = """
-import sys
-import numpy as np
-import hijack_data as hj
-from hijack_data.kernels.cpu import jit
-plan, image = hj.Marks(number=2, mark_size=5).plan(hj.Scene((90, 90)), seed=1), np.zeros((90, 90, 3), np.uint8)
-few = hj.apply(plan, image)
-assert "numba" not in sys.modules
-jit.start()
-assert (hj.apply(plan, image) == few).all() and "numba" in sys.modules
-jit._state.forgone = jit.START - 0.3
-assert [jit.worthwhile(0.2) for _ in range(3)] == [False, False, True]
-"""

@@ -1,21 +1,12 @@
-"""Counting differing pixels: the compiled way, NumPy's way and the plain definition give one
-number."""
+"""Counting differing pixels gives the number of the plain definition."""
 
-import sys
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from hijack_data.kernels.cpu import compare, jit
-
-from support.guarded import run
-
-needs_numba = pytest.mark.skipif(
-    not jit.available(), reason="needs Numba: pip install 'agenthijack[fast]'"
-)
+from hijack_data.kernels.cpu import compare
 
 
 def planes(image):
@@ -28,7 +19,7 @@ def inside(image):
     return np.pad(image, ((3, 2), (1, 5), (0, 0)), constant_values=9)[3:-2, 1:-5]
 
 
-COMPILED = {
+LAYOUTS = {
     "channels last": np.ascontiguousarray,
     "channels first": planes,
     "crop": inside,
@@ -37,15 +28,12 @@ COMPILED = {
     ),
     "upside down": lambda image: image[::-1].copy()[::-1],
     "planes reversed": lambda image: planes(image[:, :, ::-1])[:, :, ::-1],
-}
-OTHER = {
     "mirrored": lambda image: image[:, ::-1].copy()[:, ::-1],
     "channels reversed": lambda image: image[:, :, ::-1].copy()[:, :, ::-1],
     "columns first": lambda image: image.swapaxes(0, 1).copy().swapaxes(0, 1),
     "every second pixel": lambda image: image.repeat(2, axis=1)[:, ::2],
     "every second byte": lambda image: image.repeat(2, axis=2)[:, :, ::2],
 }
-LAYOUTS = {**COMPILED, **OTHER}
 SIDE = st.one_of(st.integers(1, 30), st.integers(1, 200))
 BOX = st.tuples(
     st.integers(-30, 210), st.integers(-30, 120), st.integers(0, 150), st.integers(0, 60)
@@ -113,12 +101,8 @@ def test_all_ways_count_the_same(seed, size, share, rows, one, two):
         mask[y1:y2, x1:x2] = True
     given, kept = boxes.copy(), np.where(mask, after, before)
     a, b, c = LAYOUTS[one](before), LAYOUTS[two or one](kept), LAYOUTS[two or one](after)
-    assert (
-        compare.count(a, b, boxes)
-        == compare._count_by_numpy(a, b, boxes)
-        == int((before != kept).any(-1).sum())
-    )
-    assert compare.count(a, c, boxes) == compare._count_by_numpy(a, c, boxes)
+    assert compare.count(a, b, boxes) == int((before != kept).any(-1).sum())
+    assert compare.count(a, c, boxes) == compare.count(before, after, boxes)
     assert np.array_equal(boxes, given)
 
 
@@ -149,7 +133,7 @@ def test_every_single_byte_is_seen():
                     assert compare.count(layout(before), layout(after), box) == (x > 0)
 
 
-def test_what_is_not_uint8_rgb_is_left_to_numpy():
+def test_pictures_that_are_not_uint8_rgb():
     before = np.zeros((4, 90, 4), np.uint8)
     after = before.copy()
     after[2, 5:8, 1] = 1
@@ -161,65 +145,9 @@ def test_what_is_not_uint8_rgb_is_left_to_numpy():
     )
 
 
-@needs_numba
-@pytest.mark.parametrize("layout", LAYOUTS)
-def test_the_usual_layouts_are_compiled(monkeypatch, layout):
-    def refuse(*_):
-        raise AssertionError(layout)
-
-    monkeypatch.setattr(compare, "_count_by_numpy" if layout in COMPILED else "_kernel", refuse)
-    before, after = (LAYOUTS[layout](image) for image in pair(0, 40, 90, 1.0))
-    assert compare.count(before, after, boxes_of([(0, 0, 90, 40)])) == 3600
-
-
-def test_without_numba(monkeypatch):
-    before, after = pair(0, 40, 90, 0.1)
-    box = boxes_of([(0, 0, 90, 40)])
-    expected = compare.count(before, after, box)
-    monkeypatch.setattr(jit, "available", lambda: False)
-    monkeypatch.setattr(compare, "_kernel", None)
-    assert compare.count(before, after, box) == expected == int((before != after).any(-1).sum())
-
-
-@settings(max_examples=60, deadline=None)
-@given(st.lists(BOX, max_size=20))
-def test_boxes_are_separated_alike(rows):
-    """Numba's copy of the loop, here as plain Python, leaves the boxes that NumPy does: the order
-    apart."""
-    boxes = boxes_of(rows)
-    inside = boxes.clip(0, [200, 100, 200, 100])
-    expected = compare._disjoint(inside[(inside[:, :2] < inside[:, 2:]).all(axis=1)])
-    kept = compare._separate_in_place(boxes, 100, 200)
-    assert sorted(boxes[:kept].tolist()) == sorted(expected.tolist())
-
-
 def test_threads_may_count_at_once():
     pairs = [pair(seed, 90, 120, 0.1) for seed in range(16)]
     boxes = boxes_of([(0, 0, 100, 80), (90, 70, 30, 20)])
     with ThreadPoolExecutor(4) as pool:
         found = list(pool.map(lambda both: compare.count(*both, boxes), pairs))
-    assert found == [compare._count_by_numpy(*both, boxes) for both in pairs]
-
-
-GUARDED = """
-import numpy as np
-from hijack_data.kernels.cpu import compare, jit
-jit.start()
-from support.guarded import guarded
-inside = guarded(4)
-for height, width in [(1, 22), (1, 64), (2, 65), (30, 85), (40, 128), (1, 1000)]:
-    size = height * width * 3
-    boxes = [[0, 0, width, height], [width - 1, 0, width, height], [0, 0, 1, 1], [-9, -9, 2 * width, 2 * height]]
-    for flat in (inside[:size], inside[-size:]):
-        for image in (flat.reshape(height, width, 3), np.moveaxis(flat.reshape(3, height, width), 0, 2)):
-            for box in boxes:
-                assert compare.count(image, np.copy(image, order="K"), np.array([box], np.int32)) == 0
-"""
-
-
-@needs_numba
-@pytest.mark.skipif(sys.platform != "linux", reason="needs mprotect")
-def test_reads_nothing_beyond_the_picture(tmp_path):
-    run(GUARDED, tmp_path)
-    compiled = {path.name.split("-")[0] for path in tmp_path.rglob("*.nbc")}
-    assert compiled == {"compare._count", "compare._separate_in_place"}
+    assert found == [compare.count(*both, boxes) for both in pairs]

@@ -1,8 +1,7 @@
 """Paste and resample for pictures in memory: uint8 `[H, W, 3]`, any strides.
 
-Contiguous pictures in either channel order are fast. With Numba, the compiled kernels draw as soon
-as that pays off (`jit.worthwhile`); until then, and without Numba, `paste_plain` and
-`resample_plain` do.
+Contiguous pictures in either channel order are fast. With Numba, the compiled kernel resizes as
+soon as that pays off (`jit.worthwhile`); until then, and without Numba, `resample_plain` does.
 """
 
 from collections.abc import Iterator
@@ -16,14 +15,11 @@ from ...drawing.sprite import Sprite, draw
 from ...limits import PIXELS_AT_ONCE
 from ...resample import columns_first
 from ...types import Int32Array, Size, UInt8Array
-from ..rows import on_host, rows_of
 from ..stamps import Stamp
-from . import blend, jit, resize
+from . import jit, resize
 
 LINE = 64  # bytes of a cache line
-# Milliseconds that the compiled kernels save, per picture and per byte.
-PASTE_SAVES = 0.2  # a picture
-RESAMPLE_SAVES = 3e-6  # a byte
+RESAMPLE_SAVES = 3e-6  # milliseconds that the compiled kernel saves a byte
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -63,33 +59,10 @@ def empty_like(image: UInt8Array) -> UInt8Array:
 
 
 def paste(image: UInt8Array, stamps: list[Stamp]) -> UInt8Array:
-    """Stamp sprites into `image`, in order, in place; return it."""
-    if not jit.worthwhile(PASTE_SAVES):
-        return paste_plain(image, stamps)
-    rows = rows_of(stamps, "host-rows", on_host)
-    if blend.has_run():
-        blend.paste(image, rows)
-        return image
-    return _first_paste(image, stamps, rows)
+    """Stamp sprites into `image`, in order, in place; return it.
 
-
-def _first_paste(image: UInt8Array, stamps: list[Stamp], rows: npt.NDArray[np.int64]) -> UInt8Array:
-    """Paste with the compiled kernel; if it fails, restore the picture and paste without it."""
-    before = image.copy()
-
-    def compiled() -> UInt8Array:
-        blend.paste(image, rows)
-        return image
-
-    def plain() -> UInt8Array:
-        image[...] = before
-        return paste_plain(image, stamps)
-
-    return jit.guarded(compiled, plain)
-
-
-def paste_plain(image: UInt8Array, stamps: list[Stamp]) -> UInt8Array:
-    """Paste as `paste` does, without Numba."""
+    What is opaque is copied as slices; only what is not opaque is blended.
+    """
     flat = _flat(image)
     for stamp in stamps:
         h, w = stamp.sprite.size
