@@ -20,12 +20,11 @@ from hijack_data import safety
 from hijack_data.backends import convert
 from hijack_data.conformance import picture, reference, scene
 from hijack_data.drawing import letters, raster
-from hijack_data.drawing import sprite as sprite_module
 from hijack_data.drawing.raster import png_recipe, render
 from hijack_data.drawing.sprite import draw
 from hijack_data.drawing.text import FONTS, line_height, line_width, load_font
 from hijack_data.errors import ParameterTypeError
-from hijack_data.kernels.cpu import compare, jit
+from hijack_data.kernels.cpu import compare
 from hijack_data.kernels.cpu import pixels as numpy_kernels
 from hijack_data.params import rgb
 from hijack_data.plan import Paste, Plan
@@ -124,22 +123,7 @@ def test_windows_are_those_that_pillow_draws():
         assert np.array_equal(planar, expected), recipe
 
 
-def test_a_window_is_drawn_straight_into_the_picture(monkeypatch):
-    """Compiled kernels stamp its layers, so that it is never made into a picture of its own."""
-    if not jit.available():
-        pytest.skip("needs Numba: pip install 'agenthijack[fast]'")
-    plan = hj.PopUps().plan(scene((1080, 1920)), seed=7, sample="again")
-    image, sprite = picture((1080, 1920)), render(plan.ops[0].sprite)
-    monkeypatch.setattr(sprite_module, "draw", lambda *_: pytest.fail("drawn by NumPy"))
-    monkeypatch.setattr(numpy_kernels, "draw", lambda *_: pytest.fail("drawn by NumPy"))
-    outs = [hj.apply(plan, image) for _ in range(2)]
-    monkeypatch.undo()
-    assert "rgb" not in vars(sprite)
-    assert all(np.array_equal(out, reference(plan, image)) for out in outs)
-
-
-def test_without_numba_a_window_is_drawn_once(monkeypatch):
-    monkeypatch.setattr(jit, "available", lambda: False)
+def test_a_window_is_drawn_once(monkeypatch):
     plan = hj.PopUps().plan(scene((1080, 1920)), seed=7, sample="once")
     image = picture((1080, 1920))
     outs = [hj.apply(plan, image)]
