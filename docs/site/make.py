@@ -108,7 +108,7 @@ def main() -> None:
     print(f"{PAGES.relative_to(ROOT)}: {written} pages", flush=True)
     if only_pages:
         return
-    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "-f", str(SETTINGS)]
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "-f", str(SETTINGS)]
     # The theme prints an advertisement for its successor into every log.
     place = os.environ | {"NO_MKDOCS_2_WARNING": "1"}
     done = subprocess.run(command, cwd=ROOT, env=place, check=False)

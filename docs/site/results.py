@@ -25,6 +25,7 @@ REPORT = "report.json"
 FULL = "report.html"
 BOARD = "board.html"
 _HEADING = re.compile(r"# (.+)\n\n")
+_ABOUT = re.compile(r"^(\w+)/about\.md")
 _LINK = re.compile(r"\]\((?!#|[a-z]+:)([^)\s]+)\)")
 
 
@@ -118,8 +119,17 @@ def of_report(name: str, report: RunReport, folder: Path) -> str:
 
 
 def _a_folder_up(text: str, name: str) -> str:
-    """A text with the links that it needs beside the folder that it comes from."""
-    return _LINK.sub(lambda match: f"]({os.path.normpath(f'{name}/{match[1]}')})", text)
+    """A text with the links that it needs beside the folder that it comes from.
+
+    The `about.md` of another folder is a part of the page of that folder.
+    """
+
+    def moved(match: re.Match[str]) -> str:
+        target = os.path.normpath(f"{name}/{match[1]}")
+        page = _ABOUT.sub(r"\1.md", target)
+        return f"]({page})"
+
+    return _LINK.sub(moved, text)
 
 
 def board(folder: Path, found: dict[str, RunReport]) -> str:
