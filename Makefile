@@ -15,10 +15,10 @@ TEST_LIVE := $(BIN)/python -m pytest -q tests/live -n 3 --dist loadfile --reruns
 # Where it is set, each of the hundreds of processes that the tests start compiles all modules again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help env light live demo desktop foreign check quick test lint bench golden docs package clean
+.PHONY: help env light live demo desktop foreign check quick test test-all tail lint bench golden docs package clean
 
 help:  ## Show this list
-	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 18
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 18
 
 env: $(VENV)/.ready  ## Create .venv with everything in it (about four minutes, once)
 light: $(VENV)/.light
@@ -62,9 +62,18 @@ check: env  ## Lint, types and the quick tests, for the daily loop (two to three
 quick: env
 	$(TEST) -m 'not slow'
 
-test: env lint  ## Lint, check the types and run the whole suite
+# The parts: tests/support/parts.py.
+test: env lint  ## Lint, types, and the core of the suite: each promise once, all nine corruptions on a desktop
+	$(TEST) --ignore tests/live --part core
+	$(TEST_LIVE) --part core
+
+test-all: env lint  ## Lint, types and the whole suite
 	$(TEST) --ignore tests/live
 	$(TEST_LIVE)
+
+tail: env  ## A third of what only make test-all runs: make tail PART=tail-1 (or tail-2, tail-3)
+	$(TEST) --ignore tests/live --part $(PART)
+	$(TEST_LIVE) --part $(PART)
 
 lint: env
 	$(BIN)/ruff check .

@@ -12,6 +12,7 @@ import pytest
 from hijack_data import registry
 from hijack_data.kernels.cpu import jit
 
+from support import parts
 from support.chromium import Browser, chromium
 from support.slow import SLOW
 
@@ -32,18 +33,46 @@ ROOT = Path(__file__).resolve().parent.parent
 SHARED_DATA = ROOT.parent / "shared" / "data"
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Which part of the suite to run, and which cases of it."""
+    group = parser.getgroup("parts of the suite")
+    group.addoption("--part", choices=parts.PARTS, default="all", help="see tests/support/parts.py")
+    group.addoption("--draw", type=int, default=None, help="seed of the cases of the core")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Fix the seed before other processes take over the options."""
+    if config.option.draw is None:
+        config.option.draw = parts.default_seed(ROOT)
+
+
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """`make check` does not even import the slow files: some load several frameworks."""
+    """Do not even import files of which no test runs: some load several frameworks."""
     if config.option.markexpr == "not slow" and is_slow(collection_path):
         return True
-    return None
+    place = collection_path.relative_to(ROOT / "tests").as_posix()
+    return parts.is_ignored(place, config.option.part) or None
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests that `make check` leaves out."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Mark the tests that `make check` leaves out, and leave those of other parts out."""
     for item in items:
         if is_slow(item.path):
             item.add_marker("slow")
+    selected = parts.select(items, config.option.part, config.option.draw)
+    others = [item for item in items if item.nodeid not in selected]
+    if others:
+        config.hook.pytest_deselected(items=others)
+        items[:] = [item for item in items if item.nodeid in selected]
+
+
+def pytest_terminal_summary(
+    terminalreporter: pytest.TerminalReporter, config: pytest.Config
+) -> None:
+    """Say how to run the same tests again."""
+    part, seed = config.option.part, config.option.draw
+    if part != "all":
+        terminalreporter.write_line(f"these were the tests of --part {part} --draw {seed}")
 
 
 @cache
