@@ -1,13 +1,19 @@
 """The page's server, on the loopback interface only, from the standard library.
 
-It only reads. The Host check keeps other web sites from reaching it through a name of their own
-(DNS rebinding); it allows no other origin.
+It only reads. Other users of the machine can connect to the loopback interface too, so it answers
+only who has the token: the address that `hijack view` prints has it, and opening it once stores it
+as a cookie. The Host check keeps other web sites from reaching the server through a name of their
+own (DNS rebinding); it allows no other origin.
 """
 
+import hmac
+import secrets
 import sys
 from collections.abc import Callable, Mapping
+from http.cookies import CookieError, SimpleCookie
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any, cast
+from urllib.parse import parse_qs
 
 from hijack_data.errors import HijackError
 
@@ -44,6 +50,7 @@ class ViewServer(ThreadingHTTPServer):
 
     def __init__(self, source: DatasetSource | RunSource, port: int = 0) -> None:
         self.pages = pages_of(source)
+        self.token = secrets.token_urlsafe(16)
         try:
             super().__init__((HOSTS[0], port), _Handler)
         except (OSError, OverflowError) as error:
@@ -54,8 +61,13 @@ class ViewServer(ThreadingHTTPServer):
 
     @property
     def url(self) -> str:
-        """The address to open."""
-        return f"http://{HOSTS[0]}:{self.server_address[1]}/"
+        """The address to open, with the token."""
+        return f"http://{HOSTS[0]}:{self.server_address[1]}/?token={self.token}"
+
+    @property
+    def cookie(self) -> str:
+        """The name of the cookie; cookies of all ports of a host are in one place."""
+        return f"hijack-view-{self.server_address[1]}"
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Ignore a browser that hangs up before its answer is complete."""
@@ -72,10 +84,26 @@ class _Handler(BaseHTTPRequestHandler):
             self._answer(403, b"open this page as 127.0.0.1 or localhost", "text/plain")
             return
         path, _, query = self.path.partition("?")
+        server = cast("ViewServer", self.server)
+        if _is_equal(parse_qs(query).get("token", [""])[-1], server.token):
+            cookie = f"{server.cookie}={server.token}; Path=/; HttpOnly; SameSite=Strict"
+            place = "/" + path.lstrip("/")  # a path of two slashes would be another host
+            self._answer(303, b"", "text/plain", {"Location": place, "Set-Cookie": cookie})
+            return
+        if not _is_equal(self._cookie(server.cookie), server.token):
+            self._answer(401, b"open the address that hijack view printed", "text/plain")
+            return
         try:
             self._route(path, query)
         except HijackError as error:
             self._answer(422, str(error).encode("utf-8", "replace"), "text/plain")
+
+    def _cookie(self, name: str) -> str:
+        try:
+            morsel = SimpleCookie(self.headers.get("Cookie", "")).get(name)
+        except CookieError:
+            return ""
+        return "" if morsel is None else morsel.value
 
     def _route(self, path: str, query: str) -> None:
         found = cast("ViewServer", self.server).pages.answer(path, query)
@@ -101,6 +129,10 @@ class _Handler(BaseHTTPRequestHandler):
 
     def log_message(self, format: str, *args: object) -> None:
         """Log nothing: the terminal is for the address and for problems."""
+
+
+def _is_equal(value: str, token: str) -> bool:
+    return hmac.compare_digest(value.encode("utf-8", "replace"), token.encode())
 
 
 def serve(source: DatasetSource | RunSource, port: int, say: Callable[[str], object]) -> None:

@@ -109,9 +109,10 @@ class Browser:
         for address in ("about:blank", url):
             self.events = []
             assert "errorText" not in self.call("Page.navigate", url=address), address
-            here = json.dumps(address.partition("#")[0])
+            # A page may drop the token that led to it.
+            here = json.dumps(address.partition("#")[0].partition("?")[0])
             self.until(
-                f"location.href.split('#')[0] === {here} && document.readyState === 'complete'"
+                f"location.href.split(/[?#]/)[0] === {here} && document.readyState === 'complete'"
             )
 
     def js(self, expression: str) -> Any:

@@ -24,12 +24,13 @@ from support.viewing import read, served
 def serving() -> Iterator[Callable[[Path], Any]]:
     """Serve a folder and return a function that gets from it: `get(path, **headers)`."""
     with contextlib.ExitStack() as servers:
-        yield lambda folder: partial(fetch, servers.enter_context(served(folder)).server_address[1])
+        yield lambda folder: partial(fetch, servers.enter_context(served(folder)))
 
 
-def fetch(port: int, path: str, **headers: str) -> tuple[int, bytes, dict[str, str]]:
-    """The status, body and headers that a path is answered with."""
-    link = http.client.HTTPConnection("127.0.0.1", port, timeout=30)
+def fetch(server: ViewServer, path: str, **headers: str) -> tuple[int, bytes, dict[str, str]]:
+    """The status, body and headers that a path is answered with; the cookie is sent."""
+    link = http.client.HTTPConnection("127.0.0.1", server.server_address[1], timeout=30)
+    headers = {"Cookie": f"{server.cookie}={server.token}"} | headers
     with contextlib.closing(link):
         link.request("GET", path, headers=headers)
         answer = link.getresponse()
@@ -107,6 +108,20 @@ def test_only_our_own_names_are_answered(dataset: Path, serving: Any) -> None:
     ):
         for path in ("/", "/api/about", "/picture/0", "/nothing"):
             assert get(path, Host=host)[0] == 403, host
+
+
+def test_only_the_address_with_the_token_is_answered(dataset: Path) -> None:
+    """Another user of the machine can connect, but has no token."""
+    with served(dataset) as server, served(dataset) as other:
+        for cookie in ("", f"{server.cookie}=", f"{server.cookie}={other.token}", "a=b; ;=\x00"):
+            for path in ("/", "/api/about", "/picture/0", f"/?token={other.token}", "/?token="):
+                assert fetch(server, path, Cookie=cookie)[0] == 401, (cookie, path)
+        for path, place in (("/", "/"), ("//evil.example/x", "/evil.example/x")):
+            status, _, headers = fetch(server, f"{path}?token={server.token}", Cookie="")
+            assert (status, headers["Location"]) == (303, place)
+            cookie = headers["Set-Cookie"]
+            assert {"HttpOnly", "SameSite=Strict"} <= set(cookie.split("; "))
+            assert fetch(server, "/api/about", Cookie=cookie.partition(";")[0])[0] == 200
 
 
 def test_a_port_that_is_taken_is_an_error(dataset: Path) -> None:
