@@ -16,6 +16,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from hijack_data.errors import HijackError
 
 from .errors import ServerBusyError
+from .limits import RequestLimits
 from .openenv_env import NAME, DesktopAction, DesktopEnvironment, DesktopObservation, DesktopState
 from .service import DesktopService
 
@@ -57,7 +58,7 @@ def make_app(service: DesktopService, *, sessions: int, token: str | None) -> AS
     app.router.routes.insert(0, Route(HEALTH, health))
     app.router.routes.insert(0, Route(METRICS, metrics))
     app.add_exception_handler(HijackError, _explained)
-    return AccessGuard(app, token)
+    return AccessGuard(RequestLimits(app), token)
 
 
 def _health(service: DesktopService) -> Response:

@@ -4,6 +4,7 @@ Exit codes: 0 ended by SIGTERM or Ctrl-C, 2 bad usage or configuration, or a des
 start, 3 the disk is full or fails.
 """
 
+from importlib import metadata
 from pathlib import Path
 
 import click
@@ -12,6 +13,7 @@ from hijack_data import extras
 from hijack_data.cli.options import FiniteRange, conditions_option, desktops_option, seed_option
 
 MODULES = ("openenv", "prometheus_client", "uvicorn", "gymnasium")
+OPENENV = "0.10"
 
 
 @click.command()
@@ -132,6 +134,7 @@ def serve(
     Such as: hijack serve embedded --desktops 4
     """
     extras.require("hijack serve", "serve", MODULES)
+    _check_openenv()
     from ..bench.config import load_bench, override
     from ..bench.workers import default_desktops
     from . import running
@@ -159,3 +162,17 @@ def serve(
             click.echo(name)
         return
     running.serve(options, click.echo)
+
+
+def _check_openenv() -> None:
+    """Check the version of OpenEnv; its interface changes with each 0.x.
+
+    Raises:
+        MissingDependencyError: Another version is installed, or an older package of that name.
+    """
+    try:
+        version = metadata.version("openenv")
+    except metadata.PackageNotFoundError:  # openenv-core has the same modules
+        version = "another package that has its modules"
+    if version.split(".")[:2] != OPENENV.split("."):
+        raise extras.missing(f"hijack serve needs openenv {OPENENV}, found {version}", "serve")

@@ -166,6 +166,7 @@ def serve(options: ServeOptions, say: Callable[[str], object]) -> None:
     import uvicorn
 
     from .app import is_loopback, make_app
+    from .limits import SPARE_CONNECTIONS, bounded_protocol
 
     if options.token is None and not is_loopback(options.host):
         raise ParameterError(
@@ -183,6 +184,7 @@ def serve(options: ServeOptions, say: Callable[[str], object]) -> None:
             check_desktops(service)
             config = uvicorn.Config(
                 app,
+                http=bounded_protocol(sessions + SPARE_CONNECTIONS),
                 log_level="warning",
                 access_log=False,
                 ws_max_size=MESSAGE,
