@@ -2,18 +2,16 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 from hijack_data.types import Size, Trajectory
 
 from . import fields
-from .base import Rejected, files_below, register
+from .base import FileReader, Rejected, files_below, register
 from .boxes import Form, form_of
 from .choices import FRACTIONS, NO_CHOICES, PIXELS, XYXY, ReaderOptions
 from .fields import FieldError, JsonObject, once
 from .files import Source, inside, relative_name, root_of
-from .folders import readable_files
 from .mind2web import COLUMNS as MIND2WEB
 from .mind2web import mind2web
 from .parquet_rows import ParquetRow, chat, grounding, trajectory
@@ -51,7 +49,7 @@ SHAPES = (
 
 @register
 @dataclass(frozen=True)
-class Parquet:
+class Parquet(FileReader):
     """Reads Hugging Face data sets in Parquet.
 
     A source is a `.parquet` file, or a folder with them anywhere below. Pictures are structs of
@@ -84,11 +82,8 @@ class Parquet:
 
     choices: ReaderOptions = NO_CHOICES
     name = "parquet"
+    suffixes = (SUFFIX,)
     takes = ("coordinates", "boxes")
-
-    def detect(self, path: Path) -> bool:
-        """Return whether `path` is a `.parquet` file, or a folder with one anywhere below."""
-        return any(file.suffix == SUFFIX for file in readable_files(path))
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories, files by name, rows in order."""

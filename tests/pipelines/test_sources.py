@@ -119,7 +119,7 @@ def test_a_broken_file_among_its_kind_is_rejected_with_a_reason(tmp_path: Path) 
 
 
 def test_a_file_of_two_formats_is_an_error_that_names_them(tmp_path: Path) -> None:
-    (tmp_path / "trajectories.jsonl").write_text('{"task_id": "a", "traj": []}')
+    (tmp_path / "any.jsonl").write_text('{"trajectory_id": "a", "step": 0, "traj": []}')
     with pytest.raises(
         SourceError, match=r"agentnet or jsonl; say which: --format agentnet \(in Python: format="
     ):
