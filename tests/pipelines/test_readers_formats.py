@@ -105,6 +105,10 @@ CODES = {
         '{"action": "left_click", "coordinate": [100, 50]}',
         '{"action": "left_click", "coordinate": [50, 25]}',
     ),
+    "atif": (
+        '{"action": "left_click", "coordinate": [100, 50]}',
+        '{"action": "left_click", "coordinate": [50, 25]}',
+    ),
     "chat": ("pyautogui.click(100, 50)", "pyautogui.click(50, 25)"),
     "cua": (
         '{"type": "click", "button": "left", "x": 100, "y": 50}',

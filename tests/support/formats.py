@@ -418,6 +418,32 @@ def cua(folder: Path, shots: Shots = SMALL) -> Path:
     return folder
 
 
+def atif(folder: Path, shots: Shots = SMALL) -> Path:
+    """ATIF: a screenshot with the task, and one as the result of each step."""
+    home = folder / "trial-1" / "agent"
+    names = [f"images/{i}.png" for i in range(len(shots.clicks) + 1)]
+    (home / "images").mkdir(parents=True)
+    shots.files(home, names)
+    shown = [
+        {"type": "image", "source": {"media_type": "image/png", "path": name}} for name in names
+    ]
+    steps: list[Any] = [
+        {"step_id": 1, "source": "user", "message": [{"type": "text", "text": "do it"}, shown[0]]}
+    ]
+    calls = [{"action": "left_click", "coordinate": [x, y]} for x, y in shots.pixels]
+    for number, arguments in enumerate([*calls, {"action": "wait", "duration": 1}]):
+        call = {"tool_call_id": "c", "function_name": "computer", "arguments": arguments}
+        step = {"step_id": number + 2, "source": "agent", "message": "", "tool_calls": [call]}
+        if number < len(calls):
+            result = {"source_call_id": "c", "content": [shown[number + 1]]}
+            step["observation"] = {"results": [result]}
+        steps.append(step)
+    agent = {"name": "a-model", "version": "1"}
+    record = {"schema_version": "ATIF-v1.7", "session_id": "s", "agent": agent, "steps": steps}
+    write_json(home / "trajectory.json", record)
+    return folder
+
+
 def gui_odyssey(folder: Path, shots: Shots = SMALL) -> Path:
     """GUI-Odyssey: 0..1000."""
     clicks = [{"action": "CLICK", "info": [list(point)]} for point in shots.points(1000, 1000)]
@@ -496,6 +522,7 @@ FORMATS: dict[str, Callable[..., Path]] = {
     "agentnet": agentnet,
     "android_control": android_control,
     "anthropic": anthropic,
+    "atif": atif,
     "chat": chat,
     "cua": cua,
     "gui_odyssey": gui_odyssey,
