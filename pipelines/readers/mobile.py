@@ -69,7 +69,7 @@ class _Phone(FileReader, ABC):
         for index, (picture, entry) in enumerate(entries):
             try:
                 image, size = picture_at(picture, file, root, "screenshot", _FOLDERS)
-                steps.append(_step(index, image, size, entry, self.action))
+                steps.append(phone_step(index, image, size, entry, self.action))
             except FieldError as error:
                 yield Rejected(name, f"step {index}", error.field, error.reason)
         if steps:
@@ -96,13 +96,18 @@ class _Phone(FileReader, ABC):
         """Return the action of a step in pixels of its picture; a broken one is a `HijackError`."""
 
 
-def _step(
+def phone_step(
     index: int,
     image: str,
     size: Size,
     entry: JsonObject,
     read: Callable[[JsonObject, Size], Action],
 ) -> Step:
+    """Return a step of a phone: code of a click, the entry itself without a point, or neither.
+
+    Raises:
+        FieldError: the action is broken, or outside the picture.
+    """
     try:
         action = fields.on_screen(read(entry, size), size, "action")
     except FieldError:

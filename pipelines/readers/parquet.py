@@ -15,6 +15,8 @@ from .choices import FRACTIONS, NO_CHOICES, PIXELS, XYXY, ReaderOptions
 from .events import TESS, TESS_REST, TRACE, CuaBenchTrace, StepRows, TessEpisode
 from .fields import FieldError, JsonObject, once
 from .files import Source, inside, relative_name, root_of
+from .heads import FileHead
+from .lerobot import in_lerobot
 from .mind2web import COLUMNS as MIND2WEB
 from .mind2web import mind2web
 from .parquet_rows import ParquetRow, chat, grounding, trajectory
@@ -98,6 +100,10 @@ class Parquet(FileReader):
     name = "parquet"
     suffixes = SUFFIXES
     takes = ("coordinates", "boxes")
+
+    def recognizes(self, head: FileHead) -> bool:
+        """Return whether a table is not a part of a LeRobot data set."""
+        return not in_lerobot(head.path)
 
     def beside(self, file: Path) -> bool:
         """Return whether `save_to_disk` wrote a file beside its tables."""
