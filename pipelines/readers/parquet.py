@@ -175,7 +175,8 @@ def _grouped(
                 yield from ended()
                 episode = None
                 common = record[shape.common]
-                episode = shape.read(common)
+                made: StepRows = shape.read(common)
+                episode = made
             episode.add(row.holding(record))
         except FieldError as error:
             yield Rejected(name, f"row {count}", error.field, error.reason)

@@ -11,8 +11,9 @@ from hijack_data.types import Trajectory
 from ..errors import SourceError
 from .base import FileReader, Reader, Rejected, existing, files_below, get_reader, names
 from .choices import NO_CHOICES, ReaderOptions, with_choices
-from .files import SCREENS, Part, Source, relative_name, root_of
+from .files import SCREENS, SNIFFED, Part, Source, relative_name, root_of
 from .heads import FileHead
+from .not_recordings import explanation
 
 # Files that never hold records of a known format and may be large, so no reader examines them.
 OPAQUE = (*SCREENS, ".mp4", ".webm", ".mkv", ".mov", ".avi", ".html", ".pdf", ".log", ".md")
@@ -192,6 +193,9 @@ def _fallback(
             raise SourceError(f"{source}: {why}")
     if _is_empty(source):
         raise SourceError(f"{source}: is empty; {_known_formats()}")
+    for file in left[:SNIFFED]:
+        if why := explanation(FileHead(file)):
+            raise SourceError(f"{relative_name(file, root)}: is {why} (docs/sources.md)")
     examples = ", ".join(_examples(root, left, refused))
     looked = f" ({examples})" if examples else ""
     raise SourceError(
