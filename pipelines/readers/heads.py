@@ -10,7 +10,6 @@ from .fields import FieldError, JsonObject, listed, objects
 from .files import MAX_RECORD, SNIFFED, first_records, parse_any
 
 JSON = ".json"
-JSON_LINES = ".jsonl"
 # Bodies of logs hold their entries in one of these lists.
 LISTS = ("messages", "items", "input", "output")
 _START = 1 << 18
@@ -28,22 +27,21 @@ class FileHead:
 
     @cached_property
     def records(self) -> list[JsonObject]:
-        """The first objects: of the lines of a `.jsonl`, or of the list in a `.json`.
+        """The first objects: of the list in a `.json`, or else of the lines of a file.
 
-        They are empty for any other file, and for one that cannot be read. Repeated keys are no
-        error here.
+        They are empty for a file that cannot be read. Repeated keys are no error here.
         """
         try:
             if not self.path.is_file():
                 return []
-            if self.path.suffix == JSON_LINES:
-                return first_records(self.path)
             if self.path.suffix != JSON:
-                return []
+                return first_records(self.path)
             if self.path.stat().st_size > MAX_RECORD:
                 return self._first_of_many()
             value = parse_any(self.path, unique=False)
-        except (FieldError, OSError, RecursionError):
+        except FieldError:
+            return first_records(self.path)  # JSON lines under the wrong name
+        except (OSError, RecursionError):
             return []
         if isinstance(value, list):
             return objects(list(islice(cast("list[object]", value), SNIFFED)))

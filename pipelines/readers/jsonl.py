@@ -17,6 +17,7 @@ from .plain import LineProblems, apps_of, step_of
 
 RECORDS = "trajectories.jsonl"
 _SIGNS = {"trajectory_id", "step"}
+_TABLES = (".parquet", ".arrow")  # they hold no lines, which are then not looked for
 
 
 @dataclass
@@ -72,7 +73,10 @@ class Jsonl(FileReader):
     name = "jsonl"
 
     file_names = (RECORDS,)
-    suffixes = (".jsonl",)
+
+    def accepts(self, head: FileHead) -> bool:
+        """Return whether a file is of our format: lines may have any suffix but that of a table."""
+        return head.path.suffix not in _TABLES and self.recognizes(head)
 
     def recognizes(self, head: FileHead) -> bool:
         """Return whether the first lines are steps, and not the chat rows of an export."""

@@ -8,7 +8,15 @@ import pytest
 
 from hijack_data.errors import HijackError, ParameterError, UnknownNameError
 from pipelines.errors import SourceError
-from pipelines.readers import Rejected, detect_format, files, get_reader, names, register
+from pipelines.readers import (
+    FileReader,
+    Rejected,
+    detect_format,
+    files,
+    get_reader,
+    names,
+    register,
+)
 
 PLAIN = '{"trajectory_id": "a", "step": 0}'
 AGENTNET = '{"task_id": "a", "traj": []}'
@@ -24,6 +32,8 @@ BOTH = '{"trajectory_id": "a", "step": 0, "traj": []}'
         ({"steps.jsonl": "\n\xff\n" + PLAIN}, "steps.jsonl", "jsonl"),
         ({"any.jsonl": "rubbish\n" + AGENTNET}, "", "agentnet"),
         ({"any.jsonl": AGENTNET}, "any.jsonl", "agentnet"),
+        ({"any.ndjson": PLAIN}, "", "jsonl"),
+        ({"lines.json": PLAIN + "\n" + PLAIN}, "", "jsonl"),
         ({"b.json": '{"task_id": "a", "steps": []}', "a.json": "["}, "", "agentnet"),
         ({"b.json": '{"task_id": "a", "steps": []}'}, "b.json", "agentnet"),
     ],
@@ -144,6 +154,31 @@ def test_the_beginning_of_a_file_is_read_once_for_all_readers(
     (tmp_path / "any.jsonl").write_text(AGENTNET)
     assert detect_format(tmp_path) == "agentnet"
     assert opened == [tmp_path / "any.jsonl"]
+
+
+def test_a_registered_reader_may_be_recognized_by_the_first_records(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pipelines.readers import base
+
+    monkeypatch.setattr(base.READERS, "entries", dict(base.READERS.entries))
+
+    @register
+    class Keyed(FileReader):
+        name = "keyed"
+        file_names = ("mine.txt",)
+        keys = (frozenset({"my", "keys"}),)
+
+        def read(self, path: Path) -> Any:
+            yield Rejected(path.name, "", "", "keyed")
+
+    (tmp_path / "a.json").write_text('[{"my": 1, "keys": 2, "more": 3}]')
+    (tmp_path / "mine.txt").write_text("")
+    assert detect_format(tmp_path / "a.json") == detect_format(tmp_path / "mine.txt") == "keyed"
+    assert get_reader("keyed").detect(tmp_path)
+    (tmp_path / "b.json").write_text('{"my": 1}')
+    with pytest.raises(SourceError, match="not a recording"):
+        detect_format(tmp_path / "b.json")
 
 
 def test_readers_say_what_their_coordinates_are() -> None:
