@@ -181,6 +181,16 @@ def test_a_registered_reader_may_be_recognized_by_the_first_records(
         detect_format(tmp_path / "b.json")
 
 
+def test_a_json_file_that_is_too_large_is_known_by_its_first_record(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pipelines.readers import heads
+
+    monkeypatch.setattr(heads, "MAX_RECORD", 10)
+    (tmp_path / "a.json").write_text('[{"messages": [], "images": ["a.png"]}, {"cut off')
+    assert detect_format(tmp_path) == "chat"
+
+
 def test_readers_say_what_their_coordinates_are() -> None:
     for name in names():
         assert "Coordinates:" in (type(get_reader(name)).__doc__ or "")
