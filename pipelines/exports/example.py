@@ -32,6 +32,7 @@ class Example:
         how: the sentence about the form of the answer.
         answer: the action as text.
         png: the bytes of the screenshot.
+        dialect: the dialect of the answer.
     """
 
     key: str
@@ -39,6 +40,7 @@ class Example:
     how: str
     answer: str
     png: bytes
+    dialect: str = "pyautogui"
 
     @property
     def question(self) -> str:

@@ -23,7 +23,10 @@ from .stored import stored_rows
 
 
 class Writer(Protocol):
-    """Writes one export format; its constructor takes the folder to write into."""
+    """Writes one export format; its constructor takes the folder to write into.
+
+    A writer may also have `notes()`, which yields remarks for the report after `finish`.
+    """
 
     def shard(self, index: int, examples: Iterator[Example]) -> None:
         """Write the examples of one shard; shards come in order."""
@@ -53,6 +56,7 @@ FORMATS = Registry[Callable[[Path], Writer]](
     "export format",
     "exports",
     builtin={
+        "atif": "pipelines.exports.atif:AtifWriter",
         "chat": "pipelines.exports.chat:ChatWriter",
         "verl": "pipelines.exports.verl:VerlWriter",
         "webdataset": "pipelines.exports.webdataset:WebDatasetWriter",
@@ -75,6 +79,7 @@ class ExportReport:
         hidden: rows that were left out because their target does not show, by corruption.
         unsaid: rows that were left out because the dialect cannot express their action, by reason.
         untold: rows that were left out because their task is unknown, by reason.
+        notes: remarks of the writer.
     """
 
     out: str
@@ -84,6 +89,7 @@ class ExportReport:
     hidden: Counter[str] = field(default_factory=Counter[str])
     unsaid: Counter[str] = field(default_factory=Counter[str])
     untold: Counter[str] = field(default_factory=Counter[str])
+    notes: list[str] = field(default_factory=list[str])
 
     @property
     def total(self) -> int:
@@ -106,6 +112,7 @@ class ExportReport:
             "dialect": self.dialect,
             "total": self.total,
             **counts,
+            **({"notes": self.notes} if self.notes else {}),
         }
 
     def lines(self) -> list[str]:
@@ -117,7 +124,8 @@ class ExportReport:
             for label, count in self.hidden.items()
         ]
         left_out = [*self.unsaid.items(), *self.untold.items()]
-        return text + [f"  left out {count}: {reason}" for reason, count in left_out]
+        text += [f"  left out {count}: {reason}" for reason, count in left_out]
+        return text + [f"  {note}" for note in self.notes]
 
 
 def export(
@@ -140,8 +148,9 @@ def export(
         folder: a dataset that `build` made, materialised or lazy.
         out: the folder to create; it must be empty or not exist.
         to: `chat` (messages and image files, JSON lines), `verl` (Parquet), `webdataset` (tar
-            files), `onlooker` (Parquet: reminders, summaries and recovery steps), the name of a
-            plug-in's writer, or `package.module:Writer` or `path/to/file.py:Writer`, see `Writer`.
+            files), `atif` (a `trajectory.json` an episode), `onlooker` (Parquet: reminders,
+            summaries and recovery steps), the name of a plug-in's writer, or
+            `package.module:Writer` or `path/to/file.py:Writer`, see `Writer`.
         dialect: how actions are written: `pyautogui`, `ui_tars` or `ui_tars_1.5`.
         keep_hidden: also export rows whose target is less than half visible; they teach clicks on
             hidden targets.
@@ -174,6 +183,7 @@ def export(
             if progress is not None:
                 progress(done, len(rows), "rows")
         writer.finish()
+        report.notes += getattr(writer, "notes", list[str])()
         write_report(
             place, {**report.to_data(), "keep_hidden": keep_hidden, "content": rows.fingerprint}
         )
@@ -202,5 +212,6 @@ def _examples(
             report.unsaid[f"{row['action']['type']}: {error}"] += 1
             continue
         report.examples[row["corruption"]] += 1
-        yield Example(f"{shard:05d}-{number:06d}", row, PROMPTS[report.dialect], answer, png())
+        key = f"{shard:05d}-{number:06d}"
+        yield Example(key, row, PROMPTS[report.dialect], answer, png(), report.dialect)
         number += 1

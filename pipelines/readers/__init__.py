@@ -7,12 +7,13 @@ points `agenthijack.readers`), or `--format my_reader.py:MyReader`. See `base.Re
 import importlib
 import pkgutil
 
-from .base import Reader, Rejected, existing, get_reader, names, register
+from .base import FileReader, Reader, Rejected, existing, get_reader, names, register
 from .files import Part
 from .screens import RecordedTrajectory
 from .survey import Survey, detect_format, survey
 
 __all__ = [
+    "FileReader",
     "Part",
     "Reader",
     "RecordedTrajectory",

@@ -13,21 +13,10 @@ from hijack_data.platforms import find_platform
 from hijack_data.types import Action, Box, Platform, Size, Step, Trajectory
 
 from . import fields
-from .base import Rejected, files_below, register
+from .base import FileReader, Rejected, files_below, register
 from .fields import FieldError, JsonObject
-from .files import (
-    Part,
-    Source,
-    first_records,
-    inside,
-    lines,
-    parse_file,
-    relative_name,
-    root_of,
-    size_of,
-)
+from .files import Part, Source, inside, lines, parse_file, relative_name, root_of, size_of
 
-SNIFFED_FILES = 50
 # Beside the file, and as the Hub has them: unpacked there, or into a folder of their own.
 IMAGES = ("images", "ubuntu_images", "win_mac_images")
 _UNPACKED = ("", "images", "extracted")
@@ -35,7 +24,7 @@ BROWSER = "browser"
 
 
 @register
-class AgentNet:
+class AgentNet(FileReader):
     """Reads AgentNet and AgentNetBench.
 
     A source is a file, or a folder with any number of them; screenshots lie beside the file, in
@@ -52,10 +41,7 @@ class AgentNet:
 
     name = "agentnet"
     adopts = True
-
-    def detect(self, path: Path) -> bool:
-        """Return whether one of the first files has the records of a trajectory or a task."""
-        return any(_is_recording(file) for file in _record_files(path)[:SNIFFED_FILES])
+    keys = (frozenset({"traj"}), frozenset({"task_id", "steps"}))
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories, files by name, lines in order."""
@@ -85,24 +71,10 @@ class AgentNet:
                 yield Rejected(name, "", "", f"cannot be read ({error.strerror or error})")
 
 
-def _record_files(path: Path) -> list[Path]:
-    return [file for file in files_below(path) if isinstance(file, Path) and _is_read(file, path)]
-
-
 def _is_read(file: Path, source: Source) -> bool:
     """Return whether a file may have records; of a folder, only those at its top may."""
     at_top = isinstance(source, Part) or file.parent == root_of(source)
     return at_top and file.suffix in (".json", ".jsonl")
-
-
-def _is_recording(file: Path) -> bool:
-    if file.suffix == ".jsonl":
-        return any("traj" in record for record in first_records(file))
-    try:
-        record = parse_file(file, unique=False)
-    except FieldError:
-        return False
-    return "task_id" in record and ("steps" in record or "traj" in record)
 
 
 def _record(record: JsonObject, file: str, where: str, root: Path, seen: set[str]) -> Iterator[Any]:

@@ -6,18 +6,19 @@ from pathlib import Path
 from hijack_data.types import Trajectory
 
 from . import fields
-from .base import Rejected, register
+from .base import FileReader, Rejected, register
 from .dialects import ANTHROPIC
 from .fields import FieldError, FieldTypeError, JsonObject
 from .files import Source
-from .logs import Conversation, JsonPath, LogEntry, first_entries, parts_of, read_logs
+from .heads import FileHead
+from .logs import Conversation, JsonPath, LogEntry, parts_of, read_logs
 
 TOOL = "computer"
 _LOOKS = ("screenshot", "zoom", "cursor_position")
 
 
 @register
-class Anthropic:
+class Anthropic(FileReader):
     """Reads logs of Anthropic's computer use.
 
     A source is a `.json` or `.jsonl` file, or a folder with them; each file is a trajectory, whose
@@ -41,9 +42,10 @@ class Anthropic:
     name = "anthropic"
     adopts = True
 
-    def detect(self, path: Path) -> bool:
+    def recognizes(self, head: FileHead) -> bool:
         """Return whether one of the first messages uses the tool `computer`."""
-        return any(_is_use(part) for entry in first_entries(path) for part in _safe_parts(entry))
+        parts = (part for entry in head.entries for part in fields.objects(entry.get("content")))
+        return any(map(_is_use, parts))
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories in the order of the files."""
@@ -109,10 +111,3 @@ def _look(talk: Conversation, entry: LogEntry, pointer: JsonPath, block: JsonObj
 
 def _is_use(part: JsonObject) -> bool:
     return part.get("type") == "tool_use" and TOOL in (part.get("name"), part.get("toolset_name"))
-
-
-def _safe_parts(entry: LogEntry) -> list[JsonObject]:
-    try:
-        return [part for _, part in parts_of(entry)]
-    except FieldError:
-        return []

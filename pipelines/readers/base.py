@@ -12,6 +12,7 @@ from hijack_data.types import Trajectory
 
 from ..errors import SourceError
 from .files import Part, Source, is_utf8, relative_name, root_of, walk
+from .heads import FileHead
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,8 @@ class Reader(Protocol):
     gets a `Part` of the files that it accepted: `root_of` and `files_below` take a `Part` as they
     take a folder. A reader may also have
 
+    - what `FileReader` declares (`file_names`, `suffixes`, `keys`, `recognizes`), which spares it
+      the reading in `detect`: a file's beginning is then read once for all readers;
     - `adopts = True`: a file that no format takes goes to this reader if its neighbour does (same
       folder and suffix, or same name), and this reader rejects it with a reason;
     - `beside(file) -> bool`: whether it reads this file in addition to its own records;
@@ -67,6 +70,35 @@ class Reader(Protocol):
     def read(self, path: Source, /) -> Iterator[Trajectory | Rejected]:
         """Yield the trajectories of `path` in a fixed order."""
         ...
+
+
+class FileReader:
+    """Base of readers that are recognized by a file's name, or else by its first records.
+
+    A file whose name is in `file_names` is of the format and is not opened to find that out. Any
+    other file is if its suffix is in `suffixes` and `recognizes` returns true: that a record has
+    all `keys` of one set, unless the reader overrides it. Without `keys`, the suffix decides.
+    """
+
+    file_names: tuple[str, ...] = ()
+    suffixes: tuple[str, ...] = (".json", ".jsonl")
+    keys: tuple[frozenset[str], ...] = ()
+
+    def recognizes(self, head: FileHead) -> bool:
+        """Return whether a file with one of the `suffixes` is of this format."""
+        return not self.keys or any(keys <= found for keys in self.keys for found in head.keys)
+
+    def accepts(self, head: FileHead) -> bool:
+        """Return whether a file is of this format, if its name does not decide."""
+        return head.path.suffix in self.suffixes and self.recognizes(head)
+
+    def detect(self, path: Path) -> bool:
+        """Return whether a file, or one in a folder, is of this format."""
+        return any(
+            file.name in self.file_names or self.accepts(FileHead(file))
+            for file in files_below(path)
+            if isinstance(file, Path)
+        )
 
 
 R = TypeVar("R", bound=Reader)

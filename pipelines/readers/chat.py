@@ -1,7 +1,6 @@
 """Training sets of chat rows in JSON: `messages` or `conversations`, and their pictures."""
 
 import os
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,40 +9,32 @@ from typing import Any, cast
 from hijack_data.types import Size, Trajectory
 
 from . import fields
-from .base import Rejected, register
+from .base import FileReader, Rejected, register
 from .choices import NO_CHOICES, ReaderOptions
 from .fields import FieldError, JsonObject, once
 from .files import Source, relative_name, root_of
-from .folders import one_of_first
-from .json_rows import (
-    JsonRow,
-    beginning,
-    is_json,
-    json_rows,
-    picture_at,
-    picture_inside,
-    read_tables,
-)
+from .heads import FileHead
+from .json_rows import JsonRow, json_rows, picture_at, picture_inside, read_tables
 from .parquet_rows import platform_of
 from .talk import Talk, messages_in
 
 CLEAN = "clean"
-_MESSAGES = re.compile(rb'"(?:messages|conversations)"\s*:\s*\[')
-_PICTURES = re.compile(rb'"images?"\s*:\s*(?:\[\s*)?"')
+# A row has one of each.
+_MESSAGES = ("messages", "conversations")
+_PICTURES = ("images", "image")
 # A row of our own export has these; its picture may be corrupted.
 _OWN = ("corruption", "plan_digest", "image_sha256")
 _BESIDE = ("dataset_info.json", "export.json")
 
 
-def is_chat(file: Path) -> bool:
-    """Return whether a JSON file begins with a chat row that names pictures."""
-    start = beginning(file)
-    return bool(_MESSAGES.search(start) and _PICTURES.search(start))
+def is_chat(head: FileHead) -> bool:
+    """Return whether one of the first records is a chat row that names pictures."""
+    return any(keys & set(_MESSAGES) and keys & set(_PICTURES) for keys in head.keys)
 
 
 @register
 @dataclass(frozen=True)
-class Chat:
+class Chat(FileReader):
     """Reads training sets of chat rows for vision models.
 
     Known sets are those of LLaMA-Factory, ScaleCUA, Aguvis, OS-Atlas, UI-TARS and our own. A source
@@ -65,9 +56,9 @@ class Chat:
     name = "chat"
     takes = ("coordinates",)
 
-    def detect(self, path: Path) -> bool:
-        """Return whether one of the first JSON files has rows of messages with pictures."""
-        return one_of_first(path, is_json, is_chat)
+    def recognizes(self, head: FileHead) -> bool:
+        """Return whether one of the first records is a chat row that names pictures."""
+        return is_chat(head)
 
     def beside(self, file: Path) -> bool:
         """Return whether a file describes the rows of LLaMA-Factory or of our own export."""

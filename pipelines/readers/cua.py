@@ -15,7 +15,8 @@ from .base import Rejected, register
 from .dialects import OPENAI, RecordedStep, code_of, first_action
 from .fields import FieldError, JsonObject
 from .files import inside, parse_file, relative_name, size_of
-from .folders import FolderReader, folder_id, readable_files
+from .folders import FolderReader, folder_id
+from .heads import FileHead
 
 METADATA = "metadata.json"
 _TURN = re.compile(r"turn_\d+")
@@ -43,9 +44,9 @@ class Cua(FolderReader):
     name = "cua"
     records = METADATA
 
-    def detect(self, path: Path) -> bool:
-        """Return whether `path` is a `metadata.json` beside turns, or a folder above one."""
-        return any(_is_run(file) for file in readable_files(path))
+    def recognizes(self, head: FileHead) -> bool:
+        """Return whether a file is a `metadata.json` beside turns."""
+        return head.path.name == METADATA and any(map(_is_turn, head.path.parent.iterdir()))
 
     def beside(self, file: Path) -> bool:
         """Return whether a file is an artifact of a turn."""
@@ -54,10 +55,6 @@ class Cua(FolderReader):
     def episode(self, file: Path, root: Path) -> Iterator[Trajectory | Rejected]:
         """Yield the trajectory of one folder, and everything rejected of it."""
         return _Run(root, file.parent, list(_artifacts(file.parent))).read()
-
-
-def _is_run(file: Path) -> bool:
-    return file.name == METADATA and any(map(_is_turn, file.parent.iterdir()))
 
 
 def _artifacts(folder: Path) -> Iterator[Path]:

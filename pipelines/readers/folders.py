@@ -1,39 +1,16 @@
 """How readers walk the files of a source, and the base of formats with a folder per episode."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from itertools import islice
 from pathlib import Path
 
 from hijack_data.types import Step, Trajectory
 
-from .base import Rejected, files_below
+from .base import FileReader, Rejected, files_below
 from .fields import FieldError, JsonObject
 from .files import Source, inside, lines, relative_name, root_of
-
-SNIFFED_FILES = 50
-
-
-def readable_files(source: Source) -> Iterator[Path]:
-    """Yield the files of a source that may be opened, in the order of their names."""
-    for file in files_below(source):
-        if isinstance(file, Path):
-            yield file
-
-
-def one_of_first(
-    source: Source, candidate: Callable[[Path], bool], is_ours: Callable[[Path], bool]
-) -> bool:
-    """Return whether one of the first files of a source is of a format.
-
-    Args:
-        source: the file or folder.
-        candidate: returns whether a file, by its name, is worth opening.
-        is_ours: returns whether a candidate is of the format; called for at most `SNIFFED_FILES`.
-    """
-    candidates = filter(candidate, readable_files(source))
-    return any(is_ours(file) for file in islice(candidates, SNIFFED_FILES))
+from .heads import FileHead
 
 
 def folder_id(folder: Path, root: Path) -> str:
@@ -42,20 +19,21 @@ def folder_id(folder: Path, root: Path) -> str:
     return folder.resolve().name if name == "." else name
 
 
-class FolderReader(ABC):
+class FolderReader(FileReader, ABC):
     """Base of the readers whose trajectories are folders with one record file each.
 
     A subclass sets `name` and `records`, the name of the record file, and implements `episode`.
-    With `any_name`, a file given as the source is a record file whatever its name.
+    With `any_name`, a file given as the source is a record file whatever its name. A file with the
+    name in `file_names` is of the format; otherwise `recognizes` decides.
     """
 
     name: str = ""
     records: str = ""
     any_name: bool = False
 
-    def detect(self, path: Path) -> bool:
-        """Return whether `path` is a record file, or a folder with one anywhere below."""
-        return any(file.name == self.records for file in readable_files(path))
+    def recognizes(self, head: FileHead) -> bool:
+        """Return False: only the name tells."""
+        return False
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories in the order of their paths."""

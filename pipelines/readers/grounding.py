@@ -1,7 +1,6 @@
 """Grounding sets in JSON: a picture, a text and the box that it names."""
 
 import os
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,34 +9,26 @@ from typing import Any
 from hijack_data.types import Action, Box, Size, Step, Trajectory
 
 from . import fields
-from .base import Rejected, register
+from .base import FileReader, Rejected, register
 from .boxes import Form, box_in, form_of, middle_of
 from .choices import FRACTIONS, NO_CHOICES, PIXELS, XYWH, XYXY, ReaderOptions
 from .fields import FieldError, JsonObject
 from .files import Source, relative_name, root_of
-from .folders import one_of_first
-from .json_rows import FOLDERS, JsonRow, beginning, is_json, json_rows, picture_at, read_tables
+from .heads import FileHead
+from .json_rows import FOLDERS, JsonRow, json_rows, picture_at, read_tables
 from .parquet_rows import platform_of
 
 PICTURES = ("img_filename", "image_path", "img_path")
 BOXES = ("bbox", "box_coordinates")
 TEXTS = ("prompt_to_evaluate", "instruction", "text")
-_PICTURE = re.compile(rb'"(?:img_filename|image_path|img_path)"\s*:\s*"')
-_BOX = re.compile(rb'"(?:bbox|box_coordinates)"\s*:\s*\[')
 _WAY_OUT = "--format osworld_g reads OSWorld-G whole"
 # Folders of the pictures, as they are published.
 _FOLDERS = (*FOLDERS, "screenspotv2_image", "screenspot_imgs")
 
 
-def is_grounding(file: Path) -> bool:
-    """Return whether a JSON file begins with rows that name a picture and a box."""
-    start = beginning(file)
-    return bool(_PICTURE.search(start) and _BOX.search(start))
-
-
 @register
 @dataclass(frozen=True)
-class Grounding:
+class Grounding(FileReader):
     """Reads grounding sets in JSON.
 
     Known sets are ScreenSpot, ScreenSpot-v2, ScreenSpot-Pro, OSWorld-G, UI-Vision, GroundCUA,
@@ -57,9 +48,13 @@ class Grounding:
     name = "grounding"
     takes = ("coordinates", "boxes")
 
-    def detect(self, path: Path) -> bool:
-        """Return whether one of the first JSON files has rows with a picture and a box."""
-        return one_of_first(path, is_json, is_grounding)
+    def recognizes(self, head: FileHead) -> bool:
+        """Return whether one of the first records names a picture and a box, or boxes in it."""
+        for record in head.records:
+            parts = (record, *fields.objects(record.get("elements")))
+            if record.keys() & set(PICTURES) and any(part.keys() & set(BOXES) for part in parts):
+                return True
+        return False
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories, files by name, rows in order."""

@@ -14,7 +14,6 @@ from .files import MAX_RECORD, Source, inside, lines, parse_any, relative_name, 
 from .pictures import decoded, in_json
 
 SUFFIXES = (".json", ".jsonl")
-SNIFFED_BYTES = 1 << 18
 # Where recipes keep the pictures, seen from the file, and after that from the source.
 FOLDERS = ("", "images", "image")
 
@@ -43,17 +42,6 @@ class JsonRow:
         if isinstance(self.values, FieldError):
             raise self.values
         return self.values
-
-
-def beginning(file: Path) -> bytes:
-    """Return the first bytes of a JSON file, to find its format; `b""` for any other file."""
-    if not is_json(file) or not file.is_file():
-        return b""
-    try:
-        with file.open("rb") as opened:
-            return opened.read(SNIFFED_BYTES)
-    except OSError:
-        return b""
 
 
 def is_json(file: Path) -> bool:

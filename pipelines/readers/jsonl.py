@@ -9,23 +9,15 @@ from typing import Any
 from hijack_data.types import Step, Trajectory
 
 from . import fields
-from .base import Rejected, files_below, register
+from .base import FileReader, Rejected, files_below, register
 from .fields import FieldError, JsonObject
-from .files import (
-    Part,
-    RecordLine,
-    Source,
-    first_records,
-    inside,
-    line_at,
-    lines,
-    parse,
-    relative_name,
-    root_of,
-)
+from .files import Part, RecordLine, Source, inside, line_at, lines, parse, relative_name, root_of
+from .heads import FileHead
 from .plain import LineProblems, apps_of, step_of
 
 RECORDS = "trajectories.jsonl"
+_SIGNS = {"trajectory_id", "step"}
+_TABLES = (".parquet", ".arrow")  # they hold no lines, which are then not looked for
 
 
 @dataclass
@@ -60,7 +52,7 @@ class _Index:
 
 
 @register
-class Jsonl:
+class Jsonl(FileReader):
     """Reads our plain format, which docs/input_format.md describes.
 
     A source is a folder with `trajectories.jsonl`, there or anywhere below, or such a file. Each
@@ -80,14 +72,15 @@ class Jsonl:
 
     name = "jsonl"
 
-    def detect(self, path: Path) -> bool:
-        """Return whether `path` is of our format, by its name or its first lines."""
-        if path.is_dir():
-            return (path / RECORDS).is_file()
-        if path.name == RECORDS:
-            return True
-        signs = {"trajectory_id", "step"}
-        return any(signs <= one.keys() and "messages" not in one for one in first_records(path))
+    file_names = (RECORDS,)
+
+    def accepts(self, head: FileHead) -> bool:
+        """Return whether a file is of our format: lines may have any suffix but that of a table."""
+        return head.path.suffix not in _TABLES and self.recognizes(head)
+
+    def recognizes(self, head: FileHead) -> bool:
+        """Return whether the first lines are steps, and not the chat rows of an export."""
+        return any(keys >= _SIGNS and "messages" not in keys for keys in head.keys)
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories, files by name, in the order in which they begin."""

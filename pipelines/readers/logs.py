@@ -2,9 +2,7 @@
 
 import os
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
-from functools import lru_cache
-from itertools import islice
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias, cast
 
@@ -14,13 +12,11 @@ from . import fields
 from .base import Rejected, files_below
 from .dialects import RecordedStep, code_of, first_action
 from .fields import FieldError, FieldTypeError, JsonObject
-from .files import SNIFFED, Source, inside, lines, parse_any, relative_name, root_of, size_of
-from .folders import SNIFFED_FILES, readable_files
+from .files import Source, inside, lines, parse_any, relative_name, root_of, size_of
+from .heads import LISTS
 from .json_rows import is_json
 from .pictures import decoded, in_json
 
-LISTS = ("messages", "items", "input", "output")
-LONG_TEXT = 4096  # the end of a text is kept, because the action follows the thought
 PICTURES = (".png", ".jpg", ".jpeg", ".webp")
 JsonPath = tuple[str | int, ...]
 
@@ -189,8 +185,8 @@ def _taken(talk: Conversation, entry: LogEntry, take: TakeEntry) -> Iterator[Fie
         yield error
 
 
-def entries(file: Path, *, unique: bool = True) -> Iterator[LogEntry | Rejected]:
-    """Yield the entries of a log: lines of a `.jsonl`, or a list in a `.json`, see `parse`.
+def entries(file: Path) -> Iterator[LogEntry | Rejected]:
+    """Yield the entries of a log: lines of a `.jsonl`, or a list in a `.json`.
 
     Bodies with one of the `LISTS` are spread out. A line that cannot be read is a `Rejected`
     without file; a `.json` file that cannot be read is a `FieldError`.
@@ -199,11 +195,11 @@ def entries(file: Path, *, unique: bool = True) -> Iterator[LogEntry | Rejected]
         for line in lines(file):
             where = f"line {line.number}"
             try:
-                yield from _spread(line.record(unique=unique), where, line.offset, ())
+                yield from _spread(line.record(), where, line.offset, ())
             except FieldError as error:
                 yield Rejected("", where, error.field, error.reason)
         return
-    data = parse_any(file, unique=unique)
+    data = parse_any(file)
     if isinstance(data, list):
         yield from _items(cast("list[object]", data), "entry", None, ())
     else:
@@ -218,51 +214,6 @@ def parts_of(entry: LogEntry) -> Iterator[tuple[JsonPath, JsonObject]]:
     elif isinstance(content, list):
         for index, part in enumerate(cast("list[object]", content)):
             yield ("content", index), fields.mapping(part, f"content[{index}]")
-
-
-def first_entries(path: Path, skip: Callable[[Path], bool] | None = None) -> Iterator[LogEntry]:
-    """Yield the first entries of the first logs of a source, to find its format.
-
-    Args:
-        path: the source.
-        skip: returns whether to leave a file out.
-    """
-    files = filter(is_json, readable_files(path))
-    for file in islice(files, SNIFFED_FILES):
-        try:
-            if skip is not None and skip(file):
-                continue
-            stat = file.stat()
-            yield from _sniffed(file, stat.st_mtime_ns, stat.st_size)
-        except OSError:
-            continue
-
-
-@lru_cache(maxsize=SNIFFED_FILES)
-def _sniffed(file: Path, changed: int, size: int) -> tuple[LogEntry, ...]:
-    """Return the first entries of a file without their pictures.
-
-    They are cached, since every reader asks for them; `changed` and `size` are part of the cache's
-    key.
-    """
-    try:
-        first = islice(entries(file, unique=False), SNIFFED)
-        found = [entry for entry in first if isinstance(entry, LogEntry)]
-        return tuple(_shortened(entry) for entry in found)
-    except (FieldError, OSError, RecursionError):
-        return ()
-
-
-def _shortened(entry: LogEntry) -> LogEntry:
-    return replace(entry, data=cast("JsonObject", _short(entry.data)))
-
-
-def _short(value: object) -> object:
-    if isinstance(value, dict):
-        return {key: _short(inner) for key, inner in cast("dict[str, object]", value).items()}
-    if isinstance(value, list):
-        return [_short(inner) for inner in cast("list[object]", value)]
-    return value[-LONG_TEXT:] if isinstance(value, str) else value
 
 
 def _spread(

@@ -14,17 +14,15 @@ from hijack_data.errors import HijackError, counted
 from hijack_data.types import Action, Size, Step, Trajectory
 
 from . import fields
-from .base import Rejected, files_below, register
+from .base import FileReader, Rejected, files_below, register
 from .dialects import PYAUTOGUI, RecordedStep, code_of
 from .fields import FieldError, FieldTypeError, JsonObject
 from .files import Source, inside, parse_file, relative_name, root_of
-from .folders import one_of_first
-from .json_rows import FOLDERS, beginning, picture_at
+from .heads import FileHead
+from .json_rows import FOLDERS, picture_at
 from .screens import RecordedTrajectory
 
 _FOLDERS = (*FOLDERS, "screenshots")
-_ODYSSEY = (b'"episode_id"', b'"device_info"', b'"steps"')
-_CONTROL = (b'"episode_id"', b'"goal"', b'"actions"')
 _KEYS = ("KEY_HOME", "KEY_BACK", "KEY_APPSELECT")
 _DIRECTIONS = ("up", "down", "left", "right")
 _RECORDS = re.compile(r".*(?:\.tfrecords?|-\d{5}-of-\d{5})")
@@ -35,28 +33,11 @@ _WAY_OUT = (
 _Entry = tuple[object, JsonObject]  # the picture named by a step, and its action
 
 
-def _begins(file: Path, signs: tuple[bytes, ...]) -> bool:
-    start = beginning(file) if file.suffix == ".json" else b""
-    return bool(start) and all(sign in start for sign in signs)
-
-
-class _Phone(ABC):
+class _Phone(FileReader, ABC):
     """A format with one JSON file per episode."""
 
     name = ""
-    signs: tuple[bytes, ...] = ()
-
-    def detect(self, path: Path) -> bool:
-        """Return whether one of the first JSON files begins with the fields of an episode."""
-        return one_of_first(path, self.looks_at, self.is_ours)
-
-    def looks_at(self, file: Path) -> bool:
-        """Return whether a file is worth opening, by its name."""
-        return file.suffix == ".json"
-
-    def is_ours(self, file: Path) -> bool:
-        """Return whether a file is of this format, by its beginning."""
-        return _begins(file, self.signs)
+    suffixes = (".json",)
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories in the order of the files."""
@@ -67,7 +48,7 @@ class _Phone(ABC):
                 yield file
             elif file.suffix == ".json":
                 yield from self._episode(file, root, seen)
-            elif self.looks_at(file):
+            elif _RECORDS.fullmatch(file.name):
                 yield Rejected(relative_name(file, root), "", "", _WAY_OUT)
 
     def _episode(self, file: Path, root: Path, seen: set[str]) -> Iterator[Trajectory | Rejected]:
@@ -80,13 +61,15 @@ class _Phone(ABC):
                 raise FieldError("episode_id", f"{own!r} was there before")
             seen.add(own)
             entries = self.entries(record)
+            if not entries:
+                raise FieldError("", "holds no step")
         except FieldError as error:
             yield Rejected(name, "", error.field, error.reason)
             return
         for index, (picture, entry) in enumerate(entries):
             try:
                 image, size = picture_at(picture, file, root, "screenshot", _FOLDERS)
-                steps.append(_step(index, image, size, entry, self.action))
+                steps.append(phone_step(index, image, size, entry, self.action))
             except FieldError as error:
                 yield Rejected(name, f"step {index}", error.field, error.reason)
         if steps:
@@ -113,13 +96,18 @@ class _Phone(ABC):
         """Return the action of a step in pixels of its picture; a broken one is a `HijackError`."""
 
 
-def _step(
+def phone_step(
     index: int,
     image: str,
     size: Size,
     entry: JsonObject,
     read: Callable[[JsonObject, Size], Action],
 ) -> Step:
+    """Return a step of a phone: code of a click, the entry itself without a point, or neither.
+
+    Raises:
+        FieldError: the action is broken, or outside the picture.
+    """
     try:
         action = fields.on_screen(read(entry, size), size, "action")
     except FieldError:
@@ -145,7 +133,7 @@ class GuiOdyssey(_Phone):
     """
 
     name = "gui_odyssey"
-    signs = _ODYSSEY
+    keys = (frozenset({"episode_id", "device_info", "steps"}),)
 
     def about(self, record: JsonObject) -> tuple[str, str, tuple[str, ...]]:
         """Return the id, the instruction and the apps. Raises `FieldError`."""
@@ -203,17 +191,11 @@ class AndroidControl(_Phone):
     """
 
     name = "android_control"
-    signs = _CONTROL
+    keys = (frozenset({"episode_id", "goal", "actions"}),)
 
-    def looks_at(self, file: Path) -> bool:
-        """Return whether a file is JSON, or named as TFRecord files are."""
-        return file.suffix == ".json" or _RECORDS.fullmatch(file.name) is not None
-
-    def is_ours(self, file: Path) -> bool:
-        """Return whether a file is of this format, by its beginning or a TFRecord's name."""
-        if file.suffix == ".json":
-            return super().is_ours(file)
-        return file.is_file()
+    def accepts(self, head: FileHead) -> bool:
+        """Return whether a file is of this format, by its first record or a TFRecord's name."""
+        return bool(_RECORDS.fullmatch(head.path.name)) or super().accepts(head)
 
     def about(self, record: JsonObject) -> tuple[str, str, tuple[str, ...]]:
         """Return the id, the instruction and the apps. Raises `FieldError`."""

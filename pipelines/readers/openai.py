@@ -7,18 +7,19 @@ from hijack_data.platforms import find_platform
 from hijack_data.types import Trajectory
 
 from . import fields
-from .base import Rejected, register
+from .base import FileReader, Rejected, register
 from .dialects import OPENAI
 from .fields import FieldError
 from .files import Source
-from .logs import Conversation, LogEntry, first_entries, parts_of, read_logs
+from .heads import FileHead
+from .logs import Conversation, LogEntry, parts_of, read_logs
 
 CALL = "computer_call"
 RESULT = "computer_call_output"
 
 
 @register
-class OpenAI:
+class OpenAI(FileReader):
     """Reads logs of OpenAI's computer use.
 
     A source is a `.json` or `.jsonl` file, or a folder with them; each file is a trajectory, whose
@@ -40,9 +41,9 @@ class OpenAI:
     name = "openai"
     adopts = True
 
-    def detect(self, path: Path) -> bool:
+    def recognizes(self, head: FileHead) -> bool:
         """Return whether one of the first items is a `computer_call` or its output."""
-        return any(entry.data.get("type") in (CALL, RESULT) for entry in first_entries(path))
+        return any(entry.get("type") in (CALL, RESULT) for entry in head.entries)
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories in the order of the files."""

@@ -59,6 +59,7 @@ class OSWorld(FolderReader):
 
     name = "osworld"
     records = RECORDS
+    file_names = (RECORDS,)
     any_name = True
 
     def beside(self, file: Path) -> bool:

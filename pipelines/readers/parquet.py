@@ -1,4 +1,4 @@
-"""Hugging Face data sets in Parquet: trajectories, chats and grounding, found by their columns."""
+"""Hugging Face data sets in Parquet or Arrow, found by their columns."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -8,18 +8,23 @@ from typing import Any
 from hijack_data.types import Size, Trajectory
 
 from . import fields
-from .base import Rejected, files_below, register
+from .arrow import SUFFIX as ARROW
+from .base import FileReader, Rejected, files_below, register
 from .boxes import Form, form_of
 from .choices import FRACTIONS, NO_CHOICES, PIXELS, XYXY, ReaderOptions
+from .events import TESS, TESS_REST, TRACE, CuaBenchTrace, StepRows, TessEpisode
 from .fields import FieldError, JsonObject, once
 from .files import Source, inside, relative_name, root_of
-from .folders import readable_files
+from .heads import FileHead
+from .lerobot import in_lerobot
 from .mind2web import COLUMNS as MIND2WEB
 from .mind2web import mind2web
 from .parquet_rows import ParquetRow, chat, grounding, trajectory
 from .pictures import GroupRows, open_parquet
 
-SUFFIX = ".parquet"
+SUFFIXES = (".parquet", ARROW)
+# What `save_to_disk` writes beside its files.
+_BESIDE = ("state.json", "dataset_info.json", "dataset_dict.json")
 
 
 @dataclass(frozen=True)
@@ -29,12 +34,16 @@ class _Shape:
     Args:
         needs: columns that it must have.
         takes: other columns that are read.
-        read: yields the trajectory of a row, and the errors in it.
+        read: yields the trajectory of a row, and the errors in it; or makes the reader of the rows,
+            one after the other, that have the value in `common`.
+        common: the column whose value the rows of a trajectory have in common; `""` if a row is
+            one.
     """
 
     needs: tuple[str, ...]
     takes: tuple[str, ...]
-    read: Callable[[ParquetRow], Iterator[Trajectory | FieldError]]
+    read: Callable[[Any], Any]
+    common: str = ""
 
 
 SHAPES = (
@@ -45,18 +54,20 @@ SHAPES = (
         for images in ("images", "image")
     ),
     _Shape((*MIND2WEB,), ("website", "domain"), mind2web),
+    _Shape(TRACE, (), CuaBenchTrace, "trajectory_id"),
+    _Shape(TESS, TESS_REST, TessEpisode, "episode_id"),
     _Shape(("image", "bbox", "instruction"), ("data_source", "file_name"), grounding),
 )
 
 
 @register
 @dataclass(frozen=True)
-class Parquet:
-    """Reads Hugging Face data sets in Parquet.
+class Parquet(FileReader):
+    """Reads Hugging Face data sets in Parquet, and those that `save_to_disk` wrote, in Arrow.
 
-    A source is a `.parquet` file, or a folder with them anywhere below. Pictures are structs of
-    `bytes` and `path`, or bytes; a `path` without bytes is a file beside the table. What a table
-    holds is seen from its columns:
+    A source is a `.parquet` or `.arrow` file, or a folder with them anywhere below. Pictures are
+    structs of `bytes` and `path`, or bytes; a `path` without bytes is a file beside the table. What
+    a table holds is seen from its columns:
 
     - `task_id, instruction, actions, screenshots` (`markov-ai/computer-use`): a row is a
       trajectory. Actions are pyautogui code or `computer_13` JSON. The card does not say whether a
@@ -71,6 +82,9 @@ class Parquet:
       the box.
     - `annotation_id, action_uid, operation, pos_candidates, screenshot` (Multimodal-Mind2Web), see
       `mind2web`.
+    - `event_name, data_json, data_images, trajectory_id` (traces of cua-bench), and `episode_id,
+      step_idx, image, instruction, action_type, click_type` (TESS-AgentNet): rows of one trajectory
+      follow each other, see `events`.
 
     Rows are read one at a time. The id is `task_id`, or else the file and the row's number. The
     domain is `domain`, the `platform` in `metadata`, or `data_source`: `desktop`, `mobile`, `ios`,
@@ -84,11 +98,16 @@ class Parquet:
 
     choices: ReaderOptions = NO_CHOICES
     name = "parquet"
+    suffixes = SUFFIXES
     takes = ("coordinates", "boxes")
 
-    def detect(self, path: Path) -> bool:
-        """Return whether `path` is a `.parquet` file, or a folder with one anywhere below."""
-        return any(file.suffix == SUFFIX for file in readable_files(path))
+    def recognizes(self, head: FileHead) -> bool:
+        """Return whether a table is not a part of a LeRobot data set."""
+        return not in_lerobot(head.path)
+
+    def beside(self, file: Path) -> bool:
+        """Return whether `save_to_disk` wrote a file beside its tables."""
+        return file.name in _BESIDE
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories, files by name, rows in order."""
@@ -97,7 +116,7 @@ class Parquet:
         for file in files_below(path):
             if isinstance(file, Rejected):
                 yield file
-            elif file.suffix == SUFFIX:
+            elif file.suffix in SUFFIXES:
                 try:
                     inside(root, relative_name(file, root), "")
                     yield from _table(ParquetRow(file, root, 0, 0, 0, choices=self.choices), seen)
@@ -110,6 +129,9 @@ def _table(first: ParquetRow, seen: set[str]) -> Iterator[Trajectory | Rejected]
     table = open_parquet(first.file)
     try:
         shape, columns = _shape(table.schema_arrow.names)
+        if shape.common:
+            yield from _grouped(table, first, shape, columns, seen)
+            return
         form = _form(table, first) if shape.read is grounding else first.form
         count = 0
         for group in range(table.num_row_groups):
@@ -125,6 +147,40 @@ def _table(first: ParquetRow, seen: set[str]) -> Iterator[Trajectory | Rejected]
             yield Rejected(name, "", "", "holds no row")
     finally:
         table.close()
+
+
+def _grouped(
+    table: Any, first: ParquetRow, shape: _Shape, columns: list[str], seen: set[str]
+) -> Iterator[Trajectory | Rejected]:
+    """Yield the trajectories of a table whose rows are steps, and everything rejected of it."""
+    name = relative_name(first.file, first.root)
+    episode: StepRows | None = None
+    common: object = None
+
+    def ended() -> Iterator[Trajectory | Rejected]:
+        for item in once(episode.trajectory() if episode else (), seen):
+            if isinstance(item, Trajectory):
+                yield item
+            else:
+                yield Rejected(name, fields.shown(common), item.field, item.reason)
+
+    for count, (group, number, record) in enumerate(_rows(table, columns)):
+        row = replace(first, group=group, number=number, count=count)
+        try:
+            if isinstance(record, FieldError):
+                if episode is not None:
+                    episode.skip()
+                raise record
+            if episode is None or record[shape.common] != common:
+                yield from ended()
+                episode = None
+                common = record[shape.common]
+                made: StepRows = shape.read(common)
+                episode = made
+            episode.add(row.holding(record))
+        except FieldError as error:
+            yield Rejected(name, f"row {count}", error.field, error.reason)
+    yield from ended()
 
 
 def _form(table: Any, first: ParquetRow) -> Form:

@@ -17,6 +17,8 @@ from typing import Any, cast
 from hijack_data.errors import ImageError
 
 from ..dataset.columns import pyarrow
+from .arrow import SUFFIX as ARROW
+from .arrow import ArrowTable
 from .fields import FieldError, mapping
 from .files import MAX_RECORD, line_at, parse, parse_any, relative_name
 
@@ -235,16 +237,19 @@ def _parquet_value(file: str, group: int, row: int, column: str, item: int | Non
 
 
 def open_parquet(file: Path) -> Any:
-    """Open a Parquet file for reading in small pieces.
+    """Open a Parquet file, or an Arrow file, for reading in small pieces.
 
     Raises:
-        FieldError: it is not a readable Parquet file.
+        FieldError: it is not a readable Parquet or Arrow file.
     """
     pa = pyarrow()
     try:
+        if file.suffix == ARROW:
+            return ArrowTable(file)
         return pa.parquet.ParquetFile(os.fspath(file), pre_buffer=False, buffer_size=1 << 16)
     except (pa.ArrowException, OSError, ValueError) as error:
-        raise FieldError("", f"not a readable Parquet file ({_first_line(error)})") from None
+        kind = "Arrow" if file.suffix == ARROW else "Parquet"
+        raise FieldError("", f"not a readable {kind} file ({_first_line(error)})") from None
 
 
 class GroupRows:

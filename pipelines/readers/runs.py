@@ -14,11 +14,14 @@ from . import fields
 from .base import Rejected, register
 from .dialects import PYAUTOGUI, RecordedStep, code_of, first_action
 from .fields import FieldError, JsonObject
-from .files import first_records, inside, parse_file, relative_name, size_of
+from .files import inside, parse_file, relative_name, size_of
 from .folders import EpisodeFolder, FolderReader
+from .heads import FileHead
 
 # By the class of the desktop, as the log names it.
 _PROVIDERS: dict[str, Platform] = {"EmbeddedDesktop": "linux-xfce", "OsworldDesktop": "linux"}
+
+_SIGNS = {"raw", "code", "image"}
 
 
 @register
@@ -43,11 +46,9 @@ class Runs(FolderReader):
     records = STEPS
     adopts = True
 
-    def detect(self, path: Path) -> bool:
-        """Return whether `path` is our `steps.jsonl`, or the folder of an episode or a run."""
-        if path.is_file():
-            return path.name == STEPS and _is_log(path)
-        return (path / STEPS).is_file() or any(path.glob(f"{EPISODES}/*/{STEPS}"))
+    def recognizes(self, head: FileHead) -> bool:
+        """Return whether a file is the log of an episode."""
+        return head.path.name == STEPS and any(keys >= _SIGNS for keys in head.keys)
 
     def beside(self, file: Path) -> bool:
         """Return whether a file describes a run or an episode."""
@@ -65,11 +66,6 @@ class Runs(FolderReader):
     def episode(self, file: Path, root: Path) -> Iterator[Trajectory | Rejected]:
         """Yield the trajectory of one episode, and everything rejected of it."""
         return _Episode(root, file).read()
-
-
-def _is_log(file: Path) -> bool:
-    signs = {"raw", "code", "image"}
-    return any(signs <= record.keys() for record in first_records(file))
 
 
 @dataclass

@@ -15,14 +15,12 @@ from hijack_data.platforms import find_platform
 from hijack_data.types import Action, Size, Step, Trajectory, are_fractions
 
 from . import fields
-from .base import Rejected, files_below, register
+from .base import FileReader, Rejected, files_below, register
 from .dialects import RecordedStep, code_of
 from .fields import FieldError, JsonObject
 from .files import Source, inside, parse_file, relative_name, root_of, size_of
-from .folders import one_of_first
 
 IMAGES = "images"
-_SIGNS = ("session_id", "saved_image_name", "actions")
 _BUTTONS = {"click": 1, "double_click": 2}
 _PLAIN = {"move": "move", "down": "mouse_down", "up": "mouse_up"}
 _SCROLLS = {"scroll_up": 1, "scroll_down": -1}
@@ -32,7 +30,7 @@ _SYSTEM = re.compile(r"\b(\w+) operating system")
 
 
 @register
-class ScreenAgent:
+class ScreenAgent(FileReader):
     """Reads ScreenAgent.
 
     A source is a folder with sessions anywhere below, or one JSON file. A step is a file:
@@ -52,9 +50,8 @@ class ScreenAgent:
     name = "screenagent"
     adopts = True
 
-    def detect(self, path: Path) -> bool:
-        """Return whether one of the first JSON files has the fields of a step."""
-        return one_of_first(path, lambda file: file.suffix == ".json", _is_step)
+    suffixes = (".json",)
+    keys = (frozenset({"session_id", "saved_image_name", "actions"}),)
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories in the order of their folders."""
@@ -158,13 +155,6 @@ def _system(record: JsonObject) -> str:
     prompt: object = record.get("send_prompt_en")
     found = _SYSTEM.search(prompt) if isinstance(prompt, str) else None
     return found[1] if found else ""
-
-
-def _is_step(file: Path) -> bool:
-    try:
-        return all(sign in parse_file(file, unique=False) for sign in _SIGNS)
-    except FieldError:
-        return False
 
 
 def _checked_size(record: JsonObject, size: Size) -> Size:

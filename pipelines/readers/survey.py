@@ -9,9 +9,11 @@ from pathlib import Path
 from hijack_data.types import Trajectory
 
 from ..errors import SourceError
-from .base import Reader, Rejected, existing, files_below, get_reader, names
+from .base import FileReader, Reader, Rejected, existing, files_below, get_reader, names
 from .choices import NO_CHOICES, ReaderOptions, with_choices
-from .files import SCREENS, Part, Source, relative_name, root_of
+from .files import SCREENS, SNIFFED, Part, Source, relative_name, root_of
+from .heads import FileHead
+from .not_recordings import explanation
 
 # Files that never hold records of a known format and may be large, so no reader examines them.
 OPAQUE = (*SCREENS, ".mp4", ".webm", ".mkv", ".mov", ".avi", ".html", ".pdf", ".log", ".md")
@@ -132,12 +134,17 @@ def detect_format(path: str | os.PathLike[str]) -> str:
 
 
 def _format_of(file: Path, root: Path) -> str:
-    """Return the format of one file, or `""`.
+    """Return the format of one file, or `""`: its name decides, or else its first records.
 
     Raises:
         SourceError: it could be of several.
     """
-    found = [reader.name for reader in _readers(fallback=False) if reader.detect(file)]
+    readers = list(_readers(fallback=False))
+    for reader in readers:
+        if isinstance(reader, FileReader) and file.name in reader.file_names:
+            return reader.name
+    head = FileHead(file)
+    found = [reader.name for reader in readers if _accepts(reader, head)]
     if len(found) > 1:
         named = " or ".join(found)
         raise SourceError(
@@ -145,6 +152,12 @@ def _format_of(file: Path, root: Path) -> str:
             f" {_say_which(found)}; {_known_formats()}"
         )
     return found[0] if found else ""
+
+
+def _accepts(reader: Reader, head: FileHead) -> bool:
+    if isinstance(reader, FileReader):
+        return reader.accepts(head)
+    return reader.detect(head.path)
 
 
 def _readers(*, fallback: bool) -> Iterator[Reader]:
@@ -180,6 +193,9 @@ def _fallback(
             raise SourceError(f"{source}: {why}")
     if _is_empty(source):
         raise SourceError(f"{source}: is empty; {_known_formats()}")
+    for file in left[:SNIFFED]:
+        if why := explanation(FileHead(file)):
+            raise SourceError(f"{relative_name(file, root)}: is {why} (docs/sources.md)")
     examples = ", ".join(_examples(root, left, refused))
     looked = f" ({examples})" if examples else ""
     raise SourceError(

@@ -2,18 +2,18 @@
 
 import re
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any, cast
 
 from hijack_data.types import Trajectory
 
 from . import fields
-from .base import Rejected, register
+from .base import FileReader, Rejected, register
 from .chat import is_chat
 from .dialects import UI_TARS, UI_TARS_15
 from .fields import FieldError, JsonObject
 from .files import Source
-from .logs import Conversation, LogEntry, WrongFile, first_entries, parts_of, read_logs
+from .heads import FileHead
+from .logs import Conversation, LogEntry, WrongFile, parts_of, read_logs
 
 _ACTION = re.compile(
     r"\b(?:click|left_double|right_single|drag|scroll)\(start_box=|\b(?:hotkey\(key=|type\(content=|wait\(\)|finished\()"
@@ -24,19 +24,17 @@ _PIXELS = re.compile(r"ui-?tars-?1[.\-]5", re.IGNORECASE)
 _THOUSAND = re.compile(r"doubao|ui-?tars-?(?:1[.\-]0|2b|7b|72b)", re.IGNORECASE)
 
 
-class _UITars:
+class _UITars(FileReader):
     name = ""
     adopts = True
 
-    def detect(self, path: Path) -> bool:
+    def recognizes(self, head: FileHead) -> bool:
         """Return whether one of the first replies has UI-TARS actions of this version."""
-        models: set[str] = set()
-        found = False
-        for entry in first_entries(path, skip=is_chat):
-            models.add(_version(entry.data.get("model")))
-            if entry.data.get("role") == "assistant" and _ACTION.search(_text(entry)):
-                found = True
-        return found and (self.name in models or models <= {""})
+        if is_chat(head):
+            return False
+        models = {_version(entry.get("model")) for entry in head.entries}
+        replies = (_text(entry) for entry in head.entries if entry.get("role") == "assistant")
+        return any(map(_ACTION.search, replies)) and (self.name in models or models <= {""})
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories in the order of the files."""
@@ -51,7 +49,7 @@ class _UITars:
             )
         talk.ask(entry.data.get("instruction"))
         if entry.data.get("role") == "assistant":
-            text = _text(entry)
+            text = _text(entry.data)
             talk.act(text, self.name, "content")
         elif entry.data.get("role") == "user":
             yield from _user(talk, entry)
@@ -119,9 +117,9 @@ def _version(model: object) -> str:
     return UI_TARS if _THOUSAND.search(model) else ""
 
 
-def _text(entry: LogEntry) -> str:
-    try:
-        parts = [part for _, part in parts_of(entry)]
-    except FieldError:
-        return ""
+def _text(message: JsonObject) -> str:
+    content: object = message.get("content")
+    if isinstance(content, str):
+        return content
+    parts = fields.objects(content)
     return "\n".join(str(part.get("text")) for part in parts if part.get("type") == "text")

@@ -46,6 +46,7 @@ class WebVoyager(FolderReader):
 
     name = "webvoyager"
     records = RECORDS
+    file_names = (RECORDS,)
     any_name = True
 
     def episode(self, file: Path, root: Path) -> Iterator[Trajectory | Rejected]:

@@ -292,8 +292,10 @@ def built(
 
 def test_every_format_has_a_case() -> None:
     # Of `images`, which says nothing but the picture, see test_readers_images; of the sets that are
-    # asked for by name, test_readers_grounding.
+    # asked for by name, test_readers_grounding. The others show pages, phones and desktops as some
+    # format above does.
     apart = {"images", "screenspot_v2", "screenspot_pro", "osworld_g"}
+    apart |= {"aitz", "atif", "browser_use", "guiact", "lerobot"}
     assert {case.reader for case in CASES.values()} == set(names()) - apart
     assert set(PICTURE + MACHINE) == set(hj.names())
 

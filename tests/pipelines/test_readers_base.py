@@ -8,10 +8,19 @@ import pytest
 
 from hijack_data.errors import HijackError, ParameterError, UnknownNameError
 from pipelines.errors import SourceError
-from pipelines.readers import Rejected, detect_format, get_reader, names, register
+from pipelines.readers import (
+    FileReader,
+    Rejected,
+    detect_format,
+    files,
+    get_reader,
+    names,
+    register,
+)
 
 PLAIN = '{"trajectory_id": "a", "step": 0}'
 AGENTNET = '{"task_id": "a", "traj": []}'
+BOTH = '{"trajectory_id": "a", "step": 0, "traj": []}'
 
 
 @pytest.mark.parametrize(
@@ -19,9 +28,12 @@ AGENTNET = '{"task_id": "a", "traj": []}'
     [
         ({"trajectories.jsonl": PLAIN}, "", "jsonl"),
         ({"trajectories.jsonl": "rubbish"}, "", "jsonl"),
+        ({"trajectories.jsonl": AGENTNET}, "", "jsonl"),
         ({"steps.jsonl": "\n\xff\n" + PLAIN}, "steps.jsonl", "jsonl"),
         ({"any.jsonl": "rubbish\n" + AGENTNET}, "", "agentnet"),
         ({"any.jsonl": AGENTNET}, "any.jsonl", "agentnet"),
+        ({"any.ndjson": PLAIN}, "", "jsonl"),
+        ({"lines.json": PLAIN + "\n" + PLAIN}, "", "jsonl"),
         ({"b.json": '{"task_id": "a", "steps": []}', "a.json": "["}, "", "agentnet"),
         ({"b.json": '{"task_id": "a", "steps": []}'}, "b.json", "agentnet"),
     ],
@@ -44,7 +56,7 @@ def test_the_format_is_found(
         ({"a.txt": "x"}, "", "not a recording"),
         ({"a.jsonl": '{"foo": 1}'}, "", "not a recording"),
         ({"a.json": "{"}, "a.json", "not a recording"),
-        ({"trajectories.jsonl": AGENTNET}, "", "agentnet or jsonl"),
+        ({"any.jsonl": BOTH}, "", "agentnet or jsonl"),
     ],
 )
 def test_a_source_that_cannot_be_told(
@@ -112,6 +124,71 @@ def test_a_registered_reader_is_detected(tmp_path: Path, monkeypatch: pytest.Mon
     (tmp_path / "x.odd").write_text("1")
     assert detect_format(tmp_path / "x.odd") == "odd"
     assert "odd" in names()
+
+
+def test_a_name_decides_without_a_look_into_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pipelines.readers import heads
+
+    def refuse(*_: object, **__: object) -> None:
+        raise AssertionError("the file was opened to find out its format")
+
+    monkeypatch.setattr(heads, "first_records", refuse)
+    (tmp_path / "trajectories.jsonl").write_text(PLAIN)
+    assert detect_format(tmp_path) == "jsonl"
+
+
+def test_the_beginning_of_a_file_is_read_once_for_all_readers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pipelines.readers import heads
+
+    opened: list[Path] = []
+
+    def first_records(path: Path) -> list[Any]:
+        opened.append(path)
+        return files.first_records(path)
+
+    monkeypatch.setattr(heads, "first_records", first_records)
+    (tmp_path / "any.jsonl").write_text(AGENTNET)
+    assert detect_format(tmp_path) == "agentnet"
+    assert opened == [tmp_path / "any.jsonl"]
+
+
+def test_a_registered_reader_may_be_recognized_by_the_first_records(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pipelines.readers import base
+
+    monkeypatch.setattr(base.READERS, "entries", dict(base.READERS.entries))
+
+    @register
+    class Keyed(FileReader):
+        name = "keyed"
+        file_names = ("mine.txt",)
+        keys = (frozenset({"my", "keys"}),)
+
+        def read(self, path: Path) -> Any:
+            yield Rejected(path.name, "", "", "keyed")
+
+    (tmp_path / "a.json").write_text('[{"my": 1, "keys": 2, "more": 3}]')
+    (tmp_path / "mine.txt").write_text("")
+    assert detect_format(tmp_path / "a.json") == detect_format(tmp_path / "mine.txt") == "keyed"
+    assert get_reader("keyed").detect(tmp_path)
+    (tmp_path / "b.json").write_text('{"my": 1}')
+    with pytest.raises(SourceError, match="not a recording"):
+        detect_format(tmp_path / "b.json")
+
+
+def test_a_json_file_that_is_too_large_is_known_by_its_first_record(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pipelines.readers import heads
+
+    monkeypatch.setattr(heads, "MAX_RECORD", 10)
+    (tmp_path / "a.json").write_text('[{"messages": [], "images": ["a.png"]}, {"cut off')
+    assert detect_format(tmp_path) == "chat"
 
 
 def test_readers_say_what_their_coordinates_are() -> None:

@@ -21,7 +21,7 @@ from pipelines.errors import SourceError
 from pipelines.readers import Rejected, detect_format, get_reader, names
 from pipelines.readers.pictures import read_picture
 
-from support.formats import FORMATS, HEIGHT, POINT, SETS, WIDTH, png
+from support.formats import FORMATS, HEIGHT, PLACELESS, POINT, SETS, WIDTH, png
 
 EVERY = {**FORMATS, **SETS}
 
@@ -41,8 +41,9 @@ def source(tmp_path: Path) -> Path:
 
 
 def test_every_reader_has_a_recording_here() -> None:
-    # Pictures are no recording, and published sets are read by name only: they have own tests.
-    others = ["images", "screenspot_v2", "screenspot_pro", "osworld_g"]
+    # Pictures are no recording, published sets are read by name only, and a LeRobot set is more
+    # than its files: they have own tests.
+    others = ["images", "lerobot", "screenspot_v2", "screenspot_pro", "osworld_g"]
     assert sorted([*EVERY, *others]) == names()
 
 
@@ -59,7 +60,7 @@ def test_a_recording_is_told_by_its_file_alone(name: str, source: Path) -> None:
     files = [file for file in source.rglob("*") if file.suffix in (".json", ".jsonl", ".parquet")]
     # parts of a recording
     files = [file for file in files if not file.parent.name.startswith("turn_")]
-    beside = ("episode.json",)  # says what an episode came to, not what was done
+    beside = ("episode.json", "task.json")  # say what an episode is, not what was done
     found = {
         detect_format(file)
         for file in files
@@ -94,23 +95,30 @@ def test_reading_is_complete_repeatable_and_shows_the_right_pictures(
     assert len(trajectory.steps) == 2
     assert [read_picture(step.image, "x") for step in trajectory] == [png(0), png(1)]
     assert all(step.action_code for step in trajectory)
-    if name != "webvoyager":
+    if name not in PLACELESS:
         assert trajectory.steps[0].action == hj.types.Action("click", *POINT)
 
 
 CODES = {
     "agentnet": ("pyautogui.click(x=100, y=50)", "pyautogui.click(x=50, y=25)"),
+    "aitz": ("pyautogui.click(100, 50)", "pyautogui.click(50, 25)"),
     "android_control": ("pyautogui.click(100, 50)", "pyautogui.click(50, 25)"),
     "anthropic": (
         '{"action": "left_click", "coordinate": [100, 50]}',
         '{"action": "left_click", "coordinate": [50, 25]}',
     ),
+    "atif": (
+        '{"action": "left_click", "coordinate": [100, 50]}',
+        '{"action": "left_click", "coordinate": [50, 25]}',
+    ),
+    "browser_use": ('[{"click": {"index": 7}}]',) * 2,
     "chat": ("pyautogui.click(100, 50)", "pyautogui.click(50, 25)"),
     "cua": (
         '{"type": "click", "button": "left", "x": 100, "y": 50}',
         '{"type": "click", "button": "left", "x": 50, "y": 25}',
     ),
     "gui_odyssey": ("pyautogui.click(100, 50)", "pyautogui.click(50, 25)"),
+    "guiact": ("pyautogui.click(100, 50)", "pyautogui.click(50, 25)"),
     "jsonl": ("pyautogui.click(100, 50)", "pyautogui.click(50, 25)"),
     "openai": (
         '{"type": "click", "button": "left", "x": 100, "y": 50}',
@@ -147,7 +155,7 @@ def test_a_build_puts_points_and_code_where_they_belong(
     clean, half = rows["clean"], rows["half"]
     assert (clean["width"], clean["height"]) == (WIDTH, HEIGHT)
     assert (half["width"], half["height"]) == (WIDTH // 2, HEIGHT // 2)
-    if name != "webvoyager":
+    if name not in PLACELESS:
         assert (clean["action"]["x"], clean["action"]["y"]) == POINT
         assert (half["action"]["x"], half["action"]["y"]) == (POINT[0] // 2, POINT[1] // 2)
         assert half["target_visible"] == 1
@@ -191,7 +199,7 @@ def test_a_broken_file_is_counted_and_the_rest_is_read(
         for f in sorted(source.rglob("*"))
         if f.suffix in (".json", ".jsonl", ".parquet")
         and "examples" not in f.parts
-        and f.name != "episode.json"
+        and f.name not in ("episode.json", "task.json")
     )
     named = name in ("osworld", "webvoyager", "runs", "cua")
     broken = source / "zz" / (records.name if named else "broken" + records.suffix)

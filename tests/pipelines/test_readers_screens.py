@@ -19,15 +19,16 @@ PAGE = "the pictures show a web page, not the screen around it"
 PHONE = "the pictures show a phone, not the screen of a desktop"
 
 
-def test_of_our_formats_one_shows_pages_whatever_its_domain(tmp_path: Path) -> None:
+def test_formats_that_show_pages_or_phones_say_so(tmp_path: Path) -> None:
     found = {}
     every = {**FORMATS, **SETS}
     for name in every:
         first, *_ = get_reader(name).read(every[name](tmp_path / name))
         assert isinstance(first, Trajectory)
         found[name] = screen_of(first)
-    others = {"webvoyager": "web page", "gui_odyssey": "phone", "android_control": "phone"}
-    assert found == {**dict.fromkeys(every, "desktop"), **others}
+    pages = dict.fromkeys(("browser_use", "guiact", "webvoyager"), "web page")
+    phones = dict.fromkeys(("aitz", "android_control", "gui_odyssey"), "phone")
+    assert found == {**dict.fromkeys(every, "desktop"), **pages, **phones}
 
 
 @pytest.mark.parametrize(

@@ -119,7 +119,7 @@ def test_a_broken_file_among_its_kind_is_rejected_with_a_reason(tmp_path: Path) 
 
 
 def test_a_file_of_two_formats_is_an_error_that_names_them(tmp_path: Path) -> None:
-    (tmp_path / "trajectories.jsonl").write_text('{"task_id": "a", "traj": []}')
+    (tmp_path / "any.jsonl").write_text('{"trajectory_id": "a", "step": 0, "traj": []}')
     with pytest.raises(
         SourceError, match=r"agentnet or jsonl; say which: --format agentnet \(in Python: format="
     ):
@@ -140,6 +140,23 @@ def test_an_unknown_format_is_refused_with_the_way_out(tmp_path: Path) -> None:
         "--format images",
     ):
         assert part in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("record", "what"),
+    [
+        ({"id": "1", "instruction": "a", "config": [], "evaluator": {}}, "a task of OSWorld"),
+        ({"uid": "u", "image_id": "i", "pred": "x", "prompt": "p"}, "predictions for GUIAct"),
+        ({"annotation_id": "a", "confirmed_task": "t", "website": "w"}, "Multimodal-Mind2Web"),
+    ],
+)
+def test_what_is_published_beside_recordings_is_refused_by_its_name(
+    record: Any, what: str, tmp_path: Path
+) -> None:
+    (tmp_path / "a.json").write_text(json.dumps([record]))
+    with pytest.raises(SourceError, match=what) as caught:
+        survey(tmp_path)
+    assert str(caught.value).startswith("a.json: is ")
 
 
 def test_several_sources(recording: Any, tmp_path: Path) -> None:

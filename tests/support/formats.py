@@ -418,6 +418,115 @@ def cua(folder: Path, shots: Shots = SMALL) -> Path:
     return folder
 
 
+def atif(folder: Path, shots: Shots = SMALL) -> Path:
+    """ATIF: a screenshot with the task, and one as the result of each step."""
+    home = folder / "trial-1" / "agent"
+    names = [f"images/{i}.png" for i in range(len(shots.clicks) + 1)]
+    (home / "images").mkdir(parents=True)
+    shots.files(home, names)
+    shown = [
+        {"type": "image", "source": {"media_type": "image/png", "path": name}} for name in names
+    ]
+    steps: list[Any] = [
+        {"step_id": 1, "source": "user", "message": [{"type": "text", "text": "do it"}, shown[0]]}
+    ]
+    calls = [{"action": "left_click", "coordinate": [x, y]} for x, y in shots.pixels]
+    for number, arguments in enumerate([*calls, {"action": "wait", "duration": 1}]):
+        call = {"tool_call_id": "c", "function_name": "computer", "arguments": arguments}
+        step = {"step_id": number + 2, "source": "agent", "message": "", "tool_calls": [call]}
+        if number < len(calls):
+            result = {"source_call_id": "c", "content": [shown[number + 1]]}
+            step["observation"] = {"results": [result]}
+        steps.append(step)
+    agent = {"name": "a-model", "version": "1"}
+    record = {"schema_version": "ATIF-v1.7", "session_id": "s", "agent": agent, "steps": steps}
+    write_json(home / "trajectory.json", record)
+    return folder
+
+
+def browser_use(folder: Path, shots: Shots = SMALL) -> Path:
+    """browser-use: the elements are named by their number."""
+    names = [f"step_{i + 1}.png" for i in range(len(shots.clicks) + 1)]
+    shots.files(folder / "screenshots", names)
+    actions: list[Any] = [{"click": {"index": 7}} for _ in shots.clicks]
+    history = [
+        {
+            "model_output": {"memory": "", "next_goal": "", "action": [action]},
+            "result": [],
+            # The path on the machine that recorded it.
+            "state": {
+                "url": "https://a.example",
+                "screenshot_path": f"/tmp/agent-1/screenshots/{name}",
+            },
+        }
+        for name, action in zip(
+            names, [*actions, {"done": {"text": "ok", "success": True}}], strict=True
+        )
+    ]
+    write_json(folder / "run.json", {"history": history})
+    write_json(folder / "task.json", {"instruction": "do it"})
+    return folder
+
+
+def aitz(folder: Path, shots: Shots = SMALL) -> Path:
+    """AITZ: fractions, y before x."""
+    home = folder / "GENERAL-1"
+    points = [[y / shots.size[1], x / shots.size[0]] for x, y in shots.pixels]
+    steps = [
+        {"result_action_type": 4, "result_touch_yx": json.dumps(p), "result_lift_yx": json.dumps(p)}
+        for p in points
+    ]
+    end = {
+        "result_action_type": 10,
+        "result_touch_yx": "[-1.0, -1.0]",
+        "result_lift_yx": "[-1.0, -1.0]",
+    }
+    records = [
+        {
+            "episode_id": "1",
+            "step_id": number,
+            "instruction": "do it",
+            "image_path": f"general/GENERAL-1/GENERAL-1_{number}.png",
+            "result_action_text": "",
+            **step,
+        }
+        for number, step in enumerate([*steps, end])
+    ]
+    write_json(home / "GENERAL-1.json", records)
+    shots.files(home, [f"GENERAL-1_{i}.png" for i in range(len(records))])
+    return folder
+
+
+def guiact(folder: Path, shots: Shots = SMALL) -> Path:
+    """GUIAct, several steps on pages: fractions beside pixels."""
+    width, height = shots.size
+    labels: list[Any] = [
+        [
+            {
+                "name": "click",
+                "point": {
+                    "related": f"<point>{x / width:.3f}, {y / height:.3f}</point>",
+                    "absolute": f"<point>{x}, {y}</point>",
+                },
+            }
+        ]
+        for x, y in shots.pixels
+    ]
+    records = [
+        {
+            "uid": f"uid_record_00001_step_{number:02d}",
+            "image_id": f"uid_record_00001_step_{number:02d}",
+            "image_size": {"width": width, "height": height},
+            "question": "do it",
+            "actions_label": label,
+        }
+        for number, label in enumerate([*labels, [{"name": "answer", "text": "ok"}]])
+    ]
+    write_json(folder / "web-multi_test_data.json", records)
+    shots.files(folder / "images", [f"{record['image_id']}.png" for record in records])
+    return folder
+
+
 def gui_odyssey(folder: Path, shots: Shots = SMALL) -> Path:
     """GUI-Odyssey: 0..1000."""
     clicks = [{"action": "CLICK", "info": [list(point)]} for point in shots.points(1000, 1000)]
@@ -494,11 +603,15 @@ def _column(shots: Shots) -> list[dict[str, Any]]:
 
 FORMATS: dict[str, Callable[..., Path]] = {
     "agentnet": agentnet,
+    "aitz": aitz,
     "android_control": android_control,
     "anthropic": anthropic,
+    "atif": atif,
+    "browser_use": browser_use,
     "chat": chat,
     "cua": cua,
     "gui_odyssey": gui_odyssey,
+    "guiact": guiact,
     "jsonl": jsonl,
     "openai": openai,
     "osworld": osworld,
@@ -514,5 +627,7 @@ TABLES: dict[str, Callable[..., Path]] = {
     "chat_calls": chat_calls,
     "boxes": boxes,
 }
+# They name no place on the picture.
+PLACELESS = ("browser_use", "webvoyager")
 # Sets whose recordings are one step each.
 SETS: dict[str, Callable[..., Path]] = {"grounding": grounding}

@@ -1,0 +1,153 @@
+"""ATIF (Agent Trajectory Interchange Format, Harbor's RFC 0001): an episode is a `trajectory.json`.
+
+`episodes/SHARD-NUMBER/trajectory.json` holds the rows of one recorded trajectory under one
+corruption, in the order of the steps, and `images/` beside it their screenshots. A row is an agent
+step: its `message` is the action in the chosen dialect, its only tool call is `desktop_action` with
+the columns of `action` as arguments, in pixels of the screenshot. ATIF shows a screen as the result
+of the step before, so the first screenshot is part of the user's message and each later one the
+observation of the preceding step. Where steps are missing between two rows, a system step says so
+and shows the screenshot. The other columns are in `extra`.
+"""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from hijack_data.files import write_atomic
+
+from ..dataset.columns import ACTION
+from ..readers.atif import OURS, TOOL
+from .example import Example, plain
+
+VERSION = "ATIF-v1.7"
+_ARGUMENTS = {"string": "string", "int32": "integer", "float64": "number"}
+
+
+def _argument(kind: Any) -> dict[str, Any]:
+    if isinstance(kind, list):
+        return {"type": "array", "items": {"type": "string"}}
+    return {"type": _ARGUMENTS[kind]}
+
+
+_DEFINITION = {
+    "type": "function",
+    "function": {
+        "name": TOOL,
+        "description": "An action on the desktop; coordinates are pixels of the last screenshot.",
+        "parameters": {
+            "type": "object",
+            "properties": {name: _argument(kind) for name, kind in ACTION.items()},
+            "required": ["type"],
+        },
+    },
+}
+
+
+@dataclass
+class _Episode:
+    """One document, while its rows come in.
+
+    Args:
+        folder: where it is written.
+        about: the first row.
+        steps: the steps so far.
+        last: the recorded number of the last step.
+    """
+
+    folder: Path
+    about: dict[str, Any]
+    steps: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
+    last: int = -1
+
+    def add(self, example: Example) -> bool:
+        """Add a row; return whether steps are missing before it."""
+        row = example.row
+        image = self._image(example.png)
+        missing = bool(self.steps) and row["step"] > self.last + 1
+        if not self.steps:
+            text = {"type": "text", "text": plain(row["instruction"])}
+            self._step("user", [text, image])
+        elif missing:
+            text = f"Steps {self.last + 1} to {row['step'] - 1} of the recording are not exported."
+            self._step("system", text, observation={"results": [{"content": [image]}]})
+        else:
+            call = self.steps[-1]["tool_calls"][0]["tool_call_id"]
+            result = {"source_call_id": call, "content": [image]}
+            self.steps[-1]["observation"] = {"results": [result]}
+        self.last = row["step"]
+        arguments = {name: row["action"][name] for name in ACTION}
+        call = {
+            "tool_call_id": f"call_{len(self.steps) + 1}",
+            "function_name": TOOL,
+            "arguments": {name: value for name, value in arguments.items() if value is not None},
+        }
+        about = {**example.about, "inserted": row["inserted"], "dialect": example.dialect}
+        self._step("agent", example.answer, tool_calls=[call], extra={OURS: about})
+        return missing
+
+    def write(self) -> None:
+        """Write the document."""
+        row = self.about
+        document = {
+            "schema_version": VERSION,
+            "session_id": row["trajectory_id"],
+            "trajectory_id": f"{row['trajectory_id']}/{row['corruption']}",
+            "agent": {
+                "name": row["source"],
+                "version": "unknown",
+                "tool_definitions": [_DEFINITION],
+            },
+            "steps": self.steps,
+            "notes": f"Recorded in the format {row['source']} and exported by AgentHijack.",
+            "extra": {OURS: {"domain": row["domain"], "corruption": row["corruption"]}},
+        }
+        text = json.dumps(document, ensure_ascii=False, indent=1)
+        write_atomic(self.folder / "trajectory.json", text + "\n")
+
+    def _step(self, source: str, message: Any, **more: Any) -> None:
+        number = len(self.steps) + 1
+        self.steps.append({"step_id": number, "source": source, "message": message, **more})
+
+    def _image(self, png: bytes) -> dict[str, Any]:
+        name = f"images/{len(self.steps):06d}.png"
+        path = self.folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(png)
+        return {"type": "image", "source": {"media_type": "image/png", "path": name}}
+
+
+class AtifWriter:
+    """Writes a folder for each episode; `notes` says what ATIF has no field for."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.open: dict[str, _Episode] = {}
+        self.trajectory: str | None = None
+        self.gaps = 0
+
+    def shard(self, index: int, examples: Iterator[Example]) -> None:
+        """Write the examples of one shard; those of a trajectory follow each other."""
+        for example in examples:
+            row = example.row
+            if row["trajectory_id"] != self.trajectory:
+                self._close()
+                self.trajectory = row["trajectory_id"]
+            folder = self.folder / "episodes" / example.key
+            episode = self.open.setdefault(row["corruption"], _Episode(folder, row))
+            self.gaps += episode.add(example)
+
+    def finish(self) -> None:
+        """Write the last episodes."""
+        self._close()
+
+    def notes(self) -> Iterator[str]:
+        """Yield what the report says about this export."""
+        if self.gaps:
+            yield f"{self.gaps} times steps are missing within an episode; a system step says so"
+
+    def _close(self) -> None:
+        for episode in self.open.values():
+            episode.write()
+        self.open.clear()

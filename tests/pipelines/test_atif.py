@@ -1,0 +1,175 @@
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import hijack_data as hj
+from hijack_data.types import Action, Trajectory
+from pipelines import build, open_dataset
+from pipelines.exports import export
+from pipelines.readers import Rejected, detect_format, get_reader
+from pipelines.readers.pictures import read_picture
+
+from support.formats import atif, png, write_json
+
+RECORDS = "trial-1/agent/trajectory.json"
+
+
+def read(path: Path) -> tuple[list[Trajectory], list[Rejected]]:
+    items = list(get_reader("atif").read(path))
+    return [i for i in items if isinstance(i, Trajectory)], [
+        i for i in items if isinstance(i, Rejected)
+    ]
+
+
+def change(folder: Path, **arguments: Any) -> None:
+    """Give the first agent step another call."""
+    record = json.loads((folder / RECORDS).read_text())
+    record["steps"][1]["tool_calls"][0].update(arguments)
+    write_json(folder / RECORDS, record)
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "expected"),
+    [
+        ("computer", {"type": "double_click", "x": 30, "y": 20}, Action("double_click", 30, 20)),
+        # Every field is there, as Harbor writes them.
+        (
+            "computer_action",
+            {"type": "drag", "x": 30, "y": 20, "end_x": 40, "end_y": 25, "text": None},
+            Action("drag", 30, 20, 40, 25),
+        ),
+        (
+            "computer_action",
+            {"type": "click", "x": 30, "y": 20, "button": "right"},
+            Action("right_click", 30, 20),
+        ),
+        ("computer_action", {"type": "scroll", "x": 3, "y": 2}, Action("other", 3, 2)),
+        (
+            "computer_action",
+            {"type": "keypress", "keys": ["ctrl", "S"]},
+            Action("hotkey", keys=("ctrl", "S")),
+        ),
+        ("mark_task_complete", {"result": "ok"}, Action("done")),
+        (
+            "desktop_action",
+            {"type": "key_down", "keys": ["shift"]},
+            Action("key_down", keys=("shift",)),
+        ),
+    ],
+)
+def test_tools_whose_coordinates_are_known(
+    name: str, arguments: dict[str, Any], expected: Action, tmp_path: Path
+) -> None:
+    atif(tmp_path)
+    change(tmp_path, function_name=name, arguments=arguments)
+    (trajectory,), rejected = read(tmp_path)
+    assert not rejected
+    assert trajectory.steps[0].action == expected
+
+
+@pytest.mark.parametrize(
+    ("call", "reason"),
+    [
+        ({"function_name": "tap"}, "does not say what its coordinates count"),
+        ({"arguments": {"action": "left_click", "coordinate": [400, 3]}}, "outside the 400x200"),
+        (
+            {"function_name": "computer_action", "arguments": {"type": "jump"}},
+            "is not an action of computer_action",
+        ),
+    ],
+)
+def test_other_calls_are_rejected(call: dict[str, Any], reason: str, tmp_path: Path) -> None:
+    atif(tmp_path)
+    change(tmp_path, **call)
+    (trajectory,), (rejected,) = read(tmp_path)
+    assert reason in rejected.reason
+    assert (rejected.file, rejected.where) == (RECORDS, "step 2")
+    assert len(trajectory.steps) == 1
+
+
+def test_a_screen_is_that_of_the_step_before(tmp_path: Path) -> None:
+    atif(tmp_path)
+    record = json.loads((tmp_path / RECORDS).read_text())
+    record["steps"][0]["message"] = "do it"  # as Harbor's agent, which shows none with the task
+    write_json(tmp_path / RECORDS, record)
+    (trajectory,), (rejected,) = read(tmp_path)
+    assert rejected.reason == "no screenshot came before this action"
+    (step,) = trajectory.steps
+    assert read_picture(step.image, "") == png(1)
+
+
+def test_an_agent_without_a_screen_is_one_rejection(tmp_path: Path) -> None:
+    call = {"tool_call_id": "c", "function_name": "bash", "arguments": {"command": "ls"}}
+    step = {"step_id": 1, "source": "agent", "message": "", "tool_calls": [call]}
+    record = {"schema_version": "ATIF-v1.4", "session_id": "s", "steps": [step, step]}
+    write_json(tmp_path / "trajectory.json", record)
+    trajectories, (rejected,) = read(tmp_path)
+    assert not trajectories
+    assert "show no screenshot" in rejected.reason
+
+
+@pytest.fixture
+def exported(recording: Any, add_line: Any, good_line: Any, tmp_path: Path) -> Path:
+    """The export of a recording with every kind of action, and a step missing in it."""
+    source = recording(trajectories=1, steps=1)
+    others = [
+        {"type": "drag", "x": 1, "y": 2, "x2": 3, "y2": 4},
+        {"type": "scroll", "x": 1, "y": 2, "amount": -3.0},
+        {"type": "type", "text": "a <b> ü"},
+        {"type": "hotkey", "keys": ["ctrl", "s"]},
+        {"type": "wait"},
+        {"type": "done"},
+    ]
+    for number, action in enumerate(others, 3):  # steps 1 and 2 are missing
+        (source / f"images/t0-{number}.png").write_bytes(png(number, 320, 200))
+        add_line(source, good_line("t0", number, action=action, target_box=None))
+    build(source, tmp_path / "set", corruptions={"half": hj.Resolution(scale=0.5)})
+    report = export(tmp_path / "set", tmp_path / "atif", to="atif")
+    assert report.total == 14
+    assert report.notes == ["2 times steps are missing within an episode; a system step says so"]
+    return tmp_path
+
+
+def test_our_export_is_valid(exported: Path) -> None:
+    atif_models = pytest.importorskip("atif", reason="the PyPI package atif validates the export")
+    documents = sorted((exported / "atif").rglob("trajectory.json"))
+    assert len(documents) == 2
+    for document in documents:
+        parsed = atif_models.Trajectory.model_validate_json(document.read_bytes())
+        assert parsed.has_multimodal_content()
+        assert [step.source for step in parsed.steps[:4]] == ["user", "agent", "system", "agent"]
+        for step in parsed.steps:
+            shown = step.observation.results[0].content if step.observation else []
+            for part in [*shown, *(step.message if isinstance(step.message, list) else [])]:
+                assert part.type == "text" or (document.parent / part.source.path).is_file()
+
+
+def test_our_export_comes_back(exported: Path) -> None:
+    assert detect_format(exported / "atif") == "atif"
+    (trajectory,), rejected = read(exported / "atif")
+    clean = [row for row in open_dataset(exported / "set") if row["corruption"] == "clean"]
+    assert {r.field for r in rejected} == {"extra.corruption"}
+    assert trajectory.id == "t0/clean"
+    assert (trajectory.instruction, trajectory.domain) == ("do t0", "tests")
+    assert len(trajectory.steps) == len(clean) == 7
+    for step, row in zip(trajectory.steps, clean, strict=True):
+        said = {name: value for name, value in row["action"].items() if value is not None}
+        assert {k: v for k, v in asdict(step.action).items() if v is not None} == {
+            **said,
+            **({"keys": tuple(said["keys"])} if "keys" in said else {}),
+        }
+        assert step.index == row["step"]
+        assert list(step.target_box or ()) == (row["target_box"] or [])
+    build(exported / "atif", exported / "again")
+    again = [row for row in open_dataset(exported / "again") if row["corruption"] == "clean"]
+    assert [row["image_sha256"] for row in again] == [row["image_sha256"] for row in clean]
+
+
+def test_the_same_rows_give_the_same_bytes(exported: Path) -> None:
+    export(exported / "set", exported / "twice", to="atif")
+    for file in sorted(p for p in (exported / "atif").rglob("*") if p.is_file()):
+        again = exported / "twice" / file.relative_to(exported / "atif")
+        assert again.read_bytes() == file.read_bytes()
