@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from fnmatch import fnmatch
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeGuard
 
 from hijack_data.runs.run_head import config_digest
 from hijack_data.runs.run_log import (
@@ -542,7 +542,7 @@ def _mappings(value: object) -> list[Mapping[str, Any]]:
     return [entry for entry in value if isinstance(entry, dict)] if isinstance(value, list) else []
 
 
-def _is_time(value: object) -> bool:
+def _is_time(value: object) -> TypeGuard[float]:
     """Return whether a value is a number of seconds."""
     return isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < 1e12
 

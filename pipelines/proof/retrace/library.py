@@ -3,6 +3,7 @@
 This is the one module of `pipelines` that asks `online_env`, and only when a run is verified.
 """
 
+import importlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import lru_cache
@@ -15,6 +16,8 @@ from hijack_data.runs.given import LIBRARY_AGENTS
 from hijack_data.runs.run_log import slug_of
 
 PACKAGE = "agenthijack"
+_TASKS = "online_env.tasks"
+_SETTLE = "online_env.environment.settle"
 EMBEDDED = "embedded"  # the provider of this library
 TASK_FIELDS = ("task", "task_seed", "sample", "instruction", "apps", "infeasible")
 HELP = ("task", "plan")  # what an agent of this library is always or never given
@@ -36,8 +39,8 @@ class Library:
         played = versions.get(PACKAGE) if isinstance(versions, Mapping) else None
         try:
             present = version(PACKAGE)
-            import online_env.environment.settle
-            import online_env.tasks  # noqa: F401
+            importlib.import_module(_SETTLE)
+            importlib.import_module(_TASKS)
         except (ImportError, PackageNotFoundError) as error:
             return cls(f"tasks and agents of the library cannot be asked ({error})")
         if played != present:
@@ -81,16 +84,13 @@ class Library:
         """Yield the fields of a record's `desktop` that follow from the provider."""
         if self.unavailable or provider != EMBEDDED:
             return
-        from online_env.environment.settle import Settle
-
         yield "provider", "EmbeddedDesktop"
-        yield "settle", asdict(Settle())
+        yield "settle", asdict(importlib.import_module(_SETTLE).Settle())
 
 
 @lru_cache(maxsize=4096)  # a task has a record for each agent and corruption
 def _task_fields(name: str, seed: int) -> Mapping[str, Any] | None:
-    from online_env import tasks
-
+    tasks: Any = importlib.import_module(_TASKS)
     if name not in tasks.TASKS.names() or not is_ours(tasks.TASKS.get(name)):
         return None
     try:
