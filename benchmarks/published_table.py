@@ -14,8 +14,7 @@ from online_env import tasks
 from online_env.bench import scores
 from online_env.bench.reading import Run
 from online_env.report import words
-from online_env.report.by_task import p_by_task
-from online_env.report.cells import cells_of, compared
+from online_env.report.cells import cells_of
 from online_env.report.identity import conditions_of
 from online_env.report.model import Cell
 
@@ -26,16 +25,11 @@ END = "<!-- end of the table -->\n"
 def differences(run: Run, *agents: str) -> str:
     """Return success, difference to clean and p of some agents, as Markdown.
 
-    p is that of the exact test in which each task is one case, whatever its seeds.
-
     Args:
         run: the run, with records of each agent, clean and corrupted.
         agents: the agents, in the order of the columns.
     """
-    groups = scores.grouped(run.records)
-    cells = cells_of(run, groups)
-    found = compared(cells, groups)
-    tests = {agent: p_by_task(found[agent]) for agent in agents}
+    cells = cells_of(run, scores.grouped(run.records))
     by_key = {(cell.agent, cell.corruption): cell for cell in cells}
     titles = ["corruption"]
     for agent in agents:
@@ -44,7 +38,7 @@ def differences(run: Run, *agents: str) -> str:
     for label in dict.fromkeys(cell.corruption for cell in cells):
         row = [label]
         for agent in agents:
-            row += _columns(by_key[agent, label], tests[agent].get(label))
+            row += _columns(by_key[agent, label])
         table.append(row)
     return _markdown(titles, table)
 
@@ -123,7 +117,7 @@ def _with_table(text: str, comment: str, table: str, page: Path) -> str:
     return f"{before}{comment}\n{table}\n{END}{after}"
 
 
-def _columns(cell: Cell, p: float | None) -> list[str]:
+def _columns(cell: Cell) -> list[str]:
     success = words.percent(cell.success)
     if cell.corruption == CLEAN:
         return [success, "", ""]
@@ -131,7 +125,7 @@ def _columns(cell: Cell, p: float | None) -> list[str]:
     return [
         success,
         f"{change} {words.interval(cell.delta_low, cell.delta_high, '+')}",
-        words.p_value(p),
+        words.p_value(cell.p),
     ]
 
 

@@ -13,6 +13,7 @@ from hijack_data.cli.options import seed_option
 from hijack_data.config.options import LABEL_POLICIES
 from hijack_data.files import unwritable, write_atomic
 from hijack_data.platforms import PLATFORMS
+from hijack_data.printable import printable
 from hijack_data.runs import seal
 
 from .building.build import build as build_dataset
@@ -184,7 +185,8 @@ def build(
 
 
 def _end(result: Any, code: int) -> None:
-    click.echo("\n".join(result) if isinstance(result, list) else json.dumps(result))
+    text = "\n".join(result) if isinstance(result, list) else json.dumps(result)
+    click.echo(printable(text))
     raise SystemExit(code)
 
 

@@ -20,6 +20,7 @@ from click.shell_completion import CompletionItem
 
 from .. import extras
 from ..errors import HijackError, PluginWarning, StorageError, suggest
+from ..printable import printable
 from ..shadowed import complaint
 from .help_pages import page_for
 from .options import WholeSummaries
@@ -209,7 +210,7 @@ def _plugin_warnings() -> Generator[None]:
 
         def show(message: Warning | str, category: type[Warning], *rest: Any) -> None:
             if issubclass(category, PluginWarning):
-                click.echo(f"hijack: warning: {message}", err=True)
+                click.echo(printable(f"hijack: warning: {message}"), err=True)
             else:
                 others(message, category, *rest)
 
@@ -219,16 +220,19 @@ def _plugin_warnings() -> Generator[None]:
 
 
 def console() -> Any:
-    """Return a rich console; lines are 120 wide unless a terminal has another width."""
-    from rich.console import Console
+    """Return a rich console; lines are 120 wide unless a terminal has another width.
 
-    return Console(highlight=False, width=None if sys.stdout.isatty() else 120)
+    Control characters in what it prints are escaped.
+    """
+    from .printing import PrintableConsole
+
+    return PrintableConsole(highlight=False, width=None if sys.stdout.isatty() else 120)
 
 
 def fail(message: str, code: int = 2) -> None:
     """Print an error and a link to the page that explains it, if any; end with an exit code."""
     for line in message.splitlines() or ["failed"]:
-        click.echo(f"hijack: error: {line}", err=True)
+        click.echo(printable(f"hijack: error: {line}"), err=True)
     page = page_for(message)
     if page:
         click.echo(f"hijack: explained in {page}", err=True)

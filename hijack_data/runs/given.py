@@ -10,8 +10,8 @@ from typing import Any
 
 from .run_log import GIVEN, GIVEN_KINDS, GIVING
 
-# The agents of this library, for records before version 3; for other agents it is unknown.
-_BEFORE: Mapping[str, tuple[str, ...]] = {
+# What the agents of this library are given; of other agents only their records tell.
+LIBRARY_AGENTS: Mapping[str, tuple[str, ...]] = {
     "oracle": ("task",),
     "recovering": ("task",),
     "pixel": ("plan",),
@@ -32,7 +32,7 @@ def given_of(record: Mapping[str, Any]) -> tuple[str, ...] | None:
     if GIVEN not in record:
         version = record.get("version", 1)
         is_old = isinstance(version, int) and version < GIVING
-        return _BEFORE.get(str(record.get("agent"))) if is_old else None
+        return LIBRARY_AGENTS.get(str(record.get("agent"))) if is_old else None
     given = record[GIVEN]
     if not isinstance(given, list):
         return None

@@ -1,5 +1,8 @@
 """Checks of `run.json`, the head of a run, before anything in it is used."""
 
+import hashlib
+import json
+from collections.abc import Mapping
 from typing import Any, cast
 
 from ..errors import HijackError, shown
@@ -24,6 +27,13 @@ def check_head(data: object) -> dict[str, Any]:
     if listed is not None and not _is_list_of_ids(listed):
         raise HijackError(f"episodes: must be a list of ids, got {shown(listed)}")
     return head
+
+
+def config_digest(config: Mapping[str, Any]) -> str:
+    """Return the SHA-256 of a configuration as canonical JSON, without the name of its file."""
+    without = {key: value for key, value in config.items() if key != "source"}
+    text = json.dumps(without, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _is_list_of_ids(found: Any) -> bool:

@@ -7,6 +7,8 @@
     RUN/sessions.jsonl              one line for each time that the run was resumed
     RUN/seal.json, seal.json.sig    what the run consists of, and a signature, if it was signed
     RUN/lock                        held by the process that writes the run
+    RUN/requests/<id>.jsonl         what the agent of an episode asked models
+    RUN/texts/                      what agents have read from pictures, shared by processes
     RUN/episodes/<id>/episode.json  the record, written last
     RUN/episodes/<id>/steps.jsonl   line k: observation k, and the action that followed it
     RUN/episodes/<id>/frames/       the clean screens, and the agent's pictures that differ
@@ -40,6 +42,8 @@ SESSIONS = "sessions.jsonl"
 LOCK = "lock"
 EPISODE = "episode.json"
 STEPS = "steps.jsonl"
+REQUESTS = "requests"  # what agents asked models, a file an episode
+TEXTS = "texts"  # what agents have read from pictures
 FRAMES = "frames"
 SEAL = "seal.json"
 SIGNATURE = "seal.json.sig"

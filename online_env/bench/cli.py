@@ -13,8 +13,9 @@ import click
 
 from hijack_data.cli import console
 from hijack_data.cli.options import FiniteRange, conditions_option, desktops_option, new_run_options
-from hijack_data.errors import ParameterError, StorageError
+from hijack_data.errors import ParameterError, StorageError, counted
 from hijack_data.locking import Lock
+from hijack_data.printable import printable
 from hijack_data.runs import seal
 
 from ..errors import CostLimitError
@@ -141,7 +142,7 @@ def bench(
         for job in left:
             click.echo(str(job))
         expected = estimate(chosen, left, at_once, history_near(out))
-        click.echo(f"{len(left)} episodes on {at_once} desktops, {expected}")
+        click.echo(f"{_sizes(left, at_once)}, {expected}")
         return
     if out is None:
         raise click.UsageError("--out RUNS: say where the records go (or --dry-run)")
@@ -190,9 +191,14 @@ def _begun(
         chosen.to_data(),
         [job.id for job in listed],
         goes_on=resume,
-        notice=lambda text: click.echo(f"hijack: {text}", err=True),
+        notice=lambda text: click.echo(printable(f"hijack: {text}"), err=True),
         desktops=desktops,
     )
+
+
+def _sizes(listed: "Sequence[Job]", desktops: int) -> str:
+    """Return how many episodes are played on how many desktops."""
+    return f"{counted(len(listed), 'episode')} on {counted(desktops, 'desktop')}"
 
 
 def _run(
@@ -208,15 +214,14 @@ def _run(
     if left:
         expected = f", {estimate(chosen, left, pool.desktops, history_near(out))}"
     screen.print(
-        f"{len(left)} episodes on {pool.desktops} desktops{expected}; recovery policy:"
-        f" {chosen.recovery}",
+        f"{_sizes(left, pool.desktops)}{expected}; recovery policy: {chosen.recovery}",
         soft_wrap=True,
     )
     if left:
         try:
             _play(chosen, listed, out, earlier, pool, models)
         except CostLimitError as error:
-            click.echo(f"hijack: {error}", err=True)
+            click.echo(printable(f"hijack: {error}"), err=True)
         except KeyboardInterrupt:
             _tell_what_is_kept(out)
             raise click.Abort from None

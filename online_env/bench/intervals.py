@@ -1,33 +1,39 @@
 """Confidence intervals of success rates, of their differences and of retention.
 
-Episodes of one task resemble each other: another seed changes names and numbers, not the task.
-Intervals therefore resample tasks, not episodes. Wilson's interval comes from statsmodels.
+Episodes of one task resemble each other: another seed changes names and numbers, not the task. So
+the intervals rest on how far the tasks differ, not on the number of episodes.
+
+A mean has Wilson's score interval over tasks (from statsmodels), which is valid up to 0 and 1. A
+difference and a ratio combine the two Wilson intervals of their means by the method of variance
+estimates recovery: Newcombe's interval for paired rates (Newcombe 1998), and that of Donner and Zou
+(2012) for ratios. The same formulas hold at 0 %, at 100 % and between.
 
 All scores are success rates in 0..1.
 """
 
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite
+from math import sqrt
 from typing import Any, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 from statsmodels.stats.proportion import proportion_confint
 
 from hijack_data.errors import ParameterError
 
-from .resampling import Floats64, resample
-
+Floats64: TypeAlias = npt.NDArray[np.float64]
 # The data of one cell: scores and the task of each; or clean scores, corrupted scores, and the task
 # of each pair.
 Scores: TypeAlias = tuple[Sequence[float], Sequence[Hashable]]
 PairedScores: TypeAlias = tuple[Sequence[float], Sequence[float], Sequence[Hashable]]
-# By task: the sums of the numerator, and those of the denominator.
-_Ratio: TypeAlias = tuple[Floats64, Floats64]
 
 LEVEL = 0.95
 NOISE = 1e-9  # values that differ by less are equal: sums of scores such as 0.1 are not exact
-BATCH = 100  # intervals computed at once
+# Tasks' worth of doubt that is added to what the tasks show: that the seeds of a task tell no more
+# than one of them, and that clean and corrupted success are not related. Few tasks may agree by
+# chance, and at 0 and 100 % they always do.
+DOUBT = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,32 +51,84 @@ class Interval:
     high: float
 
 
-def mean_interval(
-    scores: Sequence[float], tasks: Sequence[Hashable], *, level: float = LEVEL, seed: int = 0
-) -> Interval:
-    """Return the mean score of some episodes, with a bootstrap interval that resamples tasks.
+@dataclass(frozen=True, kw_only=True)
+class _TaskMeans:
+    """Scores by task.
 
-    If all tasks have the same mean, a bootstrap interval would have no width. The interval is then
-    that of an event never observed in this number of tasks (Wilson's score interval).
+    Attributes:
+        means: the mean score of each task, float64 `[tasks]`.
+        weights: the share of the episodes that are of each task, float64 `[tasks]`.
+        value: the mean score of all episodes.
+    """
+
+    means: Floats64
+    weights: Floats64
+    value: float
+
+    @property
+    def tasks(self) -> float:
+        """The number of tasks; less if some have more episodes than others."""
+        return _effective_tasks(self.weights)
+
+    def covariance(self, other: "_TaskMeans") -> float:
+        """Return the covariance over tasks with scores of the same episodes."""
+        products = (self.means - self.value) * (other.means - other.value)
+        return float(self.weights**2 @ products) * self.tasks
+
+    @property
+    def interval(self) -> "_Wilson":
+        return _Wilson(self.value, self.covariance(self), len(self.means), self.tasks)
+
+
+@dataclass(frozen=True)
+class _Wilson:
+    """What Wilson's interval of a mean over tasks is computed from.
+
+    Attributes:
+        value: the mean.
+        variance: of the tasks' means.
+        count: the number of tasks.
+        tasks: the number of equally large tasks that would tell as much.
+    """
+
+    value: float
+    variance: float
+    count: int
+    tasks: float
+
+    def at(self, level: float) -> tuple[float, float]:
+        """Return the ends of the interval.
+
+        If the episodes of a task always end alike, the tasks' means vary as much as single
+        outcomes do, and the interval is Wilson's for this number of tasks. It is narrower if
+        they vary less.
+        """
+        chance = self.value * (1 - self.value)
+        doubt = DOUBT / self.tasks
+        shown = self.variance * self.count / (self.count - 1) if self.count > 1 else chance
+        share = min(1.0, (shown + doubt) / (chance + doubt))
+        trials = self.tasks / share
+        ends: Any = proportion_confint(
+            self.value * trials, trials, alpha=1 - level, method="wilson"
+        )
+        return max(0.0, min(float(ends[0]), self.value)), min(1.0, max(float(ends[1]), self.value))
+
+
+def mean_interval(
+    scores: Sequence[float], tasks: Sequence[Hashable], *, level: float = LEVEL
+) -> Interval:
+    """Return the mean score of some episodes, with Wilson's interval over tasks.
 
     Args:
         scores: one score per episode, 0..1.
         tasks: the task of each episode.
         level: the confidence level, between 0 and 1.
-        seed: seed of the resampling; the same seed gives the same interval.
 
     Raises:
-        ParameterError: there are no episodes, or the two lists differ in length.
+        ParameterError: there are no episodes, the two lists differ in length, or a score is not a
+            number in 0..1.
     """
-    return mean_intervals([(scores, tasks)], level=level, seed=seed)[0]
-
-
-def mean_intervals(
-    cells: Sequence[Scores], *, level: float = LEVEL, seed: int = 0
-) -> list[Interval]:
-    """Return `mean_interval` of each cell, which is faster for all cells at once."""
-    found = _intervals([_by_task(*cell) for cell in cells], level=level, seed=seed)
-    return [_clipped(interval, 0.0) for interval in found]
+    return _interval(_by_task(scores, tasks).interval, level)
 
 
 def difference_interval(
@@ -79,7 +137,6 @@ def difference_interval(
     tasks: Sequence[Hashable],
     *,
     level: float = LEVEL,
-    seed: int = 0,
 ) -> Interval:
     """Return the mean difference of paired episodes (corrupted minus clean), with its interval.
 
@@ -88,20 +145,19 @@ def difference_interval(
         corrupted: the score of the same case (task and seed) under a corruption.
         tasks: the task of each case.
         level: the confidence level, between 0 and 1.
-        seed: of the resampling.
 
     Raises:
-        ParameterError: there are no cases, or the three lists differ in length.
+        ParameterError: there are no cases, the three lists differ in length, or a score is not a
+            number in 0..1.
     """
-    return difference_intervals([(clean, corrupted, tasks)], level=level, seed=seed)[0]
-
-
-def difference_intervals(
-    cells: Sequence[PairedScores], *, level: float = LEVEL, seed: int = 0
-) -> list[Interval]:
-    """Return `difference_interval` of each cell, which is faster for all cells at once."""
-    found = _intervals([differences_by_task(*cell) for cell in cells], level=level, seed=seed)
-    return [_clipped(interval, -1.0) for interval in found]
+    before, after = _pairs_by_task(clean, corrupted, tasks)
+    least, most = before.interval.at(level)
+    low, high = after.interval.at(level)
+    related = _correlation(before, after)
+    value = after.value - before.value
+    below = _combined(after.value - low, most - before.value, related)
+    above = _combined(high - after.value, before.value - least, related)
+    return Interval(value=value, low=max(-1.0, value - below), high=min(1.0, value + above))
 
 
 def retention_interval(
@@ -110,7 +166,6 @@ def retention_interval(
     tasks: Sequence[Hashable],
     *,
     level: float = LEVEL,
-    seed: int = 0,
 ) -> Interval | None:
     """Return the share of its clean success that an agent keeps, with its interval.
 
@@ -119,84 +174,81 @@ def retention_interval(
         corrupted: the score of the same case under a corruption.
         tasks: the task of each case.
         level: the confidence level, between 0 and 1.
-        seed: of the resampling.
-
-    If every task keeps the same share, a bootstrap interval would have no width. The interval then
-    rests on how many tasks have clean success, as in `mean_interval`.
 
     Returns:
-        `None` if the agent has no clean success, since there is nothing to keep. The interval is
-        unbounded above (`inf`) if resampled tasks may have no clean success.
+        `None` if the agent has no clean success, since there is nothing to keep.
 
     Raises:
-        ParameterError: there are no cases, or the three lists differ in length.
+        ParameterError: there are no cases, the three lists differ in length, or a score is not a
+            number in 0..1.
     """
-    return retention_intervals([(clean, corrupted, tasks)], level=level, seed=seed)[0]
+    before, after = _pairs_by_task(clean, corrupted, tasks)
+    if before.value == 0:
+        return None
+    value = after.value / before.value
+    least, most = before.interval.at(level)
+    low, high = after.interval.at(level)
+    related = _correlation(before, after)
+    product = after.value * before.value
+    # The roots of (after - ratio * before) = its distance to the ends, squared.
+    middle = product - related * (after.value - low) * (most - before.value)
+    square = low * most * (2 * after.value - low) * (2 * before.value - most)
+    bottom = (middle - sqrt(max(0.0, middle**2 - square))) / (most * (2 * before.value - most))
+    middle = product - related * (high - after.value) * (before.value - least)
+    square = high * least * (2 * after.value - high) * (2 * before.value - least)
+    top = (middle + sqrt(max(0.0, middle**2 - square))) / (least * (2 * before.value - least))
+    return Interval(value=value, low=max(0.0, min(bottom, value)), high=max(top, value))
 
 
-def retention_intervals(
-    cells: Sequence[PairedScores], *, level: float = LEVEL, seed: int = 0
-) -> list[Interval | None]:
-    """Return `retention_interval` of each cell, which is faster for all cells at once."""
-    shares: list[_Ratio] = []
-    counts: list[int] = []
-    for clean, corrupted, tasks in cells:
-        check_pairs(clean, corrupted)
-        before, _ = _by_task(clean, tasks)
-        after, _ = _by_task(corrupted, tasks)
-        shares.append((after, before))
-        counts.append(len(tasks))
-    known = [share for share in shares if share[1].sum() > 0]
-    ends = iter(_bootstrap(known, level=level, seed=seed))
-    found: list[Interval | None] = []
-    for (after, before), cases in zip(shares, counts, strict=True):
-        if before.sum() == 0:
-            found.append(None)
-            continue
-        low, high = next(ends)
-        value = float(after.sum() / before.sum())
-        if are_alike(after - value * before):
-            half = _unseen(int((before > 0).sum()), level)
-            low = max(0.0, value - half)
-            if isfinite(high):
-                high = min(value + half, cases / float(before.sum()))  # all of them solved
-        found.append(Interval(value=value, low=low, high=high))
-    return found
-
-
-def grand_mean_interval(
-    cells: Sequence[Scores], *, level: float = LEVEL, seed: int = 0
-) -> Interval:
+def grand_mean_interval(cells: Sequence[Scores], *, level: float = LEVEL) -> Interval:
     """Return the mean of several cells' mean scores, such as over the nine, with its interval.
 
-    A resample draws tasks, and each of them brings its episodes of all cells. Resamples in which
-    some cell has no episode are left out of that cell's mean.
+    It is Wilson's over tasks: each task counts once, with its episodes of all cells.
 
     Args:
         cells: for each cell its scores, 0..1, and the task of each.
         level: the confidence level, between 0 and 1.
-        seed: of the resampling.
 
     Raises:
-        ParameterError: there is no cell, or a cell has no episodes.
+        ParameterError: there is no cell, a cell has no episodes, or a score is not a number in
+            0..1.
     """
     if not cells:
         raise ParameterError("there are no cells to average")
-    means = [_by_task(scores, tasks)[0].sum() / len(scores) for scores, tasks in cells]
-    value = float(np.mean(means))
     place: dict[Hashable, int] = {}
     for _, tasks in cells:
         for task in tasks:
             place.setdefault(task, len(place))
-    sums, counts = _cells_by_task(cells, place)
-    if are_alike(sums.sum(axis=1) / counts.sum(axis=1)):
-        half = _unseen(len(place), level)
-        return Interval(value=value, low=max(0.0, value - half), high=min(1.0, value + half))
-    above = resample(list(sums.T), seed)
-    below = resample(list(counts.T), seed)
-    rates = np.divide(above, below, out=np.full(above.shape, np.nan), where=below > 0)
-    low, high = _tails(np.nanmean(rates, axis=0), level)
-    return Interval(value=value, low=low, high=high)
+    weights = np.zeros(len(place))
+    effects = np.zeros(len(place))
+    values: list[float] = []
+    for scores, tasks in cells:
+        cell = _by_task(scores, tasks)
+        rows = [place[task] for task in dict.fromkeys(tasks)]
+        weights[rows] += cell.weights / len(cells)
+        effects[rows] += cell.weights * (cell.means - cell.value) / len(cells)
+        values.append(cell.value)
+    tasks_told = _effective_tasks(weights)
+    variance = float(effects @ effects) * tasks_told
+    return _interval(_Wilson(float(np.mean(values)), variance, len(place), tasks_told), level)
+
+
+def check_scores(scores: Sequence[float], tasks: Sequence[Hashable]) -> None:
+    """Check that there is a score for each task, and that each is one.
+
+    Raises:
+        ParameterError: the two lists differ in length or are empty, or a score is not a number in
+            0..1.
+    """
+    if len(scores) != len(tasks):
+        raise ParameterError(f"{len(scores)} scores for {len(tasks)} tasks: give one for each")
+    if not len(scores):
+        raise ParameterError("there are no episodes to summarise")
+    for score, task in zip(scores, tasks, strict=True):
+        if not 0 <= score <= 1:  # NaN, too
+            raise ParameterError(
+                f"the score of task {task!r} is {score!r}; scores are numbers from 0 to 1"
+            )
 
 
 def check_pairs(clean: Sequence[float], corrupted: Sequence[float]) -> None:
@@ -215,19 +267,6 @@ def are_alike(values: Floats64) -> bool:
     return float(np.ptp(values)) <= NOISE
 
 
-def _by_task(scores: Sequence[float], tasks: Sequence[Hashable]) -> tuple[Floats64, Floats64]:
-    """Return the sum and the number of scores of each task, in the order of first appearance."""
-    if len(scores) != len(tasks):
-        raise ParameterError(f"{len(scores)} scores for {len(tasks)} tasks: give one for each")
-    if not scores:
-        raise ParameterError("there are no episodes to summarise")
-    place = {task: number for number, task in enumerate(dict.fromkeys(tasks))}
-    numbers = [place[task] for task in tasks]
-    sums: Any = np.bincount(numbers, weights=np.asarray(scores, np.float64))
-    counts: Any = np.bincount(numbers)
-    return sums.astype(np.float64), counts.astype(np.float64)
-
-
 def differences_by_task(
     clean: Sequence[float], corrupted: Sequence[float], tasks: Sequence[Hashable]
 ) -> tuple[Floats64, Floats64]:
@@ -236,83 +275,58 @@ def differences_by_task(
     Both are float64 `[tasks]`.
 
     Raises:
-        ParameterError: there are no cases, or the three lists differ in length.
+        ParameterError: there are no cases, the three lists differ in length, or a score is not a
+            number in 0..1.
     """
     check_pairs(clean, corrupted)
-    differences = np.asarray(corrupted, np.float64) - np.asarray(clean, np.float64)
-    return _by_task(differences.tolist(), tasks)
+    before, counts = _sums_by_task(clean, tasks)
+    after, _ = _sums_by_task(corrupted, tasks)
+    return after - before, counts
 
 
-def _clipped(interval: Interval, least: float) -> Interval:
-    return Interval(
-        value=interval.value, low=max(least, interval.low), high=min(1.0, interval.high)
-    )
+def _sums_by_task(scores: Sequence[float], tasks: Sequence[Hashable]) -> tuple[Floats64, Floats64]:
+    """Return the sum and the number of scores of each task, in the order of first appearance."""
+    check_scores(scores, tasks)
+    place: Mapping[Hashable, int] = {
+        task: number for number, task in enumerate(dict.fromkeys(tasks))
+    }
+    numbers = [place[task] for task in tasks]
+    sums: Any = np.bincount(numbers, weights=np.asarray(scores, np.float64))
+    counts: Any = np.bincount(numbers)
+    return sums.astype(np.float64), counts.astype(np.float64)
 
 
-def _intervals(cells: Sequence[_Ratio], *, level: float, seed: int) -> list[Interval]:
-    """Return the means over tasks with intervals, which have Wilson's width if all tasks agree."""
-    differing = [cell for cell in cells if not are_alike(cell[0] / cell[1])]
-    ends = iter(_bootstrap(differing, level=level, seed=seed))
-    found: list[Interval] = []
-    for sums, counts in cells:
-        value = float(sums.sum() / counts.sum())
-        if are_alike(sums / counts):
-            half = _unseen(len(sums), level)
-            low, high = value - half, value + half
-        else:
-            low, high = next(ends)
-        found.append(Interval(value=value, low=low, high=high))
-    return found
+def _by_task(scores: Sequence[float], tasks: Sequence[Hashable]) -> _TaskMeans:
+    sums, counts = _sums_by_task(scores, tasks)
+    total = counts.sum()
+    value = min(1.0, float(sums.sum() / total))
+    return _TaskMeans(means=sums / counts, weights=counts / total, value=value)
 
 
-def _unseen(tasks: int, level: float) -> float:
-    """Return the upper end of Wilson's interval for an event never observed in `tasks` tasks."""
-    interval: Any = proportion_confint(0, tasks, alpha=1 - level, method="wilson")
-    return float(interval[1])
+def _pairs_by_task(
+    clean: Sequence[float], corrupted: Sequence[float], tasks: Sequence[Hashable]
+) -> tuple[_TaskMeans, _TaskMeans]:
+    check_pairs(clean, corrupted)
+    return _by_task(clean, tasks), _by_task(corrupted, tasks)
 
 
-def _cells_by_task(
-    cells: Sequence[Scores], place: Mapping[Hashable, int]
-) -> tuple[Floats64, Floats64]:
-    """Return the sums and the numbers of scores, each float64 `[tasks, cells]`."""
-    sums = np.zeros((len(place), len(cells)))
-    counts = np.zeros((len(place), len(cells)))
-    for column, (scores, tasks) in enumerate(cells):
-        rows = [place[task] for task in tasks]
-        np.add.at(sums, (rows, column), np.asarray(scores, np.float64))
-        np.add.at(counts, (rows, column), 1.0)
-    return sums, counts
+def _effective_tasks(weights: Floats64) -> float:
+    """Return the number of equally large tasks that tell as much as tasks with these weights."""
+    return float(1 / (weights @ weights))
 
 
-def _bootstrap(ratios: Sequence[_Ratio], *, level: float, seed: int) -> list[tuple[float, float]]:
-    """Return the percentile interval of each ratio of sums, resampling both by task.
-
-    `scipy.stats.bootstrap` refuses ratios that may be infinite, such as retention, and draws new
-    resamples for each ratio. Here ratios over equally many tasks share their resamples: one product
-    of matrices.
-    """
-    found: dict[int, tuple[float, float]] = {}
-    sizes: dict[int, list[int]] = {}
-    for place, (numerators, _) in enumerate(ratios):
-        sizes.setdefault(len(numerators), []).append(place)
-    for places in sizes.values():
-        for start in range(0, len(places), BATCH):
-            batch = places[start : start + BATCH]
-            ends = _ends([ratios[place] for place in batch], level, seed)
-            found.update(zip(batch, ends, strict=True))
-    return [found[place] for place in range(len(ratios))]
+def _interval(wilson: _Wilson, level: float) -> Interval:
+    low, high = wilson.at(level)
+    return Interval(value=wilson.value, low=low, high=high)
 
 
-def _ends(ratios: Sequence[_Ratio], level: float, seed: int) -> list[tuple[float, float]]:
-    """Return the intervals of ratios over equally many tasks."""
-    above = resample([numerators for numerators, _ in ratios], seed)
-    below = resample([denominators for _, denominators in ratios], seed)
-    values = np.divide(above, below, out=np.full(above.shape, np.inf), where=below > 0)
-    return [_tails(row, level) for row in values]
+def _correlation(before: _TaskMeans, after: _TaskMeans) -> float:
+    """Return the correlation of clean and corrupted success over tasks, which is not overrated."""
+    doubt = DOUBT / before.tasks
+    spreads = [one.covariance(one) + doubt for one in (before, after)]
+    return before.covariance(after) / sqrt(spreads[0] * spreads[1])
 
 
-def _tails(values: Floats64, level: float) -> tuple[float, float]:
-    """Return the ends of the middle part of resampled values."""
-    tail = (1 - level) / 2
-    low, high = np.quantile(values, [tail, 1 - tail], method="inverted_cdf")
-    return float(low), float(high)
+def _combined(one: float, other: float, related: float) -> float:
+    """Return the distance to an end of a difference from those of its two means."""
+    return sqrt(max(0.0, one**2 - 2 * related * one * other + other**2))

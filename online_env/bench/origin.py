@@ -4,7 +4,6 @@ Each `--resume` adds a line to `sessions.jsonl`, since machine and commit may ha
 """
 
 import contextlib
-import hashlib
 import json
 import os
 import platform
@@ -15,6 +14,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from hijack_data.files import unwritable
+from hijack_data.runs.run_head import config_digest
 from hijack_data.runs.run_log import SESSIONS
 
 RunOrigin: TypeAlias = dict[str, Any]
@@ -45,13 +45,6 @@ def describe(config: Mapping[str, Any], **used: int) -> RunOrigin:
         "machine": machine(),
         **used,
     }
-
-
-def config_digest(config: Mapping[str, Any]) -> str:
-    """Return the SHA-256 of a configuration as canonical JSON, without the name of its file."""
-    without = {key: value for key, value in config.items() if key != "source"}
-    text = json.dumps(without, sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def git_state(folder: Path, trusted: bool = False) -> RunOrigin | None:

@@ -61,9 +61,10 @@ def rows(
     those without a score, for example because the agent raised; they score 0. `invalid` is the
     number of all others, which say nothing about the agent: the corruption did not hold, or the
     desktop died. `success` is the mean score, 0..1, with the ends of its 95 % interval, which
-    resamples tasks. `delta` is the mean difference to the clean condition over the cases (task and
-    seed) that have both, with its interval; `retention` is the ratio over the same cases. `p` is
-    that of McNemar's exact test over them, adjusted for all corruptions of the agent (Holm).
+    rests on how far tasks differ. `delta` is the mean difference to the clean condition over the
+    cases (task and seed) that have both, with its interval; `retention` is the ratio over the same
+    cases. `p` is that of the exact sign-flip test over their tasks, adjusted for all corruptions of
+    the agent (Holm).
 
     Args:
         records: of one run or several.
@@ -162,23 +163,21 @@ def _infer(table: Sequence[ScoreRow], scores: ScoreByCell) -> None:
     """Add intervals and tests to rows, in place; the p values are adjusted for each agent."""
     from . import statistics  # scipy takes a second to load
 
-    there = [row for row in table if row["n"]]
-    cells = [scores[row["agent"], row["corruption"]] for row in there]
-    means = statistics.mean_intervals([(list(c.values()), task_names(c)) for c in cells])
-    for row, mean in zip(there, means, strict=True):
-        row.update(ci_low=mean.low, ci_high=mean.high)
+    for row in table:
+        if row["n"]:
+            own = scores[row["agent"], row["corruption"]]
+            mean = statistics.mean_interval(list(own.values()), task_names(own))
+            row.update(ci_low=mean.low, ci_high=mean.high)
     compared = [row for row in table if row["delta"] is not None]
-    found = [_with_clean(row, scores) for row in compared]
-    for row, change in zip(compared, statistics.difference_intervals(found), strict=True):
+    tests: dict[str, dict[str, float]] = {}
+    for row in compared:
+        cases = _with_clean(row, scores)
+        change = statistics.difference_interval(*cases)
         row.update(delta_low=change.low, delta_high=change.high)
-    tests = {
-        id(row): statistics.mcnemar(*pair[:2]) for row, pair in zip(compared, found, strict=True)
-    }
-    for agent in dict.fromkeys(row["agent"] for row in compared):
-        own = [row for row in compared if row["agent"] == agent]
-        adjusted = statistics.holm({row["corruption"]: tests[id(row)] for row in own})
-        for row in own:
-            row["p"] = adjusted[row["corruption"]]
+        tests.setdefault(row["agent"], {})[row["corruption"]] = statistics.mcnemar_by_task(*cases)
+    adjusted = {agent: statistics.holm(found) for agent, found in tests.items()}
+    for row in compared:
+        row["p"] = adjusted[row["agent"]][row["corruption"]]
 
 
 def _with_clean(row: ScoreRow, scores: ScoreByCell) -> PairedCases:

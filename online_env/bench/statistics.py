@@ -14,7 +14,6 @@ from math import comb
 from typing import Any
 
 import numpy as np
-from scipy import stats
 from statsmodels.stats.multitest import multipletests
 from statsmodels.stats.power import TTestPower
 
@@ -27,14 +26,12 @@ from .intervals import (
     Scores,
     are_alike,
     check_pairs,
+    check_scores,
     difference_interval,
-    difference_intervals,
     differences_by_task,
     grand_mean_interval,
     mean_interval,
-    mean_intervals,
     retention_interval,
-    retention_intervals,
 )
 
 __all__ = [
@@ -43,38 +40,15 @@ __all__ = [
     "Scores",
     "detectable_difference",
     "difference_interval",
-    "difference_intervals",
     "grand_mean_interval",
     "holm",
-    "mcnemar",
     "mcnemar_by_task",
     "mean_corruption_error",
     "mean_interval",
-    "mean_intervals",
     "paper_average",
     "pass_hat_k",
     "retention_interval",
-    "retention_intervals",
 ]
-
-
-def mcnemar(clean: Sequence[float], corrupted: Sequence[float]) -> float:
-    """Return the two-sided p value of McNemar's exact test for paired outcomes.
-
-    A case counts as solved if its score is 1. Only cases that differ between the two conditions
-    enter; under the null hypothesis either direction has probability 1/2. The test assumes
-    independent cases, so several seeds of one task make it optimistic: see `mcnemar_by_task`.
-
-    Raises:
-        ParameterError: the two lists differ in length.
-    """
-    check_pairs(clean, corrupted)
-    pairs = list(zip(clean, corrupted, strict=True))
-    lost = sum(before == 1.0 and after != 1.0 for before, after in pairs)
-    won = sum(before != 1.0 and after == 1.0 for before, after in pairs)
-    if lost + won == 0:
-        return 1.0
-    return float(stats.binomtest(lost, lost + won, 0.5).pvalue)
 
 
 def mcnemar_by_task(
@@ -82,14 +56,18 @@ def mcnemar_by_task(
 ) -> float:
     """Return the two-sided p value of the exact sign-flip test, in which each task is one case.
 
-    A case counts as solved if its score is 1. Under the null hypothesis the two conditions of a
+    An episode counts as solved if its score is 1. Under the null hypothesis the two conditions of a
     task, with all its cases, can be exchanged: the sum of its differences has either sign with
     probability 1/2. With one case a task this is McNemar's exact test; with several it does not
     take them for independent.
 
     Raises:
-        ParameterError: there are no cases, or the three lists differ in length.
+        ParameterError: there are no cases, the three lists differ in length, or a score is not a
+            number in 0..1.
     """
+    check_pairs(clean, corrupted)
+    check_scores(clean, tasks)
+    check_scores(corrupted, tasks)
     before = [float(score == 1.0) for score in clean]
     after = [float(score == 1.0) for score in corrupted]
     sums, _ = differences_by_task(before, after, tasks)
@@ -144,7 +122,8 @@ def detectable_difference(
         `None` with fewer than three tasks, or if all tasks differ by the same amount.
 
     Raises:
-        ParameterError: there are no cases, or the three lists differ in length.
+        ParameterError: there are no cases, the three lists differ in length, or a score is not a
+            number in 0..1.
     """
     sums, counts = differences_by_task(clean, corrupted, tasks)
     means = sums / counts

@@ -11,8 +11,7 @@ from hijack_data.runs.run_log import RUN
 from ..bench import reading, scores
 from ..bench.reading import Run
 from .by_app import app_successes
-from .by_task import by_task_note
-from .cells import cells_of, compared, feasible_and_not
+from .cells import cells_of, feasible_and_not
 from .identity import identity_of
 from .model import ReportError, RunReport, from_data
 from .notes import notes_of, recovery_note
@@ -96,11 +95,7 @@ def build_report(run: Run, *, reference: str = "") -> RunReport:
         parts=tuple(_parts(run)),
         reference=reference,
     )
-    notes = (
-        *recovery_note(run),
-        *notes_of(report, scores.partial(run.records)),
-        *by_task_note(compared(cells, groups), run.is_scored),
-    )
+    notes = (*recovery_note(run), *notes_of(report, scores.partial(run.records)))
     return RunReport(**{**vars(report), "notes": notes})
 
 

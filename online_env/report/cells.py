@@ -1,14 +1,12 @@
 """The cells of a report: one for each agent and condition."""
 
 from collections.abc import Hashable, Mapping, Sequence
-from math import isfinite
 
 from hijack_data.plan import CLEAN
 
 from ..bench import scores
 from ..bench.reading import ResultRecord, Run
 from . import used
-from .by_task import Compared
 from .identity import agents_of, conditions_of
 from .model import Cell
 
@@ -52,23 +50,6 @@ def feasible_and_not(run: Run) -> tuple[list[Cell], list[Cell]]:
     return cells_of(run, scores.grouped(feasible)), cells_of(run, scores.grouped(infeasible))
 
 
-def compared(
-    cells: Sequence[Cell], groups: scores.GroupedRecords
-) -> dict[str, dict[str, Compared]]:
-    """Return the comparisons with clean that have a p value, by agent and corruption."""
-    found: dict[str, dict[str, Compared]] = {}
-    for cell in cells:
-        if cell.p is not None:
-            cases = _with_clean((cell.agent, cell.corruption), groups)
-            found.setdefault(cell.agent, {})[cell.corruption] = Compared(cell.p, cases)
-    return found
-
-
-def finite(value: float) -> float | None:
-    """Return the end of an interval, or `None` if it is infinite."""
-    return value if isfinite(value) else None
-
-
 def _with_clean(key: scores.CellKey, groups: scores.GroupedRecords) -> scores.PairedCases:
     return scores.pairs(groups.scored[key[0], CLEAN], groups.scored[key])
 
@@ -82,16 +63,16 @@ def _inferred(
         return {}
     from ..bench import statistics
 
-    cells = [_with_clean(key, groups) for key in keys]
-    kept = statistics.retention_intervals(cells)
-    return {
-        key: {
-            "retention_low": interval.low if interval else None,
-            "retention_high": finite(interval.high) if interval else None,
-            "detectable": statistics.detectable_difference(*cell),
+    found: dict[scores.CellKey, dict[str, float | None]] = {}
+    for key in keys:
+        cases = _with_clean(key, groups)
+        kept = statistics.retention_interval(*cases)
+        found[key] = {
+            "retention_low": kept.low if kept else None,
+            "retention_high": kept.high if kept else None,
+            "detectable": statistics.detectable_difference(*cases),
         }
-        for key, cell, interval in zip(keys, cells, kept, strict=True)
-    }
+    return found
 
 
 def _pass_hat(run: Run, scored: Mapping[scores.PairKey, float]) -> tuple[float, ...]:

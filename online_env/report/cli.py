@@ -13,6 +13,7 @@ import click
 
 from hijack_data.cli import console
 from hijack_data.files import make_folder, write_atomic
+from hijack_data.printable import printable
 from hijack_data.runs.own_files import refuse_own_file
 
 from ..bench import reading
@@ -154,7 +155,7 @@ def _read(folder: Path, seeds: int | None = None) -> Run:
         run = reading.with_first_seeds(run, seeds)
     for damage in run.damaged:
         place = f"{folder / damage.file}:{damage.line}"
-        click.echo(f"hijack: {place}: skipped: {damage.problem}", err=True)
+        click.echo(printable(f"hijack: {place}: skipped: {damage.problem}"), err=True)
     if not run.records:
         command = "score" if run.is_scored else "bench"
         raise ReportError(
@@ -195,7 +196,7 @@ def _write(document: ReportDocument, format: str, out: Path | None) -> None:
 
 def _put(text: str, out: Path | None) -> None:
     if out is None:
-        click.echo(text, nl=False)
+        click.echo(printable(text), nl=False)
         return
     refuse_own_file(out, "--out")
     make_folder(out.parent, out)
@@ -237,6 +238,6 @@ def _leaderboard(folder: Path, named: str | None, out: Path | None) -> int:
         raise ReportError("--leaderboard: say where the page goes, such as -o leaderboard.html")
     found = read_all(folder)
     for problem in found.problems:
-        click.echo(f"hijack: left out: {problem}", err=True)
+        click.echo(printable(f"hijack: left out: {problem}"), err=True)
     _put(leaderboard(found), out)
     return 1 if found.problems else 0

@@ -9,7 +9,6 @@ from ..bench.reading import Run
 from ..bench.records import difference
 from ..extra import require
 from . import words
-from .by_task import Compared, by_task_note
 from .identity import identity_of
 from .model import ReportError, RunIdentity
 from .notes import partial_note
@@ -35,7 +34,7 @@ class ComparedCell:
         difference: second minus first.
         low: lower end of its 95 % interval.
         high: upper end.
-        p: of McNemar's exact test, adjusted for the conditions of the agent (Holm).
+        p: of the exact sign-flip test over tasks, adjusted for the conditions of the agent (Holm).
         detectable: the smallest true difference that as many tasks would show with a power of
             80 %.
     """
@@ -104,10 +103,7 @@ def compare(before: Run, after: Run, pairs: Mapping[str, str] | None = None) -> 
         before=identity_of(before),
         after=identity_of(after),
         cells=tuple(rows),
-        notes=(
-            *_notes(before, after, rows, chosen),
-            *by_task_note(_compared(rows, there, here), after.is_scored),
-        ),
+        notes=tuple(_notes(before, after, rows, chosen)),
     )
 
 
@@ -168,19 +164,6 @@ def _rows(
     ]
 
 
-def _compared(
-    rows: Sequence[ComparedCell], there: scores.ScoreByCell, here: scores.ScoreByCell
-) -> dict[str, dict[str, Compared]]:
-    """Return the comparisons that have a p value, by agents and condition."""
-    found: dict[str, dict[str, Compared]] = {}
-    for row in rows:
-        if row.p is not None:
-            label = row.corruption
-            cases = scores.pairs(there[row.before, label], here[row.after, label])
-            found.setdefault(_who(row.before, row.after), {})[label] = Compared(row.p, cases)
-    return found
-
-
 def _row(old: scores.ScoreByCase, new: scores.ScoreByCase) -> dict[str, Any]:
     from ..bench import statistics
 
@@ -199,7 +182,7 @@ def _row(old: scores.ScoreByCase, new: scores.ScoreByCase) -> dict[str, Any]:
         "difference": change.value,
         "low": change.low,
         "high": change.high,
-        "p": statistics.mcnemar(before, after),
+        "p": statistics.mcnemar_by_task(before, after, tasks),
         "detectable": statistics.detectable_difference(before, after, tasks),
     }
 
@@ -253,16 +236,24 @@ def _differs(key: str, one: Mapping[str, Any], other: Mapping[str, Any]) -> bool
 def _unseen(rows: Sequence[ComparedCell]) -> Iterator[str]:
     """Yield the conditions without a significant difference, and the detectable size of one."""
     hidden: dict[tuple[str, str], list[str]] = {}
+    has_size: set[tuple[str, str]] = set()
     for row in rows:
         if row.p is None or row.p < words.SHOWN:
             continue
-        points = f" ({100 * row.detectable:.1f} points)" if row.detectable else ""
-        hidden.setdefault((row.before, row.after), []).append(f"{row.corruption}{points}")
-    for (before, after), labels in hidden.items():
-        yield (
-            f"{_who(before, after)}: no difference is shown under {', '.join(labels)}. In brackets"
-            " is the true difference that as many tasks would show with a probability of 80 %."
-        )
+        names = row.before, row.after
+        points = ""
+        if row.detectable:
+            points = f" ({100 * row.detectable:.1f} points)"
+            has_size.add(names)
+        hidden.setdefault(names, []).append(f"{row.corruption}{points}")
+    for names, labels in hidden.items():
+        text = f"{_who(*names)}: no difference is shown under {', '.join(labels)}."
+        if names in has_size:
+            text += (
+                " In brackets is the true difference that as many tasks would show with a"
+                " probability of 80 %."
+            )
+        yield text
 
 
 def _who(before: str, after: str) -> str:

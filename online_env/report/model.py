@@ -99,14 +99,15 @@ class Cell:
         agent: its name.
         corruption: the label of the condition; `clean` for none.
         n: episodes that count for the agent.
-        tasks: tasks that they belong to; intervals resample these.
+        tasks: tasks that they belong to; intervals and tests rest on these.
         success: mean score.
         ci_low: lower end of its 95 % interval.
         ci_high: upper end.
         delta: mean difference to clean over the cases that have both.
         delta_low: lower end of its interval.
         delta_high: upper end.
-        p: of McNemar's exact test of these cases, adjusted for the agent's corruptions (Holm).
+        p: of the exact sign-flip test over the tasks of these cases, adjusted for the agent's
+            corruptions (Holm).
         retention: ratio to clean over the same cases.
         retention_low: lower end of its interval.
         retention_high: upper end; `None`, too, if it is unbounded.

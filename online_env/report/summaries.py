@@ -11,7 +11,6 @@ from hijack_data.runs.run_log import GIVEN_KINDS
 from ..bench import scores
 from ..bench.reading import ResultRecord
 from . import used
-from .cells import finite
 from .identity import NINE, has_all_nine
 from .model import AgentSummary, Cell, RunIdentity
 
@@ -88,7 +87,7 @@ def _retained(agent: str, groups: scores.GroupedRecords) -> dict[str, float | No
 
         kept = retention_interval(there, here, tasks)
         found["retention_low"] = kept.low if kept else None
-        found["retention_high"] = finite(kept.high) if kept else None
+        found["retention_high"] = kept.high if kept else None
     return found
 
 

@@ -27,7 +27,7 @@ class Case:
     Args:
         number: of the row in the dataset.
         row: its id.
-        task: the trajectory: rows of one resemble each other, so intervals resample trajectories.
+        task: the trajectory: rows of one resemble each other, so intervals rest on trajectories.
         variant: the step in it, and the effect that inserted it, such as `0003+touch`.
         corruption: its label.
         seed: of the build.

@@ -151,6 +151,9 @@ def _unproved(report: RebuildReport, journal: Journal, alone: bool) -> Iterator[
         )
     if not alone and not journal.exists:
         yield f"there is no {RECORDS}: an episode that was removed is not missed"
+    elsewhere = journal.library.unavailable
+    if not alone and journal.exists and not journal.is_scored and elsewhere:
+        yield f"instructions and other facts of tasks and agents: {elsewhere}"
     if journal.is_scored:
         yield (
             "answers to the rows of a dataset leave no pictures: that they are right follows from"

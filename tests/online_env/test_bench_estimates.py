@@ -135,7 +135,7 @@ def test_a_dry_run_says_what_it_rests_on(tmp_path):
         check=True,
     )
     last = done.stdout.splitlines()[-1]
-    assert last.startswith("2 episodes on 1 desktops, about 20 min and 0.0 GB")
+    assert last.startswith("2 episodes on 1 desktop, about 20 min and 0.0 GB")
     assert last.endswith("(2 measured in earlier runs)")
     assert not (tmp_path / "b").exists()
 

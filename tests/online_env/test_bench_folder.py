@@ -168,7 +168,7 @@ def test_a_run_that_never_began_is_begun(tmp_path):
         ({"max_steps": 10}, "max_steps was 9, and is 10 now"),
         ({"seeds": [7, 8]}, r"seeds was \[7\], and is \[7, 8\] now"),
         ({"agents": ["other"]}, r'agents\[0\] was "teller", and is "other" now'),
-        ({"desktop": {"provider": "embedded", "size": [640, 361]}}, r"desktop.size\[1\] was 360"),
+        ({"desktop": {"provider": "none", "size": [640, 361]}}, r"desktop.size\[1\] was 360"),
         ({"corruptions": ["clean", {"marks": {"number": 4}}]}, "corruptions was"),
     ],
 )

@@ -1,9 +1,8 @@
-"""Intervals and tests of a benchmark, against exact distributions that are computed another way."""
+"""Intervals and tests of a benchmark, against values that are computed another way."""
 
 import gc
 import itertools
 import math
-from statistics import fmean
 
 import numpy as np
 import pytest
@@ -13,147 +12,106 @@ pytest.importorskip("statsmodels", reason="needs the extra [online]")
 from scipy import stats
 
 from hijack_data.errors import ParameterError
-from online_env.bench import resampling, scores
+from online_env.bench import scores
 from online_env.bench import statistics as s
 
 from support.reported import scored
 
-# Four tasks with one to three episodes each: clean scores, and those under a corruption.
-TASKS = ("a", "b", "b", "c", "c", "c", "d")
-CLEAN = (1.0, 1.0, 0.0, 0.0, 0.0, 0.5, 1.0)
-CORRUPTED = (0.0, 1.0, 0.5, 0.0, 0.25, 0.0, 0.75)
-# 9,999 resamples find the quantiles of the exact distribution but for this much.
-NOISE = 0.01
+LEVELS = [0.5, 0.9, 0.95, 0.99]
 
 
-def every_resample():
-    """All draws of four tasks from four, each equally likely: what the bootstrap samples from."""
-    return itertools.product("abcd", repeat=4)
+def wilson(successes, trials, level=0.95):
+    """Wilson's interval, by scipy."""
+    found = stats.binomtest(successes, trials).proportion_ci(level, method="wilson")
+    return pytest.approx((found.low, found.high))
 
 
-def total(values, drawn):
-    """The sum of the values of the episodes that the drawn tasks have."""
-    return sum(
-        value for task in drawn for name, value in zip(TASKS, values, strict=True) if name == task
+def ends(interval):
+    return interval.low, interval.high
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("solved", [0, 1, 12, 23, 24])
+def test_one_method_from_no_success_to_all(solved, level):
+    """At 0 and 100 % it is Wilson's, and so it is between; seeds that end alike add nothing."""
+    outcomes = [1.0] * solved + [0.0] * (24 - solved)
+    tasks = list(range(24))
+    once = s.mean_interval(outcomes, tasks, level=level)
+    assert ends(once) == wilson(solved, 24, level)
+    assert ends(s.mean_interval(outcomes * 3, tasks * 3, level=level)) == wilson(solved, 24, level)
+    grand = s.grand_mean_interval([(outcomes, tasks)] * 4, level=level)
+    assert ends(grand) == wilson(solved, 24, level)
+
+
+def test_a_better_result_has_no_lower_interval():
+    """Also next to 100 %, where the seeds of one task differ and those of all others agree."""
+    tasks = [number for number in range(24) for _ in range(3)]
+    found = [s.mean_interval([1.0] * n + [0.0] * (72 - n), tasks) for n in range(73)]
+    for worse, better in itertools.pairwise(found):
+        assert worse.low <= better.low + 0.002
+        assert worse.high <= better.high + 0.002
+    assert found[71].high - found[71].low == pytest.approx(0.138, abs=0.01)
+    assert found[72].high - found[72].low == pytest.approx(0.138, abs=0.001)
+
+
+def test_seeds_that_end_independently_narrow_an_interval_but_not_to_that_of_as_many_tasks():
+    rng = np.random.default_rng(2)
+    outcomes = (rng.random((24, 8)) < 0.5).astype(float).ravel().tolist()
+    tasks = [number for number in range(24) for _ in range(8)]
+    found = s.mean_interval(outcomes, tasks)
+    least, most = (
+        s.mean_interval(outcomes, list(range(192))),
+        s.mean_interval([1, 0] * 12, range(24)),
     )
+    width = found.high - found.low
+    assert least.high - least.low < width < (most.high - most.low) / 1.5
 
 
-def check_quantile(exact, end, share):
-    """Check that as large a share of the exact values as it should lies below an end."""
-    below = fmean(value < end - 1e-9 for value in exact)
-    up_to = fmean(value <= end + 1e-9 for value in exact)
-    assert below - NOISE <= share <= up_to + NOISE
+def test_tasks_with_more_episodes_count_for_less_than_as_many_tasks():
+    even = s.mean_interval([1, 0] * 6, range(12))
+    uneven = s.mean_interval([1, 0] * 6 + [1] * 24, [*range(12), *[0] * 24])
+    assert uneven.value == pytest.approx(30 / 36)
+    assert uneven.high - uneven.low > even.high - even.low
 
 
-@pytest.mark.parametrize("level", [0.5, 0.8, 0.95])
-def test_a_mean_over_tasks_of_different_sizes_has_the_quantiles_of_all_resamples(level):
-    ones = [1.0] * len(TASKS)
-    exact = [total(CLEAN, drawn) / total(ones, drawn) for drawn in every_resample()]
-    found = s.mean_interval(CLEAN, TASKS, level=level)
-    assert found.value == 0.5
-    check_quantile(exact, found.low, (1 - level) / 2)
-    check_quantile(exact, found.high, (1 + level) / 2)
+def test_a_loss_of_nothing_is_as_uncertain_as_the_clean_success():
+    tasks = range(20)
+    unseen = 1 - s.mean_interval([1] * 20, tasks).low
+    assert ends(s.difference_interval([1] * 20, [1] * 20, tasks)) == pytest.approx(
+        (-unseen, unseen)
+    )
+    kept = s.retention_interval([1] * 20, [1] * 20, tasks)
+    assert kept.low == pytest.approx(1 - unseen)
+    assert 1 < kept.high < 1 + 1.3 * unseen
 
 
-@pytest.mark.parametrize("level", [0.5, 0.8, 0.95])
-def test_a_difference_has_the_quantiles_of_all_resamples(level):
-    ones = [1.0] * len(TASKS)
-    changes = [after - before for before, after in zip(CLEAN, CORRUPTED, strict=True)]
-    exact = [total(changes, drawn) / total(ones, drawn) for drawn in every_resample()]
-    found = s.difference_interval(CLEAN, CORRUPTED, TASKS, level=level)
-    assert found.value == pytest.approx(-1 / 7)
-    check_quantile(exact, found.low, (1 - level) / 2)
-    check_quantile(exact, found.high, (1 + level) / 2)
+def test_a_pair_of_conditions_that_go_together_is_compared_more_closely():
+    """Newcombe's interval for paired rates, by its correlation."""
+    tasks = range(40)
+    clean = [1.0] * 20 + [0.0] * 20
+    together = [1.0] * 15 + [0.0] * 25
+    apart = [0.0] * 20 + [1.0] * 15 + [0.0] * 5
+    near, far = (s.difference_interval(clean, after, tasks) for after in (together, apart))
+    assert near.value == far.value == -0.125
+    assert near.high - near.low < 0.6 * (far.high - far.low)
+    kept, other = (s.retention_interval(clean, after, tasks) for after in (together, apart))
+    assert kept.value == other.value == 0.75
+    assert kept.high - kept.low < 0.6 * (other.high - other.low)
 
 
-@pytest.mark.parametrize("level", [0.3, 0.5, 0.95])
-def test_a_retention_has_the_quantiles_of_all_resamples_and_may_have_no_upper_end(level):
-    """Resamples without clean success are those in which nothing bounds the ratio."""
-    before = (0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0)
-    exact = [
-        total(CORRUPTED, drawn) / total(before, drawn) if total(before, drawn) else math.inf
-        for drawn in every_resample()
-    ]
-    found = s.retention_interval(before, CORRUPTED, TASKS, level=level)
-    assert found.value == 1.25
-    assert math.isinf(found.high) == (level > 0.4)  # 31.6 % of them lack task b
-    check_quantile(exact, found.low, (1 - level) / 2)
-    check_quantile(exact, found.high, (1 + level) / 2)
-
-
-def test_a_mean_over_cells_leaves_a_cell_out_of_the_resamples_that_lack_it():
-    """The second cell has episodes of one task alone."""
-    ones = [1.0] * len(TASKS)
-    exact = []
-    for drawn in every_resample():
-        means = [total(CLEAN, drawn) / total(ones, drawn)]
-        if "b" in drawn:
-            means.append(0.25)
-        exact.append(fmean(means))
-    found = s.grand_mean_interval([(CLEAN, TASKS), ([0.25], ["b"])])
-    assert found.value == pytest.approx((0.5 + 0.25) / 2)
-    check_quantile(exact, found.low, 0.025)
-    check_quantile(exact, found.high, 0.975)
-
-
-@pytest.mark.parametrize(
-    ("tasks", "level"),
-    [(40, 0.5), (40, 0.9), (40, 0.99), (520, 0.95)],  # resamples of many tasks are not kept
-)
-def test_ends_are_those_of_the_binomial_distribution(tasks, level):
-    """With an episode a task, the solved ones of a resample are binomially distributed."""
-    solved = 3 * tasks // 10
-    outcomes = [1.0] * solved + [0.0] * (tasks - solved)
-    found = s.mean_interval(outcomes, list(range(tasks)), level=level)
-    low, high = stats.binom.interval(level, tasks, 0.3)
-    assert tasks * found.low == pytest.approx(low, abs=1 + tasks / 300)
-    assert tasks * found.high == pytest.approx(high, abs=1 + tasks / 300)
-
-
-def test_tasks_that_are_too_many_to_keep_their_resamples_have_the_same_intervals(monkeypatch):
-    outcomes = [float(number % 3 == 0) for number in range(60)]
-    kept = s.mean_interval(outcomes, list(range(60)))
-    monkeypatch.setattr(resampling, "KEPT", 0)
-    assert s.mean_interval(outcomes, list(range(60))) == kept
-
-
-@pytest.mark.parametrize("level", [0.5, 0.9, 0.99])
-def test_tasks_that_agree_have_wilsons_width_at_any_level(level):
-    square = stats.norm.ppf((1 + level) / 2) ** 2
-    width = square / (8 + square)
-    found = s.mean_interval([1.0] * 8, list(range(8)), level=level)
-    assert (found.low, found.high) == (pytest.approx(1 - width), 1)
-    change = s.difference_interval([0.0] * 8, [1.0] * 8, list(range(8)), level=level)
-    assert (change.low, change.high) == (pytest.approx(1 - width), 1)
-    loss = s.difference_interval([1.0] * 8, [0.0] * 8, list(range(8)), level=level)
-    assert (loss.low, loss.high) == (-1, pytest.approx(width - 1))
-    grand = s.grand_mean_interval([([1.0] * 8, list(range(8)))] * 2, level=level)
-    assert (grand.low, grand.high) == (pytest.approx(1 - width), 1)
-
-
-def test_another_seed_draws_other_resamples():
-    values = np.random.default_rng(3).random(30).tolist()
-    found = [s.mean_interval(values, list(range(30)), seed=seed) for seed in (0, 1, 2)]
-    assert len({interval.low for interval in found}) == 3
-    assert len({interval.value for interval in found}) == 1
-    assert max(abs(one.low - found[0].low) for one in found) < 0.03
-
-
-def test_many_cells_at_once_keep_their_order_and_their_intervals():
-    """More than are computed in one go, and among them some that need no resampling."""
-    cells = []
-    for number in range(130):
-        tasks = 8 if number % 10 else 7
-        outcomes = [float((number >> bit) & 1) for bit in range(tasks)]
-        cells.append((outcomes, list(range(tasks))))
-    found = s.mean_intervals(cells)
-    assert [each.value for each in found] == [fmean(outcomes) for outcomes, _ in cells]
-    for place in (0, 1, 99, 100, 111, 120, 127, 129):
-        assert found[place] == s.mean_interval(*cells[place])
-    pairs = [([1.0] * len(tasks), outcomes, tasks) for outcomes, tasks in cells]
-    # Where all is solved clean, retention is success.
-    assert [each.value for each in s.retention_intervals(pairs)] == [each.value for each in found]
-    assert s.mean_intervals([]) == []
+@pytest.mark.parametrize("seeds", [1, 3])
+@pytest.mark.parametrize("rate", [0.05, 0.5, 0.95])
+def test_intervals_hold_the_truth_as_often_as_they_say(rate, seeds):
+    """Of 300 benchmarks of 24 tasks."""
+    rng = np.random.default_rng(0)
+    tasks = [number for number in range(24) for _ in range(seeds)]
+    held = 0
+    for _ in range(300):
+        easy = rng.beta(rate, 1 - rate, 24) if seeds > 1 else np.full(24, rate)
+        scores = (rng.random((24, seeds)) < easy[:, None]).astype(float).ravel().tolist()
+        found = s.mean_interval(scores, tasks)
+        held += found.low <= rate <= found.high
+    assert held >= 0.92 * 300
 
 
 @pytest.mark.parametrize(("power", "level"), [(0.5, 0.95), (0.8, 0.9), (0.95, 0.99)])
@@ -231,6 +189,22 @@ def test_p_values_are_adjusted_for_the_corruptions_of_one_agent_and_not_of_all()
             "scores must come in pairs, got 1 clean and 2 corrupted scores",
         ),
         (lambda: s.retention_interval([], [], []), "there are no episodes to summarise"),
+        (
+            lambda: s.mean_interval([float("nan"), 1], ["a", "b"]),
+            "the score of task 'a' is nan; scores are numbers from 0 to 1",
+        ),
+        (
+            lambda: s.retention_interval([1, 0], [1, 1.5], ["a", "b"]),
+            "the score of task 'b' is 1.5; scores are numbers from 0 to 1",
+        ),
+        (
+            lambda: s.mcnemar_by_task([1, -1], [1, 1], ["a", "b"]),
+            "the score of task 'b' is -1; scores are numbers from 0 to 1",
+        ),
+        (
+            lambda: s.detectable_difference([1, math.inf], [1, 1], ["a", "b"]),
+            "the score of task 'b' is inf; scores are numbers from 0 to 1",
+        ),
         (lambda: s.grand_mean_interval([]), "there are no cells to average"),
         (lambda: s.grand_mean_interval([([], [])]), "there are no episodes to summarise"),
         (

@@ -382,3 +382,16 @@ def test_report_and_gates_have_a_file_each(two, capsys, tmp_path):
     code, _, err = hijack(capsys, "report", two[0], "-o", path, "--junit", path)
     assert (code, path.exists()) == (2, False)
     assert "is the file of --out, too" in err
+
+
+def test_what_an_agent_printed_does_not_control_the_terminal(tmp_path, capsys):
+    """Its words reach the report as text: in tables, notes, lists of failures and messages."""
+    hostile = "\x1b]0;owned\x07\x1b[2J\x9b31m\u202eevil"
+    found = [*scored("a", "clean", [1, 1]), *scored(hostile, "marks", [1, None])]
+    found[-1]["problem"] = f"the agent raised {hostile}"
+    folder = run_of(tmp_path / "run", found)
+    for words in (["report"], ["report", "--format", "markdown"], ["verify"]):
+        _, out, err = hijack(capsys, words[0], folder, *words[1:])
+        printed = out + err
+        assert "owned" in printed
+        assert not set(printed) & set("\x1b\x07\x9b\u202e")

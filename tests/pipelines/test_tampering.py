@@ -223,7 +223,7 @@ def test_a_second_attempt_that_was_removed_is_missed(run):
     """What is invalid is run again: where that is not there, it was taken out."""
     both(HALF, status="invalid", score=None, problem="x")(run)
     chained_anew(run)
-    assert rebuild(run).problems == [f"run.json: {HALF} was not run again, and retries is 1"]
+    assert f"run.json: {HALF} was not run again, and retries is 1" in rebuild(run).problems
 
 
 @pytest.mark.parametrize(
@@ -306,12 +306,12 @@ def test_who_writes_all_hashes_anew_is_found_by_the_signature_alone(run, keys):
     assert command("verify", run, "--key", f"{other}.pub").exit_code == 1
     both(score=1.0)(run)
     chained_anew(run)
-    (run / "seal.json").rename(run / "kept")
-    (run / "seal.json.sig").rename(run / "kept.sig")
+    (run / "seal.json").rename(run.parent / "kept")
+    (run / "seal.json.sig").rename(run.parent / "kept.sig")
     assert rebuild(run).problems == [], "without a secret nobody can tell"
     assert rebuild(run, f"{mine}.pub").problems == ["seal.json: is missing: the run is not signed"]
-    (run / "kept").rename(run / "seal.json")
-    (run / "kept.sig").rename(run / "seal.json.sig")
+    (run.parent / "kept").rename(run / "seal.json")
+    (run.parent / "kept.sig").rename(run / "seal.json.sig")
     assert rebuild(run).problems == ["seal.json: the run is not what was sealed"]
     seal.sign(run, str(other))
     assert rebuild(run).problems == [], "signed, by whoever"

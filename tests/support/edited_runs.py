@@ -9,6 +9,7 @@ from PIL import Image
 from hijack_data import apply
 from hijack_data.files import sha256_of
 from hijack_data.plan import Plan
+from hijack_data.runs.run_head import config_digest
 from hijack_data.runs.run_log import digest_of
 
 from .recorded import IDS
@@ -209,3 +210,57 @@ def chained_anew(run):
         before = json.dumps(row, ensure_ascii=False).encode()
         lines.append(before)
     (run / "records.jsonl").write_bytes(b"".join(line + b"\n" for line in lines))
+
+
+def hashed_anew(run):
+    """Write every hash of a run anew: those of steps, episodes and journal."""
+    for path in sorted((run / "episodes").glob("*/episode.json")):
+        before = digest_of(path.parent.name.encode())
+        lines = []
+        for row in read_lines(path.parent / "steps.jsonl"):
+            line = json.dumps(row | {"previous": before}, ensure_ascii=False)
+            before = digest_of(line.encode())
+            lines.append(f"{line}\n")
+        (path.parent / "steps.jsonl").write_text("".join(lines))
+        chain = {"lines": len(lines), "chain": before}
+        path.write_text(json.dumps(json.loads(path.read_text()) | chain))
+        journal(
+            lambda rows, name=path.parent.name, chain=chain: [
+                row | chain if row["id"] == name else row for row in rows
+            ]
+        )(run)
+    chained_anew(run)
+
+
+def renamed(old, new, **changes):
+    """Give an episode another id, in every place."""
+
+    def tamper(run):
+        both(old, id=new, **changes)(run)
+        home(run, old).rename(home(run, new))
+        head(
+            lambda data: data.update(
+                episodes=[new if name == old else name for name in data["episodes"]]
+            )
+        )(run)
+
+    return tamper
+
+
+def config_digest_anew(run):
+    """Write the hash of the configuration anew, also in `sessions.jsonl`."""
+    digest = config_digest(json.loads((run / "run.json").read_text())["config"])
+    head(lambda data: data.update(config_sha256=digest))(run)
+    path = run / "sessions.jsonl"
+    if path.exists():
+        write_lines(path, [row | {"config_sha256": digest} for row in read_lines(path)])
+
+
+def configured(edit):
+    """Change the configuration, and its hash with it."""
+
+    def tamper(run):
+        head(lambda data: edit(data["config"]))(run)
+        config_digest_anew(run)
+
+    return tamper

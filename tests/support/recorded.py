@@ -64,7 +64,7 @@ def config(**changes: Any) -> dict[str, Any]:
     entries = yaml.safe_load(dump(named))["corruptions"]
     return {
         "source": "small.yaml",
-        "desktop": {"provider": "embedded", "size": [640, 360]},
+        "desktop": {"provider": "none", "size": [640, 360]},
         "agents": [AGENT],
         "tasks": ["do"],
         "corruptions": ["clean", *entries],

@@ -12,11 +12,12 @@ from typing import Any, Protocol
 
 from hijack_data.files import make_folder, unwritable
 from hijack_data.runs.amounts import is_amount, is_count
+from hijack_data.runs.run_log import REQUESTS
 
 from ...errors import AgentSetupError, EndpointError, ReplayError
 from .query import digest_of, logged
 
-FOLDER = "requests"  # in the folder of a run
+FOLDER = REQUESTS
 REDACTED = "[key]"
 _NEEDED = frozenset({"step", "role", "sha256", "request", "seconds", "tries"})
 

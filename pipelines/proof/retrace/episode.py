@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from hijack_data.errors import HijackError
-from hijack_data.plan import CLEAN, Plan
+from hijack_data.plan import CLEAN, Effect, Plan
 from hijack_data.planner import Planner
 from hijack_data.runs.run_log import CHAINED, EPISODE, REINIT, RUN, STEPS, VERSION, digest_of
 from hijack_data.runs.run_planners import params_of, read_back, written
@@ -16,12 +16,12 @@ from hijack_data.types import Scene, Size
 from ...readers import fields
 from ...readers.fields import FieldError
 from ...readers.files import lines, parse_file
-from .journal import Journal, given_problems, id_of
+from . import facts
+from .journal import Journal, given_problems
 from .observation import Key, ReplayedObservation, check_observation
 
 BEFORE = -1  # the step number of effects before the episode
 SAID = 2000  # characters of the agent's last words that the record keeps
-_Due = tuple[int, str]  # step and kind of an effect
 
 
 @dataclass
@@ -57,7 +57,7 @@ def check_episode(folder: Path, journal: Journal, seen: Seen) -> Iterator[str]:
         yield from _in_record(_identity(folder, record))
         yield from _in_record(given_problems(record))
         planner, known = _planner(record, journal)
-        yield from _in_record(_agrees(record, planner, known, journal))
+        yield from _in_record(_agrees(record, planner, known))
         key = _key(record, planner, known)
         whole = True
         for problem in _lines(folder, key, seen, version):
@@ -66,7 +66,11 @@ def check_episode(folder: Path, journal: Journal, seen: Seen) -> Iterator[str]:
         if version >= CHAINED:
             yield from _in_record(_end(seen))
         if whole or len(seen.lines) == seen.steps:
+            if not journal.exists:  # otherwise the journal's line is checked, which is the same
+                yield from _in_record(facts.unknown_fields(record, EPISODE))
+                yield from _in_record(facts.outcome_problems(record))
             yield from _in_record(_record_problems(seen, key))
+            yield from facts.episode_file_problems(folder, seen.lines)
     except FieldError as error:
         yield f"{EPISODE}: {error}"
     except OSError as error:
@@ -80,7 +84,7 @@ def _in_record(problems: Iterator[str]) -> Iterator[str]:
 
 def _identity(folder: Path, record: Mapping[str, Any]) -> Iterator[str]:
     name = record.get("id")
-    expected = id_of(record)
+    expected = facts.id_of(record)
     if name != expected:
         yield f"id is {name!r}, by task, corruption, seed and agent it is {expected!r}"
     if name != folder.name:
@@ -110,10 +114,8 @@ def _planner(record: Mapping[str, Any], journal: Journal) -> tuple[Planner | Non
         raise FieldError("planner", f"is {error}") from None
 
 
-def _agrees(
-    record: Mapping[str, Any], planner: Planner | None, known: bool, journal: Journal
-) -> Iterator[str]:
-    """Yield the differences of planner and rules between the record and the configuration."""
+def _agrees(record: Mapping[str, Any], planner: Planner | None, known: bool) -> Iterator[str]:
+    """Yield the differences of the planner between the record and the configuration."""
     if known:
         params = json.loads(json.dumps(params_of(planner), default=repr))
         if record.get("params") != params:
@@ -121,18 +123,6 @@ def _agrees(
         recorded = record.get("planner")
         if recorded is not None and recorded != written(planner):
             yield f"planner is not what {RUN} has under {record.get('corruption')!r}"
-    rules = {"recovery": _recovery(record).get("policy"), "max_steps": record.get("max_steps")}
-    for name, value in rules.items():
-        if value is None or name not in journal.config:
-            continue
-        planned = journal.config[name]
-        if planned != value:
-            yield f"{name} is {value!r}, in {RUN} it is {planned!r}"
-
-
-def _recovery(record: Mapping[str, Any]) -> Mapping[str, Any]:
-    found = record.get("recovery")
-    return found if isinstance(found, dict) else {}
 
 
 def _key(record: Mapping[str, Any], planner: Planner | None, known: bool) -> Key:
@@ -161,6 +151,8 @@ def _lines(folder: Path, key: Key, seen: Seen, version: int) -> Iterator[str]:
                 yield f"{where}: has step {step} where step {place} belongs"
             if version >= CHAINED and data.get("previous") != seen.last:
                 yield f"{where}: does not follow on the line before (previous)"
+            for text in facts.line_problems(data):
+                yield f"step {step}: {text}"
             found = check_observation(folder, data, key)
             seen.add(data, found)
             for problem in found.problems:
@@ -183,49 +175,37 @@ def _end(seen: Seen) -> Iterator[str]:
 def _record_problems(seen: Seen, key: Key) -> Iterator[str]:
     """Yield the differences between the record of the episode and its lines."""
     record = seen.record
-    status = record.get("status")
-    score = record.get("score")
-    ok = status == "ok"
-    if ok == (score is None):
-        yield f"status is {status!r}, and the score {score!r}"
-    if not ok:
-        return
-    if not _is_share(record["score"]):
-        yield f"score is {score!r}, no number in 0..1"
-    for name, value in _counted(seen).items():
+    is_ok = record.get("status") == "ok"
+    for name, value in _counted(seen, is_ok).items():
         if record.get(name) != value:
             yield f"{name} is {record.get(name)!r}, by {STEPS} it is {value!r}"
-    yield from _requests(seen)
+    asked = sum(line.get("code") == REINIT for line in seen.lines)
+    yield from facts.recovery_problems(record, seen.lines, asked)
+    yield from facts.time_problems(record, seen.lines)
     for line in seen.lines:
         is_last = line is seen.lines[-1]
-        if (line.get("raw") is None) != is_last:
+        if line.get("raw") is None and not is_last:
             yield f"each line of {STEPS} but the last has an action"
             break
-    yield from _effects(seen, key)
+    if is_ok:
+        if seen.lines and seen.lines[-1].get("raw") is not None:
+            yield f"the last line of {STEPS} has an action, and no observation follows"
+        yield from _effects(seen, key)
+    elif seen.lines:
+        has_effects = any(plan.effects for plan in _plans(seen, key))
+        yield from facts.early_end_problems(record, seen.lines, has_effects)
 
 
-def _is_share(score: object) -> bool:
-    if isinstance(score, bool) or not isinstance(score, int | float):
-        return False
-    return 0 <= score <= 1
-
-
-def _requests(seen: Seen) -> Iterator[str]:
-    """Yield a problem if the record's number of requests for recovery is not that of the lines."""
-    if not isinstance(seen.record.get("recovery"), dict):
-        return
-    asked = sum(line.get("code") == REINIT for line in seen.lines)
-    counted = _recovery(seen.record).get("requests")
-    if counted != asked:
-        yield f"recovery.requests is {counted!r}, by {STEPS} it is {asked}"
-
-
-def _counted(seen: Seen) -> dict[str, Any]:
+def _counted(seen: Seen, is_ok: bool) -> dict[str, Any]:
     """Return the fields of the record that can be computed from the lines."""
-    acted = seen.lines[:-1]
+    acted = [line for line in seen.lines if line.get("raw") is not None]
     taken = [_taken(line) for line in acted]
+    steps = len(acted)
+    is_cut = not is_ok and steps == len(seen.lines) > 0
+    if is_cut and seen.record.get("steps") == steps - 1:
+        steps -= 1  # the desktop died while it carried out the last action
     found: dict[str, Any] = {
-        "steps": len(acted),
+        "steps": steps,
         "malformed": sum(line.get("error") is not None for line in acted),
         "last_action": taken[-1] if taken else None,
     }
@@ -235,7 +215,8 @@ def _counted(seen: Seen) -> dict[str, Any]:
             said = line.get("said")
             if isinstance(said, str):
                 found["said"] = said[:SAID]
-        found["ended"] = _ended(seen, taken)
+        if is_ok:
+            found["ended"] = _ended(seen, taken)
     return found
 
 
@@ -261,39 +242,63 @@ def _effects(seen: Seen, key: Key) -> Iterator[str]:
         done += _objects(line.get("events"))
     kept = _objects(seen.record.get("effects"))
     due = _due(seen, key)
-    if [(event.get("step"), event.get("effect")) for event in done] != due:
-        yield f"events of {STEPS} are not what was due: {_shown(due)}"
-    if [(entry.get("step"), _record(entry).get("effect")) for entry in kept] != due:
-        yield f"effects are not what was due: {_shown(due)}"
+    named = [(step, effect.kind) for step, effect in due]
+    if [(event.get("step"), event.get("effect")) for event in done] != named:
+        yield f"events of {STEPS} are not what was due: {_shown(named)}"
+    if [(entry.get("step"), _record(entry).get("effect")) for entry in kept] != named:
+        yield f"effects are not what was due: {_shown(named)}"
         return
+    for (step, effect), entry in zip(due, kept, strict=True):
+        if _record(entry).get("params") != dict(effect.params):
+            yield f"{effect.kind} at step {step} has other params than its plan"
+        for text in facts.unknown_fields(entry, facts.EFFECT):
+            yield f"effects: {text}"
     for event, entry in zip(done, kept, strict=False):
         yield from _proof(event, entry)
 
 
 def _proof(event: Mapping[str, Any], entry: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a problem if the first probe of an effect failed, or differs between the files."""
+    """Yield a problem if the first probe of an effect failed, or its two accounts differ.
+
+    The record has what the line has, and the probes that followed.
+    """
     name = f"{event.get('effect')} at step {event.get('step')}"
-    first = _objects(_record(entry).get("probes"))[:1]
-    is_proved = bool(first) and first[0].get("ok") is True
-    if not is_proved:
+    first, whole = _record(event), _record(entry)
+    probes = _objects(whole.get("probes"))
+    if not probes or probes[0].get("ok") is not True:
         yield f"{name} was not proved, and the status is 'ok'"
-    if _objects(_record(event).get("probes"))[:1] != first:
-        yield f"{name} has other probes in {STEPS}"
+    for key in ("effect", "params", "at", "seconds"):
+        if first.get(key) != whole.get(key):
+            yield f"{name} has another {key} in {STEPS}"
+    for key in ("probes", "undone"):
+        early = _objects(first.get(key))
+        if early != _objects(whole.get(key))[: len(early)]:
+            yield f"{name} has other {key} in {STEPS}"
 
 
-def _due(seen: Seen, key: Key) -> list[_Due]:
-    """Return the effects of the plans, in their order."""
+def _due(seen: Seen, key: Key) -> list[tuple[int, Effect]]:
+    """Return the effects of the plans with their steps, in their order."""
+    plans = _plans(seen, key)
+    return [
+        (step, effect)
+        for step, plan in zip(range(BEFORE, len(plans)), plans, strict=False)
+        for effect in plan.effects
+    ]
+
+
+def _plans(seen: Seen, key: Key) -> list[Plan]:
+    """Return the plans whose effects were due: before the episode, then at each step."""
     if not seen.plans:
         return []
-    plans = list(enumerate(seen.plans))
+    plans = list(seen.plans)
     # No effect is applied before the last observation, unless the episode was ended from outside.
     if seen.record.get("ended") != "outside":
         plans.pop()
+    first = Plan.clean(seen.plans[0].size)
     if key.known and key.planner is not None:
         scene = Scene(seen.plans[0].size, apps=key.apps)
         first = key.planner.plan(scene, seed=key.seed, sample=key.sample, step=BEFORE)
-        plans.insert(0, (BEFORE, first))
-    return [(step, effect.kind) for step, plan in plans for effect in plan.effects]
+    return [first, *plans]
 
 
 def _objects(value: object) -> list[Mapping[str, Any]]:
@@ -307,7 +312,7 @@ def _record(entry: Mapping[str, Any]) -> Mapping[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-def _shown(due: list[_Due]) -> str:
+def _shown(due: list[tuple[int, str]]) -> str:
     return ", ".join(f"{kind} at step {step}" for step, kind in due) or "nothing"
 
 

@@ -1,5 +1,6 @@
 """Check the journal of a run, `run.json` and `records.jsonl`, also against the episodes."""
 
+import contextlib
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -21,20 +22,21 @@ from hijack_data.runs.run_log import (
     GIVING,
     LINKS,
     RECORDS,
-    ROW,
     RUN,
     SCORE_RUN,
+    SESSIONS,
     VERSION,
     digest_of,
     digest_of_file,
-    row_slug_of,
-    slug_of,
 )
 from hijack_data.runs.run_planners import planners_of
 
 from ...readers import fields
 from ...readers.fields import FieldError, FieldTypeError
 from ...readers.files import parse, parse_file
+from . import facts
+from .facts import base_of
+from .library import Library
 
 LISTED = ("agents", "tasks", "seeds", "corruptions")  # of a configuration
 # In version 1, only the journal had this field, and not the episode.
@@ -55,6 +57,7 @@ class Journal:
         lines: those of `records.jsonl`, as bytes.
         records: the parsed lines.
         oldest: the lowest version of the journal and its episodes.
+        sessions: the lines of `sessions.jsonl`.
     """
 
     folder: Path
@@ -65,6 +68,7 @@ class Journal:
     lines: list[bytes] = field(default_factory=list[bytes])
     records: list[Mapping[str, Any]] = field(default_factory=list[Mapping[str, Any]])
     oldest: int = VERSION
+    sessions: list[Mapping[str, Any]] = field(default_factory=list[Mapping[str, Any]])
     _episodes: dict[str, tuple[Path, Mapping[str, Any]]] = field(default_factory=dict[str, Any])
 
     @property
@@ -77,6 +81,11 @@ class Journal:
     def is_scored(self) -> bool:
         """Whether it is a run of `hijack score`, whose records are answers to rows."""
         return self.config.get("kind") == SCORE_RUN
+
+    @cached_property
+    def library(self) -> Library:
+        """What is known of the version of the library that played the run."""
+        return Library.for_run(self.head.get("versions"))
 
     @property
     def version(self) -> int:
@@ -115,12 +124,20 @@ class Journal:
     def problems(self) -> Iterator[str]:
         """Yield the problems of the journal; call it after all episodes were added."""
         yield from self.found
+        listed = self.head.get("episodes")
+        names = listed if isinstance(listed, list) else []
+        yield from facts.file_problems(self.folder, names, self.records)
         if not self.exists:
             return
+        for text in facts.head_problems(self.head, tuple(self.planners or ()), self.library):
+            yield f"{RUN}: {text}"
+        made = len(self.records)
+        for text in facts.session_problems(self.sessions, self.head, made):
+            yield f"{SESSIONS}: {text}"
         if self.version >= CHAINED:
             yield from self._broken_links()
-        names = Counter(str(record.get("id")) for record in self.records)
-        for name, times in names.items():
+        found = Counter(str(record.get("id")) for record in self.records)
+        for name, times in found.items():
             if times > 1:
                 yield f"{RECORDS}: {name} is there {times} times"
         if self.lacks_episodes:
@@ -132,7 +149,10 @@ class Journal:
             for text in self._record(record):
                 yield f"{RECORDS}: line {number}: {text}"
         yield from self._given_otherwise()
-        for name in self._episodes.keys() - names.keys():
+        if not self.is_scored:
+            for text in facts.alike_problems(self.records):
+                yield f"{RECORDS}: {text}"
+        for name in self._episodes.keys() - found.keys():
             yield f"{RECORDS}: has no line of {EPISODES}/{name}"
         yield from self._missing()
 
@@ -158,6 +178,9 @@ class Journal:
         if self.is_scored:
             yield from given_problems(record)
             return  # rows of a dataset, not episodes
+        yield from facts.unknown_fields(record, EPISODE, LINKS)
+        yield from facts.record_problems(record, self.config, self.library)
+        yield from facts.outcome_problems(record)
         name = str(record.get("id"))
         if name not in self._episodes:
             if record.get("status") != "ok" and not record.get("steps"):
@@ -249,26 +272,6 @@ def _ours(record: Mapping[str, Any]) -> bool:
     return record.get("status") == "invalid" or record.get("cause") == "machine"
 
 
-def base_of(record: Mapping[str, Any]) -> str:
-    """Return the id of the first attempt at the episode of a record."""
-    return id_of({**record, "attempt": 0})
-
-
-def id_of(record: Mapping[str, Any]) -> str:
-    """Return the id that a record must have."""
-    task = str(record.get("task"))
-    label = str(record.get("corruption"))
-    seed = record.get("seed", 0)
-    agent = str(record.get("agent"))
-    attempt = record.get("attempt", 0)
-    if ROW not in record:
-        return slug_of(task, label, seed, agent, attempt)
-    variant = str(record.get("task_seed"))
-    before = slug_of(f"{task}/{variant}", label, seed, agent, attempt)
-    # Runs of earlier versions have ids without a digest.
-    return before if record.get("id") == before else row_slug_of(task, variant, label, seed, agent)
-
-
 def read_journal(folder: Path) -> Journal:
     """Read `run.json` and `records.jsonl`; their problems are noted in the journal."""
     journal = Journal(folder)
@@ -290,8 +293,18 @@ def _read_head(journal: Journal) -> None:
     journal.head = head
     journal.exists = True
     journal.oldest = head["version"]
+    journal.sessions = list(_sessions(journal.folder / SESSIONS))
     if "corruptions" in journal.config:
         journal.planners = planners_of(journal.config["corruptions"])
+
+
+def _sessions(path: Path) -> Iterator[Mapping[str, Any]]:
+    """Yield the lines of `sessions.jsonl`, without one that was cut off as the run was killed."""
+    if not path.is_file():
+        return
+    for line in path.read_bytes().split(b"\n"):
+        with contextlib.suppress(FieldError):
+            yield fields.mapping(parse(line), "")
 
 
 def _check_config(config: Mapping[str, Any]) -> None:

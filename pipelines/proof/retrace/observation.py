@@ -46,6 +46,11 @@ class Key:
     allow_code: bool | None
     hashed: bool
 
+    @property
+    def needs_elements(self) -> bool:
+        """Whether the plans depend on where elements are, as far as the log states the planner."""
+        return self.planner is not None and self.planner.needs_elements
+
     def plan(self, scene: Scene, step: int, logged: Plan) -> Plan:
         """Return the plan of a step on a screen."""
         planner = self.planner if self.known else _planner_in(logged)
@@ -84,6 +89,8 @@ def check_observation(folder: Path, line: Mapping[str, Any], key: Key) -> Replay
     if key.size is not None and scene.size != key.size:
         told = f"{key.size[1]}x{key.size[0]}"
         seen.problems.append(f"{name}: is {width}x{height}, the screen was {told}")
+    if len(boxes) and key.known and not key.needs_elements:
+        seen.problems.append("there are boxes, and no plan needs them")
     seen.problems += _plan_problems(line, logged, plan)
     seen.problems += _picture_problems(folder, line, clean, plan, key.hashed)
     seen.problems += _action_problems(line, plan, key.allow_code)
@@ -117,6 +124,8 @@ def _picture_problems(
         found.append(f"{name}: disturbed again it is not what the agent saw (seen_sha256)")
     elif hashed and sha256_of(clean) != line.get("image_sha256"):
         found.append(f"{name}: is not what was on the screen (image_sha256)")
+    if (stored is not None) != bool(plan.ops):
+        found.append(f"seen is {fields.shown(stored)}, and the plan has {len(plan.ops)} operations")
     if stored is not None and sha256_of(_picture(folder, str(stored))) != told:
         found.append(f"{stored}: is not what the agent saw (seen_sha256)")
     return found

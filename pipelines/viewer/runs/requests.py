@@ -9,10 +9,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
+from hijack_data.runs.run_log import REQUESTS
+
 from ...readers.fields import FieldError, listed
 from ...readers.files import inside, lines
 
-FOLDER = "requests"
+FOLDER = REQUESTS
 CHECK = "check"  # of the first screens, before the agent acts
 SUMMARY = "summarise"  # the paper's d_t: what happened since the turn before
 _HOLDERS = ("choices", "message", "output", "content", "text", "refusal")
