@@ -4,7 +4,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+# CONSTRAINTS=.ci/constraints.txt installs the versions that CI has; without it, the newest that pyproject.toml admits.
+INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check $(if $(CONSTRAINTS),-c $(CONSTRAINTS))
 # A test waits for other processes a third of its time, so there are three tests for two cores.
 WORKERS ?= $(shell $(PYTHON) -c 'import os; print(3 * (os.cpu_count() or 1) // 2)')
 # --dist worksteal: each process keeps neighbouring tests, so what a file sets up is made once
