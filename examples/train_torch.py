@@ -49,6 +49,7 @@ def main() -> None:
         seed=7,
         p_clean=0.2,
         label_policy="avoid",
+        labels={"path": "leave"},  # of a file, in which numbers may stand
     )
     # Screens of a batch may differ in size: the processor takes a list of them.
     loader = DataLoader(

@@ -83,7 +83,11 @@ class PluginWarning(UserWarning):
 
 
 class HijackWarning(RuntimeWarning):
-    """An optional part failed and is not used: the results are the same, but take longer."""
+    """Something works otherwise than one may expect; the message says what to do.
+
+    An optional part failed and is not used, which takes longer with the same results; or samples
+    of a second epoch get the corruptions of the first.
+    """
 
 
 class CheckFailed(HijackError, AssertionError):

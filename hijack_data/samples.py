@@ -11,19 +11,21 @@ A sample is a dictionary. These entries are read, all but the id optional:
   code): like target and elements, they follow the pixels. If the action is a drag from the target,
   its end must be visible as well: the lesser share of the two counts.
 
-Other labels are declared (`hijack_data.labels`). Rows of our datasets stay rows: all of their
-columns are updated to the corrupted picture. This module uses no framework; `transforms`
-(torchvision) and `grain` build on it.
+Pictures are found by name and shape (`hijack_data.pictures`), and other labels are declared
+(`hijack_data.labels`). Rows of our datasets stay rows: all of their columns are updated to the
+corrupted picture. This module uses no framework; `transforms` (torchvision) and `grain` build on
+it.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, cast
 
-from .batches import check_ids
 from .errors import ParameterError, ParameterTypeError
-from .labels import Labels
+from .labels import Declared, Labels
+from .labels.formats import PICTURE, format_of
 from .labels.rows import corrupted_row, is_row
+from .pictures import Picture, apply_plan, common_size, find_pictures, swapped
 from .plan import Plan
 from .planner import Planner, as_planner
 from .rng import as_seed
@@ -31,7 +33,6 @@ from .safety import plan_avoiding, target_visible
 from .types import Scene, Size, as_boxes, as_target
 
 LABEL_POLICIES = ("keep", "avoid")
-PICTURE_KEYS = ("image", "images", "screenshot", "picture", "pixels")
 
 
 @dataclass(frozen=True)
@@ -73,18 +74,19 @@ class SamplePlanner:
         if self.label_policy == "keep":
             return self.planner.plan(scene, seed=self.seed, sample=key, step=step, epoch=epoch)
         if place is None:
-            self.labels.check_target(sample, size)
+            self.labels.check_target(sample, size, {self.id_key})
         end = None if place is None else place.end
         plan = plan_avoiding(
             self.planner, scene, seed=self.seed, sample=key, step=step, epoch=epoch, end=end
         )
         return Plan.clean(size) if plan is None else plan
 
-    def key(self, sample: Mapping[str, Any], *, batch: int | None = None) -> list[int | str]:
-        """Return the id of a sample in a list, or the ids of a batch of `batch` pictures.
+    def key(self, sample: Mapping[str, Any]) -> int | str:
+        """Return the id of a sample.
 
         Raises:
-            ParameterError: the entry is missing, or a batch has a single id.
+            ParameterError: the entry is missing, or empty.
+            ParameterTypeError: it is neither a string nor an integer.
         """
         if sample.get(self.id_key) is None:
             entries = ", ".join(map(str, sample)) or "nothing"
@@ -93,16 +95,110 @@ class SamplePlanner:
                 " which corruption a sample gets, so give each sample one of its own, such as its"
                 " row number; for pictures alone, id_from='content' derives it from the pixels"
             )
-        ids = sample[self.id_key]
-        if batch is None:
-            return [_id(ids)]
-        if not is_many(ids):
-            raise ParameterError(
-                f"{self.id_key} is {ids!r}, but there are {batch} pictures: give a list of ids"
-            )
-        keys = [_id(i) for i in ids]
-        check_ids(keys, batch)
-        return keys
+        return _id(sample[self.id_key])
+
+    def keys(self, sample: Mapping[str, Any]) -> list[int | str]:
+        """Return the ids of a batch.
+
+        Raises `ParameterError` or `ParameterTypeError` as `key` does.
+        """
+        return [_id(key) for key in sample[self.id_key]]
+
+    def corrupt(
+        self,
+        sample: Mapping[str, Any],
+        known: Mapping[str, Any],
+        make_plan: Callable[[Size, list[Picture]], Plan],
+        *,
+        seed: int | None,
+        return_plan: bool | str = False,
+    ) -> dict[str, Any]:
+        """Return the entries of a sample that change when its pictures are corrupted.
+
+        Args:
+            sample: the entries of one sample.
+            known: the same, as planners read them.
+            make_plan: returns the plan for its pictures, of a size (height, width).
+            seed: the seed of the plan, or `None` for a plan given by the user.
+            return_plan: also return `plan`, as text with `"json"`, and `target_visible`.
+        """
+        pictures, unclear = find_pictures(sample, self.labels.is_picture)
+        plan = make_plan(common_size(pictures), pictures)
+        new = corrupted_pixels(plan, pictures)
+        keys = {picture.path[0] for picture in pictures}
+        changes = {key: swapped(sample[key], new) for key in sample if key in keys}
+        after = new[id(pictures[0].pixels)]
+        entries = {**sample, **changes}
+        changes |= self.follow(plan, entries, pictures[0].pixels, after, seed, unclear=unclear)
+        if return_plan:
+            changes |= self.plan_entries(plan, known, return_plan)
+        return changes
+
+    def follow(
+        self,
+        plan: Plan,
+        sample: Mapping[str, Any],
+        before: Any,
+        after: Any,
+        seed: int | None,
+        skip: Collection[str] = (),
+        unclear: Mapping[str, Any] | None = None,
+    ) -> dict[str, Any]:
+        """Return the entries of a sample, other than its pictures, that a plan changes.
+
+        These are its labels and, in a dataset row, the columns that describe the corruption.
+        `before` and `after` are its main picture, `seed` is as in `corrupt`; for `skip` and
+        `unclear` see `Labels.follow`.
+        """
+        moved = self.labels.follow(plan, sample, {self.id_key, *skip}, unclear)
+        if not is_row(sample):
+            return moved
+        place = self.labels.place(sample, plan.size)
+        return {**moved, **corrupted_row(sample, plan, before, after, place, seed)}
+
+    def plan_entries(
+        self, plan: Plan, sample: Mapping[str, Any], return_plan: bool | str
+    ) -> dict[str, Any]:
+        """Return the entries `plan` and `target_visible`, which is `None` without a target."""
+        place = self.labels.place(sample, plan.size)
+        share = None if place is None else target_visible(plan, place.target, place.end)
+        return {"plan": plan.to_json() if return_plan == "json" else plan, "target_visible": share}
+
+
+def make_labels(labels: Declared | None, target: str | None, image_key: str | None) -> Labels:
+    """Return the labels of a transform, with the entry `image_key` declared a picture.
+
+    Raises:
+        ParameterError: `labels` declares the entry as something else.
+        ParameterTypeError: `image_key` is not a string.
+    """
+    if image_key is None:
+        return Labels(labels, target)
+    if not isinstance(cast(object, image_key), str):
+        raise ParameterTypeError(f"image_key must be the name of an entry, got {image_key!r}")
+    declared = dict(labels or {})
+    if format_of(declared.get(image_key, PICTURE)).name != PICTURE:
+        raise ParameterError(
+            f"image_key={image_key!r} is the picture, but labels= declares it"
+            f" {declared[image_key]!r}; leave it out of labels="
+        )
+    return Labels({**declared, image_key: PICTURE}, target)
+
+
+def corrupted_pixels(plan: Plan, pictures: list[Picture]) -> dict[int, Any]:
+    """Return the corrupted pixels of each picture by the `id` of its object."""
+    return {id(picture.pixels): apply_plan(plan, picture.pixels) for picture in pictures}
+
+
+def check_names(sample: Mapping[Any, Any]) -> None:
+    """Check that the names of a sample's entries are strings.
+
+    Raises:
+        ParameterTypeError: a name is not a string.
+    """
+    other = next((key for key in sample if not isinstance(key, str)), None)
+    if other is not None:
+        raise ParameterTypeError(f"the names of a sample's entries must be strings, got {other!r}")
 
 
 def is_many(value: Any) -> bool:
@@ -112,8 +208,10 @@ def is_many(value: Any) -> bool:
 
 def _id(value: Any) -> int | str:
     if isinstance(value, bytes):
-        return value.decode("utf-8", "replace")
+        value = value.decode("utf-8", "replace")
     if isinstance(value, str):
+        if not value:
+            raise ParameterError("the id of a sample is empty; give each sample one of its own")
         return str(value)
     if isinstance(value, bool) or is_many(value) or not hasattr(value, "__index__"):
         raise ParameterTypeError(
@@ -136,30 +234,3 @@ def scalar(value: Any, what: str, default: int) -> int:
         return int(value.__index__())
     except (AttributeError, TypeError):
         raise ParameterTypeError(f"{what} must be an integer, got {value!r}") from None
-
-
-def visible_in(plan: Plan, sample: Mapping[str, Any], labels: Labels) -> float | None:
-    """Return the share of a sample's target that is visible after `plan`.
-
-    For a drag, it is the lesser share of both ends.
-    """
-    place = labels.place(sample, plan.size)
-    if place is None:
-        return None
-    return target_visible(plan, place.target, place.end)
-
-
-def follow(
-    plan: Plan, sample: Mapping[str, Any], before: Any, after: Any, labels: Labels, seed: int | None
-) -> dict[str, Any]:
-    """Return the entries of a sample that a plan changes.
-
-    These are its labels and, in a dataset row, the columns that describe the corruption. `before`
-    and `after` are its pictures; `seed` is the seed of the plan, or `None` for a plan given by the
-    user.
-    """
-    moved = labels.follow(plan, sample)
-    if not is_row(sample):
-        return moved
-    place = labels.place(sample, plan.size)
-    return {**moved, **corrupted_row(sample, plan, before, after, place, seed)}

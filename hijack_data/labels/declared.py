@@ -1,21 +1,24 @@
 """The labels of a sample: which entries are labels, their formats, and how they are changed."""
 
-from collections.abc import Callable, Mapping
+import sys
+from collections.abc import Callable, Collection, Iterable, Mapping
 from functools import partial
 from typing import Any, TypeAlias, cast
 
 import numpy as np
 
-from ..errors import HijackError, LabelError, ParameterError, ParameterTypeError
+from ..actions import calls_pyautogui
+from ..errors import HijackError, LabelError, ParameterError, ParameterTypeError, suggest
+from ..pictures import FOLLOWING, has_pixels, is_sequence, is_tensor, names_picture, rebuilt
 from ..plan import Plan
 from ..types import Size
 from .actions import is_own_action
 from .base import Format, Location, Move
 from .boxes import box_format
-from .formats import FORMATS, LEAVE, format_of, moved_as, places_of
+from .formats import FORMATS, LEAVE, PICTURE, format_of, moved_as, places_of
 from .numbers import to_host
-from .rows import PROVENANCE, RECORDED, is_row, moved_code
-from .undeclared import explained, find_undeclared, how_to_declare
+from .rows import COLUMNS, is_row, moved_code
+from .undeclared import Undeclared, declarations, undeclared_error
 
 SampleDict: TypeAlias = Mapping[str, Any]
 Declared: TypeAlias = Mapping[str, str | None]
@@ -24,8 +27,8 @@ Declared: TypeAlias = Mapping[str, str | None]
 OWN = ("target", "target_box", "elements", "action", "action_code")
 # elements of an accessibility tree may lie outside the visible area
 _ELEMENTS = box_format("xyxy", 0, anywhere=True)
-# Entries that identify the sample, and are never labels.
-KEYS = ("id", "step", "epoch", "plan")
+# Entries that identify the sample or come from a transform, and are never labels.
+KEYS = ("id", "step", "epoch", "plan", "target_visible")
 
 
 class Labels:
@@ -34,7 +37,9 @@ class Labels:
     Args:
         declared: for each entry the name of its format (`hijack_data.labels.formats` lists them),
             or `None` to leave it as it is. An entry inside another is named by a path, such as
-            `"objects.bbox"`; a path through a list applies to each item of the list.
+            `"objects.bbox"`; a path through a list applies to each item of the list. Every path
+            must match something in every sample, unless it ends in `?` (`"bbox?"`) or its entry is
+            left.
         target: the declared entry at which the sample aims, which must stay visible under
             `label_policy="avoid"`. By default the first existing one of `target`, `target_box`, the
             point of the action, and the only declared point or box.
@@ -52,7 +57,11 @@ class Labels:
         for key in given:
             if not isinstance(cast(object, key), str):
                 raise ParameterTypeError(f"labels: {key!r} is not a string; give strings")
-        self.declared = {key: format_of(name) for key, name in given.items()}
+        self.declared = {key.removesuffix("?"): format_of(name) for key, name in given.items()}
+        if len(self.declared) < len(given):
+            twice = next(key for key in given if f"{key}?" in given)
+            raise ParameterError(f"labels: {twice!r} is declared twice, with and without '?'")
+        self.optional = frozenset(key.removesuffix("?") for key in given if key.endswith("?"))
         if target is not None and target not in {*self.declared, *OWN}:
             raise ParameterError(
                 f"target={target!r} is not among the labels; declare it: labels={{{target!r}:"
@@ -63,63 +72,172 @@ class Labels:
     def __reduce__(self) -> "tuple[type[Labels], tuple[Declared, str | None]]":
         # Formats hold functions, so workers and the fingerprints of `datasets` get their names
         # instead.
-        return Labels, ({key: form.name for key, form in self.declared.items()}, self.target)
+        return Labels, (self._names(), self.target)
 
     def __repr__(self) -> str:
-        return repr({key: form.name for key, form in self.declared.items()})
+        return repr(self._names())
+
+    def _names(self) -> dict[str, str]:
+        marks = {path: "?" if path in self.optional else "" for path in self.declared}
+        return {path + marks[path]: form.name for path, form in self.declared.items()}
 
     @property
     def left(self) -> frozenset[str]:
         """The entries that stay unchanged."""
         return frozenset(path for path, form in self.declared.items() if form.name == LEAVE)
 
+    def is_picture(self, path: str) -> bool | None:
+        """Return whether a dotted path is that of pictures; `None` if nothing says so.
+
+        An entry inside one that is left is left, too.
+        """
+        form = self.declared.get(path)
+        if form is not None:
+            return form.name == PICTURE
+        if any(path.startswith(f"{left}.") for left in self.left):
+            return False
+        return names_picture(path) or None
+
     # --- Labels after a plan
 
-    def follow(self, plan: Plan, sample: SampleDict) -> dict[str, Any]:
+    def follow(
+        self,
+        plan: Plan,
+        sample: SampleDict,
+        skip: Collection[str] = (),
+        unclear: Mapping[str, Any] | None = None,
+    ) -> dict[str, Any]:
         """Return the entries that a plan changes, in pixels of the corrupted picture.
 
-        Raises `LabelError` for an entry that could be a label but is not declared, and for labels
-        that cannot follow.
+        Args:
+            plan: what happens to the picture of the sample.
+            sample: its entries; pictures in it stay as they are.
+            skip: entries that are no labels, such as the one that holds the id.
+            unclear: parts of it that could be pictures, by their dotted paths; an error.
+
+        Raises `LabelError` for a declaration that matches nothing in the sample, for all entries
+        together that are neither harmless nor declared, and for labels that cannot follow.
         """
-        row = is_row(sample)
-        if plan.coords.is_identity:
-            return {}
-        move = Move(plan.size, plan.out_size)
+        self.check_paths(sample)
         moved: dict[str, Any] = {}
+        if plan.coords.is_identity:
+            if unclear:
+                raise undeclared_error(unclear, plan.size, plan.size, bool(self.declared))
+            self._follow_tensors(sample, moved, plan, skip)
+            return moved
+        row = is_row(sample)
+        move = Move(plan.size, plan.out_size)
         for path, form in self.declared.items():
             self._follow_path(path, form, {**sample, **moved}, move, moved)
+        self._follow_tensors(sample, moved, plan, skip)
+        undeclared = Undeclared(self._is_settled)
         for key, value in sample.items():
-            inside = [path for path in self.declared if path == key or path.startswith(f"{key}.")]
-            if key in inside or value is None:
+            if key in self.declared or key in skip or value is None or _is_following(value):
                 continue
-            if self._follow_fixed(key, sample, move, moved, row):
-                continue
-            self._check(key, value, inside, move)
+            if not self._follow_fixed(key, sample, move, moved, row):
+                undeclared.check(key, value)
+        if undeclared.parts:
+            raise undeclared_error(undeclared.parts, move.before, move.after, bool(self.declared))
         return moved
+
+    def check_paths(self, sample: SampleDict) -> None:
+        """Check that every declaration matches something in a sample.
+
+        Declarations that end in `?`, and those that leave an entry, may match nothing.
+
+        Raises:
+            LabelError: a path leads nowhere, or to two places.
+        """
+        for path, form in self.declared.items():
+            key, steps = _split(path, sample)
+            if not steps and "." in path and path.partition(".")[0] in sample:
+                first, *rest = path.split(".")
+                if _names_at(sample[first], rest) is None:
+                    raise LabelError(
+                        f"labels={{{path!r}: ...}} means two entries of the sample: {path!r}, and"
+                        f" {'.'.join(rest)!r} inside {first!r}; rename one of them"
+                    )
+            if path in self.optional or form.name == LEAVE:
+                continue
+            names = sample if key not in sample else _names_at(sample[key], steps)
+            if names is not None:
+                raise LabelError(
+                    f"labels={{{path!r}: {form.name!r}}} matches nothing in the sample"
+                    f"{suggest(_lost_step(path, sample), map(str, names))}; where the entry may be"
+                    f" missing, write {path + '?'!r}"
+                )
+
+    def _is_settled(self, path: str, value: Any) -> bool:
+        if path in self.declared:
+            return True
+        return bool(names_picture(path)) and has_pixels(value)
 
     def _follow_path(
         self, path: str, form: Format, sample: SampleDict, move: Move, moved: dict[str, Any]
     ) -> None:
         key, steps = _split(path, sample)
-        if key in sample:
-            change = partial(moved_as, path, form, move=move)
+        if key in sample and form.name not in (LEAVE, PICTURE):
+            change = partial(_moved_unless_tensor, path, form, move=move)
             moved[key] = _changed_at(sample[key], steps, change)
+
+    def _follow_tensors(
+        self, sample: SampleDict, moved: dict[str, Any], plan: Plan, skip: Collection[str]
+    ) -> None:
+        """Map the boxes, key points and masks of torchvision, wherever they are."""
+        if "torchvision.tv_tensors" not in sys.modules:
+            return
+        for key, value in sample.items():
+            if key in skip:
+                continue
+            value = moved.get(key, value)
+            after = self._with_tensors_moved(key, value, plan)
+            if after is not value:
+                moved[key] = after
+
+    def _with_tensors_moved(self, path: str, value: Any, plan: Plan) -> Any:
+        if _is_following(value):
+            if path in self.left:
+                return value
+            from .tensors import check_order, follow_tensor
+
+            if path in self.declared:
+                check_order(path, value, self.declared[path].name)
+            return follow_tensor(value, [plan])
+        if path in self.left:
+            return value
+        if isinstance(value, Mapping):
+            entries = cast("Mapping[Any, Any]", value)
+            parts = {
+                key: self._with_tensors_moved(f"{path}.{key}", part, plan)
+                for key, part in entries.items()
+            }
+            same = all(parts[key] is part for key, part in entries.items())
+            return entries if same else parts
+        if not is_sequence(value) or not any(_may_hold_tensors(part) for part in value):
+            return value
+        after = [self._with_tensors_moved(path, part, plan) for part in value]
+        same = all(new is old for new, old in zip(after, value, strict=True))
+        return value if same else rebuilt(value, after)
 
     def _follow_fixed(
         self, key: str, sample: SampleDict, move: Move, moved: dict[str, Any], row: bool
     ) -> bool:
         """Move an entry with a fixed meaning, and return whether the entry has one."""
         value = sample[key]
-        if key in KEYS or (row and key in (*PROVENANCE, *RECORDED)):
+        if key in KEYS or (row and key in COLUMNS):
             return True
+        if any(path.startswith(f"{key}.") for path in self.declared):
+            return False  # its parts are declared, or checked
         if key in ("width", "height"):
             height, width = move.before
             side = width if key == "width" else height
-            if not np.all(np.asarray(to_host(value)) == side):
+            if not _is_side(value, side):
                 return False  # the side of a box, or of another picture
             moved[key] = moved_as(key, FORMATS[key], value, move)
             return True
         if key == "action_code":
+            if not row and not is_own_action(sample.get("action")) and not _is_code(value):
+                return False  # in another dialect, which must then be declared
             moved[key] = self._code(value, sample, move, row)
             return True
         if key == "action" and not is_own_action(value):
@@ -146,19 +264,6 @@ class Labels:
             raise type(error)(f"the sample's entry 'action_code': {error}") from None
         return text.encode("utf-8") if isinstance(value, bytes) else text
 
-    def _check(self, key: str, value: Any, inside: list[str], move: Move) -> None:
-        """Check that no undeclared part of an entry could be a label.
-
-        Raises:
-            LabelError: an undeclared part could be a label.
-        """
-        rest = value
-        for path in inside:
-            rest = _changed_at(rest, path.split(".")[1:], _blanked)
-        found = find_undeclared(key, rest, move.before)
-        if found is not None:
-            raise LabelError(explained(*found, move.before, move.after))
-
     # --- The target of a sample
 
     def place(self, sample: SampleDict, size: Size) -> Location | None:
@@ -181,8 +286,10 @@ class Labels:
             return []
         return [place.target for place in places_of(key, form, value, size)]
 
-    def check_target(self, sample: SampleDict, size: Size) -> None:
+    def check_target(self, sample: SampleDict, size: Size, skip: Collection[str] = ()) -> None:
         """Check that the target of a sample is known, if an entry could be one.
+
+        `skip` names entries that are no labels.
 
         Raises:
             LabelError: an entry could be the target, but none is declared, or several are.
@@ -197,17 +304,25 @@ class Labels:
                 f"{' and '.join(several)} could be it; say which: target={several[0]!r}"
             )
         if known or is_row(sample):
+            for path in several if self.target is None else ():
+                if any(
+                    not _has_area(place.target) for place in self._places_at(path, sample, size)
+                ):
+                    raise LabelError(
+                        f"label_policy='avoid' keeps the target of a sample in sight, and {path} is"
+                        " a box without area, which cannot be seen"
+                    )
             return
+        undeclared = Undeclared(self._is_settled, aims=True)
         for key, value in sample.items():
-            if key in KEYS or key == "elements" or key in self.declared:
-                continue
-            found = find_undeclared(key, value, size, aims=True)
-            if found is not None:
-                raise LabelError(
-                    "label_policy='avoid' keeps the target of a sample in sight; this one names"
-                    f" none, but its entry {found[0]!r} could be it: declare it, such as"
-                    f" {how_to_declare(*found)}, or {{{found[0]!r}: 'leave'}}"
-                )
+            if key not in KEYS and key != "elements" and key not in skip:
+                undeclared.check(key, value)
+        if undeclared.parts:
+            raise LabelError(
+                "label_policy='avoid' keeps the target of a sample in sight; this one names none,"
+                f" but {' or '.join(map(repr, undeclared.parts))} could be it; declare what is"
+                f" the target, and leave the rest:\n{declarations(undeclared.parts, size)}"
+            )
 
     def _pointing(self) -> list[str]:
         """Return the declared entries that can be the target."""
@@ -231,7 +346,8 @@ class Labels:
                 found += self._places_at(path, sample, size)
         if not found and "action_code" in self.declared:
             return self._places_at("action_code", sample, size)[:1]
-        return found if len(found) == 1 else []
+        # A box without area is a label like others, but nothing that could be in sight.
+        return found if len(found) == 1 and _has_area(found[0].target) else []
 
     def _places_at(self, path: str, sample: SampleDict, size: Size) -> list[Location]:
         key, steps = _split(path, sample)
@@ -283,6 +399,10 @@ def _only(key: str, places: list[Location]) -> list[Location]:
             " as labels={'others': 'xyxy'}"
         )
     return places
+
+
+def _has_area(place: tuple[float, ...]) -> bool:
+    return len(place) == 2 or (place[2] > place[0] and place[3] > place[1])
 
 
 def _first_end(places: list[Location]) -> tuple[float, ...] | None:
@@ -345,8 +465,71 @@ def _split(path: str, sample: SampleDict) -> tuple[str, list[str]]:
     return key, steps
 
 
-def _blanked(_: Any) -> None:
-    """Replace a declared label by `None` while the rest of its entry is checked."""
+def _moved_unless_tensor(path: str, form: Format, value: Any, *, move: Move) -> Any:
+    """Return a declared label after a move; torchvision's own labels are moved elsewhere."""
+    first = value
+    while isinstance(first, list | tuple) and first:
+        first = cast("list[Any]", first)[0]
+    return value if _is_following(first) else moved_as(path, form, value, move)
+
+
+def _is_code(value: Any) -> bool:
+    text = value.decode("utf-8", "replace") if isinstance(value, bytes) else value
+    return isinstance(text, str) and calls_pyautogui(text)
+
+
+def _is_following(value: Any) -> bool:
+    return is_tensor(value, *FOLLOWING)
+
+
+def _may_hold_tensors(value: Any) -> bool:
+    if isinstance(value, list | tuple):
+        parts = cast("list[Any]", value)
+        return bool(parts) and not isinstance(parts[0], int | float | str)
+    return isinstance(value, Mapping) or _is_following(value)
+
+
+def _is_side(value: Any, side: int) -> bool:
+    """Return whether all numbers of an entry are one side of the picture."""
+    try:
+        return bool(np.all(np.asarray(to_host(value)) == side))
+    except (TypeError, ValueError, RuntimeError):  # no numbers, or lists of different lengths
+        return False
+
+
+def _names_at(value: Any, steps: list[str]) -> Iterable[Any] | None:
+    """Return `None` if a path leads somewhere, otherwise the names where it fails.
+
+    A value that is `None` or an empty list proves nothing, and counts as somewhere.
+    """
+    if value is None or not steps:
+        return None
+    if isinstance(value, Mapping):
+        entries = cast("Mapping[str, Any]", value)
+        if steps[0] not in entries:
+            return list(entries)
+        return _names_at(entries[steps[0]], steps[1:])
+    if not isinstance(value, list | tuple):
+        return ()
+    names: Iterable[Any] | None = None
+    for part in cast("list[Any]", value):
+        if part is None:
+            continue
+        names = _names_at(part, steps)
+        if names is None:
+            return None
+    return names
+
+
+def _lost_step(path: str, sample: SampleDict) -> str:
+    """Return the part of a path that leads nowhere."""
+    key, steps = _split(path, sample)
+    if key not in sample:
+        return path if "." not in path else key
+    done = next(
+        n for n in range(1, len(steps) + 1) if _names_at(sample[key], steps[:n]) is not None
+    )
+    return steps[done - 1]
 
 
 def _changed_at(value: Any, steps: list[str], change: Callable[[Any], Any]) -> Any:

@@ -18,6 +18,7 @@ picture |
 | `action` | | an `Action`, or a dictionary as the rows of a dataset have it |
 | `pyautogui`, `computer_13`, `ui_tars`, `ui_tars_1.5` | | actions, see `hijack_data.actions` |
 | `qwen2.5_vl`, `qwen3_vl`, `openai`, `anthropic` | | actions, see `hijack_data.actions` |
+| `picture` | | pictures that follow the plan as the main one does, `hijack_data.pictures` |
 | `leave` | `None` | passes as it is |
 
 An entry may hold one box or point, or many in any nesting of lists, tuples, arrays and tensors, or
@@ -37,6 +38,7 @@ from .plain import coordinate_format, moved_mask, size_format
 from .points import point_format
 
 LEAVE = "leave"
+PICTURE = "picture"  # its pixels are changed before labels are
 
 
 def _formats() -> dict[str, Format]:
@@ -47,7 +49,7 @@ def _formats() -> dict[str, Format]:
     made += [size_format(name) for name in ("width", "height", "hw", "wh")]
     made += [Format("mask", moved_mask), Format("action", moved_own, own_places)]
     made += [dialect_format(dialect) for dialect in DIALECTS]
-    made += [Format(LEAVE, lambda value, _: value)]
+    made += [Format(name, lambda value, _: value) for name in (PICTURE, LEAVE)]
     return {one.name: one for one in made}
 
 

@@ -50,6 +50,8 @@ def change_groups(value: Any, width: int, change: NumberMap) -> Any:
     """
     if value is None:
         return None
+    if is_object_array(value):
+        return object_array(value, change_groups(value.tolist(), width, change))
     array = as_numbers(value)
     if array is None:
         parts = [change_groups(part, width, change) for part in value]
@@ -71,6 +73,8 @@ def change_each(value: Any, change: NumberMap) -> Any:
     """
     if value is None:
         return None
+    if is_object_array(value):
+        return object_array(value, change_each(value.tolist(), change))
     array = as_numbers(value)
     if array is None:
         return _like_sequence(value, [change_each(part, change) for part in value])
@@ -78,6 +82,22 @@ def change_each(value: Any, change: NumberMap) -> Any:
         return value
     changed = change(_widest(array).reshape(-1))
     return put_back(value, changed.reshape(array.shape))
+
+
+def is_object_array(value: Any) -> bool:
+    """Return whether a value is a NumPy array of objects, as of lists of different lengths."""
+    return isinstance(value, np.ndarray) and cast(Any, value).dtype == object
+
+
+def object_array(original: Any, parts: list[Any]) -> Any:
+    """Return the parts of an object array as one of the same shape."""
+    made = np.empty(original.shape, object)
+    if original.ndim == 1:
+        for index, part in enumerate(parts):
+            made[index] = part
+    elif original.size:
+        made[...] = parts
+    return made
 
 
 def as_numbers(value: Any) -> Numbers | None:

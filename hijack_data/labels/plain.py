@@ -1,15 +1,17 @@
 """Labels of single numbers (one coordinate, a width), the size of the picture, and masks."""
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
+from PIL import Image
 
 from ..actions import Scaling
 from ..errors import LabelError, shown
+from ..pictures import is_sequence, rebuilt
 from ..safety import resized_mask
 from ..types import Size, are_fractions
 from .base import Format, Move
-from .numbers import Numbers, as_numbers, change_each, put_back, to_host
+from .numbers import Numbers, change_each, host_array, is_object_array, object_array, put_back
 
 
 def coordinate_format(name: str) -> Format:
@@ -70,21 +72,57 @@ def size_format(name: str) -> Format:
 
 
 def moved_mask(value: Any, move: Move) -> Any:
-    """Return a mask `[..., H, W]` after a `Move`, in its original form.
+    """Return a mask `[..., H, W]`, or a PIL image of any mode, after a `Move`, in its own form.
 
     Raises:
         LabelError: the mask does not have one value for each pixel.
     """
-    array = np.asarray(to_host(value)) if _is_flags(value) else as_numbers(value)
-    if array is None or array.shape[-2:] != move.before:
-        got = "lists of different lengths" if array is None else f"shape {list(array.shape)}"
+    if value is None:
+        return None
+    if isinstance(value, Image.Image):
+        _check_mask_size((value.height, value.width), move, f"{value.width}x{value.height} pixels")
+        return _moved_image(value, move)
+    if is_object_array(value):
+        return object_array(value, [moved_mask(part, move) for part in value.tolist()])
+    if is_sequence(value) and _holds_arrays(value):
+        return rebuilt(value, [moved_mask(part, move) for part in value])
+    try:
+        array = host_array(value)
+    except (TypeError, ValueError, OverflowError, RuntimeError):
+        array = np.empty(1, object)
+    if not array.size:
+        return value  # no masks, in a sample without objects
+    if array.dtype.kind not in "iufb":
+        raise LabelError(
+            "must be an image or an array of numbers, no lists of different lengths, got"
+            f" {shown(value)}"
+        )
+    _check_mask_size(array.shape[-2:], move, f"shape {list(array.shape)}")
+    picked = resized_mask(array, move.after)
+    return picked.tolist() if is_sequence(value) else put_back(value, picked)
+
+
+def _moved_image(mask: Image.Image, move: Move) -> Image.Image:
+    """Return a mask as an image of the same mode and palette, picked as all masks are."""
+    values = np.asarray(mask)
+    planes = np.moveaxis(values, -1, 0) if values.ndim == 3 else values
+    picked = resized_mask(planes, move.after)
+    made = Image.fromarray(np.moveaxis(picked, 0, -1) if values.ndim == 3 else picked)
+    if mask.mode == "P" and mask.palette is not None:
+        made.putpalette(mask.palette)
+    made.info = dict(mask.info)
+    return made
+
+
+def _check_mask_size(size: object, move: Move, got: str) -> None:
+    if size != move.before:
         height, width = move.before
         raise LabelError(f"must have one value for each pixel, [..., {height}, {width}], got {got}")
-    picked = resized_mask(array, move.after)
-    if isinstance(value, list | tuple):
-        return picked.tolist()
-    return put_back(value, picked)
 
 
-def _is_flags(value: Any) -> bool:
-    return getattr(to_host(value), "dtype", None) == np.bool_
+def _holds_arrays(value: Any) -> bool:
+    """Return whether the innermost parts of lists and tuples are arrays, tensors or images."""
+    first: Any = value
+    while isinstance(first, list | tuple) and first:
+        first = cast("list[Any]", first)[0]
+    return hasattr(cast(Any, first), "dtype") or isinstance(first, Image.Image)

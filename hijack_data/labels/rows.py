@@ -44,10 +44,22 @@ PROVENANCE = (
     "changed_pixels",
     "image_sha256",
 )
-# Columns copied from the recording and its events; they describe the recorded screen and never
-# change.
-RECORDED = ("extra", "event", "reminder")
+# Columns of a row that hold no place on the screen, or describe the recorded screen and never
+# change; those of `PROVENANCE` are computed anew.
+COLUMNS = (
+    *PROVENANCE,
+    "trajectory_id",
+    "source",
+    "domain",
+    "instruction",
+    "fidelity",
+    "inserted",
+    "extra",
+    "event",
+    "reminder",
+)
 _PAIR = re.compile(r"(-?\d+(?:\.\d+)?)\s*,\s*(-?\d+(?:\.\d+)?)")
+_NUMBER = re.compile(r"\d+(?:\.\d+)?")
 _COORDINATES = re.compile(
     _PAIR.pattern + r"|<point>\s*\d|\b(?:x|y|width|height)\d?[\"']?\s*[:=]\s*[\"'(\[]?-?\d"
 )
@@ -75,6 +87,10 @@ def check_drawn(sample: _Row) -> None:
 def holds_coordinates(text: str) -> bool:
     """Return whether text seems to hold coordinates, in any dialect."""
     return _COORDINATES.search(text) is not None
+
+
+def _holds_two_numbers(text: str) -> bool:
+    return len(_NUMBER.findall(text)) > 1
 
 
 # --- The columns that describe the corruption
@@ -220,7 +236,7 @@ def moved_code(code: str, action: Any, move: Move) -> str:
     `ActionError` for code that cannot be mapped.
     """
     if action is None:
-        if holds_coordinates(code) and not calls_pyautogui(code):
+        if _holds_two_numbers(code) and not calls_pyautogui(code):
             raise _unclear(code)
         return map_recorded(code, "pyautogui", move.scaling, move.scaling)
     dialect = dialect_of(code, own_action(action), move.before)
@@ -238,7 +254,8 @@ def dialect_of(code: str, action: Action, size: Size) -> str:
     Rows do not name the dialect, so each dialect is tried; the right one is the one in which the
     code means that action. Raises `LabelError` if there is none and the code holds coordinates.
     """
-    if not code or not holds_coordinates(code):
+    is_pointing = action.point is not None and _holds_two_numbers(code)
+    if not is_pointing and not holds_coordinates(code):
         return SIZELESS
     if calls_pyautogui(code):
         return "pyautogui"

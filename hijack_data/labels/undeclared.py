@@ -1,409 +1,361 @@
-"""Find entries of a sample that could be labels although their format is not declared.
+"""Which values of a sample are harmless when its picture is resized, and what to declare of others.
 
-Resizing a picture would silently make such an entry wrong, so it is an error until the user
-declares it. Most are recognised by name: `bbox`, `click`, `keypoints`. Entries with other names are
-recognised by their values: pairs or groups of four numbers that could be pixels of the picture, one
-value per pixel, the text of an answer with coordinates.
+The world is closed: a value is harmless by its type or name, or it is declared, or it is an error.
+Harmless are
+
+* `None`, booleans, dates, empty lists and arrays,
+* a single number under names of no place or size (`reward`, `num_steps`; not `x`, `width`, `area`),
+* text in which fewer than two numbers stand; lists of such texts, if all together hold fewer,
+* text under the names of prose (`PROSE`) and of identifiers (`IDENTIFIERS`),
+* dictionaries and lists of these, but a dictionary inside the sample with several numbers is not.
+
+Nothing else is: no list or array of numbers or booleans, no text with coordinates of any notation,
+no unknown object.
 """
 
+import datetime
 import re
-from collections.abc import Mapping, Set
-from dataclasses import fields, is_dataclass
+from collections.abc import Callable, Mapping, Set
 from itertools import pairwise
+from numbers import Number
 from typing import Any, cast
 
 import numpy as np
-import numpy.typing as npt
+from PIL import Image
 
-from ..errors import shown
-from ..types import SLACK, Action, Size
+from ..errors import HijackError, LabelError, shown
+from ..pictures import FOLLOWING, is_array, is_picture_shaped, is_tensor
+from ..types import Action, Size
+from .formats import FORMATS
 from .numbers import host_array
-from .rows import holds_coordinates
 
-_WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
-# Text that consists of numbers, as in CSV files: "100", "100 200 30 40", "[100;200]".
-_NUMBERS = re.compile(r"[\s\[(]*-?\d+(?:\.\d+)?(?:[\s,;]+-?\d+(?:\.\d+)?)*[\s\])]*")
-_NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
-# How the actions of models begin, whatever the name of the entry.
-_SAID = re.compile(
-    r"pyautogui\.\w+\(|\b(?:start_box|end_box)\s*=|<tool_call>|<\|?(?:box|point)(?:_start\|)?>"
-    r"|\"coordinate\"\s*:|\b(?:left_|right_|double_)?click\("
-)
-
-_OPENED = ("O", "U", "S")  # dtype kinds of arrays whose items are examined one by one
-
-# What the words in the name of an entry suggest.
-PLACES = frozenset(
-    [
-        "bbox",
-        "bboxes",
-        "box",
-        "boxes",
-        "rect",
-        "rects",
-        "rectangle",
-        "roi",
-        "rois",
-        "region",
-        "regions",
-        "bounds",
-        "bounding",
-        "xyxy",
-        "xywh",
-        "quad",
-        "polygon",
-        "polygons",
-        "segmentation",
-        "contour",
-        "point",
-        "points",
-        "pt",
-        "pts",
-        "click",
-        "clicks",
-        "tap",
-        "touch",
-        "coordinate",
-        "coordinates",
-        "coord",
-        "coords",
-        "xy",
-        "keypoint",
-        "keypoints",
-        "kp",
-        "kpts",
-        "landmark",
-        "landmarks",
-        "position",
-        "pos",
-        "location",
-        "cursor",
-        "pointer",
-        "mouse",
-        "center",
-        "centre",
-        "target",
-        "targets",
-        "element",
-        "elements",
-        "gt",
-        "truth",
-    ]
-)
-COORDINATES = frozenset(
-    [
-        "x",
-        "y",
-        "x0",
-        "y0",
-        "x1",
-        "y1",
-        "x2",
-        "y2",
-        "cx",
-        "cy",
-        "xmin",
-        "ymin",
-        "xmax",
-        "ymax",
-        "left",
-        "top",
-        "right",
-        "bottom",
-        "dx",
-        "dy",
-    ]
-)
-ACTIONS = frozenset("action actions code command commands call calls".split())  # noqa: SIM905
-ANSWERS = frozenset(
-    [
-        "answer",
-        "answers",
-        "response",
-        "responses",
-        "completion",
-        "completions",
-        "output",
-        "solution",
-        "messages",
-        "message",
-        "conversations",
-        "conversation",
-        "assistant",
-        "gpt",
-        "reply",
-        "expected",
-        "label",
-        "labels",
-        "content",
-        "value",
-    ]
-)
-SIZES = frozenset("width height size resolution shape w h".split())  # noqa: SIM905
-# The sides of a box as well as those of the picture.
-SIDES = frozenset(["width", "height", "w", "h"])
-HARMLESS = frozenset(
-    [
-        "id",
-        "ids",
-        "index",
-        "idx",
-        "indices",
-        "class",
-        "classes",
-        "category",
-        "categories",
-        "score",
-        "scores",
-        "confidence",
-        "prob",
-        "probs",
-        "logits",
-        "token",
-        "tokens",
-        "input",
-        "attention",
-        "embedding",
-        "embeddings",
-        "length",
-        "lengths",
-        "count",
-        "num",
-        "number",
-        "time",
-        "timestamp",
-        "duration",
-        "date",
-        "epoch",
-        "step",
-        "seed",
-        "version",
-        "reward",
-        "rewards",
-        "weight",
-        "weights",
-        "grid",
-        "thw",
-        "iscrowd",
-        "area",
-        "visibility",
-        "crowd",
-        "split",
-    ]
-)
-# Prose for people; coordinates in it need not follow the pixels.
+# Names of text that people read; coordinates in it need not follow the pixels. The last word of a
+# name counts.
 PROSE = frozenset(
-    "instruction instructions goal question query thought thoughts reasoning caption description".split()  # noqa: E501, SIM905
+    [
+        "instruction",
+        "instructions",
+        "goal",
+        "question",
+        "query",
+        "thought",
+        "thoughts",
+        "reasoning",
+        "caption",
+        "description",
+    ]
 )
+# Names of text that identifies something.
+IDENTIFIERS = frozenset(["id", "ids", "uuid", "file", "filename", "url", "timestamp", "date"])
+# Names of a single number that is no coordinate, whatever stands before (`target_id`).
+_COUNTS = frozenset(
+    ["id", "ids", "index", "idx", "class", "category", "label", "count", "num", "number", "score"]
+)
+# Words in the name of a single number that is a coordinate or a size.
+_PLACE_WORDS = """
+xy yx xyxy xywh x0 y0 x1 y1 x2 y2 x3 y3 x4 y4 cx cy dx dy px py rx ry sx sy ux uy vx vy
+xmin ymin xmax ymax minx miny maxx maxy posx posy xpos ypos startx starty endx endy
+left top right bottom row col column bbox bboxes box boxes rect rects rectangle roi rois
+region regions bounds bounding quad polygon polygons segmentation contour point points pt pts
+click clicks tap touch coordinate coordinates coord coords keypoint keypoints kp kpts
+landmark landmarks position pos location cursor pointer mouse center centre
+target targets element elements gt truth action actions arg args
+width height size resolution shape area radius diameter side scroll drag swipe
+"""
+_PLACES = frozenset(_PLACE_WORDS.split())
+_WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
+_NUMBER = re.compile(r"\d+(?:\.\d+)?")
+# Text that is one number, maybe with its unit: "115", " -3.5", "20px".
+_LONE_NUMBER = re.compile(r"\s*[-+]?(?:\d+(?:\.\d*)?|\.\d+)\s*(?:[a-zA-Z%]{0,3})\s*")
+_DATES = (datetime.date, datetime.time, datetime.timedelta)
 
 
-def find_undeclared(
-    name: str, value: Any, size: Size, *, aims: bool = False
-) -> tuple[str, Any] | None:
-    """Return the path and the value of the first part of an entry that could be a label.
-
-    `None` if there is none.
+class Undeclared:
+    """Collects the parts of a sample that are neither harmless nor declared.
 
     Args:
-        name: the key of the entry.
-        value: any value; dictionaries and lists of dictionaries are searched.
-        size: (height, width) of the picture before it was resized.
-        aims: also find torchvision's boxes and key points, which follow the pixels by themselves
-            but may or may not be the target of the sample.
+        skip: says for a dotted path whether its value is declared, or a picture.
+        aims: collect torchvision's boxes and key points, too: they follow the pixels by themselves,
+            but may be the target of the sample.
+
+    Attributes:
+        parts: the value of each part by its dotted path.
     """
-    return _find(name, frozenset[str](), value, size, aims)
+
+    def __init__(self, skip: Callable[[str, Any], bool], *, aims: bool = False) -> None:
+        self.parts: dict[str, Any] = {}
+        self._skip = skip
+        self._aims = aims
+
+    def check(self, path: str, value: Any, *, single: bool = True) -> None:
+        """Collect the parts of a value that are not harmless.
+
+        Args:
+            path: its dotted path.
+            value: the value.
+            single: whether it stands in a dictionary, and not among others in a list.
+        """
+        if value is None or self._skip(path, value) or isinstance(value, _DATES):
+            return
+        if isinstance(value, bool | np.bool_):
+            if not single:
+                self.parts.setdefault(path, value)
+        elif isinstance(value, str | bytes):
+            if not _is_harmless_text(path, value):
+                self.parts.setdefault(path, value)
+        elif _is_boxed(value):
+            self.check(path, value.item(), single=single)
+        elif _is_single_number(value):
+            if not single or names_place(path):
+                self.parts.setdefault(path, value)
+        elif isinstance(value, Mapping):
+            self._check_dictionary(path, cast("Mapping[Any, Any]", value))
+        elif isinstance(value, list | tuple | Set):
+            self._check_list(path, list(cast("list[Any]", value)), value)
+        elif is_tensor(value, *FOLLOWING):
+            if self._aims and is_tensor(value, "BoundingBoxes", "KeyPoints") and len(value):
+                self.parts.setdefault(path, value)
+        elif _is_array_of_texts(value):
+            self._check_list(path, list(value.flat), value)
+        elif not (is_array(value) and 0 in tuple(value.shape)):
+            self.parts.setdefault(path, value)
+
+    def _check_dictionary(self, path: str, entries: Mapping[Any, Any]) -> None:
+        numbers: dict[str, Any] = {}
+        for key, part in entries.items():
+            inside = f"{path}.{key}"
+            self.check(inside, part)
+            if _is_number(part) and not _is_count(inside) and not self._skip(inside, part):
+                numbers[inside] = part
+        if len(numbers) > 1:
+            self.parts.update(numbers)
+
+    def _check_list(self, path: str, parts: list[Any], whole: Any) -> int:
+        """Check a list, and return how many numbers the texts in it hold."""
+        numbers = 0
+        for part in parts:
+            if isinstance(part, Mapping):
+                self._check_item(path, cast("Mapping[Any, Any]", part))
+            elif isinstance(part, str | bytes):
+                numbers += _numbers_in(part)
+            elif isinstance(part, list | tuple):
+                numbers += self._check_list(path, list(cast("list[Any]", part)), part)
+            else:
+                self.check(path, part, single=False)
+        is_prose = _last_word(path) in PROSE | IDENTIFIERS
+        if path in self.parts or (numbers > 1 and not is_prose):
+            self.parts[path] = whole  # not only the first item of it
+        return numbers
+
+    def _check_item(self, path: str, entries: Mapping[Any, Any]) -> None:
+        """Check a dictionary in a list, whose numbers are those of a list, except for counts."""
+        self._check_dictionary(path, entries)
+        for key, part in entries.items():
+            inside = f"{path}.{key}"
+            if _is_number(part) and not _is_count(inside) and not self._skip(inside, part):
+                self.parts.setdefault(inside, part)
 
 
-def _words(name: str) -> frozenset[str]:
-    found = [word.lower() for word in _WORD.findall(name)]
-    joined = [a + b for a, b in pairwise(found) if b.isdigit()]
-    return frozenset([*found, *joined])
+def names_place(path: str) -> bool:
+    """Return whether a number under a dotted path could be a coordinate or a size by its names."""
+    return not _is_count(path) and any(_is_place(word) for word in _words(path))
 
 
-def _find(
-    path: str, above: frozenset[str], value: Any, size: Size, aims: bool
-) -> tuple[str, Any] | None:
-    name = path.rpartition(".")[2]
-    words = _words(name)
-    if value is None or (isinstance(value, bool | bytes) and not (words & (ACTIONS | ANSWERS))):
-        return None
-    if isinstance(value, Action):
-        return path, value
-    if type(value).__module__.startswith("torchvision.tv_tensors"):
-        known = type(value).__name__ in ("BoundingBoxes", "KeyPoints")
-        return (path, value) if aims and known and len(cast(Any, value)) else None
-    if isinstance(value, bytes):
-        value = value.decode("utf-8", "replace")
+def _is_count(path: str) -> bool:
+    return _last_word(path) in _COUNTS
+
+
+def _is_place(word: str) -> bool:
+    return word in _PLACES or (len(word) == 1 and word.isalpha())
+
+
+def _words(path: str) -> set[str]:
+    words = [word.lower() for word in _WORD.findall(path)]
+    return {*words, *(a + b for a, b in pairwise(words) if b.isdigit())}
+
+
+def _last_word(path: str) -> str:
+    words = [word for word in _WORD.findall(path.rpartition(".")[2]) if not word.isdigit()]
+    return words[-1].lower() if words else ""
+
+
+def _is_array_of_texts(value: Any) -> bool:
+    return isinstance(value, np.ndarray) and cast(Any, value).dtype.kind in "OUST"
+
+
+def _is_boxed(value: Any) -> bool:
+    """Return whether a value is an array of no axes that holds text or an object."""
+    return _is_array_of_texts(value) and value.ndim == 0
+
+
+def _is_single_number(value: Any) -> bool:
+    if isinstance(value, Number):
+        return not isinstance(value, complex)  # which holds two
+    return getattr(value, "ndim", None) == 0 and getattr(value.dtype, "kind", "f") in "iufb"
+
+
+def _is_number(value: Any) -> bool:
+    """Return whether a value is one number, also as text."""
+    if isinstance(value, bool | np.bool_):
+        return False
     if isinstance(value, str):
-        return (path, value) if _is_telling_text(name, above, value, size) else None
-    value = _opened(cast(Any, value))
-    if isinstance(value, Mapping):
-        entries = cast("Mapping[Any, Any]", value).items()
-        items = [(f"{path}.{key}", part) for key, part in entries]
-        return _first(items, words | above, size, aims)
-    if isinstance(value, list | tuple):
-        parts = _as_numbers(cast("list[Any]", value))
-        if any(not _is_numeric(part) for part in parts if part is not None):
-            return _first([(path, part) for part in parts], above, size, aims)
-        value = parts
-    numbers = _numbers(value)
-    if numbers is None or not numbers.size:
-        return None
-    return (path, value) if _could_be_label(name, above, numbers, size) else None
+        return _LONE_NUMBER.fullmatch(value) is not None
+    return _is_single_number(value)
 
 
-def _opened(value: Any) -> Any:
-    """Return a container as a list or a mapping of its values; any other value stays unchanged."""
-    if isinstance(value, Set):
-        return list(cast("Set[Any]", value))
-    if is_dataclass(value) and not isinstance(value, type):
-        return {field.name: getattr(value, field.name) for field in fields(value)}
-    known: Any = value
-    if isinstance(value, np.ndarray) and known.dtype.kind in _OPENED:
-        return known.tolist()
-    if getattr(known, "is_nested", False):  # a tensor of tensors of different lengths
-        return list(known.unbind())
-    return known
+def _numbers_in(text: str | bytes) -> int:
+    """Return how many numbers a text holds, up to 2; bytes that are no text count as 2."""
+    if isinstance(text, bytes):
+        try:
+            text = text.decode("utf-8")
+        except UnicodeDecodeError:
+            return 2
+    found = _NUMBER.finditer(text)
+    return sum(1 for _, _ in zip(found, range(2), strict=False))
 
 
-def _as_numbers(parts: list[Any]) -> list[Any]:
-    """Convert a list of numbers in text form to numbers; any other list stays unchanged."""
-    if parts and all(isinstance(part, str) and _NUMBER.fullmatch(part) for part in parts):
-        return [float(part) for part in parts]
-    return parts
+def _is_harmless_text(path: str, text: str | bytes) -> bool:
+    count = _numbers_in(text)
+    if count == 1:
+        return not (_is_number(text) and names_place(path))
+    return count == 0 or _last_word(path) in PROSE | IDENTIFIERS
 
 
-def _first(
-    items: list[tuple[str, Any]], above: frozenset[str], size: Size, aims: bool
-) -> tuple[str, Any] | None:
-    for path, part in items:
-        found = _find(path, above, part, size, aims)
-        if found is not None:
-            return found
-    return None
+# --- What to declare
 
 
-def _is_telling_text(name: str, above: frozenset[str], text: str, size: Size) -> bool:
-    words = _words(name)
-    if words & PROSE:
-        return False
-    if _NUMBERS.fullmatch(text) and not HARMLESS.intersection(_last_word(name)):
-        numbers = [float(number) for number in _NUMBER.findall(text)]
-        if len(numbers) == 1:
-            return _is_telling_number(words, numbers[0], size)
-        if (words | above) & (PLACES | COORDINATES):
-            return max(map(abs, numbers)) > 1
-    is_named = bool((words | above) & (PLACES | ACTIONS | ANSWERS))
-    return (is_named or _SAID.search(text) is not None) and holds_coordinates(text)
+def declarations(parts: Mapping[str, Any], size: Size) -> str:
+    """Return `labels={...}` to paste: a format for each part, as its value and name suggest it."""
+    lines: list[str] = []
+    for path, value in parts.items():
+        forms = suggested_formats(path, value, size)
+        others = f"; or {', '.join(map(repr, forms[1:]))}" if forms[1:] else ""
+        lines.append(f"    {path!r}: {forms[0]!r},  # {_described(value)}{others}")
+    return "labels={\n" + "\n".join(lines) + "\n}"
 
 
-def _numbers(value: Any) -> npt.NDArray[Any] | None:
-    """Return the numbers of a value, or `None`."""
-    if not _is_numeric(value):
-        return None
-    try:
-        array = host_array(value)
-    except (TypeError, ValueError, OverflowError, RuntimeError):
-        return _joined(cast("list[Any]", value)) if isinstance(value, list | tuple) else None
-    return array if array.dtype.kind in "iufb" else None
+def _described(value: Any) -> str:
+    """Return a value in one line, to stand in a comment."""
+    if isinstance(value, bytes) and is_picture_shaped(value):
+        return "the file of a picture; decode it first, or leave it"
+    if isinstance(value, Image.Image):
+        return f"{value.width}x{value.height} image of mode {value.mode}"
+    array: Any = value
+    if is_array(array) and array.ndim > 1:
+        return f"{type(array).__name__} of {array.dtype} {list(array.shape)}"
+    return " ".join(shown(value).split())
 
 
-def _joined(parts: list[Any]) -> npt.NDArray[Any] | None:
-    """Return the numbers of items that differ in shape, as rows if those have one length."""
-    found = [_numbers(part) for part in parts]
-    known = [np.atleast_1d(part) for part in found if part is not None and part.size]
-    if not known:
-        return None
-    width = known[0].shape[-1]
-    if all(part.shape[-1] == width for part in known):
-        return np.concatenate([part.reshape(-1, width) for part in known])
-    return np.concatenate([part.reshape(-1) for part in known])
-
-
-def _is_numeric(value: Any) -> bool:
-    """Return whether a value is a number, an array, or a list that begins with one.
-
-    A PIL image does not count as one.
-    """
-    while isinstance(value, list | tuple):
-        value = next((part for part in cast("list[Any]", value) if part is not None), "")
-    if isinstance(value, int | float):
-        return True
-    dtype = getattr(value, "dtype", None)
-    is_array = dtype is not None and hasattr(value, "shape")
-    return is_array and getattr(dtype, "kind", None) not in _OPENED
-
-
-def _could_be_label(
-    name: str, above: frozenset[str], numbers: npt.NDArray[Any], size: Size
-) -> bool:
-    words = _words(name)
-    last = _last_word(name)
-    if size in (numbers.shape[:2], numbers.shape[-2:], numbers.shape[-3:-1]):
-        return not _is_picture(numbers, size)
-    if numbers.ndim == 0:
-        return _is_telling_number(words, float(numbers), size)
-    # smaller values are fractions or flags, which are the same at every size
-    pixels = np.abs(numbers).max() > 1
-    if not pixels or HARMLESS.intersection(last):
-        return False
-    if words & SIZES and numbers.ndim == 1 and tuple(numbers.tolist()) in (size, size[::-1]):
-        return True
-    if name == "labels" and numbers.ndim == 1:  # probably the classes of boxes
-        return False
-    if words & (PLACES | COORDINATES) or above & PLACES:
-        return True
-    if words & HARMLESS:
-        return False
-    if words & SIDES:
-        return True
-    in_groups = numbers.shape[-1] in (2, 4) and numbers.ndim <= 3
-    return bool(in_groups and numbers.min() >= 0 and numbers.max() <= (1 + SLACK) * max(size))
-
-
-def _is_picture(numbers: npt.NDArray[Any], size: Size) -> bool:
-    """Return whether per-pixel values are colours; arrays with one channel, or many, are labels."""
-    if numbers.ndim < 3 or numbers.dtype.kind == "b":
-        return False
-    channels = numbers.shape[-3] if numbers.shape[-2:] == size else numbers.shape[-1]
-    return channels in (3, 4)
-
-
-def _last_word(name: str) -> list[str]:
-    return _WORD.findall(name.lower())[-1:]
-
-
-def _is_telling_number(words: frozenset[str], number: float, size: Size) -> bool:
-    if words & COORDINATES or (words & SIDES and not words & HARMLESS):
-        return abs(number) > 1
-    return bool(words & SIZES) and number in size
-
-
-def how_to_declare(path: str, value: Any) -> str:
-    """Return an example of a declaration for a message."""
+def suggested_formats(path: str, value: Any, size: Size) -> list[str]:
+    """Return formats that an undeclared value could have, the likeliest first."""
     order = getattr(getattr(value, "format", None), "value", None)
     if order is not None:  # BoundingBoxes of torchvision
-        return f"labels={{{path!r}: {str(order).lower()!r}}}"
-    if isinstance(value, str | bytes | Mapping | Action):
-        dialect = "pyautogui" if "pyautogui." in str(cast(Any, value)) else "openai"
-        return f"labels={{{path!r}: {dialect!r}}} (or another dialect of actions)"
-    numbers = _numbers(value)
-    if numbers is None or numbers.ndim == 0:
-        return f"labels={{{path!r}: 'x'}} (or 'y', 'dx', 'dy', 'width', 'height')"
+        return [str(order).lower()]
+    if isinstance(value, Action):
+        return ["action"]
+    if isinstance(value, bytes) and is_picture_shaped(value):
+        return ["leave"]
+    if is_picture_shaped(value, size):
+        return _picture_formats(value, size)
+    if isinstance(value, str | bytes | Mapping):
+        return [*_dialects(value, size), "leave"]
+    if isinstance(value, list | tuple) and any(
+        isinstance(part, str | Mapping) for part in cast("list[Any]", value)
+    ):
+        return [*_dialects(value[0], size), "leave"]
+    if _is_single_number(value):
+        return _single_formats(path)
+    try:
+        numbers = host_array(value)
+    except (TypeError, ValueError, OverflowError, RuntimeError):
+        return ["leave"]
+    return _array_formats(path, numbers, size)
+
+
+def _picture_formats(value: Any, size: Size) -> list[str]:
+    if isinstance(value, Image.Image):
+        shape: tuple[int, ...] = (value.height, value.width, len(value.getbands()))
+        is_colour = value.mode == "RGB"
+    else:
+        shape = tuple(value.shape)
+        is_colour = str(value.dtype).endswith("uint8")
+    if size not in (shape[-2:], shape[-3:-1]):
+        return ["leave", "picture", "mask"]
+    return ["picture", "mask", "leave"] if is_colour else ["mask", "leave", "picture"]
+
+
+def _single_formats(path: str) -> list[str]:
+    words = _words(path)
+    for form, names in (
+        ("x", {"x", "x1", "x2", "cx", "left", "right", "xmin", "xmax"}),
+        ("y", {"y", "y1", "y2", "cy", "top", "bottom", "ymin", "ymax"}),
+        ("dx", {"w", "width", "dx"}),
+        ("dy", {"h", "height", "dy"}),
+    ):
+        if words & names:
+            return [form, "leave"]
+    return ["leave", "x", "y", "dx", "dy"]
+
+
+def _array_formats(path: str, numbers: Any, size: Size) -> list[str]:
+    if numbers.dtype.kind not in "iufb" or numbers.ndim == 0 or not numbers.size:
+        return ["leave"]
+    if numbers.shape[-2:] == size:
+        return ["mask", "leave"]
+    if numbers.dtype.kind == "b" or _last_word(path) in PROSE | IDENTIFIERS | _COUNTS:
+        return ["leave"]
+    if numbers.shape == (2,) and tuple(numbers.tolist()) in (size, size[::-1]):
+        return ["hw" if tuple(numbers.tolist()) == size else "wh", "leave"]
+    unit = "01" if np.abs(numbers).max() <= 1 else ""
+    boxes = [f"xyxy{unit}", f"xywh{unit}", f"cxcywh{unit}"]
+    points = [f"xy{unit}"]
+    is_place = names_place(path)
     if numbers.shape[-1] == 4:
-        return f"labels={{{path!r}: 'xyxy'}} (or 'xywh', 'cxcywh')"
-    if numbers.ndim >= 3 and numbers.shape[-3] > 4:
-        return f"labels={{{path!r}: 'mask'}} (its last axes have to be those of the picture)"
-    if numbers.ndim >= 2 and numbers.shape[-1] > 4:
-        return f"labels={{{path!r}: 'mask'}}"
-    return f"labels={{{path!r}: 'point'}} (or 'xyxy', 'xywh', ...)"
+        return [*boxes, *points, "leave"]
+    if numbers.shape[-1] == 2:
+        return [*points, "leave"]
+    if is_place and numbers.shape[-1] == 3 and not unit:
+        return ["xyv", "leave"]
+    if is_place and numbers.size % 2 == 0:
+        return [*points, "leave"]
+    return ["leave"]
 
 
-def explained(path: str, value: Any, before: Size, after: Size) -> str:
-    """Return the message for an undeclared label."""
-    return (
-        f"the sample's entry {path!r} ({shown(value)}) could be a label, and the picture goes from"
-        f" {before[1]}x{before[0]} to {after[1]}x{after[0]}, but nothing says how it is written;"
-        f" declare it, such as {how_to_declare(path, value)}, or {{{path!r}: 'leave'}} if it must"
-        " not change"
+def _dialects(value: Any, size: Size) -> list[str]:
+    """Return the formats of actions and texts that read a value and find a point in it."""
+    readers: list[str] = []
+    for name, form in FORMATS.items():
+        try:
+            if form.places(value, size):
+                readers.append(name)
+        except (HijackError, TypeError, ValueError, AttributeError):
+            continue  # this format does not read the value
+    return readers
+
+
+def undeclared_error(
+    parts: Mapping[str, Any], size: Size, after: Size, is_extended: bool
+) -> LabelError:
+    """Return the error for undeclared parts of a sample.
+
+    Args:
+        parts: their values by their dotted paths.
+        size: (height, width) of the picture.
+        after: its size after the plan.
+        is_extended: whether other entries are declared.
+    """
+    names = ", ".join(map(repr, parts))
+    if size != after:
+        what = (
+            f"the picture goes from {size[1]}x{size[0]} to {after[1]}x{after[0]}, and nothing says"
+            " whether these entries of the sample must follow its pixels"
+        )
+    else:
+        what = (
+            "nothing says whether these entries of the sample are pictures, which follow the plan"
+        )
+    return LabelError(
+        f"{what}: {names}. {'Add to your declarations' if is_extended else 'Declare them'}, and"
+        " check every line: the formats are suggestions, and 'leave' passes an entry as it is,"
+        f" which is wrong for one that holds a place:\n{declarations(parts, size)}"
     )

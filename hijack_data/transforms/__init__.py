@@ -5,16 +5,17 @@
     train = v2.Compose([tr.OneOf([tr.PopUps(), tr.Marks(), tr.Subtitle()], seed=3, p_clean=0.2),
     v2.ToDtype(...)])
 
-A sample is a dictionary, a tuple with a dictionary in it, or a picture alone. Its picture is a PIL
-image, a `tv_tensors.Image` or `Video`, or a uint8 tensor `[3, H, W]` (a NumPy array `[H, W, 3]`)
-that is the sample itself, the first item of a tuple, or under one of `PICTURE_KEYS`. Bounding
-boxes, key points and masks of `tv_tensors` follow the pixels, and so do the entries that
-`hijack_data.samples` names and those that `labels=` declares. If the size changes, any other entry
-that could be a label is an error (`hijack_data.labels`); everything else stays unchanged.
+A sample is a dictionary, a tuple with a dictionary in it, or a picture alone. Its pictures are PIL
+images, uint8 tensors `[3, H, W]` or NumPy and JAX arrays `[H, W, 3]`, also lists and stacks of
+them (`[T, 3, H, W]`), that are the sample itself, the first item of a tuple, or under a name of a
+picture (`hijack_data.pictures`); all of them follow one plan. Bounding boxes, key points and masks
+of `tv_tensors` follow the pixels, and so do the entries that `hijack_data.samples` names and those
+that `labels=` declares. If the size changes, any other entry that is not harmless by its type is an
+error (`hijack_data.labels.undeclared`).
 
 The `id` of a sample, the seed and the epoch decide its corruption, not the worker, the order or a
-global generator. A batch (a tensor `[B, 3, H, W]` or a list of pictures, with a list of ids) gets a
-plan for each picture.
+global generator. A batch has a list of ids, and a picture, list or stack of pictures for each; it
+gets a plan for each id.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -25,6 +26,7 @@ from .. import compose, corruptions, extras
 from ..config import load_config
 from ..corruption import Corruption, find, names
 from ..errors import ParameterError, ParameterTypeError, suggest
+from ..pictures import Picture
 from ..plan import Plan
 from ..planner import Planner
 from ..types import Size
@@ -32,7 +34,7 @@ from ..types import Size
 extras.require("hijack_data.transforms", "torch", ("torch", "torchvision"))
 
 from .base import Corrupt, planner_of  # noqa: E402 - these import torch
-from .leaves import PICTURE_KEYS, DatasetRow, each_of  # noqa: E402
+from .leaves import PICTURE_KEYS, DatasetRow, content_of_all  # noqa: E402
 
 __all__ = [
     "PICTURE_KEYS",
@@ -49,7 +51,17 @@ __all__ = [
 ]
 
 
-_SHARED = ("seed", "id_from", "label_policy", "return_plan", "id_key", "p", "labels", "target")
+_SHARED = (
+    "seed",
+    "id_from",
+    "label_policy",
+    "return_plan",
+    "id_key",
+    "image_key",
+    "p",
+    "labels",
+    "target",
+)
 
 
 class _Named(Corrupt):
@@ -185,33 +197,21 @@ class Replay(Corrupt):
         """Return which plans are replayed, for `repr`."""
         return "the sample's own" if self.plan is None else self.plan.corruption
 
-    def _plans(
-        self,
-        pictures: list[Any],
-        sizes: list[Size],
-        entries: DatasetRow,
-        rows: list[DatasetRow] | None,
-    ) -> list[Plan]:
-        count = 1 if rows is None else len(rows)
+    def _plan(self, size: Size, row: DatasetRow, pictures: list[Picture]) -> Plan:
         if isinstance(self.plan, Plan):
-            return [self.plan] * count
+            return self.plan
         if self.by_id is None:
-            found = entries.get("plan")
-            if found is None:
+            plan = row.get("plan")
+            if plan is None:
                 raise ParameterError(
                     "Replay() takes the plan from the sample's 'plan' entry, but there is none"
                 )
-            return (
-                [_as_plan(found)]
-                if rows is None
-                else [_as_plan(p) for p in each_of(found, count, "plan")]
-            )
-        plans = self.by_id
-        keys = self.settings.key(entries, batch=None if rows is None else count)
-        lost = next((key for key in keys if str(key) not in plans), None)
-        if lost is not None:
-            raise ParameterError(f"Replay holds no plan for the sample {lost!r}")
-        return [plans[str(key)] for key in keys]
+            return _as_plan(plan)
+        by_content = self.id_from == "content"
+        key = content_of_all(pictures) if by_content else self.settings.key(row)
+        if str(key) not in self.by_id:
+            raise ParameterError(f"Replay holds no plan for the sample {key!r}")
+        return self.by_id[str(key)]
 
 
 class _Nothing(Planner):

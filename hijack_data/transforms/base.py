@@ -1,44 +1,33 @@
-"""The base of all transforms: it finds the picture and the id of a sample, plans and applies."""
+"""The base of all transforms: it takes a sample or batch apart, plans and applies."""
 
 import importlib
-from collections.abc import Mapping
 from typing import Any, cast
 
-import numpy as np
 import torch
-from torch.utils import _pytree
 
 from ..compose import sometimes
-from ..errors import ImageError, ParameterError
-from ..labels import Declared, Labels
+from ..epochs import RepeatNotice
+from ..errors import ParameterError
+from ..labels import Declared
 from ..labels.declared import OWN
 from ..labels.rows import check_drawn
+from ..labels.tensors import follow_tensor, v2
+from ..pictures import FOLLOWING, Picture, common_size, find_pictures, is_tensor, swapped
 from ..plan import Plan
 from ..planner import Planner
-from ..samples import SamplePlanner, is_many, scalar
+from ..samples import SamplePlanner, corrupted_pixels, is_many, make_labels, scalar
 from ..types import Size
 from .leaves import (
-    FOLLOWING,
     DatasetRow,
-    changed_entries,
-    check_beside,
-    check_orders,
-    content,
-    corrupt,
+    apply_to_array,
+    batch_length,
+    check_pictures,
+    content_of_all,
     each_of,
-    entries_of,
-    follow_inside,
-    follow_tensor,
-    pictures_of,
+    joined,
     plain,
-    put,
-    size_of,
-    tv_tensors,
-    v2,
+    unpack,
 )
-
-# torch's trees of samples, which torchvision's own transforms use, are not typed
-_tree: Any = _pytree
 
 
 def _keep(plans: list[Plan], *, collate_fn_map: object = None) -> list[Plan]:
@@ -50,8 +39,14 @@ def _keep(plans: list[Plan], *, collate_fn_map: object = None) -> list[Plan]:
 _collate: Any = importlib.import_module("torch.utils.data._utils.collate")
 _collate.default_collate_fn_map[Plan] = _keep
 
-# Entries that are set aside while the rest of a sample is searched for pictures and boxes.
-_ASIDE = (*OWN, "id", "step", "epoch", "plan")
+_REMEDY = (
+    "call transform.set_epoch(epoch) before each epoch, put 'epoch' into the samples, or call"
+    " set_epoch(0) once if the same corruptions are meant"
+)
+
+
+# torch.compile runs a transform as it is, because a corruption is planned on the host
+_outside_of_graphs: Any = cast(Any, torch.compiler).disable
 
 
 class Corrupt(v2.Transform):
@@ -65,10 +60,11 @@ class Corrupt(v2.Transform):
             corruption until `set_epoch` is called.
         label_policy: `"keep"`, or `"avoid"` to draw again until the sample's target (of a drag,
             both ends) is visible, and to leave it clean if no draw succeeds.
-        return_plan: put the plan under `"plan"` and the visible share of the target, if any, under
-            `"target_visible"` (of a drag, the lesser share of both ends); with `"json"` the plan is
-            text, which a dataset can store.
+        return_plan: put the plan under `"plan"` and the visible share of the target under
+            `"target_visible"` (of a drag, the lesser share of both ends; `None` without a target);
+            with `"json"` the plan is text, which a dataset can store.
         id_key: name of the entry that holds the id.
+        image_key: name of an entry that holds the picture, if none of `PICTURE_KEYS` is its name.
         p: probability that a sample is corrupted at all, 0..1.
         labels: which entries of a sample are labels, and in which format, such as `{"bbox": "xywh",
             "objects.points": "xy01", "action": "openai", "note": "leave"}`; see
@@ -76,8 +72,8 @@ class Corrupt(v2.Transform):
         target: the declared entry that must stay visible; see `hijack_data.labels.Labels`.
 
     Raises `ParameterError`, `ImageError` or `ImageTypeError` for a sample that cannot be corrupted,
-    and `LabelError` if a plan moves pixels and an undeclared entry could be a label, or a label
-    cannot follow.
+    and `LabelError` if an entry has the shape of a picture and is not known as one, if a plan moves
+    pixels and entries are neither harmless nor declared, or if a label cannot follow.
     """
 
     seeded = True  # whether plans are drawn from the seed; those of `Replay` are given
@@ -91,6 +87,7 @@ class Corrupt(v2.Transform):
         label_policy: str = "keep",
         return_plan: bool | str = False,
         id_key: str = "id",
+        image_key: str | None = None,
         p: float = 1.0,
         labels: Declared | None = None,
         target: str | None = None,
@@ -101,91 +98,117 @@ class Corrupt(v2.Transform):
         if return_plan not in (True, False, "json"):
             raise ParameterError(f"return_plan must be True, False or 'json', got {return_plan!r}")
         chosen = sometimes(planner_of(planner), p)
-        known = Labels(labels, target)
+        known = make_labels(labels, target, image_key)
         self.settings = SamplePlanner(chosen, scalar(seed, "seed", 0), label_policy, id_key, known)
         self.id_from = id_from
+        self.image_key = image_key
         self.return_plan = return_plan
         self._epoch: torch.Tensor = torch.zeros(
             1, dtype=torch.int64
         ).share_memory_()  # shared, so that DataLoader workers see changes
+        self._repeats = RepeatNotice(_REMEDY)
 
     def set_epoch(self, epoch: int) -> None:
         """Set the epoch of samples without an `epoch` entry; running workers see it, too."""
         self._epoch[0] = scalar(epoch, "epoch", 0)
+        self._repeats.stop()
 
     def extra_repr(self) -> str:
         """Return the planner and the seed, for `repr`."""
         return f"{self.settings.planner}, seed={self.settings.seed}"
 
+    @_outside_of_graphs
     def forward(self, *inputs: Any) -> Any:
         """Corrupt one sample or batch; the input is never modified."""
-        sample = _as_dict(inputs[0]) if len(inputs) == 1 else inputs
-        check_drawn(entries_of(sample))
-        check_orders(entries_of(sample), self.settings.labels)
-        aside, rest = _split(sample, self.settings.labels)
-        paths, spec = _tree.tree_flatten_with_path(rest)
-        leaves = [leaf for _, leaf in paths]
-        places = pictures_of(paths)
-        pictures = [leaves[i] for i in places]
-        entries = entries_of(sample)
+        entries, rebuild = unpack(inputs[0] if len(inputs) == 1 else inputs)
+        check_drawn(entries)
+        count = self._count(entries)
+        if count is not None:
+            return rebuild({**entries, **self._corrupt_batch(entries, count)})
         known = plain(entries)
-        sizes = [size_of(picture) for picture in pictures]
-        rows = self._rows(pictures, known, places, paths)
-        plans = self._plans(pictures, sizes, known, rows)
-        corrupt(leaves, places, plans if rows else plans * len(places))
-        for i, leaf in enumerate(leaves):
-            if isinstance(leaf, FOLLOWING):
-                leaves[i] = follow_tensor(leaf, plans)
-        check_beside(sample, plans)
-        each = _each_picture(pictures, [leaves[i] for i in places], rows)
-        out = _tree.tree_unflatten(leaves, spec)
-        if aside:
-            out = {key: aside[key] if key in aside else out[key] for key in sample}
-        unpictured = {k: v for k, v in known.items() if not _is_picture(v, pictures)}
-        changes = changed_entries(
-            plans,
-            unpictured,
-            rows,
-            each,
-            self.settings.labels,
-            seed=self.settings.seed if self.seeded else None,
+        changes = self.settings.corrupt(
+            entries,
+            known,
+            lambda size, pictures: self._plan(size, known, pictures),
+            seed=self._seed,
             return_plan=self.return_plan,
         )
-        tensors = [k for k in changes if isinstance(entries.get(k), tv_tensors.TVTensor)]
-        out = put(out, {k: v for k, v in changes.items() if k not in tensors})
-        for key in aside.keys() - self.settings.labels.left:
-            out[key] = follow_inside(out[key], plans)
-        return out
+        return rebuild({**entries, **changes})
 
-    def _rows(
-        self,
-        pictures: list[Any],
-        entries: DatasetRow,
-        places: list[int],
-        paths: list[tuple[Any, Any]],
-    ) -> list[DatasetRow] | None:
-        """Return the entries for each picture of a batch, or `None` for a single sample.
+    @property
+    def _seed(self) -> int | None:
+        return self.settings.seed if self.seeded else None
+
+    def _count(self, entries: DatasetRow) -> int | None:
+        """Return how many samples a batch holds; `None` for a single sample."""
+        if self.id_from == "content":
+            return batch_length(entries, find_pictures(entries, self.settings.labels.is_picture)[0])
+        ids: Any = entries.get(self.settings.id_key)
+        return len(ids) if is_many(ids) else None
+
+    def _corrupt_batch(self, entries: DatasetRow, count: int) -> dict[str, Any]:
+        """Return the entries of a batch that change: each row as if it were alone."""
+        labels = self.settings.labels
+        of_batch, _ = find_pictures(entries, labels.is_picture)
+        arrays = check_pictures(entries, of_batch, count)
+        shared = {key for key, value in entries.items() if is_tensor(value, *FOLLOWING)}
+        known = plain(entries)
+        rows = self._rows(known, count, {picture.path[0] for picture in of_batch})
+        pictures = [find_pictures(row, labels.is_picture) for row in rows]
+        plans = [
+            self._plan(common_size(mine), row, mine)
+            for row, (mine, _) in zip(rows, pictures, strict=True)
+        ]
+        changes: dict[str, Any] = {
+            key: follow_tensor(entries[key], plans) for key in shared - labels.left
+        }
+        changes |= {key: apply_to_array(plans, entries[key]) for key in arrays}
+        each: list[dict[str, Any]] = []
+        for i, (plan, row, (mine, unclear)) in enumerate(zip(plans, rows, pictures, strict=True)):
+            new = corrupted_pixels(plan, [p for p in mine if p.path[0] not in arrays])
+            keys = {picture.path[0] for picture in mine} - set(arrays)
+            out = {key: swapped(row[key], new) for key in keys}
+            main = mine[0]
+            after = new.get(id(main.pixels))
+            if after is None:
+                after = changes[main.path[0]][i]
+            out |= self.settings.follow(
+                plan, {**row, **out}, main.pixels, after, self._seed, shared, unclear
+            )
+            if self.return_plan:
+                out |= self.settings.plan_entries(plan, row, self.return_plan)
+            each.append(out)
+        for key in dict.fromkeys(key for out in each for key in out):
+            values = [out.get(key, row.get(key)) for out, row in zip(each, rows, strict=True)]
+            changes[key] = joined(values, entries.get(key))
+        return changes
+
+    def _rows(self, entries: DatasetRow, count: int, pictures: set[str]) -> list[DatasetRow]:
+        """Return the entries of each sample of a batch.
 
         Raises:
-            ImageError: the batch consists of several tensors.
+            ParameterError: two samples have the same id, step and epoch.
         """
-        count = int(np.prod(tuple(pictures[0].shape[:-3]))) if hasattr(pictures[0], "shape") else 1
-        many = is_many(entries.get(self.settings.id_key))
-        if not (many or (count > 1 and not isinstance(pictures[0], tv_tensors.Video))):
-            return None
-        if len(pictures) > 1 and count > 1:
-            raise ImageError(
-                "a batch is one tensor [B, 3, H, W] or a list of pictures; this sample holds"
-                " several tensors"
-            )
-        count *= len(pictures)
-        named = {getattr(paths[place][0][0], "key", None) for place in places if paths[place][0]}
         columns = {
-            key: self._column(key, value, count)
+            key: list(value) if key in pictures else self._column(key, value, count)
             for key, value in entries.items()
-            if key not in named
         }
-        return [{key: column[i] for key, column in columns.items()} for i in range(count)]
+        rows: list[DatasetRow] = [
+            {key: column[i] for key, column in columns.items()} for i in range(count)
+        ]
+        if self.id_from == "content" or not self.seeded:
+            return rows
+        keys = [
+            (str(key), scalar(row.get("step"), "step", 0), scalar(row.get("epoch"), "epoch", 0))
+            for key, row in zip(self.settings.keys(entries), rows, strict=True)
+        ]
+        twice = next((key for key in keys if keys.count(key) > 1), None)
+        if twice is not None:
+            raise ParameterError(
+                f"ids: {twice[0]!r} appears twice; samples with one id get one plan, make ids"
+                " unique"
+            )
+        return rows
 
     def _column(self, key: str, value: Any, count: int) -> list[Any]:
         """Return an entry of a batch as one value for each picture.
@@ -193,88 +216,53 @@ class Corrupt(v2.Transform):
         A value that is not a list of `count` items applies to all pictures.
         """
         labels = {path.partition(".")[0] for path in self.settings.labels.declared}
-        if key in (*OWN, "step", "epoch") or key in labels:
+        if key in (*OWN, "step", "epoch") or (
+            key in labels and key not in self.settings.labels.left
+        ):
             return [None] * count if value is None else each_of(value, count, key)
-        if isinstance(value, tv_tensors.TVTensor) or not is_many(value) or len(value) != count:
+        if is_tensor(value, *FOLLOWING) or not is_many(value) or len(value) != count:
             return [value] * count
         return list(value)
 
-    def _plans(
-        self,
-        pictures: list[Any],
-        sizes: list[Size],
-        entries: DatasetRow,
-        rows: list[DatasetRow] | None,
-    ) -> list[Plan]:
-        epoch = int(self._epoch.item())
-        if rows is None and len(set(sizes)) > 1:
-            raise ImageError(
-                f"the pictures of one sample differ in size: {sorted(set(sizes))}; give a list"
-                " of ids"
-            )
-        count = None if rows is None else len(rows)
+    def _plan(self, size: Size, row: DatasetRow, pictures: list[Picture]) -> Plan:
+        """Return the plan for the pictures, all of one `size`, of one sample."""
         if self.id_from == "content":
-            each = list(pictures[0]) if rows and len(pictures) == 1 else pictures
-            keys = [content(picture) for picture in (each if rows else each[:1])]
+            key: int | str = content_of_all(pictures)
         else:
-            keys = self.settings.key(entries, batch=count)
-        if rows is None:
-            return [self.make_plan(sizes[0], entries, keys[0], epoch)]
-        sizes = sizes * (len(rows) // len(sizes))
-        return [
-            self.make_plan(s, row, key, epoch)
-            for s, row, key in zip(sizes, rows, keys, strict=True)
-        ]
-
-    def make_plan(self, size: Size, row: DatasetRow, key: int | str, epoch: int) -> Plan:
-        """Return the plan for one picture of `size` with the id `key`.
-
-        `row` holds the entries that describe it.
-        """
-        return self.settings.plan(size, row, key, epoch)
-
-
-def _as_dict(sample: Any) -> Any:
-    """Return a mapping of any kind, such as a row of `datasets`, as a dictionary.
-
-    Any other value is returned unchanged.
-    """
-    if not isinstance(sample, Mapping) or type(cast(object, sample)) is dict:
-        return cast(Any, sample)
-    return dict(cast("Mapping[str, Any]", sample))
-
-
-def _split(sample: Any, labels: Labels) -> tuple[dict[str, Any], Any]:
-    """Return the entries of a dictionary that are set aside, and the rest of the sample."""
-    if type(sample) is not dict:
-        return {}, sample
-    entries = cast("dict[str, Any]", sample)
-    names = {*_ASIDE, *(path.partition(".")[0] for path in labels.declared)}
-    aside = {
-        k: v
-        for k, v in entries.items()
-        if k in labels.left or (k in names and not isinstance(v, tv_tensors.TVTensor))
-    }
-    return aside, {k: v for k, v in entries.items() if k not in aside}
-
-
-def _is_picture(value: Any, pictures: list[Any]) -> bool:
-    """Return whether an entry is the picture, or a list of the pictures."""
-    parts = cast("list[Any]", value) if isinstance(value, list | tuple) else [value]
-    return any(part is picture for part in parts for picture in pictures)
-
-
-def _each_picture(
-    before: list[Any], after: list[Any], rows: list[DatasetRow] | None
-) -> list[tuple[Any, Any]]:
-    """Return the pictures for which plans were made as pairs of before and after."""
-    if rows is None:
-        return [(before[0], after[0])]
-    if len(before) == len(rows):
-        return list(zip(before, after, strict=True))
-    return list(zip(list(before[0]), list(after[0]), strict=True))
+            key = self.settings.key(row)
+        if row.get("epoch") is None:
+            self._repeats.note(key, row.get("step"))
+        return self.settings.plan(size, row, key, int(self._epoch.item()))
 
 
 def planner_of(value: "Planner | Corrupt") -> Planner:
-    """Return the planner of a value, which is a planner or a transform."""
-    return value.settings.planner if isinstance(value, Corrupt) else value
+    """Return the planner of a value, which is a planner or a transform.
+
+    Raises:
+        ParameterError: the transform has settings that only an outer transform can apply.
+    """
+    if not isinstance(value, Corrupt):
+        return value
+    settings = value.settings
+    name = type(value).__name__
+    if not value.seeded:
+        raise ParameterError(
+            f"{name} applies given plans, so it cannot be inside another transform"
+        )
+    inner: dict[str, tuple[Any, Any]] = {
+        "seed": (settings.seed, 0),
+        "label_policy": (settings.label_policy, "keep"),
+        "target": (settings.labels.target, None),
+        "id_key": (settings.id_key, "id"),
+        "id_from": (value.id_from, "entry"),
+        "return_plan": (value.return_plan, False),
+        "image_key": (value.image_key, None),
+        "labels": (settings.labels, None) if settings.labels.declared else (None, None),
+    }
+    for setting, (given, default) in inner.items():
+        if given != default:
+            raise ParameterError(
+                f"{name} with {setting}={given!r} is inside another transform, which reads samples"
+                f" and draws for all of its parts; give {setting}= to the outer transform alone"
+            )
+    return settings.planner

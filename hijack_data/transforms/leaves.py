@@ -1,185 +1,61 @@
-"""Find the pictures and coordinates in a sample, and change them."""
+"""Take a sample apart into named entries, a batch into rows, and put the results back."""
 
 import hashlib
-import importlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from collections.abc import Sequence as SequenceOf
-from dataclasses import replace
 from typing import Any, TypeAlias, cast
 
 import numpy as np
 import torch
 from PIL import Image
 
-from .._apply import apply
-from ..backends import backend_of
-from ..errors import ImageError, LabelError, ParameterError, shown
-from ..labels import Labels
-from ..labels.base import Move
-from ..labels.boxes import box_format
+from ..errors import ImageError, ParameterError
 from ..labels.declared import OWN
-from ..labels.numbers import to_host
-from ..labels.undeclared import find_undeclared
+from ..labels.tensors import corners
+from ..pictures import FIRST_ITEM, PICTURE_KEYS, Picture, apply_plan, is_array, is_tensor, rebuilt
 from ..plan import Plan
-from ..samples import PICTURE_KEYS, follow, is_many, visible_in
-from ..types import Size
+from ..samples import check_names, is_many
 
-tv_tensors: Any = importlib.import_module("torchvision.tv_tensors")  # torchvision is not typed
-v2: Any = importlib.import_module("torchvision.transforms.v2")
-FOLLOWING = (tv_tensors.BoundingBoxes, tv_tensors.KeyPoints, tv_tensors.Mask)
+__all__ = ["PICTURE_KEYS", "DatasetRow", "each_of", "unpack"]
 DatasetRow: TypeAlias = Mapping[str, Any]
+Rebuild: TypeAlias = Callable[[dict[str, Any]], Any]
 
 
-def pictures_of(paths: list[tuple[Any, Any]]) -> list[int]:
-    """Return which leaves of a sample are its pictures.
+def unpack(sample: Any) -> tuple[dict[str, Any], Rebuild]:
+    """Return the entries of a sample, and a function that makes a sample of its kind of them.
 
-    Raises:
-        ImageError: the sample holds no picture.
+    A sample is a mapping; a tuple or list, whose first mapping holds the entries and whose other
+    items are named `item 0`, `item 1` and so on; or a picture alone, which is `item 0`.
     """
-    explicit = (Image.Image, tv_tensors.Image, tv_tensors.Video)
-    found = [i for i, (_, leaf) in enumerate(paths) if isinstance(leaf, explicit)]
-    if not found:
-        found = [
-            i for i, (path, leaf) in enumerate(paths) if _is_array(leaf) and _names_a_picture(path)
-        ]
-    if not found:
-        kinds = ", ".join(sorted({type(leaf).__name__ for _, leaf in paths}))
-        raise ImageError(
-            f"the sample holds no picture (it holds: {kinds or 'nothing'}); give a PIL image or"
-            f" tv_tensors.Image, or put the tensor under one of {', '.join(PICTURE_KEYS)}"
-        )
-    return found
+    if isinstance(sample, Mapping):
+        check_names(cast("Mapping[Any, Any]", sample))
+        return dict(cast("Mapping[str, Any]", sample)), lambda entries: entries
+    is_sequence = isinstance(sample, list | tuple)
+    parts: list[Any] = list(cast("list[Any]", sample)) if is_sequence else [sample]
+    at = next((i for i, part in enumerate(parts) if isinstance(part, Mapping)), None)
+    entries: dict[str, Any] = {} if at is None else dict(cast(DatasetRow, parts[at]))
+    check_names(entries)
+    names = [f"item {i}" for i in range(len(parts))]
+    entries |= {
+        name: part for i, (name, part) in enumerate(zip(names, parts, strict=True)) if i != at
+    }
 
+    def rebuild(entries: dict[str, Any]) -> Any:
+        rest = {key: value for key, value in entries.items() if key not in names}
+        if at is None and rest:
+            raise ParameterError(
+                "return_plan=True needs a dictionary in the sample to put the plan in"
+            )
+        new = [rest if i == at else entries[name] for i, name in enumerate(names)]
+        return rebuilt(sample, new) if is_sequence else entries[FIRST_ITEM]
 
-def _is_array(leaf: object) -> bool:
-    return isinstance(leaf, torch.Tensor | np.ndarray) and not isinstance(leaf, tv_tensors.TVTensor)
-
-
-def _names_a_picture(path: tuple[Any, ...]) -> bool:
-    names = [
-        getattr(part, "key", getattr(part, "idx", getattr(part, "name", None))) for part in path
-    ]
-    return not names or names == [0] or any(name in PICTURE_KEYS for name in names)
-
-
-def entries_of(sample: Any) -> DatasetRow:
-    """Return the dictionary of a sample: the sample itself, or the first one in a tuple."""
-    parts: SequenceOf[Any] = cast(Any, sample) if isinstance(sample, list | tuple) else [sample]
-    return next(
-        (cast(DatasetRow, part) for part in parts if isinstance(part, Mapping)),
-        cast(DatasetRow, {}),
-    )
+    return entries, rebuild
 
 
 def plain(entries: DatasetRow) -> DatasetRow:
     """Return the entries with the `BoundingBoxes` that a planner reads as plain `xyxy` tensors."""
-    read = {key for key in OWN if isinstance(entries.get(key), tv_tensors.BoundingBoxes)}
-    return {key: _corners(value) if key in read else value for key, value in entries.items()}
-
-
-def _corners(boxes: Any) -> Any:
-    return v2.functional.convert_bounding_box_format(boxes, new_format="XYXY").as_subclass(
-        torch.Tensor
-    )
-
-
-def check_orders(entries: DatasetRow, labels: Labels) -> None:
-    """Check that no declaration contradicts the format stored in `BoundingBoxes`.
-
-    Raises:
-        LabelError: a declaration contradicts it.
-    """
-    for key, form in labels.declared.items():
-        value = entries.get(key)
-        if not isinstance(value, tv_tensors.BoundingBoxes) or key in labels.left:
-            continue
-        order = str(cast(Any, value).format.value).lower()
-        if form.name != order:
-            raise LabelError(
-                f"the sample's entry {key!r} is a BoundingBoxes of format {order.upper()}, and it"
-                f" is declared {form.name!r}; declare it {order!r}, or leave it out of labels="
-            )
-
-
-def check_beside(sample: Any, plans: list[Plan]) -> None:
-    """Check the unnamed items of a tuple next to the picture.
-
-    Raises:
-        LabelError: an item could be a label, and a plan moves pixels.
-    """
-    if not isinstance(sample, list | tuple) or all(plan.coords.is_identity for plan in plans):
-        return
-    plan = next(plan for plan in plans if not plan.coords.is_identity)
-    for number, part in enumerate(cast("SequenceOf[Any]", sample)):
-        if isinstance(part, Mapping | tv_tensors.TVTensor):
-            continue
-        found = find_undeclared(f"item {number}", part, plan.size)
-        if found is not None:
-            raise LabelError(
-                f"item {number} of the sample ({shown(part)}) could be a label, and the picture is"
-                " resized; give a dictionary, so that labels={...} can say how it is written"
-            )
-
-
-def put(out: Any, changes: dict[str, Any]) -> Any:
-    """Return the sample with these entries changed.
-
-    Raises:
-        ParameterError: the sample has no dictionary for the entries.
-    """
-    if not changes:
-        return out
-    if isinstance(out, dict):
-        return {**cast("dict[str, Any]", out), **changes}
-    if not isinstance(out, list | tuple) or not any(
-        isinstance(part, dict) for part in cast("SequenceOf[Any]", out)
-    ):
-        raise ParameterError("return_plan=True needs a dictionary in the sample to put the plan in")
-    parts = list(cast("SequenceOf[Any]", out))
-    at = next(i for i, part in enumerate(parts) if isinstance(part, dict))
-    parts[at] = {**parts[at], **changes}
-    return tuple(parts) if isinstance(out, tuple) else parts
-
-
-def changed_entries(
-    plans: list[Plan],
-    entries: DatasetRow,
-    rows: list[DatasetRow] | None,
-    pictures: list[tuple[Any, Any]],
-    labels: Labels,
-    *,
-    seed: int | None,
-    return_plan: bool | str,
-) -> dict[str, Any]:
-    """Return the entries of a sample that the plans change.
-
-    `pictures` holds the pictures before and after.
-    """
-    each = [entries] if rows is None else rows
-    moved = [
-        follow(plan, row, before, after, labels, seed)
-        for plan, row, (before, after) in zip(plans, each, pictures, strict=True)
-    ]
-    changes: dict[str, list[Any]] = {}
-    for key in {key for part in moved for key in part}:
-        changes[key] = [part.get(key, row[key]) for part, row in zip(moved, each, strict=True)]
-    if return_plan:
-        changes["plan"] = [plan.to_json() if return_plan == "json" else plan for plan in plans]
-        seen = [visible_in(plan, row, labels) for plan, row in zip(plans, each, strict=True)]
-        if any(share is not None for share in seen):
-            changes["target_visible"] = seen
-    return {
-        key: _joined(values, entries.get(key)) if rows else values[0]
-        for key, values in changes.items()
-    }
-
-
-def _joined(values: list[Any], like: Any) -> Any:
-    if not isinstance(like, torch.Tensor):
-        return values
-    return torch.stack(
-        [torch.as_tensor(value, dtype=like.dtype, device=like.device) for value in values]
-    )
+    read = {key for key in OWN if is_tensor(entries.get(key), "BoundingBoxes")}
+    return {key: corners(value) if key in read else value for key, value in entries.items()}
 
 
 def each_of(values: Any, count: int, what: str) -> list[Any]:
@@ -198,16 +74,66 @@ def each_of(values: Any, count: int, what: str) -> list[Any]:
     return list(values)
 
 
-def size_of(picture: Any) -> Size:
-    """Return `(height, width)` of a picture.
+def batch_length(entries: DatasetRow, pictures: list[Picture]) -> int | None:
+    """Return how many samples a batch without ids holds; `None` for a single sample.
 
-    Raises `ImageError` or `ImageTypeError` if it is not a picture.
+    It is a list of pictures, or an array with more axes than a picture that is no `Video`.
     """
-    if isinstance(picture, Image.Image):
-        return picture.height, picture.width
-    backend = backend_of(picture)
-    backend.check(picture)
-    return backend.size(picture)
+    value = entries[pictures[0].path[0]]
+    if isinstance(value, list | tuple):
+        return len(cast("list[Any]", value))
+    if is_array(value) and value.ndim > 3 and not is_tensor(value, "Video"):
+        return int(value.shape[0])
+    return None
+
+
+def check_pictures(entries: DatasetRow, pictures: list[Picture], count: int) -> list[str]:
+    """Check that a batch holds pictures for each id; return its entries that are one array.
+
+    Raises:
+        ImageError: an array of a single picture, or a mapping, stands where a batch is needed.
+        ParameterError: the number of pictures, or of lists or stacks of them, is not that of ids.
+    """
+    arrays: list[str] = []
+    for key in dict.fromkeys(picture.path[0] for picture in pictures):
+        value = entries[key]
+        if isinstance(value, Image.Image | Mapping) or (is_array(value) and value.ndim < 4):
+            raise ImageError(
+                f"the sample has {count} ids, so its entry {key!r} must be a batch: a list of"
+                " pictures or an array with one more axis, with one picture, list or stack for"
+                " each id"
+            )
+        if len(value) != count:
+            raise ParameterError(
+                f"{count} ids for {len(value)} pictures under {key!r}: give one id for each"
+                " picture, or for each list or stack of pictures that belong together"
+            )
+        if is_array(value) and str(value.dtype) != "object":
+            arrays.append(key)
+    return arrays
+
+
+def apply_to_array(plans: list[Plan], pixels: Any) -> Any:
+    """Apply one plan to each picture, or stack of pictures, of an array with a batch axis."""
+    stack = int(np.prod(tuple(pixels.shape[1:-3])))
+    if stack == 1 or len({plan.out_size for plan in plans}) == 1:
+        return apply_plan([plan for plan in plans for _ in range(stack)], pixels)
+    return [apply_plan(plan, pixels[i]) for i, plan in enumerate(plans)]
+
+
+def joined(values: list[Any], like: Any) -> Any:
+    """Return the values of a batch as one tensor or array if `like` is one and they fit."""
+    if isinstance(like, torch.Tensor):
+        return torch.stack(
+            [torch.as_tensor(value, dtype=like.dtype, device=like.device) for value in values]
+        )
+    if isinstance(like, np.ndarray) and cast(Any, like).dtype.kind in "biuf":
+        arrays = [np.asarray(value, cast(Any, like).dtype) for value in values]
+        return np.stack(arrays) if len({array.shape for array in arrays}) == 1 else values
+    if hasattr(cast(Any, like), "__array_namespace__") and like.ndim:  # JAX
+        same = len({tuple(value.shape) for value in values}) == 1
+        return like.__array_namespace__().stack(values) if same else values
+    return values
 
 
 def content(picture: Any) -> str:
@@ -219,102 +145,7 @@ def content(picture: Any) -> str:
     return hashlib.sha256(cast(Any, pixels)).hexdigest()[:32] + str(pixels.shape)
 
 
-def corrupt(leaves: list[Any], places: list[int], plans: list[Plan]) -> None:
-    """Replace the pictures among the leaves by corrupted ones."""
-    if len(places) == 1:
-        leaves[places[0]] = _apply(plans if len(plans) > 1 else plans[0], leaves[places[0]])
-        return
-    for i, plan in zip(places, plans, strict=True):
-        leaves[i] = _apply(plan, leaves[i])
-
-
-def _apply(plan: Any, picture: Any) -> Any:
-    if not isinstance(picture, tv_tensors.TVTensor):
-        return apply(plan, picture)
-    out = apply(plan, picture.as_subclass(torch.Tensor))
-    if isinstance(out, list):
-        return [tv_tensors.wrap(o, like=picture) for o in cast("list[Any]", out)]
-    return tv_tensors.wrap(out, like=picture)
-
-
-def follow_tensor(value: Any, plans: list[Plan]) -> Any:
-    """Return boxes, key points or a mask mapped to the resized picture.
-
-    They follow the geometry of all other labels.
-
-    Raises:
-        LabelError: the labels belong to a picture of another size.
-        ParameterError: the pictures of a batch get different sizes.
-    """
-    _check_canvas(value, plans[0].size)
-    if all(plan.coords.is_identity for plan in plans):
-        return value
-    moves = {Move(plan.size, plan.out_size) for plan in plans}
-    if len(moves) > 1:
-        raise ParameterError(
-            f"a {type(value).__name__} cannot follow a batch whose pictures get different sizes"
-        )
-    (move,) = moves
-    if isinstance(value, tv_tensors.Mask):
-        return v2.functional.resize(
-            value, list(move.after), interpolation=v2.InterpolationMode.NEAREST_EXACT
-        )
-    plain = value.as_subclass(torch.Tensor)
-    if isinstance(value, tv_tensors.KeyPoints):
-        return tv_tensors.KeyPoints(_points_moved(plain, move), canvas_size=move.after)
-    order = str(value.format.value).lower()
-    if order in ("xyxy", "xywh", "cxcywh"):
-        boxes = box_format(order, 0, anywhere=True).moved(plain, move)
-        return tv_tensors.BoundingBoxes(boxes, format=value.format, canvas_size=move.after)
-    # Rotated boxes: let torchvision compute their corners.
-    scaled = v2.functional.resize(
-        tv_tensors.wrap(plain.to(torch.float64), like=value), list(move.after)
-    )
-    return tv_tensors.wrap(scaled.as_subclass(torch.Tensor).to(value.dtype), like=scaled)
-
-
-def follow_inside(value: Any, plans: list[Plan]) -> Any:
-    """Return an entry with all torchvision boxes, key points and masks inside it mapped."""
-    if isinstance(value, FOLLOWING):
-        return follow_tensor(value, plans)
-    if not _holds_tensors(value):
-        return value
-    if isinstance(value, Mapping):
-        entries = cast("Mapping[Any, Any]", value).items()
-        return {key: follow_inside(part, plans) for key, part in entries}
-    parts = [follow_inside(part, plans) for part in cast("list[Any]", value)]
-    return tuple(parts) if isinstance(value, tuple) else parts
-
-
-def _holds_tensors(value: Any) -> bool:
-    if isinstance(value, Mapping):
-        return any(_holds_tensors(part) for part in cast("Mapping[Any, Any]", value).values())
-    if isinstance(value, list | tuple):
-        return any(_holds_tensors(part) for part in cast("list[Any]", value))
-    return isinstance(value, FOLLOWING)
-
-
-def _check_canvas(value: Any, size: Size) -> None:
-    is_mask = isinstance(value, tv_tensors.Mask)
-    canvas = tuple(value.shape[-2:]) if is_mask else tuple(value.canvas_size)
-    if canvas == tuple(size):
-        return
-    name = type(value).__name__
-    height, width = canvas
-    raise LabelError(
-        f"a {name} belongs to a picture of {width}x{height} pixels, and the sample's has"
-        f" {size[1]}x{size[0]}; resize both with one transform, or give the {name} the canvas that"
-        " it is in"
-    )
-
-
-def _points_moved(points: torch.Tensor, move: Move) -> torch.Tensor:
-    """Return key points after a change of size.
-
-    Unlike clicked points, they may lie outside the picture.
-    """
-    numbers = to_host(points)
-    if points.is_floating_point():
-        return points.new_tensor(move.scaling.positions(numbers))
-    free = replace(move.scaling, bounded=False, clamp=False)
-    return points.new_tensor(free.points(numbers))
+def content_of_all(pictures: SequenceOf[Picture]) -> str:
+    """Return an id computed from the pixels of all pictures of a sample."""
+    ids = [content(picture.pixels) for picture in pictures]
+    return ids[0] if len(ids) == 1 else hashlib.sha256("".join(ids).encode()).hexdigest()[:32]

@@ -7,7 +7,13 @@ from PIL import Image
 
 import hijack_data as hj
 from hijack_data.conformance import jax_operations, picture, reference
-from hijack_data.errors import ImageError, ImageTypeError, ParameterError, ParameterTypeError
+from hijack_data.errors import (
+    HijackWarning,
+    ImageError,
+    ImageTypeError,
+    ParameterError,
+    ParameterTypeError,
+)
 from hijack_data.safety import target_visible
 
 grain = pytest.importorskip("grain.python")
@@ -71,19 +77,66 @@ def test_threads_order_and_loader_change_nothing():
     loader = grain.DataLoader(
         data_source=rows(),
         sampler=grain.IndexSampler(12, grain.NoSharding(), shuffle=True, num_epochs=1, seed=4),
-        operations=[hg.RandomCorrupt(SPEC, seed=3, return_plan=True)],
+        operations=[hg.Corrupt(SPEC, seed=3, return_plan=True)],
         worker_count=0,
     )
     assert digests(loader) == expected
 
 
-def test_epochs():
+def test_an_entry_epoch_draws_anew():
     source = grain.MapDataset.source(rows()).repeat(2)
-    with_epoch = source.map_with_index(lambda i, e: {**e, "epoch": i // 12}).map(
-        hg.Corrupt(SPEC, return_plan=True)
+    with_epoch = source.map_with_index(lambda i, e: {**e, "epoch": i // 12})
+    plans = [e["plan"] for e in with_epoch.map(hg.Corrupt(SPEC, return_plan=True))]
+    assert plans[:12] != plans[12:]
+    by_visit = with_epoch.seed(7).random_map(hg.RandomCorrupt(SPEC, return_plan=True))
+    assert [e["plan"] for e in by_visit] == plans  # the epoch decides, not the generator
+
+
+def test_a_second_epoch_without_one_is_said():
+    again = grain.MapDataset.source(rows()).repeat(2).map(hg.Corrupt(SPEC))
+    with pytest.warns(HijackWarning, match=r"map_with_index.*RandomCorrupt") as said:
+        list(again)
+    assert len(said) == 1
+
+
+def loader(epochs=2, workers=0):
+    return grain.DataLoader(
+        data_source=rows(),
+        sampler=grain.IndexSampler(12, grain.NoSharding(), shuffle=True, num_epochs=epochs, seed=4),
+        operations=[hg.RandomCorrupt(SPEC, seed=3, return_plan=True)],
+        worker_count=workers,
     )
-    found = [with_epoch[i]["plan"] for i in range(24)]
-    assert found[:12] != found[12:]
+
+
+def test_random_corrupt_draws_anew_in_each_epoch_and_resumes_within_one():
+    run = [(e["id"], e["plan"].digest()) for e in loader()]
+    first, second = dict(run[:12]), dict(run[12:])
+    assert sum(first[key] != second[key] for key in first) >= 9  # a fifth of both may be clean
+    assert [(e["id"], e["plan"].digest()) for e in loader()] == run
+    iterator = iter(loader())
+    for _ in range(17):
+        next(iterator)
+    state = iterator.get_state()
+    resumed = iter(loader())
+    resumed.set_state(state)
+    assert [(e["id"], e["plan"].digest()) for e in resumed] == run[17:]
+
+    dataset = (
+        grain.MapDataset.source(rows())
+        .seed(5)
+        .shuffle()
+        .repeat(2)
+        .random_map(hg.RandomCorrupt(SPEC, seed=3, return_plan=True))
+    )
+    run = [(e["id"], e["plan"].digest()) for e in dataset]
+    first, second = dict(run[:12]), dict(run[12:])
+    assert sum(first[key] != second[key] for key in first) >= 9
+    iterator = iter(dataset.to_iter_dataset(grain.ReadOptions(num_threads=2)))
+    for _ in range(17):
+        next(iterator)
+    resumed = iter(dataset.to_iter_dataset(grain.ReadOptions(num_threads=2)))
+    resumed.set_state(iterator.get_state())
+    assert [(e["id"], e["plan"].digest()) for e in resumed] == run[17:]
 
 
 def test_without_ids_grains_generator_decides():
@@ -107,10 +160,14 @@ def test_other_names_and_pil():
 @pytest.mark.parametrize(
     ("element", "error", "message"),
     [
-        ({"picture": 1, "id": 1}, ImageError, "no 'image' entry; it has picture, id"),
-        ({"image": np.zeros((2, *SIZE, 3), np.uint8), "id": 1}, ImageError, "one picture"),
+        ({"picture": 1, "id": 1}, ImageError, r"holds no picture.*picture \(int\).*image_key="),
+        (
+            {"image": np.zeros((2, *SIZE, 3), np.uint8), "id": ["a", "b"]},
+            ImageError,
+            "before batching",
+        ),
         ({"image": np.zeros((*SIZE, 3), np.float32), "id": 1}, ImageTypeError, "float32"),
-        ({"image": b"png", "id": 1}, ImageTypeError, "cannot corrupt a builtins.bytes"),
+        ({"image": b"png", "id": 1}, ImageError, r"holds no picture.*image \(bytes\)"),
         ([1], ParameterTypeError, "must be a dictionary, got list"),
     ],
 )
@@ -168,13 +225,3 @@ def test_donation_leaves_the_callers_picture_alone():
     for run in (hj.apply, jax_operations):
         assert np.array_equal(np.asarray(run(plan, image)), reference(plan, picture(SIZE)))
     assert np.array_equal(np.asarray(image), picture(SIZE))
-
-
-def test_of_two_pictures_one_has_to_be_named():
-    pixels = picture(SIZE)
-    element = {"image": pixels, "screenshot": pixels, "id": 1}
-    with pytest.raises(ImageError, match=r"'image' and 'screenshot'; image_key="):
-        hg.Corrupt(hj.Marks()).map(element)
-    made = hg.Corrupt(hj.Marks(number=9), image_key="screenshot").map(element)
-    assert made["image"] is pixels
-    assert not np.array_equal(made["screenshot"], pixels)

@@ -155,7 +155,8 @@ def test_entries_inside_others():
         "annotations": [{"box": [100, 200, 130, 240], "name": "ok"}, {"name": "no box"}],
         "a.b": (100, 50),
     }
-    moved = follow({"objects.bbox": "coco", "annotations.box": "xyxy", "a.b": "xy"}, **sample)
+    labels = {"objects.bbox": "coco", "annotations.box": "xyxy", "a.b": "xy"}
+    moved = follow({**labels, "objects.category": "leave"}, **sample)
     assert moved["objects"] == {"bbox": [[50, 100, 15, 20], [1, 2, 3, 4]], "category": [1, 2]}
     assert moved["annotations"] == [{"box": [50, 100, 65, 120], "name": "ok"}, {"name": "no box"}]
     assert moved["a.b"] == (50, 25)

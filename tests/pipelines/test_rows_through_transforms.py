@@ -118,6 +118,7 @@ def test_rows_of_datasets_do_so_too(
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
     loaded = datasets.load_dataset(str(dataset), split="train", cache_dir=str(tmp_path / "cache"))
     half = tr.Resolution(scale=0.5, seed=SEED)
+    half.set_epoch(0)
     if "base_screenshot" in loaded.features:
         with pytest.raises(LabelError, match=r"lazy row.*pipelines\.render"):
             loaded.with_transform(half)[0]
