@@ -81,29 +81,45 @@ def wait_until_idle(
     return commands.command(desktop, *argv).strip() == "idle"
 
 
-def end_process(desktop: Desktop, find_pid: str, what: str, max_wait: float = MAX_WAIT_S) -> None:
+# Looks every 50 ms whether the process has ended: not there, or a zombie.
+_END_SCRIPT = """
+has_ended() {
+    looks=$1
+    while kill -0 $pid 2>/dev/null && ! grep -q "^State:.Z" /proc/$pid/status 2>/dev/null; do
+        looks=$((looks - 1)); [ $looks -gt 0 ] || return 1
+        sleep 0.05
+    done
+}
+pid=$(FIND); [ -n "$pid" ] || exit 0
+kill -CONT $pid 2>/dev/null  # one that was stopped goes on
+{ CLOSE; } >/dev/null 2>&1
+has_ended CLOSE_LOOKS && exit 0
+kill -TERM $pid 2>/dev/null
+has_ended 300 || echo $pid
+"""
+
+
+def end_process(desktop: Desktop, find: str, what: str, close: str = "") -> None:
     """End a process of the user, so that it writes what it holds, and wait until it has ended.
 
     Args:
         desktop: The desktop.
-        find_pid: A shell command that prints the number of the process, or nothing.
+        find: A shell command that prints the number of the process, or nothing.
         what: What it is, for the error.
-        max_wait: Seconds to wait at most.
+        close: A shell command that asks the process `$pid` to end; if it has not ended 15 s later,
+            or if there is no such command, it gets SIGTERM.
 
     Raises:
-        DesktopError: It does not end; what it holds is not known then.
+        DesktopError: It does not end within 15 s; what it holds is not known then.
     """
     if not _has_programs(desktop):
         return
-    script = (
-        f'pid=$({find_pid}); [ -n "$pid" ] || exit 0; looks={round(max_wait * 20)}\n'
-        "kill -TERM $pid 2>/dev/null; kill -CONT $pid 2>/dev/null\n"  # one that was stopped goes on
-        'while kill -0 $pid 2>/dev/null && ! grep -q "^State:.Z" /proc/$pid/status 2>/dev/null\n'
-        "do looks=$((looks - 1)); [ $looks -gt 0 ] || { echo $pid; exit 0; }; sleep 0.05; done\n"
-    )
+    script = _END_SCRIPT.replace("FIND", find).replace("CLOSE_LOOKS", "300" if close else "1")
+    script = script.replace("CLOSE", close or ":")
+    # The last argument, which is the script's name, keeps a folder of this machine from running it.
     left = commands.command(desktop, "sh", "-c", script, "kill").strip()
     if left:
-        raise DesktopError(f"{what} (process {left}) did not end within {max_wait:g} s")
+        raise DesktopError(f"{what} (process {left}) does not end")
 
 
 def _has_programs(desktop: Desktop) -> bool:
