@@ -133,13 +133,13 @@ class Answer:
             yield f"the answer stands in {text[:200]!r}"
 
     def _pattern(self) -> re.Pattern[str]:
-        if isinstance(self.value, float):
+        if isinstance(self.value, str):
+            written = re.escape(even(self.value))
+        else:
             whole, _, cents = f"{self.value:,.2f}".partition(".")
             whole = whole.replace(",", ",?")
             decimals = rf"[.,]{cents[0]}{cents[1] if cents[1] != '0' else '0?'}"
             written = whole + (f"({decimals})?" if cents == "00" else decimals)
-        else:
-            written = re.escape(even(self.value))
         before = r"(?<!\w)(?<!\d[.,])" + (r"(?<!-)" if written[0].isdigit() else "")
         return re.compile(rf"{before}{written}(?!\w)(?![.,]\d)")
 

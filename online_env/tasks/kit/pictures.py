@@ -130,7 +130,7 @@ def greatest_spot(first: Image.Image, second: Image.Image) -> float:
 def dabbed(picture: Image.Image) -> Image.Image:
     """Return a picture with a dab of a brush on it, as wrong results have it."""
     copy = picture.convert("RGB")
-    dark = sum(copy.getpixel((100, 100))) < 384  # pyright: ignore[reportArgumentType]
+    dark = np.asarray(copy)[100, 100].mean() < 128
     ImageDraw.Draw(copy).ellipse((90, 90, 110, 110), "white" if dark else "black")
     return copy
 
