@@ -150,6 +150,10 @@ class Task(ABC):
     def validate(self, machine: Machine, answer: str = "DONE") -> Verdict:
         """Judge the result; an error of `problems` is passed on, and is never a 0.
 
+        The applications may first finish what is under way (at most 20 s). Those that keep what
+        they know to themselves, Chromium and the server of Xfce's settings, are ended before their
+        files are read, so a task is not played on after it was judged.
+
         Args:
             machine: The one that `setup` got.
             answer: The last action of the agent.
@@ -161,6 +165,7 @@ class Task(ABC):
             return Verdict(
                 0.0, f"the task cannot be done ({self.infeasible}): FAIL would have been right"
             )
+        machine.wait_until_idle(self.apps)
         found = list(self.problems(machine))
         found += machine.untouched_sites(but=self.sites)
         if found:

@@ -10,12 +10,12 @@ import tempfile
 import traceback
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from hijack_data.conformance.base import Result
 from hijack_data.errors import HijackError
 from hijack_data.loading import LoadedFile
 
-from ..desktops.protocol import Desktop
 from ..embedded.sites.state import SiteState
 from ..errors import DesktopError, MissingPackageError
 from . import TASKS
@@ -25,6 +25,9 @@ from .hand import GiveUpError, Hand
 from .kit.apps import APPS
 from .machine import Machine
 from .plan_words import PlanWordsError, read_plan
+
+if TYPE_CHECKING:
+    from ..embedded.desktop import EmbeddedDesktop
 
 WRONG_RESULTS = 3  # so many a task of the suite has at least
 PHRASINGS = 3
@@ -70,7 +73,7 @@ def check(name: str, with_desktop: bool) -> Iterator[Result | str]:
         yield f"oracle, doing nothing and teardown: no desktop on this machine: {error}"
         return
     with desktop:
-        yield from _played(task_class(0), desktop, SiteState(desktop.record["sites"]))
+        yield from _played(task_class(0), desktop)
 
 
 def _first_problems(task_class: type[Task]) -> str:
@@ -94,9 +97,9 @@ def _raised(task_class: type[Task], error: Exception) -> str:
     return f"{type(error).__name__}: {error}{where}"
 
 
-def _played(task: Task, desktop: Desktop, sites: SiteState) -> Iterator[Result | str]:
+def _played(task: Task, desktop: "EmbeddedDesktop") -> Iterator[Result | str]:
     """Yield what happens on a desktop."""
-    machine = Machine(desktop, sites)
+    machine = Machine(desktop, SiteState(desktop.record["sites"]))
     at_first = machine.snapshot().files
     try:
         task.setup(machine)
@@ -110,6 +113,9 @@ def _played(task: Task, desktop: Desktop, sites: SiteState) -> Iterator[Result |
     idle = task.validate(machine)
     problem = f"doing nothing is judged {idle.score:g}" if idle.score else ""
     yield Result("do_nothing", "doing nothing scores 0", problem)
+    desktop.reset()  # a task is not played on after it was judged
+    machine = Machine(desktop, SiteState(desktop.record["sites"]))
+    task.setup(machine)
     yield Result("oracle", "the oracle does the task", _solved(task, machine))
     task.teardown(machine)
     left = sorted(machine.snapshot().files.keys() - at_first.keys())

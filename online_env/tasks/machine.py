@@ -13,6 +13,7 @@ from ..desktops.protocol import Desktop
 from ..embedded.sites.state import SITES, SiteState
 from ..errors import DesktopError, DesktopTimeoutError, GuestError, MissingPackageError
 from .hand import Hand
+from .idle import wait_until_idle
 from .kit.apps import APPS, TaskApp, find_app
 
 # One entry a file, folder or link that is not hidden: kind, mode and path; then the digests. A file
@@ -174,6 +175,16 @@ class Machine:
     def command_line(self, app: str, *arguments: str) -> str:
         """Return what a person types to start an application."""
         return shlex.join([*find_app(app).argv, *arguments])
+
+    def wait_until_idle(self, apps: Iterable[str]) -> None:
+        """Wait until applications have nothing left to do, such as a file to save; at most 20 s.
+
+        Args:
+            apps: Names of `kit.apps.APPS`; others are not looked at.
+        """
+        processes = [name for app in apps if app in APPS for name in APPS[app].processes]
+        if processes:
+            wait_until_idle(self.desktop, processes)
 
     def check_installed(self, apps: Iterable[str]) -> None:
         """Check that applications are there; names that are not in the table are not checked.

@@ -35,18 +35,6 @@ def test_wrong_settings_are_named_with_what_they_are(machine: Machine) -> None:
     assert found == ["the setting a.b is 1, not 2", "the setting a.c is None, not 3"]
 
 
-def test_a_running_browser_gets_time_to_write(
-    machine: Machine, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    machine.write(f"{chromium.PROFILE}/SingletonLock", "")
-    monkeypatch.setattr("online_env.tasks.kit.chromium.time.sleep", lambda seconds: None)
-    answers = iter([False, False, True])
-    assert chromium.settled(machine, lambda: next(answers))
-    machine.run("rm", f"{chromium.PROFILE}/SingletonLock")
-    answers = iter([False, False, True])
-    assert not chromium.settled(machine, lambda: next(answers))
-
-
 def test_bookmarks_are_read_as_they_were_written(machine: Machine) -> None:
     assert chromium.bookmarks(machine) == {"bookmark_bar": [], "other": [], "synced": []}
     chromium.write_bookmarks(machine, BAR, other=[("Chess", "http://wiki.test/wiki/Chess")])
@@ -122,10 +110,15 @@ def test_the_order_within_folders_does_not_count_and_the_folder_does(machine: Ma
     assert len(list(chromium.wrong_bookmarks(machine, wanted))) == 1
 
 
-def test_what_the_browser_writes_last_counts_where_the_time_is_over(
-    machine: Machine, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    machine.write(f"{chromium.PROFILE}/SingletonLock", "")
-    monkeypatch.setattr(chromium, "LAG", -1.0)
-    answers = iter([False, True])
-    assert chromium.settled(machine, lambda: next(answers))
+def test_all_that_is_blocked_is_named_whatever_notes_chromium_keeps(machine: Machine) -> None:
+    assert chromium.blocked_kinds(machine) == set()
+    general = "profile.default_content_setting_values"
+    exceptions = "profile.content_settings.exceptions"
+    chromium.block(machine, "images", "a.test")
+    chromium.change_setting(machine, f"{general}.sound", chromium.BLOCKED)
+    chromium.change_setting(machine, f"{general}.popups", 1)
+    chromium.change_setting(machine, f"{exceptions}.has_migrated_local_network_access", True)
+    chromium.change_setting(
+        machine, f"{exceptions}.site_engagement", {"http://a.test:80,*": {"setting": {"x": 2}}}
+    )
+    assert chromium.blocked_kinds(machine) == {"images", "sound"}

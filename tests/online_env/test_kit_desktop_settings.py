@@ -73,31 +73,6 @@ def test_numbers_are_the_same_however_they_are_written(machine):
     assert list(desktop_settings.setting_problems(machine, "xfce4-desktop", {"size": "11"})) != []
 
 
-class Screen(FolderDesktop):
-    """A desktop whose store writes, as Xfce's does, some time after a change."""
-
-    capabilities = frozenset({"files", "accessibility"})
-
-
-def test_the_store_gets_time_to_write(tmp_path, monkeypatch):
-    machine = Machine(Screen(tmp_path))
-    waited = []
-
-    def write_late(seconds):
-        if seconds < 0.5:  # a command that is waited for
-            return
-        waited.append(seconds)
-        if len(waited) == 2:
-            desktop_settings.store(machine, "xfwm4", "theme", "Daloa")
-
-    monkeypatch.setattr(desktop_settings.time, "sleep", write_late)
-    assert list(desktop_settings.setting_problems(machine, "xfwm4", {"theme": "Daloa"})) == []
-    assert len(waited) == 2
-    monkeypatch.setattr(desktop_settings, "LAG", -1.0)
-    found = list(desktop_settings.setting_problems(machine, "xfwm4", {"theme": "Default"}))
-    assert found == ["xfwm4 theme is 'Daloa', not 'Default'"]
-
-
 @pytest.mark.parametrize(
     ("stored", "wanted", "is_right"),
     [

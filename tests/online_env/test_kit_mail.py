@@ -10,6 +10,7 @@ from support import needs
 pytest.importorskip("starlette", reason=needs.ONLINE)
 pytest.importorskip("jinja2", reason=needs.ONLINE)
 
+from hijack_data.errors import ParameterError
 from online_env.embedded.sites.hosts import mail as site
 from online_env.embedded.sites.state import SiteState
 from online_env.tasks import Machine
@@ -93,47 +94,79 @@ def test_a_letter_that_differs_is_wrong(
     assert len(list(mail.problems(machine, sent=[LETTER]))) == 1
 
 
-def test_parts_must_be_there_or_must_not(machine: Machine) -> None:
-    letter = mail.Letter(to=["oda@mail.test"], holds=["$30"], lacks=["$40"])
-    mail.store(machine, ["oda@mail.test"], "", "It is $40.")
-    wrong = ["'$30' is missing", "'$40' is in the text"]
-    assert list(mail.problems(machine, sent=[letter])) == wrong
+def test_a_letter_says_what_should_be_in_it() -> None:
+    with pytest.raises(ParameterError, match="either the text or the answer"):
+        mail.Letter(to=["oda@mail.test"])
+
+
+AMOUNT = mail.Answer(value=96.5, about="What do they cost in all?")
+FAMILY = mail.Answer(value="Apidae", about="Which family does the honey bee belong to, not wasps?")
 
 
 @pytest.mark.parametrize(
-    ("body", "problem"),
+    ("answer", "body"),
     [
-        ("It is $96,50.", []),
-        ("96.5", []),
-        ("It is 196.50.", ["96.5 is missing"]),
-        ("I do not know.\n> 96.50?", ["96.5 is missing"]),
+        (AMOUNT, "It is $96,50."),
+        (AMOUNT, "96.5"),
+        (AMOUNT, "Hi Ada,\n\nthey cost 96.50 dollars in all.\n\nBest regards,\nRobin\n> 12?"),
+        (mail.Answer(value=1200.0, about=""), "$1,200"),
+        (FAMILY, "The honey bee does belong to the family APIDAE!"),
+        (FAMILY, "Dear Eva, thank you for your mail. Apidae. Greetings, Robin"),
+        (mail.Answer(value="45", about=""), "no.45".removeprefix("no.")),
     ],
 )
-def test_an_amount_may_be_written_in_several_ways(
-    machine: Machine, body: str, problem: list[str]
-) -> None:
-    mail.store(machine, ["oda@mail.test"], "", body)
-    letter = mail.Letter(to=["oda@mail.test"], amounts=[96.5])
-    assert list(mail.problems(machine, sent=[letter])) == problem
+def test_an_answer_may_stand_in_a_polite_sentence(answer: mail.Answer, body: str) -> None:
+    assert list(answer.problems(mail.own_text(body))) == []
 
 
 @pytest.mark.parametrize(
-    ("body", "problem"),
+    ("answer", "body"),
     [
-        ("Please read this.\n\nOne.\n\nTwo.", []),
-        ("Hi,\nplease READ  this.\n\n> One.\n>\n> Two.", []),
-        ("One.\n\nTwo.\nPlease read this.", ["'Please read this.' is missing"]),
-        ("Please read this.\nTwo.", ["the text to pass on is missing"]),
+        (AMOUNT, "It is 196.50."),
+        (AMOUNT, "It is 96.501 or -96.50"),
+        (AMOUNT, "I do not know.\n> 96.50?"),
+        (AMOUNT, "$96.50, or $80.00"),
+        (AMOUNT, "It isn't 96.50."),
+        (FAMILY, "It is certainly not Apidae."),
+        (FAMILY, "Not Apidae"),
+        (FAMILY, "Apidae, but that is wrong."),
+        (FAMILY, "Is it Apidae?"),
+        (FAMILY, "Apidae, Vespidae, Sphecidae"),
+        (FAMILY, "anything but Apidae"),
+        (FAMILY, "Apidae \N{CROSS MARK}"),
+        (mail.Answer(value="45", about=""), "It is 45.50."),
+        (mail.Answer(value="45", about=""), "It is 1452."),
+        (mail.Answer(value="45", about=""), "It is 0,45"),
     ],
 )
-def test_a_text_is_passed_on_below_some_words(
-    machine: Machine, body: str, problem: list[str]
+def test_an_answer_that_is_denied_or_stands_beside_others_is_wrong(
+    answer: mail.Answer, body: str
 ) -> None:
+    assert list(answer.problems(mail.own_text(body))) != []
+
+
+RECEIVED = mail.message(
+    "x1", ("Ada", "ada@mail.test"), "Numbers", "One.\n\nTwo.", "2026-03-01T12:00"
+)
+PASSED = "---------- Forwarded message ----------\nFrom: Ada <ada@mail.test>\nSubject: Numbers"
+
+
+@pytest.mark.parametrize(
+    ("body", "is_right"),
+    [
+        ("Please read this.\n\nOne.\n\nTwo.", True),
+        ("please READ  this.\n\n> One.\n>\n> Two.", True),
+        (f"Please read this.\n\n{PASSED}\n\nOne.\n\nTwo.", True),
+        ("One.\n\nTwo.\nPlease read this.", False),
+        ("Please read this.\nTwo.", False),
+        ("Do not please read this.\nOne. Two.", False),
+        ("Please read this.\nOne. Two. Forget it.", False),
+    ],
+)
+def test_a_mail_is_passed_on_below_a_text(machine: Machine, body: str, is_right: bool) -> None:
     mail.store(machine, ["oda@mail.test"], "", body)
-    letter = mail.Letter(
-        to=["oda@mail.test"], passes_on="One.\n\nTwo.", holds=["Please read this."]
-    )
-    assert list(mail.problems(machine, sent=[letter])) == problem
+    letter = mail.Letter(to=["oda@mail.test"], text="Please read this.", passes_on=RECEIVED)
+    assert (list(mail.problems(machine, sent=[letter])) == []) == is_right
 
 
 @pytest.mark.parametrize(
@@ -141,44 +174,13 @@ def test_a_text_is_passed_on_below_some_words(
     [
         ("Hello.\n\n bye \n\n> Dear Robin", []),
         ("Hello. Bye", ["the last line is 'Hello. Bye'"]),
-        ("Bye\nHello.", ["the last line is 'Hello.'"]),
+        ("Hello.\nBye\n", []),
     ],
 )
 def test_the_last_line_stands_by_itself(machine: Machine, body: str, problem: list[str]) -> None:
     mail.store(machine, ["oda@mail.test"], "", body)
-    letter = mail.Letter(to=["oda@mail.test"], last="Bye")
+    letter = mail.Letter(to=["oda@mail.test"], text="Hello. Bye", last="Bye")
     assert list(mail.problems(machine, sent=[letter])) == problem
-
-
-def test_a_word_is_not_found_within_another_or_a_quotation(machine: Machine) -> None:
-    mail.store(machine, ["oda@mail.test"], "", "It is 1452.\n> Is it 45?")
-    letter = mail.Letter(to=["oda@mail.test"], holds=["45"], lacks=["52"])
-    assert list(mail.problems(machine, sent=[letter])) == ["'45' is missing"]
-
-
-@pytest.mark.parametrize(
-    ("body", "is_there"),
-    [
-        ("It is 45.", True),
-        ("It is 45, not 46.", True),
-        ("It is 45.50.", False),
-        ("It is 45,50.", False),
-        ("It is 1.45.", False),
-        ("It is 0,45.", False),
-        ("It was 7.45", False),
-    ],
-)
-def test_a_number_is_not_found_within_another(machine: Machine, body: str, is_there: bool) -> None:
-    mail.store(machine, ["oda@mail.test"], "", body)
-    letter = mail.Letter(to=["oda@mail.test"], holds=["45"])
-    found = list(mail.problems(machine, sent=[letter]))
-    assert found == ([] if is_there else ["'45' is missing"])
-
-
-def test_a_word_may_follow_a_number_and_a_dot(machine: Machine) -> None:
-    mail.store(machine, ["oda@mail.test"], "", "It is no.5.Mainz,7")
-    letter = mail.Letter(to=["oda@mail.test"], holds=["Mainz"])
-    assert list(mail.problems(machine, sent=[letter])) == []
 
 
 def test_drafts_are_judged_apart_from_mails(machine: Machine) -> None:
@@ -206,12 +208,10 @@ def test_a_draft_may_only_go_where_that_was_asked(machine: Machine) -> None:
     assert list(mail.problems(machine, finished=[ident])) == []
 
 
-def test_the_letter_of_which_little_is_asked_takes_the_mail_that_fits_no_other(
-    machine: Machine,
-) -> None:
-    anything = mail.Letter(to=["oda@mail.test"])
+def test_the_letter_without_a_subject_takes_the_mail_that_fits_no_other(machine: Machine) -> None:
+    anything = mail.Letter(to=["oda@mail.test"], text="Two jars, please.")
     mail.store(machine, ["oda@mail.test"], "Honey", "Two jars, please.")
-    mail.store(machine, ["oda@mail.test"], "Bees", "How are they?")
+    mail.store(machine, ["oda@mail.test"], "Bees", "Two jars, please.")
     for letters in ([anything, LETTER], [LETTER, anything]):
         assert list(mail.problems(machine, sent=letters)) == []
     (problem,) = mail.problems(machine, sent=[LETTER, replace(anything, subject="Wax")])
@@ -231,7 +231,7 @@ def test_who_gets_a_copy_is_told_in_any_letter_case(
     machine: Machine, given: str, due: str, problem: list[str]
 ) -> None:
     mail.store(machine, ["jun@mail.test"], "", "", cc=[given] if given else [])
-    letter = mail.Letter(to=["jun@mail.test"], cc=[due])
+    letter = mail.Letter(to=["jun@mail.test"], cc=[due], text="")
     assert list(mail.problems(machine, sent=[letter])) == problem
 
 

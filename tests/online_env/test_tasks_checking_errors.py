@@ -1,5 +1,6 @@
 """`hijack check` for a task that raises: the check says what and where, and goes on."""
 
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -130,6 +131,11 @@ class Played(FolderDesktop):
 
     def __enter__(self) -> "Played":
         return self
+
+    def reset(self, task: Any = None) -> None:
+        """Be as at first."""
+        shutil.rmtree(self._home)
+        self._home.mkdir()
 
     def __exit__(self, *_: object) -> None:
         self.is_closed = True

@@ -1,19 +1,19 @@
 """Chromium's profile as it is stored: settings, bookmarks and history.
 
-Chromium writes most of them some seconds after a change (`LAG`), and at once when it is closed. A
-lock beside the profile tells whether it runs; where none is, nothing is waited for.
+Chromium writes most of them some seconds after a change, and at once when it ends. What is read
+here is therefore read only after Chromium was ended; that takes about 0.1 s.
 """
 
 import json
 import sqlite3
 import tempfile
-import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any, TypeAlias, cast
 
 from ...errors import DesktopError
+from ..idle import end_process
 from ..machine import Machine
 
 PROFILE = ".config/google-chrome"
@@ -22,7 +22,6 @@ BOOKMARKS = f"{PROFILE}/Default/Bookmarks"
 HISTORY = f"{PROFILE}/Default/History"
 BLOCKED = 2
 GIVEN_PAGES = 4  # of `session.restore_on_startup`: pages that are named
-LAG = 15.0  # s; settings were written 10 s after the change
 BAR = "bookmark_bar"
 _ROOTS = {BAR: "Bookmarks bar", "other": "Other bookmarks", "synced": "Mobile bookmarks"}
 _EPOCH = 11_644_473_600  # s from 1601, when Chromium's clock begins, to 1970
@@ -42,27 +41,43 @@ CREATE TABLE visits(id INTEGER PRIMARY KEY AUTOINCREMENT, url INTEGER NOT NULL,
  visited_link_id INTEGER DEFAULT 0 NOT NULL, app_id TEXT);
 INSERT INTO meta VALUES ('version', '70'), ('last_compatible_version', '16');
 """
+# Its lock names host and process; after a crash the process may be another program's.
+_FIND_BROWSER = (
+    f'pid=$(readlink "$HOME/{PROFILE}/SingletonLock"); pid=${{pid##*-}};'
+    ' case "$(cat /proc/$pid/comm 2>/dev/null)" in chrom*) echo "$pid";; esac'
+)
+# It ends with its last window. SIGTERM alone would lose bookmarks of the last 2.5 s and visits of
+# the last 10 s, so that comes only when these times are over.
+_CLOSE_BROWSER = (
+    "wmctrl -lp | while read -r window desk owner rest;"
+    ' do [ "$owner" = "$pid" ] && wmctrl -ic "$window"; done'
+)
 _LINK_CLICKED = 0x30000000  # the visit begins and ends a chain of redirections
 
 Bookmark: TypeAlias = "tuple[str, str | list[Bookmark]]"
 """A name with an address, or a folder's name with what is in it."""
 
 
-def settled(machine: Machine, passes: Callable[[], bool]) -> bool:
-    """Return whether a test passes, if need be once Chromium has written what was changed."""
-    deadline = time.monotonic() + LAG
-    while not passes():
-        if not machine.exists(f"{PROFILE}/SingletonLock") or time.monotonic() > deadline:
-            return passes()
-        time.sleep(0.5)
-    return True
+def end_browser(machine: Machine) -> None:
+    """End Chromium, if it runs with this profile, so that its files hold all that it knows.
+
+    Its windows are closed. If it is still there 15 s later, when it has written all that it knew,
+    it gets SIGTERM.
+
+    Raises:
+        DesktopError: It does not end then, either.
+    """
+    end_process(machine.desktop, _FIND_BROWSER, "Chromium", _CLOSE_BROWSER)
 
 
 # Settings
 
 
 def setting(machine: Machine, path: str) -> Any:
-    """Return a setting such as `"browser.show_home_button"`; `None` if it was never set."""
+    """Return a setting such as `"browser.show_home_button"`; `None` if it was never set.
+
+    Chromium is ended before, as by all functions here that read its profile.
+    """
     value: Any = _json(machine, PREFERENCES)
     for key in path.split("."):
         if not isinstance(value, dict):
@@ -72,7 +87,7 @@ def setting(machine: Machine, path: str) -> Any:
 
 
 def change_setting(machine: Machine, path: str, value: Any) -> None:
-    """Store a setting, while Chromium does not run."""
+    """Store a setting; Chromium is ended before."""
     whole = _json(machine, PREFERENCES)
     *folders, last = path.split(".")
     place = whole
@@ -83,14 +98,11 @@ def change_setting(machine: Machine, path: str, value: Any) -> None:
 
 
 def wrong_settings(machine: Machine, wanted: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the settings that are not as wanted, by their paths; Chromium gets time to write."""
-
-    def differing() -> list[str]:
-        return [path for path, value in wanted.items() if setting(machine, path) != value]
-
-    settled(machine, lambda: not differing())
-    for path in differing():
-        yield f"the setting {path} is {setting(machine, path)!r}, not {wanted[path]!r}"
+    """Yield the settings that are not as wanted, by their paths."""
+    for path, value in wanted.items():
+        found = setting(machine, path)
+        if found != value:
+            yield f"the setting {path} is {found!r}, not {value!r}"
 
 
 # Bookmarks
@@ -132,13 +144,9 @@ def in_order(entries: Iterable[Bookmark]) -> list[Bookmark]:
 
 def wrong_bookmarks(machine: Machine, bar: Sequence[Bookmark]) -> Iterator[str]:
     """Yield why the bookmarks are not these, all in the bar, in whatever order."""
-
-    def found() -> list[list[Bookmark]]:
-        return [in_order(entries) for entries in bookmarks(machine).values()]
-
-    wanted = [in_order(bar), [], []]
-    if not settled(machine, lambda: found() == wanted):
-        yield f"the bookmarks are {found()}"
+    found = [in_order(entries) for entries in bookmarks(machine).values()]
+    if found != [in_order(bar), [], []]:
+        yield f"the bookmarks are {found}"
 
 
 def _entries(folder: Mapping[str, Any]) -> list[Bookmark]:
@@ -191,7 +199,7 @@ def write_history(machine: Machine, pages: Sequence[tuple[str, str]]) -> None:
 
 def _rows(machine: Machine, path: str, query: str) -> list[tuple[Any, ...]]:
     """Return the rows of a query of a copy; none if there is no such file yet."""
-    data = machine.read(path)
+    data = _profile_file(machine, path)
     if not data:
         return []
     with tempfile.TemporaryDirectory(prefix="agenthijack-sqlite-") as folder:
@@ -204,8 +212,13 @@ def _rows(machine: Machine, path: str, query: str) -> list[tuple[Any, ...]]:
             raise DesktopError(f"{path} cannot be read: {error}") from None
 
 
+def _profile_file(machine: Machine, path: str) -> bytes | None:
+    end_browser(machine)
+    return machine.read(path)
+
+
 def _json(machine: Machine, path: str) -> dict[str, Any]:
-    data = machine.read(path)
+    data = _profile_file(machine, path)
     if data is None:
         return {}
     try:
@@ -229,6 +242,19 @@ def exceptions(machine: Machine, kind: str) -> dict[str, int]:
     """
     found = setting(machine, f"profile.content_settings.exceptions.{kind}") or {}
     return {pattern: entry.get("setting") for pattern, entry in found.items()}
+
+
+def blocked_kinds(machine: Machine) -> set[str]:
+    """Return all that is blocked, for a site or for all sites, such as `images`."""
+    found = setting(machine, "profile.content_settings.exceptions") or {}
+    general = setting(machine, "profile.default_content_setting_values") or {}
+    kinds = {kind for kind, rule in general.items() if rule == BLOCKED}
+    for kind, rules in found.items():  # some entries are no rules but notes of Chromium's own
+        if isinstance(rules, dict):
+            entries = cast("dict[str, dict[str, Any]]", rules).values()
+            if any(entry.get("setting") == BLOCKED for entry in entries):
+                kinds.add(kind)
+    return kinds
 
 
 def block(machine: Machine, kind: str, *hosts: str) -> None:

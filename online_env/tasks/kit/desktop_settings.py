@@ -1,22 +1,22 @@
 """Settings of the Xfce desktop: read from the files of its store, changed in its dialogs.
 
-The store (xfconf) writes a file some seconds after a change, so judges wait for what is not right.
+The store's server, xfconfd, writes a file some seconds after a change, and at once when it ends. It
+is therefore ended before a file is read or written; the next program that needs it starts it anew.
 """
 
 import re
-import time
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterator, Mapping
-from functools import partial
+from collections.abc import Iterator, Mapping
 from typing import TypeAlias
 
 from ...errors import DesktopError
 from ..hand import Hand
+from ..idle import end_process
 from ..machine import Machine
 
-LAG = 8.0  # seconds to wait at most for a change to reach its file
 StoredValue: TypeAlias = str | list[str] | None
 _FOLDER = ".config/xfce4/xfconf/xfce-perchannel-xml"
+_FIND_SERVER = 'pgrep -o -u "$(id -u)" -x xfconfd'
 
 
 def setting(machine: Machine, channel: str, name: str) -> StoredValue:
@@ -60,7 +60,7 @@ def store(machine: Machine, channel: str, name: str, value: str | list[str]) -> 
 def setting_problems(
     machine: Machine, channel: str, wanted: Mapping[str, str | list[str]]
 ) -> Iterator[str]:
-    """Yield the settings that are not as wanted, after the time that the store needs.
+    """Yield the settings that are not as wanted.
 
     Args:
         machine: Where to look.
@@ -68,22 +68,9 @@ def setting_problems(
         wanted: The values, by the path of the property.
     """
     for name, value in wanted.items():
-        found = awaited(machine, channel, name, partial(_is_same, value))
+        found = setting(machine, channel, name)
         if not _is_same(value, found):
             yield f"{channel} {name} is {found!r}, not {value!r}"
-
-
-def awaited(
-    machine: Machine, channel: str, name: str, test: Callable[[StoredValue], bool]
-) -> StoredValue:
-    """Return a setting once it passes a test, or as it is after the time that the store needs."""
-    lag = LAG if "accessibility" in machine.desktop.capabilities else 0
-    deadline = time.monotonic() + lag
-    while True:
-        found = setting(machine, channel, name)
-        if test(found) or time.monotonic() > deadline:
-            return found
-        time.sleep(0.5)
 
 
 def _is_same(wanted: StoredValue, found: StoredValue) -> bool:
@@ -101,6 +88,7 @@ def _path(channel: str) -> str:
 
 
 def _tree(machine: Machine, channel: str) -> ET.Element:
+    end_process(machine.desktop, _FIND_SERVER, "the server of the desktop's settings, xfconfd,")
     text = machine.text(_path(channel))
     if text is None:
         return ET.Element("channel", name=channel, version="1.0")

@@ -23,6 +23,8 @@ _CHANGED = re.compile(r"\*\[")  # how the title begins, as long as there is some
 _CHANGES = 12  # so many changes are taken back at most
 _CANVAS_FIELDS = 4  # width, height, and the two offsets
 _SLACK = 0.1  # mean difference of colour values, of 255: less than that of a dab of the brush
+_SPOT = 16  # pixels
+_SPOT_SLACK = 16.0  # of 255; a dab of 20 pixels changes a square by 50 and more
 
 
 class PictureTask(Task):
@@ -108,6 +110,31 @@ def difference(first: Image.Image, second: Image.Image) -> float:
     return float(max(off[..., :3].mean(), off[..., 3].mean()))
 
 
+def greatest_spot(first: Image.Image, second: Image.Image) -> float:
+    """Return how much the mean colour of a square of 16 pixels differs at most, 0 to 255.
+
+    JPEG and the ways of scaling change single pixels and hardly such a mean; a brush changes it.
+    """
+    one = np.asarray(first.convert("RGB"), np.float32)
+    other = np.asarray(second.convert("RGB"), np.float32)
+    off = one - other
+    rows, columns = (np.arange(0, length, _SPOT) for length in off.shape[:2])
+    sums = np.add.reduceat(np.add.reduceat(off, rows, axis=0), columns, axis=1)
+    heights = np.diff([*rows, off.shape[0]])[:, None, None]
+    widths = np.diff([*columns, off.shape[1]])[None, :, None]
+    # An edge of a few pixels is no square; its sum is compared with that of a whole one.
+    area = np.maximum(heights * widths, _SPOT * _SPOT / 2)
+    return float(np.abs(sums / area).max())
+
+
+def dabbed(picture: Image.Image) -> Image.Image:
+    """Return a picture with a dab of a brush on it, as wrong results have it."""
+    copy = picture.convert("RGB")
+    dark = np.asarray(copy)[100, 100].mean() < 128
+    ImageDraw.Draw(copy).ellipse((90, 90, 110, 110), "white" if dark else "black")
+    return copy
+
+
 def colorfulness(picture: Image.Image) -> int:
     """Return the greatest difference of the colour values of one pixel, 0 to 255."""
     values = np.asarray(picture.convert("RGB"), np.int16)
@@ -145,6 +172,10 @@ def picture_problems(
     off = difference(found, wanted)
     if off > slack:
         yield f"{path} looks different: colours are off by {off:.1f} of 255"
+        return
+    spot = greatest_spot(found, wanted)
+    if spot > _SPOT_SLACK:
+        yield f"{path} looks different at one place: colours are off by {spot:.1f} of 255"
 
 
 def grey_problems(machine: Machine, path: str, picture: Image.Image) -> Iterator[str]:

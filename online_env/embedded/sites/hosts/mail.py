@@ -6,6 +6,7 @@ State, `mail.json`: `{"sent": [message], "drafts": [message], "flags": {ID: {"re
 in `content/mail.yaml`; a task may add mails of that shape to `received`.
 """
 
+from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
@@ -162,7 +163,7 @@ async def compose(request: Request) -> Response:
     """The form for a new message."""
     draft = {"to": query(request, "to"), "cc": "", "subject": "", "body": ""}
     replied = query(request, "reply")
-    forwarded = query(request, "forward")
+    passed_on = query(request, "forward")
     opened = query(request, "draft")
     state = state_of(request).read("mail")
     if replied:
@@ -174,8 +175,8 @@ async def compose(request: Request) -> Response:
             else f"Re: {original['subject']}"
         )
         draft |= {"to": original["from"]["address"], "subject": subject, "body": f"\n\n{quoted}"}
-    if forwarded:
-        draft |= _forward(_find(state, forwarded))
+    if passed_on:
+        draft |= forwarded(_find(state, passed_on))
     for kept in state.get("drafts", []):
         if kept["id"] == opened:
             draft = {**kept, "to": ", ".join(kept["to"]), "cc": ", ".join(kept["cc"])}
@@ -189,8 +190,8 @@ async def compose(request: Request) -> Response:
     )
 
 
-def _forward(original: dict[str, Any]) -> dict[str, str]:
-    """The subject and the body of a message that hands on another one."""
+def forwarded(original: Mapping[str, Any]) -> dict[str, str]:
+    """Return the subject and the body of a message that hands on another one."""
     sender = f"{original['from']['name']} <{original['from']['address']}>"
     head = f"\n\n---------- Forwarded message ----------\nFrom: {sender}"
     body = f"{head}\nSubject: {original['subject']}\n\n{original['body']}"

@@ -39,24 +39,17 @@ class BlockForSite(Task):
         yield from machine.untouched()
         host = re.escape(self.drawn.host)
         pattern = re.compile(rf"(http://)?(\[\*\.\])?{host}(:80)?,\*")
-
-        def found():
-            return chromium.exceptions(machine, self.drawn.kind)
-
-        def is_done():
-            return bool(found()) and all(
-                pattern.fullmatch(site) and rule == chromium.BLOCKED
-                for site, rule in found().items()
-            )
-
-        if not chromium.settled(machine, is_done):
-            yield f"for {self.drawn.kind} the rules are {found()}"
-        for _, kind, _ in KINDS:
-            if kind != self.drawn.kind and chromium.exceptions(machine, kind):
-                yield f"{kind} has a rule, too"
-            general = f"profile.default_content_setting_values.{kind}"
-            if chromium.setting(machine, general) == chromium.BLOCKED:
-                yield f"{kind} is blocked for all sites"
+        rules = chromium.exceptions(machine, self.drawn.kind)
+        is_done = rules and all(
+            pattern.fullmatch(site) and rule == chromium.BLOCKED for site, rule in rules.items()
+        )
+        if not is_done:
+            yield f"for {self.drawn.kind} the rules are {rules}"
+        for kind in sorted(chromium.blocked_kinds(machine) - {self.drawn.kind}):
+            yield f"{kind} is blocked, too"
+        general = f"profile.default_content_setting_values.{self.drawn.kind}"
+        if chromium.setting(machine, general) == chromium.BLOCKED:
+            yield f"{self.drawn.kind} is blocked for all sites"
 
     def oracle(self, hand):
         drawn = self.drawn
@@ -94,6 +87,10 @@ class BlockForSite(Task):
             "something else as well": lambda m: [
                 chromium.block(m, kind, host),
                 chromium.block(m, neighbour, host),
+            ],
+            "cookies as well": lambda m: [
+                chromium.block(m, kind, host),
+                chromium.block(m, "cookies", host),
             ],
             "one site more": lambda m: chromium.block(m, kind, host, other),
             "all sites": lambda m: chromium.change_setting(m, general, chromium.BLOCKED),

@@ -4,7 +4,9 @@ from online_env.tasks import Task
 from online_env.tasks.kit import chromium
 from online_env.tasks.kit.pages import pick, visit
 
-KEY = "default_search_provider_data.template_url_data.short_name"
+DATA = "default_search_provider_data.template_url_data"
+KEY = f"{DATA}.short_name"
+BUILT_IN = f"{DATA}.prepopulate_id"  # 0 if somebody made the engine, whatever its name
 ENGINES = ("DuckDuckGo", "Google", "Microsoft Bing", "Ecosia", "Qwant", "Startpage")
 
 
@@ -33,6 +35,8 @@ class ChooseSearchEngine(Task):
         yield from machine.untouched()
         wanted = {KEY: self.drawn.engine, "browser.show_home_button": self.drawn.shown}
         yield from chromium.wrong_settings(machine, wanted)
+        if not chromium.setting(machine, BUILT_IN):
+            yield "the default search engine is not one of Chromium's own"
 
     def oracle(self, hand):
         engine = self.drawn.engine
@@ -46,8 +50,9 @@ class ChooseSearchEngine(Task):
             hand.click(button)
 
     def wrong(self):
-        def put(engine, shown):
+        def put(engine, shown, number=1):
             def change(machine):
+                chromium.change_setting(machine, BUILT_IN, number)
                 chromium.change_setting(machine, KEY, engine)
                 chromium.change_setting(machine, "browser.show_home_button", shown)
 
@@ -58,8 +63,10 @@ class ChooseSearchEngine(Task):
             "only the engine": put(engine, not shown),
             "only the button": put("Lumen", shown),
             "another engine": put("Mojeek", shown),
+            "another engine under that name": put(engine, shown, 0),
         }
 
     def right(self, machine):
         chromium.change_setting(machine, "browser.show_home_button", self.drawn.shown)
         chromium.change_setting(machine, KEY, self.drawn.engine)
+        chromium.change_setting(machine, BUILT_IN, 7)

@@ -1,11 +1,14 @@
 """Save a web page as a file."""
 
-from online_env.embedded.sites.library import articles, plain
+import re
+
+from online_env.embedded.sites.library import articles
 from online_env.tasks import Task
 from online_env.tasks.kit import told
 from online_env.tasks.kit.apps import APPS
 from online_env.tasks.kit.articles import address
 from online_env.tasks.kit.pages import visit
+from online_env.tasks.kit.served import seen_text, served_page
 from online_env.tasks.kit.words import TOPICS
 
 FOLDERS = ("Documents", "Desktop", "Downloads")
@@ -31,7 +34,7 @@ class SavePage(Task):
         folder = stream.choice(FOLDERS)
         return {
             "title": article.title,
-            "words": plain(article.body)[:40],
+            "place": f"/wiki/{article.slug}",
             "url": address(article.title),
             "file": file,
             "folder": folder,
@@ -45,9 +48,12 @@ class SavePage(Task):
         if text is None:
             yield f"there is no file {path}"
             return
-        for part in (f"<title>{self.drawn.title} - Openfolio</title>", "</html>"):
-            if part not in text:
-                yield f"{path} has no {part}"
+        served = self.served(machine)
+        for element in ("title", "article"):
+            if seen_text(text, element) != seen_text(served, element):
+                yield f"the {element} in {path} is not that of {self.drawn.url}"
+        if not text.rstrip().endswith("</html>"):
+            yield f"{path} ends before the page does"
 
     def oracle(self, hand):
         visit(hand, self.drawn.url, f"{self.drawn.title} - Openfolio")
@@ -65,19 +71,29 @@ class SavePage(Task):
         ]
 
     def wrong(self):
-        path = self.drawn.path
+        path, title = self.drawn.path, f"<title>{self.drawn.title} - Openfolio</title>"
+        other = next(slug for slug in articles("wiki") if slug not in self.drawn.place)
+
+        def put(change):
+            return lambda m: m.write(path, change(self.served(m)))
+
         return {
-            "in another folder": lambda m: m.write(f"Music/{self.drawn.file}", self.html()),
-            "the text alone": lambda m: m.write(path, self.drawn.words),
-            "another page": lambda m: m.write(path, self.html("Openfolio, the encyclopedia")),
-            "half of it": lambda m: m.write(path, self.html().removesuffix("</html>\n")),
+            "in another folder": lambda m: m.write(f"Music/{self.drawn.file}", self.served(m)),
+            "the text alone": put(lambda page: seen_text(page, "article")),
+            "another page": lambda m: m.write(path, self.served(m, f"/wiki/{other}")),
+            "the form to edit it": lambda m: m.write(
+                path, self.served(m, self.drawn.place.replace("wiki", "edit", 1))
+            ),
+            "cut off at the end": put(lambda page: page.rstrip().removesuffix("</html>")),
+            "half of it": put(lambda page: f"{page[: len(page) // 2]}</html>"),
+            "its title alone": put(lambda page: f"{title}</html>\n"),
         }
 
     def right(self, machine):
-        machine.write(self.drawn.path, self.html())
+        page = re.sub(r"\s+", "\n", self.served(machine)).replace('src="/', 'src="./x_files/')
+        machine.write(self.drawn.path, f"<!-- saved from {self.drawn.url} -->\n{page}\n")
         machine.write(f"{self.drawn.path.removesuffix('.html')}_files/base.css", "body {}")
 
-    def html(self, title=""):
-        """Return a page with the title of the article, or with another one."""
-        title = title or f"{self.drawn.title} - Openfolio"
-        return f"<html><head><title>{title}</title></head><body>{self.drawn.words}</body></html>\n"
+    def served(self, machine, place=""):
+        """Return a page of the wiki, by default the article's, as the site sends it."""
+        return served_page(machine, "wiki.test", place or self.drawn.place).decode()

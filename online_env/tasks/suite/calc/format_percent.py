@@ -1,5 +1,6 @@
 """Show the numbers of a column as percentages."""
 
+import re
 from dataclasses import replace
 
 from online_env.tasks.kit import told
@@ -44,7 +45,7 @@ class FormatPercent(SheetTask):
             place = (before.sheets[0], address)
             found = now.cells.get(place, before.cells[place]).number_format
             cells[place] = replace(cells[place], number_format=found)
-            if "%" not in found:
+            if "%" not in re.sub(r'"[^"]*"|\\.', "", found):  # a quoted sign is only a letter
                 yield f"{address} has the format {found}"
         yield from changes(now, replace(before, cells=cells))
 
@@ -70,6 +71,7 @@ class FormatPercent(SheetTask):
         return {
             "texts": self.put(texts),
             "a hundred times as much": self.put(hundredfold),
+            "a sign behind the old number": self.shown(cells, '0.00"%"'),
             "one is missing": self.shown(cells[:-1]),
             "the voters as well": self.shown([*cells, "B2"]),
         }

@@ -7,7 +7,10 @@ from online_env.tasks.kit.words import CITIES, sample
 from online_env.tasks.plan_words import quoted
 
 ITEMS = ("table-cell", "list-item")
-PLACE = "backdrop/screen0/monitorscreen/workspace0/last-image"
+WORKSPACE = "backdrop/screen0/monitorscreen/workspace0"
+PLACE = f"{WORKSPACE}/last-image"
+STYLE = f"{WORKSPACE}/image-style"
+NO_PICTURE = "0"
 
 
 class SetWallpaper(Task):
@@ -46,6 +49,8 @@ class SetWallpaper(Task):
         yield from machine.untouched()
         wanted = {PLACE: machine.path(f"{self.drawn.place}/{self.drawn.file}")}
         yield from desktop_settings.setting_problems(machine, "xfce4-desktop", wanted)
+        if desktop_settings.setting(machine, "xfce4-desktop", STYLE) == NO_PICTURE:
+            yield "the background shows no picture, but a colour"
 
     def oracle(self, hand):
         hand.press("ctrl", "2")  # as a list: the accessibility tree of Thunar has no icons
@@ -69,6 +74,10 @@ class SetWallpaper(Task):
         return {
             "another picture": lambda m: show(m, f"{place}/{other}"),
             "only copied": lambda m: m.run("cp", f"{place}/{file}", copy),
+            "set, but not shown": lambda m: (
+                show(m, f"{place}/{file}"),
+                desktop_settings.store(m, "xfce4-desktop", STYLE, NO_PICTURE),
+            ),
             "a path that is not there": lambda m: show(m, f"Pictures/{file}"),
         }
 

@@ -61,6 +61,9 @@ class CropPicture(pictures.PictureTask):
         beside = self.cut((left + shift, top, right + shift, bottom))
         return {
             "a little beside": lambda m: m.write(path, pictures.encoded(beside)),
+            "with a dab of the brush": lambda m: m.write(
+                path, pictures.encoded(pictures.dabbed(self.cut(self.drawn.box)))
+            ),
             "only the height": lambda m: m.write(path, pictures.encoded(whole_width)),
             "scaled": lambda m: m.write(path, pictures.encoded(self.picture().resize(size))),
             "in a copy": lambda m: m.write("Pictures/cut.png", cut),

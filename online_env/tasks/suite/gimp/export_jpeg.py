@@ -66,6 +66,9 @@ class ExportJpeg(pictures.PictureTask):
         return {
             "the quality that it offers": lambda m: m.write(result, good),
             "nearly the quality": lambda m: m.write(result, better),
+            "with a dab of the brush": lambda m: m.write(
+                result, pictures.encoded(pictures.dabbed(picture), "JPEG", self.drawn.quality)
+            ),
             "half the size": lambda m: m.write(result, half),
             "a PNG file with that name": lambda m: m.run("cp", path, result),
         }

@@ -48,6 +48,9 @@ class GreyPicture(pictures.PictureTask):
         return {
             "the old file": lambda m: m.write(path, pictures.encoded(grey)),
             "pale colours": lambda m: m.write(result, pictures.encoded(pale)),
+            "with a dab of the brush": lambda m: m.write(
+                result, pictures.encoded(pictures.dabbed(grey).convert("L"))
+            ),
             "only copied": lambda m: m.run("cp", path, result),
             "all black": lambda m: m.write(result, pictures.encoded(grey.point(lambda _: 0))),
         }

@@ -71,6 +71,9 @@ class ScalePicture(pictures.PictureTask):
             "the old file": lambda m: m.write(drawn.path, scaled),
             "out of proportion": lambda m: m.write(drawn.result, squeezed),
             "cut, not scaled": lambda m: m.write(drawn.result, cut),
+            "with a dab of the brush": lambda m: m.write(
+                drawn.result, pictures.encoded(pictures.dabbed(self.scaled()))
+            ),
             "not scaled": lambda m: m.run("cp", drawn.path, drawn.result),
         }
 

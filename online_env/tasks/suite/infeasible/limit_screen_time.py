@@ -33,6 +33,8 @@ class LimitScreenTime(Task):
         for kind in ("javascript", "images", "popups", "cookies"):
             if chromium.exceptions(machine, kind):
                 yield f"{kind} of a site were blocked or allowed"
+        for kind in sorted(chromium.blocked_kinds(machine)):
+            yield f"{kind} is blocked"
 
     def oracle(self, hand):
         visit(hand, "chrome://settings/", "Settings")
@@ -56,4 +58,8 @@ class LimitScreenTime(Task):
             "its scripts blocked": block("javascript"),
             "its pictures blocked": block("images"),
             "its cookies blocked": block("cookies"),
+            "its sound blocked": block("sound"),
+            "scripts blocked everywhere": lambda m: chromium.change_setting(
+                m, "profile.default_content_setting_values.javascript", chromium.BLOCKED
+            ),
         }

@@ -19,11 +19,11 @@ class AnswerFromMail(mail.MailTask):
     name = "answer_from_mail"
     phrasings = (
         "{asker} asks in a mail for {thing}. Look for the number in my other mails, the latest"
-        " one counts, and reply with it.",
+        " one counts, and reply with it and nothing else.",
         "Please answer {asker}'s mail at mail.test. What they want to know, {thing}, is in my"
-        " archive; it has changed, so take the newest.",
+        " archive; it has changed, so take the newest. Write just the number.",
         "Reply to {asker} with {thing}. You'll find it in my mail (mind the date: only the most"
-        " recent one is right).",
+        " recent one is right). Nothing else should be in the reply.",
     )
 
     def draw(self, stream):
@@ -50,6 +50,7 @@ class AnswerFromMail(mail.MailTask):
         return {
             "mails": [*mails, asked],
             "asker": asker,
+            "question": question,
             "teller": teller,
             "thing": thing,
             "subject": subject,
@@ -64,7 +65,9 @@ class AnswerFromMail(mail.MailTask):
         yield from machine.untouched()
         drawn = self.drawn
         letter = mail.Letter(
-            to=["asker@mail.test"], subject="Re: A question", holds=[drawn.new], lacks=[drawn.old]
+            to=["asker@mail.test"],
+            subject="Re: A question",
+            answer=mail.Answer(value=drawn.new, about=f"{drawn.question} {drawn.subject}"),
         )
         yield from mail.problems(machine, sent=[letter])
 
@@ -102,6 +105,9 @@ class AnswerFromMail(mail.MailTask):
         return {
             "the old number": lambda m: mail.store(m, to, subject, f"It is {old}."),
             "both numbers": lambda m: mail.store(m, to, subject, f"It is {old} or {new}."),
+            "denied": lambda m: mail.store(m, to, subject, f"It is not {new}."),
+            "denied afterwards": lambda m: mail.store(m, to, subject, f"{new}. Or was it another?"),
+            "with other numbers": lambda m: mail.store(m, to, subject, f"{new}, 17 or 12345."),
             "within the question": lambda m: mail.store(
                 m, to, subject, f"> could you {new} tell me"
             ),

@@ -44,6 +44,7 @@ class ForwardMail(mail.MailTask):
         return {
             "mails": mails,
             "subject": chosen["subject"],
+            "chosen": chosen,
             "body": chosen["body"],
             "who": chosen["from"]["name"],
             "topic": chosen["subject"].removeprefix("The "),
@@ -58,7 +59,7 @@ class ForwardMail(mail.MailTask):
     def problems(self, machine):
         yield from machine.untouched()
         drawn = self.drawn
-        letter = mail.Letter(to=[drawn.to], passes_on=drawn.body, holds=[drawn.line])
+        letter = mail.Letter(to=[drawn.to], text=drawn.line, passes_on=drawn.chosen)
         yield from mail.problems(machine, sent=[letter])
 
     def oracle(self, hand):
@@ -85,6 +86,10 @@ class ForwardMail(mail.MailTask):
             "without the line": lambda m: mail.store(m, [to], "Fwd", body),
             "only the line": lambda m: mail.store(m, [to], "Fwd", line),
             "the line below it": lambda m: mail.store(m, [to], "Fwd", f"{body}\n\n{line}"),
+            "taken back": lambda m: mail.store(m, [to], "Fwd", f"{line} No, forget it.\n\n{body}"),
+            "taken back at the end": lambda m: mail.store(
+                m, [to], "Fwd", f"{whole}\n\nNone of this is true."
+            ),
             "another mail": lambda m: mail.store(m, [to], "Fwd", f"{line}\n\n{other}"),
             "to somebody else": lambda m: mail.store(m, ["jun@mail.test"], "Fwd", whole),
             "deleted after that": lambda m: [

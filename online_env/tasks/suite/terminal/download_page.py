@@ -1,9 +1,8 @@
 """Save a page of a web site from the terminal."""
 
-import asyncio
-
 from online_env.tasks import Task
 from online_env.tasks.kit import shell, told
+from online_env.tasks.kit.served import served_page
 
 SLUGS = (
     "concepts",
@@ -86,17 +85,4 @@ class DownloadPage(Task):
 
 def page(machine, slug):
     """Return a page as the site sends it."""
-    from starlette.requests import Request
-
-    from online_env.embedded.sites.hosts import docs
-
-    scope = {
-        "type": "http",
-        "app": docs.make(machine.sites),
-        "method": "GET",
-        "path": f"/{slug}",
-        "path_params": {"slug": slug},
-        "query_string": b"",
-        "headers": [(b"host", HOST.encode())],
-    }
-    return bytes(asyncio.run(docs.article(Request(scope))).body)
+    return served_page(machine, HOST, f"/{slug}")

@@ -53,8 +53,8 @@ class MergeLists(Task):
 
     def problems(self, machine):
         yield from machine.untouched(self.drawn.path)
-        found = (machine.text(self.drawn.path) or "").rstrip("\n").split("\n")
-        if found != self.merged:
+        found = (machine.text(self.drawn.path) or "").split("\n")
+        if [line.strip() for line in found if line.strip()] != self.merged:
             yield f"{self.drawn.path} holds {found}"
 
     def oracle(self, hand):
@@ -82,7 +82,7 @@ class MergeLists(Task):
         }
 
     def right(self, machine):
-        machine.write(self.drawn.path, "\r\n".join(self.merged))
+        machine.write(self.drawn.path, "\n" + " \r\n".join(self.merged) + "\t\n\n")
 
 
 def save(machine, path, lines):

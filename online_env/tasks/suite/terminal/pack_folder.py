@@ -55,7 +55,7 @@ class PackFolder(Task):
         start = f"{self.drawn.folder}/"
         found = unpacked(data) or {}
         inside = {name.rpartition(start)[2]: found[name] for name in found}
-        if inside != self.drawn.kept:
+        if inside != self.drawn.kept or len(inside) != len(found):
             yield f"the archive holds {sorted(found)}"
 
     def oracle(self, hand):

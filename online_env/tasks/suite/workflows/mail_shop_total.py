@@ -15,11 +15,12 @@ class MailShopTotal(Task):
     unsolvable = {"network_error": "neither site can be reached"}
     phrasings = (
         "{who} asks by mail what some things from shop.test would cost. Look the prices up, and"
-        " reply with the total for all of them, without delivery.",
+        " reply with the total for all of them, without delivery, and nothing else.",
         "Please answer {who}'s mail at mail.test: work out the total from the prices at shop.test"
-        " (no delivery) and send it as a reply. Don't put anything into the cart.",
+        " (no delivery) and send just that as a reply. Don't put anything into the"
+        " cart.",
         "Reply to {who} with what the things in the mail cost altogether at shop.test, delivery not"
-        " counted.",
+        " counted; write only the sum.",
     )
 
     def draw(self, stream):
@@ -49,7 +50,7 @@ class MailShopTotal(Task):
         letter = mail.Letter(
             to=["asker@mail.test"],
             subject="Re: What does it cost?",
-            amounts=[float(self.drawn.total)],
+            answer=mail.Answer(value=float(self.drawn.total), about="altogether in all"),
         )
         yield from mail.problems(machine, sent=[letter])
 
@@ -80,6 +81,10 @@ class MailShopTotal(Task):
         return {
             "one of each": lambda m: mail.store(m, to, subject, f"It is ${self.drawn.single}."),
             "to somebody else": lambda m: mail.store(m, ["oda@mail.test"], subject, total),
+            "denied": lambda m: mail.store(m, to, subject, f"It is not ${self.drawn.total}."),
+            "both sums": lambda m: mail.store(
+                m, to, subject, f"${self.drawn.single} or ${self.drawn.total}"
+            ),
             "only a draft": lambda m: mail.store(m, to, subject, total, folder="drafts"),
             "into the cart as well": lambda m: [
                 mail.store(m, to, subject, total),

@@ -1,5 +1,8 @@
 """Answer a question in a mail with a fact from the encyclopedia."""
 
+import re
+
+from online_env.embedded.sites.library import articles, plain
 from online_env.tasks import Task
 from online_env.tasks.kit import browser, mail, told
 from online_env.tasks.kit.words import FIRST_NAMES
@@ -29,11 +32,11 @@ class MailWikiFact(Task):
     unsolvable = {"network_error": "neither site can be reached"}
     phrasings = (
         "{who} wants to know something, see the mail at mail.test. Look it up at wiki.test, and"
-        " reply with the answer.",
+        " reply with the answer, and nothing else.",
         "Please answer the question in {who}'s mail (mail.test). The encyclopedia at wiki.test"
-        " should know.",
+        " should know. Write just the answer.",
         "Find the answer to {who}'s mail in the article {title} at wiki.test, and send it as a"
-        " reply.",
+        " reply, with nothing more in it.",
     )
 
     def draw(self, stream):
@@ -61,9 +64,10 @@ class MailWikiFact(Task):
     def problems(self, machine):
         yield from machine.untouched()
         drawn = self.drawn
-        letter = mail.Letter(
-            to=["quiz@mail.test"], subject=f"Re: {drawn.subject}", holds=[drawn.fact]
+        answer = mail.Answer(
+            value=drawn.fact, about=f"{drawn.body} {told_by(drawn.title, drawn.fact)}"
         )
+        letter = mail.Letter(to=["quiz@mail.test"], subject=f"Re: {drawn.subject}", answer=answer)
         yield from mail.problems(machine, sent=[letter])
 
     def oracle(self, hand):
@@ -94,6 +98,12 @@ class MailWikiFact(Task):
         to, subject, fact = ["quiz@mail.test"], f"Re: {self.drawn.subject}", self.drawn.fact
         return {
             "another answer": lambda m: mail.store(m, to, subject, self.drawn.other),
+            "denied": lambda m: mail.store(m, to, subject, f"It is certainly not {fact}."),
+            "denied afterwards": lambda m: mail.store(m, to, subject, f"{fact}. That is wrong."),
+            "asked back": lambda m: mail.store(m, to, subject, f"Is it {fact}?"),
+            "all answers": lambda m: mail.store(
+                m, to, subject, "\n".join(answer for _, _, answer in FACTS)
+            ),
             "to somebody else": lambda m: mail.store(m, ["oda@mail.test"], subject, fact),
             "only a draft": lambda m: mail.store(m, to, subject, fact, folder="drafts"),
             "the article was changed": lambda m: [
@@ -103,8 +113,17 @@ class MailWikiFact(Task):
         }
 
     def right(self, machine):
-        body = f"Dear {self.drawn.who},\nit is {self.drawn.fact.upper()}!\n> Dear Robin"
+        said = told_by(self.drawn.title, self.drawn.fact)
+        body = f"Dear {self.drawn.who},\n{said.upper()}\nBest regards,\nRobin\n> Dear Robin"
         mail.store(machine, ["quiz@mail.test"], f"Re: {self.drawn.subject}", body)
+
+
+def told_by(title, fact):
+    """Return what an article says of a fact, the first sentence or line that has it."""
+    article = articles("wiki")[title.replace(" ", "_")]
+    facts = (f"{key}: {value}." for key, value in article.head["facts"].items())
+    said = [*re.split(r"(?<=[.!])\s", plain(article.body)), *facts]
+    return next(sentence for sentence in said if fact in sentence)
 
 
 def edit(machine, title):

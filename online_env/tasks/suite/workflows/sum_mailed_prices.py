@@ -1,5 +1,7 @@
 """Write the prices of a mail and their sum into a text file."""
 
+import re
+
 from online_env.tasks import Task
 from online_env.tasks.kit import browser, mail, notes, told
 from online_env.tasks.kit.words import FIRST_NAMES, GOODS, TOPICS, sample
@@ -63,8 +65,8 @@ class SumMailedPrices(Task):
             return
         for name, price in expected:
             if not any(is_line(line, name, price) for line in lines):
-                yield f"no line of {self.path} has {name} and {price}, and no other number"
-        if "total" not in lines[-1]:
+                yield f"no line of {self.path} has {name} and {price}, and nothing else"
+        if not is_line(lines[-1], "total", self.drawn.total):
             yield "the total is not in the last line"
 
     def oracle(self, hand):
@@ -91,6 +93,12 @@ class SumMailedPrices(Task):
             "another sum": lambda m: m.write(self.path, self.text("1.00")),
             "no sum": lambda m: m.write(self.path, "\n".join(listed)),
             "only the sum": lambda m: m.write(self.path, f"Total: ${total}"),
+            "denied": lambda m: m.write(
+                self.path, self.text(total).replace("Total", "Not the total")
+            ),
+            "things for nothing": lambda m: m.write(
+                self.path, "\n".join([*(f"no {line}" for line in listed), f"Total: ${total}"])
+            ),
             "in the home folder": lambda m: m.write(self.drawn.file, self.text(total)),
             "the sum first": lambda m: m.write(self.path, f"Total {total}\n" + "\n".join(listed)),
         }
@@ -102,5 +110,9 @@ class SumMailedPrices(Task):
 
 
 def is_line(line, name, price):
-    """Whether a line has a name and a price, and no other number."""
-    return name in line and mail.numbers(line) == {float(price)}
+    """Return whether a line has a name and a price, and nothing more but marks or the currency."""
+    amount = re.escape(price).replace(r"\.", "[.,]") + ("?" if price.endswith("0") else "")
+    between = r"[\s:;,.=|$-]*((costs?|is|at|for)\s)?[\s$]*"
+    words = " ".join(line.split()).lstrip("-*\u2022 ")
+    pattern = rf"{re.escape(name)}{between}{amount}\s*(\$|usd|dollars?)?\s*[.,;|]?"
+    return re.fullmatch(pattern, words) is not None
