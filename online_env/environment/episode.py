@@ -13,7 +13,7 @@ from typing import Any
 
 from hijack_data.actions.allowed import Request, read_action
 from hijack_data.errors import ActionError
-from hijack_data.runs.run_log import slug_of
+from hijack_data.runs.run_log import CUT, MAX_TEXT, slug_of
 from hijack_data.types import Size
 
 from ..desktops.protocol import RunResult
@@ -127,7 +127,9 @@ class Episode:
         """Log what the agent says with the action that it takes next."""
         self._counts.said = said[:KEPT]
         if self.record is None and self.view is not None:
-            self.view.line["said"] = said
+            self.view.line["said"] = said[:MAX_TEXT]
+            if len(said) > MAX_TEXT:
+                self.view.line[CUT] = ["said"]
 
     def account(self, usage: dict[str, Any]) -> None:
         """Store the usage that the agent has reported so far."""
@@ -245,7 +247,12 @@ class Episode:
     def _read(self, text: object, view: EpisodeView) -> Request | None:
         """Return the action in pixels of the screen, or `None` if it is malformed."""
         line = view.line
-        line["raw"] = text if isinstance(text, str) else repr(text)
+        raw = text if isinstance(text, str) else repr(text)
+        line["raw"] = raw[:MAX_TEXT]
+        if len(raw) > MAX_TEXT:
+            line[CUT] = [*line.get(CUT, ()), "raw"]
+        if isinstance(text, str):
+            text = line["raw"]  # what is read is what is recorded
         try:
             request = read_action(text, self._settings.allow_code)
             if request.kind == "code":
