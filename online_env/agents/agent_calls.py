@@ -20,6 +20,10 @@ MAX_LINE = 500  # characters of a line of a traceback
 MAX_PROBLEM = 2000  # characters of the text of an exception
 MAX_ACTIONS = 1000  # actions of one answer; an episode has no more steps
 MAX_USAGE = 2**20  # characters of JSON, because lines of the journal are limited
+NEEDS_TASK = (
+    "an agent with prepare(task, machine) gets objects of the runner, which a process of its own"
+    " cannot have: use --in-process"
+)
 _FOLDER = Path(__file__).parent
 _OURS = frozenset(str(_FOLDER / f"{name}.py") for name in ("agent_calls", "agent_server", "apart"))
 _TEXTS = (str, bytes, bytearray)  # sequences, but of no actions
@@ -32,6 +36,10 @@ class AgentError(Exception):
     def __init__(self, problem: str, where: Sequence[str] = ()) -> None:
         super().__init__(problem)
         self.where = tuple(where)
+
+
+class AgentGoneError(AgentError):
+    """An agent whose process has ended, or that still works on an earlier call."""
 
 
 class OddAction:
@@ -110,9 +118,14 @@ class RunningAgent(Protocol):
 METHODS = ("predict", "reset", "predict_batch", "check", "summarise", "follow", "prepare")
 
 
+def method_names(agent: Any) -> tuple[str, ...]:
+    """Return those of `METHODS` that an agent, or its class, has."""
+    return tuple(name for name in METHODS if callable(getattr(agent, name, None)))
+
+
 def read_traits(agent: Any) -> AgentTraits:
     """Return what an agent can do."""
-    methods = tuple(name for name in METHODS if callable(getattr(agent, name, None)))
+    methods = method_names(agent)
     return AgentTraits(
         kind=type(agent).__name__[:MAX_LINE],
         methods=methods,
@@ -194,9 +207,9 @@ def usage(agent: Any) -> dict[str, Any] | None:
     try:
         text = json.dumps(dict(cast("Mapping[Any, Any]", reported)), allow_nan=False)
     except (TypeError, ValueError, RecursionError) as error:
-        raise AgentError(f"usage is no JSON data: {error}") from None
+        raise AgentError(str(error)) from None
     if len(text) > MAX_USAGE:
-        raise AgentError(f"usage has {len(text)} characters, of which {MAX_USAGE} are allowed")
+        raise AgentError(f"{len(text)} characters, of which {MAX_USAGE} are allowed")
     return json.loads(text)
 
 

@@ -18,68 +18,37 @@ import tempfile
 import threading
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from hijack_data.errors import ParameterError
-from hijack_data.loading import file_of, source_of
+from hijack_data.errors import HijackError, ParameterError, PluginError, UnknownNameError
 
-from .agent_calls import MAX_FRAMES, MAX_LINE, MAX_PROBLEM, AgentError, AgentTraits, Answer
+from .agent_calls import (
+    MAX_FRAMES,
+    MAX_LINE,
+    MAX_PROBLEM,
+    AgentError,
+    AgentGoneError,
+    AgentTraits,
+    Answer,
+)
 from .agent_server import HEADER, MAX_REPLY, Message, encode, read_answer
 from .base import Observation
-from .registry import AGENTS
+from .references import AgentReference, absolute_place
 from .supervisor import EXIT_TIMEOUT_S, KILL_TIMEOUT_S, kill_descendants
 
 START_TIMEOUT_S = 900.0  # until an agent is made for the first time: weights may be large
 MEMORY_SHARE = 0.75  # of the machine's memory that an agent may use, by default
 MAX_PRINTED = 64 * 2**10  # bytes of what an agent prints that are passed on, for each object
 _TAIL = 8192  # bytes of what it printed that are kept for the message of a crash
+_DESCRIBE_TIMEOUT_S = 300.0  # until a module is imported for the first look at its agent
+_REFUSALS = {kind.__name__: kind for kind in (ParameterError, PluginError, UnknownNameError)}
 _SECRETS = ("AGENTHIJACK_SERVE_TOKEN", "AGENTHIJACK_TOKEN")  # of servers of ours
 _PROGRAM = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]);"
     " from online_env.agents.agent_server import main; main(*map(int, sys.argv[2:]))"
 )
-
-
-@dataclass(frozen=True, kw_only=True)
-class AgentReference:
-    """Where the class or function of an agent is found by another process.
-
-    Args:
-        name: its name in the registry.
-        place: `package.module:Name` or `/path/to/file.py:Name`.
-        sha256: of its file; `None` if it has none.
-    """
-
-    name: str
-    place: str
-    sha256: str | None = None
-
-    @classmethod
-    def find(cls, name: str) -> "AgentReference":
-        """Return the reference of a registered agent.
-
-        Raises:
-            ParameterError: the agent is an object, and no class or function of a module.
-        """
-        entry: Any = AGENTS.get(name)
-        title = getattr(entry, "__qualname__", "")
-        if not title or "<" in title:
-            raise ParameterError(
-                f"agent {name!r}: another process cannot import it; name a class or a function at"
-                " the top of a module or file, or use --in-process"
-            )
-        file = file_of(entry)
-        place = entry.__module__ if file is None else file.path
-        source = source_of(entry)
-        return cls(
-            name=name,
-            place=f"{place}:{title}",
-            sha256=None if source is None else source["sha256"],
-        )
 
 
 def default_memory() -> int:
@@ -144,15 +113,49 @@ class AgentProcess:
         """
         if self._process is None:
             self._process = _Process(self._memory)
-            reference = self._reference
-            values = {"reference": reference.place, "sha256": reference.sha256}
             try:
-                self._call("load", self._start_timeout, **values)
-            except AgentError:
-                self.close()
-                raise
+                self._load(self._start_timeout)
+            except HijackError as error:
+                raise AgentError(str(error)) from error
         self._process.printed = 0
         self._traits = _traits(self._call("make", self._start_timeout))
+
+    def describe(self) -> AgentReference:
+        """Import the agent's code in a new process, and return what a run needs to know of it.
+
+        Raises:
+            ParameterError: it is no agent.
+            PluginError: its file or module cannot be imported.
+            UnknownNameError: its file or module has no such name.
+        """
+        self._process = _Process(self._memory)
+        try:
+            found = self._load(_DESCRIBE_TIMEOUT_S)
+            return AgentReference(**{**found, "place": self._reference.place})
+        except (AgentError, TypeError) as error:
+            raise PluginError(f"{self._reference.place}: cannot be imported: {error}") from error
+
+    def _load(self, timeout: float) -> Message:
+        """Let the process import the agent's code.
+
+        Raises:
+            HijackError: it is refused, see `describe`; the process is ended then.
+        """
+        sha256 = self._reference.source.get("sha256")
+        complete = False
+        try:
+            found = self._call("load", timeout, reference=self._reference.place, sha256=sha256)
+            match found:
+                case {"refused": [str() as kind, str() as problem]}:
+                    raise _REFUSALS.get(kind, PluginError)(problem)
+                case {"methods": list() as methods}:
+                    complete = True
+                    return {**found, "methods": tuple(methods)}
+                case _:
+                    raise PluginError(f"{self._reference.place}: its process sent no description")
+        finally:
+            if not complete:
+                self.close()
 
     def reset(self) -> None:
         """Begin a new episode."""
@@ -207,7 +210,7 @@ class AgentProcess:
         """
         process = self._process
         if process is None:
-            raise AgentError("its process has ended")
+            raise AgentGoneError("its process has ended")
         limit = self._timeout if timeout is None else timeout
         sizes = [picture.shape[:2] for picture in pictures]
         complete = False
@@ -228,6 +231,18 @@ class AgentProcess:
             lines = [str(line)[:MAX_LINE] for line in where] if isinstance(where, list) else []
             raise AgentError(str(reply["error"])[:MAX_PROBLEM], lines[-MAX_FRAMES:])
         return reply.get("value")
+
+
+def describe(text: str) -> AgentReference:
+    """Return a reference to the agent that a user names, as its own process describes it.
+
+    Raises `ParameterError`, `PluginError` and `UnknownNameError` as `AgentProcess.describe`.
+
+    Args:
+        text: `package.module:Name` or `path/to/file.py:Name`.
+    """
+    with AgentProcess(AgentReference(place=absolute_place(text)), _DESCRIBE_TIMEOUT_S) as process:
+        return process.describe()
 
 
 class _LateError(Exception):

@@ -11,18 +11,19 @@ import os
 import socket
 import struct
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from hijack_data.errors import PluginError
+from hijack_data.errors import HijackError, PluginError
 from hijack_data.loading import load_reference, source_of
 from hijack_data.types import UInt8Array
 
 from . import agent_calls
-from .agent_calls import AgentError, Answer, OddAction, error_frames, error_text
+from .agent_calls import MAX_PROBLEM, AgentError, Answer, OddAction, error_frames, error_text
+from .registry import check_agent
 from .supervisor import supervise
 
 HEADER = struct.Struct(">I")
@@ -95,16 +96,18 @@ class AgentServer:
             return agent_calls.usage(self._agent)
         return agent_calls.reset(self._agent)
 
-    def _load(self, reference: str, sha256: str | None) -> None:
-        """Import the agent's class.
-
-        Raises:
-            PluginError: its file is no longer the one that the runner loaded.
-        """
-        self._maker = load_reference(reference)
-        source = source_of(self._maker)
-        if sha256 is not None and source is not None and source["sha256"] != sha256:
-            raise PluginError(f"{source['path']}: was changed since the run began; begin it again")
+    def _load(self, reference: str, sha256: str | None) -> Message:
+        """Import the agent's code; return what it is, or why it is refused."""
+        try:
+            self._maker = load_reference(reference)
+            check_agent(self._maker)
+            source = source_of(self._maker) or {}
+            if sha256 is not None and source.get("sha256") != sha256:
+                remedy = "was changed since the run began; begin it again"
+                raise PluginError(f"{source.get('path', reference)}: {remedy}")
+            return _description(self._maker, source)
+        except HijackError as error:
+            return {"refused": [type(error).__name__, str(error)[:MAX_PROBLEM]]}
 
     def _read_pictures(self, sizes: Sequence[Sequence[int]]) -> list[UInt8Array]:
         """Return copies of the pictures, which the agent may change and keep."""
@@ -150,6 +153,18 @@ class AgentServer:
         """Close the connection in a forked child; if the child returns from its call, it ends."""
         self._connection.close()
         self._send = _end_child
+
+
+def _description(maker: Any, source: Mapping[str, str]) -> Message:
+    """Return the fields of an `AgentReference`."""
+    settings = getattr(maker, "settings", None)
+    is_class = isinstance(maker, type)
+    return {
+        "source": source,
+        "methods": agent_calls.method_names(maker) if is_class else (),
+        "is_class": is_class,
+        "settings": settings() if callable(settings) else None,
+    }
 
 
 def encode(message: Message) -> bytes:

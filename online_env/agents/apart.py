@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
 from . import agent_calls
-from .agent_calls import AgentError, AgentTraits, Answer, error_frames, error_text
+from .agent_calls import AgentError, AgentGoneError, AgentTraits, Answer, error_frames, error_text
 from .base import Agent, Observation
 
 _Function: TypeAlias = Callable[..., Any]
@@ -96,7 +96,7 @@ class Apart:
             AgentError: the function raises or takes too long, or an earlier call has not ended.
         """
         if self._busy:
-            raise AgentError("it still works on a call that was interrupted")
+            raise AgentGoneError("it still works on a call that was interrupted")
         self._busy = True
         self._calls.put((function, values))
         try:
