@@ -78,6 +78,11 @@ class RunningAgent(Protocol):
         """What the agent can do."""
         ...
 
+    @property
+    def alive(self) -> bool:
+        """Whether it can be asked: its process runs, and no earlier call is unanswered."""
+        ...
+
     def make(self) -> None:
         """Make a new object of the agent, in the place of the last one."""
         ...

@@ -105,6 +105,11 @@ class AgentProcess:
         """The id of the supervisor's process; `None` if none runs."""
         return None if self._process is None else self._process.pid
 
+    @property
+    def alive(self) -> bool:
+        """Whether its process was not found dead."""
+        return self._process is not None
+
     def make(self) -> None:
         """Make a new object of the agent, in the running process or in a new one.
 
@@ -193,6 +198,12 @@ class AgentProcess:
         value = self._call("usage")
         return value if isinstance(value, dict) else None
 
+    def kill(self) -> None:
+        """Kill the agent, so that a call which another thread waits for ends with an error."""
+        process = self._process
+        if process is not None:
+            kill_descendants(process.pid)
+
     def close(self) -> None:
         """End the process with all that it started; calling this twice is allowed."""
         process, self._process = self._process, None
@@ -276,6 +287,8 @@ class _Process:
         )
         theirs.close()
         self._connection.setblocking(False)
+        # The descriptor on which the supervisor reports the end of the agent's process.
+        self._status = -1 if self._process.stdout is None else self._process.stdout.fileno()
         self.printed = 0
         self._tail = bytearray()
         self._reader = threading.Thread(target=self._read_output, daemon=True)
@@ -340,11 +353,6 @@ class _Process:
             elif ready:
                 raise _DeadError("")
         return bytes(data)
-
-    @property
-    def _status(self) -> int:
-        assert self._process.stdout is not None
-        return self._process.stdout.fileno()
 
     def ending(self, error: _DeadError, memory: int) -> tuple[str, tuple[str, ...]]:
         """Return how the process ended, in words, and the last lines that it printed."""

@@ -57,6 +57,11 @@ class Apart:
         """What the agent can do."""
         return self.call(agent_calls.read_traits, self.agent)
 
+    @property
+    def alive(self) -> bool:
+        """Whether no call is unanswered."""
+        return not self._busy
+
     def make(self) -> None:
         """Make a new object of the agent."""
         self.agent = self.call(self._maker)

@@ -1,4 +1,4 @@
-"""Agents of users in the registry, which another process describes: none of their code runs here."""
+"""Agents of users in the registry, described by another process: their code does not run here."""
 
 import os
 from collections.abc import Mapping

@@ -182,7 +182,7 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
                 raise ParameterError(f"given is one of {', '.join(GIVEN_KINDS)}, got {kind!r:.100}")
         episode = _runners[self].episode
         if episode is not None:
-            episode.give(what)
+            episode.give([kind for kind in GIVEN_KINDS if kind in what])
 
     def truncate(self) -> None:
         """Judge the episode as it stands, if a limit outside this environment ended it.
