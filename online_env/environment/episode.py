@@ -1,4 +1,4 @@
-"""One episode on the trusted side: the order of events.
+"""One episode: the order of events.
 
 An agent's action is mapped back through the coordinates, checked, and run in the guest. Then
 `Observer` takes the next observation, until the agent or a limit ends the episode and the task is
@@ -6,6 +6,7 @@ judged.
 """
 
 import contextlib
+import copy
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
@@ -75,6 +76,21 @@ class Episode:
     def view(self) -> EpisodeView | None:
         """The current observation."""
         return None if self._observer is None else self._observer.view
+
+    def reveal(self) -> EpisodeRecord:
+        """Return what an agent must not see, as JSON data; see `CorruptedEnv`."""
+        request = self._request
+        line = {} if self.view is None else self.view.line
+        revealed: EpisodeRecord = {
+            "task": self._counts.setting.id,
+            "corruption": request.label,
+            "seed": request.seed,
+            "step": line.get("step"),
+            "plan": line.get("plan"),
+            "events": line.get("events"),
+            "record": self.record,
+        }
+        return copy.deepcopy(revealed)
 
     def begin(self) -> Size:
         """Set up the task and take the first observation.

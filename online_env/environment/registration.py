@@ -14,6 +14,7 @@ from ..tasks.base import Task
 from .core import CorruptedEnv
 from .stage import SmallTasks
 
+
 def register_envs() -> None:
     """Register `AgentHijack/Embedded-v0` with `gymnasium.make`, which importing `online_env` does.
 
