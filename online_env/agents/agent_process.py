@@ -47,7 +47,8 @@ _REFUSALS = {kind.__name__: kind for kind in (ParameterError, PluginError, Unkno
 _SECRETS = ("AGENTHIJACK_SERVE_TOKEN", "AGENTHIJACK_TOKEN")  # of servers of ours
 _PROGRAM = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]);"
-    " from online_env.agents.agent_server import main; main(*map(int, sys.argv[2:]))"
+    " numbers = map(int, sys.argv[2:]); sys.argv = ['agent'];"
+    " from online_env.agents.supervisor import main; main(*numbers)"
 )
 
 
@@ -289,6 +290,7 @@ class _Process:
         self._connection.setblocking(False)
         # The descriptor on which the supervisor reports the end of the agent's process.
         self._status = -1 if self._process.stdout is None else self._process.stdout.fileno()
+        self._report: Message = {}  # of the supervisor
         self.printed = 0
         self._tail = bytearray()
         self._reader = threading.Thread(target=self._read_output, daemon=True)
@@ -302,7 +304,7 @@ class _Process:
         """Put pictures into the memory file, one after the other."""
         start = 0
         for picture in pictures:
-            view = memoryview(np.ascontiguousarray(picture)).cast("B")
+            view: memoryview = np.ascontiguousarray(picture).data.cast("B")
             done = 0
             while done < len(view):
                 done += os.pwrite(self._pictures, view[done:], start + done)
@@ -350,9 +352,17 @@ class _Process:
                     if not part:
                         raise _DeadError("")
                     data += part
-            elif ready:
+            elif ready and self._has_ended():
                 raise _DeadError("")
         return bytes(data)
+
+    def _has_ended(self) -> bool:
+        """Read what the supervisor reports; return whether the agent's process has ended."""
+        text = os.read(self._status, 1000)
+        for line in text.splitlines():
+            with contextlib.suppress(ValueError):
+                self._report |= json.loads(line)
+        return not text or "status" in self._report
 
     def ending(self, error: _DeadError, memory: int) -> tuple[str, tuple[str, ...]]:
         """Return how the process ended, in words, and the last lines that it printed."""
@@ -360,13 +370,17 @@ class _Process:
         if said:
             return f"its process {said}", ()
         self._close_connections()
-        ready, _, _ = select.select([self._status], [], [], EXIT_TIMEOUT_S + KILL_TIMEOUT_S)
-        line = os.read(self._status, 1000) if ready else b""
+        deadline = time.monotonic() + EXIT_TIMEOUT_S + KILL_TIMEOUT_S
+        while "status" not in self._report:
+            left = max(0.0, deadline - time.monotonic())
+            ready, _, _ = select.select([self._status], [], [], left)
+            if not ready or self._has_ended():
+                break
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(KILL_TIMEOUT_S)
         self._reader.join(1.0)
         lines = _printable(bytes(self._tail)).splitlines()[-MAX_FRAMES:]
-        return _ending(line, memory), tuple(line[:MAX_LINE] for line in lines)
+        return _ending(self._report, memory), tuple(line[:MAX_LINE] for line in lines)
 
     def close(self) -> None:
         """End the process: by itself at first, then with all that it started."""
@@ -377,8 +391,10 @@ class _Process:
             kill_descendants(self._process.pid)
             self._process.kill()
             self._process.wait()
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.killpg(self._process.pid, signal.SIGKILL)
+        if "status" not in self._report and isinstance(self._report.get("pid"), int):
+            # Its supervisor may be dead, and cannot have killed it.
+            with contextlib.suppress(ProcessLookupError, PermissionError):
+                os.killpg(self._report["pid"], signal.SIGKILL)
         self._reader.join(1.0)
         for pipe in (self._process.stdout, self._process.stderr):
             if pipe is not None and (pipe is self._process.stdout or not self._reader.is_alive()):
@@ -415,18 +431,16 @@ class _Process:
                     sys.stderr.flush()
 
 
-def _ending(line: bytes, memory: int) -> str:
+def _ending(report: Message, memory: int) -> str:
     """Return in words how an agent's process ended.
 
     Args:
-        line: what its supervisor reports; empty if the supervisor is dead, too.
+        report: of its supervisor; without `status` if that is dead, too.
         memory: the limit in bytes.
     """
-    try:
-        report: Message = json.loads(line)
-        status = report["status"]
-    except (ValueError, KeyError, TypeError):
+    if "status" not in report:
         return "its process died, and its supervisor with it"
+    status = report["status"]
     if report.get("reason") == "memory":
         return f"its process used more than {memory / 2**30:.1f} GiB of memory (--agent-memory)"
     if not isinstance(status, int):

@@ -24,24 +24,10 @@ from hijack_data.types import UInt8Array
 from . import agent_calls
 from .agent_calls import MAX_PROBLEM, AgentError, Answer, OddAction, error_frames, error_text
 from .registry import check_agent
-from .supervisor import supervise
 
 HEADER = struct.Struct(">I")
 MAX_REPLY = 16 * 2**20  # bytes of an agent's answer as JSON
 Message: TypeAlias = dict[str, Any]
-
-
-def main(control: int, pictures: int, memory: int) -> None:
-    """Supervise the process of an agent, and serve it.
-
-    Args:
-        control: the descriptor of the connection to the runner.
-        pictures: the descriptor of the memory file.
-        memory: bytes that the agent may use; 0 for no limit.
-    """
-    for number in (control, pictures):
-        os.set_inheritable(number, False)  # programs that the agent starts do not get it
-    supervise(lambda: AgentServer(socket.socket(fileno=control), pictures).run(), memory)
 
 
 class AgentServer:
@@ -57,8 +43,9 @@ class AgentServer:
         self._pictures = pictures
         self._maker: Any = None
         self._agent: Any = None
+        self._pid = os.getpid()
         # A forked helper of the agent must not answer in its place.
-        os.register_at_fork(after_in_child=self._leave)
+        os.register_at_fork(after_in_child=connection.close)
 
     def run(self) -> None:
         """Answer until the runner closes the connection."""
@@ -115,7 +102,7 @@ class AgentServer:
         start = 0
         for height, width in sizes:
             picture = np.empty((height, width, 3), np.uint8)
-            view = memoryview(picture).cast("B")
+            view: memoryview = picture.data.cast("B")
             done = 0
             while done < len(view):
                 done += os.preadv(self._pictures, [view[done:]], start + done)
@@ -141,6 +128,8 @@ class AgentServer:
         return bytes(data)
 
     def _send(self, reply: Message) -> None:
+        if os.getpid() != self._pid:  # a forked child that returned from the agent's call
+            os._exit(0)
         data = encode(reply)
         if len(data) > MAX_REPLY:
             problem = f"an answer of {len(data)} bytes, of which {MAX_REPLY} are allowed"
@@ -148,11 +137,6 @@ class AgentServer:
         sys.stdout.flush()
         sys.stderr.flush()
         self._connection.sendall(HEADER.pack(len(data)) + data)
-
-    def _leave(self) -> None:
-        """Close the connection in a forked child; if the child returns from its call, it ends."""
-        self._connection.close()
-        self._send = _end_child
 
 
 def _description(maker: Any, source: Mapping[str, str]) -> Message:
@@ -170,10 +154,6 @@ def _description(maker: Any, source: Mapping[str, str]) -> Message:
 def encode(message: Message) -> bytes:
     """Return a message as JSON; half surrogate pairs, which agents may say, are kept."""
     return json.dumps(message, ensure_ascii=False).encode("utf-8", "surrogatepass")
-
-
-def _end_child(_: Message) -> None:
-    os._exit(0)
 
 
 def _plain(answer: Answer) -> list[Any]:

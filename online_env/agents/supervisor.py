@@ -4,9 +4,9 @@ The supervisor starts the agent's process and stays its parent. It is a child su
 that a process which the agent started remains its descendant even after a double fork. When the
 agent's process ends, uses too much memory, or the runner is gone, all descendants are killed.
 
-Three descriptors connect it with the runner: its standard input never carries data and ends with
-the runner; on its standard output it writes one line of JSON, how the agent's process ended; its
-standard error takes what the agent prints.
+Three descriptors connect it with the runner. Its standard input never carries data and ends with
+the runner. On its standard output it writes two lines of JSON: the id of the agent's process, and
+how that ended. Its standard error takes what the agent prints.
 """
 
 import contextlib
@@ -14,9 +14,11 @@ import ctypes
 import json
 import os
 import select
+import shutil
 import signal
+import socket
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 POLL_S = 1.0  # seconds between two looks at the memory of the agent
@@ -27,12 +29,32 @@ _OOM = "/proc/self/oom_score_adj"
 _PAGE = os.sysconf("SC_PAGE_SIZE")
 
 
-def supervise(serve: Callable[[], None], memory: int) -> None:
+def main(control: int, pictures: int, memory: int) -> None:
+    """Supervise the process of an agent that is served over two inherited descriptors.
+
+    Args:
+        control: the descriptor of the connection to the runner.
+        pictures: the descriptor of the memory file.
+        memory: bytes that the agent may use; 0 for no limit.
+    """
+    for number in (control, pictures):
+        os.set_inheritable(number, False)  # programs that the agent starts do not get it
+
+    def serve() -> None:
+        from .agent_server import AgentServer  # loads NumPy, which starts threads
+
+        AgentServer(socket.socket(fileno=control), pictures).run()
+
+    supervise(serve, memory, (control, pictures))
+
+
+def supervise(serve: Callable[[], None], memory: int, passed: Iterable[int] = ()) -> None:
     """Run `serve` in a child process, and return once it and all its descendants have ended.
 
     Args:
         serve: what the agent's process runs.
         memory: bytes that it and its descendants may use together; 0 for no limit.
+        passed: descriptors that only the child keeps.
     """
     with contextlib.suppress(OSError, AttributeError):  # another system than Linux
         ctypes.CDLL(None, use_errno=True).prctl(_SUBREAPER, 1, 0, 0, 0)
@@ -47,12 +69,19 @@ def supervise(serve: Callable[[], None], memory: int) -> None:
         _become_agent((wake, waker))
         serve()
         return
+    for number in passed:
+        os.close(number)
+    _report({"pid": child})
     status, reason = _wait(child, wake, memory)
-    line = json.dumps({"status": status, "reason": reason})
-    with contextlib.suppress(OSError):  # the runner is gone
-        os.write(1, line.encode() + b"\n")
+    _report({"status": status, "reason": reason})
     _kill_all(child)
+    shutil.rmtree(os.getcwd(), ignore_errors=True)  # the agent's folder; the runner may be dead
     os._exit(0)
+
+
+def _report(line: dict[str, object]) -> None:
+    with contextlib.suppress(OSError):  # the runner is gone
+        os.write(1, json.dumps(line).encode() + b"\n")
 
 
 def descendants(root: int) -> Iterator[int]:

@@ -56,7 +56,7 @@ class EpisodeEnv(Protocol):
         """Begin an episode."""
         ...
 
-    def step(self, action: str) -> tuple[dict[str, Any], float, bool, bool, Any]:
+    def step(self, action: Any) -> tuple[dict[str, Any], float, bool, bool, Any]:
         """Take one action."""
         ...
 

@@ -117,7 +117,7 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
         episode = ready(runner)
         return _observation(episode), self._info(episode)
 
-    def step(self, action: str) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Take one action.
 
         After the end of an episode this returns the last observation, truncated.
