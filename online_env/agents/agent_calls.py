@@ -27,7 +27,7 @@ NEEDS_TASK = (
 _FOLDER = Path(__file__).parent
 _OURS = frozenset(str(_FOLDER / f"{name}.py") for name in ("agent_calls", "agent_server", "apart"))
 _TEXTS = (str, bytes, bytearray)  # sequences, but of no actions
-Answer: TypeAlias = tuple[str, list[object]]
+AgentAnswer: TypeAlias = tuple[str, list[object]]
 
 
 class AgentError(Exception):
@@ -91,11 +91,13 @@ class RunningAgent(Protocol):
         """Begin a new episode; an agent without `reset` has nothing to forget."""
         ...
 
-    def predict(self, instruction: str, obs: Observation) -> Answer:
+    def predict(self, instruction: str, obs: Observation) -> AgentAnswer:
         """Return the agent's words and actions."""
         ...
 
-    def predict_batch(self, instructions: Sequence[str], pictures: Sequence[Any]) -> list[Answer]:
+    def predict_batch(
+        self, instructions: Sequence[str], pictures: Sequence[Any]
+    ) -> list[AgentAnswer]:
         """Return the answers to several pictures, uint8 RGB `[H, W, 3]`."""
         ...
 
@@ -147,7 +149,7 @@ def reset(agent: Any) -> None:
         method()
 
 
-def predict(agent: Any, instruction: str, obs: Observation) -> Answer:
+def predict(agent: Any, instruction: str, obs: Observation) -> AgentAnswer:
     """Ask for actions.
 
     Raises:
@@ -157,7 +159,9 @@ def predict(agent: Any, instruction: str, obs: Observation) -> Answer:
     return _bounded_answer(answer, 'predict must return (text, [actions]), such as ("", ["DONE"])')
 
 
-def predict_batch(agent: Any, instructions: Sequence[str], pictures: Sequence[Any]) -> list[Answer]:
+def predict_batch(
+    agent: Any, instructions: Sequence[str], pictures: Sequence[Any]
+) -> list[AgentAnswer]:
     """Ask for the actions of several pictures.
 
     Raises:
@@ -248,7 +252,7 @@ def _method(agent: Any, name: str, signature: str = "") -> Callable[..., Any]:
     return method
 
 
-def _bounded_answer(answer: object, rule: str) -> Answer:
+def _bounded_answer(answer: object, rule: str) -> AgentAnswer:
     """Return a checked answer; a text that is too long keeps one character more than is allowed.
 
     So the environment notices that the text was cut, and notes it in the step.

@@ -28,10 +28,10 @@ from .agent_calls import (
     MAX_FRAMES,
     MAX_LINE,
     MAX_PROBLEM,
+    AgentAnswer,
     AgentError,
     AgentGoneError,
     AgentTraits,
-    Answer,
 )
 from .agent_server import HEADER, MAX_REPLY, Message, encode, read_answer
 from .base import Observation
@@ -167,12 +167,14 @@ class AgentProcess:
         """Begin a new episode."""
         self._call("reset")
 
-    def predict(self, instruction: str, obs: Observation) -> Answer:
+    def predict(self, instruction: str, obs: Observation) -> AgentAnswer:
         """Return the agent's words and actions."""
         pictures = [obs["screenshot"]]
         return read_answer(self._call("predict", pictures=pictures, instruction=instruction))
 
-    def predict_batch(self, instructions: Sequence[str], pictures: Sequence[Any]) -> list[Answer]:
+    def predict_batch(
+        self, instructions: Sequence[str], pictures: Sequence[Any]
+    ) -> list[AgentAnswer]:
         """Return the answers to several pictures; the time-out counts for each."""
         timeout = self._timeout * len(pictures)
         asked = list(instructions)

@@ -22,7 +22,7 @@ from hijack_data.loading import load_reference, source_of
 from hijack_data.types import UInt8Array
 
 from . import agent_calls
-from .agent_calls import MAX_PROBLEM, AgentError, Answer, OddAction, error_frames, error_text
+from .agent_calls import MAX_PROBLEM, AgentAnswer, AgentError, OddAction, error_frames, error_text
 from .registry import check_agent
 
 HEADER = struct.Struct(">I")
@@ -156,7 +156,7 @@ def encode(message: Message) -> bytes:
     return json.dumps(message, ensure_ascii=False).encode("utf-8", "surrogatepass")
 
 
-def _plain(answer: Answer) -> list[Any]:
+def _plain(answer: AgentAnswer) -> list[Any]:
     """Return an answer as JSON data: the words, and each action as a text or `[class, repr]`."""
     said, actions = answer
     return [said, [_plain_action(action) for action in actions]]
@@ -166,7 +166,7 @@ def _plain_action(action: object) -> Any:
     return [type(action).__name__, repr(action)] if isinstance(action, OddAction) else action
 
 
-def read_answer(data: Any) -> Answer:
+def read_answer(data: Any) -> AgentAnswer:
     """Return an answer from JSON data of `_plain`.
 
     Raises:

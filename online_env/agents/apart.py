@@ -10,7 +10,14 @@ from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
 from . import agent_calls
-from .agent_calls import AgentError, AgentGoneError, AgentTraits, Answer, error_frames, error_text
+from .agent_calls import (
+    AgentAnswer,
+    AgentError,
+    AgentGoneError,
+    AgentTraits,
+    error_frames,
+    error_text,
+)
 from .base import Agent, Observation
 
 _Function: TypeAlias = Callable[..., Any]
@@ -70,11 +77,13 @@ class Apart:
         """Begin a new episode."""
         self.call(agent_calls.reset, self.agent)
 
-    def predict(self, instruction: str, obs: Observation) -> Answer:
+    def predict(self, instruction: str, obs: Observation) -> AgentAnswer:
         """Return the agent's words and actions."""
         return self.call(agent_calls.predict, self.agent, instruction, obs)
 
-    def predict_batch(self, instructions: Sequence[str], pictures: Sequence[Any]) -> list[Answer]:
+    def predict_batch(
+        self, instructions: Sequence[str], pictures: Sequence[Any]
+    ) -> list[AgentAnswer]:
         """Return the answers to several pictures."""
         return self.call(agent_calls.predict_batch, self.agent, instructions, pictures)
 

@@ -2,18 +2,18 @@
 
 import sys
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 from hijack_data.conformance.base import Result
 from hijack_data.loading import LoadedFile
 
 from . import conformance
-from .agent_calls import AgentError, RunningAgent
+from .agent_calls import AgentError, RunningAgent, method_names
 from .agent_process import AgentProcess
 from .apart import Apart
-from .makers import FileAgentMaker
-from .references import reference_to
-from .registry import AGENTS
+from .references import AgentReference, is_user_code, reference_to
+from .registry import AGENTS, make
 
 LIMIT = 120.0  # s for an answer
 
@@ -39,22 +39,23 @@ def check(name: str, limit: float = LIMIT) -> Iterator[Result | str]:
     """
     name = AGENTS.find(name)
     entry: Any = AGENTS.get(name)
+    methods = entry.methods if isinstance(entry, AgentReference) else method_names(entry)
+    if "prepare" in methods:
+        yield "it is given a task and a machine (prepare), so it is not a contestant"
+        return
     try:
         agent = _running(entry, name, limit)
     except AgentError as error:  # an agent file whose agent cannot be made
         yield conformance.not_made(error)
         return
     try:
-        if isinstance(agent, AgentProcess) and "prepare" in agent.describe().methods:
-            yield "it is given a task and a machine (prepare), so it is not a contestant"
-            return
         yield from conformance.run_checks(agent)
     finally:
         agent.close()
 
 
 def _running(entry: Any, name: str, limit: float) -> RunningAgent:
-    """Return an agent where a run would have it: that of an agent file is in a thread."""
-    if isinstance(entry, FileAgentMaker):
-        return Apart(entry, limit)
-    return AgentProcess(reference_to(entry, name), limit)
+    """Return an agent where a run would have it: one of this library is in a thread."""
+    if is_user_code(entry):
+        return AgentProcess(reference_to(entry, name), limit)
+    return Apart(partial(make, name), limit)

@@ -14,7 +14,7 @@ from hijack_data.plan import CLEAN
 from hijack_data.runs.run_log import GIVEN, ROW, VERSION
 from hijack_data.types import Action, Box, check_aim
 
-from ..agents.agent_calls import AgentError, Answer, RunningAgent
+from ..agents.agent_calls import AgentAnswer, AgentError, RunningAgent
 from ..bench.reading import ResultRecord
 from .answers import StepAnswer, read_answer
 from .cases import Case, Question
@@ -167,7 +167,7 @@ class Asker:
             return self._agent.summarise(row["before"], row["action_text"], row["after"])
         return self._agent.predict(row["instruction"], {"screenshot": row["screenshot"]})
 
-    def _batch(self, rows: Sequence[RowData]) -> list[Answer]:
+    def _batch(self, rows: Sequence[RowData]) -> list[AgentAnswer]:
         self._begin()
         instructions = [row["instruction"] for row in rows]
         return self._agent.predict_batch(instructions, [row["screenshot"] for row in rows])

@@ -290,11 +290,12 @@ with AgentProcess(describe(sys.argv[1]), 20) as agent:
 def test_an_agent_ends_with_its_runner(folder):
     (folder / "daemon").unlink(missing_ok=True)
     words = [sys.executable, "-c", RUNNER, f"{folder}/mine.py:Any"]
-    runner = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
-    pid, place = runner.stdout.readline().split()
-    daemon = daemon_in(folder)
-    runner.send_signal(signal.SIGKILL)
-    runner.communicate()
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as runner:
+        try:
+            pid, place = runner.stdout.readline().split()
+            daemon = daemon_in(folder)
+        finally:
+            runner.send_signal(signal.SIGKILL)
     until(lambda: not is_running(int(pid)) and not is_running(daemon), "all to end")
     until(lambda: not Path(place).exists(), "its folder to be removed")
 
