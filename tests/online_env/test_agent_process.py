@@ -147,7 +147,10 @@ PICTURE = np.full((40, 60, 3), 1, np.uint8)
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("agents")
     (folder / "mine.py").write_text(CODE)
-    return folder
+    before = dict(registry.AGENTS.entries)
+    yield folder
+    registry.AGENTS.entries.clear()
+    registry.AGENTS.entries.update(before)
 
 
 @pytest.fixture(scope="module")
